@@ -39,6 +39,7 @@ var deadlines = map[string]time.Duration{
 	"open":                5 * time.Second,
 	"continuation":        15 * time.Second,
 	"continue_program":    15 * time.Second,
+	"leave":               5 * time.Second,
 	"submit":              5 * time.Second,
 	"close":               5 * time.Second,
 	"hold":                5 * time.Second,
@@ -115,6 +116,15 @@ func (m *Machine) Continuation(ctx context.Context, request ContinuationRequest)
 // starts, and run it to its end from the lines that the journal has.
 func (m *Machine) OpenContinuation(ctx context.Context, request ContinueRequest) (*ContinueReply, error) {
 	return callFor[ContinueReply](ctx, m, "continue_program", paramsOf(request))
+}
+
+// Leave: End this client's programs as their `on_disconnect` says, without their grace: it goes.
+func (m *Machine) Leave(ctx context.Context) ([]string, error) {
+	reply, err := callFor[Done](ctx, m, "leave", nil)
+	if err != nil {
+		return nil, err
+	}
+	return reply.Programs, nil
 }
 
 // SubmitLines: Send lines, and get the verdict on their words.

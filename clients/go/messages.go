@@ -405,8 +405,10 @@ type ContinueRequest struct {
 	Way bool `msgpack:"way"`
 	// Outputs: set what the program had switched, or leave it as it is; nil: nothing was said.
 	Outputs *Outputs `msgpack:"outputs"`
-	// OnDisconnect: what happens when the client's liveliness token goes.
+	// OnDisconnect: as of `OpenRequest`.
 	OnDisconnect *OnDisconnect `msgpack:"on_disconnect"`
+	// GraceS: as of `OpenRequest`.
+	GraceS *float64 `msgpack:"grace_s"`
 	// Hold: begin held.
 	Hold bool `msgpack:"hold"`
 }
@@ -655,6 +657,9 @@ type JogRequest struct {
 	By string `msgpack:"by"`
 }
 
+// LeaveRequest: The client goes for good: what it has open ends now as its `on_disconnect` says, without a grace.
+type LeaveRequest struct{}
+
 // LimitsInfo: Bounds of the service.
 type LimitsInfo struct {
 	MaxLineLength     int64   `msgpack:"max_line_length" mc:"required"`
@@ -776,8 +781,10 @@ type OpenRequest struct {
 	Name string `msgpack:"name"`
 	// Axes: the axes to lease; nil: all of the machine.
 	Axes []int64 `msgpack:"axes"`
-	// OnDisconnect: what happens when the client's liveliness token goes.
+	// OnDisconnect: what happens when the client's liveliness token goes, or it calls `leave`.
 	OnDisconnect *OnDisconnect `msgpack:"on_disconnect"`
+	// GraceS: how long the token may be away before that; whoever is back within it goes on.
+	GraceS *float64 `msgpack:"grace_s"`
 	// StartLine: number of the first line that will run.
 	StartLine *int64 `msgpack:"start_line"`
 	// Before: lines 1 … start_line - 1, read for their modal state only; nothing of them moves.

@@ -360,6 +360,8 @@ class MachineEndpoint:
         self._clients.hear(client, gone=gone)
         if gone:
             service.client_gone(client)
+        else:
+            service.client_back(client)
 
     def _on_server(self, service: MachineService, sample: zenoh.Sample) -> None:
         key = str(sample.key_expr)

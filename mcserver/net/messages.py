@@ -77,6 +77,7 @@ MAX_PATH_POINTS = 10_000
 ProgramId = Annotated[str, Meta(pattern=r"^[A-Za-z0-9][A-Za-z0-9_.-]{0,62}$")]
 RequestId = Annotated[int, Meta(ge=0, le=2**63 - 1)]
 Sha256 = Annotated[str, Meta(pattern="^[0-9a-f]{1,64}$")]
+Grace = Annotated[float, Meta(ge=0.0, le=600.0)]
 LineNumber = Annotated[int, Meta(ge=1, le=2**53)]
 Rejections = Annotated[int, Meta(ge=0, le=2**53)]
 ChannelName = Annotated[str, Meta(max_length=40)]
@@ -118,7 +119,8 @@ class OpenRequest(Request, frozen=True, kw_only=True):
     Attributes:
         name: for people: a file's name.
         axes: the axes to lease; None: all of the machine.
-        on_disconnect: what happens when the client's liveliness token goes.
+        on_disconnect: what happens when the client's liveliness token goes, or it calls ``leave``.
+        grace_s: how long the token may be away before that; whoever is back within it goes on.
         start_line: number of the first line that will run.
         before: lines 1 … start_line - 1, read for their modal state only; nothing of them moves.
         resume_of: id of an earlier program; its journaled lines before ``start_line`` serve as ``before``.
@@ -131,6 +133,7 @@ class OpenRequest(Request, frozen=True, kw_only=True):
     name: Annotated[str, Meta(max_length=200)] = ""
     axes: list[AxisIndex] | None = None
     on_disconnect: OnDisconnect = "stop"
+    grace_s: Grace = 10.0
     start_line: LineNumber = 1
     before: list[str] = []
     resume_of: ProgramId | None = None
@@ -150,6 +153,10 @@ class OpenReply(msgspec.Struct, frozen=True):
     expected: int
     credit: int
     instance: str
+
+
+class LeaveRequest(Request, frozen=True, kw_only=True):
+    """The client goes for good: what it has open ends now as its ``on_disconnect`` says, without a grace."""
 
 
 class SubmitRequest(Request, frozen=True, kw_only=True):

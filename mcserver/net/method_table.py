@@ -103,6 +103,14 @@ METHODS: tuple[Method, ...] = (
         deadline_s=SLOW_S,
     ),
     Method(
+        "leave",
+        wire.LeaveRequest,
+        wire.Done,
+        ASKERS,
+        "End this client's programs as their ``on_disconnect`` says, without their grace: it goes.",
+        changes=True,
+    ),
+    Method(
         "submit",
         wire.SubmitRequest,
         wire.SubmitReply,

@@ -87,6 +87,7 @@ class ProgramMethods:
             name=request.name,
             axes=request.axes,
             on_disconnect=request.on_disconnect,
+            grace_s=request.grace_s,
             start_line=request.start_line,
             before=request.before,
             resume_of=request.resume_of,
@@ -104,6 +105,9 @@ class ProgramMethods:
             credit=program.credit,
             instance=self._service.options.instance,
         )
+
+    def leave(self, client: str, _request: wire.LeaveRequest) -> wire.Done:
+        return _done(self._service.leave(client))
 
     def submit(
         self, client: str, request: wire.SubmitRequest

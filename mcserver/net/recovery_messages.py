@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import msgspec
 
-from mcserver.net.messages import AxisIndex, LineNumber, ProgramId, Request
+from mcserver.net.messages import AxisIndex, Grace, LineNumber, ProgramId, Request
 from mcserver.service.approach import AxisStart as AxisStart
 from mcserver.service.approach import Need as Need
 from mcserver.service.approach import Outputs as Outputs
@@ -68,7 +68,7 @@ class ContinueRequest(Request, frozen=True, kw_only=True):
         program, line: as in `ContinuationRequest`.
         way: axes may go the way that `continuation` shows, where the machine file names no safe one.
         outputs: set what the program had switched, or leave it as it is; None: nothing was said.
-        on_disconnect: what happens when the client's liveliness token goes. hold: begin held.
+        on_disconnect, grace_s: as of `OpenRequest`. hold: begin held.
     """
 
     program: ProgramId
@@ -76,6 +76,7 @@ class ContinueRequest(Request, frozen=True, kw_only=True):
     way: bool = False
     outputs: Outputs | None = None
     on_disconnect: OnDisconnect = "stop"
+    grace_s: Grace = 10.0
     hold: bool = False
 
 

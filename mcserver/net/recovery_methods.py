@@ -53,6 +53,7 @@ class RecoveryMethods:
             request.line,
             confirmed=Confirmed(request.way, request.outputs),
             on_disconnect=request.on_disconnect,
+            grace_s=request.grace_s,
             hold=request.hold,
         )
         self._forecast(program.sha256)

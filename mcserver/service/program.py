@@ -62,6 +62,8 @@ class Program:
         self.step = step
         self.resume_of = resume_of
         self.opened_at = opened_at
+        # how long its client may be away before it ends as `on_disconnect` says [s]
+        self.grace_s = 0.0
         # of the whole text, if the client said it: what was simulated of it tells its time
         self.sha256 = sha256
         self.clock = RunClock(start_line)

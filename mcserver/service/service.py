@@ -19,6 +19,7 @@ from mcserver.machine.machine_file import Machine
 from mcserver.planning.line_marks import LineMarks
 from mcserver.planning.planner_messages import Planning, StepLine
 from mcserver.planning.start_state import StartState
+from mcserver.service.absences import Absences
 from mcserver.service.approach import NOTHING_CONFIRMED, Approach, Confirmed, refuse_needs
 from mcserver.service.axes_of_requests import axes_of
 from mcserver.service.channels import Channels
@@ -111,6 +112,8 @@ class MachineService:
         self.texts = KeptTexts(options.journal.with_suffix(".texts"))
         self.when_gone: list[Callable[[str], None]] = []
         self.recovery = Recovering(machine, planning, self._table, self._journal_written)
+        self._absences = Absences(self._loop, self._forsake)
+        self.on_program_ended.append(lambda program: self._absences.forget(program.program))
         self._counter = 0
         self._stopping = False
 
@@ -200,6 +203,7 @@ class MachineService:
         name: str = "",
         axes: Sequence[int] | None = None,
         on_disconnect: OnDisconnect = "stop",
+        grace_s: float = 0.0,
         start_line: int = 1,
         before: Sequence[str] = (),
         resume_of: str | None = None,
@@ -217,6 +221,7 @@ class MachineService:
         """Opens a program and queues it for its axes.
 
         Args:
+            grace_s: how long the client may be away before ``on_disconnect`` applies.
             unhomed: it may move axes that are not homed. controls: all of a program that needs no planner.
             sha256: of its whole text, so that a simulation of the text tells how long it takes.
             by_hand: a jog or a search: in machine coordinates, and no override applies.
@@ -264,6 +269,7 @@ class MachineService:
         )
         self.forecasts.begin(program)
         program.modal = modal
+        program.grace_s = grace_s
         program.held = hold
         program.unhomed = unhomed
         program.controls = tuple(controls)
@@ -288,6 +294,7 @@ class MachineService:
         *,
         confirmed: Confirmed = NOTHING_CONFIRMED,
         on_disconnect: OnDisconnect = "stop",
+        grace_s: float = 0.0,
         hold: bool = False,
     ) -> Program:
         """Go on with a program that has ended, or with the last one that has gone on with it.
@@ -311,6 +318,7 @@ class MachineService:
             name=status.name,
             axes=status.axes,
             on_disconnect=on_disconnect,
+            grace_s=grace_s,
             start_line=start,
             resume_of=status.program,
             hold=hold,
@@ -414,21 +422,38 @@ class MachineService:
         return chosen
 
     def client_gone(self, client: str) -> None:
-        """A client's liveliness token went: its programs finish or stop, as they chose."""
-        left = [
-            program
-            for program in self._table.programs.values()
-            if program.client == client and not program.over
-        ]
+        """A client's liveliness token went: its programs finish or stop, as they chose, after their grace."""
+        left = self._programs_of(client)
         if left:
             self.events.publish("client.gone", client=client)
-        for program in left:
-            if program.on_disconnect == "finish":
-                self._table.close(program, whole=False)
-            else:
-                self._table.stop(program, "aborted", f"client {client} is gone")
+        self._absences.began(left)
         for tell in self.when_gone:
             tell(client)
+
+    def client_back(self, client: str) -> None:
+        """A client's liveliness token is there, perhaps again."""
+        self._absences.ended(client)
+
+    def leave(self, client: str) -> list[Program]:
+        """A client says that it goes: its programs finish or stop now, as they chose."""
+        left = self._programs_of(client)
+        for program in left:
+            self._forsake(program)
+        for tell in self.when_gone:
+            tell(client)
+        return left
+
+    def _programs_of(self, client: str) -> list[Program]:
+        return [each for each in self._table.programs.values() if each.client == client and not each.over]
+
+    def _forsake(self, program: Program) -> None:
+        """End a program without its client, as it chose."""
+        if program.over:
+            return
+        if program.on_disconnect == "finish":
+            self._table.close(program, whole=False)
+        else:
+            self._table.stop(program, "aborted", f"client {program.client} is gone")
 
     def program(self, program_id: str) -> Program:
         """Return a program of this start.

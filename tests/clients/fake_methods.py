@@ -229,6 +229,9 @@ class FakeMethods:
             self._acknowledge(program)
         return {"programs": [program.program for program in chosen]}
 
+    def _do_leave(self, _: dict[str, Any]) -> dict[str, Any]:
+        return {"programs": []}
+
     def _do_override(self, request: dict[str, Any]) -> dict[str, Any]:
         if not 0.0 <= request["percent"] <= 200.0:
             raise Refusal("MC511", "the override goes from 0 to 200 %")

@@ -9,6 +9,7 @@ import pytest
 from fake_server import FakeServer
 from mcclient import (
     Machine,
+    MotionError,
     ProgramAborted,
     ProgramClosed,
     ProgramFaulted,
@@ -284,3 +285,57 @@ async def test_a_program_in_single_line_mode_goes_on_with_step(server: FakeServe
         await program.wait_done(1)
         assert len(server.executed) == 1
         await program.step()
+
+
+async def test_a_stream_that_is_cancelled_feeds_nothing_more(server: FakeServer) -> None:
+    server.runs_by_itself = False
+    server.credit_limit = 10
+    async with Machine.connect(connect=server.endpoint) as machine:
+        program = await machine.program()
+        streaming = asyncio.create_task(program.send_lines(f"G01 X{n}" for n in range(1000)))
+        await asyncio.to_thread(server.wait_until, lambda: server.programs[program.id].accepted == 10)
+        streaming.cancel()
+        with pytest.raises(asyncio.CancelledError):
+            await streaming
+        assert program.given_through == 10
+        server.run_lines(program.id)
+        # the next line has the number behind those that had gone out
+        assert (await program.send("G01 X7")).number == 11
+        server.run_lines(program.id)
+        await program.finish()
+    assert [number for _, number, _ in server.executed] == list(range(1, 12))
+    assert server.executed[-1][2] == "G01 X7"
+
+
+async def test_lines_go_out_while_their_source_waits_for_their_motion(server: FakeServer) -> None:
+    async with Machine.connect(connect=server.endpoint) as machine, machine.program() as program:
+
+        async def lines() -> object:
+            for number in range(1, 4):
+                yield f"G01 X{number}"
+                await program.wait_done(number)
+
+        assert await program.send_lines(lines()) == 3
+
+
+async def test_whoever_waits_or_asks_when_the_client_is_closed_hears_so_at_once(server: FakeServer) -> None:
+    server.runs_by_itself = False
+    machine = await Machine.connect(connect=server.endpoint)
+    program = await machine.program()
+    line = await program.send("G01 X1")
+    waiting = asyncio.create_task(line.done())
+    await asyncio.sleep(0)
+    await machine.close()
+    with pytest.raises(MotionError, match="MC539"):
+        await waiting
+    with pytest.raises(MotionError, match="MC539"):
+        await machine.status()
+
+
+async def test_a_client_that_is_closed_says_that_it_goes(server: FakeServer) -> None:
+    server.runs_by_itself = False
+    async with Machine.connect(connect=server.endpoint) as machine:
+        program = await machine.program(on_disconnect="finish", grace_s=60.0)
+        await program.send("G01 X1")
+    assert server.asked["leave"] == 1
+    assert ("open", 60.0) in [(name, fields.get("grace_s")) for name, fields in server.requests]

@@ -165,6 +165,36 @@ async def test_a_client_that_goes_takes_its_stopping_programs_along(bench: Bench
     assert ("abort", 0) in bench.port.calls
 
 
+async def test_a_program_waits_for_its_client_for_its_grace(bench: Bench) -> None:
+    program = await bench.service.open("hmi", grace_s=60.0)
+    await bench.service.lines.submit("hmi", program.program, 1, ["wait", "move"])
+    bench.service.client_gone("hmi")
+    bench.service.client_back("hmi")
+    bench.service.client_gone("hmi")
+    assert not program.over
+    bench.service.leave("hmi")
+    await bench.until_acked(program.program, state="aborted")
+
+
+async def test_a_program_whose_grace_is_over_ends_as_it_chose(bench: Bench) -> None:
+    program = await bench.service.open("hmi", grace_s=0.01)
+    await bench.service.lines.submit("hmi", program.program, 1, ["wait", "move"])
+    bench.service.client_gone("hmi")
+    await bench.until_acked(program.program, state="aborted")
+
+
+async def test_a_client_that_is_back_in_time_goes_on(bench: Bench) -> None:
+    gone = await bench.service.open("other", axes=[1], grace_s=0.02)
+    program = await bench.service.open("hmi", axes=[0], grace_s=0.01)
+    await bench.service.lines.submit("hmi", program.program, 1, ["wait", "move"])
+    for client in ("hmi", "other"):
+        bench.service.client_gone(client)
+    bench.service.client_back("hmi")
+    # the longer grace of the two is over now
+    await bench.until_acked(gone.program, state="aborted")
+    assert not program.over
+
+
 async def test_a_client_that_goes_lets_its_finishing_programs_end(bench: Bench) -> None:
     program = await bench.service.open("hmi", on_disconnect="finish")
     await bench.service.lines.submit("hmi", program.program, 1, ["wait", "move"])

@@ -17,6 +17,7 @@ class BlockingCalls(Blocking[T]):
     open_program = waited(MachineCalls.open_program)
     continuation = waited(MachineCalls.continuation)
     open_continuation = waited(MachineCalls.open_continuation)
+    leave = waited(MachineCalls.leave)
     submit_lines = waited(MachineCalls.submit_lines)
     close_program = waited(MachineCalls.close_program)
     hold = waited(MachineCalls.hold)

@@ -11,7 +11,7 @@ import asyncio
 import itertools
 from typing import Any, TypeVar
 
-from mcclient.errors import MotionError, NoAnswerInTime, NobodyAnswers, RequestRefused
+from mcclient.errors import MotionError, NoAnswerInTime, NobodyAnswers, RequestRefused, closed_client
 from mcclient.keys import Keys
 from mcclient.presence import Presence
 from mcclient.transport import Link, Reply
@@ -74,6 +74,8 @@ class Caller:
         deadline = clock() + deadline_s
         pause = FIRST_PAUSE_S
         while True:
+            if self._link.closed:
+                raise closed_client()
             remaining = deadline - clock()
             if remaining <= 0.0:
                 raise self._no_answer(method, deadline_s)

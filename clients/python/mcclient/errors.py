@@ -170,3 +170,8 @@ class ProgramInterrupted(ProgramError):
 
 class ProgramClosed(ProgramError):
     """The program takes no more lines."""
+
+
+def closed_client() -> MotionError:
+    """Make the error of whoever waits for, or asks something of, a client that was closed."""
+    return MotionError("MC539", "this client has been closed", "connect again: Machine.connect()")

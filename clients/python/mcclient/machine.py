@@ -13,7 +13,7 @@ from typing import Any
 
 from mcclient.calls import DEADLINE_S, Caller
 from mcclient.discovery import CONNECT_S, find_machine, new_client_id
-from mcclient.errors import MotionError, ProtocolError
+from mcclient.errors import MotionError, ProtocolError, closed_client
 from mcclient.estop import send_until_confirmed
 from mcclient.events import open_events
 from mcclient.feed import Feed, Queue
@@ -41,6 +41,8 @@ from mcclient.types import (
 
 PATIENCE_S = 10.0
 EVENTS_A_PAGE = 1000
+LEAVE_S = 1.0
+GRACE_S = 10.0
 
 
 class Machine(MachineCalls):
@@ -158,12 +160,17 @@ class Machine(MachineCalls):
             await self.refresh_info()
 
     async def close(self) -> None:
-        """Ends the link; programs still open end as their ``on_disconnect`` says."""
+        """Ends the link; programs still open end as their ``on_disconnect`` says, without their grace."""
         if self._asking_anew is not None:
             self._asking_anew.cancel()
             await asyncio.gather(self._asking_anew, return_exceptions=True)
+        left = [stream for stream in self._streams if not stream.ended]
         for stream in list(self._streams):
-            await stream.stop()
+            await stream.stop(closed_client())
+        if left and self.online:
+            # a server that does not hear it sees the token go
+            with contextlib.suppress(MotionError):
+                await self._caller.call("leave", deadline_s=LEAVE_S)
         if self._watch is not None:
             self._watch.close()
         for queue in list(self._queues):
@@ -205,6 +212,7 @@ class Machine(MachineCalls):
         axes: Sequence[int] | None = None,
         *,
         on_disconnect: OnDisconnectWord = "stop",
+        grace_s: float = GRACE_S,
         start_line: int = 1,
         before: Sequence[str] = (),
         step: bool = False,
@@ -223,6 +231,7 @@ class Machine(MachineCalls):
             name: for people: a file's name.
             axes: the axes to lease; None: all of the machine. It waits in order for axes that others have.
             on_disconnect: ``stop`` or ``finish`` what is accepted, when this client's link goes.
+            grace_s: how long the link may be away before that; a client that is back within it goes on.
             start_line: number of the first line.
             before: the lines 1 … start_line - 1. They do not run: what they energize is energized, modal
                 state is as behind them, and the axes go to where they end, as `continue_program` says.
@@ -237,6 +246,7 @@ class Machine(MachineCalls):
             "name": name[:200],
             "axes": None if axes is None else list(axes),
             "on_disconnect": on_disconnect,
+            "grace_s": grace_s,
             "start_line": start_line,
             "before": list(before),
             "step": step,
@@ -258,6 +268,7 @@ class Machine(MachineCalls):
         way: bool = False,
         outputs: OutputsWord | None = None,
         on_disconnect: OnDisconnectWord = "stop",
+        grace_s: float = GRACE_S,
         hold: bool = False,
     ) -> Starting[Program]:
         """Goes on with a program that has ended: ``async with machine.continue_program(id) as program``.
@@ -278,7 +289,13 @@ class Machine(MachineCalls):
         async def opened() -> Program:
             return self._followed(
                 await self.open_continuation(
-                    program, line=line, way=way, outputs=outputs, on_disconnect=on_disconnect, hold=hold
+                    program,
+                    line=line,
+                    way=way,
+                    outputs=outputs,
+                    on_disconnect=on_disconnect,
+                    grace_s=grace_s,
+                    hold=hold,
                 )
             )
 

@@ -61,6 +61,7 @@ class MachineCalls:
         *,
         axes: Sequence[int] | None = None,
         on_disconnect: wire.OnDisconnectWord = "stop",
+        grace_s: float = 10.0,
         start_line: int = 1,
         before: Sequence[str] = (),
         resume_of: str | None = None,
@@ -76,7 +77,8 @@ class MachineCalls:
         Args:
             name: for people: a file's name.
             axes: the axes to lease; None: all of the machine.
-            on_disconnect: what happens when the client's liveliness token goes.
+            on_disconnect: what happens when the client's liveliness token goes, or it calls ``leave``.
+            grace_s: how long the token may be away before that; whoever is back within it goes on.
             start_line: number of the first line that will run.
             before: lines 1 … start_line - 1, read for their modal state only; nothing of them moves.
             resume_of: id of an earlier program; its journaled lines before ``start_line`` serve as
@@ -95,6 +97,7 @@ class MachineCalls:
                 "name": name,
                 "axes": None if axes is None else list(axes),
                 "on_disconnect": on_disconnect,
+                "grace_s": grace_s,
                 "start_line": start_line,
                 "before": list(before),
                 "resume_of": resume_of,
@@ -145,6 +148,7 @@ class MachineCalls:
         way: bool = False,
         outputs: wire.OutputsWord | None = None,
         on_disconnect: wire.OnDisconnectWord = "stop",
+        grace_s: float = 10.0,
         hold: bool = False,
         deadline_s: float = 15.0,
     ) -> wire.ContinueReply:
@@ -156,7 +160,8 @@ class MachineCalls:
             line: as in `ContinuationRequest`.
             way: axes may go the way that `continuation` shows, where the machine file names no safe one.
             outputs: set what the program had switched, or leave it as it is; None: nothing was said.
-            on_disconnect: what happens when the client's liveliness token goes.
+            on_disconnect: as of `OpenRequest`.
+            grace_s: as of `OpenRequest`.
             hold: begin held.
         """
         self._declare_token()
@@ -169,10 +174,15 @@ class MachineCalls:
                 "way": way,
                 "outputs": outputs,
                 "on_disconnect": on_disconnect,
+                "grace_s": grace_s,
                 "hold": hold,
             },
             deadline_s,
         )
+
+    async def leave(self, *, deadline_s: float = 5.0) -> tuple[str, ...]:
+        """End this client's programs as their ``on_disconnect`` says, without their grace: it goes."""
+        return (await self._caller.ask(wire.Done, "leave", {}, deadline_s)).programs
 
     async def submit_lines(
         self,

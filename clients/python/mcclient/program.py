@@ -139,7 +139,8 @@ class Program:
         """Streams lines as fast as the server takes them, with bounded memory; returns the last one's number.
 
         It returns when all are accepted. A fault of a line that is judged later is raised by `done` and
-        `finish`.
+        `finish`. Where it is cancelled, or the iterable raises, lines that have not been sent are given up;
+        those under way may be accepted, and the next line has the number behind them (`given_through`).
 
         Raises:
             ProgramRejected: a line has faults; the lines before it are taken.
@@ -148,15 +149,19 @@ class Program:
         async with self._turn:
             self._stream.begin()
             self._check_open()
-            if isinstance(lines, AsyncIterable):
-                async for line in lines:
-                    await self._stream.give(self._checked(line))
-            else:
-                for count, line in enumerate(lines, 1):
-                    await self._stream.give(self._checked(line))
-                    if count % LINES_A_TURN == 0:
-                        await asyncio.sleep(0)
-            await self._stream.accepted_all()
+            try:
+                if isinstance(lines, AsyncIterable):
+                    async for line in lines:
+                        await self._stream.give(self._checked(line))
+                else:
+                    for count, line in enumerate(lines, 1):
+                        await self._stream.give(self._checked(line))
+                        if count % LINES_A_TURN == 0:
+                            await asyncio.sleep(0)
+                await self._stream.accepted_all()
+            except BaseException:
+                self._stream.abandon()
+                raise
             self._stream.check()
             return self._stream.window.given
 

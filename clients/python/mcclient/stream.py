@@ -93,8 +93,14 @@ class LineStream:
     def extent(self) -> Extent:
         return Extent(self.program, self.window.accepted, self.done)
 
-    async def stop(self) -> None:
-        """Sends and hears nothing more."""
+    async def stop(self, failure: MotionError | None = None) -> None:
+        """Sends and hears nothing more.
+
+        Args:
+            failure: what those who wait get.
+        """
+        if failure is not None and not self.ended and self.failure is None:
+            self._fail(failure)
         self._subscription.close()
         self._task.cancel()
         await asyncio.gather(self._task, return_exceptions=True)
@@ -109,6 +115,11 @@ class LineStream:
         self.check()
         self._wake.set()
         return self.window.give(text)
+
+    def abandon(self) -> None:
+        """Give up the lines that have not been sent; those under way may be accepted."""
+        self.window.abandon()
+        self._changed.set()
 
     async def accepted_all(self) -> None:
         """Until no given line waits for its acceptance."""

@@ -138,6 +138,8 @@ class Link:
         self._declared: list[Any] = []
         self._trust = _Trusted()
         self.closed = False
+        # under way; who closes the link does not wait for their answers
+        self._queries: set[asyncio.Future[None]] = set()
         atexit.register(self._close_at_exit)
 
     @classmethod
@@ -185,8 +187,12 @@ class Link:
             one: a single server is asked: its reply is returned as it comes, and Zenoh's word that none
                 follows is not waited for.
         """
+        if self.closed:
+            return []
         gathered: list[Reply] = []
         finished: asyncio.Future[None] = self._loop.create_future()
+        self._queries.add(finished)
+        finished.add_done_callback(self._queries.discard)
         trust = self._trust
 
         def finish() -> None:
@@ -327,6 +333,9 @@ class Link:
         if self.closed:
             return
         self.closed = True
+        for query in list(self._queries):
+            if not query.done():
+                query.set_result(None)
         ended = asyncio.Event()
 
         def end() -> None:

@@ -123,6 +123,11 @@ class LineWindow:
         """Everything that is not known to be accepted will be sent again."""
         self._sent = self.accepted
 
+    def abandon(self) -> None:
+        """Give up the lines that have not been sent; those under way may be accepted."""
+        while self.given > self._sent and self._lines:
+            self._bytes -= len(self._lines.pop())
+
     def reject(self, line: int) -> None:
         """Line ``line`` is faulty: it and what follows is given up, and ``line`` is the next number.
 

@@ -69,6 +69,7 @@ export const METHODS: Readonly<Record<string, { deadlineS: number; repeatable: b
   open: { deadlineS: 5, repeatable: false },
   continuation: { deadlineS: 15, repeatable: true },
   continue_program: { deadlineS: 15, repeatable: false },
+  leave: { deadlineS: 5, repeatable: false },
   submit: { deadlineS: 5, repeatable: false },
   close: { deadlineS: 5, repeatable: false },
   hold: { deadlineS: 5, repeatable: true },
@@ -150,6 +151,11 @@ export abstract class MachineCalls {
    */
   openContinuation(request: ContinueRequest): Promise<ContinueReply> {
     return this.call("continue_program", request);
+  }
+
+  /** End this client's programs as their `on_disconnect` says, without their grace: it goes. */
+  async leave(): Promise<string[]> {
+    return (await this.call<Done>("leave")).programs;
   }
 
   /** Send lines, and get the verdict on their words. */

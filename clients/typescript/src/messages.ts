@@ -264,8 +264,10 @@ export interface ContinueRequest {
   way?: boolean | undefined;
   /** set what the program had switched, or leave it as it is; null: nothing was said. */
   outputs?: Outputs | null | undefined;
-  /** what happens when the client's liveliness token goes. */
+  /** as of `OpenRequest`. */
   on_disconnect?: OnDisconnect | undefined;
+  /** as of `OpenRequest`. */
+  grace_s?: number | undefined;
   /** begin held. */
   hold?: boolean | undefined;
 }
@@ -520,6 +522,10 @@ export interface JogRequest {
   by?: string | undefined;
 }
 
+/** The client goes for good: what it has open ends now as its `on_disconnect` says, without a grace. */
+export interface LeaveRequest {
+}
+
 /** Bounds of the service. */
 export interface LimitsInfo {
   max_line_length: number;
@@ -642,8 +648,10 @@ export interface OpenRequest {
   name?: string | undefined;
   /** the axes to lease; null: all of the machine. */
   axes?: number[] | null | undefined;
-  /** what happens when the client's liveliness token goes. */
+  /** what happens when the client's liveliness token goes, or it calls `leave`. */
   on_disconnect?: OnDisconnect | undefined;
+  /** how long the token may be away before that; whoever is back within it goes on. */
+  grace_s?: number | undefined;
   /** number of the first line that will run. */
   start_line?: number | undefined;
   /** lines 1 … start_line - 1, read for their modal state only; nothing of them moves. */

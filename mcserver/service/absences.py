@@ -1,0 +1,49 @@
+"""Clients that are away: how long each of their programs waits for them.
+
+A client's liveliness token goes when it is killed and when its link is cut, which look alike from here. A
+program says at `open` how long its client may be away; a client that ends says so itself (`leave`).
+"""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Callable, Iterable
+
+from mcserver.service.program import Program
+
+
+class Absences:
+    """Programs whose clients are away, and when they end for it. All of it runs in the loop.
+
+    Args:
+        end: ends a program as its ``on_disconnect`` says.
+    """
+
+    def __init__(self, loop: asyncio.AbstractEventLoop, end: Callable[[Program], None]) -> None:
+        self._loop = loop
+        self._end = end
+        self._waiting: dict[str, tuple[Program, asyncio.TimerHandle]] = {}
+
+    def began(self, programs: Iterable[Program]) -> None:
+        """Begin the grace of each: their client's token has gone."""
+        for program in programs:
+            if program.grace_s <= 0.0:
+                self._end(program)
+            elif program.program not in self._waiting:
+                timer = self._loop.call_later(program.grace_s, self._over, program.program)
+                self._waiting[program.program] = program, timer
+
+    def ended(self, client: str) -> None:
+        """Let a client's programs go on: it is there again."""
+        for name in [name for name, (program, _) in self._waiting.items() if program.client == client]:
+            self._waiting.pop(name)[1].cancel()
+
+    def forget(self, program: str) -> None:
+        """Drop a program that has ended."""
+        waiting = self._waiting.pop(program, None)
+        if waiting is not None:
+            waiting[1].cancel()
+
+    def _over(self, name: str) -> None:
+        program, _ = self._waiting.pop(name)
+        self._end(program)
