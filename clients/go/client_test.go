@@ -382,3 +382,62 @@ func TestAJogWhoseContextIsDoneBeforeItHasBegunIsStoppedAndIsNoError(t *testing.
 		t.Errorf("it was stopped %d times", count)
 	}
 }
+
+func taking() (func(string, map[string]any) (any, *ErrorReply, bool), *atomic.Int64) {
+	var taken atomic.Int64
+	return func(method string, params map[string]any) (any, *ErrorReply, bool) {
+		switch method {
+		case "open":
+			return map[string]any{"program": "p", "state": "running", "axes": []int{0}, "expected": 1, "credit": 100, "instance": "i"}, nil, true
+		case "submit":
+			count := taken.Add(int64(len(params["lines"].([]any))))
+			return map[string]any{"program": "p", "accepted": count, "done": count, "credit": 100, "rejections": 0}, nil, true
+		}
+		return map[string]any{"programs": []any{}}, nil, true
+	}, &taken
+}
+
+func TestLinesGoOutWhileTheirSourceWaitsForThemToBeAccepted(t *testing.T) {
+	answer, taken := taking()
+	program, err := newFakeGateway(t, answer).machine().Program(context.Background(), nil)
+	if err != nil {
+		t.Fatal(err)
+	}
+	slow := func(yield func(string) bool) {
+		for number := int64(1); number <= 3; number++ {
+			if !yield("G01 X1") {
+				return
+			}
+			for taken.Load() < number {
+				time.Sleep(time.Millisecond)
+			}
+		}
+	}
+	if err := program.SendLines(context.Background(), slow); err != nil || program.Accepted() != 3 {
+		t.Fatalf("accepted %d: %v", program.Accepted(), err)
+	}
+}
+
+func TestAStreamWhoseContextIsDoneFeedsNothingMore(t *testing.T) {
+	answer, taken := taking()
+	program, err := newFakeGateway(t, answer).machine().Program(context.Background(), nil)
+	if err != nil {
+		t.Fatal(err)
+	}
+	ctx, cancel := context.WithCancel(context.Background())
+	given := 0
+	endless := func(yield func(string) bool) {
+		for yield("G01 X1") {
+			if given++; given == 50 {
+				cancel()
+			}
+		}
+	}
+	if err := program.SendLines(ctx, endless); !errors.Is(err, context.Canceled) {
+		t.Fatalf("it ended with %v", err)
+	}
+	sent := taken.Load()
+	if number, err := program.Send(context.Background(), "G01 X2"); err != nil || number != taken.Load() || number > sent+101 {
+		t.Fatalf("line %d of %d: %v", number, taken.Load(), err)
+	}
+}

@@ -66,13 +66,62 @@ func (p *Program) end(failure error) {
 	}()
 }
 
-func (p *Program) sendChunk(ctx context.Context, lines []string) error {
-	p.change(func(s *stream) {
-		for _, line := range lines {
-			s.give(line)
+// sending drains a program's lines beside whoever gives them, who may take as long for the next one as he likes.
+type sending struct {
+	ctx     context.Context
+	program *Program
+	outcome chan error
+	busy    bool
+}
+
+func newSending(ctx context.Context, program *Program) *sending {
+	return &sending{ctx: ctx, program: program, outcome: make(chan error, 1)}
+}
+
+// begin sees to it that what waits is sent.
+func (s *sending) begin() error {
+	if s.busy {
+		select {
+		case err := <-s.outcome:
+			s.busy = false
+			if err != nil {
+				return err
+			}
+		default:
+			return nil
 		}
-	})
-	return p.drain(ctx, false)
+	}
+	s.busy = true
+	go func() { s.outcome <- s.program.drain(s.ctx, false) }()
+	return nil
+}
+
+// wait returns once the condition holds, or nothing is sent any more.
+func (s *sending) wait(holds func() bool) error {
+	for s.busy {
+		s.program.mu.Lock()
+		changed := s.program.changed
+		s.program.mu.Unlock()
+		if holds() {
+			return nil
+		}
+		select {
+		case err := <-s.outcome:
+			s.busy = false
+			return err
+		case <-changed:
+		}
+	}
+	return nil
+}
+
+// stop ends what is still sent.
+func (s *sending) stop(cancel context.CancelFunc) {
+	cancel()
+	if s.busy {
+		<-s.outcome
+		s.busy = false
+	}
 }
 
 // linesUnderWay is one message: lines from first on, and how many rejections were known as they were numbered.

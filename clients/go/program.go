@@ -17,9 +17,11 @@ type OpenOptions struct {
 	Name string
 	// Axes to lease; nil: all of the machine.
 	Axes []int64
-	// FinishOnDisconnect lets what was accepted run on when this client is gone for longer than the gateway's grace; else it is stopped along its
+	// FinishOnDisconnect lets what was accepted run on when this client is gone for longer than Grace, or is closed; else it is stopped along its
 	// path.
 	FinishOnDisconnect bool
+	// Grace is how long this client may be away before that; 0: 10 s, negative: not at all.
+	Grace time.Duration
 	// StartLine is the first line that runs; lines before it, from Before or from the journal of ResumeOf, set modal state only.
 	StartLine int64
 	Before    []string
@@ -128,6 +130,9 @@ func (o *OpenOptions) params() map[string]any {
 	if o.FinishOnDisconnect {
 		params["on_disconnect"] = "finish"
 	}
+	if o.Grace != 0 {
+		params["grace_s"] = max(0, o.Grace.Seconds())
+	}
 	if o.Axes != nil {
 		params["axes"] = o.Axes
 	}
@@ -158,6 +163,13 @@ func (p *Program) Done() int64 { return p.look(func(s *stream) int64 { return s.
 // Given is the number of the last line given to Send or SendLines.
 func (p *Program) Given() int64 { return p.look(func(s *stream) int64 { return s.given() }) }
 
+// Failure is what Finish will return, as soon as it is known: a fault, or a line that was found faulty late; nil while there is none.
+func (p *Program) Failure() error {
+	p.mu.Lock()
+	defer p.mu.Unlock()
+	return p.stream.failure
+}
+
 // State is as the server said last.
 func (p *Program) State() ProgramState {
 	p.mu.Lock()
@@ -165,7 +177,8 @@ func (p *Program) State() ProgramState {
 	return p.stream.state
 }
 
-// SendLines streams lines as the server takes them and returns once all are accepted. A fault of a line that is found later is returned by Finish.
+// SendLines streams lines as the server takes them, each as soon as it is there, and returns once all are accepted. A fault of a line that is found
+// later is returned by Finish. Where the context is done, what has not been sent is given up; what is under way may be accepted.
 //
 // It fails with a RejectedError or an EndedError.
 func (p *Program) SendLines(ctx context.Context, lines iter.Seq[string]) (failure error) {
@@ -173,20 +186,26 @@ func (p *Program) SendLines(ctx context.Context, lines iter.Seq[string]) (failur
 		return err
 	}
 	defer func() { p.end(failure) }()
-	chunk := make([]string, 0, chunkLines)
+	ctx, cancel := context.WithCancel(ctx)
+	sending := newSending(ctx, p)
+	defer sending.stop(cancel)
 	for line := range lines {
 		text, err := p.checked(line)
 		if err != nil {
 			return err
 		}
-		if chunk = append(chunk, text); len(chunk) == cap(chunk) {
-			if err := p.sendChunk(ctx, chunk); err != nil {
-				return err
-			}
-			chunk = chunk[:0]
+		p.change(func(s *stream) { s.give(text) })
+		if err := sending.begin(); err != nil {
+			return err
+		}
+		if err := sending.wait(func() bool { return p.look(func(s *stream) int64 { return int64(len(s.waiting)) }) < chunkLines }); err != nil {
+			return err
 		}
 	}
-	return p.sendChunk(ctx, chunk)
+	if err := sending.wait(func() bool { return false }); err != nil {
+		return err
+	}
+	return p.drain(ctx, false)
 }
 
 // Send sends one line and waits for the verdict on it, not for its motion; it returns the line's number.

@@ -1,16 +1,20 @@
 """One client of the gateway, with a Zenoh session of its own: leases and access rules see it as a client.
 
-It outlives its connection by `GRACE_S`: who comes back within it takes it up again, with its programs. After
-that its token goes, and its programs end as their ``on_disconnect`` says.
+It outlives its connection by `GRACE_S`, or by the longest grace of its programs: who comes back within it
+takes it up again. Its liveliness token goes with the connection and comes back with it, so that how long a
+program waits for its client is the program's own grace, as for clients without a gateway.
 """
 
 from __future__ import annotations
 
 import asyncio
+import contextlib
 import logging
+import math
 import secrets
 import time
 from collections import deque
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -31,6 +35,8 @@ from mcserver.net.roles import roles_named
 log = logging.getLogger(__name__)
 
 GRACE_S = 10.0
+LONGEST_GRACE_S = 600.0
+LEAVE_S = 1.0
 # the client's own request numbers, apart from those that the gateway gives
 CLIENT_NUMBERS = 2**54
 CONNECT_S = 3.0
@@ -153,7 +159,9 @@ class Peer:
         self.presence = Presence(name)
         self.keys = Keys(name, client)
         self.caller = Caller(link, self.keys, self.presence)
-        self.token_declared = False
+        # it has opened something that ends with it; and what takes its token away, while that is there
+        self.held = False
+        self.drop_token: Callable[[], None] | None = None
         self.watch: Subscription | None = None
 
 
@@ -173,6 +181,8 @@ class GatewaySession:
         self.connection: object | None = None
         # calls by HTTP, which has no frames
         self.requests_under_way = 0
+        # how long it may be taken up again after its connection
+        self.grace_s = GRACE_S
         self._link = link
         self._peers: dict[str, Peer] = {}
         self._subscriptions: dict[int, Subscription] = {}
@@ -195,7 +205,31 @@ class GatewaySession:
     @property
     def has_opened(self) -> bool:
         """Whether it has opened a program, which would end with it."""
-        return any(peer.token_declared for peer in self._peers.values())
+        return any(peer.held for peer in self._peers.values())
+
+    def away(self) -> None:
+        """The client's connection is gone: its programs' graces begin."""
+        for peer in self._peers.values():
+            if peer.drop_token is not None:
+                peer.drop_token()
+                peer.drop_token = None
+
+    def back(self) -> None:
+        """The client is connected again."""
+        for peer in self._peers.values():
+            if peer.held:
+                self._declare(peer)
+
+    async def leave(self) -> None:
+        """The client has closed its connection on purpose: what it has opened ends as it chose."""
+        for peer in self._peers.values():
+            if peer.held:
+                with contextlib.suppress(MotionError):
+                    await peer.caller.call("leave", deadline_s=LEAVE_S)
+
+    def _declare(self, peer: Peer) -> None:
+        if peer.drop_token is None:
+            peer.drop_token = self._link.declare_token(peer.keys.token)
 
     async def close(self) -> None:
         """Ends the link; the client's token goes with it."""
@@ -278,10 +312,13 @@ class GatewaySession:
                 "use a token that has it",
             )
         peer = await self.peer(machine)
-        if described.held and not peer.token_declared:
+        if described.held:
             # before the first program or request: the server ends those whose token has gone
-            self._link.declare_token(peer.keys.token)
-            peer.token_declared = True
+            peer.held = True
+            self._declare(peer)
+            grace_s = params.get("grace_s")
+            if isinstance(grace_s, int | float) and math.isfinite(grace_s):
+                self.grace_s = max(self.grace_s, min(float(grace_s), LONGEST_GRACE_S))
         limit = described.deadline_s
         fields = {key: value for key, value in params.items() if key not in ("client", "request")}
         if request is not None:

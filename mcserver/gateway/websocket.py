@@ -26,6 +26,8 @@ TOKEN_SESSIONS, ADDRESS_SESSIONS = 16, 32
 BAD_FRAME, FORBIDDEN, TOO_MANY, TAKEN_OVER, NO_SERVER, SLOW = 4000, 4003, 4008, 4009, 4010, 4011
 # how long the other end may take to hear why its connection is closed
 CLOSE_S = 2.0
+# what clients say that close on purpose: in so many words, or without a reason
+CLOSED = (1000, 1005)
 
 
 class Sessions:
@@ -99,10 +101,14 @@ class Sessions:
         session.outbox.put(
             frames.Hello(session.client, session.secret, principal.role.value, resumed, GRACE_S)
         )
+        session.back()
         await connection.exchange(self._decode)
         if session.connection is connection:
             session.connection = None
             session.end_subscriptions()
+            if connection.closed_by_client:
+                await session.leave()
+            session.away()
             self._ends[session.secret] = asyncio.ensure_future(self._end_after_grace(session))
 
     async def _session(self, secret: str, place: _Place, principal: Principal) -> tuple[GatewaySession, bool]:
@@ -152,7 +158,7 @@ class Sessions:
         return False
 
     async def _end_after_grace(self, session: GatewaySession) -> None:
-        await asyncio.sleep(GRACE_S)
+        await asyncio.sleep(session.grace_s)
         if session.connection is None:
             self._end(session)
 
@@ -179,6 +185,8 @@ class Connection:
         self._socket = socket
         self._session = session
         self._taken_up = asyncio.Event()
+        # whether the client has ended it in order, as one that does not come back
+        self.closed_by_client = False
         # set once this connection takes nothing from the session any more
         self._idle = asyncio.Event()
 
@@ -216,6 +224,7 @@ class Connection:
             await self._session.outbox.room()
             message = await self._socket.receive()
             if message["type"] == "websocket.disconnect":
+                self.closed_by_client = message.get("code") in CLOSED
                 raise WebSocketDisconnect(message.get("code", 1006))
             written = message.get("bytes")
             if written is None:

@@ -249,7 +249,7 @@ class FakeMethods:
     def _do_reset(self, _: dict[str, Any]) -> dict[str, Any]:
         self.state = "ready"
         self.publish_event("reset", message="cleared")
-        return {"ok": True}
+        return {"programs": []}
 
     def _do_check(self, _: dict[str, Any]) -> dict[str, Any]:
         return {"ok": not self.check_diagnostics, "diagnostics": self.check_diagnostics}

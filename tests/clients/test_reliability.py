@@ -70,9 +70,9 @@ async def test_a_restarted_server_interrupts_the_program_and_says_how_to_resume(
             await program.done()
         error = caught.value
         assert (error.program, error.accepted, error.done) == (program.id, 3, 1)
-        assert "start_line=2" in error.hint
+        assert f"continue_program('{program.id}')" in error.hint
         server.runs_by_itself = True
-        async with machine.resume_program(error.program, start_line=error.done + 1) as resumed:
+        async with machine.continue_program(error.program, line=error.done + 1) as resumed:
             assert await resumed.send_lines(["G01 X2", "G01 X3"]) == 3
     assert numbers(server) == [1, 2, 3]
 

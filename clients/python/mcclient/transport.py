@@ -324,9 +324,16 @@ class Link:
         subscriber = self._session.liveliness().declare_subscriber(key, _tokens(inbox), history=True)
         return Subscription(inbox, subscriber.undeclare)
 
-    def declare_token(self, key: str) -> None:
-        """A liveliness token, until the link closes."""
-        self._declared.append(self._session.liveliness().declare_token(key))
+    def declare_token(self, key: str) -> Callable[[], None]:
+        """A liveliness token, until the link closes or what is returned is called."""
+        token = self._session.liveliness().declare_token(key)
+        self._declared.append(token)
+
+        def undeclare() -> None:
+            self._declared.remove(token)
+            token.undeclare()  # type: ignore[no-untyped-call]
+
+        return undeclare
 
     async def close(self) -> None:
         """Ends all that was declared, within `CLOSE_LIMIT_S`."""

@@ -2,7 +2,7 @@ import { decode, encode } from "@msgpack/msgpack";
 import { METHODS } from "./calls.js";
 import { MotionError, NobodyAnswers, refusal } from "./errors.js";
 import { Machine } from "./machine.js";
-import { understand } from "./wire.js";
+import { isText, understand } from "./wire.js";
 
 /** The part of a WebSocket that is used: the browser's own, or the class of the package `ws` in Node. */
 export interface Socket {
@@ -32,6 +32,8 @@ const RETRY_MS = [50, 100, 200, 400, 800, 1000];
 /** Too many calls at once: none of them was carried out. */
 const TOO_MUCH = "MC071";
 const BUSY_MS = 100;
+/** Code of a connection that the gateway ends for a frame that is none. */
+const BAD_FRAME = 4000;
 
 /**
  * One client of a gateway. A connection that breaks is made anew: calls without an answer are sent again with the same
@@ -102,6 +104,7 @@ export class Gateway {
   /** A frame with an answer; sent again after a lost connection. */
   request<T>(frame: Record<string, unknown>): Promise<T> {
     if (this.#closed) return Promise.reject(new NobodyAnswers("MC539", "the client is closed"));
+    if (!isText(frame)) return Promise.reject(new MotionError("MC538", "a text holds half a character (a lone surrogate)", "send whole characters"));
     const id = ++this.#numbers;
     const whole = frame["op"] === "call" ? { ...frame, id, request: id } : { ...frame, id };
     const limit = Math.max(this.options.deadlineMs ?? 15_000, 1000 * (METHODS[String(frame["method"])]?.deadlineS ?? 0));
@@ -138,8 +141,21 @@ export class Gateway {
     socket.binaryType = "arraybuffer";
     socket.onmessage = (event) => this.#receive(decode(new Uint8Array(event.data as ArrayBuffer)) as Record<string, any>);
     socket.onerror = () => {};
-    socket.onclose = (event) => this.#lost(String(event?.reason ?? ""));
+    socket.onclose = (event) => {
+      if (event?.code === BAD_FRAME) this.#refuseSent(String(event?.reason ?? ""));
+      this.#lost(String(event?.reason ?? ""));
+    };
     this.#socket = socket;
+  }
+
+  /** The gateway could not read a frame: one of those that were sent, which would not be read the next time either. */
+  #refuseSent(reason: string): void {
+    for (const [id, pending] of this.#pending) {
+      if (!pending.sent) continue;
+      this.#pending.delete(id);
+      clearTimeout(pending.timer);
+      pending.reject(new MotionError("MC533", `the gateway cannot read what was sent: ${reason}`, "client and gateway differ in version"));
+    }
   }
 
   #lost(reason: string): void {

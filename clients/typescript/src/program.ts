@@ -1,17 +1,19 @@
-import { NobodyAnswers, ProgramRejected, RequestRefused } from "./errors.js";
+import { type MotionError, NobodyAnswers, ProgramRejected, RequestRefused } from "./errors.js";
 import type { Gateway } from "./gateway.js";
 import type { Machine } from "./machine.js";
 import type { Ack, OpenReply, OverrideReply, ProgramState, ProgramStatus, SubmitReply } from "./messages.js";
 import { LineWindow } from "./window.js";
-import { understand } from "./wire.js";
+import { SURROGATE, understand } from "./wire.js";
 
 export interface OpenOptions {
   /** For people: a file's name. */
   name?: string;
   /** The axes to lease; left out: all of the machine. */
   axes?: number[];
-  /** What happens when this client is gone for longer than the gateway's grace. */
+  /** What happens when this client is gone for longer than `graceS`, or is closed. */
   onDisconnect?: "finish" | "stop";
+  /** How long this client may be away before that [s]; default 10. */
+  graceS?: number;
   /** The first line that runs; lines before it, from `before` or the journal of `resumeOf`, set modal state only. */
   startLine?: number;
   before?: string[];
@@ -26,6 +28,7 @@ export interface OpenOptions {
 }
 
 const GIVE_LINES = 1000;
+const GRACE_S = 10;
 const DOUBT_MS = 2000;
 const ASK_MS = 250;
 const PATIENCE_MS = 30_000;
@@ -47,7 +50,7 @@ export class Program {
 
   static async open(gateway: Gateway, machine: Machine, options: OpenOptions): Promise<Program> {
     const opened = understand<OpenReply>("OpenReply", await machine.openProgram({
-      name: options.name ?? "", axes: options.axes ?? null, on_disconnect: options.onDisconnect ?? "stop",
+      name: options.name ?? "", axes: options.axes ?? null, on_disconnect: options.onDisconnect ?? "stop", grace_s: options.graceS ?? GRACE_S,
       start_line: options.startLine ?? 1, before: options.before ?? [], resume_of: options.resumeOf ?? null, hold: options.hold ?? false,
       way: options.way ?? false, outputs: options.outputs ?? null,
     }));
@@ -71,22 +74,52 @@ export class Program {
   get state(): ProgramState { return this.#window.state; }
   get ended(): boolean { return this.#window.ended; }
 
-  /** Streams lines as the server takes them; resolves with the last one's number once all are accepted. */
+  /** What `finish` will reject with, as soon as it is known: a fault, or a line that was found faulty late. */
+  get failure(): MotionError | null { return this.#window.failure; }
+
+  /**
+   * Streams lines as the server takes them, each as soon as it is there; resolves with the last one's number once all are accepted. Where the
+   * signal aborts, or `lines` throws, what has not been sent is given up; what is under way may be accepted.
+   */
   sendLines(lines: Iterable<string> | AsyncIterable<string>, signal?: AbortSignal): Promise<number> {
     return this.#inTurn(async () => {
-      for await (const line of lines as AsyncIterable<string>) {
-        this.#window.give(line);
-        if (this.#window.given - this.#window.accepted >= GIVE_LINES) await this.#drain(false, signal);
-      }
-      await this.#drain(false, signal);
-      return this.accepted;
+      const source = Symbol.asyncIterator in lines ? lines[Symbol.asyncIterator]() : lines[Symbol.iterator]();
+      const broken = new AbortController();
+      const both = signal ? AbortSignal.any([signal, broken.signal]) : broken.signal;
+      let sending: Promise<void> | null = null;
+      // rejects as soon as a line is refused, whatever the source waits for
+      let fail: (reason: unknown) => void = () => {};
+      const failed = new Promise<never>((_, reject) => { fail = reject; });
+      failed.catch(() => undefined);
+      const send = (): void => { sending ??= this.#drain(false, both).then(() => { sending = null; }, (reason: unknown) => { fail(reason); }); };
+      const aborted = (): void => fail(signal!.reason);
+      signal?.addEventListener("abort", aborted, { once: true });
+      try {
+        signal?.throwIfAborted();
+        for (;;) {
+          const next = source.next();
+          const { done, value } = next instanceof Promise ? await Promise.race([next, failed]) : next;
+          if (done) break;
+          this.#window.give(this.#checked(value));
+          send();
+          while (sending !== null && this.#window.given - this.#window.accepted >= GIVE_LINES) await Promise.race([this.#moved(), failed]);
+        }
+        while (sending !== null) await Promise.race([sending, failed]);
+        await this.#drain(false, signal);
+        return this.accepted;
+      } catch (error) {
+        broken.abort(error);
+        void Promise.resolve(source.return?.()).catch(() => undefined);
+        await sending;
+        throw error;
+      } finally { signal?.removeEventListener("abort", aborted); }
     });
   }
 
   /** Sends one line and waits for the verdict on it: ProgramRejected where it has faults, and the program lives on. */
   send(line: string, signal?: AbortSignal): Promise<number> {
     return this.#inTurn(async () => {
-      const number = this.#window.give(line);
+      const number = this.#window.give(this.#checked(line));
       await this.#drain(true, signal);
       return number;
     });
@@ -211,6 +244,18 @@ export class Program {
       const ack = understand<Ack>("Ack", message);
       this.#hear((window) => window.acknowledged(ack));
     } catch { /* of another version: the server is asked after a silence */ }
+  }
+
+  /** Resolves with the next change. */
+  #moved(): Promise<void> { return new Promise((resolve) => { this.#changed.push(resolve); }); }
+
+  #checked(line: string): string {
+    const text = line.replace(/[\r\n]+$/, "");
+    const limit = this.machine.info.limits?.max_line_length;
+    if (/[\r\n]/.test(text)) throw new RequestRefused("MC538", "a line must not hold a line end", "split the text into lines");
+    if (SURROGATE.test(text)) throw new RequestRefused("MC538", "the line holds half a character (a lone surrogate), which no text has", "send whole characters");
+    if (limit && [...text].length > limit) throw new RequestRefused("MC538", `the line has ${[...text].length} characters, the server takes ${limit}`, "break it at a command");
+    return text;
   }
 
   /** Takes what the server says. */

@@ -67,3 +67,14 @@ function kindOf(value: unknown): Kind | string {
 function misunderstood(kind: string, why: string): MotionError {
   return new MotionError("MC533", `this is no ${kind}: ${why}`, "do client and server differ in version?");
 }
+
+/** Half a character: no text has it, and MessagePack's strings cannot carry it. */
+export const SURROGATE = /\p{Surrogate}/u;
+
+/** Whether all strings of a value are text. */
+export function isText(value: unknown): boolean {
+  if (typeof value === "string") return !SURROGATE.test(value);
+  if (Array.isArray(value)) return value.every(isText);
+  if (value && typeof value === "object" && !ArrayBuffer.isView(value)) return Object.entries(value).every(([key, each]) => !SURROGATE.test(key) && isText(each));
+  return true;
+}

@@ -10,7 +10,7 @@ import { Gateway } from "../dist/index.js";
 async function fakeGateway(t, answer) {
   const server = new WebSocketServer({ port: 0, host: "127.0.0.1", handleProtocols: () => "mc.v1" });
   await once(server, "listening");
-  const fake = { frames: [], connections: 0, resumed: true, cut: () => { for (const each of server.clients) each.terminate(); } };
+  const fake = { frames: [], connections: 0, resumed: true, cut: () => { for (const each of server.clients) each.terminate(); }, refuse: (code, reason) => { for (const each of server.clients) each.close(code, reason); } };
   server.on("connection", (socket, request) => {
     fake.connections += 1;
     const resumed = fake.resumed && request.url.includes("session=");
@@ -52,4 +52,63 @@ test("an emergency stop goes over a connection of its own where the first one sa
   const [machine, fake] = await fakeGateway(t, (frame, made) => (made.frames.length > 1 ? null : undefined));
   await machine.estop("test");
   assert.equal(fake.connections, 2);
+});
+
+/** A fake that opens a program and takes its lines. */
+function taking(made) {
+  made.lines = [];
+  return (frame) => {
+    if (frame.method === "open") return { program: "p", state: "running", axes: [0], expected: 1, credit: 100, instance: "i" };
+    if (frame.op === "subscribe") return null;
+    if (frame.method !== "submit") return { programs: [] };
+    made.lines.push(...frame.params.lines);
+    return { program: "p", accepted: made.lines.length, done: made.lines.length, credit: 100, rejections: 0 };
+  };
+}
+
+test("lines go out while their source waits for them to be accepted", async (t) => {
+  const made = {};
+  const [machine] = await fakeGateway(t, taking(made));
+  const program = await machine.program();
+  async function* slow() {
+    for (const line of ["G01 X1", "G01 X2", "G01 X3"]) {
+      yield line;
+      while (made.lines.at(-1) !== line) await new Promise((resolve) => setImmediate(resolve));
+    }
+  }
+  assert.equal(await program.sendLines(slow()), 3);
+});
+
+test("a stream that is aborted while its source waits feeds nothing more", async (t) => {
+  const made = {};
+  const [machine] = await fakeGateway(t, taking(made));
+  const program = await machine.program();
+  const stop = new AbortController();
+  let closed = false;
+  async function* endless() {
+    try {
+      yield "G01 X1";
+      stop.abort(new Error("enough"));
+      await new Promise(() => {});
+    } finally { closed = true; }
+  }
+  await assert.rejects(program.sendLines(endless(), stop.signal), /enough/);
+  assert.deepEqual(made.lines.length <= 1, true);
+  assert.equal(closed, false, "a source that waits for ever cannot be closed, and is not waited for");
+});
+
+test("a line of half a character is refused before it is sent", async (t) => {
+  const made = {};
+  const [machine, fake] = await fakeGateway(t, taking(made));
+  const program = await machine.program();
+  await assert.rejects(program.send("(\ud800)"), { code: "MC538" });
+  await assert.rejects(machine.call("estop", { reason: "\udc00" }), { code: "MC538" });
+  assert.equal(fake.connections, 1);
+  assert.equal(await program.send("(\ud83d\ude00)"), 1);
+});
+
+test("a frame that the gateway cannot read is not sent again", async (t) => {
+  const [machine, fake] = await fakeGateway(t, (frame, made) => { made.refuse(4000, "not a frame"); return undefined; });
+  await assert.rejects(machine.hold(), { code: "MC533" });
+  assert.equal(fake.frames.length, 1);
 });
