@@ -165,6 +165,7 @@ class LineStream:
             ProgramRejected: it, or a line before it, is faulty. MotionError: as `Caller.call`.
         """
         number = self.window.give(text)
+        self.window.goes_out(number)
         self._judging = True
         try:
             while self.window.accepted < number:

@@ -48,6 +48,8 @@ class LineWindow:
         self.accepted = first - 1
         self.credit = credit
         self._sent = first - 1
+        # the last line that has ever gone out: it may arrive, even where it is to be sent again
+        self._went_out = first - 1
         self._lines: deque[str] = deque()
         self._bytes = 0
         self._buffer_lines = buffer_lines
@@ -98,7 +100,12 @@ class LineWindow:
                 del lines[index:]
                 break
         self._sent += len(lines)
+        self.goes_out(self._sent)
         return Chunk(first, lines)
+
+    def goes_out(self, number: int) -> None:
+        """Note that lines through this number are on their way."""
+        self._went_out = max(self._went_out, number)
 
     def acknowledge(self, accepted: int, credit: int, *, expected: int = 0) -> None:
         """Takes a cumulative acknowledgement; one that is older than what is known changes nothing.
@@ -124,8 +131,8 @@ class LineWindow:
         self._sent = self.accepted
 
     def abandon(self) -> None:
-        """Give up the lines that have not been sent; those under way may be accepted."""
-        while self.given > self._sent and self._lines:
+        """Give up the lines that have never been sent; the others may be accepted."""
+        while self.given > self._went_out and self._lines:
             self._bytes -= len(self._lines.pop())
 
     def reject(self, line: int) -> None:
@@ -139,4 +146,5 @@ class LineWindow:
             self._bytes -= len(self._lines.pop())
         self.accepted = min(self.accepted, line - 1)
         self._sent = min(self._sent, self.given)
+        self._went_out = min(self._went_out, self.given)
         self._gap_answered = 0

@@ -222,6 +222,18 @@ impl Core {
         self.window.give(line)
     }
 
+    /// Appends a line that a call is about to send; returns its number.
+    pub fn give_out(&mut self, line: String) -> u64 {
+        let number = self.window.give(line);
+        self.window.goes_out(number);
+        number
+    }
+
+    /// Gives up the lines that have never been sent.
+    pub fn abandon(&mut self) {
+        self.window.abandon();
+    }
+
     /// While a line is under judgement by a call, nothing is put beside it.
     pub fn judge(&mut self, judging: bool) {
         self.judging = judging;

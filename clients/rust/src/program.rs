@@ -19,13 +19,14 @@ use crate::messages::{
     CloseReply, CloseRequest, Event, OnDisconnect, OpenReply, Outputs, ProgramRequest, ProgramState,
     ProgramStatus,
 };
-use crate::stream::LineStream;
+use crate::stream::{Giving, LineStream};
 use crate::wire::decode;
 
 const ABORT_DEADLINE: Duration = Duration::from_secs(2);
 /// Gives the runtime to others while a long file is read.
 const LINES_A_TURN: usize = 500;
 const NAME_LENGTH: usize = 200;
+const GRACE_S: f64 = 10.0;
 
 /// How a program is opened; the default: all axes, from line 1, stopped when this client's link goes.
 #[derive(Debug, Clone, Serialize)]
@@ -33,6 +34,7 @@ pub struct ProgramOptions {
     name: String,
     axes: Option<Vec<u64>>,
     on_disconnect: OnDisconnect,
+    grace_s: f64,
     start_line: u64,
     before: Vec<String>,
     resume_of: Option<String>,
@@ -56,6 +58,7 @@ impl ProgramOptions {
             name: String::new(),
             axes: None,
             on_disconnect: OnDisconnect::Stop,
+            grace_s: GRACE_S,
             start_line: 1,
             before: Vec::new(),
             resume_of: None,
@@ -84,6 +87,13 @@ impl ProgramOptions {
     #[must_use]
     pub fn on_disconnect(mut self, what: OnDisconnect) -> Self {
         self.on_disconnect = what;
+        self
+    }
+
+    /// Says how long this client's link may be away before that; 10 s otherwise.
+    #[must_use]
+    pub fn grace(mut self, time: Duration) -> Self {
+        self.grace_s = time.as_secs_f64();
         self
     }
 
@@ -251,7 +261,8 @@ impl Program {
     /// Streams lines as fast as the server takes them, with bounded memory; returns the last one's number.
     ///
     /// It returns once all are accepted. A fault of a line that is judged later comes from [`Program::done`] and
-    /// [`Program::finish`].
+    /// [`Program::finish`]. Where the future is dropped before, lines that have not been sent are given up; those under
+    /// way may be accepted, and the next line has the number behind them ([`Program::given_through`]).
     ///
     /// # Errors
     /// As [`Program::send`]; the lines before a faulty one are taken.
@@ -262,13 +273,14 @@ impl Program {
     {
         let _turn = self.turn.lock().await;
         self.begin_lines()?;
+        let giving = Giving::new(&self.stream.shared);
         for (count, line) in lines.into_iter().enumerate() {
             self.give(line.as_ref()).await?;
             if count % LINES_A_TURN == LINES_A_TURN - 1 {
                 tokio::task::yield_now().await;
             }
         }
-        self.end_lines().await
+        self.end_lines(giving).await
     }
 
     /// As [`Program::send_lines`], of lines that arrive one by one.
@@ -282,11 +294,12 @@ impl Program {
     {
         let _turn = self.turn.lock().await;
         self.begin_lines()?;
+        let giving = Giving::new(&self.stream.shared);
         let mut lines = pin!(lines);
         while let Some(line) = std::future::poll_fn(|context| lines.as_mut().poll_next(context)).await {
             self.give(line.as_ref()).await?;
         }
-        self.end_lines().await
+        self.end_lines(giving).await
     }
 
     fn begin_lines(&self) -> Result<()> {
@@ -301,8 +314,9 @@ impl Program {
         self.stream.shared.give(text).await.map(|_| ())
     }
 
-    async fn end_lines(&self) -> Result<u64> {
+    async fn end_lines(&self, giving: Giving<'_>) -> Result<u64> {
         self.stream.shared.accepted_all().await?;
+        giving.completed();
         self.stream.shared.with(|core, _| core.check_giving().map(|()| core.given()))
     }
 

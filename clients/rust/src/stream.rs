@@ -60,6 +60,32 @@ impl Drop for Judging<'_> {
     }
 }
 
+/// Lines are being given; where that is not completed, such as by a future that is dropped, what has not been sent is given up.
+pub(crate) struct Giving<'a> {
+    shared: &'a Shared,
+    completed: bool,
+}
+
+impl<'a> Giving<'a> {
+    pub fn new(shared: &'a Shared) -> Self {
+        Self { shared, completed: false }
+    }
+
+    /// All lines are accepted.
+    pub fn completed(mut self) {
+        self.completed = true;
+    }
+}
+
+impl Drop for Giving<'_> {
+    fn drop(&mut self) {
+        if !self.completed {
+            self.shared.with(|core, _| core.abandon());
+            self.shared.tell();
+        }
+    }
+}
+
 impl LineStream {
     /// Listens to the program's acknowledgements, then begins to send; `patience`: how long the server may be away.
     pub async fn open(
@@ -159,7 +185,7 @@ impl Shared {
     pub async fn submit(&self, text: &str) -> Result<u64> {
         let number = self.with(|core, _| {
             core.judge(true);
-            core.give(text.to_owned())
+            core.give_out(text.to_owned())
         });
         let _judging = Judging(self);
         while self.with(|core, _| core.accepted()) < number {

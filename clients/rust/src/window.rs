@@ -45,6 +45,8 @@ pub(crate) struct LineWindow {
     accepted: u64,
     credit: u64,
     sent: u64,
+    /// The last line that has ever gone out: it may arrive, even where it is to be sent again.
+    went_out: u64,
     lines: VecDeque<String>,
     bytes: usize,
     bounds: Bounds,
@@ -60,6 +62,7 @@ impl LineWindow {
             accepted: before,
             credit,
             sent: before,
+            went_out: before,
             lines: VecDeque::new(),
             bytes: 0,
             bounds,
@@ -120,7 +123,21 @@ impl LineWindow {
             lines.push(line.clone());
         }
         self.sent += lines.len() as u64;
+        self.goes_out(self.sent);
         Some(Chunk { first, lines })
+    }
+
+    /// Notes that lines through this number are on their way.
+    pub fn goes_out(&mut self, number: u64) {
+        self.went_out = self.went_out.max(number);
+    }
+
+    /// Gives up the lines that have never been sent; the others may be accepted.
+    pub fn abandon(&mut self) {
+        while self.given() > self.went_out {
+            let Some(text) = self.lines.pop_back() else { break };
+            self.bytes -= text.len();
+        }
     }
 
     /// Takes a cumulative acknowledgement; one that is older than what is known changes nothing.
@@ -162,6 +179,7 @@ impl LineWindow {
         }
         self.accepted = self.accepted.min(line - 1);
         self.sent = self.sent.min(self.given());
+        self.went_out = self.went_out.min(self.given());
         self.gap_answered = 0;
     }
 }
