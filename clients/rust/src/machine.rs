@@ -27,6 +27,7 @@ use crate::stream::LineStream;
 use crate::telemetry::{Samples, decode_samples};
 use crate::wire::decode;
 
+const LEAVE: Duration = Duration::from_secs(1);
 const STATES_LIMIT: usize = 32;
 const SAMPLES_LIMIT: usize = 4096;
 
@@ -117,8 +118,13 @@ impl Machine {
         })
     }
 
-    /// Ends the link; programs still open end as their `on_disconnect` says.
+    /// Ends the link; programs still open end now as their `on_disconnect` says, without their grace.
     pub async fn close(&self) {
+        if self.inner.token.initialized() {
+            // a server that does not hear it sees the token go
+            let trying = Trying { deadline: LEAVE, ..Trying::default() };
+            let _ = self.inner.caller.call("leave", &Nothing {}, trying).await;
+        }
         lock(&self.inner.watch).take();
         self.inner.link.close().await;
     }

@@ -29,6 +29,7 @@ public abstract class MachineCalls {
             Map.entry("open", Duration.ofSeconds(5)),
             Map.entry("continuation", Duration.ofSeconds(15)),
             Map.entry("continue_program", Duration.ofSeconds(15)),
+            Map.entry("leave", Duration.ofSeconds(5)),
             Map.entry("submit", Duration.ofSeconds(5)),
             Map.entry("close", Duration.ofSeconds(5)),
             Map.entry("hold", Duration.ofSeconds(5)),
@@ -104,6 +105,11 @@ public abstract class MachineCalls {
      */
     public CompletableFuture<Messages.ContinueReply> openContinuation(Messages.ContinueRequest request) {
         return ask("continue_program", Wire.params(request), Messages.ContinueReply.class);
+    }
+
+    /** End this client's programs as their `on_disconnect` says, without their grace: it goes. */
+    public CompletableFuture<List<String>> leave() {
+        return ask("leave", Map.of(), Messages.Done.class).thenApply(Messages.Done::programs);
     }
 
     /** Send lines, and get the verdict on their words. */

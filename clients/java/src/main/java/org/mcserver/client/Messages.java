@@ -590,39 +590,46 @@ public final class Messages {
      * @param line as in `ContinuationRequest`.
      * @param way axes may go the way that `continuation` shows, where the machine file names no safe one.
      * @param outputs set what the program had switched, or leave it as it is; null: nothing was said.
-     * @param onDisconnect what happens when the client's liveliness token goes.
+     * @param onDisconnect as of `OpenRequest`.
+     * @param graceS as of `OpenRequest`.
      * @param hold begin held.
      */
     public record ContinueRequest(
-            String program, Long line, boolean way, Outputs outputs, OnDisconnect onDisconnect, boolean hold) {
+            String program, Long line, boolean way, Outputs outputs, OnDisconnect onDisconnect, double graceS, boolean
+            hold) {
         /** All that may be left out as the server has it. */
         public ContinueRequest(String program) {
-            this(program, null, false, null, OnDisconnect.STOP, false);
+            this(program, null, false, null, OnDisconnect.STOP, 10.0, false);
         }
 
         /** The same with another {@code line}. */
         public ContinueRequest withLine(Long line) {
-            return new ContinueRequest(program, line, way, outputs, onDisconnect, hold);
+            return new ContinueRequest(program, line, way, outputs, onDisconnect, graceS, hold);
         }
 
         /** The same with another {@code way}. */
         public ContinueRequest withWay(boolean way) {
-            return new ContinueRequest(program, line, way, outputs, onDisconnect, hold);
+            return new ContinueRequest(program, line, way, outputs, onDisconnect, graceS, hold);
         }
 
         /** The same with another {@code outputs}. */
         public ContinueRequest withOutputs(Outputs outputs) {
-            return new ContinueRequest(program, line, way, outputs, onDisconnect, hold);
+            return new ContinueRequest(program, line, way, outputs, onDisconnect, graceS, hold);
         }
 
         /** The same with another {@code onDisconnect}. */
         public ContinueRequest withOnDisconnect(OnDisconnect onDisconnect) {
-            return new ContinueRequest(program, line, way, outputs, onDisconnect, hold);
+            return new ContinueRequest(program, line, way, outputs, onDisconnect, graceS, hold);
+        }
+
+        /** The same with another {@code graceS}. */
+        public ContinueRequest withGraceS(double graceS) {
+            return new ContinueRequest(program, line, way, outputs, onDisconnect, graceS, hold);
         }
 
         /** The same with another {@code hold}. */
         public ContinueRequest withHold(boolean hold) {
-            return new ContinueRequest(program, line, way, outputs, onDisconnect, hold);
+            return new ContinueRequest(program, line, way, outputs, onDisconnect, graceS, hold);
         }
     }
 
@@ -851,6 +858,9 @@ public final class Messages {
         }
     }
 
+    /** The client goes for good: what it has open ends now as its `on_disconnect` says, without a grace. */
+    public record LeaveRequest() {}
+
     /** Bounds of the service. */
     public record LimitsInfo(
             long maxLineLength, long maxLinesAMessage, long queueLines, long programsAtOnce, long openPrograms, long
@@ -938,7 +948,8 @@ public final class Messages {
      * Opens a program.
      * @param name for people: a file's name.
      * @param axes the axes to lease; null: all of the machine.
-     * @param onDisconnect what happens when the client's liveliness token goes.
+     * @param onDisconnect what happens when the client's liveliness token goes, or it calls `leave`.
+     * @param graceS how long the token may be away before that; whoever is back within it goes on.
      * @param startLine number of the first line that will run.
      * @param before lines 1 … start_line - 1, read for their modal state only; nothing of them moves.
      * @param resumeOf id of an earlier program; its journaled lines before `start_line` serve as `before`.
@@ -949,66 +960,71 @@ public final class Messages {
      * @param outputs of a start in the middle, as in `ContinueRequest`.
      */
     public record OpenRequest(
-            String name, List<Long> axes, OnDisconnect onDisconnect, long startLine, List<String> before, String
-            resumeOf, boolean step, boolean hold, String sha256, boolean way, Outputs outputs) {
+            String name, List<Long> axes, OnDisconnect onDisconnect, double graceS, long startLine, List<String> before,
+            String resumeOf, boolean step, boolean hold, String sha256, boolean way, Outputs outputs) {
         /** All that may be left out as the server has it. */
         public OpenRequest() {
-            this("", null, OnDisconnect.STOP, 1, List.of(), null, false, false, null, false, null);
+            this("", null, OnDisconnect.STOP, 10.0, 1, List.of(), null, false, false, null, false, null);
         }
 
         /** The same with another {@code name}. */
         public OpenRequest withName(String name) {
-            return new OpenRequest(name, axes, onDisconnect, startLine, before, resumeOf, step, hold, sha256, way, outputs);
+            return new OpenRequest(name, axes, onDisconnect, graceS, startLine, before, resumeOf, step, hold, sha256, way, outputs);
         }
 
         /** The same with another {@code axes}. */
         public OpenRequest withAxes(List<Long> axes) {
-            return new OpenRequest(name, axes, onDisconnect, startLine, before, resumeOf, step, hold, sha256, way, outputs);
+            return new OpenRequest(name, axes, onDisconnect, graceS, startLine, before, resumeOf, step, hold, sha256, way, outputs);
         }
 
         /** The same with another {@code onDisconnect}. */
         public OpenRequest withOnDisconnect(OnDisconnect onDisconnect) {
-            return new OpenRequest(name, axes, onDisconnect, startLine, before, resumeOf, step, hold, sha256, way, outputs);
+            return new OpenRequest(name, axes, onDisconnect, graceS, startLine, before, resumeOf, step, hold, sha256, way, outputs);
+        }
+
+        /** The same with another {@code graceS}. */
+        public OpenRequest withGraceS(double graceS) {
+            return new OpenRequest(name, axes, onDisconnect, graceS, startLine, before, resumeOf, step, hold, sha256, way, outputs);
         }
 
         /** The same with another {@code startLine}. */
         public OpenRequest withStartLine(long startLine) {
-            return new OpenRequest(name, axes, onDisconnect, startLine, before, resumeOf, step, hold, sha256, way, outputs);
+            return new OpenRequest(name, axes, onDisconnect, graceS, startLine, before, resumeOf, step, hold, sha256, way, outputs);
         }
 
         /** The same with another {@code before}. */
         public OpenRequest withBefore(List<String> before) {
-            return new OpenRequest(name, axes, onDisconnect, startLine, before, resumeOf, step, hold, sha256, way, outputs);
+            return new OpenRequest(name, axes, onDisconnect, graceS, startLine, before, resumeOf, step, hold, sha256, way, outputs);
         }
 
         /** The same with another {@code resumeOf}. */
         public OpenRequest withResumeOf(String resumeOf) {
-            return new OpenRequest(name, axes, onDisconnect, startLine, before, resumeOf, step, hold, sha256, way, outputs);
+            return new OpenRequest(name, axes, onDisconnect, graceS, startLine, before, resumeOf, step, hold, sha256, way, outputs);
         }
 
         /** The same with another {@code step}. */
         public OpenRequest withStep(boolean step) {
-            return new OpenRequest(name, axes, onDisconnect, startLine, before, resumeOf, step, hold, sha256, way, outputs);
+            return new OpenRequest(name, axes, onDisconnect, graceS, startLine, before, resumeOf, step, hold, sha256, way, outputs);
         }
 
         /** The same with another {@code hold}. */
         public OpenRequest withHold(boolean hold) {
-            return new OpenRequest(name, axes, onDisconnect, startLine, before, resumeOf, step, hold, sha256, way, outputs);
+            return new OpenRequest(name, axes, onDisconnect, graceS, startLine, before, resumeOf, step, hold, sha256, way, outputs);
         }
 
         /** The same with another {@code sha256}. */
         public OpenRequest withSha256(String sha256) {
-            return new OpenRequest(name, axes, onDisconnect, startLine, before, resumeOf, step, hold, sha256, way, outputs);
+            return new OpenRequest(name, axes, onDisconnect, graceS, startLine, before, resumeOf, step, hold, sha256, way, outputs);
         }
 
         /** The same with another {@code way}. */
         public OpenRequest withWay(boolean way) {
-            return new OpenRequest(name, axes, onDisconnect, startLine, before, resumeOf, step, hold, sha256, way, outputs);
+            return new OpenRequest(name, axes, onDisconnect, graceS, startLine, before, resumeOf, step, hold, sha256, way, outputs);
         }
 
         /** The same with another {@code outputs}. */
         public OpenRequest withOutputs(Outputs outputs) {
-            return new OpenRequest(name, axes, onDisconnect, startLine, before, resumeOf, step, hold, sha256, way, outputs);
+            return new OpenRequest(name, axes, onDisconnect, graceS, startLine, before, resumeOf, step, hold, sha256, way, outputs);
         }
     }
 
