@@ -81,6 +81,15 @@ impl Machine {
         self.ask_within("continue_program", request, 15).await
     }
 
+    /// End this client's programs as their `on_disconnect` says, without their grace: it goes.
+    ///
+    /// # Errors
+    /// As [`Machine::refresh_info`].
+    pub async fn leave(&self) -> Result<Vec<String>> {
+        let reply: Done = self.ask_within("leave", &Nothing {}, 5).await?;
+        Ok(reply.programs)
+    }
+
     /// Send lines, and get the verdict on their words.
     ///
     /// # Errors

@@ -968,8 +968,10 @@ pub struct ContinueRequest {
     pub way: bool,
     /// set what the program had switched, or leave it as it is; none: nothing was said.
     pub outputs: Option<Outputs>,
-    /// what happens when the client's liveliness token goes.
+    /// as of `OpenRequest`.
     pub on_disconnect: OnDisconnect,
+    /// as of `OpenRequest`.
+    pub grace_s: f64,
     /// begin held.
     pub hold: bool,
 }
@@ -984,6 +986,7 @@ impl ContinueRequest {
             way: false,
             outputs: None,
             on_disconnect: OnDisconnect::Stop,
+            grace_s: 10.0,
             hold: false,
         }
     }
@@ -1381,6 +1384,10 @@ impl JogRequest {
     }
 }
 
+/// The client goes for good: what it has open ends now as its `on_disconnect` says, without a grace.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct LeaveRequest {}
+
 /// Bounds of the service.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct LimitsInfo {
@@ -1545,8 +1552,10 @@ pub struct OpenRequest {
     pub name: String,
     /// the axes to lease; none: all of the machine.
     pub axes: Option<Vec<u64>>,
-    /// what happens when the client's liveliness token goes.
+    /// what happens when the client's liveliness token goes, or it calls `leave`.
     pub on_disconnect: OnDisconnect,
+    /// how long the token may be away before that; whoever is back within it goes on.
+    pub grace_s: f64,
     /// number of the first line that will run.
     pub start_line: u64,
     /// lines 1 … start_line - 1, read for their modal state only; nothing of them moves.
@@ -1573,6 +1582,7 @@ impl OpenRequest {
             name: String::new(),
             axes: None,
             on_disconnect: OnDisconnect::Stop,
+            grace_s: 10.0,
             start_line: 1,
             before: Vec::new(),
             resume_of: None,
