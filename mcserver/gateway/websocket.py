@@ -26,8 +26,8 @@ TOKEN_SESSIONS, ADDRESS_SESSIONS = 16, 32
 BAD_FRAME, FORBIDDEN, TOO_MANY, TAKEN_OVER, NO_SERVER, SLOW = 4000, 4003, 4008, 4009, 4010, 4011
 # how long the other end may take to hear why its connection is closed
 CLOSE_S = 2.0
-# what clients say that close on purpose: in so many words, or without a reason
-CLOSED = (1000, 1005)
+# what clients say that close on purpose; a link that breaks is reported as one closed without a code
+NORMAL_CLOSURE = 1000
 
 
 class Sessions:
@@ -224,7 +224,7 @@ class Connection:
             await self._session.outbox.room()
             message = await self._socket.receive()
             if message["type"] == "websocket.disconnect":
-                self.closed_by_client = message.get("code") in CLOSED
+                self.closed_by_client = message.get("code") == NORMAL_CLOSURE
                 raise WebSocketDisconnect(message.get("code", 1006))
             written = message.get("bytes")
             if written is None:

@@ -41,7 +41,7 @@ COLUMNS: Mapping[str, tuple[str, ...]] = MappingProxyType(
             "fault BLOB",
             "opened_at REAL NOT NULL",
             "ended_at REAL",
-            # the machine as it began (`mcserver.gcode.program_state.ProgramOrigin`), whether all of its text
+            # the machine as it began (`mcserver.planning.start_state.StartState`), whether all of its text
             # is known, and the hash of that
             "origin BLOB",
             "whole INTEGER NOT NULL DEFAULT 0",

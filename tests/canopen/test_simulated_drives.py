@@ -197,9 +197,9 @@ def test_a_server_shows_its_drives_and_their_objects(simulation: Simulation, tmp
                 (2, 3, "operational"),
             ]
             assert {drive.status for drive in drives} == {"switch on disabled"}
-            assert client.sdo_read(1, 0x1008).value == "Simulated servo drive"
-            assert client.sdo_write(1, 0x6065, 0, 777).value == 777
-            assert client.sdo_read(None, 0x6065, node=2).value == 777
+            assert client.sdo_read(0x1008, axis=1).value == "Simulated servo drive"
+            assert client.sdo_write(0x6065, 777, axis=1).value == 777
+            assert client.sdo_read(0x6065, node=2).value == 777
         assert server.end(signal.SIGTERM) == 0
     finally:
         server.close()

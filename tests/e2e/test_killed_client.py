@@ -31,7 +31,7 @@ async def lines():
 
 async def main():
     async with Machine.connect(sys.argv[1], sys.argv[2]) as machine:
-        async with machine.program("doomed", [0, 1], on_disconnect=sys.argv[3]) as program:
+        async with machine.program("doomed", [0, 1], on_disconnect=sys.argv[3], grace_s=0.2) as program:
             print(program.id, flush=True)
             await program.send_lines(lines())
 

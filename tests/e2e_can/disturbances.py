@@ -112,7 +112,7 @@ def nothing(_: Cell) -> None:
 async def read_an_object(machine: Machine) -> str:
     """As `mcctl` does; gives the code of the refusal."""
     try:
-        await machine.sdo_read(VICTIM, STATUSWORD)
+        await machine.sdo_read(STATUSWORD, axis=VICTIM)
     except RequestRefused as refused:
         return refused.code
     return ""

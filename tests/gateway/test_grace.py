@@ -23,6 +23,8 @@ class FakeSession:
         self.outbox = Outbox()
         self.connection: object | None = None
         self.closed = False
+        self.grace_s = websocket.GRACE_S
+        self.there: list[bool] = []
 
     @classmethod
     async def open(cls, *_: object) -> FakeSession:
@@ -30,6 +32,15 @@ class FakeSession:
 
     def end_subscriptions(self) -> None:
         self.outbox.clear()
+
+    def back(self) -> None:
+        self.there.append(True)
+
+    def away(self) -> None:
+        self.there.append(False)
+
+    async def leave(self) -> None:
+        self.there.clear()
 
     async def close(self) -> None:
         self.closed = True

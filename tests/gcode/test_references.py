@@ -130,7 +130,11 @@ def resolves(reference: str) -> bool:
         for node in body.body
         if isinstance(node, ast.AnnAssign) and isinstance(node.target, ast.Name)
     }
-    return len(parts) == 2 and parts[1] in members
+    if len(parts) == 2 and parts[1] in members:
+        return True
+    # inherited, from a class of another module
+    bases = [names.get(base.id) for base in body.bases if isinstance(base, ast.Name)]
+    return any(isinstance(base, str) and resolves(".".join([base, *parts[1:]])) for base in bases)
 
 
 def test_every_dotted_reference_leads_to_a_module_or_a_name_in_one() -> None:

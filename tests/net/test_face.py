@@ -138,7 +138,7 @@ async def test_an_emergency_stop_is_confirmed_by_an_event(rig: Rig, client: Wire
 async def test_a_client_whose_token_goes_loses_its_programs(rig: Rig, client: WireClient) -> None:
     other = WireClient(rig.endpoint, "bench", "fragile")
     token = other.session.liveliness().declare_token(f"{other.root}/client/fragile")
-    program = (await other.call("open"))["program"]
+    program = (await other.call("open", grace_s=0.0))["program"]
     acks = client.subscribe(f"ack/{program}")
     events = client.subscribe("event")
     await client.call("status")

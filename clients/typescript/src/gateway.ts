@@ -12,7 +12,7 @@ export interface Socket {
   onclose: ((event: any) => void) | null;
   onerror: ((event: any) => void) | null;
   send(data: Uint8Array): void;
-  close(): void;
+  close(code?: number): void;
 }
 
 export interface ConnectOptions {
@@ -34,6 +34,8 @@ const TOO_MUCH = "MC071";
 const BUSY_MS = 100;
 /** Code of a connection that the gateway ends for a frame that is none. */
 const BAD_FRAME = 4000;
+/** That it does not come back: its programs end now. */
+const NORMAL_CLOSURE = 1000;
 
 /**
  * One client of a gateway. A connection that breaks is made anew: calls without an answer are sent again with the same
@@ -84,7 +86,7 @@ export class Gateway {
   /** Ends the connection; programs still open end as their on_disconnect says, after the gateway's grace. */
   close(): void {
     this.#closed = true;
-    this.#socket?.close();
+    this.#socket?.close(NORMAL_CLOSURE);
     for (const pending of this.#pending.values()) {
       clearTimeout(pending.timer);
       pending.reject(new NobodyAnswers("MC539", "the client is closed"));
