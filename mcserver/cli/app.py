@@ -187,6 +187,9 @@ def _out_of_resources(error: BaseException) -> McError | None:
         lacking = _LACKS[errno.ENOMEM]
     elif isinstance(error, RuntimeError) and "can't start new thread" in str(error):
         lacking = "memory or threads"
+    elif isinstance(error, ImportError) and ("map segment" in str(error) or "allocate memory" in str(error)):
+        # a library that is loaded late
+        lacking = _LACKS[errno.ENOMEM]
     elif isinstance(error, OSError):
         lacking = _LACKS.get(error.errno or 0, "")
     if not lacking:

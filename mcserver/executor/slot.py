@@ -197,12 +197,11 @@ class ProgramSlot:
     def stall(self, seconds: float, limit: float) -> None:
         """End the program where it is: the drives got no setpoint for a time, and stand.
 
-        One that is held or paused, with nothing that moves, goes on when it is resumed.
+        One that is held, or has nothing that moves (paused, or out of lines), goes on.
         """
         motions = self.cycle.motions
-        stands = self._state is SlotState.HELD or (
-            self._state is SlotState.PAUSED and not motions.owned_by(self.index)
-        )
+        moves = self.playback.active or motions.owned_by(self.index)
+        stands = self._state is SlotState.HELD or not moves
         if not self.running or not self._started or stands:
             return
         motions.rest(motions.owned_by(self.index))

@@ -289,7 +289,10 @@ def _needs(
         needs.append(Need("MC592", message, "jog there, then confirm the way", "way"))
     if away and not by_machine:
         message = f"{', '.join(away)} stand elsewhere than where the program has them before this line"
-        hint = "jog them there, or confirm the way; [recovery] of the machine file names a safe one"
+        hint = (
+            "jog them there, or confirm the way; [recovery] of the machine file names one for programs "
+            "that have its safe axis"
+        )
         needs.append(Need("MC592", message, hint, "way"))
     if switched:
         names = ", ".join(f"{each.name} {each.there:g} {each.unit}".rstrip() for each in switched)

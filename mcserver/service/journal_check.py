@@ -191,6 +191,9 @@ def refusal(path: Path, reason: str) -> ServiceError:
     )
 
 
+UNRECORDED = "the record of its commits (-commits) is missing or damaged: what was written last may be lost"
+
+
 def examine(content: JournalContent, record: CommitCount | None) -> Findings:
     """Check everything that a journal holds.
 
@@ -237,7 +240,11 @@ def examine(content: JournalContent, record: CommitCount | None) -> Findings:
     if missing:
         damage.append(f"its last {missing} transactions are lost")
         named |= set(record.programs) if record is not None else set()
-    unsure = bool(missing) or "programs" in content.broken or "programs" in uncounted
+    # without the record nobody knows whether a later transaction is lost
+    unrecorded = record is None and commits > 0
+    if unrecorded:
+        damage.append(UNRECORDED)
+    unsure = bool(missing) or unrecorded or "programs" in content.broken or "programs" in uncounted
     kept = {
         program
         for program, row in programs.items()

@@ -18,7 +18,7 @@ import msgspec
 
 from mcserver.errors import ServiceError
 from mcserver.service.commit_record import CommitCount, CommitRecord, read_commit_record
-from mcserver.service.journal_check import Findings, JournalContent, examine, opened, refusal
+from mcserver.service.journal_check import UNRECORDED, Findings, JournalContent, examine, opened, refusal
 from mcserver.service.journal_file import (
     COMMITS,
     SCHEMA_VERSION,
@@ -126,7 +126,8 @@ def _gone(path: Path, record: CommitCount | None) -> Damage | None:
         source.replace(target)
     lost = () if record is None else record.programs
     CommitRecord(path, 0, lost).close()
-    return Damage(_said(["its database is gone"], list(lost)), kept, tuple(lost))
+    damage = ["its database is gone"] if record is not None else ["its database is gone", UNRECORDED]
+    return Damage(_said(damage, list(lost)), kept, tuple(lost))
 
 
 def _copied(content: JournalContent, found: Findings, path: Path) -> Path:
@@ -182,6 +183,8 @@ def _kept_name(path: Path) -> Path:
 
 
 def _said(damage: list[str], lost: list[str]) -> str:
+    if not lost and UNRECORDED in damage:
+        return f"{'; '.join(damage)}, and whether programs are lost is not known"
     if not lost:
         return f"{'; '.join(damage)}; no program is lost"
     more = f" and {len(lost) - NAMED} more" if len(lost) > NAMED else ""

@@ -21,7 +21,7 @@ from mcclient.types import (
 )
 from rich.console import Console
 
-from tests.told import told
+from tests.wire_values import wire_value
 
 INPUTS = (
     InputInfo("door", 1, "digital", hold=True, source="can0 node 5 6000h:01 bit 3"),
@@ -35,8 +35,10 @@ def shown(
     inputs: tuple[InputStatus, ...] = (),
     outputs: tuple[OutputStatus, ...] = (),
 ) -> list[list[str]]:
-    described = told(Info, "m", "0", (1,), "i", 0.0, 1e-3, inputs=info[0], outputs=info[1])
-    status = told(MachineStatus, 0.0, 0.0, "i", "ready", told(AxesStatus), inputs=inputs, outputs=outputs)
+    described = wire_value(Info, "m", "0", (1,), "i", 0.0, 1e-3, inputs=info[0], outputs=info[1])
+    status = wire_value(
+        MachineStatus, 0.0, 0.0, "i", "ready", wire_value(AxesStatus), inputs=inputs, outputs=outputs
+    )
     text = io.StringIO()
     Console(file=text, width=120).print(channels_view(described, status))
     return [line.split() for line in text.getvalue().splitlines()]

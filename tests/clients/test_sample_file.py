@@ -14,12 +14,12 @@ from mcclient.types import AxisInfo, Info, LimitsInfo, TelemetryInfo
 
 from mcserver.recorder.channels import cycle_fields
 from mcserver.recorder.reading import read_recording
-from tests.told import told
+from tests.wire_values import wire_value
 
 
 def info() -> Info:
-    axes = [told(AxisInfo, index, "linear", "mm", 1.0, 1.0, "ideal") for index in (0, 2)]
-    return told(
+    axes = [wire_value(AxisInfo, index, "linear", "mm", 1.0, 1.0, "ideal") for index in (0, 2)]
+    return wire_value(
         Info,
         machine="cell",
         server="0",
@@ -29,8 +29,8 @@ def info() -> Info:
         cycle_s=0.001,
         axes=axes,
         tools=[],
-        telemetry=told(TelemetryInfo, [0, 2], ["setpoint", "position", "velocity", "torque"], 10, 20.0),
-        limits=told(LimitsInfo, 1, 1, 1, 1, 1, 1, 1.0),
+        telemetry=wire_value(TelemetryInfo, [0, 2], ["setpoint", "position", "velocity", "torque"], 10, 20.0),
+        limits=wire_value(LimitsInfo, 1, 1, 1, 1, 1, 1, 1.0),
         methods=[],
     )
 

@@ -6,14 +6,14 @@ from mcclient.cli.tables import machine_view
 from mcclient.types import AxesStatus, Info, MachineStatus, ToolPose
 from rich.console import Console
 
-from tests.told import told
+from tests.wire_values import wire_value
 
-INFO = told(Info, machine="dog", server="1", protocol=(1,), instance="i", epoch=0.0, cycle_s=0.001)
-FOOT = told(ToolPose, number=3, position=(-159.0, -400.0, 12.3456), orientation=(-8.913, 0.0, 90.0))
+INFO = wire_value(Info, machine="dog", server="1", protocol=(1,), instance="i", epoch=0.0, cycle_s=0.001)
+FOOT = wire_value(ToolPose, number=3, position=(-159.0, -400.0, 12.3456), orientation=(-8.913, 0.0, 90.0))
 
 
 def shown(*tools: ToolPose) -> str:
-    status = told(MachineStatus, 0.0, 0.0, "i", "ready", told(AxesStatus), tools=tools)
+    status = wire_value(MachineStatus, 0.0, 0.0, "i", "ready", wire_value(AxesStatus), tools=tools)
     console = Console(width=100, color_system=None)
     with console.capture() as capture:
         console.print(machine_view("dog", INFO, status))

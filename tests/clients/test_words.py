@@ -20,18 +20,18 @@ from mcclient.errors import RequestRefused
 from mcclient.transport import plain
 from mcclient.types import AxisInfo, Info, ProgramStatus
 
-from tests.told import told
+from tests.wire_values import wire_value
 
 Run = Callable[..., tuple[int, str, str]]
 AXES = tuple(
-    told(AxisInfo, index, "linear", "mm", max_velocity=100.0, max_acceleration=1.0, drive="ideal")
+    wire_value(AxisInfo, index, "linear", "mm", max_velocity=100.0, max_acceleration=1.0, drive="ideal")
     for index in (0, 1, 7)
 )
-INFO = told(Info, "cell", "1", (1,), "i", 0.0, 0.001, axes=AXES)
+INFO = wire_value(Info, "cell", "1", (1,), "i", 0.0, 0.001, axes=AXES)
 
 
 def program(name: str, axes: tuple[int, ...], state: str, opened_at: float) -> ProgramStatus:
-    return told(ProgramStatus, f"id-{name}", state, name=name, axes=axes, opened_at=opened_at)
+    return wire_value(ProgramStatus, f"id-{name}", state, name=name, axes=axes, opened_at=opened_at)
 
 
 def snapshot(state: str, **more: Any) -> Snapshot:

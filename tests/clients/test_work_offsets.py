@@ -10,7 +10,7 @@ from rich.console import Console
 from mcserver.machine.machine_file import load_machine
 from mcserver.net.status import EdgeUnits
 from mcserver.units import MM
-from tests.told import told
+from tests.wire_values import wire_value
 
 
 def test_the_status_names_the_systems_that_were_set_in_mm_and_deg() -> None:
@@ -24,13 +24,13 @@ def test_the_status_names_the_systems_that_were_set_in_mm_and_deg() -> None:
 
 
 def test_people_see_where_the_axes_are_in_g54_and_where_each_system_reads_zero() -> None:
-    axes = told(AxesStatus,
+    axes = wire_value(AxesStatus,
         index=(0, 2), position=(30.0, 5.0), setpoint=(30.0, 5.0), velocity=(0.0, 0.0), torque=(0.0, 0.0),
         state=("off", "off"),
     )  # fmt: skip
     offsets = (WorkOffset("G54", {"0": 12.5}), WorkOffset("G55", {"0": 1.0, "2": -2.0}))
-    status = told(MachineStatus, 0.0, 0.0, "i", "ready", axes, work_offsets=offsets)
-    info = told(Info, "cell", "1", (1,), "i", 0.0, 0.001)
+    status = wire_value(MachineStatus, 0.0, 0.0, "i", "ready", axes, work_offsets=offsets)
+    info = wire_value(Info, "cell", "1", (1,), "i", 0.0, 0.001)
     console = Console(width=120, color_system=None)
     with console.capture() as capture:
         console.print(machine_view("cell", info, status))

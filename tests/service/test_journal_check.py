@@ -204,11 +204,33 @@ def test_after_a_power_cut_only_what_the_disk_had_is_missed(
     assert later.least == later.synced
 
 
-def test_without_the_count_beside_it_a_journal_is_used_as_it_is(tmp_path: Path) -> None:
+@pytest.mark.parametrize("damaged", [False, True])
+def test_without_the_count_beside_it_programs_that_had_not_ended_are_set_aside(
+    tmp_path: Path, damaged: bool
+) -> None:
     path = tmp_path / "journal.db"
     stopped(path)
-    commit_record_path(path).unlink()
+    if damaged:
+        commit_record_path(path).write_bytes(b"\xff" * 64)
+    else:
+        commit_record_path(path).unlink()
+    damage = prepared(path)
+    assert damage.lost == ("running",)
+    assert "-commits" in damage.message
+    assert programs_of(path) == ["ended"]
     assert prepare_journal(path) is None
+
+
+def test_where_database_and_count_are_gone_nobody_says_that_nothing_is_lost(tmp_path: Path) -> None:
+    path = tmp_path / "journal.db"
+    writer = ended_and_running(path)
+    writer.journal.write_pending()
+    for name in (path.name, commit_record_path(path).name):
+        (tmp_path / name).unlink()
+    damage = prepare_journal(path)
+    writer.journal.close()
+    if damage is not None:
+        assert "no program is lost" not in damage.message
 
 
 def test_a_journal_of_an_older_version_is_brought_up_to_date(tmp_path: Path) -> None:

@@ -10,6 +10,7 @@ import pytest
 
 from mcserver.errors import RejectedLines, ServiceError
 from mcserver.executor.entries import EventKind
+from mcserver.executor.fault_codes import FaultCode
 from mcserver.gcode.semantics.modal import ModalState
 from mcserver.service.program import Program
 from mcserver.service.reports import Fault
@@ -241,6 +242,18 @@ async def test_a_fault_of_an_idle_axis_ends_no_program_and_one_of_the_machine_al
     ack = await bench.until_acked(program.program, state="faulted")
     assert ack.fault is not None
     assert ack.fault.code == "MC413"
+
+
+async def test_a_stall_of_the_cycle_ends_only_the_programs_that_the_executor_names(bench: Bench) -> None:
+    held = await bench.service.open("hmi", axes=[0])
+    moving = await bench.service.open("hmi", axes=[1])
+    for program in (held, moving):
+        await bench.service.lines.submit("hmi", program.program, 1, ["wait"])
+    stalled = int(FaultCode.CYCLE_STALLED)
+    bench.port.happen(EventKind.FAULT, -1, 0, code=stalled, axis=-1, values=(0.2, 0.05))
+    bench.port.happen(EventKind.FAULT, moving.slot or 0, 1, code=stalled, axis=-1, values=(0.2, 0.05))
+    await bench.until_acked(moving.program, state="faulted")
+    assert held.state == "running"
 
 
 async def test_a_fault_ends_the_program_and_names_axis_and_line(bench: Bench) -> None:

@@ -10,9 +10,9 @@ from mcclient.types import AxesStatus, DiskStatus, ProgramStatus
 
 from mcserver.web.announcements import Announcer, title_of
 from mcserver.web.panels.notices import notices_of
-from tests.told import told
+from tests.wire_values import wire_value
 
-AXES = told(
+AXES = wire_value(
     AxesStatus,
     index=(0, 1),
     position=(0.0, 5.0),
@@ -24,7 +24,7 @@ AXES = told(
 
 
 def state(*programs: ProgramStatus, faults: tuple[Fault, ...] = ()) -> MachineStatus:
-    return told(
+    return wire_value(
         MachineStatus,
         t=1.0,
         wall=0.0,
@@ -40,7 +40,7 @@ def part(
     word: str, *, lasted: float | None = None, notice: str = "", fault: Fault | None = None
 ) -> ProgramStatus:
     ended = None if lasted is None else 100.0 + lasted
-    return told(
+    return wire_value(
         ProgramStatus,
         "p-1",
         word,
@@ -124,7 +124,7 @@ def test_a_machine_that_is_away_says_why_and_what_is_shown_then(
 
 
 def test_a_tab_says_how_far_a_program_is_and_else_what_is_wrong() -> None:
-    running = told(ProgramStatus, "p-1", "running", progress=0.434)
+    running = wire_value(ProgramStatus, "p-1", "running", progress=0.434)
     assert title_of("cell-1", "running", running) == "43 % running · cell-1"
-    assert title_of("cell-1", "ready", told(ProgramStatus, "p-1", "finished", progress=1.0)) == "cell-1"
+    assert title_of("cell-1", "ready", wire_value(ProgramStatus, "p-1", "finished", progress=1.0)) == "cell-1"
     assert title_of("cell-1", "EMERGENCY STOP", None) == "EMERGENCY STOP · cell-1"

@@ -41,9 +41,9 @@ from mcserver.web.panels.picture import tips_of
 from mcserver.web.panels.positions import WHY, offsets_html, positions_html, system_name
 from mcserver.web.replay import MOST_ROWS, main, replay_of
 from mcserver.web.signals import signals_of, value_of
-from tests.told import told
+from tests.wire_values import wire_value
 
-AXES = told(
+AXES = wire_value(
     AxesStatus,
     index=(0, 7),
     position=(12.0, 90.0),
@@ -53,18 +53,18 @@ AXES = told(
     state=("moving", "off"),
     homed=(True, False),
 )
-STATUS = told(
+STATUS = wire_value(
     MachineStatus,
     t=5.0,
     wall=1000.0,
     instance="one",
     state="ready",
     axes=AXES,
-    tools=(told(ToolPose, 3, (1.0, 2.0, 3.0), (10.0, 20.0, 30.0)),),
+    tools=(wire_value(ToolPose, 3, (1.0, 2.0, 3.0), (10.0, 20.0, 30.0)),),
     inputs=(InputStatus("door", 1.0),),
     work_offsets=(WorkOffset("G54", {"0": 10.0}), WorkOffset("G55", {"0": 99.0})),
 )
-INFO = told(
+INFO = wire_value(
     Info,
     machine="cell-1",
     server="0",
@@ -72,8 +72,8 @@ INFO = told(
     instance="one",
     epoch=0.0,
     cycle_s=1e-3,
-    axes=(told(AxisInfo, 0, "linear", "mm", homing="switch"), told(AxisInfo, 7, "rotary", "deg")),
-    tools=(told(ToolInfo, 3, "foot"),),
+    axes=(wire_value(AxisInfo, 0, "linear", "mm", homing="switch"), wire_value(AxisInfo, 7, "rotary", "deg")),
+    tools=(wire_value(ToolInfo, 3, "foot"),),
     inputs=(InputInfo("door", 0, "digital"),),
 )
 
@@ -125,7 +125,7 @@ def test_each_work_offset_that_was_set_is_listed() -> None:
     assert "<b>G54</b> reads zero at X 10.000 mm" in text
     assert (
         offsets_html(
-            told(MachineStatus, t=0.0, wall=0.0, instance="i", state="ready", axes=STATUS.axes), INFO
+            wire_value(MachineStatus, t=0.0, wall=0.0, instance="i", state="ready", axes=STATUS.axes), INFO
         )
         == ""
     )
@@ -134,8 +134,8 @@ def test_each_work_offset_that_was_set_is_listed() -> None:
 @pytest.mark.parametrize(("state", "refused"), [("queued", True), ("held", True), ("finished", False)])
 def test_zero_is_refused_as_mcctl_refuses_it_while_a_program_is_open(state: str, refused: bool) -> None:
     programs = (
-        told(ProgramStatus, "p-1", "finished"),
-        told(ProgramStatus, "p-2", state, name="part.gcode", client="hmi"),
+        wire_value(ProgramStatus, "p-1", "finished"),
+        wire_value(ProgramStatus, "p-2", state, name="part.gcode", client="hmi"),
     )
     refusal = refusal_of(programs, WHY)
     assert (refusal is not None) is refused
@@ -146,14 +146,14 @@ def test_zero_is_refused_as_mcctl_refuses_it_while_a_program_is_open(state: str,
 
 def test_homing_says_what_it_is_at_only_while_its_program_runs() -> None:
     searching = [event("axis.homing", axis=0, message="searching the switch", program="h1")]
-    running = told(
+    running = wire_value(
         MachineStatus,
         t=5.0,
         wall=0.0,
         instance="one",
         state="ready",
         axes=AXES,
-        programs=(told(ProgramStatus, "h1", "running"),),
+        programs=(wire_value(ProgramStatus, "h1", "running"),),
     )
     assert phase_of(link(events=searching, status=running), 0, homed=False) == "searching the switch"
     assert phase_of(link(events=searching), 0, homed=False) == "not homed"
@@ -162,7 +162,7 @@ def test_homing_says_what_it_is_at_only_while_its_program_runs() -> None:
 
 
 def test_a_fault_leads_to_the_black_box_that_was_written_after_it() -> None:
-    status = told(
+    status = wire_value(
         MachineStatus,
         t=9.0,
         wall=0.0,
@@ -202,8 +202,8 @@ def test_an_event_of_before_a_restart_is_shown_at_the_time_when_it_happened() ->
 
 
 def test_people_are_listed_with_what_they_hold_and_nobody_s_name_is_markup() -> None:
-    program = told(ProgramStatus, "p1", "running", client="<b>eve</b>", name="a.nc", axes=(0, 7))
-    status = told(
+    program = wire_value(ProgramStatus, "p1", "running", client="<b>eve</b>", name="a.nc", axes=(0, 7))
+    status = wire_value(
         MachineStatus, t=5.0, wall=0.0, instance="one", state="ready", axes=AXES, programs=(program,)
     )
     commands = [
@@ -228,7 +228,7 @@ def test_people_are_listed_with_what_they_hold_and_nobody_s_name_is_markup() -> 
 
 def test_tips_are_the_tools_or_the_first_axes() -> None:
     assert tips_of(STATUS) == {"T3": [1.0, 2.0, 3.0]}
-    plain = told(MachineStatus, t=5.0, wall=0.0, instance="one", state="ready", axes=AXES)
+    plain = wire_value(MachineStatus, t=5.0, wall=0.0, instance="one", state="ready", axes=AXES)
     assert tips_of(plain) == {"": [12.0, 0.0, 0.0]}
 
 
@@ -240,17 +240,17 @@ def test_a_path_from_a_line_on_leaves_out_what_comes_before() -> None:
 
 def test_a_dry_run_says_duration_travel_slow_lines_and_faults() -> None:
     lines = (
-        told(LineReport, 7, stretched_by=2.0, bound_by="axis 2 acceleration"),
-        told(LineReport, 8, stretched_by=1.0),
+        wire_value(LineReport, 7, stretched_by=2.0, bound_by="axis 2 acceleration"),
+        wire_value(LineReport, 8, stretched_by=1.0),
     )
     axes = {"0": AxisTravel(5.0, 0.0, 10.0, "mm"), "1": AxisTravel(0.0, 0.0, 0.0, "mm")}
-    text = report_html("", told(SimulateReply, True, 65.0, 100.0, lines, axes))
+    text = report_html("", wire_value(SimulateReply, True, 65.0, 100.0, lines, axes))
     assert "1:05" in text
     assert "line 7: 2.00 × its time, axis 2 acceleration" in text
     assert "<td>X</td>" in text
     assert "<td>Y</td>" not in text
     fault = Diagnostic("MC104", "<no>", 1, hint="h")
-    refused = report_html("G02 R1", told(SimulateReply, False, 65.0, diagnostics=(fault,)))
+    refused = report_html("G02 R1", wire_value(SimulateReply, False, 65.0, diagnostics=(fault,)))
     assert "&lt;no&gt; [MC104]" in refused
     assert "1:05" not in refused
 

@@ -16,17 +16,23 @@ from mcserver.web.formatting import (
     program_excerpt,
     remaining_text,
 )
-from tests.told import told
+from tests.wire_values import wire_value
 
 
 def status(state: str = "ready", *programs: ProgramStatus) -> MachineStatus:
-    return told(
-        MachineStatus, t=0.0, wall=0.0, instance="i", state=state, axes=told(AxesStatus), programs=programs
+    return wire_value(
+        MachineStatus,
+        t=0.0,
+        wall=0.0,
+        instance="i",
+        state=state,
+        axes=wire_value(AxesStatus),
+        programs=programs,
     )
 
 
 def program(name: str, state: str, opened_at: float = 0.0) -> ProgramStatus:
-    return told(ProgramStatus, name, state, opened_at=opened_at)
+    return wire_value(ProgramStatus, name, state, opened_at=opened_at)
 
 
 @pytest.mark.parametrize(
@@ -80,10 +86,10 @@ def test_a_program_cannot_put_markup_into_the_page() -> None:
 
 
 def test_the_time_left_is_a_lower_bound_where_only_what_is_planned_is_known() -> None:
-    known = told(ProgramStatus, "p", "running", eta_s=65.0, duration_s=100.0)
+    known = wire_value(ProgramStatus, "p", "running", eta_s=65.0, duration_s=100.0)
     assert remaining_text(known) == "1:05"
-    assert remaining_text(told(ProgramStatus, "p", "running", eta_s=65.0)) == "≥ 1:05"
-    assert remaining_text(told(ProgramStatus, "p", "running")) == "–"
+    assert remaining_text(wire_value(ProgramStatus, "p", "running", eta_s=65.0)) == "≥ 1:05"
+    assert remaining_text(wire_value(ProgramStatus, "p", "running")) == "–"
 
 
 def test_remedies_name_the_page_s_buttons_and_no_commands() -> None:

@@ -10,14 +10,14 @@ from mcclient.types import AxesStatus, MachineStatus, ProgramStatus
 
 from mcserver.web.fleet import Fleet, Seen
 from mcserver.web.metrics import metrics_text
-from tests.told import told
+from tests.wire_values import wire_value
 
 DASHBOARD = Path(__file__).parents[2] / "deploy" / "grafana" / "machines.json"
 
 
 def exported(tmp_path: Path) -> dict[str, set[str]]:
     """Labels of every metric of a machine that runs a program."""
-    program = told(
+    program = wire_value(
         ProgramStatus,
         program="p",
         state="running",
@@ -35,8 +35,8 @@ def exported(tmp_path: Path) -> dict[str, set[str]]:
         opened_at=0.0,
         eta_s=1.0,
     )
-    axes = told(AxesStatus, [0], [1.0], [1.0], [0.0], [0.0], ["moving"])
-    status = told(MachineStatus, 0.0, 0.0, "i", "ready", axes, [program], [])
+    axes = wire_value(AxesStatus, [0], [1.0], [1.0], [0.0], [0.0], ["moving"])
+    status = wire_value(MachineStatus, 0.0, 0.0, "i", "ready", axes, [program], [])
     fleet = Fleet((), None, tmp_path)
     seen = fleet.machines["cell"] = Seen("cell")
     seen.status = status

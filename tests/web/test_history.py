@@ -15,7 +15,7 @@ from mcclient.types import AxesStatus, Fault, LineReport, MachineStatus
 
 from mcserver.errors import ServiceError
 from mcserver.web.history import SPOOL, HistoryFolder, event_rows, state_row
-from tests.told import told
+from tests.wire_values import wire_value
 
 DAY_S = 86_400.0
 NOON = 1_773_489_600.0  # 2026-03-14 12:00 UTC
@@ -48,8 +48,8 @@ class Clock:
 
 
 def status(t: float) -> MachineStatus:
-    axes = told(AxesStatus, [0, 3], [t, 2.0], [t, 2.0], [0.0, 0.0], [0.1, 0.2], ["moving", "off"])
-    return told(MachineStatus, t, NOON + t, "i", "ready", axes, [], [])
+    axes = wire_value(AxesStatus, [0, 3], [t, 2.0], [t, 2.0], [0.0, 0.0], [0.1, 0.2], ["moving", "off"])
+    return wire_value(MachineStatus, t, NOON + t, "i", "ready", axes, [], [])
 
 
 def folder_of(path: Path, clock: Callable[[], float] | None = None) -> HistoryFolder:

@@ -13,7 +13,7 @@ from mcclient.types import SimulateReply
 from mcserver.web.jobs import JobQueue, JobState
 from mcserver.web.link import MachineLink
 from mcserver.web.store import ProgramStore
-from tests.told import told
+from tests.wire_values import wire_value
 
 
 class Opened:
@@ -45,7 +45,7 @@ class Bench:
         return SimpleNamespace(axes=SimpleNamespace(index=(0,), setpoint=(0.0,)))
 
     async def simulate(self, *_: object, **__: object) -> SimulateReply:
-        return told(SimulateReply)
+        return wire_value(SimulateReply)
 
     async def check(self, *_: object, **__: object) -> Any:
         self.checking.set()

@@ -18,7 +18,7 @@ from mcserver.machine.machine_file import load_machine
 from mcserver.net.model_methods import look
 from mcserver.web.recorded_files import KEPT, RecordedFiles
 from mcserver.web.robot_model import fetch_model
-from tests.told import told
+from tests.wire_values import wire_value
 
 
 class Server:
@@ -28,7 +28,7 @@ class Server:
         self.answer = model
         self.asked = 0
         self.sizes = {"one": 3}
-        self.info = told(Info, "m", "0", (1,), "i", 0.0, 1e-3, tools=tools)
+        self.info = wire_value(Info, "m", "0", (1,), "i", 0.0, 1e-3, tools=tools)
 
     async def model(self) -> ModelReply:
         self.asked += 1
@@ -38,8 +38,8 @@ class Server:
         raise AssertionError(mesh)
 
     async def recordings(self) -> RecordingsReply:
-        found = tuple(told(RecordingInfo, name=name, size=size) for name, size in self.sizes.items())
-        return told(RecordingsReply, found, None)
+        found = tuple(wire_value(RecordingInfo, name=name, size=size) for name, size in self.sizes.items())
+        return wire_value(RecordingsReply, found, None)
 
     async def read_recording(self, name: str) -> AsyncIterator[tuple[bytes, int]]:
         assert name in self.sizes
@@ -48,7 +48,7 @@ class Server:
 
 def model_of(name: str) -> tuple[dict[str, Any], tuple[ToolInfo, ...]]:
     machine = load_machine(name)
-    tools = tuple(told(ToolInfo, tool.number, tool.frame, tuple(tool.axes)) for tool in machine.tools)
+    tools = tuple(wire_value(ToolInfo, tool.number, tool.frame, tuple(tool.axes)) for tool in machine.tools)
     return cast("dict[str, Any]", msgspec.to_builtins(look(machine)[0])), tools
 
 

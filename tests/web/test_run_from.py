@@ -6,7 +6,7 @@ from mcclient.types import AxisStart, Continuation, Need, ProgramStatus, Switche
 
 from mcserver.web.jobs import Middle
 from mcserver.web.panels.run_from import answers_to, broken_off, continuation_html
-from tests.told import told
+from tests.wire_values import wire_value
 
 WAY = Need("MC592", "X stands elsewhere", "jog there", "way")
 OUTPUTS = Need("MC593", "the program had switched coolant", "say", "outputs")
@@ -14,7 +14,7 @@ LOST = Need("MC450", "axes that do not know where they are: X", "home them first
 
 
 def test_where_the_axes_are_and_the_way_between_is_shown() -> None:
-    shown = told(
+    shown = wire_value(
         Continuation,
         state=None,
         sha256=None,
@@ -44,7 +44,7 @@ def test_each_answer_has_a_button_and_what_cannot_be_confirmed_has_none() -> Non
 
 def test_the_newest_program_that_was_broken_off_can_go_on_unless_something_runs() -> None:
     def ran(name: str, state: str, opened: float, done: int = 3) -> ProgramStatus:
-        return told(ProgramStatus, name, state, name=name, accepted=9, done=done, opened_at=opened)
+        return wire_value(ProgramStatus, name, state, name=name, accepted=9, done=done, opened_at=opened)
 
     part = ran("part.nc", "interrupted", 1.0)
     assert broken_off([ran("jog axis 0", "finished", 2.0, 9), part]) == part

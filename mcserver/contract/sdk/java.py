@@ -118,7 +118,7 @@ def _constant(word: str) -> str:
 
 
 def _record(message: Message) -> str:
-    told = [(camel(each.name), each.doc) for each in message.fields if each.doc]
+    notes = [(camel(each.name), each.doc) for each in message.fields if each.doc]
     components = ", ".join(
         f"{_rule(each, message.sent)}{_java(each.type)} {camel(each.name)}" for each in message.fields
     )
@@ -131,7 +131,7 @@ def _record(message: Message) -> str:
     )
     body = _constructors(message) if message.sent else ""
     closing = f"\n{body}}}\n" if body else "}\n"
-    return indent(f"{_doc(message.doc, told)}{text}{closing}", "    ")
+    return indent(f"{_doc(message.doc, notes)}{text}{closing}", "    ")
 
 
 def _constructors(message: Message) -> str:
@@ -234,14 +234,14 @@ def _facts(model: Model) -> str:
 
 def _call(call: Call) -> str:
     fields, request = call.request.fields, call.request.name
-    argument, params, told = "", "Map.of()", []
+    argument, params, notes = "", "Map.of()", []
     if len(fields) == 1:
         name = camel(fields[0].name)
         argument, params = (
             f"{_outside(fields[0].type)} {name}",
             f"Wire.params(new Messages.{request}({name}))",
         )
-        told = [(name, fields[0].doc)] if fields[0].doc else []
+        notes = [(name, fields[0].doc)] if fields[0].doc else []
     elif fields:
         argument, params = f"Messages.{request} request", "Wire.params(request)"
     reply = f"Messages.{call.reply.name}"
@@ -251,13 +251,14 @@ def _call(call: Call) -> str:
         result = _outside(call.result.type, boxed=True)
         then = f".thenApply({reply}::{camel(call.result.name)})"
     return indent(
-        f"{_doc(call.method.doc, told)}public CompletableFuture<{result}> {camel(call.name)}({argument}) {{\n"
+        f"{_doc(call.method.doc, notes)}"
+        f"public CompletableFuture<{result}> {camel(call.name)}({argument}) {{\n"
         f"    return {ask}{then};\n}}\n",
         "    ",
     )
 
 
-def _doc(text: str, told: list[tuple[str, str]]) -> str:
+def _doc(text: str, notes: list[tuple[str, str]]) -> str:
     def plain(each: str) -> str:
         return (
             plain_doc(each, "null")
@@ -268,7 +269,7 @@ def _doc(text: str, told: list[tuple[str, str]]) -> str:
         )
 
     lines = wrap(plain(text), WIDTH - 12)
-    for name, doc in told:
+    for name, doc in notes:
         lines += wrap(f"@param {name} {plain(doc)}", WIDTH - 12, subsequent_indent="    ")
     if len(lines) == 1:
         return f"/** {lines[0]} */\n"

@@ -246,16 +246,16 @@ def _written(field: Field) -> str:
 
 
 def _docstring(doc: str, fields: tuple[Field, ...], title: str) -> str:
-    told = [(each.name, each.doc) for each in fields if each.doc]
+    described = [(each.name, each.doc) for each in fields if each.doc]
     summary, _, rest = doc.partition(". ")
     lines = [fill(summary.removesuffix(".") + ".", WIDTH - 8)]
     if rest:
         lines += ["", fill(rest, WIDTH - 4)]
-    if told:
+    if described:
         lines += ["", f"{title}:"]
         lines += [
             fill(f"{name}: {text}", WIDTH - 8, initial_indent="    ", subsequent_indent="        ")
-            for name, text in told
+            for name, text in described
         ]
     text = "\n".join(lines)
     closing = "\n" if "\n" in text else ""

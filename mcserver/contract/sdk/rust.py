@@ -84,8 +84,8 @@ def files(model: Model) -> dict[str, str]:
 
 
 def _readers(model: Model) -> str:
-    told = [each for each in model.messages if not each.sent]
-    arms = "".join(f'        "{each.wire_name}" => reader::<messages::{each.name}>,\n' for each in told)
+    received = [each for each in model.messages if not each.sent]
+    arms = "".join(f'        "{each.wire_name}" => reader::<messages::{each.name}>,\n' for each in received)
     return (
         f"{MADE}\nuse crate::contract_tests::{{Read, reader}};\nuse crate::messages;\n\n"
         "/// The reader of a message that a server sends as a map.\n"

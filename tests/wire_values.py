@@ -11,7 +11,7 @@ T = TypeVar("T")
 EMPTY = {"str": "", "int": 0, "float": 0.0, "bool": False, "bytes": b""}
 
 
-def told(kind: type[T], *values: Any, **fields: Any) -> T:
+def wire_value(kind: type[T], *values: Any, **fields: Any) -> T:
     """Return a message; ``values`` are its first fields."""
     described = dataclasses.fields(kind)  # type: ignore[arg-type]
     given = {**{field.name: value for field, value in zip(described, values, strict=False)}, **fields}
@@ -30,4 +30,4 @@ def _empty(annotation: str) -> Any:
     if annotation in EMPTY:
         return EMPTY[annotation]
     kind = getattr(mcclient.types, annotation)
-    return told(kind) if dataclasses.is_dataclass(kind) else next(iter(kind))
+    return wire_value(kind) if dataclasses.is_dataclass(kind) else next(iter(kind))
