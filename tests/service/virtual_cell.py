@@ -32,7 +32,7 @@ from mcserver.simulation.virtual_executor import VirtualExecutor
 from tests.service.fakes import LoopPlanner
 
 CYCLES_A_TURN = 50
-TURNS = 8000
+TURNS = 60_000
 
 
 class _Faces:
