@@ -186,11 +186,8 @@ def test_a_link_that_is_cut_while_lines_stream_loses_and_repeats_nothing(
     code, said = outcome(process)
     link.close()
     known = machine.programs(opened)[0]
-    if program.through == "gateway":
-        assert (code, said[-1]) == (0, {"state": "finished", "accepted": LINES, "done": LINES})
-    else:
-        assert code == 1
-        assert said[-1]["accepted"] == known.accepted
+    # at every door a program waits for its client for its grace, which is longer than the cut
+    assert (code, said[-1]) == (0, {"state": "finished", "accepted": lines, "done": lines})
     assert machine.status().axes.setpoint[0] == pytest.approx(
         (known.accepted - len(HEAD)) * STEP_MM, abs=1e-6
     )

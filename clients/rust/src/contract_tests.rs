@@ -147,7 +147,10 @@ fn garbage_is_refused_whatever_it_is_taken_for() {
 fn samples_are_taken_apart_by_field() {
     let file = read(&folder().join("telemetry.json"));
     let mut info: Info = serde_json::from_value(json!({"machine": "m", "server": "1", "protocol": [1],
-        "instance": "i", "epoch": 0.0, "cycle_s": file["cycle_s"]}))
+        "instance": "i", "epoch": 0.0, "cycle_s": file["cycle_s"], "axes": [], "tools": [], "methods": [],
+        "telemetry": {"axes": [], "fields": [], "cycles_a_message": 10, "state_hz": 20.0},
+        "limits": {"max_line_length": 100, "max_lines_a_message": 100, "queue_lines": 100, "programs_at_once": 8,
+            "open_programs": 64, "remembered_answers": 64, "remembered_answer_s": 60.0}}))
     .unwrap();
     info.telemetry.fields = serde_json::from_value(file["fields"].clone()).unwrap();
     for vector in list(&file, "vectors") {

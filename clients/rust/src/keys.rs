@@ -98,7 +98,10 @@ mod tests {
 
     #[test]
     fn a_token_that_is_none_is_not_read() {
-        assert_eq!(machine_and_server("mc/@v1/cell/live/1f.2e"), Some(("cell", "1f.2e")));
+        assert_eq!(
+            machine_and_server("mc/@v1/cell/live/1f.2e"),
+            Some(("cell", "1f.2e"))
+        );
         for key in [
             "mc/@v1/cell/client/1f",
             "mc/@v1/cell/live",

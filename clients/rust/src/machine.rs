@@ -122,7 +122,10 @@ impl Machine {
     pub async fn close(&self) {
         if self.inner.token.initialized() {
             // a server that does not hear it sees the token go
-            let trying = Trying { deadline: LEAVE, ..Trying::default() };
+            let trying = Trying {
+                deadline: LEAVE,
+                ..Trying::default()
+            };
             let _ = self.inner.caller.call("leave", &Nothing {}, trying).await;
         }
         lock(&self.inner.watch).take();

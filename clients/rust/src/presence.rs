@@ -43,10 +43,7 @@ impl Presence {
     /// The one that has been alive for longest is the server: another of the same name is not the one asked.
     pub fn is_server(&self, source: Option<&str>) -> bool {
         source.is_some()
-            && lock(&self.alive)
-                .first()
-                .and_then(|server| server.split_once('.'))
-                .map(|(_, session)| session)
+            && lock(&self.alive).first().and_then(|server| server.split_once('.')).map(|(_, session)| session)
                 == source
     }
 

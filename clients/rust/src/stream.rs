@@ -68,7 +68,10 @@ pub(crate) struct Giving<'a> {
 
 impl<'a> Giving<'a> {
     pub fn new(shared: &'a Shared) -> Self {
-        Self { shared, completed: false }
+        Self {
+            shared,
+            completed: false,
+        }
     }
 
     /// All lines are accepted.

@@ -102,7 +102,10 @@ mod tests {
 
     fn info() -> Info {
         let written = serde_json::json!({"machine": "m", "server": "1", "protocol": [1], "instance": "i", "epoch": 0.0,
-            "cycle_s": 0.001, "telemetry": {"axes": [3, 7], "fields": ["setpoint", "torque"]}});
+            "cycle_s": 0.001, "axes": [], "tools": [], "methods": [],
+            "telemetry": {"axes": [3, 7], "fields": ["setpoint", "torque"], "cycles_a_message": 10, "state_hz": 20.0},
+            "limits": {"max_line_length": 100, "max_lines_a_message": 100, "queue_lines": 100, "programs_at_once": 8,
+            "open_programs": 64, "remembered_answers": 64, "remembered_answer_s": 60.0}});
         serde_json::from_value(written).unwrap()
     }
 
