@@ -25,8 +25,6 @@ LEAST_SILENCE_S = 0.5
 TELEMETRY_SILENCE_S = 1.0
 # Emergency messages that wait to be reported; those beyond are counted.
 MAX_EMERGENCIES = 16
-# A statusword that is older than this is shown no more [s].
-STALE_S = 1.0
 # Process data that are older than this are shown no more [s].
 STALE_S = 1.0
 STATUSWORD = 0x6041

@@ -466,13 +466,16 @@ class ProgramTable:
         if event.code == FaultCode.EMERGENCY_STOP:
             # latched and reported by whoever asked for it
             return
+        # the executor ends those whose motion a stall has interrupted, each by a fault of its own
+        stalled_machine = event.code == FaultCode.CYCLE_STALLED and program is None
+        if not stalled_machine:
+            # before anybody hears of it
+            self.faults.latch(fault)
         self.events.publish(
             "fault", fault=fault, program=fault.program, line=fault.line, message=fault.message
         )
-        if event.code == FaultCode.CYCLE_STALLED and program is None:
-            # the executor ends those whose motion it has interrupted, each by a fault of its own
+        if stalled_machine:
             return
-        self.faults.latch(fault)
         hit = [] if program is None else [program]
         if program is not None:
             program.progress.faulted(event.line, lost=event.axis >= 0)
