@@ -36,6 +36,9 @@ func (p *Program) settle(ctx context.Context) error {
 	}
 	p.mu.Lock()
 	defer p.mu.Unlock()
+	if p.stream.heard {
+		p.stream.forgive()
+	}
 	if p.stream.failure == nil && p.stream.state.Ended() {
 		return p.stream.closed()
 	}

@@ -288,6 +288,7 @@ func (p *Program) WaitDone(ctx context.Context, line int64) error {
 	if p.stream.done >= line || p.stream.state == ProgramStateFinished {
 		return nil
 	}
+	p.stream.heard = true
 	return p.stream.failure
 }
 

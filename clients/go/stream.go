@@ -22,6 +22,8 @@ type stream struct {
 	credit   int64
 	state    ProgramState
 	failure  error
+	// WaitDone has returned the failure: lines given from now on are given with knowledge of it
+	heard bool
 	// lines given that are not known to be accepted: accepted + 1, accepted + 2, …
 	waiting []string
 	// of these, so many are in the message under way
@@ -61,7 +63,7 @@ func (s *stream) give(line string) int64 {
 func (s *stream) forgive() {
 	var rejected *RejectedError
 	if errors.As(s.failure, &rejected) && !s.state.Ended() {
-		s.failure = nil
+		s.failure, s.heard = nil, false
 	}
 }
 

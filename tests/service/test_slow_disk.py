@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import contextlib
 import sqlite3
 import threading
@@ -71,7 +72,10 @@ async def test_a_program_runs_on_and_gives_its_axes_away_while_the_disk_stalls(
     await service.lines.submit("test", second.program, 1, ["G01 X40 F600"], judge=False)
     await service.lines.close("test", first.program)
     await service.lines.close("test", second.program)
-    await cell.until(lambda: first.progress.started == 2)
+    # what ends a text comes to the planner through the journal too
+    committed = asyncio.Event()
+    service._table.journal.after(committed.set)
+    await cell.until(lambda: committed.is_set() and first.progress.started == 2)
     disk.goes_on.clear()
     await cell.until(lambda: first.over)
     await cell.until(lambda: cell.position(0) > 0.03)
