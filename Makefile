@@ -12,7 +12,8 @@ VENV ?= .venv
 BIN := $(VENV)/bin
 PIP := $(BIN)/python -m pip --disable-pip-version-check
 SDK := clients/python
-PROJECTS := pyproject.toml $(SDK)/pyproject.toml
+BENCHMARK := clients/benchmark
+PROJECTS := pyproject.toml $(SDK)/pyproject.toml $(BENCHMARK)/pyproject.toml
 
 # What only computes gives way to what has a clock at once, where the system can say so (Linux).
 BESIDE := $(shell command -v chrt >/dev/null 2>&1 && echo 'chrt --idle 0' || echo 'nice -n 19')
@@ -163,7 +164,7 @@ $(VENV)/.for-demo: $(PROJECTS) | $(BIN)/python
 
 # on a new clone not behind the other one: what both need is looked for and installed once
 $(VENV)/.for-development: $(PROJECTS) | $(BIN)/python
-	$(INSTALL) --editable '.[plot,view,lsp,mcp]' --editable '$(SDK)[cli]' --group dev
+	$(INSTALL) --editable '.[plot,view,lsp,mcp]' --editable '$(SDK)[cli]' --editable $(BENCHMARK) --group dev
 	@$(COMPILE)
 	@$(WARM_UP)
 	@touch $(VENV)/.for-demo $@

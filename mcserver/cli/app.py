@@ -47,7 +47,6 @@ COMMANDS: Mapping[str, str] = MappingProxyType(
         "grammar": "grammar.grammar",
         "lsp": "lsp.lsp",
         "mcp": "mcp.mcp",
-        "benchmark": "benchmark.benchmark",
         "simulate": "simulate.simulate_program",
         "plot": "plot.plot",
         "view": "view.view",
@@ -116,10 +115,14 @@ def main() -> None:
     sys.exit(int(run_command_line()))
 
 
-def run_command_line(arguments: list[str] | None = None) -> int:
-    """Run one command line and give its exit code; every error is shown once."""
+def run_command_line(arguments: list[str] | None = None, app: typer.Typer | None = None) -> int:
+    """Run one command line and give its exit code; every error is shown once.
+
+    Args:
+        app: of another package's command; None: ``mcserver``.
+    """
     try:
-        return _run(arguments)
+        return _run(arguments, app)
     except McError as error:
         show_error(error)
         return int(exit_code_of(error))
@@ -138,7 +141,7 @@ def run_command_line(arguments: list[str] | None = None) -> int:
         return int(ExitCode.FAILED)
 
 
-def _run(arguments: list[str] | None) -> int:
+def _run(arguments: list[str] | None, app: typer.Typer | None) -> int:
     if logging.lastResort is not None:
         # of commands that set up no log of their own
         logging.lastResort.setFormatter(LogFormatter())
@@ -146,7 +149,7 @@ def _run(arguments: list[str] | None) -> int:
     words = sys.argv[1:] if arguments is None else arguments
     called = words[0] if words and (words[0] in COMMANDS or words[0] in GROUPS) else None
     try:
-        build_app(called)(args=arguments, prog_name="mcserver")
+        (app or build_app(called))(args=arguments, prog_name="mcserver" if app is None else app.info.name)
     except SystemExit as done:
         code = done.code
     if sys.stdout is not None:

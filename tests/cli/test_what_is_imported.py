@@ -39,7 +39,7 @@ def test_the_command_that_is_called_is_the_only_one_imported() -> None:
     )
     modules = last_line(script)
     assert "mcserver.cli.examples" in modules
-    assert not {"mcserver.cli.run", "mcserver.cli.simulate", "mcserver.cli.benchmark"} & set(modules)
+    assert not {"mcserver.cli.run", "mcserver.cli.simulate", "mcserver.cli.plot"} & set(modules)
 
 
 def test_an_emergency_stop_by_mcctl_imports_no_other_command() -> None:

@@ -9,7 +9,15 @@ import pytest
 
 ROOT = Path(__file__).parents[2]
 SOURCES = ("mcserver", "kinematics", "clients", "tests", "examples", "editors", "deploy")
-FOLDERS_OF_PAGES = ("docs", "clients/contract", "clients/python", "deploy", "kinematics", "examples")
+FOLDERS_OF_PAGES = (
+    "docs",
+    "clients/contract",
+    "clients/python",
+    "clients/benchmark",
+    "deploy",
+    "kinematics",
+    "examples",
+)
 PAGES = [
     ROOT / "README.md",
     ROOT / "CONTRIBUTING.md",

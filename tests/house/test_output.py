@@ -8,7 +8,9 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).parents[2]
-FOLDERS = (ROOT / "mcserver", ROOT / "clients" / "python" / "mcclient")
+FOLDERS = tuple(
+    ROOT / each for each in ("mcserver", "clients/python/mcclient", "clients/benchmark/mcbenchmark")
+)
 # what writes to a terminal or a log by itself, and the only files that may
 FORBIDDEN = {
     "Console": (),

@@ -17,7 +17,7 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).parents[2]
-PROJECTS = (ROOT, ROOT / "clients" / "python", ROOT / "kinematics")
+PROJECTS = (ROOT, ROOT / "clients" / "python", ROOT / "clients" / "benchmark", ROOT / "kinematics")
 START_LIMIT_S = 120.0
 
 pytestmark = pytest.mark.timeout(600)
@@ -123,6 +123,7 @@ def test_they_have_types_a_licence_and_the_examples(wheels: dict[str, Path]) -> 
         ("mcserver", "mcserver"),
         ("mcclient", "mcclient"),
         ("mckinematics", "mckinematics"),
+        ("mcbenchmark", "mcbenchmark"),
     ):
         names = zipfile.ZipFile(wheels[name]).namelist()
         assert f"{package}/py.typed" in names
@@ -130,6 +131,8 @@ def test_they_have_types_a_licence_and_the_examples(wheels: dict[str, Path]) -> 
     names = zipfile.ZipFile(wheels["mcserver"]).namelist()
     assert {f"mcserver/examples/{file.name}" for file in (ROOT / "examples").glob("*.gcode")} <= set(names)
     assert "mckinematics/models/robot-dog.urdf" in names
+    assert not [each for each in names if "benchmark" in each]
+    assert "mcbenchmark/tasks/01-lines.toml" in zipfile.ZipFile(wheels["mcbenchmark"]).namelist()
     assert "mckinematics/py.typed" in names
 
 

@@ -1,8 +1,9 @@
-"""``mcserver benchmark``: tasks in words for writers of programs, judged by simulation."""
+"""``mcbenchmark``: tasks in words for writers of programs, judged by simulation."""
 
 from __future__ import annotations
 
 import functools
+import sys
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Annotated, BinaryIO
@@ -11,17 +12,18 @@ import typer
 from rich.table import Table
 from rich.text import Text
 
+from mcbenchmark.answers import Answer, AnsweringCommand, read_answer
+from mcbenchmark.baselines import Baseline, answer_by
+from mcbenchmark.judge_process import JudgeProcess
+from mcbenchmark.prompt import write_prompt
+from mcbenchmark.scores import as_json, by_category, score
+from mcbenchmark.tasks import Task, load_tasks, shipped_tasks
+from mcbenchmark.verdict import Check, Finding, Verdict
+from mcserver.cli.app import run_command_line
 from mcserver.cli.console import json_answer_on_error, narration, results, write_json
 from mcserver.cli.options import JsonOption
 from mcserver.cli.output_file import write_atomically
 from mcserver.errors import UsageFault
-from mcserver.language.benchmark.answers import Answer, AnsweringCommand, read_answer
-from mcserver.language.benchmark.baselines import Baseline, answer_by
-from mcserver.language.benchmark.judge_process import JudgeProcess
-from mcserver.language.benchmark.prompt import write_prompt
-from mcserver.language.benchmark.scores import as_json, by_category, score
-from mcserver.language.benchmark.tasks import Task, load_tasks, shipped_tasks
-from mcserver.language.benchmark.verdict import Check, Finding, Verdict
 
 Numbered = Sequence[tuple[int, Task]]
 Answerer = Callable[[int, Task], Answer]
@@ -80,6 +82,18 @@ def benchmark(
         write_json(as_json(verdicts, durations))
     else:
         _show(verdicts)
+
+
+def run(arguments: list[str] | None = None) -> int:
+    """Run one command line and give its exit code, as those of ``mcserver``."""
+    app = typer.Typer(name="mcbenchmark", pretty_exceptions_enable=False, rich_markup_mode="markdown")
+    app.command(context_settings={"help_option_names": ["-h", "--help"]})(benchmark)
+    return run_command_line(arguments, app)
+
+
+def main() -> None:
+    """Entry point; leaves the process with the documented exit code."""
+    sys.exit(run())
 
 
 def _choose(tasks: Sequence[Task], only: Sequence[str]) -> Numbered:

@@ -8,14 +8,14 @@ from collections.abc import Iterator, Mapping
 from mckinematics.errors import KinematicsError
 from mckinematics.solver import MachineKinematics
 
+from mcbenchmark.motion_record import MotionRecord, UnknownCoordinate, axis_number
+from mcbenchmark.path_check import PathMismatch, enters, follow, leaves
+from mcbenchmark.tasks import Expectation, Range, Task
+from mcbenchmark.verdict import Check, Finding, Verdict
 from mcserver.errors import McError
 from mcserver.gcode.line_faults import FaultList
 from mcserver.gcode.text.scanner import scan
 from mcserver.gcode.text.source import split_lines
-from mcserver.language.benchmark.motion_record import MotionRecord, UnknownCoordinate, axis_number
-from mcserver.language.benchmark.path_check import PathMismatch, enters, follow, leaves
-from mcserver.language.benchmark.tasks import Expectation, Range, Task
-from mcserver.language.benchmark.verdict import Check, Finding, Verdict
 from mcserver.machine.machine_file import Machine, load_machine
 from mcserver.machine.machine_kinematics import build_kinematics
 from mcserver.simulation.simulation import Simulation, simulate

@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from mcbenchmark.motion_record import MotionRecord, UnknownCoordinate
+from mcbenchmark.path_check import PathMismatch, enters, follow, leaves
+from mcbenchmark.tasks import Leg
 from numpy.typing import NDArray
 
-from mcserver.language.benchmark.motion_record import MotionRecord, UnknownCoordinate
-from mcserver.language.benchmark.path_check import PathMismatch, enters, follow, leaves
-from mcserver.language.benchmark.tasks import Leg
 from mcserver.machine.machine_file import load_machine
 from mcserver.simulation.recorder import Recorded
 

@@ -8,11 +8,11 @@ import sys
 from pathlib import Path
 
 import pytest
+from mcbenchmark.answers import MAX_OUTPUT, AnsweringCommand, program_in, read_answer
+from mcbenchmark.cli import run
+from mcbenchmark.tasks import shipped_tasks
 
-from mcserver.cli.app import run_command_line
 from mcserver.errors import UsageFault
-from mcserver.language.benchmark.answers import MAX_OUTPUT, AnsweringCommand, program_in, read_answer
-from mcserver.language.benchmark.tasks import shipped_tasks
 
 
 @pytest.mark.parametrize(
@@ -96,8 +96,8 @@ def test_the_benchmark_judges_a_folder_and_keeps_its_answers(
 ) -> None:
     (tmp_path / "001.gcode").write_text(shipped_tasks()[0].solution)
     (tmp_path / "square.gcode").write_text("Of course!\n```\nG1010\n```\n")
-    arguments = ["benchmark", str(tmp_path), "--only", "lines", "--save", str(tmp_path / "kept")]
-    assert run_command_line([*arguments, "--json"]) == 0
+    arguments = [str(tmp_path), "--only", "lines", "--save", str(tmp_path / "kept")]
+    assert run([*arguments, "--json"]) == 0
     answer = json.loads(capsys.readouterr().out)
     assert (answer["passed"], answer["tasks"], answer["categories"]["lines"]["passed"]) == (1, 5, 1)
     findings = {each["task"]: [one["check"] for one in each["findings"]] for each in answer["results"]}
@@ -108,7 +108,7 @@ def test_the_benchmark_judges_a_folder_and_keeps_its_answers(
 
 
 def test_prompts_are_written_under_the_tasks_numbers(tmp_path: Path) -> None:
-    assert run_command_line(["benchmark", "--prompts", str(tmp_path), "--only", "repair"]) == 0
+    assert run(["--prompts", str(tmp_path), "--only", "repair"]) == 0
     names = sorted(file.name for file in tmp_path.iterdir())
     assert names[0] == "057-repair-letters.txt"
     assert "GO1 X1O Y2O" in (tmp_path / names[0]).read_text()
@@ -125,5 +125,5 @@ def test_prompts_are_written_under_the_tasks_numbers(tmp_path: Path) -> None:
     ],
 )
 def test_what_cannot_be_meant_is_refused(arguments: list[str], capsys: pytest.CaptureFixture[str]) -> None:
-    assert run_command_line(["benchmark", *arguments, "--json"]) == 2
+    assert run([*arguments, "--json"]) == 2
     assert json.loads(capsys.readouterr().out)["ok"] is False

@@ -7,7 +7,7 @@ import re
 from collections.abc import Sequence
 from random import Random
 
-from mcserver.language.benchmark.tasks import Task
+from mcbenchmark.tasks import Task
 from mcserver.language.grammar.derive import derive
 from mcserver.language.grammar.dialect import build_grammar
 from mcserver.machine.machine_file import load_machine

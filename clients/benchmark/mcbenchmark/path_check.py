@@ -7,8 +7,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from mcserver.language.benchmark.motion_record import Array, MotionRecord
-from mcserver.language.benchmark.tasks import Box, Leg, Place
+from mcbenchmark.motion_record import Array, MotionRecord
+from mcbenchmark.tasks import Box, Leg, Place
 
 # Below this speed the coordinates rest [mm/s or deg/s]: rounding, and the tail of a jerk-limited stop.
 RESTING = 0.5

@@ -8,9 +8,9 @@ from multiprocessing.connection import Connection
 from multiprocessing.process import BaseProcess
 from types import TracebackType
 
+from mcbenchmark.tasks import Task
+from mcbenchmark.verdict import Check, Finding, Verdict
 from mcserver.errors import McError
-from mcserver.language.benchmark.tasks import Task
-from mcserver.language.benchmark.verdict import Check, Finding, Verdict
 from mcserver.simulation.worker_process import end_with_parent
 
 # Longest time for one answer, compiling and loading of the machine included [s].
@@ -38,7 +38,7 @@ class JudgeProcess:
         self.close()
 
     def judge(self, task: Task, text: str) -> Verdict:
-        """Judge an answer as `mcserver.language.benchmark.judge.judge` does.
+        """Judge an answer as `mcbenchmark.judge.judge` does.
 
         Raises:
             McError: the task's machine cannot be loaded.
@@ -84,7 +84,7 @@ class JudgeProcess:
 def _serve(pipe: Connection) -> None:
     """Answer with verdicts, with the fields of an error of the machine, or with a traceback's last line."""
     # the command that starts this process needs none of what simulates
-    from mcserver.language.benchmark.judge import judge
+    from mcbenchmark.judge import judge
 
     end_with_parent()
     while True:

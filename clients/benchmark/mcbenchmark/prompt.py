@@ -6,8 +6,8 @@ import functools
 
 import msgspec
 
+from mcbenchmark.tasks import Task
 from mcserver.language.agents.knowledge import dialect_topic, machine_facts
-from mcserver.language.benchmark.tasks import Task
 from mcserver.machine.machine_file import load_machine
 
 _RULES = """\

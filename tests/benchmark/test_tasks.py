@@ -5,11 +5,11 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
+from mcbenchmark.judge import judge
+from mcbenchmark.prompt import write_prompt
+from mcbenchmark.tasks import Task, load_tasks, shipped_tasks, spoiled
 
 from mcserver.errors import ConfigurationError
-from mcserver.language.benchmark.judge import judge
-from mcserver.language.benchmark.prompt import write_prompt
-from mcserver.language.benchmark.tasks import Task, load_tasks, shipped_tasks, spoiled
 
 TASKS = shipped_tasks()
 

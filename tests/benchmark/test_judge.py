@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import pytest
-
-from mcserver.language.benchmark.baselines import Baseline, answer_by
-from mcserver.language.benchmark.judge import MAX_ANSWER, codes_of, judge
-from mcserver.language.benchmark.judge_process import JudgeProcess
-from mcserver.language.benchmark.scores import as_json, by_category, score
-from mcserver.language.benchmark.tasks import Expectation, Leg, Task, shipped_tasks
-from mcserver.language.benchmark.verdict import Check
+from mcbenchmark.baselines import Baseline, answer_by
+from mcbenchmark.judge import MAX_ANSWER, codes_of, judge
+from mcbenchmark.judge_process import JudgeProcess
+from mcbenchmark.scores import as_json, by_category, score
+from mcbenchmark.tasks import Expectation, Leg, Task, shipped_tasks
+from mcbenchmark.verdict import Check
 
 
 def task(expect: Expectation, machine: str = "cartesian", limit_s: float = 2.0) -> Task:

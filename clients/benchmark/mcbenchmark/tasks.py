@@ -112,7 +112,7 @@ class TaskFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 def shipped_tasks() -> tuple[Task, ...]:
     """Return the tasks that come with the package, in the order of their files."""
-    return tuple(_read_all(resources.files("mcserver.language.benchmark").joinpath("tasks")))
+    return tuple(_read_all(resources.files("mcbenchmark").joinpath("tasks")))
 
 
 def load_tasks(folder: Path) -> tuple[Task, ...]:

@@ -7,7 +7,7 @@ from typing import Any
 
 import msgspec
 
-from mcserver.language.benchmark.verdict import Verdict
+from mcbenchmark.verdict import Verdict
 
 
 class Score(msgspec.Struct, frozen=True):
