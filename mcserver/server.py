@@ -149,7 +149,7 @@ async def running(
 
 
 async def serve(machine: Machine, options: ServerOptions | None = None) -> None:
-    """Runs until SIGTERM or SIGINT: then motion stops along its paths, axes are released, the journal is
+    """Run until SIGTERM or SIGINT: then motion stops along its paths, axes are released, the journal is
     closed.
 
     Raises:

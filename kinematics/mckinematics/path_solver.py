@@ -98,7 +98,7 @@ def _tame(tool: ToolModel, slope: Array | None, rates: Array) -> bool:
 
 
 def _refuse_singular(tool: ToolModel, targets: TargetPath, followed: Trace, s: Array, joints: Array) -> None:
-    """Refuses a path whose joints are wild at one of these places, s (n,) and joints (n, K)."""
+    """Refuse a path whose joints are wild at one of these places, s (n,) and joints (n, K)."""
     jacobians = tool.linearise(joints, targets.at(s))[1]
     wild = tool.joint_gain(jacobians, targets.rates(s)) > LARGEST_GAIN
     if wild.any():

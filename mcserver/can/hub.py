@@ -101,12 +101,12 @@ class Hub:
         return port
 
     def end_with(self, descriptor: int) -> None:
-        """Ends `run` once a pipe is closed by whoever holds its other end."""
+        """End `run` once a pipe is closed by whoever holds its other end."""
         self._selector.register(descriptor, selectors.EVENT_READ, None)
         self._lifeline = descriptor
 
     def run(self) -> None:
-        """Serves until `stop`, then closes everything."""
+        """Serve until `stop`, then close everything."""
         try:
             while not self._stopping:
                 self._round()
@@ -114,7 +114,7 @@ class Hub:
             self._close()
 
     def stop(self) -> None:
-        """Ends `run`; from any thread or signal handler."""
+        """End `run`; from any thread or signal handler."""
         self._stopping = True
         with suppress(OSError):
             self._bell.send(b".")

@@ -51,15 +51,15 @@ class CanPort(Protocol):
         """Where the payload of a prepared buffer begins."""
 
     def send_prepared(self, buffer: bytearray) -> bool:
-        """Sends a prepared buffer as it is now; False: it is gone (`PortCounters.unsent`). Never waits, never
+        """Send a prepared buffer as it is now; False: it is gone (`PortCounters.unsent`). Never waits, never
         raises."""
 
     def send(self, identifier: int, payload: bytes) -> bool:
-        """Sends one frame; as `send_prepared`."""
+        """Send one frame; as `send_prepared`."""
 
     def drain(self) -> list[Frame]:
         """What has come since the last call, oldest first, at most `MAX_DRAINED`. Never waits, never raises.
         A bus that came back is used again by itself."""
 
     def close(self) -> None:
-        """Gives the bus back; a second call does nothing."""
+        """Give the bus back; a second call does nothing."""

@@ -33,7 +33,7 @@ class SocketPort(ABC):
 
     @abstractmethod
     def _open(self) -> None:
-        """Opens all sockets, or none.
+        """Open all sockets, or none.
 
         Raises:
             OSError: the bus is away.

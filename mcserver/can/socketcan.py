@@ -36,7 +36,7 @@ class SocketCanPort(SocketPort):
     GONE = frozenset((errno.ENETDOWN, errno.ENODEV, errno.ENXIO, errno.EBADF))
 
     def __init__(self, interface: str) -> None:
-        """Opens the interface.
+        """Open the interface.
 
         Raises:
             RuntimeFault: MC424 there is no such interface, it is down, or the kernel has no CAN.

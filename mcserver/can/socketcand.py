@@ -53,7 +53,7 @@ class SocketcandPort:
     payload_offset = PAYLOAD_OFFSET
 
     def __init__(self, host: str, port: int, channel: str, open_s: float = OPEN_S) -> None:
-        """Connects, and waits at most ``open_s`` for raw mode.
+        """Connect, and wait at most ``open_s`` for raw mode.
 
         Raises:
             RuntimeFault: MC424 nobody answers there, or the server refuses the channel.
@@ -121,7 +121,7 @@ class SocketcandPort:
         return True
 
     def _write(self, text: bytes) -> bool:
-        """Gives text to the connection; the rest of a message that has begun to leave waits here."""
+        """Give text to the connection; the rest of a message that has begun to leave waits here."""
         assert self._socket is not None
         waiting = self._unsent + text if self._unsent else text
         try:

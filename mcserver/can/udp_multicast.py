@@ -50,7 +50,7 @@ class UdpMulticastPort(SocketPort):
     GONE = frozenset((errno.ENETDOWN, errno.ENODEV, errno.ENETUNREACH, errno.EBADF))
 
     def __init__(self, group: str, port: int) -> None:
-        """Joins the group.
+        """Join the group.
 
         Raises:
             RuntimeFault: MC424 this computer cannot join it.

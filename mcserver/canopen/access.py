@@ -67,7 +67,7 @@ class OperatorAccess:
         self._pool = ThreadPoolExecutor(WORKERS, thread_name_prefix="canopen operator")
 
     def close(self) -> None:
-        """Ends the threads; a transfer under way ends first."""
+        """End the threads; a transfer under way ends first."""
         self._pool.shutdown(wait=True, cancel_futures=True)
 
     def drives(self) -> list[DriveInfo]:
@@ -89,7 +89,7 @@ class OperatorAccess:
         return await self._in_thread(lambda: [scan_bus(each, "machine") for each in wanted])
 
     async def sdo_read(self, target: SdoTarget, kind: str | None) -> SdoValue:
-        """Reads an object.
+        """Read an object.
 
         Raises:
             DriveError: MC553 refused, MC554 no answer, MC559 no such drive, or not to be read as that type.
@@ -109,7 +109,7 @@ class OperatorAccess:
         return _value(settings, target, name, value, raw)
 
     async def sdo_write(self, target: SdoTarget, kind: str | None, value: Value) -> SdoValue:
-        """Writes an object.
+        """Write an object.
 
         Raises:
             DriveError: MC553, MC554, MC559 also: it would fight the cycle, or its type is not known.

@@ -49,7 +49,7 @@ class NodeBoot:
         self._stopping = stopping
 
     def find(self, node: Node) -> None:
-        """Resets the node's communication, and waits until it has booted.
+        """Reset the node's communication, and wait until it has booted.
 
         Raises:
             DriveError: MC550 it does not appear in time. Stopped.
@@ -104,7 +104,7 @@ class NodeBoot:
         )
 
     def configure(self, node: Node, sdo: NodeSdo, writes: Sequence[SdoWrite]) -> None:
-        """Checks who it is, and writes its configuration.
+        """Check who it is, and write its configuration.
 
         Raises:
             DriveError: MC551 it is another device, MC553, MC554. Stopped.

@@ -64,7 +64,7 @@ class PortNetwork(canopen.Network):
         return self._port.fileno()
 
     def handle(self, identifier: int, handler: OnPayload) -> None:
-        """Calls ``handler`` with the payload of every frame of that identifier, in the receiving thread."""
+        """Call ``handler`` with the payload of every frame of that identifier, in the receiving thread."""
         self._handlers[identifier] = handler
 
     def observe(self, observer: Callable[[int, bytes], None] | None) -> None:
@@ -72,7 +72,7 @@ class PortNetwork(canopen.Network):
         self._observer = observer
 
     def send_message(self, can_id: int, data: bytes, remote: bool = False) -> None:
-        """Sends a frame.
+        """Send a frame.
 
         Raises:
             CanOperationError: it is gone: the bus is away or has no room.
@@ -90,7 +90,7 @@ class PortNetwork(canopen.Network):
             return self._port.send(identifier, payload)
 
     def receive(self) -> None:
-        """Hands over what has come; never waits, never raises for what a frame holds."""
+        """Hand over what has come; never waits, never raises for what a frame holds."""
         with self._port_lock:
             frames = self._port.drain()
         observer = self._observer
@@ -109,6 +109,6 @@ class PortNetwork(canopen.Network):
                     log.exception("frame %03X# %s could not be handled", identifier, bytes(payload).hex())
 
     def disconnect(self) -> None:
-        """Gives the port back; a second call does nothing."""
+        """Give the port back; a second call does nothing."""
         with self._port_lock:
             self._port.close()

@@ -235,11 +235,11 @@ class Node:
         return seen is None or now - seen > limit
 
     def wait(self, until: Callable[[], bool], timeout_s: float) -> bool:
-        """Waits for something that a heartbeat, a boot-up or telemetry brings; whether it came."""
+        """Wait for something that a heartbeat, a boot-up or telemetry brings; whether it came."""
         with self._heard:
             return self._heard.wait_for(until, timeout_s)
 
     def wake(self) -> None:
-        """Lets waiters look again, such as when the server stops."""
+        """Let waiters look again, such as when the server stops."""
         with self._heard:
             self._heard.notify_all()

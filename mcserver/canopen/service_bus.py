@@ -107,7 +107,7 @@ class CanopenBus:
     # ------------------------------------------------------------ life
 
     def boot(self) -> list[tuple[Node, Future[None]]]:
-        """Begins to boot all nodes at once; a future ends when its node is operational, or has failed."""
+        """Begin to boot all nodes at once; a future ends when its node is operational, or has failed."""
         return [(node, self._workers.submit(self._bring_up, node, True)) for node in self.nodes]
 
     def supervise(self) -> None:
@@ -117,7 +117,7 @@ class CanopenBus:
         self._booted = True
 
     def ensure_running(self) -> None:
-        """Starts the bus's thread again where it has died."""
+        """Start the bus's thread again where it has died."""
         if self._stopping.is_set() or self._thread.is_alive():
             return
         self.restarts += 1
@@ -126,7 +126,7 @@ class CanopenBus:
         self._thread.start()
 
     def close(self) -> None:
-        """Takes the nodes out of operation, ends the threads and gives the port back."""
+        """Take the nodes out of operation, end the threads and give the port back."""
         self._say_goodbye()
         self._stopping.set()
         for node in self.nodes:

@@ -122,13 +122,13 @@ class DriveAccess(Protocol):
         """Every drive on a CAN bus, by axis."""
 
     async def scan(self, bus: str, /) -> list[BusScan]:
-        """Asks every node number of a bus, or of all, who is there."""
+        """Ask every node number of a bus, or of all, who is there."""
 
     async def sdo_read(self, target: SdoTarget, kind: str | None, /) -> SdoValue:
-        """Reads an object; ``kind`` None: by the drive's dictionary."""
+        """Read an object; ``kind`` None: by the drive's dictionary."""
 
     async def sdo_write(self, target: SdoTarget, kind: str | None, value: Value, /) -> SdoValue:
-        """Writes an object, unless that would fight the cycle."""
+        """Write an object, unless that would fight the cycle."""
 
 
 class NoDrives:

@@ -98,7 +98,7 @@ class CanopenNode:
             self.wake = min(self.wake, self.consumer.poll(now)[1])
 
     def poll(self, now: float) -> None:
-        """Does what time alone brings; sets `wake`."""
+        """Do what time alone brings; set `wake`."""
         self._now = now
         while self._answers and self._answers[0][0] <= now:
             self._transmit(Function.SDO_RESPONSE + self.node, self._answers.popleft()[1])
@@ -236,7 +236,7 @@ class CanopenNode:
         """Values of the dictionary may have changed."""
 
     def tick(self, now: float) -> float:
-        """Does what time alone brings; when to call again."""
+        """Do what time alone brings; when to call again."""
         del now
         return NEVER
 

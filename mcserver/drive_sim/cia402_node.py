@@ -87,7 +87,7 @@ class Cia402Node(CanopenNode):
         self._synced_at = -math.inf
 
     def _equip(self, identity: Identity) -> None:
-        """Writes into the dictionary what the device itself is."""
+        """Write into the dictionary what the device itself is."""
         rated = max(1, round(self.motor.hardware.rated_torque * 1e3))
         values = {
             (0x1018, 1): identity.vendor_id,
@@ -170,7 +170,7 @@ class Cia402Node(CanopenNode):
         self._touch()
 
     def _behave(self) -> None:
-        """Ends all faults on demand."""
+        """End all faults on demand."""
         self.wrong = Misbehaviour()
         self.sdo.refusals.clear()
         self.nmt.beats = True
@@ -209,7 +209,7 @@ class Cia402Node(CanopenNode):
         self._update_statusword()
 
     def tick(self, now: float) -> float:
-        """Steps by the passing time where no SYNC does."""
+        """Step by the passing time where no SYNC does."""
         if not (self.power.energized or self.power.waiting or not self.motor.stands):
             return NEVER
         if self.nmt.talks and now < self._unlocked():
@@ -249,7 +249,7 @@ class Cia402Node(CanopenNode):
         self._touch()
 
     def _step(self, dt: float, now: float) -> None:
-        """Moves the motor for a time and takes its readings."""
+        """Move the motor for a time and take its readings."""
         self._stepped_at = now
         power, motion = self.power, self.motion
         if power.energized:

@@ -43,14 +43,14 @@ class ControlServer:
         return [self._listener.fileno(), *self._clients]
 
     def serve(self, ready: set[int]) -> None:
-        """Takes what has come on the ready descriptors."""
+        """Take what has come on the ready descriptors."""
         for descriptor in ready & self._clients.keys():
             self._read(descriptor)
         if self._listener.fileno() in ready:
             self._accept()
 
     def close(self) -> None:
-        """Hangs up."""
+        """Hang up."""
         for connection, _ in self._clients.values():
             connection.close()
         self._clients.clear()
@@ -103,7 +103,7 @@ class Control:
     """A client of the control port; waits for each answer."""
 
     def __init__(self, host: str, port: int) -> None:
-        """Connects.
+        """Connect.
 
         Raises:
             OSError: nobody listens there.
@@ -118,12 +118,12 @@ class Control:
         self.close()
 
     def close(self) -> None:
-        """Hangs up; the faults stay."""
+        """Hang up; the faults stay."""
         self._reader.close()
         self._socket.close()
 
     def fault(self, node: int, fault: str, **values: object) -> None:
-        """Asks for a fault on demand, such as ``fault(3, "late_tpdo", syncs=2)``.
+        """Ask for a fault on demand, such as ``fault(3, "late_tpdo", syncs=2)``.
 
         Raises:
             BadRequest: it was refused. OSError: the simulation is gone.
@@ -131,7 +131,7 @@ class Control:
         self._request({"node": node, "fault": fault, **values})
 
     def clear(self, node: int | None = None) -> None:
-        """Ends all faults of a node, or of every node. Raises: as `fault`."""
+        """End all faults of a node, or of every node. Raises: as `fault`."""
         self._request({"fault": "clear"} | ({} if node is None else {"node": node}))
 
     def states(self) -> list[dict[str, Any]]:

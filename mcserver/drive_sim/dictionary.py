@@ -57,7 +57,7 @@ class ObjectStore:
     """Entries by index and subindex."""
 
     def __init__(self, node: int, eds: str | None = None) -> None:
-        """Reads the shipped EDS file, or the text of another one."""
+        """Read the shipped EDS file, or the text of another one."""
         text = resources.files("mcserver.drive_sim").joinpath(EDS).read_text("ascii") if eds is None else eds
         objects, entries = _described(text, node)
         self._objects = objects
@@ -98,7 +98,7 @@ class ObjectStore:
         return struct.pack(f"<{entry.packing}", entry.value) if entry.packing else entry.text
 
     def write(self, index: int, subindex: int, raw: bytes) -> None:
-        """Takes a value as it was transferred.
+        """Take a value as it was transferred.
 
         Raises:
             SdoAbort: it cannot be written, or does not fit.

@@ -70,7 +70,7 @@ def build_buses(
     wait_s: float = 0.0,
     opener: Callable[[str], CanPort] = open_port,
 ) -> list[SimulatedBusSegment]:
-    """Opens the buses and puts the drives on them, switched off.
+    """Open the buses and put the drives on them, switched off.
 
     Args:
         wait_s: how long a bus that cannot be opened yet is tried again.

@@ -91,7 +91,7 @@ class Motion:
     # ------------------------------------------------------------------ units
 
     def rescale(self) -> None:
-        """Takes 608Fh, 6091h, 6092h and 607Eh as they stand in the dictionary.
+        """Take 608Fh, 6091h, 6092h and 607Eh as they stand in the dictionary.
 
         6064h = increments · 6092h / (608Fh · 6091h); an unwritten feed constant means a unit of one
         increment.
@@ -138,7 +138,7 @@ class Motion:
         self.acknowledged = self.reached = self.beyond = self.interpolating = False
 
     def choose_mode(self) -> None:
-        """Takes 6060h where the drive has that mode; a change starts from what the shaft does."""
+        """Take 6060h where the drive has that mode; a change starts from what the shaft does."""
         wanted = self._wanted.value
         if wanted != self.mode and wanted in SUPPORTED:
             velocity = self.motor.velocity
@@ -284,7 +284,7 @@ class Motion:
         self._velocity = self._torque = 0.0
 
     def report(self, dt: float) -> None:
-        """Writes actual and demand values into the dictionary."""
+        """Write actual and demand values into the dictionary."""
         motor, objects = self.motor, self._reported
         actual = round(motor.position * self._units_per_turn)
         demand = round(self._demand * self._units_per_turn)

@@ -63,7 +63,7 @@ class Motor:
         return abs(self.velocity) < STANDSTILL
 
     def follow(self, start: float, end: float, dt: float) -> None:
-        """Closes the loop on a reference that runs evenly from ``start`` to ``end`` [turn] in ``dt`` [s]."""
+        """Close the loop on a reference that runs evenly from ``start`` to ``end`` [turn] in ``dt`` [s]."""
         if dt != self._dt:
             self._dt = dt
             table = loop_coefficients(np.array([self.hardware.bandwidth_hz * TURN]), dt)
@@ -84,7 +84,7 @@ class Motor:
         self._move(position, bounded, dt)
 
     def push(self, torque: float, dt: float) -> None:
-        """Applies a torque [N·m]; friction acts."""
+        """Apply a torque [N·m]; friction acts."""
         limit = self.hardware.max_acceleration * self.hardware.inertia * TURN
         applied = min(max(torque, -limit), limit)
         self._slow(applied, self.hardware.friction, dt)
@@ -92,7 +92,7 @@ class Motor:
         self.torque = applied
 
     def coast(self, dt: float) -> None:
-        """Runs out: by friction, or by its brake."""
+        """Run out: by friction, or by its brake."""
         hardware = self.hardware
         self._slow(0.0, hardware.max_acceleration if hardware.brake else hardware.friction, dt)
         self.limited = False

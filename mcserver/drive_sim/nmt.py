@@ -109,14 +109,14 @@ class NmtSlave:
             self.reset(now, whole=False)
 
     def reset(self, now: float, whole: bool = True) -> None:
-        """Begins to boot, the application too or the communication alone."""
+        """Begin to boot, the application too or the communication alone."""
         self.enter(None)
         self._on_reset(whole)
         self._beat_at = NEVER
         self._boot_at = now + self.boot_s
 
     def enter(self, state: NmtState | None) -> None:
-        """Goes to a state, and says so to the node."""
+        """Go to a state, and say so to the node."""
         old, self.state = self.state, state
         if old is not state:
             self._on_change(old, state)

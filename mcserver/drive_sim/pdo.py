@@ -90,7 +90,7 @@ class Pdo:
         return self._inhibit.value * INHIBIT_UNIT_S
 
     def compile(self) -> None:
-        """Takes the mapping as it stands in the dictionary."""
+        """Take the mapping as it stands in the dictionary."""
         entries = []
         for mapped in self._mapped[: self._count.value]:
             entries.append(self._object(mapped.value))
@@ -167,7 +167,7 @@ class Rpdo(Pdo):
         self._late = False
 
     def receive(self, payload: bytes, now: float) -> tuple[bool, int]:
-        """Takes a frame; whether values have changed now, and an EMCY code or 0.
+        """Take a frame; whether values have changed now, and an EMCY code or 0.
 
         Too short a frame is not processed (8210h), a longer one up to its mapped length (8220h).
         """
@@ -183,7 +183,7 @@ class Rpdo(Pdo):
         return True, 0x8220 if len(payload) > size else 0
 
     def sync(self) -> None:
-        """Applies what was received since the last SYNC; the newest counts."""
+        """Apply what was received since the last SYNC; the newest counts."""
         if self._waiting is not None:
             self._apply(self._waiting)
             self._waiting = None

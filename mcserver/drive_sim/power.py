@@ -83,7 +83,7 @@ class PowerMachine:
         self._since = None
 
     def command(self, controlword: int, now: float, options: Options) -> bool:
-        """Obeys a controlword, held or new; whether a fault is to be reset (rising edge of bit 7, in FAULT).
+        """Obey a controlword, held or new; whether a fault is to be reset (rising edge of bit 7, in FAULT).
 
         Switching on and enabling take `energize_s` each, in which the command has to be held.
         """

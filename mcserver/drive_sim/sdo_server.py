@@ -45,7 +45,7 @@ class SdoServer:
         self._toggle = 0
 
     def reset(self) -> None:
-        """Forgets a transfer that has begun."""
+        """Forget a transfer that has begun."""
         self._forget()
 
     def request(self, message: bytes) -> None:

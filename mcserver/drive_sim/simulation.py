@@ -58,7 +58,7 @@ class SimulatedBusSegment:
         self._routes = -1
 
     def transmit(self, identifier: int, payload: bytes) -> None:
-        """Puts a frame on the bus; where it finds no room it is gone."""
+        """Put a frame on the bus; where it finds no room it is gone."""
         self.port.send(identifier, payload)
 
     @property
@@ -67,7 +67,7 @@ class SimulatedBusSegment:
         return min((node.wake for node in self.nodes), default=math.inf)
 
     def take(self, frames: Sequence[Frame], now: float) -> None:
-        """Gives frames to the nodes that listen to them."""
+        """Give frames to the nodes that listen to them."""
         if sum(node.routes for node in self.nodes) != self._routes:
             self._reroute()
         nothing: list[Node] = []
@@ -78,7 +78,7 @@ class SimulatedBusSegment:
                 self._reroute()
 
     def poll(self, now: float) -> None:
-        """Lets nodes do what is due."""
+        """Let nodes do what is due."""
         for node in self.nodes:
             if node.wake <= now:
                 node.poll(now)
@@ -127,7 +127,7 @@ class DriveSimulation:
                 node.switch_on(now)
 
     def stop(self) -> None:
-        """Ends `run` within `LONGEST_WAIT_S`; from a signal handler or another thread."""
+        """End `run` within `LONGEST_WAIT_S`; from a signal handler or another thread."""
         self._stopping = True
 
     def run(
@@ -136,7 +136,7 @@ class DriveSimulation:
         on_booted: Callable[[], None] | None = None,
         bell: int | None = None,
     ) -> None:
-        """Serves until `stop`. ``bell``: a descriptor whose input wakes the loop."""
+        """Serve until `stop`. ``bell``: a descriptor whose input wakes the loop."""
         while not self._stopping:
             others = requests.descriptors() if requests is not None else []
             ready = self._wait([*others, *([bell] if bell is not None else [])])
@@ -168,7 +168,7 @@ class DriveSimulation:
     # ------------------------------------------------------------------ requests
 
     def answer(self, request: Mapping[str, object]) -> dict[str, object]:
-        """Obeys one request.
+        """Obey one request.
 
         Raises:
             BadRequest: it cannot be meant.

@@ -260,7 +260,7 @@ class DriveBus(Protocol):
         """
 
     def boot(self) -> Feedback:
-        """Brings the drives up, not energized; returns the feedback's arrays with the encoders' readings.
+        """Bring the drives up, not energized; return the feedback's arrays with the encoders' readings.
 
         Raises:
             RuntimeFault: a drive that does not answer.
@@ -273,4 +273,4 @@ class DriveBus(Protocol):
         """What happened since the last call; bounded."""
 
     def close(self) -> None:
-        """Leaves the drives de-energized and gives the bus back."""
+        """Leave the drives de-energized and give the bus back."""

@@ -146,7 +146,7 @@ class CanBus:
         return total + (self._servo.readings.short if self._servo else 0)
 
     def boot(self) -> Feedback:
-        """Opens the port and lets cycles pass until every drive has answered, all commanded off.
+        """Open the port and let cycles pass until every drive has answered, all commanded off.
 
         Raises:
             RuntimeFault: MC424 the bus cannot be opened; MC411 a drive does not answer.
@@ -213,7 +213,7 @@ class CanBus:
         return events
 
     def close(self) -> None:
-        """Tells the drives to be off for some cycles, and closes the port."""
+        """Tell the drives to be off for some cycles, and close the port."""
         port, self.port = self.port, None
         if port is None:
             return

@@ -33,7 +33,8 @@ def _on_can(machine: Machine, _axes: Sequence[Axis], columns: Sequence[int]) -> 
     return buses
 
 
-# Kind of drive → what makes its buses; kinds with the same maker share buses. A new kind is one entry here.
+# Kind of drive → what makes its buses; kinds with the same maker share buses. A new kind is an entry here and
+# in the table below.
 BUS_FACTORIES: Mapping[str, BusFactory] = MappingProxyType(
     {"ideal": _ideal, "simulated": _simulated, "cia402": _on_can, "servosila": _on_can}
 )

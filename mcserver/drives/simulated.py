@@ -168,29 +168,29 @@ class SimulatedBus:
     # ------------------------------------------------------------------ faults on demand
 
     def jam(self, column: int, jammed: bool = True) -> None:
-        """Blocks an axis mechanically, or frees it: its encoder stands whatever the drive does."""
+        """Block an axis mechanically, or free it: its encoder stands whatever the drive does."""
         self._jammed[self.columns.index(column)] = jammed
         self._any_jammed = bool(self._jammed.any())
 
     def trip(self, column: int, fault: DriveFault = DriveFault.OVER_TEMPERATURE) -> None:
-        """Lets a drive fail: it de-energizes and latches the fault."""
+        """Let a drive fail: it de-energizes and latches the fault."""
         index = self.columns.index(column)
         self._true_state[index] = DriveState.FAULT
         self._feedback.fault[index] = fault
         self._changing = True
 
     def push(self, column: int, velocity: float) -> None:
-        """Gives an axis a speed at once, as a blow would [m/s, rad/s]."""
+        """Give an axis a speed at once, as a blow would [m/s, rad/s]."""
         self._loop[1, self.columns.index(column)] = velocity
         self._changing = True
 
     def silence(self, column: int, cycles: int | None = None) -> None:
-        """Lets a drive not answer for a number of cycles (None: for good; 0: answers again)."""
+        """Let a drive not answer for a number of cycles (None: for good; 0: answers again)."""
         self._mute[self.columns.index(column)] = -1 if cycles is None else cycles
         self._any_mute = bool((self._mute != 0).any())
 
     def delay(self, cycles: int) -> None:
-        """Makes the feedback of all drives late by a number of cycles."""
+        """Make the feedback of all drives late by a number of cycles."""
         if not 0 <= cycles <= MAX_DELAY:
             raise ValueError(f"a delay of {cycles} cycles is outside 0 … {MAX_DELAY}")
         self._delay = cycles

@@ -194,7 +194,7 @@ class AxisBank:
                 self.exact |= 1 << column
 
     def close(self) -> None:
-        """Gives the buses back, every drive de-energized."""
+        """Give the buses back, every drive de-energized."""
         for port in self._ports:
             port.bus.close()
 
@@ -398,7 +398,7 @@ class AxisBank:
         self.torque[bools] = 0.0
 
     def power(self, mask: int, mode: DriveMode) -> None:
-        """Energizes axes in a mode, or changes the mode of energized ones; ideal drives are there at once."""
+        """Energize axes in a mode, or change the mode of energized ones; ideal drives are there at once."""
         # a drive takes a moment to leave its own homing
         leaving = mask & self.homing & ~self.exact
         self.energized &= ~leaving
@@ -434,7 +434,7 @@ class AxisBank:
         self._refresh()
 
     def reset(self, mask: int) -> None:
-        """Clears fault latches; the axes are off afterwards."""
+        """Clear fault latches; the axes are off afterwards."""
         self._release_all(mask)
         self.fault &= ~mask
         self.resetting |= mask & ~self.exact
@@ -442,14 +442,14 @@ class AxisBank:
         self._refresh()
 
     def stop(self, mask: int) -> None:
-        """Lets drives stop their axes by themselves and then de-energize; ends the capture."""
+        """Let drives stop their axes by themselves and then de-energize; end the capture."""
         self._release_all(mask)
         self.stopping |= mask & ~self.exact
         self._tell(mask, DriveMode.STOP)
         self._refresh()
 
     def release(self, mask: int) -> None:
-        """Stops transmitting: the drives' heartbeat time-outs act."""
+        """Stop transmitting: the drives' heartbeat time-outs act."""
         self._release_all(mask)
         self.released |= mask
         self._tell(mask, DriveMode.SILENT)
@@ -463,7 +463,7 @@ class AxisBank:
     # ------------------------------------------------------------------ telemetry
 
     def show_conditions(self, moving: int) -> None:
-        """Updates the feedback's conditions where anything has changed."""
+        """Update the feedback's conditions where anything has changed."""
         key = (
             self.energized,
             self.starting,

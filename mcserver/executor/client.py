@@ -68,7 +68,7 @@ class ExecutorProcess:
         self.wait(timeout_s)
 
     def launch(self) -> None:
-        """Makes the memory and starts the process, without waiting for it."""
+        """Make the memory and start the process, without waiting for it."""
         if self._process is not None:
             raise RuntimeError("the executor has been started already")
         self._memory = create_block(self.machine, self._slots)
@@ -78,7 +78,7 @@ class ExecutorProcess:
         self._process = start_child("mcserver.executor.process", start, [self._memory])
 
     def wait(self, timeout_s: float = START_TIMEOUT_S) -> None:
-        """Waits until cycles run.
+        """Wait until cycles run.
 
         Raises:
             RuntimeFault: MC422 it ended, or did not come up in time.
@@ -100,7 +100,7 @@ class ExecutorProcess:
             time.sleep(_POLL_S)
 
     def stop(self, timeout_s: float = STOP_TIMEOUT_S) -> int | None:
-        """Brings motion to rest, de-energizes the axes and ends the process.
+        """Bring motion to rest, de-energize the axes and end the process.
 
         Returns:
             Its exit code; None if it was never started.
@@ -116,7 +116,7 @@ class ExecutorProcess:
             self._forget_memory()
 
     def kill(self) -> int | None:
-        """Ends the process at once; its drives time out by themselves."""
+        """End the process at once; its drives time out by themselves."""
         if self._process is None:
             return None
         if self._process.poll() is None:
@@ -212,7 +212,7 @@ class ExecutorProcess:
         unhomed: bool = False,
         envelope: Envelope | None = None,
     ) -> ProgramRing:
-        """Begins a program in a free slot; without a mask on all axes.
+        """Begin a program in a free slot; without a mask on all axes.
 
         Returns:
             Where its rows and control entries are put.

@@ -51,7 +51,7 @@ class ControlQueue:
         self.open(0)
 
     def open(self, base: int) -> None:
-        """Begins with entry number ``base``."""
+        """Begin with entry number ``base``."""
         self._stops.clear()
         self._next = self._noted = base
         self._head: Control | None = None
@@ -60,7 +60,7 @@ class ControlQueue:
         self.last_u = 0.0
 
     def drop(self) -> None:
-        """Frees everything: nothing more of this program is done."""
+        """Free everything: nothing more of this program is done."""
         self.open(self._ring.controls_written)
         self._ring.free_controls(self._noted)
 

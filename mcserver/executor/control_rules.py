@@ -35,7 +35,7 @@ _OPERATIONS = tuple(AxisOperation)
 
 
 def pass_control(slot: ProgramSlot, control: Control, left: float, waited: bool = False) -> Barrier | None:
-    """Does what an entry asks, ``left`` cycles before the exchange.
+    """Do what an entry asks, ``left`` cycles before the exchange.
 
     Args:
         waited: the barrier that an earlier call for this entry put up has been passed.
@@ -75,7 +75,7 @@ def _check_lease(slot: ProgramSlot, axes: int) -> None:
 
 
 def _check_power(slot: ProgramSlot, axes: int) -> None:
-    """Raises where axes may not be energized now."""
+    """Raise where axes may not be energized now."""
     cycle = slot.cycle
     _check_lease(slot, axes)
     if cycle.estop:
@@ -86,21 +86,21 @@ def _check_power(slot: ProgramSlot, axes: int) -> None:
 
 
 def _check_configured(slot: ProgramSlot, axes: int, mode: DriveMode) -> None:
-    """Raises where the machine file does not say what a drive needs for this mode."""
+    """Raise where the machine file does not say what a drive needs for this mode."""
     for column in slot.cycle.bank.masks.columns(axes):
         if not drives_mode(slot.cycle.machine.axes[column].drive, mode):
             raise BarrierFault(FaultCode.MODE_NOT_CONFIGURED, column, (float(mode), 0.0))
 
 
 def _check_follows_paths(slot: ProgramSlot, axes: int) -> None:
-    """Raises where axes are to follow a path whose drives make their profiles themselves."""
+    """Raise where axes are to follow a path whose drives make their profiles themselves."""
     profiled = axes & slot.cycle.profiled.mask
     if profiled:
         raise BarrierFault(FaultCode.FOLLOWS_NO_PATH, slot.cycle.bank.masks.columns(profiled)[0])
 
 
 def _check_homed(slot: ProgramSlot, axes: int) -> None:
-    """Raises where axes do not know where they are and the program is not to move them then."""
+    """Raise where axes do not know where they are and the program is not to move them then."""
     barred = slot.cycle.homed.barred(axes)
     if barred and not (slot.orders is not None and slot.orders.unhomed):
         raise BarrierFault(FaultCode.NOT_HOMED, slot.cycle.bank.masks.columns(barred)[0])
@@ -141,7 +141,7 @@ def _dwell(slot: ProgramSlot, control: Control, _left: float, waited: bool) -> B
 
 
 def _energize(slot: ProgramSlot, axes: int, mode: DriveMode) -> Barrier | None:
-    """Energizes what is not energized yet; None: all of it is."""
+    """Energize what is not energized yet; None: all of it is."""
     bank = slot.cycle.bank
     missing = axes & ~bank.energized
     if not missing:

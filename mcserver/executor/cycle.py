@@ -71,13 +71,13 @@ class Cycle:
         token: int = 0,
         values: tuple[float, ...] = (),
     ) -> bool:
-        """Reports something that happened ``left`` cycles before the end of this cycle; False: no room."""
+        """Report something that happened ``left`` cycles before the end of this cycle; False: no room."""
         time = self.time - left * self.cycle_s
         return self._events.put(ExecutorEvent(kind, program, line, time, code, axis, token, values))
 
     def fault(
         self, code: FaultCode, program: int, line: int, column: int = -1, values: tuple[float, ...] = ()
     ) -> None:
-        """Reports a fault; ``column`` -1: of no axis."""
+        """Report a fault; ``column`` -1: of no axis."""
         axis = self.machine.axes[column].index if column >= 0 else -1
         self.emit(EventKind.FAULT, program, line, code=code, axis=axis, values=values)

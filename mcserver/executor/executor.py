@@ -267,13 +267,13 @@ class Executor:
         return Stretch(lines, setpoint, actual, events)
 
     def stop_all(self, code: FaultCode | None = None) -> None:
-        """Stops all motion within its limits, and reports why; axes stay energized."""
+        """Stop all motion within its limits, and report why; axes stay energized."""
         if code is not None:
             self.warn(code)
         self._stop(SlotState.STOPPED if code is None else SlotState.FAULTED)
 
     def warn(self, code: FaultCode) -> None:
-        """Reports something about the machine as a whole."""
+        """Report something about the machine as a whole."""
         self._cycle.fault(code, -1, 0)
 
     @property

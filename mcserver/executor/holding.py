@@ -11,7 +11,7 @@ KEPT_LAG_S = 0.01
 
 
 def hold_position(cycle: Cycle, mask: int, slot: int, left: float = 0.0) -> None:
-    """Brings axes in speed or torque mode to rest in position mode, within their limits.
+    """Bring axes in speed or torque mode to rest in position mode, within their limits.
 
     The setpoint goes on from the one before; where the encoder is far from it (a torque, or a speed that was
     never reached), from the encoder.

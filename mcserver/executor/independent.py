@@ -141,7 +141,7 @@ class IndependentMotions:
         self.drop(mask)
 
     def drop(self, mask: int) -> None:
-        """Forgets motions; the setpoints stay where they are. Columns of a line that are left go on."""
+        """Forget motions; the setpoints stay where they are. Columns of a line that are left go on."""
         for column in [column for column in self.goals if mask >> column & 1]:
             del self.goals[column]
         for column, motion in list(self._motions.items()):
@@ -335,7 +335,7 @@ class IndependentMotions:
                 self.halting |= bit
 
     def _guard(self, motion: Motion) -> None:
-        """Lets an axis that holds a speed stop on its soft limit, while it still can."""
+        """Let an axis that holds a speed stop on its soft limit, while it still can."""
         axis = self._axes[motion.column]
         if self.unlimited >> motion.column & 1:
             return

@@ -123,7 +123,7 @@ def run_loop(
 
 
 def main() -> int:
-    """Runs the process; returns its exit code."""
+    """Run the process; return its exit code."""
     start = msgspec.msgpack.decode(sys.stdin.buffer.read(), type=Start)
     terminated: list[int] = []
     # an interrupt from the keyboard goes to the server too, which ends this process in order

@@ -32,14 +32,14 @@ class MonotonicClock:
         return time.clock_gettime_ns(time.CLOCK_MONOTONIC)
 
     def sleep_until(self, deadline: int) -> None:
-        """Returns at or after ``deadline`` [ns], not before, signals or not."""
+        """Return at or after ``deadline`` [ns], not before, signals or not."""
         self._deadline.seconds, self._deadline.nanoseconds = divmod(deadline, 1_000_000_000)
         while self._sleep(time.CLOCK_MONOTONIC, _TIMER_ABSTIME, self._pointer, None) == errno.EINTR:
             pass
 
 
 def take_realtime_priority(priority: int = PRIORITY) -> bool:
-    """Puts this thread under SCHED_FIFO; False without the right to."""
+    """Put this thread under SCHED_FIFO; False without the right to."""
     try:
         os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(priority))
     except OSError:
@@ -48,6 +48,6 @@ def take_realtime_priority(priority: int = PRIORITY) -> bool:
 
 
 def lock_memory() -> bool:
-    """Keeps all pages of this process in memory, also those to come; False without the right to."""
+    """Keep all pages of this process in memory, also those to come; False without the right to."""
     locked: int = ctypes.CDLL(None, use_errno=True).mlockall(_MCL_CURRENT_AND_FUTURE)
     return locked == 0

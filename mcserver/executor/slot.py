@@ -1,8 +1,7 @@
 """One program in the executor: its time axis u, its control entries, its rate.
 
 A cycle lets u pass by the rate. Control entries on the way are passed at their exact moments; one that has to
-wait puts up a barrier, and u stands there. ``left`` is always what remains of the cycle at the moment in
-question, in
+wait puts up a barrier, and u stands there. ``left`` is what remains of the cycle at that moment, in
 cycles: 1 at its beginning, 0 at the exchange with the drives.
 """
 
@@ -174,7 +173,7 @@ class ProgramSlot:
     # ------------------------------------------------------------------ stopping
 
     def stop(self, state: SlotState) -> None:
-        """Ramps down along the path; then all that is left is dropped and the slot is in ``state``."""
+        """Ramp down along the path; then all that is left is dropped and the slot is in ``state``."""
         if not self.running:
             return
         if self._state is not SlotState.STOPPING:
@@ -190,7 +189,7 @@ class ProgramSlot:
             self._stop_state = state
 
     def fault(self, code: FaultCode, line: int, column: int = -1, values: tuple[float, ...] = ()) -> None:
-        """Reports a fault and stops the program."""
+        """Report a fault and stop the program."""
         self.cycle.fault(code, self.index, line, column, values)
         self.stop(SlotState.FAULTED)
 
@@ -331,7 +330,7 @@ class ProgramSlot:
             self._run(0.0, 0.0)
 
     def _run(self, left: float, rate: float) -> None:
-        """Lets what is left of the cycle pass: control entries on the way, then u."""
+        """Let what is left of the cycle pass: control entries on the way, then u."""
         reach = self._reach(self.u + rate * left)
         while True:
             barrier = self.barrier

@@ -138,7 +138,7 @@ async def _call(caller: GatewaySession, machine: str, method: str, **fields: Any
 
 
 def build_http(app: FastAPI, http: HttpSessions) -> None:
-    """Adds the routes under ``/v1`` to an application."""
+    """Add the routes under ``/v1`` to an application."""
     errors: dict[int | str, dict[str, Any]] = {
         status: {"model": ErrorAnswer} for status in (400, 401, 403, 404, 409, 413, 429, 503)
     }
@@ -193,14 +193,14 @@ def build_http(app: FastAPI, http: HttpSessions) -> None:
 
     @app.post("/v1/machines/{machine}/programs", responses=errors)
     async def open_program(caller: Caller, machine: MachineName, body: OpenBody) -> dict[str, Any]:
-        """Opens a program of this token."""
+        """Open a program of this token."""
         return await _call(caller, machine, "open", **body.model_dump())
 
     @app.post("/v1/machines/{machine}/programs/{program}/lines", responses=errors)
     async def submit(
         caller: Caller, machine: MachineName, program: ProgramId, body: LinesBody
     ) -> dict[str, Any]:
-        """Sends lines."""
+        """Send lines."""
         return await _call(caller, machine, "submit", program=program, **body.model_dump())
 
     @app.post("/v1/machines/{machine}/programs/{program}/close", responses=errors)
@@ -213,7 +213,7 @@ def build_http(app: FastAPI, http: HttpSessions) -> None:
     for order, text in (
         ("hold", "Feed hold along the path."),
         ("resume", "Ends a hold, M00 or M01."),
-        ("abort", "Stops along the path and drops the rest."),
+        ("abort", "Stops along the path and drop the rest."),
     ):
         _add_order(app, order, text, errors)
 
@@ -224,7 +224,7 @@ def build_http(app: FastAPI, http: HttpSessions) -> None:
 
     @app.post("/v1/machines/{machine}/reset", responses=errors)
     async def reset(caller: Caller, machine: MachineName) -> dict[str, Any]:
-        """Clears latched faults and the emergency stop."""
+        """Clear latched faults and the emergency stop."""
         return await _call(caller, machine, "reset")
 
     @app.post("/v1/machines/{machine}/estop", responses=errors)

@@ -99,13 +99,13 @@ class Outbox:
         return frame
 
     async def room(self) -> None:
-        """Waits until replies fit: who does not read them is not read from."""
+        """Wait until replies fit: who does not read them is not read from."""
         while self._is_full and not self.overrun:
             self._taken.clear()
             await self._taken.wait()
 
     def clear(self) -> None:
-        """Forgets what waited for a connection that is gone."""
+        """Forget what waited for a connection that is gone."""
         self._frames.clear()
         self._missed.clear()
         self._bytes, self.overrun = 0, False
@@ -194,7 +194,7 @@ class GatewaySession:
     async def open(
         cls, connect: tuple[str, ...], config_file: Path | None, principal: Principal
     ) -> GatewaySession:
-        """Connects to the motion servers.
+        """Connect to the motion servers.
 
         Raises:
             MotionError: MC530 nothing answers there.
@@ -232,7 +232,7 @@ class GatewaySession:
             peer.drop_token = self._link.declare_token(peer.keys.token)
 
     async def close(self) -> None:
-        """Ends the link; the client's token goes with it."""
+        """End the link; the client's token goes with it."""
         for task in list(self._tasks):
             task.cancel()
         await asyncio.gather(*self._tasks, return_exceptions=True)
@@ -332,7 +332,7 @@ class GatewaySession:
         return await machines(self._link, timeout_s=CONNECT_S)
 
     async def emergency_stop(self, machine: str, reason: str, number: int | None = None) -> None:
-        """Stops a machine; returns once it has confirmed. Whoever may look may stop.
+        """Stop a machine; return once it has confirmed. Whoever may look may stop.
 
         Args:
             number: that all copies of this stop have.
@@ -400,7 +400,7 @@ class GatewaySession:
             subscription.close()
 
     def end_subscriptions(self) -> None:
-        """Ends all of them: their connection is gone, and a new one subscribes anew."""
+        """End all of them: their connection is gone, and a new one subscribes anew."""
         for number in list(self._subscriptions):
             self._unsubscribe(number)
         self.outbox.clear()

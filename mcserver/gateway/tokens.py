@@ -67,7 +67,7 @@ def read_tokens(path: Path) -> Tokens:
 
 
 def add_token(path: Path, name: str, role: Role) -> str:
-    """Writes a client into the file, in place of one of that name, and returns its new token.
+    """Write a client into the file, in place of one of that name, and return its new token.
 
     Raises:
         ConfigurationError: MC070 the name does not do, or the file cannot be written.

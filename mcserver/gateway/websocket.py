@@ -68,7 +68,7 @@ class Sessions:
         return "" if principal is None else principal.name
 
     async def close(self) -> None:
-        """Ends all sessions."""
+        """End all sessions."""
         for task in self._ends.values():
             task.cancel()
         await asyncio.gather(

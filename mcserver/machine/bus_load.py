@@ -1,9 +1,8 @@
 """How much of a CAN bus a machine's cycle takes: frames, bits, and the 80 % that may be used.
 
 Bits of a classic frame with an 11-bit identifier and n bytes, in the worst case of bit stuffing (Davis,
-Burns,
-Bril, Lukkien: Controller Area Network schedulability analysis, 2007): 47 + 8·n + floor((33 + 8·n)/4), which
-is 135 for 8 bytes; the three bits between frames are in it.
+Burns, Bril, Lukkien: Controller Area Network schedulability analysis, 2007): 47 + 8·n + floor((33 + 8·n)/4),
+which is 135 for 8 bytes; the three bits between frames are in it.
 """
 
 from __future__ import annotations
@@ -266,7 +265,7 @@ def _timeouts_of(axis: Axis) -> tuple[float, float]:
 
 
 def refuse_overload(machine: Machine, source: str) -> None:
-    """Refuses a machine whose cycle does not fit its buses.
+    """Refuse a machine whose cycle does not fit its buses.
 
     Raises:
         ConfigurationError: MC007, with the arithmetic and what would fit.

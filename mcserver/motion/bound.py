@@ -1,4 +1,4 @@
-"""What planning reports of a segment: the limit that stretched it, or that no velocity profile exists."""
+"""What bounds the time of a segment, and the error where no velocity profile keeps the limits."""
 
 from __future__ import annotations
 
@@ -7,15 +7,15 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class Bound:
-    """The limit that stretched a segment: machine column and kind of limit."""
+    """Limit that a segment's time is due to: column of the axis, kind of the limit."""
 
     column: int
     kind: str
 
 
 class PlanningError(Exception):
-    """No velocity profile keeps the limits: the line is refused rather than moved wrongly."""
+    """No velocity profile keeps the limits: the motion stops as planned before, the line is refused."""
 
     def __init__(self, line: int) -> None:
-        super().__init__(f"no time law for line {line}")
+        super().__init__(f"no velocity profile for line {line}")
         self.line = line

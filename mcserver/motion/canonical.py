@@ -379,9 +379,7 @@ Canonical = MotionLine | AxisLine | ProbeLine | PauseLine | OutputLine | InputLi
 
 
 def requested_of(line: MotionLine) -> float | None:
-    """Return the requested time of a line [s], that of its longest group; None where none requests a time
-    (interfaces.md).
-    """
+    """Return the requested time of a line [s], that of its longest group; None where none requests one."""
     times = [
         group.requested if isinstance(group, FeedGroup) else group.seconds
         for group in line.groups

@@ -298,7 +298,7 @@ class MotionPlanner:
             and where the longest one ends on the program's time axis [cycles].
 
         Raises:
-            PlanningError: their torques together cannot be kept.
+            PlanningError: a group has no velocity profile, or their torques together cannot be kept.
         """
         base = self.position.copy()
         segments = [self.segment(group, line) for group in groups]

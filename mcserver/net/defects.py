@@ -28,7 +28,7 @@ class DefectLog:
         self._logged_count = 0
 
     def add(self, message: str, error: BaseException | None = None) -> bool:
-        """Counts one; says whether it was logged. With ``error`` its traceback is logged too."""
+        """Count one; say whether it was logged. With ``error`` its traceback is logged too."""
         self.count += 1
         now = self._clock()
         if now - self._logged_at < LOG_PERIOD_S:

@@ -211,7 +211,7 @@ class MachineEndpoint:
         drives: DriveAccess | None = None,
         recorder: RecordingAccess | None = None,
     ) -> None:
-        """Declares what clients may use, the liveliness token last."""
+        """Declare what clients may use, the liveliness token last."""
         keys, loop = self.keys, self._loop
         self._rpc = RpcServer(
             keys,
@@ -312,7 +312,7 @@ class MachineEndpoint:
             await asyncio.to_thread(self._cycles.close)
 
     async def close(self) -> None:
-        """Ends everything, within a limit."""
+        """End everything, within a limit."""
         if self._watching is not None:
             self._watching.cancel()
             await asyncio.gather(self._watching, return_exceptions=True)

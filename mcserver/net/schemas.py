@@ -65,7 +65,7 @@ def schemas() -> dict[str, str]:
 
 
 def write(folder: Path) -> None:
-    """Writes all schemas into ``folder`` and takes away those of messages that are gone."""
+    """Write all schemas into ``folder`` and take away those of messages that are gone."""
     folder.mkdir(parents=True, exist_ok=True)
     current = schemas()
     for stale in folder.glob("*.json"):

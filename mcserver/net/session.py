@@ -68,7 +68,7 @@ class ZenohSession:
 
     @classmethod
     async def open(cls, config: zenoh.Config) -> ZenohSession:
-        """Opens a session without blocking the loop.
+        """Open a session without blocking the loop.
 
         Raises:
             ServiceError: MC522 the endpoint cannot be listened on.
@@ -93,11 +93,11 @@ class ZenohSession:
         return [link.src for link in self._session.info.links()]
 
     def subscribe(self, key: str, on_sample: OnSample) -> None:
-        """Calls ``on_sample`` in Zenoh's thread for each sample."""
+        """Call ``on_sample`` in Zenoh's thread for each sample."""
         self._declared.append(self._session.declare_subscriber(key, self._callback(on_sample)))
 
     def queryable(self, key: str, on_query: OnQuery) -> None:
-        """Calls ``on_query`` in Zenoh's thread for each query; whoever takes it has to drop it."""
+        """Call ``on_query`` in Zenoh's thread for each query; whoever takes it has to drop it."""
         self._declared.append(self._session.declare_queryable(key, self._callback(on_query), complete=True))
 
     def token(self, key: str) -> None:
@@ -114,7 +114,7 @@ class ZenohSession:
         return await asyncio.to_thread(ask)
 
     def watch_tokens(self, key: str, on_sample: OnSample) -> None:
-        """Calls ``on_sample`` in Zenoh's thread as tokens come (PUT, those there already too) and go."""
+        """Call ``on_sample`` in Zenoh's thread as tokens come (PUT, those there already too) and go."""
         self._declared.append(
             self._session.liveliness().declare_subscriber(key, self._callback(on_sample), history=True)
         )
@@ -167,7 +167,7 @@ class ZenohSession:
         return zenoh.handlers.Callback(callback, indirect=False)
 
     async def close(self) -> None:
-        """Ends all that was declared, advanced publishers first, within `CLOSE_LIMIT_S`."""
+        """End all that was declared, advanced publishers first, within `CLOSE_LIMIT_S`."""
         loop = asyncio.get_running_loop()
         closed = asyncio.Event()
         close: Callable[[], None] = self._session.close

@@ -44,7 +44,7 @@ class Output:
         return bool(self._rows or self._controls)
 
     def drop(self) -> None:
-        """Forgets what waits: the program was aborted."""
+        """Forget what waits: the program was aborted."""
         self._controls.clear()
         self._waiting = 0
         self._rows.clear()

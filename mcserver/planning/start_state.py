@@ -1,8 +1,8 @@
 """What lives outside of a program and decides where and how it starts, in one value.
 
-The planner and `mcserver.simulation` take a program's start from this value alone. A piece of state that
-has to
-count there becomes a field of it, and an approval compares fields: so none can be left out of the comparison.
+The planner and `mcserver.simulation` take a program's start from this value alone. A piece of state
+that has to count there becomes a field of it, and an approval compares fields: so none can be left out of the
+comparison.
 """
 
 from __future__ import annotations

@@ -65,7 +65,7 @@ class McapFile:
         self._write(head)
 
     def add(self, chunk: Chunk) -> None:
-        """Raises OSError where it cannot be written; the file may end in a part of the chunk then."""
+        """Raise OSError where it cannot be written; the file may end in a part of the chunk then."""
         index = chunk.index_at(self.size)
         self._write(chunk.data)
         self._chunks.append(index)

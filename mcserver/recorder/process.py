@@ -129,7 +129,7 @@ class Link:
         return False
 
     def send(self, reports: list[Report]) -> None:
-        """Reports to the server; where it is gone they go nowhere."""
+        """Report to the server; where it is gone they go nowhere."""
         with contextlib.suppress(OSError):
             for report in reports:
                 self._pipe.send(self._encode(report))

@@ -22,7 +22,7 @@ class AckSender:
         self._due: dict[str, tuple[Program, int]] = {}
 
     def acknowledge(self, program: Program, expected: int = 0) -> None:
-        """Tells how the program stands; ``expected`` answers a gap."""
+        """Tell how the program stands; ``expected`` answers a gap."""
         if not self._due:
             self._loop.call_soon(self._flush)
         before = self._due.get(program.program, (program, 0))[1]

@@ -3,8 +3,7 @@
 A request moves nothing. It keeps the text, the state that its simulation began in, and the envelope that it
 was seen to stay within. An operator arms it by the text's hash; then the one who asked may start it, with
 the same text, once, before the time is over and from the same state; the executor holds the run within its
-envelope. Pure
-bookkeeping: the clock is passed in.
+envelope. Pure bookkeeping: the clock is passed in.
 """
 
 from __future__ import annotations

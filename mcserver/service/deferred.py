@@ -31,11 +31,11 @@ class Deferred(Generic[T]):
         return None if self._outcome is None else self._outcome[0]
 
     def resolve(self, value: T) -> None:
-        """Gives the result; a second one is ignored."""
+        """Give the result; a second one is ignored."""
         self._settle(value, None)
 
     def fail(self, error: Exception) -> None:
-        """Gives an error instead."""
+        """Give an error instead."""
         self._settle(None, error)
 
     def listen(self, listener: Callable[[T | None, Exception | None], None]) -> None:

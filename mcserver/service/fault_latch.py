@@ -50,18 +50,18 @@ class FaultLatch:
         return iter(self._faults)
 
     def latch(self, fault: Fault) -> None:
-        """Keeps a fault, unless its axis has one of the same code already."""
+        """Keep a fault, unless its axis has one of the same code already."""
         known = any((other.code, other.axis) == (fault.code, fault.axis) for other in self._faults)
         if not known and len(self._faults) < LATCHED_FAULTS:
             self._faults.append(fault)
             self._on_latched(fault)
 
     def clear(self) -> None:
-        """Drops all: the reset."""
+        """Drop all: the reset."""
         self._faults.clear()
 
     def forget_cleared(self, states: Mapping[int, AxisState]) -> bool:
-        """Drops faults that no axis has latched any more; True if none is left of some."""
+        """Drop faults that no axis has latched any more; True if none is left of some."""
         since = self._now() - FAULT_SHOWN_S
         kept = [
             fault

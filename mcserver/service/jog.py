@@ -50,7 +50,7 @@ class Jogging:
         hold_s: float | None,
         program_id: str | None,
     ) -> str:
-        """Starts a jog, or keeps ``program_id`` alive; returns the program's id.
+        """Start a jog, or keep ``program_id`` alive; return the program's id.
 
         Args:
             by: the person at the client, where it serves several; jogs of another one are refused.

@@ -97,7 +97,7 @@ class Journal:
             self._thread.start()
 
     def server_started(self, instance: str, at: float) -> None:
-        """Records this start; programs of earlier instances that had not ended become ``interrupted``."""
+        """Record this start; programs of earlier instances that had not ended become ``interrupted``."""
         self._put(
             "UPDATE programs SET state='interrupted', ended_at=? WHERE ended_at IS NULL AND instance<>?",
             (at, instance),
@@ -122,7 +122,7 @@ class Journal:
         before: Sequence[str] = (),
         sha256: str | None = None,
     ) -> None:
-        """Records a program.
+        """Record a program.
 
         Args:
             before: its lines from 1 on that are known already, through start_line - 1 at least, for a later
@@ -149,7 +149,7 @@ class Journal:
             self.lines(program, 1, before)
 
     def program_begun(self, program: str, origin: StartState) -> None:
-        """Records the machine as a program begins to run."""
+        """Record the machine as a program begins to run."""
         self._put("UPDATE programs SET origin=? WHERE program=?", (msgspec.msgpack.encode(origin), program))
 
     def program_closed(self, program: str) -> None:
@@ -163,7 +163,7 @@ class Journal:
         lines: Sequence[str],
         on_committed: OnCommitted | None = None,
     ) -> None:
-        """Records lines ``first``, ``first + 1``, …"""
+        """Record lines ``first``, ``first + 1``, …"""
         text = msgspec.msgpack.encode(lines)
         last = first + len(lines) - 1
         self._append("chunks", on_committed, program=program, first=first, last=last, lines=text)
@@ -184,7 +184,7 @@ class Journal:
         reports: Sequence[LineReport] = (),
         on_committed: OnCommitted | None = None,
     ) -> None:
-        """Records how far a program has come."""
+        """Record how far a program has come."""
         if reports:
             first, last = reports[0].line, reports[-1].line
             blob = msgspec.msgpack.encode(reports)
@@ -235,11 +235,11 @@ class Journal:
         return 0.0 if self._sync is None else self._sync.lasts_s
 
     def after(self, on_committed: OnCommitted) -> None:
-        """Calls back behind all that was written before."""
+        """Call back behind all that was written before."""
         self._inbox.put(Entry(None, on_committed))
 
     def close(self, timeout_s: float = 5.0) -> None:
-        """Writes what is left, syncs and closes. Safe to call twice."""
+        """Write what is left, sync and close. Safe to call twice."""
         self._stopping.set()
         if self._thread is None or self._sync is None:
             self._connection.close()
@@ -305,7 +305,7 @@ class Journal:
         return batch, True
 
     def _write(self, batch: list[Entry]) -> bool:
-        """Commits one transaction; tries until it can. False: given up, because the journal is being
+        """Commit one transaction; try until it can. False: given up, because the journal is being
         closed."""
         failed = False
         while failure := self._commit(batch):

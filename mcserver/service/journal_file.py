@@ -108,8 +108,8 @@ def row_checksum(*values: object) -> int:
 def insertion(table: str, **values: object) -> Statement:
     """Return the statement that appends a row with its checksum.
 
-    Columns that are left out are NULL or 0,
-    and an ``id`` is the next one."""
+    Columns that are left out are NULL or 0, and an ``id`` is the next one.
+    """
     row = [
         values.get(name, 0 if column.endswith("DEFAULT 0") else None)
         for name, column in zip(NAMES[table], COLUMNS[table], strict=True)

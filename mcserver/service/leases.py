@@ -40,7 +40,7 @@ class LeaseTable:
         self._waiting: dict[str, frozenset[int]] = {}
 
     def request(self, program: str, axes: Iterable[int]) -> list[Grant]:
-        """Queues ``program`` for ``axes``; returns what can start now (this program or nothing).
+        """Queue ``program`` for ``axes``; return what can start now (this program or nothing).
 
         Raises:
             ValueError: no axis, or the program has asked already.
@@ -54,7 +54,7 @@ class LeaseTable:
         return self._grant()
 
     def release(self, program: str, *, planned: bool) -> list[Grant]:
-        """Gives back what ``program`` holds or waits for; returns what can start now, in order.
+        """Give back what ``program`` holds or waits for; return what can start now, in order.
 
         Args:
             planned: the planner may know it; then its slot is free only once it is `forgotten`.

@@ -64,7 +64,7 @@ class LineQueue:
         return self._limit_lines
 
     def take(self, first: int, lines: Sequence[str]) -> Taken | Gap:
-        """Takes what is new and fits of lines ``first``, ``first + 1``, …"""
+        """Take what is new and fits of lines ``first``, ``first + 1``, …"""
         expected = self.accepted + 1
         if first > expected:
             return Gap(expected)

@@ -77,7 +77,7 @@ class MotionPort(Protocol):
         controls: Sequence[Control] = (),
         envelope: Envelope | None = None,
     ) -> None:
-        """Empties the slot's rings and starts its time axis at 0.
+        """Empty the slot's rings and start its time axis at 0.
 
         Args:
             ratio: the override. unhomed: the program may move axes that are not homed.
@@ -85,40 +85,40 @@ class MotionPort(Protocol):
         """
 
     def beat(self) -> None:
-        """Says that the server is alive; without it motion stops."""
+        """Say that the server is alive; without it motion stops."""
 
     def slots(self) -> Sequence[SlotView]:
         """Where every slot's program is now."""
 
     def hold(self, slot: int) -> None:
-        """Ramps the slot's rate to 0 along the path."""
+        """Ramp the slot's rate to 0 along the path."""
 
     def resume(self, slot: int) -> None:
-        """Ramps the rate back."""
+        """Ramp the rate back."""
 
     def end_pause(self, slot: int) -> None:
-        """Ends M00 and M01."""
+        """End M00 and M01."""
 
     def override(self, slot: int, ratio: float) -> None:
         """Feed override, 1 as programmed."""
 
     def abort(self, slot: int) -> None:
-        """Stops along the path, empties the rings and reports STOPPED."""
+        """Stop along the path, empty the rings and report STOPPED."""
 
     def set_output(self, column: int, value: float) -> None:
-        """Sets an output of the machine."""
+        """Set an output of the machine."""
 
     def set_input(self, column: int, value: float) -> None:
-        """Sets a simulated input of the machine."""
+        """Set a simulated input of the machine."""
 
     def stop_all(self) -> None:
-        """Aborts every program and stops every axis within its limits; axes stay energized."""
+        """Abort every program and stop every axis within its limits; axes stay energized."""
 
     def emergency_stop(self) -> None:
-        """Stops every axis as its drive's emergency stop does; latched until `reset`."""
+        """Stop every axis as its drive's emergency stop does; latched until `reset`."""
 
     def reset(self, axes: frozenset[int]) -> None:
-        """Clears latched faults of these axes, and the emergency stop."""
+        """Clear latched faults of these axes, and the emergency stop."""
 
     def snapshot(self) -> Snapshot:
         """The newest cycle."""
@@ -136,4 +136,4 @@ class MotionPort(Protocol):
         """Whether the executor runs."""
 
     def close(self) -> None:
-        """Stops motion, releases the axes and ends the executor."""
+        """Stop motion, release the axes and end the executor."""

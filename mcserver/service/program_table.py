@@ -141,7 +141,7 @@ class ProgramTable:
     # ------------------------------------------------------------ life of a program
 
     def add(self, program: Program, before: Sequence[str], known: Sequence[str] = ()) -> None:
-        """Journals a new program and queues it for its axes.
+        """Journal a new program and queue it for its axes.
 
         Args:
             before: its lines before the first one that runs. known: lines from that one on.
@@ -198,7 +198,7 @@ class ProgramTable:
             self.planner.send(CloseProgram(program.program))
 
     def stop(self, program: Program, as_state: ProgramState, reason: str, fault: Fault | None = None) -> None:
-        """Stops along the path; the program ends ``as_state`` once it is at rest."""
+        """Stop along the path; the program ends ``as_state`` once it is at rest."""
         if program.over or program.state == "ending":
             return
         program.ended_as = as_state
@@ -215,7 +215,7 @@ class ProgramTable:
         self.acks.acknowledge(program)
 
     def enter(self, program: Program, state: ProgramState) -> None:
-        """Changes the state of a program that has not ended and is not being stopped."""
+        """Change the state of a program that has not ended and is not being stopped."""
         if not program.over and program.state != "ending":
             program.state = state
             program.settle()
@@ -353,7 +353,7 @@ class ProgramTable:
                     self._line_rejected(program, event)
 
     def _planner_failed(self, event: PlannerFailed) -> None:
-        """Stops the program that the planner failed with, or all of them."""
+        """Stop the program that the planner failed with, or all of them."""
         for program in list(self.programs.values()):
             if program.over or event.program not in ("", program.program):
                 continue

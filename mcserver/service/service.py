@@ -120,7 +120,7 @@ class MachineService:
     # ------------------------------------------------------------ life
 
     def start(self) -> None:
-        """Begins: what an earlier start left open counts as interrupted."""
+        """Begin: what an earlier start left open counts as interrupted."""
         self._table.journal.server_started(self.options.instance, self.options.clock())
         self._table.planner.start()
         self._table.heartbeat.start()
@@ -134,7 +134,7 @@ class MachineService:
             self.events.publish("warning", reason="MC527", message=message)
 
     async def stop(self) -> None:
-        """Stops all motion along its paths, ends the programs, releases the axes and closes the journal."""
+        """Stop all motion along its paths, end the programs, release the axes and close the journal."""
         if self._stopping:
             return
         self._stopping = True
@@ -218,7 +218,7 @@ class MachineService:
         confirmed: Confirmed = NOTHING_CONFIRMED,
         known: Sequence[str] = (),
     ) -> Program:
-        """Opens a program and queues it for its axes.
+        """Open a program and queue it for its axes.
 
         Args:
             grace_s: how long the client may be away before ``on_disconnect`` applies.
@@ -344,7 +344,7 @@ class MachineService:
         return await self.open(client, name=name, axes=axes, controls=controls, by_hand=True)
 
     def step(self, client: str, program_id: str) -> Program:
-        """Lets the next line of a program in single line mode start."""
+        """Let the next line of a program in single line mode start."""
         program = owned_program(self._table.programs, client, program_id)
         if not program.step or program.over:
             raise Refused(
@@ -371,7 +371,7 @@ class MachineService:
         return chosen
 
     def resume(self, program_id: str | None) -> list[Program]:
-        """Ends a hold; where there is none, M00, M01 or a tool change.
+        """End a hold; where there is none, M00, M01 or a tool change.
 
         A program that is held at a pause waits on there: whoever ends a hold has not changed the tool.
 
@@ -398,7 +398,7 @@ class MachineService:
         return chosen
 
     def abort(self, program_id: str | None, reason: str = "") -> list[Program]:
-        """Stops along the path and drops the rest."""
+        """Stop along the path and drop the rest."""
         chosen = open_programs(self._table.programs, program_id)
         for program in chosen:
             self._table.stop(program, "aborted", reason)
@@ -475,7 +475,7 @@ class MachineService:
         return self.channels.set_output(name, value)
 
     def reset(self, axes: Sequence[int] | None) -> None:
-        """Clears the latch; axes stay without energy.
+        """Clear the latch; axes stay without energy.
 
         Raises:
             ServiceError: MC443 an input stops the machine; MC509 programs are still coming to rest; MC507.

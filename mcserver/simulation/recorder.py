@@ -28,7 +28,7 @@ class CycleTaker(Protocol):
 
 @dataclass(frozen=True)
 class Recorded:
-    """One row a cycle in mm and degrees (interfaces.md, ``--output``).
+    """One row a cycle in mm and degrees (``mcserver simulate --output``).
 
     Attributes:
         time_s, line: shape (N,). axes: shape (K,), axis numbers. setpoint, actual: shape (N, K).

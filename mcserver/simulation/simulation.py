@@ -57,14 +57,14 @@ class Simulation:
     """Result of a simulation.
 
     Attributes:
-        report: the JSON object of interfaces.md; ``lines`` of `simulate_lines` is empty.
+        report: what ``mcserver simulate --json`` prints; `simulate_lines` leaves its ``lines`` empty.
         times: of its lines. last_line: how many there are.
         exit_code: 0, 1 (a fault while running) or 4 (rejected).
         recording: one row a cycle in mm and degrees, if asked for.
         feed_length: linear part of all G01-G03 commands [m].
         energized: numbers of the axes that are energized at the end.
-        end: the state that it leaves behind; None: nothing was run. inputs_read: columns of inputs that it
-        reads.
+        end: the state that it leaves behind; None: nothing was run.
+        inputs_read: columns of inputs that it reads.
         turned, pushed: numbers of the axes that it commands a speed or a torque.
     """
 
@@ -98,7 +98,7 @@ def simulate(
     clock: Callable[[], float] = time.perf_counter,
     moments: CycleTaker | None = None,
 ) -> Simulation:
-    """Checks the program, then runs it.
+    """Check the program, then run it.
 
     Args:
         start: all that it starts from besides text and machine; None: a machine that nobody has used.
@@ -373,7 +373,7 @@ class _Run:
         return next(islice(self._source(), line - 1, None), "") if line > 0 else ""
 
     def _come_to_rest(self) -> None:
-        """Runs on until every positioned axis is at rest (G1020 too); G1030 and G1040 axes do not hold
+        """Run on until every positioned axis is at rest (G1020 too); G1030 and G1040 axes do not hold
         the run."""
         moving = False
         for _ in range(STUCK):

@@ -110,7 +110,7 @@ class VirtualExecutor:
         unhomed: bool = False,
         envelope: Envelope | None = None,
     ) -> ProgramRing:
-        """Begins a program in a free slot; without a mask on all axes.
+        """Begin a program in a free slot; without a mask on all axes.
 
         Returns:
             Where its rows and control entries are put.
@@ -131,7 +131,7 @@ class VirtualExecutor:
         return self.executor.u(slot)
 
     def step(self, cycles: int = 1) -> None:
-        """Lets cycles pass."""
+        """Let cycles pass."""
         executor, recorder = self.executor, self.recorder
         cycle_s = self.machine.cycle_s
         in_stretches = recorder if isinstance(recorder, StretchRecorder) else None
@@ -193,7 +193,7 @@ class VirtualExecutor:
         return self.executor.at_rest
 
     def close(self) -> None:
-        """Gives the drives back."""
+        """Give the drives back."""
         self.executor.close()
 
 

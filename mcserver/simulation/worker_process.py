@@ -9,7 +9,7 @@ import threading
 
 
 def end_with_parent() -> None:
-    """Lets this worker end when the server was killed: nobody would ever tell it to."""
+    """Let this worker end when the server was killed: nobody would ever tell it to."""
     parent = multiprocessing.parent_process()
     if parent is None:
         return

@@ -61,7 +61,7 @@ class Follower:
         frames.on_update(lambda _: window.show_frames(frames.value))
 
     def run(self, stop: threading.Event) -> None:
-        """Follows until ``stop``."""
+        """Follow until ``stop``."""
         while not stop.wait(1.0 / LOOKS_A_SECOND):
             state = self._states.newest()
             if state is not None:
@@ -70,7 +70,7 @@ class Follower:
                 self._say(line_html(0, "", "rgb(160,168,178)") + _note("the server is silent"))
 
     def show(self, state: MachineStatus) -> None:
-        """Draws one state; axes that the machine file has and the server lacks stay where they start."""
+        """Draw one state; axes that the machine file has and the server lacks stay where they start."""
         positions = positions_of(self._machine, state)
         tips = tip_frames(self._machine, self._kinematics, positions)
         self._window.place(positions, tips)

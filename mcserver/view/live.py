@@ -69,7 +69,7 @@ class LiveStates:
             return self._clock() - self._arrived_at
 
     def close(self) -> None:
-        """Ends the link, within `CLOSE_LIMIT_S`."""
+        """End the link, within `CLOSE_LIMIT_S`."""
         # a thread of its own that may be left behind: closing has been seen to hang on a dead link
         ending = threading.Thread(target=self._session.close, name="view-close", daemon=True)
         ending.start()
@@ -121,7 +121,7 @@ def _open(endpoint: str, timeout_s: float) -> zenoh.Session:
 
 
 def _find(session: zenoh.Session, keys: Keys, endpoint: str, timeout_s: float) -> None:
-    """Waits for the machine's liveliness token."""
+    """Wait for the machine's liveliness token."""
     arrived = threading.Event()
 
     def on_token(sample: zenoh.Sample) -> None:

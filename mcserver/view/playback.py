@@ -40,7 +40,7 @@ class Playback:
         return float(self.time_s[-1])
 
     def advance(self, elapsed: float) -> None:
-        """Goes on by ``elapsed`` seconds of the wall; stops at the end, or begins anew."""
+        """Go on by ``elapsed`` seconds of the wall; stop at the end, or begin anew."""
         if not self.playing:
             return
         if self.repeat and self.now >= self.end:
@@ -51,13 +51,13 @@ class Playback:
             self.playing = False
 
     def toggle(self) -> None:
-        """Plays or pauses; at the end it begins anew."""
+        """Play or pause; at the end it begins anew."""
         self.playing = not self.playing
         if self.playing and self.now >= self.end:
             self.now = self.start
 
     def seek(self, time: float) -> None:
-        """Goes to a time of the recording [s], kept within it."""
+        """Go to a time of the recording [s], kept within it."""
         self.now = min(max(time, self.start), self.end)
 
     @property

@@ -75,7 +75,7 @@ class Player:
         self.show()
 
     def run(self, stop: threading.Event, clock: Callable[[], float] = time.monotonic) -> None:
-        """Plays until ``stop``."""
+        """Play until ``stop``."""
         last, count = clock(), 0
         while not stop.wait(1.0 / FRAMES_A_SECOND):
             now = clock()
@@ -89,7 +89,7 @@ class Player:
                 self.show(panel=count % PANEL_EVERY == 0 or not self.playback.playing)
 
     def show(self, *, panel: bool = True) -> None:
-        """Draws the present row."""
+        """Draw the present row."""
         row = self.playback.row
         columns = positions_at(self._machine, self._recording, np.array([row]))
         positions = {axis: float(values[0]) for axis, values in columns.items()}

@@ -119,7 +119,7 @@ class Window:
         camera.up = tuple(standing.up)
 
     def add_tracks(self, tracks: Sequence[Track]) -> None:
-        """Draws paths in space."""
+        """Draw paths in space."""
         for track in tracks:
             self._points[f"path {track.label}"] = track.points
             self._tracks[track.label] = self._draw(f"/paths/{track.label or 'path'}", track.points, PATH)
@@ -147,7 +147,7 @@ class Window:
             scene.add_label(f"/zeros/{name}/name", name, anchor="top-center")
 
     def highlight(self, tracks: Sequence[Track], line: int, colour: Colour) -> None:
-        """Draws what belongs to one line of the program in its colour, in place of the line before."""
+        """Draw what belongs to one line of the program in its colour, in place of the line before."""
         for track in tracks:
             before = self._line_paths.pop(track.label, None)
             if before is not None:
@@ -159,14 +159,14 @@ class Window:
                 self._line_paths[track.label] = self._draw(name, points, colour, LINE_WIDTH)
 
     def show_trails(self, trails: Mapping[str, Array]) -> None:
-        """Draws where tips have been, (n, 3) [m] by label, in place of what was drawn before."""
+        """Draw where tips have been, (n, 3) [m] by label, in place of what was drawn before."""
         for label, points in trails.items():
             self._points[f"trail {label}"] = points
             if len(points) > 1:
                 self._draw(f"/trails/{label or 'tip'}", points, TRAIL)
 
     def fit(self) -> None:
-        """Turns all cameras to what is travelled, as near as it is seen whole."""
+        """Turn all cameras to what is travelled, as near as it is seen whole."""
         points = [each for each in self._points.values() if len(each)]
         if not points:
             return
@@ -185,12 +185,12 @@ class Window:
             self.fit()
 
     def clear_trails(self) -> None:
-        """Takes the trails away."""
+        """Take the trails away."""
         self._points = {name: each for name, each in self._points.items() if not name.startswith("trail ")}
         self._server.scene.remove_by_name("/trails")
 
     def place(self, positions: Mapping[int, float], tips: Mapping[str, Array]) -> None:
-        """Moves everything: axes' positions [m or rad] by number, tips' frames (4, 4) by label."""
+        """Move everything: axes' positions [m or rad] by number, tips' frames (4, 4) by label."""
         with self._server.atomic():
             for name, pose in self._body.poses(positions).items():
                 self._move(self._parts[name], pose)
@@ -203,12 +203,12 @@ class Window:
         return x, y, z
 
     def show_frames(self, wanted: bool) -> None:
-        """Draws the joints' frames, or not."""
+        """Draw the joints' frames, or not."""
         for name in self._body.frames:
             self._parts[name].show_axes = wanted
 
     def show_paths(self, wanted: bool) -> None:
-        """Draws the paths, or not."""
+        """Draw the paths, or not."""
         self._paths_wanted = wanted
         for path in (*self._tracks.values(), *self._line_paths.values()):
             path.visible = wanted
@@ -224,7 +224,7 @@ class Window:
         return bool(self._server.get_clients())
 
     def close(self) -> None:
-        """Ends the page."""
+        """End the page."""
         with contextlib.redirect_stdout(io.StringIO()):
             self._server.stop()
 

@@ -58,7 +58,7 @@ class Fleet:
         self._task: asyncio.Task[None] | None = None
 
     def start(self) -> None:
-        """Begins to look; in a running loop."""
+        """Begin to look; in a running loop."""
         self._task = asyncio.ensure_future(self._run())
 
     def knows(self, name: str) -> bool:
@@ -119,7 +119,7 @@ class Fleet:
         return list(self._links.values())
 
     async def order(self, method: str, names: list[str]) -> dict[str, str]:
-        """Gives ``hold`` or ``abort`` to several machines at once; what failed, by machine."""
+        """Give ``hold`` or ``abort`` to several machines at once; what failed, by machine."""
         if self._link is None:
             return dict.fromkeys(names, self.failure or "not connected")
         link = self._link
@@ -127,7 +127,7 @@ class Fleet:
         return {name: str(answer) for name, answer in zip(names, answers, strict=True) if answer is not None}
 
     async def close(self) -> None:
-        """Ends all connections; programs under way stop along their paths."""
+        """End all connections; programs under way stop along their paths."""
         if self._task is not None:
             self._task.cancel()
             await asyncio.gather(self._task, return_exceptions=True)

@@ -92,7 +92,7 @@ class FleetPage:
         ui.timer(0.1, self.update, once=True)
 
     def update(self) -> None:
-        """Sends the rows that have changed."""
+        """Send the rows that have changed."""
         if not self._visitor.is_known():
             ui.navigate.to("/login")
             return

@@ -130,7 +130,7 @@ class JobQueue:
         report: SimulateReply | None = None,
         middle: Middle = WHOLE,
     ) -> Job:
-        """Queues a stored program.
+        """Queue a stored program.
 
         Args:
             report: of a simulation that somebody has looked at before. middle: how it begins behind line 1.
@@ -150,7 +150,7 @@ class JobQueue:
         return job
 
     def go_on(self, shown: Continuation, user: str, middle: Middle) -> Job:
-        """Queues a program that goes on, from the server's journal and, behind that, from the stored file.
+        """Queue a program that goes on, from the server's journal and, behind that, from the stored file.
 
         Raises:
             MotionError: MC062 the server does not have all of its text, and no stored file has it either.
@@ -189,19 +189,19 @@ class JobQueue:
         self._begin()
 
     def start_again(self) -> None:
-        """Goes on with what waits, after a failure."""
+        """Go on with what waits, after a failure."""
         self.stopped = False
         self._begin()
 
     def remove(self, number: int) -> None:
-        """Takes a job that waits out of the queue."""
+        """Take a job that waits out of the queue."""
         for job in list(self.waiting):
             if job.number == number:
                 self.waiting.remove(job)
                 job.state = JobState.CANCELLED
 
     def clear(self) -> None:
-        """Takes every waiting job out, as an emergency stop does."""
+        """Take every waiting job out, as an emergency stop does."""
         while self.waiting:
             self.waiting.popleft().state = JobState.CANCELLED
 
@@ -220,7 +220,7 @@ class JobQueue:
         return total
 
     async def close(self) -> None:
-        """Ends the runner; a program under way is aborted."""
+        """End the runner; a program under way is aborted."""
         tasks = [*self._estimates, *([] if self._task is None else [self._task])]
         for task in tasks:
             task.cancel()
@@ -287,7 +287,7 @@ class JobQueue:
         task.add_done_callback(self._estimates.discard)
 
     async def _estimate(self, job: Job) -> None:
-        """Simulates a job for its duration and its path; without them where the server does not give them."""
+        """Simulate a job for its duration and its path; without them where the server does not give them."""
         text = "\n".join(job.lines)
         if len(text) > AHEAD_BYTES:
             return
@@ -300,7 +300,7 @@ class JobQueue:
             job.take(report)
 
     async def _check(self, machine: Machine, job: Job) -> None:
-        """Refuses a text with faults before anything of it moves."""
+        """Refuse a text with faults before anything of it moves."""
         text = "\n".join(job.lines)
         if len(text) > SIMULATED_BYTES:
             return

@@ -83,11 +83,11 @@ class HeldJog:
         self._busy = asyncio.Lock()
 
     def observe(self, sent_s: float) -> None:
-        """Takes the time of any message of this browser: the more it has seen, the better it judges."""
+        """Take the time of any message of this browser: the more it has seen, the better it judges."""
         self._gate.is_late(sent_s, self._clock())
 
     async def press(self, press: int, axis: int, velocity: float, sent_s: float) -> None:
-        """Starts an axis; ``velocity`` is signed [mm/s, deg/s], ``press`` numbers the touch."""
+        """Start an axis; ``velocity`` is signed [mm/s, deg/s], ``press`` numbers the touch."""
         if self._gate.is_late(sent_s, self._clock()) or (self._press is not None and press <= self._press):
             return
         self._press, self._axis, self._velocity, self._program = press, axis, velocity, None
@@ -106,7 +106,7 @@ class HeldJog:
                 await self._stop(program)
 
     async def keep(self, press: int, sent_s: float) -> None:
-        """Keeps the axis moving for another `HOLD_S`; never starts it again."""
+        """Keep the axis moving for another `HOLD_S`; never start it again."""
         if self._gate.is_late(sent_s, self._clock()) or press != self._press or self._program is None:
             return
         if self._busy.locked():
@@ -125,7 +125,7 @@ class HeldJog:
                 log.info("a jog ended: %s", error.message)
 
     async def release(self) -> None:
-        """Stops whatever this browser holds."""
+        """Stop whatever this browser holds."""
         program, self._program = self._program, None
         self._released_press = self._press
         if program is not None:

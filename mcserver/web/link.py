@@ -116,7 +116,7 @@ class MachineLink:
         return self.machine
 
     async def close(self) -> None:
-        """Ends the jobs and the connection."""
+        """End the jobs and the connection."""
         self.closed = True
         await self.jobs.close()
         self._task.cancel()

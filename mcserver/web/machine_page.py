@@ -195,7 +195,7 @@ class MachinePage:
             await self._actions.do("hold", "hold", lambda machine: machine.hold())
 
     def update(self) -> None:
-        """Shows the newest state."""
+        """Show the newest state."""
         if self._beat % BEAT_EVERY == 0:
             ui.run_javascript("mcAlive()")
             if not self._visitor.is_known():

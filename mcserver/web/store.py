@@ -67,7 +67,7 @@ class ProgramStore:
         return sorted(found, key=lambda each: -each.changed_at)
 
     def write(self, name: str, content: bytes) -> None:
-        """Keeps a program, whole or not at all.
+        """Keep a program, whole or not at all.
 
         Raises:
             ServiceError: MC061 its name, its size, its text or the disk does not allow it.
@@ -100,7 +100,7 @@ class ProgramStore:
             raise ServiceError("MC061", f"{name} cannot be read: {error}", "upload it again") from error
 
     def delete(self, name: str) -> None:
-        """Forgets a program; one that is gone already is no error."""
+        """Forget a program; one that is gone already is no error."""
         self._path(name).unlink(missing_ok=True)
 
     def _path(self, name: str) -> Path:

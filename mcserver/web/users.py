@@ -125,7 +125,7 @@ def _users_of(file: CredentialFile, *, may_be_empty: bool = False) -> dict[str, 
 
 
 def add_user(path: Path, name: str, role: Role, password: str) -> None:
-    """Writes a user into the file, in place of one of that name; readable by its owner alone.
+    """Write a user into the file, in place of one of that name; readable by its owner alone.
 
     Raises:
         ConfigurationError: MC060 the name or the password does not do, or the file cannot be written.

@@ -5,11 +5,10 @@ planner has to hand over. Judged from outside, on the rows (`tests.motion.measur
 and jerk of every axis at every cycle, F, the tolerance in both directions, every line reported once and in
 order, and the end; a T is not ended sooner than it says, and later only with a limit to name. With
 ``--orders`` each program is played too, under random holds and overrides of 0 to 200 %, its rows as if
-planned for 100 % or for more. ``--wide`` draws
-from `tests.bench.wide_programs`, ``--timed`` chains of timed lines from `tests.bench.timed_programs`,
-``--text`` programs as text from `tests.bench.text_programs`, ``--tools`` those of an arm's tool from
-`tests.bench.tool_programs`; these two are simulated, or with ``--orders`` played beside the planner. Seeds
-that break a law are printed; each replays alone.
+planned for 100 % or for more. ``--wide`` draws from `tests.bench.wide_programs`, ``--timed`` chains of timed
+lines from `tests.bench.timed_programs`, ``--text`` programs as text from `tests.bench.text_programs`,
+``--tools`` those of an arm's tool from `tests.bench.tool_programs`; these two are simulated, or with
+``--orders`` played beside the planner. Seeds that break a law are printed; each replays alone.
 """
 
 from __future__ import annotations

@@ -312,7 +312,7 @@ class Cia402Axes:
         self._plan_sends()
 
     def fail(self, index: int, fault: DriveFault, detail: int = 0) -> bool:
-        """Latches a fault of an axis; False: nothing new was latched."""
+        """Latch a fault of an axis; False: nothing new was latched."""
         if self.stages[index].fail(fault, detail):
             self._busy = True
             return True

@@ -110,7 +110,7 @@ class PowerStage:
         return self._phase is Phase.RUNNING
 
     def fail(self, fault: DriveFault, detail: int = 0) -> bool:
-        """Latches a fault; False: one is latched already, or nobody commands the drive (G1011)."""
+        """Latch a fault; False: one is latched already, or nobody commands the drive (G1011)."""
         if self.fault is not DriveFault.NONE or self._commanded is DriveMode.SILENT:
             return False
         self.fault = fault

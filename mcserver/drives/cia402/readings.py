@@ -160,7 +160,7 @@ class AxisReadings:
         return [self._local[index] for index, flag in enumerate(self.came) if flag]
 
     def begin_here(self) -> None:
-        """Takes the latest reading of every axis as it is: all of them have answered once."""
+        """Take the latest reading of every axis as it is: all of them have answered once."""
         for index, position in enumerate(self.counts.tolist()):
             self._tracker.restart(index, position)
         self._past[:] = self._tracker.counts

@@ -90,7 +90,7 @@ class ServosilaAxis:
         self.short = 0
 
     def open(self, port: CanPort) -> dict[int, Callable[[bytes], None]]:
-        """Prepares the command's frame; returns what to call for which COB-ID."""
+        """Prepare the command's frame; return what to call for which COB-ID."""
         self._buffer = port.prepare(COMMAND + self._node, LENGTH)
         self._at = port.payload_offset
         self._send = port.send_prepared
@@ -156,7 +156,7 @@ class ServosilaAxis:
             self._zeroing -= 1
 
     def fail(self, fault: DriveFault, detail: int = 0) -> bool:
-        """Latches a fault; False: one is latched already, or nobody commands the drive (G1011)."""
+        """Latch a fault; False: one is latched already, or nobody commands the drive (G1011)."""
         if self.fault is not DriveFault.NONE or self._commanded is DriveMode.SILENT:
             return False
         self.fault, self.detail = fault, detail

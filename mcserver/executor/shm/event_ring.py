@@ -53,7 +53,7 @@ class EventRing:
         ).reshape(PAYLOADS, 2 * axes)
 
     def put(self, event: ExecutorEvent) -> bool:
-        """Adds a report; False if there was no room and it is lost."""
+        """Add a report; False if there was no room and it is lost."""
         counters = self._counters
         written = counters[_WRITTEN]
         count = len(event.values)

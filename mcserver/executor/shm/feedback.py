@@ -201,7 +201,7 @@ class FeedbackRing:
         self._cells = self._buffer[8 * _HEADER_WORDS : 8 * (_HEADER_WORDS + cycles * width)].cast("d")
 
     def put(self, row: Array) -> None:
-        """Adds a cycle; the oldest one goes."""
+        """Add a cycle; the oldest one goes."""
         written = self._counter[0]
         self._rows[written % self._cycles] = row
         self._counter[0] = written + 1

@@ -193,24 +193,24 @@ class CommandMailbox:
             self._count(_RESUME)
 
     def abort(self, slot: int) -> None:
-        """Stops a program along its path and drops what is left of it."""
+        """Stop a program along its path and drop what is left of it."""
         self._count(self._of(slot) + _S_ABORT)
 
     def resume(self, slot: int) -> None:
-        """Ends feed hold of a slot; a pause goes on waiting."""
+        """End feed hold of a slot; a pause goes on waiting."""
         self.set_hold(False, slot)
         self._count(self._of(slot) + _S_RESUME)
 
     def end_pause(self, slot: int) -> None:
-        """Ends the pause at which the slot's program waits (M00, M01, a tool change)."""
+        """End the pause at which the slot's program waits (M00, M01, a tool change)."""
         self._count(self._of(slot) + _S_CONFIRM)
 
     def stop(self) -> None:
-        """Aborts every program and stops every axis within its limits; axes stay energized."""
+        """Abort every program and stop every axis within its limits; axes stay energized."""
         self._count(_STOP)
 
     def emergency_stop(self) -> None:
-        """Stops and de-energizes every axis; latched until `reset`. From any thread."""
+        """Stop and de-energize every axis; latched until `reset`. From any thread."""
         self._count(_ESTOP)
 
     def reset(self, mask: int = _ALL) -> None:
@@ -247,7 +247,7 @@ class CommandMailbox:
         self._words[_SERVER_BEAT] += 1
 
     def quit(self) -> None:
-        """Asks the executor's process to stop motion and end."""
+        """Ask the executor's process to stop motion and end."""
         self._words[_QUIT] = 1
 
     @property

@@ -8,7 +8,7 @@ from mckinematics.pose import Pose
 
 
 class CommandedState:
-    """CommandedState ends of the axes [m or rad] and what is not known without the encoder.
+    """Commanded positions of the axes [m or rad], and what only an encoder knows.
 
     Attributes:
         positions: commanded ends, the bases of increments.

@@ -85,7 +85,7 @@ class Interpreter:
 
     @property
     def positions(self) -> Mapping[int, float]:
-        """CommandedState ends of all axes [m or rad], by axis number."""
+        """Commanded positions of all axes [m or rad], by axis number."""
         return dict(self._commanded.positions)
 
     @property

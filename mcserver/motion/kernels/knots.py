@@ -261,9 +261,9 @@ def find_knots(
     own; their velocity profiles are the caller's.
 
     Args:
-        junction_vmax: lowered where plateaus begin and end. timed: shape (n,). is_knot: shape (n+1,),
-        written.
-        entry: speed at the beginning. required_only: no knots that only save time.
+        junction_vmax: lowered where plateaus begin and end. timed: shape (n,).
+        is_knot: shape (n+1,), written. entry: speed at the beginning.
+        required_only: no knots that only save time.
 
     Returns:
         How it ended and the group that is to blame; the knots and their speeds, shape (k,) each; the phases

@@ -57,7 +57,7 @@ class JogPanel:
                         )
 
     async def release(self) -> None:
-        """Stops what this browser holds: it has gone."""
+        """Stop what this browser holds: it has gone."""
         if self._held is not None:
             await self._held.release()
 

@@ -149,7 +149,7 @@ class ProgramPanel:
         await self._check(event.file.name, text)
 
     async def _check(self, name: str, text: str) -> None:
-        """Shows every fault of a text at its place."""
+        """Show every fault of a text at its place."""
         try:
             found = await self._actions.link.connected().check(text)
         except MotionError as error:
