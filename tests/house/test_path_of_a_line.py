@@ -1,4 +1,4 @@
-"""The walk of a line through the code, as docs/motion.md describes it."""
+"""The ten hops of a line through the code, as docs/motion.md tells them."""
 
 from __future__ import annotations
 
@@ -10,8 +10,11 @@ import pytest
 
 ROOT = Path(__file__).parents[2]
 PAGE = (ROOT / "docs" / "motion.md").read_text("utf-8")
-ROW = re.compile(r"^\|(?P<handoff>[^|]*)\|[^|]*\| `(?P<file>[^`]+)` \| `(?P<name>[^`]+)` \|$", re.MULTILINE)
-STEPS = [(row["file"], row["name"]) for row in ROW.finditer(PAGE)]
+HOP = re.compile(r"^## (?P<number>\d+)\. .+\n`(?P<file>[^`]+)` · `(?P<name>[^`]+)`$", re.MULTILINE)
+HOPS = [(hop["file"], hop["name"]) for hop in HOP.finditer(PAGE)]
+# functions and classes that the page names on the way, such as `LineQueue.take`
+NAMED = sorted(set(re.findall(r"`([A-Z]\w+\.[a-z]\w+)`", PAGE)))
+LONGEST_LINE = 120
 
 
 def definition(scope: ast.Module | ast.ClassDef, name: str) -> ast.stmt | None:
@@ -19,8 +22,21 @@ def definition(scope: ast.Module | ast.ClassDef, name: str) -> ast.stmt | None:
     return next((each for each in scope.body if isinstance(each, kinds) and each.name == name), None)
 
 
-@pytest.mark.parametrize(("file", "name"), STEPS)
-def test_every_step_of_the_path_exists(file: str, name: str) -> None:
+@pytest.fixture(scope="module")
+def methods() -> set[str]:
+    """Every method of a class in the server and the Python SDK, as ``Class.method``."""
+    found = set()
+    for folder in ("mcserver", "clients/python/mcclient"):
+        for path in (ROOT / folder).rglob("*.py"):
+            for each in ast.walk(ast.parse(path.read_text("utf-8"))):
+                if isinstance(each, ast.ClassDef):
+                    kinds = (ast.FunctionDef, ast.AsyncFunctionDef)
+                    found.update(f"{each.name}.{part.name}" for part in each.body if isinstance(part, kinds))
+    return found
+
+
+@pytest.mark.parametrize(("file", "name"), HOPS)
+def test_every_hop_exists(file: str, name: str) -> None:
     scope: ast.stmt | ast.Module | None = ast.parse((ROOT / file).read_text("utf-8"))
     for part in name.split("."):
         assert isinstance(scope, ast.Module | ast.ClassDef), f"{file} has no {name}"
@@ -28,9 +44,18 @@ def test_every_step_of_the_path_exists(file: str, name: str) -> None:
     assert scope is not None, f"{file} has no {name}"
 
 
-def test_the_path_goes_from_the_client_to_the_drive_in_at_most_eight_handoffs() -> None:
-    assert STEPS[0][0].startswith("clients/")
-    assert STEPS[-1][1] == "AxisBank.exchange"
-    handoffs = [row["handoff"].strip() for row in ROW.finditer(PAGE) if "⇒" in row["handoff"]]
-    assert handoffs == [f"{number} ⇒" for number in range(1, len(handoffs) + 1)]
-    assert 1 <= len(handoffs) <= 8
+def test_what_is_named_on_the_way_exists(methods: set[str]) -> None:
+    assert set(NAMED) - methods == set()
+    assert len(NAMED) > 10
+
+
+def test_ten_hops_lead_from_the_client_to_the_executor() -> None:
+    assert [int(hop["number"]) for hop in HOP.finditer(PAGE)] == list(range(1, 11))
+    assert HOPS[0][0].startswith("clients/")
+    assert HOPS[-1][0].startswith("mcserver/executor/")
+
+
+@pytest.mark.parametrize("page", ["motion.md", "planner.md"])
+def test_lines_are_short(page: str) -> None:
+    lines = (ROOT / "docs" / page).read_text("utf-8").splitlines()
+    assert [number for number, line in enumerate(lines, 1) if len(line) >= LONGEST_LINE] == []
