@@ -22,10 +22,9 @@ type OpenOptions struct {
 	FinishOnDisconnect bool
 	// Grace is how long this client may be away before that; 0: 10 s, negative: not at all.
 	Grace time.Duration
-	// StartLine is the first line that runs; lines before it, from Before or from the journal of ResumeOf, set modal state only.
+	// StartLine is the first line that runs; those of Before, the ones before it, set modal state only.
 	StartLine int64
 	Before    []string
-	ResumeOf  string
 	// Way, of a start in the middle: axes may go the way that continuation shows, where the machine file names no safe one. Outputs: "set" what
 	// the program had switched, or "leave" it.
 	Way     bool
@@ -58,16 +57,49 @@ func (m *Machine) Program(ctx context.Context, options *OpenOptions) (*Program, 
 	if options == nil {
 		options = &OpenOptions{}
 	}
-	opened, err := m.open(ctx, options)
-	if err != nil {
-		return nil, err
+	return m.follow(ctx, func(ctx context.Context) (*stream, []int64, error) {
+		opened, err := callFor[OpenReply](ctx, m, "open", options.params())
+		if err != nil {
+			return nil, nil, err
+		}
+		return newStream(opened), opened.Axes, nil
+	})
+}
+
+// ContinueProgram goes on with a program that has ended, such as by a restart of the server: it energizes what the program had energized, brings the
+// axes to where its next line starts, and runs the lines that the journal has. Lines behind Given are to be sent where its text was not whole.
+//
+// show, unless it is nil, gets before that what ran, where the axes stand and where the program has them; where it fails, nothing moves.
+//
+// It fails with a RefusedError where something is not certain (MC450, MC592, MC593, MC594); nothing has moved then.
+func (m *Machine) ContinueProgram(ctx context.Context, request ContinueRequest, show func(*Continuation) error) (*Program, error) {
+	if show != nil {
+		shown, err := m.Continuation(ctx, ContinuationRequest{Program: request.Program, Line: request.Line})
+		if err == nil {
+			err = show(shown)
+		}
+		if err != nil {
+			return nil, err
+		}
 	}
+	return m.follow(ctx, func(ctx context.Context) (*stream, []int64, error) {
+		opened, err := m.OpenContinuation(ctx, request)
+		if err != nil {
+			return nil, nil, err
+		}
+		return continuedStream(opened), opened.Axes, nil
+	})
+}
+
+func (m *Machine) follow(ctx context.Context, open func(context.Context) (*stream, []int64, error)) (*Program, error) {
 	program := &Program{
-		ID: opened.Program, Axes: opened.Axes, machine: m, patience: m.client.options.Patience, turn: make(chan struct{}, 1),
-		stream: newStream(opened), heard: time.Now(), changed: make(chan struct{}),
+		machine: m, patience: m.client.options.Patience, turn: make(chan struct{}, 1), heard: time.Now(), changed: make(chan struct{}),
 	}
 	if program.patience == 0 {
 		program.patience = programPatience
+	}
+	if err := program.open(ctx, open); err != nil {
+		return nil, err
 	}
 	stop, err := m.client.listen(ctx, &topic{
 		machine: m.name,
@@ -95,26 +127,25 @@ func (m *Machine) Program(ctx context.Context, options *OpenOptions) (*Program, 
 }
 
 // open asks for a program. One that is opened for a caller who has gone is aborted: nobody else would give its axes back.
-func (m *Machine) open(ctx context.Context, options *OpenOptions) (*OpenReply, error) {
-	type outcome struct {
-		opened *OpenReply
-		err    error
-	}
-	outcomes := make(chan outcome, 1)
+func (p *Program) open(ctx context.Context, ask func(context.Context) (*stream, []int64, error)) error {
+	outcome := make(chan error, 1)
 	go func() {
-		opened, err := callFor[OpenReply](context.WithoutCancel(ctx), m, "open", options.params())
-		outcomes <- outcome{opened, err}
+		made, axes, err := ask(context.WithoutCancel(ctx))
+		if err == nil {
+			p.ID, p.Axes, p.stream = made.program, axes, made
+		}
+		outcome <- err
 	}()
 	select {
-	case made := <-outcomes:
-		return made.opened, made.err
+	case err := <-outcome:
+		return err
 	case <-ctx.Done():
 		go func() {
-			if made := <-outcomes; made.err == nil {
-				m.drop(ctx, made.opened.Program)
+			if <-outcome == nil {
+				p.machine.drop(ctx, p.ID)
 			}
 		}()
-		return nil, ctx.Err()
+		return ctx.Err()
 	}
 }
 
@@ -141,9 +172,6 @@ func (o *OpenOptions) params() map[string]any {
 	}
 	if o.Before != nil {
 		params["before"] = o.Before
-	}
-	if o.ResumeOf != "" {
-		params["resume_of"] = o.ResumeOf
 	}
 	if o.Way {
 		params["way"] = true

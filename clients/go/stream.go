@@ -49,6 +49,13 @@ func newStream(opened *OpenReply) *stream {
 	}
 }
 
+// continuedStream is that of a program that goes on: lines that the server had already are not done.
+func continuedStream(r *ContinueReply) *stream {
+	made := newStream(&OpenReply{Program: r.Program, State: r.State, Expected: r.Expected, Credit: r.Credit})
+	made.done = r.Line - 1
+	return made
+}
+
 // given is the number of the last line given.
 func (s *stream) given() int64 { return s.accepted + int64(len(s.waiting)) }
 
@@ -256,7 +263,7 @@ func (s *stream) ended(state ProgramState, fault *Fault, diagnostics []Diagnosti
 		s.failure = s.faulty(s.accepted+1, diagnostics)
 		return
 	case state == ProgramStateInterrupted:
-		cause = &Error{Code: CodeInterrupted, Message: fmt.Sprintf("the server that ran the program went away; lines through %d are done, line %d may have begun", s.done, s.done+1), Hint: "move the machine where it should be, then open a program with ResumeOf and StartLine"}
+		cause = &Error{Code: CodeInterrupted, Message: fmt.Sprintf("the server that ran the program went away; lines through %d are done, line %d may have begun", s.done, s.done+1), Hint: fmt.Sprintf("Machine.ContinueProgram with Program %q goes on", s.program)}
 	case fault != nil:
 		cause = &Error{Code: fault.Code, Message: fault.Message, Hint: fault.Hint}
 	case state == ProgramStateFaulted:

@@ -72,6 +72,9 @@ func (p *player) step(number int, what string, value json.RawMessage) {
 	case "open":
 		p.stream = newStream(of[OpenReply](t, value))
 		p.stream.chunkLines = p.chunk
+	case "continues":
+		p.stream = continuedStream(of[ContinueReply](t, value))
+		p.stream.chunkLines = p.chunk
 	case "give":
 		var lines []string
 		must(t, json.Unmarshal(value, &lines))

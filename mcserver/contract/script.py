@@ -14,6 +14,7 @@ import msgspec
 from mcserver.contract.vectors import plain
 from mcserver.errors import Diagnostic, Refused, RejectedLines
 from mcserver.net.messages import CloseReply, ErrorReply, OpenReply, SubmitReply
+from mcserver.net.recovery_messages import ContinueReply
 from mcserver.net.rpc import encode_error
 from mcserver.service.line_queue import Gap, LineQueue
 from mcserver.service.program import Program
@@ -52,7 +53,8 @@ class Script:
         # rejections that the client has heard of, and the number that one it has not heard of gives back
         self._heard = 0
         self._unheard = 0
-        self.program = self._opened(PROGRAM, start_line, room)
+        self.program = _program(PROGRAM, start_line, room)
+        self._note("open", _message(OpenReply(**_opened(self.program))))
 
     def sequence(self) -> dict[str, Any]:
         return {**self._head, "steps": self._steps}
@@ -194,38 +196,17 @@ class Script:
         """The server has been restarted since and knows the program no more (MC503)."""
         self._note("asked", None)
 
-    def resumes(self, start_line: int, room: int = 100) -> None:
-        """The application opens another program that goes on with this one."""
-        self._next = start_line
+    def continues(self, line: int, *, whole: bool = False) -> None:
+        """Another program goes on with this one, of which the journal has all lines that were accepted."""
+        former = self.program.journaled
         self._heard = self._unheard = 0
-        self.program = self._opened("c7d0-1", start_line, room)
+        self.program = _program("c7d0-1", line, former + 100)
+        self.program.queue.take(line, [self._given[number] for number in range(line, former + 1)])
+        self.program.journaled, self.program.closed, self._next = former, whole, former + 1
+        reply = ContinueReply(**_opened(self.program), line=line, resume_of=PROGRAM, whole=whole)
+        self._note("continues", _message(reply))
 
     # ------------------------------------------------------------ the server's bookkeeping
-
-    def _opened(self, name: str, start_line: int, room: int) -> Program:
-        program = Program(
-            name,
-            client=CLIENT,
-            name="contract",
-            axes=(0, 1, 2),
-            on_disconnect="stop",
-            start_line=start_line,
-            step=False,
-            resume_of=None,
-            opened_at=0.0,
-            queue=LineQueue(start_line, limit_lines=room),
-        )
-        program.state = "running"
-        reply = OpenReply(
-            program=name,
-            state=program.state,
-            axes=list(program.axes),
-            expected=program.queue.expected,
-            credit=program.credit,
-            instance=name.partition("-")[0],
-        )
-        self._note("open", _message(reply))
-        return program
 
     def _receive(self) -> dict[str, Any]:
         """Take the oldest message as the service does, and give the reply to a `submit` of it."""
@@ -313,6 +294,34 @@ class Script:
 def lines(count: int, *, start: int = 1) -> Sequence[str]:
     """Lines that can be distinguished."""
     return [f"G01 X{number}" for number in range(start, start + count)]
+
+
+def _program(name: str, start_line: int, room: int) -> Program:
+    program = Program(
+        name,
+        client=CLIENT,
+        name="contract",
+        axes=(0, 1, 2),
+        on_disconnect="stop",
+        start_line=start_line,
+        step=False,
+        resume_of=None,
+        opened_at=0.0,
+        queue=LineQueue(start_line, limit_lines=room),
+    )
+    program.state = "running"
+    return program
+
+
+def _opened(program: Program) -> dict[str, Any]:
+    return {
+        "program": program.program,
+        "state": program.state,
+        "axes": list(program.axes),
+        "expected": program.queue.expected,
+        "credit": program.credit,
+        "instance": program.program.partition("-")[0],
+    }
 
 
 def _error(error: BaseException) -> dict[str, Any]:

@@ -32,7 +32,8 @@ def sequences() -> list[dict[str, Any]]:
         _faulted(),
         _held_and_paused(),
         _restart(),
-        _resume(),
+        _continuation(),
+        _whole_continuation(),
     )
     return [script.sequence() for script in made]
 
@@ -296,18 +297,36 @@ def _restart() -> Script:
     return script
 
 
-def _resume() -> Script:
-    script = Script("resume", "another program goes on where an interrupted one had ended")
+def _continuation() -> Script:
+    script = Script("continuation", "lines that the server had are not sent again, and are not done either")
     script.give(*lines(5))
     script.exchange(1, 5)
     script.runs(3)
     script.asked_after_restart()
     script.fails("MC534")
-    script.resumes(4)
+    script.continues(4)
+    script.settled()
+    script.give("G01 X6", "G01 X7")
+    script.exchange(6, 7)
+    script.runs(5)
     script.knows()
-    script.give("G01 X4", "G01 X5")
-    script.exchange(4, 5)
-    script.closes(5)
+    script.closes(7)
     script.ends("finished")
     script.knows()
+    return script
+
+
+def _whole_continuation() -> Script:
+    script = Script("whole continuation", "where the server had the whole text, it runs to its end by itself")
+    script.give(*lines(5))
+    script.exchange(1, 5)
+    script.closes(5)
+    script.runs(3)
+    script.asked_after_restart()
+    script.fails("MC534")
+    script.continues(4, whole=True)
+    script.settled()
+    script.runs(4)
+    script.ends("finished")
+    script.settled()
     return script

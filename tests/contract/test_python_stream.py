@@ -14,7 +14,7 @@ from mcclient.errors import MotionError, RequestRefused
 from mcclient.keys import Keys
 from mcclient.stream import LineStream
 from mcclient.transport import Arrived, Link
-from mcclient.types import ErrorReply, OpenReply
+from mcclient.types import ContinueReply, ErrorReply, OpenReply
 from mcclient.window import LineWindow
 from mcclient.wire import decode
 
@@ -94,9 +94,14 @@ class Player:
         await self.stream.stop()
 
     async def open(self, message: dict[str, Any]) -> None:
+        await self._follow(decode(OpenReply, bytes.fromhex(message["bytes"])))
+
+    async def continues(self, message: dict[str, Any]) -> None:
+        await self._follow(decode(ContinueReply, bytes.fromhex(message["bytes"])))
+
+    async def _follow(self, opened: OpenReply | ContinueReply) -> None:
         if hasattr(self, "stream"):
             await self.stream.stop()
-        opened = decode(OpenReply, bytes.fromhex(message["bytes"]))
         self.stream = LineStream(
             opened,
             link=cast(Link, self.server),

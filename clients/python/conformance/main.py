@@ -1,6 +1,6 @@
 """The conformance program of the Python SDK; says as JSON, one object a line, what came of it.
 
-main.py ENDPOINT TOKEN stream FILE [RESUME_OF START_LINE] | watch ROWS | jog AXIS VELOCITY MS | estop |
+main.py ENDPOINT TOKEN stream FILE [PROGRAM] | watch ROWS | jog AXIS VELOCITY MS | estop |
 bench FILE
 
 ENDPOINT is Zenoh's; the token is not used.
@@ -18,6 +18,7 @@ from pathlib import Path
 
 from mcclient import Machine, MotionError
 from mcclient.errors import ProgramError
+from mcclient.types import Continuation
 
 # a server that is killed needs so long at most to be there again
 PATIENCE_S = 120.0
@@ -40,20 +41,21 @@ def lines_of(file: str, start: int = 1) -> Iterator[str]:
                 yield line.rstrip("\n")
 
 
-async def stream(machine: Machine, file: str, resume_of: str = "", start_line: str = "1") -> None:
-    start = int(start_line)
+def show(shown: Continuation) -> None:
+    say(continuation={"line": shown.line, "done": shown.done, "axes": len(shown.axes)})
+
+
+async def stream(machine: Machine, file: str, former: str = "") -> None:
     opened = (
-        machine.continue_program(resume_of, line=start, way=True, on_disconnect="finish")
-        if resume_of
+        machine.continue_program(former, way=True, on_disconnect="finish", show=show)
+        if former
         else machine.program(file, on_disconnect="finish")
     )
     program = await opened
     try:
         say(program=program.id)
-        # where it goes on, the server has the first of them already, or all
-        rest = list(lines_of(file, program.given_through + 1))
-        if rest or not resume_of:
-            await program.send_lines(rest)
+        # where it goes on, the server has the first of them already
+        await program.send_lines(lines_of(file, program.given_through + 1))
         result = await program.finish()
     finally:
         await program.leave()

@@ -7,7 +7,7 @@ import contextlib
 import hashlib
 import os
 import weakref
-from collections.abc import AsyncIterator, Sequence
+from collections.abc import AsyncIterator, Callable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -29,6 +29,7 @@ from mcclient.telemetry import InfoHolder, Samples, open_samples, open_states
 from mcclient.texts import put_text
 from mcclient.transport import Link, Subscription, endpoints_of, user_of
 from mcclient.types import (
+    Continuation,
     ContinueReply,
     Event,
     EventsReply,
@@ -270,6 +271,7 @@ class Machine(MachineCalls):
         on_disconnect: OnDisconnectWord = "stop",
         grace_s: float = GRACE_S,
         hold: bool = False,
+        show: Callable[[Continuation], object] | None = None,
     ) -> Starting[Program]:
         """Goes on with a program that has ended: ``async with machine.continue_program(id) as program``.
 
@@ -281,12 +283,16 @@ class Machine(MachineCalls):
             line: the first that runs; None: the one behind the last that is done.
             way: axes may go the way that `continuation` shows, where the machine file names none.
             outputs: ``set`` what the program had switched (spindle, coolant), or ``leave`` it.
+            show: gets what ran, where the axes stand and where the program has them, before anything moves;
+                where it raises, nothing does.
 
         Raises (when awaited or entered):
             RequestRefused: MC450, MC592, MC593, MC594: what has to be done or said first; nothing has moved.
         """
 
         async def opened() -> Program:
+            if show is not None:
+                show(await self.continuation(program, line=line))
             return self._followed(
                 await self.open_continuation(
                     program,

@@ -1,9 +1,12 @@
-//! The conformance program: ENDPOINT TOKEN stream FILE [PROGRAM LINE] | watch N | jog AXIS VELOCITY MS | estop |
+//! The conformance program: ENDPOINT TOKEN stream FILE [PROGRAM] | watch N | jog AXIS VELOCITY MS | estop |
 //! bench FILE; JSON on standard output, one object a line. Zenoh has no token: it is taken and not used.
 
 use std::time::{Duration, Instant};
 
-use mcclient::{ConnectOptions, EmergencyStop, Error, Machine, OnDisconnect, ProgramOptions, Result};
+use mcclient::{
+    ConnectOptions, Continuation, ContinueRequest, EmergencyStop, Error, Machine, OnDisconnect,
+    ProgramOptions, Result,
+};
 use serde_json::{Value, json};
 
 const CONFIRMED_WITHIN: Duration = Duration::from_secs(5);
@@ -17,7 +20,7 @@ async fn main() {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
     let [endpoint, _token, task, rest @ ..] = arguments.as_slice() else {
         eprintln!(
-            "usage: conformance ENDPOINT TOKEN stream FILE [PROGRAM LINE] | watch N | jog AXIS VELOCITY MS | estop"
+            "usage: conformance ENDPOINT TOKEN stream FILE [PROGRAM] | watch N | jog AXIS VELOCITY MS | estop"
         );
         std::process::exit(2);
     };
@@ -49,7 +52,7 @@ async fn run(options: ConnectOptions, task: &str, rest: &[String]) -> Result<()>
     let machine = options.connect().await?;
     match (task, rest) {
         ("stream", [file]) => stream(&machine, file, None).await?,
-        ("stream", [file, program, line]) => stream(&machine, file, Some((program, number(line)))).await?,
+        ("stream", [file, program]) => stream(&machine, file, Some(program)).await?,
         ("bench", [file]) => bench(&machine, file).await?,
         ("watch", [rows]) => watch(&machine, number(rows)).await?,
         ("jog", [axis, velocity, milliseconds]) => {
@@ -73,18 +76,30 @@ fn number(text: &str) -> u64 {
     text.parse().expect("a number")
 }
 
-async fn stream(machine: &Machine, file: &str, resume: Option<(&str, u64)>) -> Result<()> {
+async fn stream(machine: &Machine, file: &str, former: Option<&str>) -> Result<()> {
     let text = std::fs::read_to_string(file).expect("a file that can be read");
-    let options = ProgramOptions::new().name(file).on_disconnect(OnDisconnect::Finish);
-    let (program, first) = match resume {
-        Some((former, line)) => (machine.resume_program(former, line, options.way()).await?, line),
-        None => (machine.program(options).await?, 1),
+    let program = if let Some(former) = former {
+        let request = ContinueRequest {
+            way: true,
+            on_disconnect: OnDisconnect::Finish,
+            ..ContinueRequest::new(former)
+        };
+        machine.continue_program(&request, show).await?
+    } else {
+        let options = ProgramOptions::new().name(file).on_disconnect(OnDisconnect::Finish);
+        machine.program(options).await?
     };
     say(&json!({"program": program.id()}));
-    let known = usize::try_from(first - 1).expect("a line of the file");
+    let known = usize::try_from(program.given_through()).expect("a line of the file");
     program.send_lines(text.lines().filter(|line| !line.is_empty()).skip(known)).await?;
     let result = program.finish().await?;
     say(&json!({"state": program.state(), "accepted": result.accepted, "done": result.done}));
+    Ok(())
+}
+
+#[allow(clippy::unnecessary_wraps, reason = "it could refuse to go on")]
+fn show(shown: &Continuation) -> Result<()> {
+    say(&json!({"continuation": {"line": shown.line, "done": shown.done, "axes": shown.axes.len()}}));
     Ok(())
 }
 

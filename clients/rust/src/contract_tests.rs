@@ -20,9 +20,10 @@ use crate::wire::decode;
 
 const NOW: Duration = Duration::ZERO;
 /// These decide about lines and places: a client refuses any other value, and has each of their fields.
-const DECISIVE: [&str; 6] = [
+const DECISIVE: [&str; 7] = [
     "Ack",
     "OpenReply",
+    "ContinueReply",
     "SubmitReply",
     "CloseReply",
     "ErrorReply",
@@ -211,17 +212,18 @@ impl Player {
     }
 
     fn play(&mut self, what: &str, value: &Value, place: &str) {
-        if what == "open" {
-            let opened: OpenReply = decode(&bytes(value)).unwrap();
-            let bounds = Bounds {
-                chunk_lines: self.chunk_lines,
-                ..Bounds::default()
-            };
-            self.core = Some(Core::with_bounds(&opened, NOW, bounds));
+        let bounds = Bounds {
+            chunk_lines: self.chunk_lines,
+            ..Bounds::default()
+        };
+        match what {
+            "open" => self.core = Some(Core::new(&decode(&bytes(value)).unwrap(), bounds)),
+            "continues" => self.core = Some(Core::continuing(&decode(&bytes(value)).unwrap(), bounds)),
+            _ => {}
         }
         let core = self.core.as_mut().unwrap();
         match what {
-            "open" | "lost" => {}
+            "open" | "continues" | "lost" => {}
             "give" => {
                 core.begin().unwrap();
                 for line in value.as_array().unwrap() {

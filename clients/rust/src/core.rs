@@ -6,7 +6,9 @@
 use std::time::Duration;
 
 use crate::error::{Error, Extent};
-use crate::messages::{Ack, Diagnostic, Fault, OpenReply, ProgramState, ProgramStatus, SubmitReply};
+use crate::messages::{
+    Ack, ContinueReply, Diagnostic, Fault, OpenReply, ProgramState, ProgramStatus, SubmitReply,
+};
 use crate::window::{Bounds, Chunk, LineWindow};
 
 /// Without an acknowledgement for so long the server is asked; doubled up to the longest while it says nothing new.
@@ -70,11 +72,7 @@ pub(crate) struct Core {
 }
 
 impl Core {
-    pub fn new(opened: &OpenReply, now: Duration) -> Self {
-        Self::with_bounds(opened, now, Bounds::default())
-    }
-
-    pub fn with_bounds(opened: &OpenReply, now: Duration, bounds: Bounds) -> Self {
+    pub fn new(opened: &OpenReply, bounds: Bounds) -> Self {
         Self {
             program: opened.program.clone(),
             window: LineWindow::new(opened.expected, opened.credit, bounds),
@@ -86,12 +84,33 @@ impl Core {
             rejections: 0,
             rejection: None,
             heard: 0,
-            heard_at: Some(now),
+            heard_at: Some(Duration::ZERO),
             doubt: FIRST_DOUBT,
         }
     }
 
+    /// Of a program that goes on: lines that the server had already are not done.
+    pub fn continuing(opened: &ContinueReply, bounds: Bounds) -> Self {
+        let reply = OpenReply {
+            program: opened.program.clone(),
+            state: opened.state.clone(),
+            axes: opened.axes.clone(),
+            expected: opened.expected,
+            credit: opened.credit,
+            instance: opened.instance.clone(),
+        };
+        Self {
+            done: opened.line.saturating_sub(1),
+            closed: opened.whole,
+            ..Self::new(&reply, bounds)
+        }
+    }
+
     // ------------------------------------------------------------ what is known
+
+    pub fn program(&self) -> &str {
+        &self.program
+    }
 
     pub fn state(&self) -> ProgramState {
         self.state.clone()

@@ -92,7 +92,7 @@ fn core(credit: u64) -> Core {
         credit,
         instance: "i".to_owned(),
     };
-    Core::with_bounds(&opened, NOW, SMALL)
+    Core::new(&opened, SMALL)
 }
 
 fn send_all(core: &mut Core) -> Vec<Chunk> {

@@ -319,7 +319,7 @@ impl Extent {
                 self.done
             ),
             format!(
-                "move the machine where it should be, then resume_program({:?}, {following}, …)",
+                "Machine::continue_program with ContinueRequest::new({:?}) goes on",
                 self.program
             ),
         );

@@ -37,6 +37,7 @@ mod machine_calls;
 pub mod messages;
 mod presence;
 mod program;
+mod program_options;
 mod stream;
 mod telemetry;
 mod window;
@@ -57,10 +58,11 @@ pub use feed::Feed;
 pub use jog::HeldJog;
 pub use machine::Machine;
 pub use messages::{
-    CheckReply, Diagnostic, Event, Fault, Info, LineReport, MachineStatus, OnDisconnect, ProgramState,
-    ProgramStatus,
+    CheckReply, Continuation, ContinueRequest, Diagnostic, Event, Fault, Info, LineReport, MachineStatus,
+    OnDisconnect, ProgramState, ProgramStatus,
 };
-pub use program::{Program, ProgramOptions, ProgramResult};
+pub use program::Program;
+pub use program_options::{ProgramOptions, ProgramResult};
 pub use telemetry::Samples;
 
 /// The page docs/rust.md: its examples run against a server when the tests of the repository ask for it.

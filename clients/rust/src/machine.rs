@@ -10,6 +10,7 @@ use tokio::task::JoinHandle;
 use zenoh::liveliness::LivelinessToken;
 
 use crate::calls::{Caller, DEADLINE, Nothing, Trying};
+use crate::core::Core;
 use crate::discovery::{ConnectOptions, find_machine};
 use crate::error::{Error, Problem, Result};
 use crate::estop::{EmergencyStop, send_until_confirmed};
@@ -19,12 +20,15 @@ use crate::jog::{HeldJog, jog_held};
 use crate::keys::{Keys, PROTOCOL_VERSION};
 use crate::link::{Link, Subscription};
 use crate::messages::{
-    Done, Event, EventKind, Info, MachineStatus, OpenReply, OverrideReply, OverrideRequest, ProgramRequest,
+    Continuation, ContinuationRequest, ContinueRequest, Done, Event, EventKind, Info, MachineStatus,
+    OverrideReply, OverrideRequest, ProgramRequest,
 };
 use crate::presence::{Presence, lock};
-use crate::program::{Program, ProgramOptions};
+use crate::program::Program;
+use crate::program_options::ProgramOptions;
 use crate::stream::LineStream;
 use crate::telemetry::{Samples, decode_samples};
+use crate::window::Bounds;
 use crate::wire::decode;
 
 const LEAVE: Duration = Duration::from_secs(1);
@@ -198,12 +202,37 @@ impl Machine {
     /// # Errors
     /// As [`Machine::refresh_info`].
     pub async fn program(&self, options: ProgramOptions) -> Result<Program> {
+        let opened = self.open_program(&options.0).await?;
+        self.follow(Core::new(&opened, Bounds::default()), opened.axes).await
+    }
+
+    /// Goes on with a program that has ended, such as by a restart of the server: energizes what it had, brings the
+    /// axes to where its next line starts, and runs the lines that the journal has.
+    ///
+    /// `show` gets before that what ran, where the axes stand and where the program has them; where it fails, nothing
+    /// moves. Where the text was not whole, lines behind [`Program::given_through`] have to be sent.
+    ///
+    /// # Errors
+    /// As [`Machine::refresh_info`]; MC450, MC592, MC593, MC594 what has to be done or said first; nothing has moved.
+    pub async fn continue_program(
+        &self,
+        request: &ContinueRequest,
+        show: impl FnOnce(&Continuation) -> Result<()>,
+    ) -> Result<Program> {
+        let asked = ContinuationRequest {
+            program: Some(request.program.clone()),
+            line: request.line,
+            ..ContinuationRequest::new()
+        };
+        show(&self.continuation(&asked).await?)?;
+        let opened = self.open_continuation(request).await?;
+        self.follow(Core::continuing(&opened, Bounds::default()), opened.axes).await
+    }
+
+    async fn follow(&self, core: Core, axes: Vec<u64>) -> Result<Program> {
         let inner = &self.inner;
-        // before the first program: the server ends programs whose token has gone
-        inner.declare_token().await?;
-        let opened: OpenReply = inner.ask("open", &options, DEADLINE).await?;
         let stream = LineStream::open(
-            &opened,
+            core,
             inner.link.clone(),
             Arc::clone(&inner.keys),
             inner.caller.clone(),
@@ -211,22 +240,7 @@ impl Machine {
             inner.patience,
         )
         .await?;
-        Ok(Program::new(stream, Arc::clone(inner), opened))
-    }
-
-    /// Goes on with an interrupted program from `start_line`, its modal state rebuilt by the server.
-    ///
-    /// The lines from `start_line` on have to be sent; the first one has that number.
-    ///
-    /// # Errors
-    /// As [`Machine::refresh_info`]; MC514 the journal no longer holds the lines.
-    pub async fn resume_program(
-        &self,
-        program: &str,
-        start_line: u64,
-        options: ProgramOptions,
-    ) -> Result<Program> {
-        self.program(options.resume_of(program, start_line)).await
+        Ok(Program::new(stream, Arc::clone(inner), axes))
     }
 
     // ------------------------------------------------------------ the operator's part

@@ -6,7 +6,6 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
 use futures_core::Stream;
-use serde::Serialize;
 use tokio::runtime::Handle;
 use tokio::sync::Mutex;
 
@@ -15,144 +14,14 @@ use crate::core::Core;
 use crate::error::{Error, Problem, Result};
 use crate::feed::Feed;
 use crate::machine::Inner;
-use crate::messages::{
-    CloseReply, CloseRequest, Event, OnDisconnect, OpenReply, Outputs, ProgramRequest, ProgramState,
-    ProgramStatus,
-};
+use crate::messages::{CloseReply, CloseRequest, Event, ProgramRequest, ProgramState, ProgramStatus};
+use crate::program_options::ProgramResult;
 use crate::stream::{Giving, LineStream};
 use crate::wire::decode;
 
 const ABORT_DEADLINE: Duration = Duration::from_secs(2);
 /// Gives the runtime to others while a long file is read.
 const LINES_A_TURN: usize = 500;
-const NAME_LENGTH: usize = 200;
-const GRACE_S: f64 = 10.0;
-
-/// How a program is opened; the default: all axes, from line 1, stopped when this client's link goes.
-#[derive(Debug, Clone, Serialize)]
-pub struct ProgramOptions {
-    name: String,
-    axes: Option<Vec<u64>>,
-    on_disconnect: OnDisconnect,
-    grace_s: f64,
-    start_line: u64,
-    before: Vec<String>,
-    resume_of: Option<String>,
-    step: bool,
-    hold: bool,
-    way: bool,
-    outputs: Option<Outputs>,
-}
-
-impl Default for ProgramOptions {
-    fn default() -> Self {
-        Self::new()
-    }
-}
-
-impl ProgramOptions {
-    /// Begins with all axes, from line 1.
-    #[must_use]
-    pub fn new() -> Self {
-        Self {
-            name: String::new(),
-            axes: None,
-            on_disconnect: OnDisconnect::Stop,
-            grace_s: GRACE_S,
-            start_line: 1,
-            before: Vec::new(),
-            resume_of: None,
-            step: false,
-            hold: false,
-            way: false,
-            outputs: None,
-        }
-    }
-
-    /// Names it for people: a file's name.
-    #[must_use]
-    pub fn name(mut self, name: impl AsRef<str>) -> Self {
-        self.name = name.as_ref().chars().take(NAME_LENGTH).collect();
-        self
-    }
-
-    /// Leases these axes only. It waits in order for axes that other programs have.
-    #[must_use]
-    pub fn axes(mut self, axes: impl IntoIterator<Item = u64>) -> Self {
-        self.axes = Some(axes.into_iter().collect());
-        self
-    }
-
-    /// Says what happens to what was accepted when this client's link goes.
-    #[must_use]
-    pub fn on_disconnect(mut self, what: OnDisconnect) -> Self {
-        self.on_disconnect = what;
-        self
-    }
-
-    /// Says how long this client's link may be away before that; 10 s otherwise.
-    #[must_use]
-    pub fn grace(mut self, time: Duration) -> Self {
-        self.grace_s = time.as_secs_f64();
-        self
-    }
-
-    /// Begins at this line; the lines before it are read for their modal state only.
-    #[must_use]
-    pub fn start_line(mut self, number: u64, before: impl IntoIterator<Item = String>) -> Self {
-        self.start_line = number;
-        self.before = before.into_iter().collect();
-        self
-    }
-
-    /// Starts a line only when [`Program::step`] asks for it.
-    #[must_use]
-    pub fn step(mut self) -> Self {
-        self.step = true;
-        self
-    }
-
-    /// Begins held.
-    #[must_use]
-    pub fn hold(mut self) -> Self {
-        self.hold = true;
-        self
-    }
-
-    /// Of a start in the middle: axes may go the way that `continuation` shows, where the machine
-    /// file names no safe one.
-    #[must_use]
-    pub fn way(mut self) -> Self {
-        self.way = true;
-        self
-    }
-
-    /// Of a start in the middle: `set` what the program had switched, or `leave` it.
-    #[must_use]
-    pub fn outputs(mut self, what: Outputs) -> Self {
-        self.outputs = Some(what);
-        self
-    }
-
-    pub(crate) fn resume_of(mut self, program: &str, start_line: u64) -> Self {
-        self.resume_of = Some(program.to_owned());
-        self.start_line = start_line;
-        self.before.clear();
-        self
-    }
-}
-
-/// How a program ended well; whatever else can happen is an error.
-#[derive(Debug, Clone, PartialEq, Eq)]
-#[non_exhaustive]
-pub struct ProgramResult {
-    /// Its id.
-    pub program: String,
-    /// Lines through this number were taken.
-    pub accepted: u64,
-    /// Lines through this number have ended.
-    pub done: u64,
-}
 
 /// One client's stream of lines, with modal state and axes of its own.
 ///
@@ -169,13 +38,13 @@ pub struct Program {
 }
 
 impl Program {
-    pub(crate) fn new(stream: LineStream, machine: Arc<Inner>, opened: OpenReply) -> Self {
+    pub(crate) fn new(stream: LineStream, machine: Arc<Inner>, axes: Vec<u64>) -> Self {
         Self {
             stream,
             caller: machine.caller.clone(),
             max_line_length: machine.info().limits.max_line_length,
             machine,
-            axes: opened.axes,
+            axes,
             turn: Mutex::new(()),
             left: AtomicBool::new(false),
         }

@@ -14,7 +14,7 @@ use crate::error::{Error, Result};
 use crate::keys::Keys;
 use crate::link::{Link, Subscription};
 use crate::messages::{
-    Ack, OpenReply, ProgramState, ProgramStatus, ProgramsReply, ProgramsRequest, SubmitReply, SubmitRequest,
+    Ack, ProgramState, ProgramStatus, ProgramsReply, ProgramsRequest, SubmitReply, SubmitRequest,
 };
 use crate::presence::{Presence, lock};
 use crate::wire::{decode, encode};
@@ -92,7 +92,7 @@ impl Drop for Giving<'_> {
 impl LineStream {
     /// Listens to the program's acknowledgements, then begins to send; `patience`: how long the server may be away.
     pub async fn open(
-        opened: &OpenReply,
+        core: Core,
         link: Link,
         keys: Arc<Keys>,
         caller: Caller,
@@ -100,8 +100,8 @@ impl LineStream {
         patience: Duration,
     ) -> Result<Self> {
         let shared = Arc::new(Shared {
-            program: opened.program.clone(),
-            core: Mutex::new(Core::new(opened, Duration::ZERO)),
+            program: core.program().to_owned(),
+            core: Mutex::new(core),
             changed: watch::Sender::new(0),
             wake: Notify::new(),
             origin: Instant::now(),

@@ -1,4 +1,4 @@
-// The conformance program: main.mjs URL TOKEN stream FILE [RESUME_OF START_LINE] | watch N | jog AXIS VELOCITY MS | estop | bench FILE;
+// The conformance program: main.mjs URL TOKEN stream FILE [PROGRAM] | watch N | jog AXIS VELOCITY MS | estop | bench FILE;
 // JSON on standard output, one object a line.
 import { readFileSync } from "node:fs";
 import WebSocket from "ws";
@@ -14,10 +14,13 @@ try {
   const gateway = await Gateway.connect(url, { token, WebSocket });
   const machine = await gateway.machine();
   if (task === "stream") {
-    const startLine = Number(rest[2] ?? 1);
-    const program = await machine.program({ name: rest[0], onDisconnect: "finish", startLine, resumeOf: rest[1], way: rest.length > 1, patienceMs: PATIENCE_MS });
+    const [file, former] = rest;
+    const show = ({ line, done, axes }) => say({ continuation: { line, done, axes: axes.length } });
+    const program = former
+      ? await machine.continueProgram({ program: former, way: true, on_disconnect: "finish" }, { show, patienceMs: PATIENCE_MS })
+      : await machine.program({ name: file, onDisconnect: "finish", patienceMs: PATIENCE_MS });
     say({ program: program.id });
-    await program.sendLines(linesOf(rest[0]).slice(startLine - 1));
+    await program.sendLines(linesOf(file).slice(program.given));
     await program.finish();
     say({ state: program.state, accepted: program.accepted, done: program.done });
   } else if (task === "watch") {

@@ -5,6 +5,6 @@ export { Feed } from "./feed.js";
 export { type ConnectOptions, Gateway, type Socket } from "./gateway.js";
 export { Machine } from "./machine.js";
 export * from "./messages.js";
-export { type OpenOptions, Program } from "./program.js";
+export { type ContinueOptions, type OpenOptions, Program } from "./program.js";
 export { LineWindow } from "./window.js";
 export { type Samples, columnsOf, understand } from "./wire.js";

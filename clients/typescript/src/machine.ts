@@ -1,8 +1,8 @@
 import { MachineCalls } from "./calls.js";
 import { Feed } from "./feed.js";
 import type { Gateway } from "./gateway.js";
-import type { Info, MachineStatus, MotionEvent } from "./messages.js";
-import { type OpenOptions, Program } from "./program.js";
+import type { ContinueRequest, Info, MachineStatus, MotionEvent } from "./messages.js";
+import { type ContinueOptions, type OpenOptions, Program } from "./program.js";
 import { type Samples, columnsOf, understand } from "./wire.js";
 
 const KEEP_MS = 100;
@@ -26,6 +26,15 @@ export class Machine extends MachineCalls {
 
   /** A new program; lines are streamed to it, each exactly once. */
   program(options: OpenOptions = {}): Promise<Program> { return Program.open(this.gateway, this, options); }
+
+  /**
+   * Goes on with a program that has ended, such as by a restart of the server: energizes what it had, brings the axes to where its next line
+   * starts, and runs the lines that the journal has. Lines behind `given` are to be sent where its text was not whole. What is not certain is
+   * refused (MC450, MC592, MC593, MC594), and nothing moves.
+   */
+  continueProgram(request: ContinueRequest, options: ContinueOptions = {}): Promise<Program> {
+    return Program.goOn(this.gateway, this, request, options);
+  }
 
   /**
    * Moves an axis until the signal aborts; `velocity` is signed [mm/s, deg/s]. The server's dead man's time stops it when this

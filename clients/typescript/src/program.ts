@@ -1,7 +1,7 @@
 import { type MotionError, NobodyAnswers, ProgramRejected, RequestRefused } from "./errors.js";
 import type { Gateway } from "./gateway.js";
 import type { Machine } from "./machine.js";
-import type { Ack, OpenReply, OverrideReply, ProgramState, ProgramStatus, SubmitReply } from "./messages.js";
+import type { Ack, Continuation, ContinueReply, ContinueRequest, OpenReply, OverrideReply, ProgramState, ProgramStatus, SubmitReply } from "./messages.js";
 import { LineWindow } from "./window.js";
 import { SURROGATE, understand } from "./wire.js";
 
@@ -14,16 +14,22 @@ export interface OpenOptions {
   onDisconnect?: "finish" | "stop";
   /** How long this client may be away before that [s]; default 10. */
   graceS?: number;
-  /** The first line that runs; lines before it, from `before` or the journal of `resumeOf`, set modal state only. */
+  /** The first line that runs; those of `before`, the ones before it, set modal state only. */
   startLine?: number;
   before?: string[];
-  resumeOf?: string;
   /** Of a start in the middle: axes may go the way that `continuation` shows, where the machine file names no safe one. */
   way?: boolean;
   /** Of a start in the middle: set what the program had switched, or leave it. */
   outputs?: "set" | "leave";
   hold?: boolean;
   /** How long the motion server may be away before NobodyAnswers [ms]; default 30 s. */
+  patienceMs?: number;
+}
+
+export interface ContinueOptions {
+  /** Gets what ran, where the axes stand and where the program has them, before anything moves; where it rejects, nothing does. */
+  show?: (shown: Continuation) => unknown;
+  /** As of `OpenOptions`. */
   patienceMs?: number;
 }
 
@@ -44,17 +50,27 @@ export class Program {
   #turn: Promise<void> = Promise.resolve();
   #heard = Date.now();
 
-  private constructor(private readonly machine: Machine, readonly id: string, opened: OpenReply, private readonly patienceMs: number) {
+  private constructor(private readonly machine: Machine, readonly id: string, opened: OpenReply | ContinueReply, private readonly patienceMs: number) {
     this.#window = new LineWindow(opened);
   }
 
   static async open(gateway: Gateway, machine: Machine, options: OpenOptions): Promise<Program> {
     const opened = understand<OpenReply>("OpenReply", await machine.openProgram({
       name: options.name ?? "", axes: options.axes ?? null, on_disconnect: options.onDisconnect ?? "stop", grace_s: options.graceS ?? GRACE_S,
-      start_line: options.startLine ?? 1, before: options.before ?? [], resume_of: options.resumeOf ?? null, hold: options.hold ?? false,
-      way: options.way ?? false, outputs: options.outputs ?? null,
+      start_line: options.startLine ?? 1, before: options.before ?? [], hold: options.hold ?? false, way: options.way ?? false,
+      outputs: options.outputs ?? null,
     }));
-    const program = new Program(machine, opened.program, opened, options.patienceMs ?? PATIENCE_MS);
+    return Program.#follow(gateway, machine, opened, options.patienceMs);
+  }
+
+  static async goOn(gateway: Gateway, machine: Machine, request: ContinueRequest, { show, patienceMs }: ContinueOptions): Promise<Program> {
+    if (show) await show(await machine.continuation({ program: request.program, line: request.line }));
+    const opened = understand<ContinueReply>("ContinueReply", await machine.openContinuation(request));
+    return Program.#follow(gateway, machine, opened, patienceMs);
+  }
+
+  static async #follow(gateway: Gateway, machine: Machine, opened: OpenReply | ContinueReply, patienceMs = PATIENCE_MS): Promise<Program> {
+    const program = new Program(machine, opened.program, opened, patienceMs);
     try {
       const stop = await gateway.listen(machine.name, `ack/${program.id}`, (message: unknown) => program.#onAck(message), () => program.#change((window) => { window.stale = true; }));
       program.#change(() => { program.#stop = stop; });

@@ -1,5 +1,5 @@
 import { type MotionError, ProgramEnded, ProgramRejected, RequestRefused } from "./errors.js";
-import { type Ack, type Diagnostic, ENDED, type Fault, type OpenReply, type ProgramState, type ProgramStatus, type SubmitReply } from "./messages.js";
+import { type Ack, type ContinueReply, type Diagnostic, ENDED, type Fault, type OpenReply, type ProgramState, type ProgramStatus, type SubmitReply } from "./messages.js";
 
 const CHUNK_LINES = 1000;
 const CHUNK_CHARACTERS = 64 * 1024;
@@ -31,10 +31,12 @@ export class LineWindow {
   /** Lines were given up while it was not known whether they had arrived: the server's number is the right one. */
   #adrift = false;
 
-  constructor(opened: OpenReply, chunkLines = CHUNK_LINES) {
+  constructor(opened: OpenReply | ContinueReply, chunkLines = CHUNK_LINES) {
     this.#program = opened.program;
     this.#chunkLines = chunkLines;
-    this.accepted = this.done = opened.expected - 1;
+    this.accepted = opened.expected - 1;
+    // of a program that goes on, lines that the server had already are not done
+    this.done = "line" in opened ? opened.line - 1 : this.accepted;
     this.credit = opened.credit;
     this.state = opened.state;
   }
@@ -188,7 +190,7 @@ export class LineWindow {
     const message = state === "interrupted"
       ? `the server that ran the program went away; lines through ${this.done} are done, line ${this.done + 1} may have begun`
       : fault?.message ?? `the program was ${state}; lines through ${this.done} are done`;
-    const hint = state === "interrupted" ? "move the machine where it should be, then open a program with resumeOf and startLine" : fault?.hint ?? "";
+    const hint = state === "interrupted" ? `machine.continueProgram({ program: "${this.#program}" }) goes on` : fault?.hint ?? "";
     this.failure = new ProgramEnded(state, code, message, hint, this.accepted, this.done);
   }
 

@@ -7,6 +7,7 @@ export interface Samples {
 
 type Kind = "string" | "number" | "boolean" | "array" | "object";
 
+const OPENED = { program: "string", state: "string", axes: "array", expected: "number", credit: "number", instance: "string" } as const;
 /** Fields of the messages that decide about lines and places; `?` marks those that may be left out or nil. */
 const FIELDS: Record<string, Record<string, Kind | `${Kind}?`>> = {
   Ack: {
@@ -17,7 +18,8 @@ const FIELDS: Record<string, Record<string, Kind | `${Kind}?`>> = {
     program: "string", accepted: "number", done: "number", credit: "number", state: "string",
     rejected: "number?", diagnostics: "array?", fault: "object?", rejections: "number?",
   },
-  OpenReply: { program: "string", state: "string", axes: "array", expected: "number", credit: "number", instance: "string" },
+  OpenReply: OPENED,
+  ContinueReply: { ...OPENED, line: "number", resume_of: "string", whole: "boolean" },
   SubmitReply: { program: "string", accepted: "number", done: "number", credit: "number", rejections: "number?" },
   CloseReply: { program: "string", accepted: "number", done: "number", state: "string" },
   ErrorReply: { code: "string", message: "string", hint: "string?", details: "object?", diagnostics: "array?" },

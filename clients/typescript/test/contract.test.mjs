@@ -8,11 +8,11 @@ import { columnsOf, LineWindow, MotionError, ProgramRejected, RequestRefused, un
 const folder = new URL("../../contract/", import.meta.url);
 const read = (name) => JSON.parse(readFileSync(new URL(name, folder), "utf8"));
 const bytes = (hex) => Uint8Array.from(Buffer.from(hex, "hex"));
-const KINDS = ["Ack", "ProgramStatus", "OpenReply", "SubmitReply", "CloseReply", "ErrorReply", "Event"];
+const KINDS = ["Ack", "ProgramStatus", "OpenReply", "ContinueReply", "SubmitReply", "CloseReply", "ErrorReply", "Event"];
 const GARBAGE = read("garbage.json").refused;
 // this SDK hands on what it does not use itself: of these kinds only some fields are looked at, and texts are decoded leniently
 const LENIENT = /no UTF-8|^t is|maps, 3000 deep/;
-const STRICT = ["Ack", "OpenReply", "SubmitReply", "CloseReply", "ErrorReply"];
+const STRICT = ["Ack", "OpenReply", "ContinueReply", "SubmitReply", "CloseReply", "ErrorReply"];
 
 /** Whether all that was decoded is what the contract says; keys that it does not name are later ones. */
 function covers(found, wanted) {
@@ -51,6 +51,7 @@ test("samples are read column by column", () => {
 
 const steps = {
   open(play, message) { play.window = new LineWindow(play.message("OpenReply", message), play.chunk); },
+  continues(play, message) { play.window = new LineWindow(play.message("ContinueReply", message), play.chunk); },
   give(play, lines) { for (const line of lines) play.window.give(line); },
   judge(play, line) { play.window.give(line); },
   sends(play, wanted) { assert.deepEqual(play.window.next(), wanted); },

@@ -1,6 +1,6 @@
 // Command conformance does one task against a gateway and says on standard output, as JSON, one object a line, what came of it.
 //
-//	conformance URL TOKEN stream FILE [RESUME_OF START_LINE] | watch ROWS | jog AXIS VELOCITY MS | estop | bench FILE
+//	conformance URL TOKEN stream FILE [PROGRAM] | watch ROWS | jog AXIS VELOCITY MS | estop | bench FILE
 package main
 
 import (
@@ -67,24 +67,30 @@ func run(url, token, name string, args []string) error {
 }
 
 func stream(t task) error {
-	options := &mcclient.OpenOptions{Name: t.args[0], FinishOnDisconnect: true}
-	if len(t.args) > 1 {
-		options.ResumeOf = t.args[1]
-		options.Way = true
-		options.StartLine = number(t.args[2])
+	open := func() (*mcclient.Program, error) {
+		return t.machine.Program(t.ctx, &mcclient.OpenOptions{Name: t.args[0], FinishOnDisconnect: true})
 	}
-	program, err := t.machine.Program(t.ctx, options)
+	if len(t.args) > 1 {
+		request := mcclient.ContinueRequest{Program: t.args[1], Way: true, OnDisconnect: mcclient.Ptr(mcclient.OnDisconnectFinish)}
+		open = func() (*mcclient.Program, error) { return t.machine.ContinueProgram(t.ctx, request, show) }
+	}
+	program, err := open()
 	if err != nil {
 		return err
 	}
 	say(map[string]any{"program": program.ID})
-	if err := program.SendLines(t.ctx, linesOf(t.args[0], options.StartLine)); err != nil {
+	if err := program.SendLines(t.ctx, linesOf(t.args[0], program.Given()+1)); err != nil {
 		return err
 	}
 	if err := program.Finish(t.ctx); err != nil {
 		return err
 	}
 	say(map[string]any{"state": program.State(), "accepted": program.Accepted(), "done": program.Done()})
+	return nil
+}
+
+func show(shown *mcclient.Continuation) error {
+	say(map[string]any{"continuation": map[string]any{"line": shown.Line, "done": shown.Done, "axes": len(shown.Axes)}})
 	return nil
 }
 

@@ -55,6 +55,10 @@ final class LineCore {
     /** The last one of a streamed line: it stays when the line has been corrected. */
     private MotionException rejection;
 
+    LineCore(Messages.OpenReply opened) {
+        this(opened, CHUNK_LINES);
+    }
+
     LineCore(Messages.OpenReply opened, int chunkLines) {
         program = opened.program();
         accepted = opened.expected() - 1;
@@ -62,6 +66,14 @@ final class LineCore {
         credit = opened.credit();
         state = opened.state();
         this.chunkLines = chunkLines;
+    }
+
+    /** Of a program that goes on: lines that the server had already are not done. */
+    LineCore(Messages.ContinueReply opened) {
+        this(new Messages.OpenReply(
+                opened.program(), opened.state(), opened.axes(), opened.expected(), opened.credit(), opened.instance()));
+        done = opened.line() - 1;
+        closed = opened.whole();
     }
 
     // ---------------------------------------------------------------- what is known

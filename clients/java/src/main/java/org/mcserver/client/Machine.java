@@ -8,6 +8,7 @@ import java.util.concurrent.ForkJoinPool;
 import java.util.concurrent.ThreadLocalRandom;
 import java.util.concurrent.atomic.AtomicInteger;
 import java.util.function.BiConsumer;
+import java.util.function.Consumer;
 import java.util.function.Predicate;
 
 /** A machine behind a gateway. */
@@ -65,16 +66,24 @@ public final class Machine extends MachineCalls {
 
     /** Opens a program. */
     public CompletableFuture<Program> program(ProgramOptions options) {
-        return open(options.request());
+        return openProgram(options.request()).thenCompose(opened -> Program.follow(gateway, this, opened.axes(), new LineCore(opened)));
     }
 
-    /** Goes on with an interrupted program: the lines from {@code startLine} on have to be sent. */
-    public CompletableFuture<Program> resumeProgram(String program, long startLine, ProgramOptions options) {
-        return open(options.startingAt(startLine, List.of()).request().withResumeOf(program));
+    /** As {@link #continueProgram(Messages.ContinueRequest, Consumer)}, without showing anything. */
+    public CompletableFuture<Program> continueProgram(Messages.ContinueRequest request) {
+        return openContinuation(request).thenCompose(opened -> Program.follow(gateway, this, opened.axes(), new LineCore(opened)));
     }
 
-    private CompletableFuture<Program> open(Messages.OpenRequest request) {
-        return openProgram(request).thenCompose(opened -> Program.follow(gateway, this, opened));
+    /**
+     * Goes on with a program that has ended, such as by a restart of the server: energizes what it had, brings the axes to where its next
+     * line starts, and runs the lines that the journal has. Where its text was not whole, lines behind {@link Program#givenThrough} have to
+     * be sent. What is not certain is refused (MC450, MC592, MC593, MC594), and nothing moves.
+     *
+     * @param show gets what ran, where the axes stand and where the program has them, before anything moves; where it throws, nothing does
+     */
+    public CompletableFuture<Program> continueProgram(Messages.ContinueRequest request, Consumer<Messages.Continuation> show) {
+        return continuation(new Messages.ContinuationRequest().withProgram(request.program()).withLine(request.line()))
+                .thenAccept(show).thenCompose(shown -> continueProgram(request));
     }
 
     // ---------------------------------------------------------------- the operator's part
@@ -130,7 +139,7 @@ public final class Machine extends MachineCalls {
         });
     }
 
-    private <T> CompletableFuture<Feed<T>> follow(Feed<T> feed, String topic, java.util.function.Consumer<Object> deliver) {
+    private <T> CompletableFuture<Feed<T>> follow(Feed<T> feed, String topic, Consumer<Object> deliver) {
         return gateway.listen(name, topic, (message, missed) -> {
             feed.miss(missed);
             deliver.accept(message);

@@ -210,7 +210,7 @@ public sealed class MotionException extends RuntimeException {
         ProgramInterrupted(LineCore.Extent extent) {
             super("MC534", "the server that ran the program went away; lines through " + extent.done() + " are done, line "
                             + (extent.done() + 1) + " may have begun",
-                    "move the machine where it should be, then resumeProgram(\"" + extent.program() + "\", " + (extent.done() + 1) + ", …)",
+                    "continueProgram(new Messages.ContinueRequest(\"" + extent.program() + "\")) goes on",
                     extent, List.of());
         }
     }

@@ -41,17 +41,17 @@ public final class Program implements AutoCloseable {
     private boolean left;
     private long heardAt = System.nanoTime();
 
-    private Program(Gateway gateway, Machine machine, Messages.OpenReply opened) {
+    private Program(Gateway gateway, Machine machine, List<Long> axes, LineCore core) {
         this.gateway = gateway;
         this.machine = machine;
-        id = opened.program();
-        axes = opened.axes();
+        this.axes = axes;
+        this.core = core;
+        id = core.extent().program();
         longestLine = (int) Math.min(Integer.MAX_VALUE, machine.info().limits().maxLineLength());
-        core = new LineCore(opened, LineCore.CHUNK_LINES);
     }
 
-    static CompletableFuture<Program> follow(Gateway gateway, Machine machine, Messages.OpenReply opened) {
-        Program program = new Program(gateway, machine, opened);
+    static CompletableFuture<Program> follow(Gateway gateway, Machine machine, List<Long> axes, LineCore core) {
+        Program program = new Program(gateway, machine, axes, core);
         return gateway.listen(machine.name(), "ack/" + program.id,
                 (message, missed) -> program.hear(Wire.read(Messages.Ack.class, message)), program::query).thenApply(stop -> {
                     program.unsubscribe = stop;

@@ -15,7 +15,7 @@ import java.util.Optional;
 import java.util.concurrent.CompletionException;
 
 /**
- * The conformance program: URL TOKEN stream FILE [PROGRAM LINE] | watch N | jog AXIS VELOCITY MS | estop | bench FILE; JSON on standard
+ * The conformance program: URL TOKEN stream FILE [PROGRAM] | watch N | jog AXIS VELOCITY MS | estop | bench FILE; JSON on standard
  * output, one object a line.
  */
 public final class Conformance {
@@ -77,17 +77,21 @@ public final class Conformance {
     }
 
     private static void stream(Machine machine, String[] arguments) throws IOException {
-        ProgramOptions options = ProgramOptions.named(arguments[3]).finishingOnDisconnect();
-        long first = arguments.length > 5 ? Long.parseLong(arguments[5]) : 1;
-        try (Program program = arguments.length > 5
-                        ? machine.resumeProgram(arguments[4], first, options.withWay()).join()
-                        : machine.program(options).join()) {
+        boolean goesOn = arguments.length > 4;
+        try (Program program = goesOn
+                        ? machine.continueProgram(new Messages.ContinueRequest(arguments[4]).withWay(true)
+                                .withOnDisconnect(Messages.OnDisconnect.FINISH), Conformance::show).join()
+                        : machine.program(ProgramOptions.named(arguments[3]).finishingOnDisconnect()).join()) {
             say(Map.of("program", program.id()));
-            List<String> lines = Files.readAllLines(Path.of(arguments[3])).stream().filter(line -> !line.isEmpty()).skip(first - 1).toList();
+            List<String> lines = Files.readAllLines(Path.of(arguments[3])).stream().filter(line -> !line.isEmpty()).skip(program.givenThrough()).toList();
             program.sendLines(lines).join();
             long last = program.finish().join();
             say(Map.of("state", program.state().word(), "accepted", last, "done", program.doneThrough()));
         }
+    }
+
+    private static void show(Messages.Continuation shown) {
+        say(Map.of("continuation", Map.of("line", shown.line(), "done", shown.done(), "axes", shown.axes().size())));
     }
 
     private static void watch(Machine machine, long rows) throws InterruptedException {

@@ -31,7 +31,8 @@ import org.junit.jupiter.api.TestFactory;
 class ContractTest {
     private static final Path FOLDER = Path.of("..", "contract");
     /** These decide about lines and places: a client refuses any other value, and has each of their fields. */
-    private static final List<String> DECISIVE = List.of("Ack", "OpenReply", "SubmitReply", "CloseReply", "ErrorReply", "TelemetryBlock");
+    private static final List<String> DECISIVE =
+            List.of("Ack", "OpenReply", "ContinueReply", "SubmitReply", "CloseReply", "ErrorReply", "TelemetryBlock");
 
     private static JsonObject read(Path file) throws IOException {
         return JsonParser.parseString(Files.readString(file)).getAsJsonObject();
@@ -228,6 +229,7 @@ class ContractTest {
         private void take(String what, JsonElement value, String where) {
             switch (what) {
                 case "open" -> core = new LineCore(Wire.decode(Messages.OpenReply.class, bytes(value.getAsJsonObject())), chunkLines);
+                case "continues" -> core = new LineCore(Wire.decode(Messages.ContinueReply.class, bytes(value.getAsJsonObject())));
                 case "give" -> {
                     core.begin();
                     value.getAsJsonArray().forEach(line -> core.give(line.getAsString()));
