@@ -39,6 +39,11 @@ var fakeInfo = map[string]any{
 	},
 }
 
+var continuation = map[string]any{
+	"program": "p-0", "name": "", "state": "aborted", "done": 6, "accepted": 6, "whole": false, "sha256": nil, "line": 7, "first": 7,
+	"lines": []string{}, "modal": []string{}, "energize": []int{}, "axes": []any{}, "way": []any{}, "switched": []any{}, "needs": []any{},
+}
+
 func newFakeGateway(t *testing.T, answer func(string, map[string]any) (any, *ErrorReply, bool)) *fakeGateway {
 	gateway := &fakeGateway{t: t, answer: answer, resumed: true}
 	gateway.server = httptest.NewServer(http.HandlerFunc(gateway.serve))
@@ -360,6 +365,65 @@ func TestACallThatIsCancelledWhileLinesAreUnderWayLeavesTheNumbersRight(t *testi
 	defer mu.Unlock()
 	if len(firsts) != 2 || whole(firsts[1], 0) != 3 || program.Accepted() != 3 {
 		t.Errorf("the messages begin with %v, accepted %d", firsts, program.Accepted())
+	}
+}
+
+func TestALineThatWasFoundFaultyLateIsGivenAgainOnceWaitDoneHasReturnedThat(t *testing.T) {
+	var mu sync.Mutex
+	var rejections []any
+	gateway := newFakeGateway(t, func(method string, params map[string]any) (any, *ErrorReply, bool) {
+		switch method {
+		case "open":
+			return openReply, nil, true
+		case "programs":
+			found := status("running", 0)
+			mine := found["programs"].([]any)[0].(map[string]any)
+			mine["rejected"], mine["rejections"] = 1, 1
+			mine["diagnostics"] = []any{map[string]any{"code": "MC101", "message": "faulty", "line": 1, "column": 1}}
+			return found, nil, true
+		}
+		mu.Lock()
+		defer mu.Unlock()
+		rejections = append(rejections, params["rejections"])
+		return map[string]any{"program": "p-1", "accepted": 1, "done": 0, "credit": 9, "rejections": params["rejections"]}, nil, true
+	})
+	program, err := gateway.machine().Program(context.Background(), nil)
+	if err != nil {
+		t.Fatal(err)
+	}
+	if _, err := program.Send(context.Background(), "GO1 X1"); err != nil {
+		t.Fatal(err)
+	}
+	var rejected *RejectedError
+	if err := program.WaitDone(context.Background(), 2); !errors.As(err, &rejected) || rejected.Line != 1 {
+		t.Fatal(err)
+	}
+	if number, err := program.Send(context.Background(), "G01 X1"); err != nil || number != 1 {
+		t.Fatal(number, err)
+	}
+	mu.Lock()
+	defer mu.Unlock()
+	if len(rejections) != 2 || whole(rejections[1], 0) != 1 || program.Failure() != nil {
+		t.Errorf("sent after %v rejections, failure %v", rejections, program.Failure())
+	}
+}
+
+func TestNothingGoesOnWhereWhatIsShownIsNotWanted(t *testing.T) {
+	gateway := newFakeGateway(t, func(method string, params map[string]any) (any, *ErrorReply, bool) {
+		if method != "continuation" {
+			t.Errorf("%s is asked for", method)
+		}
+		return continuation, nil, true
+	})
+	unwanted := errors.New("not so")
+	_, err := gateway.machine().ContinueProgram(context.Background(), ContinueRequest{Program: "p-0"}, func(shown *Continuation) error {
+		if shown.Line != 7 {
+			t.Errorf("line %d is shown", shown.Line)
+		}
+		return unwanted
+	})
+	if !errors.Is(err, unwanted) {
+		t.Fatal(err)
 	}
 }
 

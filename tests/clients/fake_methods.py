@@ -115,6 +115,13 @@ class FakeMethods:
             "methods": ["open"],
         }
 
+    def _do_continuation(self, request: dict[str, Any]) -> dict[str, Any]:
+        line = request["line"]
+        known = {"program": request["program"], "name": "", "state": "aborted", "done": line - 1}
+        text = {"accepted": line - 1, "whole": False, "sha256": None, "line": line, "first": line}
+        empty = ("lines", "modal", "energize", "axes", "way", "switched", "needs")
+        return {**known, **text, **{name: [] for name in empty}}
+
     def _do_continue_program(self, request: dict[str, Any]) -> dict[str, Any]:
         line = request["line"]
         opened = self._do_open({**request, "start_line": line, "resume_of": request["program"]})

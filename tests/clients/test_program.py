@@ -8,6 +8,7 @@ import contextlib
 import pytest
 from fake_server import FakeServer
 from mcclient import (
+    Continuation,
     Machine,
     MotionError,
     ProgramAborted,
@@ -258,13 +259,25 @@ async def test_a_line_with_a_line_end_is_refused_before_it_is_sent(server: FakeS
 
 
 async def test_a_program_goes_on_with_the_numbers_of_the_file(server: FakeServer) -> None:
+    shown: list[Continuation] = []
     async with (
         Machine.connect(connect=server.endpoint) as machine,
-        machine.continue_program("p0", line=7) as program,
+        machine.continue_program("p0", line=7, show=shown.append) as program,
     ):
+        assert (shown[0].line, shown[0].done) == (7, 6)
         assert (program.done_through, program.given_through) == (6, 6)
         assert (await program.send("G01 X7")).number == 7
     assert server.programs["p1"].resume_of == "p0"
+
+
+async def test_nothing_goes_on_where_what_is_shown_is_not_wanted(server: FakeServer) -> None:
+    def refuse(shown: Continuation) -> None:
+        raise RuntimeError(f"not from line {shown.line}")
+
+    async with Machine.connect(connect=server.endpoint) as machine:
+        with pytest.raises(RuntimeError, match="not from line 7"):
+            await machine.continue_program("p0", line=7, show=refuse)
+    assert not server.programs
 
 
 async def test_lines_may_come_from_an_asynchronous_source(server: FakeServer) -> None:

@@ -49,6 +49,8 @@ export class Program {
   #stop: (() => void) | null = null;
   #turn: Promise<void> = Promise.resolve();
   #heard = Date.now();
+  /** What `waitDone` has rejected with. */
+  #told: MotionError | null = null;
 
   private constructor(private readonly machine: Machine, readonly id: string, opened: OpenReply | ContinueReply, private readonly patienceMs: number) {
     this.#window = new LineWindow(opened);
@@ -172,6 +174,14 @@ export class Program {
     if (rejection) throw rejection;
   }
 
+  /** Resolves once the line with this number has ended, or the program has finished; rejects as soon as that cannot be. */
+  async waitDone(line: number, signal?: AbortSignal): Promise<void> {
+    await this.#until((window) => window.done >= line || window.ended || window.failure !== null, signal);
+    if (this.done >= line || this.state === "finished") return;
+    this.#told = this.#window.failure;
+    throw this.#told;
+  }
+
   hold(): Promise<string[]> { return this.machine.hold(this.id); }
   resume(): Promise<string[]> { return this.machine.resume(this.id); }
   abort(): Promise<string[]> { return this.machine.abort(this.id); }
@@ -182,6 +192,8 @@ export class Program {
     const mine = this.#turn.then(async () => {
       try {
         while (this.#window.adrift) await this.#ask();
+        // the application knows of it, and gives the line again
+        if (this.#window.failure === this.#told) this.#window.forgive();
         if (this.#window.failure) throw this.#window.failure;
         if (this.ended) throw new RequestRefused("MC536", `the program takes no more lines: it is ${this.state}`, "open another one");
         return await send();

@@ -54,6 +54,12 @@ test("an emergency stop goes over a connection of its own where the first one sa
   assert.equal(fake.connections, 2);
 });
 
+test("nothing goes on where what is shown is not wanted", async (t) => {
+  const [machine, fake] = await fakeGateway(t, () => ({ line: 7 }));
+  await assert.rejects(machine.continueProgram({ program: "p" }, { show({ line }) { throw new Error(`not from line ${line}`); } }), /line 7/);
+  assert.deepEqual(fake.frames.map((each) => each.method), ["continuation"]);
+});
+
 /** A fake that opens a program and takes its lines. */
 function taking(made) {
   made.lines = [];
@@ -95,6 +101,23 @@ test("a stream that is aborted while its source waits feeds nothing more", async
   await assert.rejects(program.sendLines(endless(), stop.signal), /enough/);
   assert.deepEqual(made.lines.length <= 1, true);
   assert.equal(closed, false, "a source that waits for ever cannot be closed, and is not waited for");
+});
+
+test("a line that was found faulty late is given again once that has been heard of", async (t) => {
+  const made = {};
+  const take = taking(made);
+  const faulty = { program: "p", state: "running", accepted: 0, done: 0, credit: 100, rejected: 1, rejections: 1, diagnostics: [{ code: "MC101", message: "faulty", line: 1 }] };
+  const [machine] = await fakeGateway(t, (frame) => {
+    if (frame.method === "programs") { made.lines = []; return { programs: [faulty] }; }
+    const reply = take(frame);
+    return frame.method === "submit" ? { ...reply, rejections: frame.params.rejections } : reply;
+  });
+  const program = await machine.program();
+  await program.send("GO1 X1");
+  await assert.rejects(program.waitDone(2), { code: "MC101" });
+  assert.equal(program.failure?.code, "MC101");
+  assert.equal(await program.send("G01 X1"), 1);
+  assert.deepEqual([program.failure, made.lines], [null, ["G01 X1"]]);
 });
 
 test("a line of half a character is refused before it is sent", async (t) => {
