@@ -13,7 +13,7 @@ use serde_json::{Value, json};
 
 use crate::core::{Core, Step};
 use crate::error::Error;
-use crate::messages::{Info, OpenReply, ProgramStatus, TelemetryBlock};
+use crate::messages::{Info, ProgramStatus, TelemetryBlock};
 use crate::telemetry::decode_samples;
 use crate::window::Bounds;
 use crate::wire::decode;
