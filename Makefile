@@ -135,7 +135,6 @@ pictures: $(VENV)/.for-development  ## draw the pictures of the documentation an
 	$(BIN)/mcserver plot examples/arcs.gcode --output docs/images/arcs.png
 	$(BIN)/mcserver plot examples/helix.gcode --output docs/images/helix.png
 	$(BIN)/mcserver plot examples/robot-dog.gcode --machine robot-dog --no-limits --output docs/images/dog.png
-	$(BIN)/python -m tests.view.picture examples/robot-dog.gcode robot-dog 2.45 docs/images/view.png
 	$(BIN)/python -m tests.browser.picture docs/images
 	$(BIN)/python -m tests.motion.picture docs/images/chords.png docs/images/stretches.png
 
@@ -164,7 +163,7 @@ $(VENV)/.for-demo: $(PROJECTS) | $(BIN)/python
 
 # on a new clone not behind the other one: what both need is looked for and installed once
 $(VENV)/.for-development: $(PROJECTS) | $(BIN)/python
-	$(INSTALL) --editable '.[plot,view,lsp,mcp]' --editable '$(SDK)[cli]' --editable $(BENCHMARK) --group dev
+	$(INSTALL) --editable '.[plot,web,lsp,mcp]' --editable '$(SDK)[cli]' --editable $(BENCHMARK) --group dev
 	@$(COMPILE)
 	@$(WARM_UP)
 	@touch $(VENV)/.for-demo $@

@@ -41,7 +41,7 @@ GROUPS = {
         "planning/test_planner_process.py",
         "security",
         "socketcan",
-        "view/test_window.py",
+        "view/test_command.py",
     ),
     # SDKs of other languages, the pages in Chromium, an editor: real time too, and tools of others
     "clients": ("browser", "language/test_neovim.py", "sdks"),

@@ -1,4 +1,4 @@
-"""Mesh files of links: read by trimesh, which comes with viser."""
+"""Mesh files of links: read by trimesh."""
 
 from __future__ import annotations
 

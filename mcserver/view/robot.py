@@ -7,9 +7,8 @@ from pathlib import Path
 
 import numpy as np
 
-from mcserver.machine.mesh_files import find_mesh
-from mcserver.view.body import Part
-from mcserver.view.solids import Array, Colour, Solid, ball, box, capsule, cylinder
+from mcserver.view.meshes import load_mesh
+from mcserver.view.solids import Colour, Part, Solid, ball, box, capsule, cylinder
 from mcserver.view.urdf import GREY, Look, Tree
 
 BONE: Colour = (66, 104, 148)
@@ -19,64 +18,28 @@ THICKNESS = 0.014
 LoadMesh = Callable[[Path, Colour | None], Sequence[Solid]]
 
 
-class Robot:
-    """A `Body` of a URDF.
+def robot_parts(tree: Tree, meshes: Mapping[str, Path], load: LoadMesh = load_mesh) -> tuple[Part, ...]:
+    """Return the links of a robot as solids; a link whose mesh cannot be had is drawn as its bones.
 
     Args:
-        tree: the robot. joints: names of its joints by axis number; others stay at zero.
-        urdf: the file, for its meshes. roots: folders of further packages.
-        load_mesh: reads a mesh file; raises ValueError or OSError where it cannot.
+        meshes: files by the names that the URDF has for them.
+        load: reads a mesh file; raises ValueError or OSError where it cannot.
     """
-
-    def __init__(
-        self,
-        tree: Tree,
-        joints: Mapping[int, str],
-        urdf: Path,
-        load_mesh: LoadMesh,
-        roots: Sequence[Path] = (),
-    ) -> None:
-        self._tree = tree
-        self._joints = dict(joints)
-        missing: list[str] = []
-        radius = THICKNESS * _extent(tree)
-        parts = []
-        for name, link in tree.links.items():
-            solids: list[Solid] = []
-            for look in link.looks:
-                try:
-                    shapes = _solids(look, urdf, roots, load_mesh)
-                except (OSError, ValueError):
-                    missing.append(look.mesh)
-                    continue
-                solids += [shape.moved(look.pose) for shape in shapes]
-            parts.append(Part(name, tuple(solids) if solids else _bones(tree, name, radius)))
-        self._parts, self._missing = tuple(parts), tuple(missing)
-
-    @property
-    def parts(self) -> tuple[Part, ...]:
-        """Its links."""
-        return self._parts
-
-    @property
-    def frames(self) -> tuple[str, ...]:
-        """Links that a joint of an axis moves."""
-        moved = set(self._joints.values())
-        return tuple(joint.child for joint in self._tree.joints if joint.name in moved)
-
-    @property
-    def missing_meshes(self) -> tuple[str, ...]:
-        """Meshes whose links are drawn as bones."""
-        return self._missing
-
-    def poses(self, positions: Mapping[int, float]) -> dict[str, Array]:
-        """Each link's frame, shape (4, 4)."""
-        return self._tree.poses(
-            {name: positions[axis] for axis, name in self._joints.items() if axis in positions}
-        )
+    radius = THICKNESS * _extent(tree)
+    parts = []
+    for name, link in tree.links.items():
+        solids: list[Solid] = []
+        for look in link.looks:
+            try:
+                shapes = _solids(look, meshes, load)
+            except (OSError, ValueError, KeyError):
+                continue
+            solids += [shape.moved(look.pose) for shape in shapes]
+        parts.append(Part(name, tuple(solids) if solids else _bones(tree, name, radius)))
+    return tuple(parts)
 
 
-def _solids(look: Look, urdf: Path, roots: Sequence[Path], load_mesh: LoadMesh) -> Sequence[Solid]:
+def _solids(look: Look, meshes: Mapping[str, Path], load: LoadMesh) -> Sequence[Solid]:
     colour = look.colour or GREY
     if look.kind == "box":
         return [box(np.array(look.size), colour)]
@@ -85,11 +48,8 @@ def _solids(look: Look, urdf: Path, roots: Sequence[Path], load_mesh: LoadMesh) 
         return [cylinder(radius, length, colour)]
     if look.kind == "sphere":
         return [ball(look.size[0], colour)]
-    found = find_mesh(look.mesh, urdf, roots)
-    if found is None:
-        raise FileNotFoundError(look.mesh)
     scale = np.diag([*look.size, 1.0])
-    return [solid.moved(scale) for solid in load_mesh(found, look.colour)]
+    return [solid.moved(scale) for solid in load(meshes[look.mesh], look.colour)]
 
 
 def _bones(tree: Tree, name: str, radius: float) -> tuple[Solid, ...]:

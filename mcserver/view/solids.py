@@ -34,6 +34,14 @@ class Solid:
         return replace(self, vertices=self.vertices @ pose[:3, :3].T + pose[:3, 3])
 
 
+@dataclass(frozen=True)
+class Part:
+    """Solids that move together, in a frame of their own [m]."""
+
+    name: str
+    solids: tuple[Solid, ...]
+
+
 def box(size: Array, colour: Colour) -> Solid:
     """A box about the origin; ``size`` (3,) is its whole extent."""
     vertices: list[Array] = []

@@ -1,30 +1,37 @@
-"""A robot's parts for the browser, made of the URDF and the meshes that its server sends."""
+"""A machine's parts for the browser: a robot of a URDF and its meshes, or a portal of the axes 0, 1 and 2."""
 
 from __future__ import annotations
 
 import base64
 import contextlib
-import dataclasses
 import json
 import math
 import shutil
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol
 from xml.etree.ElementTree import ParseError
 
 import numpy as np
-from mcclient import Info, Machine, MotionError
+from mcclient import Machine, MotionError
 
-from mcserver.view.body import Part
-from mcserver.view.meshes import load_mesh
-from mcserver.view.robot import Robot
-from mcserver.view.solids import Array, Solid
-from mcserver.view.stage import up_of
+from mcserver.view.gantry import gantry_parts
+from mcserver.view.robot import robot_parts
+from mcserver.view.solids import Array, Part, Solid
+from mcserver.view.stage import Up, up_of
 from mcserver.view.urdf import Joint, Tree, read_tree
 
 MM_PER_M = 1000.0
 MAX_MODEL_BYTES = 256 * 1024 * 1024
+
+
+class Tool(Protocol):
+    """A tool of a machine file, or of a machine's answer: a frame of the URDF, and its chain's axes."""
+
+    @property
+    def frame(self) -> str: ...
+    @property
+    def axes(self) -> Sequence[int]: ...
 
 
 async def fetch_model(machine: Machine, folder: Path) -> bytes:
@@ -58,7 +65,7 @@ async def fetch_model(machine: Machine, folder: Path) -> bytes:
                     path.write_bytes(await machine.read_mesh(number))
                     meshes[mesh.name] = path
         joints = {int(axis): name for axis, name in found.joints.items()}
-        content = model_json(found.urdf, joints, meshes, machine.info)
+        content = model_json(found.urdf, joints, meshes, machine.info.tools)
         kept.write_bytes(content)
     except OSError as error:
         raise MotionError("MC061", f"the model cannot be kept: {error.strerror}", "make room") from error
@@ -69,23 +76,50 @@ async def fetch_model(machine: Machine, folder: Path) -> bytes:
     return content
 
 
-def model_json(urdf: str, joints: Mapping[int, str], meshes: Mapping[str, Path], info: Info) -> bytes:
+def model_json(
+    urdf: str,
+    joints: Mapping[int, str],
+    meshes: Mapping[str, Path],
+    tools: Iterable[Tool],
+    up: Up = Up.AUTO,
+) -> bytes:
     """Return a robot as JSON, see `fetch_model`; of a machine without a URDF no parts.
 
     Args:
         joints: names by axis number. meshes: files by the names that the URDF has for them.
     """
     if not urdf:
-        return json.dumps({"up": [0.0, 0.0, 1.0], "parts": []}).encode()
+        return _json(up_of(up, (), ()), [])
     tree = read_tree(urdf)
-    robot = Robot(_with_files(tree, meshes), joints, Path(), load_mesh)
     axes = {name: axis for axis, name in joints.items()}
     by_child = {joint.child: joint for joint in tree.joints}
-    shapes = {part.name: part for part in robot.parts}
+    shapes = {part.name: part for part in robot_parts(tree, meshes)}
     # parents come first
     names = [tree.root, *(joint.child for joint in tree.joints)]
     parts = [_part(shapes[name], by_child.get(name), axes) for name in names if name in shapes]
-    return json.dumps({"up": _up(tree, joints, info).tolist(), "parts": parts}).encode()
+    return _json(_up(tree, joints, tools, up), parts)
+
+
+def portal_json(axes: Iterable[int], low: Array, high: Array, up: Up = Up.AUTO) -> bytes:
+    """Return a machine without a URDF as a portal, see `fetch_model`.
+
+    Args:
+        axes: which of 0, 1 and 2 are linear axes; the others stay at 0.
+        low, high: shape (3,), the space that its tip uses [m].
+    """
+    present, parts = set(axes), []
+    by_name, parent = {part.name: part for part in gantry_parts(low, high)}, ""
+    for name, axis in (("rails", None), ("bridge", 1), ("carriage", 0), ("quill", 2)):
+        joint = None
+        if axis is not None:
+            joint = Joint(str(axis), "prismatic", parent, name, np.eye(4), np.eye(3)[axis])
+        parts.append(_part(by_name[name], joint, {str(each): each for each in present}))
+        parent = name
+    return _json(up_of(up, (), ()), parts)
+
+
+def _json(up: Array, parts: list[dict[str, Any]]) -> bytes:
+    return json.dumps({"up": up.tolist(), "parts": parts}).encode()
 
 
 def _part(part: Part, joint: Joint | None, axes: Mapping[str, int]) -> dict[str, Any]:
@@ -124,28 +158,13 @@ def _solid(solid: Solid) -> dict[str, Any]:
     }
 
 
-def _with_files(tree: Tree, meshes: Mapping[str, Path]) -> Tree:
-    """The tree with its meshes called by where they are here."""
-    links = {
-        name: dataclasses.replace(
-            link,
-            looks=tuple(
-                dataclasses.replace(look, mesh=str(meshes.get(look.mesh, ""))) if look.mesh else look
-                for look in link.looks
-            ),
-        )
-        for name, link in tree.links.items()
-    }
-    return dataclasses.replace(tree, links=links)
-
-
-def _up(tree: Tree, joints: Mapping[int, str], info: Info) -> Array:
+def _up(tree: Tree, joints: Mapping[int, str], tools: Iterable[Tool], wanted: Up) -> Array:
     placed = tree.poses({})
     hips_of = {joint.name: placed[joint.child][:3, 3] for joint in tree.joints if joint.child in placed}
     tips, hips = [], []
-    for tool in info.tools:
+    for tool in tools:
         first = joints.get(tool.axes[0], "") if tool.axes else ""
         if tool.frame in placed and first in hips_of:
             tips.append(placed[tool.frame][:3, 3])
             hips.append(hips_of[first])
-    return up_of("auto", tips, hips)
+    return up_of(wanted, tips, hips)

@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 import asyncio
-import hashlib
 import html
 import logging
 import re
 import time
-from collections.abc import Awaitable, Callable
 from pathlib import Path
 from urllib.parse import parse_qs, quote
 
@@ -17,14 +15,13 @@ from fastapi import FastAPI, Request, Response
 from fastapi.responses import HTMLResponse, RedirectResponse
 from mcclient import MotionError
 from mcclient.keys import live_key
-from nicegui import app as nicegui_app
 from nicegui import ui
-from starlette.middleware.trustedhost import TrustedHostMiddleware
 
 from mcserver.doors.limits import BodyLimit, DoorLimits
 from mcserver.doors.listening import LOOPBACK, Address, Protection, listen, serve_until_stopped
 from mcserver.web.fleet import Fleet
 from mcserver.web.fleet_page import FleetPage
+from mcserver.web.frame import MAX_FRAME_BYTES, STATIC, add_head, new_site, run_pages
 from mcserver.web.machine_files import add_machine_files
 from mcserver.web.machine_page import MachinePage
 from mcserver.web.metrics import metrics_text
@@ -42,28 +39,10 @@ LIMITS = DoorLimits(
         ("/_nicegui/client/", BodyLimit(MAX_PROGRAM_BYTES + 1024 * 1024, 600.0)),
     )
 )
-MAX_FRAME_BYTES = 4 * 1024 * 1024
-# NiceGUI gives a link up that has been silent for 0.4 of it: a busy computer or a bad radio link must not
-# cost an operator what is chosen on the page. That the page is silent is shown long before (page.js).
-RECONNECT_S = 30.0
 # how often a page of an unknown machine looks whether it is there by now
 SEEN_S = 1.0
 # what a proxy adds
 _PROXIED = frozenset({"x-forwarded-for", "x-forwarded-host", "forwarded", "x-real-ip"})
-# the page's framework makes scripts and styles as it goes; nothing comes from or goes to another site
-HEADERS = {
-    "Content-Security-Policy": "default-src 'self'; script-src 'self' 'unsafe-inline' 'unsafe-eval' blob:;"
-    " style-src 'self' 'unsafe-inline'; img-src 'self' data: blob:; font-src 'self' data:;"
-    " connect-src 'self' ws: wss: blob: data:; worker-src 'self' blob:; object-src 'none'; base-uri 'self';"
-    " form-action 'self'; frame-ancestors 'none'",
-    "X-Frame-Options": "DENY",
-    "X-Content-Type-Options": "nosniff",
-    "Referrer-Policy": "same-origin",
-}
-STATIC = Path(__file__).parent / "static"
-VERSION = hashlib.sha256(
-    b"".join(path.read_bytes() for path in sorted(STATIC.iterdir()) if path.suffix in (".css", ".js"))
-).hexdigest()[:12]
 
 
 class WebOptions(msgspec.Struct, frozen=True):
@@ -119,16 +98,7 @@ async def serve(options: WebOptions) -> None:
 
 def build_site(sessions: Sessions, fleet: Fleet, *, secure: bool, host: str) -> FastAPI:
     """The application: ``/`` the fleet, ``/machine/{name}``, ``/login``, ``/metrics``."""
-    site = FastAPI(openapi_url=None)
-    if not sessions.needs_login:
-        # a page of another site that resolves its name to this computer must not get in
-        site.add_middleware(TrustedHostMiddleware, allowed_hosts=[*LOOPBACK, "[::1]", host])
-
-    @site.middleware("http")
-    async def add_headers(request: Request, call_next: Callable[[Request], Awaitable[Response]]) -> Response:
-        response = await call_next(request)
-        response.headers.update(HEADERS)
-        return response
+    site = new_site(None if sessions.needs_login else host)
 
     @site.get("/login", response_class=HTMLResponse)
     def login_form(then: str = "/") -> str:
@@ -166,7 +136,7 @@ def build_site(sessions: Sessions, fleet: Fleet, *, secure: bool, host: str) -> 
         visitor = _visitor(sessions, request)
         if visitor is None:
             return RedirectResponse(f"/login?then={quote(request.url.path)}", 303)
-        _head()
+        add_head()
         FleetPage(visitor, fleet)
         return None
 
@@ -175,7 +145,7 @@ def build_site(sessions: Sessions, fleet: Fleet, *, secure: bool, host: str) -> 
         visitor = _visitor(sessions, request)
         if visitor is None:
             return RedirectResponse(f"/login?then={quote(request.url.path)}", 303)
-        _head()
+        add_head()
         ui.page_title(name)
         try:
             live_key(name)
@@ -190,17 +160,7 @@ def build_site(sessions: Sessions, fleet: Fleet, *, secure: bool, host: str) -> 
         return None
 
     add_machine_files(site, sessions, fleet)
-    nicegui_app.add_static_files("/mc-static", STATIC)
-    # a page whose link was interrupted is built anew: NiceGUI would send what was missed after what is new,
-    # and an old state would be shown until its next change
-    ui.run_with(
-        site,
-        title="Machines",
-        dark=None,
-        show_welcome_message=False,
-        reconnect_timeout=RECONNECT_S,
-        message_history_length=0,
-    )
+    run_pages(site, "Machines")
     return site
 
 
@@ -218,14 +178,6 @@ def _from_here(request: Request) -> bool:
 def _inside(path: str) -> str:
     """Return a path of this site; ``/`` for anything else."""
     return path if re.fullmatch(r"/[A-Za-z0-9_./%~-]*", path) and not path.startswith("//") else "/"
-
-
-def _head() -> None:
-    ui.colors(primary="#1d4ed8", positive="#166534", negative="#b91c1c", warning="#92400e")
-    # browsers keep these files for an hour: those of another version have another address
-    ui.add_head_html(f'<link rel="stylesheet" href="/mc-static/page.css?{VERSION}"><html lang="en">')
-    for script in ("page", "browser", "charts"):
-        ui.add_body_html(f'<script src="/mc-static/{script}.js?{VERSION}"></script>')
 
 
 def _login_page(message: str, then: str) -> str:

@@ -43,13 +43,31 @@ class Space(Element, component="static/space.js"):
             "place", {"axes": axes, "tips": tips, "line": line, "trail": trail, "restart": restart}
         )
 
-    def show_row(self, axes: dict[int, float], tips: Mapping[str, Sequence[float]], row: int) -> None:
-        """Draw one row of a recording whose path was given by `plan`: done is what comes before it."""
-        self.run_method("showRow", {"axes": axes, "tips": tips}, row)
+    def show_row(
+        self,
+        axes: dict[int, float],
+        tips: Mapping[str, Sequence[float]],
+        row: int,
+        span: tuple[int, int] | None,
+    ) -> None:
+        """Draw one row of a recording whose path was given by `plan`: done is what comes before it.
+
+        Args:
+            span: first and last row of the line under way, which has a colour of its own.
+        """
+        self.run_method("showRow", {"axes": axes, "tips": tips}, row, span)
 
     def plan(self, path: dict[str, Any] | None) -> None:
         """Draw a program's path to come, as the call ``simulate`` gives it."""
         self.run_method("plan", path)
+
+    def zeros(self, places: Mapping[str, Sequence[float]]) -> None:
+        """Mark where coordinate systems have their zeros [mm], by name, in the place of those before."""
+        self.run_method("zeros", places)
+
+    def frames(self, shown: bool) -> None:
+        """Show or hide the frame of each joint."""
+        self.run_method("frames", shown)
 
     def look_at_all(self) -> None:
         """Turn the camera to all that is drawn."""

@@ -1,4 +1,4 @@
-"""Draws the pictures of docs/web.md: ``python -m tests.browser.picture FOLDER``."""
+"""Draws the pictures of docs/web.md and docs/view.md: ``python -m tests.browser.picture FOLDER``."""
 
 from __future__ import annotations
 
@@ -6,10 +6,10 @@ import sys
 import tempfile
 from pathlib import Path
 
-from playwright.sync_api import sync_playwright
+from playwright.sync_api import Browser, sync_playwright
 
 from tests.browser.conftest import CHROMIUM, FLAGS, LIMIT_MS, PageProcess
-from tests.e2e.servers import ROOT, ServerProcess
+from tests.e2e.servers import ROOT, CommandProcess, ServerProcess
 
 
 def draw(folder: Path) -> None:
@@ -42,9 +42,25 @@ def draw(folder: Path) -> None:
                 page.screenshot(path=folder / "web-phone.png")
             finally:
                 site.close()
+            draw_view(browser, folder / "view.png")
         finally:
             browser.close()
             server.close()
+
+
+def draw_view(browser: Browser, output: Path) -> None:
+    """The robot dog in mid-stride, played."""
+    command = CommandProcess("view", "examples/robot-dog.gcode", "--machine", "robot-dog", "--port", "0")
+    try:
+        page = browser.new_page(viewport={"width": 1280, "height": 920})
+        page.set_default_timeout(LIMIT_MS)
+        page.goto(command.url)
+        page.get_by_text("line 5").wait_for()
+        page.get_by_role("button", name="Pause").click()
+        page.wait_for_timeout(1000)
+        page.screenshot(path=output)
+    finally:
+        command.close()
 
 
 if __name__ == "__main__":

@@ -9,7 +9,7 @@ import pytest
 from mckinematics.model import read_urdf
 
 from mcserver.machine.mesh_files import find_mesh
-from mcserver.view.robot import Robot
+from mcserver.view.robot import robot_parts
 from mcserver.view.solids import Solid, ball
 from mcserver.view.urdf import read_tree
 from tests.kinematics.tool_machines import built_in
@@ -66,25 +66,18 @@ def test_looks_have_the_named_material_s_colour() -> None:
     assert (look.kind, look.size, look.colour) == ("box", (1.0, 2.0, 3.0), (255, 128, 0))
 
 
-def test_a_link_whose_mesh_is_not_found_is_drawn_as_bones(tmp_path: Path) -> None:
-    robot = Robot(read_tree(ELBOW), {0: "turn"}, tmp_path / "r.urdf", no_mesh)
-    assert robot.missing_meshes == ("package://kit/arm.stl",)
-    assert all(part.solids for part in robot.parts)
-    assert robot.frames == ("arm",)
+@pytest.mark.parametrize("meshes", [{}, {"package://kit/arm.stl": Path("arm.stl")}])
+def test_a_link_whose_mesh_cannot_be_had_is_drawn_as_bones(meshes: dict[str, Path]) -> None:
+    assert all(part.solids for part in robot_parts(read_tree(ELBOW), meshes, no_mesh))
 
 
-def test_a_mesh_that_is_found_is_scaled_and_placed(tmp_path: Path) -> None:
-    (tmp_path / "kit").mkdir()
-    (tmp_path / "kit" / "arm.stl").write_bytes(b"")
-    (tmp_path / "kit" / "urdf").mkdir()
-    robot = Robot(
+def test_a_mesh_that_is_found_is_scaled_and_placed() -> None:
+    parts = robot_parts(
         read_tree(ELBOW),
-        {0: "turn"},
-        tmp_path / "kit" / "urdf" / "r.urdf",
+        {"package://kit/arm.stl": Path("arm.stl")},
         lambda path, _: [ball(100.0, (0, 0, 0))] if path.name == "arm.stl" else [],
     )
-    assert robot.missing_meshes == ()
-    (arm,) = next(part.solids for part in robot.parts if part.name == "arm")
+    (arm,) = next(part.solids for part in parts if part.name == "arm")
     np.testing.assert_allclose(np.ptp(arm.vertices, axis=0), 0.2, atol=1e-3)
     assert arm.vertices[:, 2].mean() == pytest.approx(1.0)
 
@@ -102,10 +95,3 @@ def test_a_mesh_may_stand_beside_the_urdf(tmp_path: Path) -> None:
     (tmp_path / "arm.obj").write_bytes(b"")
     assert find_mesh("arm.obj", tmp_path / "r.urdf", ()) == tmp_path / "arm.obj"
     assert find_mesh(f"file://{tmp_path}/arm.obj", tmp_path / "r.urdf", ()) == tmp_path / "arm.obj"
-
-
-def test_positions_of_axes_move_the_robot(tmp_path: Path) -> None:
-    robot = Robot(read_tree(ELBOW), {4: "turn"}, tmp_path / "r.urdf", no_mesh)
-    still, turned = robot.poses({4: 0.0})["arm"], robot.poses({4: 0.5})["arm"]
-    angle = np.arccos((np.trace(still[:3, :3].T @ turned[:3, :3]) - 1.0) / 2.0)
-    assert angle == pytest.approx(0.5)

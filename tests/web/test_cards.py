@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 import time
-from pathlib import Path
 from types import SimpleNamespace
 from typing import Any, cast
 
-import numpy as np
 import pytest
 from mcclient import Event, Fault, Info, MachineStatus
 from mcclient.types import (
@@ -27,9 +25,6 @@ from mcclient.types import (
     WorkOffset,
 )
 
-from mcserver.machine.machine_file import load_machine
-from mcserver.recorder.reading import RecordedRun
-from mcserver.simulation.recorder import Recorded
 from mcserver.web.jobs import path_from_line
 from mcserver.web.link import MachineLink
 from mcserver.web.open_programs import refusal_of
@@ -39,7 +34,6 @@ from mcserver.web.panels.messages import black_box_of, event_row
 from mcserver.web.panels.people import people_html
 from mcserver.web.panels.picture import tips_of
 from mcserver.web.panels.positions import WHY, offsets_html, positions_html, system_name
-from mcserver.web.replay import MOST_ROWS, main, replay_of
 from mcserver.web.signals import signals_of, value_of
 from tests.wire_values import wire_value
 
@@ -253,22 +247,3 @@ def test_a_dry_run_says_duration_travel_slow_lines_and_faults() -> None:
     refused = report_html("G02 R1", wire_value(SimulateReply, False, 65.0, diagnostics=(fault,)))
     assert "&lt;no&gt; [MC104]" in refused
     assert "1:05" not in refused
-
-
-def test_a_replay_is_thinned_and_has_the_tips_of_the_machine(tmp_path: Path) -> None:
-    machine = load_machine("arm6")
-    count = 3 * MOST_ROWS
-    positions = np.zeros((count, 6))
-    positions[:, 0] = np.linspace(0.0, 90.0, count)
-    cycles = Recorded(np.arange(count) * 1e-3, np.ones(count), np.arange(6.0), positions, positions)
-    made = replay_of(RecordedRun("r", cycles, 0.0, machine, [], [], {}))
-    assert len(made["time_s"]) == len(made["position"]) == MOST_ROWS
-    (tip,) = made["tips"]
-    assert (tip["tool"], len(tip["points"])) == (1, MOST_ROWS)
-    first, last = np.array(tip["points"][0]), np.array(tip["points"][-1])
-    # a quarter turn about Z
-    assert last[:2] == pytest.approx([-first[1], first[0]], abs=0.1)
-    assert last[2] == pytest.approx(first[2], abs=0.01)
-    (tmp_path / "bad.mcap").write_bytes(b"no recording")
-    assert main(str(tmp_path / "out.json"), str(tmp_path / "bad.mcap")) == 1
-    assert not (tmp_path / "out.json").exists()

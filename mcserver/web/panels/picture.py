@@ -8,6 +8,7 @@ from typing import Any
 from mcclient import MachineStatus
 from nicegui import ui
 
+from mcserver.view.zeros import work_zeros
 from mcserver.web.formatting import current_program
 from mcserver.web.link import MachineLink
 from mcserver.web.space import Space
@@ -29,6 +30,7 @@ class PicturePanel:
         self._shown_until: tuple[str, float] = ("", 0.0)
         self._planned: dict[str, Any] | None = None
         self._restart = False
+        self._zeros: dict[str, list[float]] = {}
         with ui.card().classes("mc-card"):
             with ui.row().classes("items-center w-full justify-between"):
                 ui.html("<h2>Path</h2>", sanitize=False)
@@ -53,6 +55,11 @@ class PicturePanel:
         if path is not self._planned:
             self._planned = path
             self._space.plan(path)
+        # in the picture of tools, whose coordinates are their base's, zeros of axes have no place
+        zeros = {} if status.tools else work_zeros({each.system: each.origin for each in status.work_offsets})
+        if zeros != self._zeros:
+            self._zeros = zeros
+            self._space.zeros(zeros)
         since, self._shown_until = self._shown_until, (status.instance, status.t)
         if since == self._shown_until and not self._restart:
             return
@@ -71,6 +78,7 @@ class PicturePanel:
     def _again(self) -> None:
         """A new picture, as after the browser was reloaded, knows nothing yet."""
         self._planned, self._last, self._shown_until, self._restart = None, {}, ("", 0.0), True
+        self._zeros = {}
 
     def _look(self) -> None:
         self._space.look_at_all()

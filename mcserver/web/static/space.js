@@ -27,6 +27,20 @@ const polyline = (kind, count) => {
   return line;
 };
 
+const marked = (name) => {
+  const canvas = document.createElement("canvas");
+  [canvas.width, canvas.height] = [256, 64];
+  const paint = canvas.getContext("2d");
+  paint.font = "bold 40px sans-serif";
+  paint.fillStyle = "#aa3377";
+  paint.fillText(name, 4, 46);
+  const material = new THREE.SpriteMaterial({ map: new THREE.CanvasTexture(canvas), depthTest: false });
+  const label = new THREE.Sprite(material);
+  label.scale.set(4, 1, 1);
+  label.center.set(0, 0);
+  return new THREE.Group().add(new THREE.AxesHelper(1), label);
+};
+
 export default {
   template: `<div class="mc-space" style="position:relative;overflow:hidden">
     <canvas tabindex="0" role="img" :aria-label="label" style="display:block;width:100%;height:100%"></canvas></div>`,
@@ -37,6 +51,8 @@ export default {
     this.trails = new Map();
     this.tips = new Map();
     this.planned = [];
+    this.marks = [];
+    this.jointFrames = [];
     this.axisParts = new Map();
     this.line = 0;
     this.moved = false;
@@ -150,7 +166,33 @@ export default {
       this.world.quaternion.setFromUnitVectors(new THREE.Vector3(...model.up), new THREE.Vector3(0, 0, 1));
       this.world.updateMatrixWorld(true);
       if (this.last) this.place(this.last);
+      this.frames(this.framesShown);
       this.fit();
+    },
+
+    // the frame of each part that an axis moves
+    frames(shown) {
+      this.framesShown = shown;
+      for (const frame of this.jointFrames) frame.removeFromParent();
+      const size = new THREE.Box3().setFromObject(this.body).getSize(new THREE.Vector3()).length();
+      const moved = shown ? [...this.axisParts.values()].flat() : [];
+      this.jointFrames = moved.map(({ group }) => new THREE.AxesHelper(0.08 * size));
+      moved.forEach(({ group }, index) => group.add(this.jointFrames[index]));
+      this.draw();
+    },
+
+    // places: {name: [x, y, z]}
+    zeros(places) {
+      this.content.remove(...this.marks);
+      this.marks = Object.entries(places).map(([name, at]) => {
+        const mark = marked(name);
+        mark.position.set(...at);
+        mark.scale.setScalar(0.03 * (this.size ?? 100));
+        return mark;
+      });
+      if (this.marks.length) this.content.add(...this.marks);
+      if (!this.moved) this.fit();
+      this.draw();
     },
 
     // state: {axes: {number: mm | deg}, tips: {label: [x, y, z]}, line, trail: {label: [[x, y, z], …]}, restart}
@@ -208,14 +250,17 @@ export default {
 
     // path: {lines: [n], tips: [{tool, points}]}, or null
     plan(path) {
-      for (const each of this.planned) this.content.remove(each.come, each.done);
+      for (const each of this.planned) this.content.remove(each.come, each.done, each.now);
       this.planned = [];
       for (const { tool, points } of path?.tips ?? []) {
         const come = polyline("come", points.length), done = polyline("done", points.length);
         this.fill(come, points);
-        done.geometry.setAttribute("position", come.geometry.getAttribute("position"));
-        this.content.add(come, done);
-        this.planned.push({ label: tool === null ? "" : `T${tool}`, points, lines: path.lines, come, done, at: 0 });
+        const now = polyline("trail", 0);
+        for (const line of [done, now]) line.geometry.setAttribute("position", come.geometry.getAttribute("position"));
+        // in sight wherever another lap of the path, or the machine, lies in front of it
+        now.traverse((part) => { part.renderOrder = 1; part.material.depthTest = false; });
+        this.content.add(come, done, now);
+        this.planned.push({ label: tool === null ? "" : `T${tool}`, points, lines: path.lines, come, done, now, at: 0 });
       }
       this.moved = false;
       this.fit();
@@ -246,13 +291,15 @@ export default {
       for (const { points } of [...this.trails.values(), ...this.planned]) {
         for (const point of points) box.expandByPoint(this.inWorld(point));
       }
-      for (const tip of this.tips.values()) box.expandByPoint(this.inWorld(tip.position.toArray()));
+      for (const { position } of [...this.tips.values(), ...this.marks]) box.expandByPoint(this.inWorld(position.toArray()));
       return box;
     },
 
-    showRow(state, row) {
+    // span: [first, last] row of the line under way, or null
+    showRow(state, row, span) {
       this.place(state);
       for (const each of this.planned) {
+        each.now.geometry.setDrawRange(span ? span[0] : 0, span ? span[1] - span[0] + 1 : 0);
         each.done.geometry.setDrawRange(0, row + 1);
         each.come.geometry.setDrawRange(row, each.points.length - row);
       }
@@ -272,6 +319,7 @@ export default {
       if (box.isEmpty()) { this.fresh = true; return; }
       this.fresh = false;
       const size = Math.max(box.getSize(new THREE.Vector3()).length(), 10);
+      this.size = size;
       const middle = box.getCenter(new THREE.Vector3());
       this.box = box.clone().expandByScalar(0.06 * size);
       const away = this.camera.position.clone().sub(this.controls.target);
@@ -283,6 +331,7 @@ export default {
       this.camera.far = away.length() * 50;
       this.camera.updateProjectionMatrix();
       for (const tip of this.tips.values()) tip.scale.setScalar(0.008 * size);
+      for (const mark of this.marks) mark.scale.setScalar(0.03 * size);
       this.ground(box, size);
       this.controls.update();
       this.draw();

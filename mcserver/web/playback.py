@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
+from bisect import bisect_right
+from collections.abc import Sequence
 from dataclasses import dataclass
-
-import numpy as np
-
-from mcserver.view.solids import Array
 
 SPEEDS = ("0.1", "0.25", "0.5", "1", "2", "5", "10")
 
@@ -16,11 +14,11 @@ class Playback:
     """A clock over a recording that can be stopped, set and made faster.
 
     Attributes:
-        time_s: of the recording's rows, shape (N,), rising, N ≥ 1. now: [s]. speed: of the recording [1].
+        time_s: of the recording's rows, rising, at least one. now: [s]. speed: of the recording [1].
         repeat: whether it begins anew at its end.
     """
 
-    time_s: Array
+    time_s: Sequence[float]
     now: float = 0.0
     speed: float = 1.0
     playing: bool = True
@@ -32,12 +30,12 @@ class Playback:
     @property
     def start(self) -> float:
         """Time of the first row [s]."""
-        return float(self.time_s[0])
+        return self.time_s[0]
 
     @property
     def end(self) -> float:
         """Time of the last row [s]."""
-        return float(self.time_s[-1])
+        return self.time_s[-1]
 
     def advance(self, elapsed: float) -> None:
         """Go on by ``elapsed`` seconds of the wall; stop at the end, or begin anew."""
@@ -63,4 +61,4 @@ class Playback:
     @property
     def row(self) -> int:
         """The newest row at this time."""
-        return max(0, int(np.searchsorted(self.time_s, self.now + 1e-9, side="right")) - 1)
+        return max(0, bisect_right(self.time_s, self.now + 1e-9) - 1)

@@ -1,0 +1,77 @@
+"""What all pages are served with: headers, styles, scripts, and NiceGUI below one application."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Awaitable, Callable
+from pathlib import Path
+
+from fastapi import FastAPI, Request, Response
+from nicegui import app as nicegui_app
+from nicegui import ui
+from starlette.middleware.trustedhost import TrustedHostMiddleware
+
+from mcserver.doors.listening import LOOPBACK
+
+MAX_FRAME_BYTES = 4 * 1024 * 1024
+# NiceGUI gives a link up that has been silent for 0.4 of it: a busy computer or a bad radio link must not
+# cost an operator what is chosen on the page. That the page is silent is shown long before (page.js).
+RECONNECT_S = 30.0
+# the page's framework makes scripts and styles as it goes; nothing comes from or goes to another site
+HEADERS = {
+    "Content-Security-Policy": "default-src 'self'; script-src 'self' 'unsafe-inline' 'unsafe-eval' blob:;"
+    " style-src 'self' 'unsafe-inline'; img-src 'self' data: blob:; font-src 'self' data:;"
+    " connect-src 'self' ws: wss: blob: data:; worker-src 'self' blob:; object-src 'none'; base-uri 'self';"
+    " form-action 'self'; frame-ancestors 'none'",
+    "X-Frame-Options": "DENY",
+    "X-Content-Type-Options": "nosniff",
+    "Referrer-Policy": "same-origin",
+}
+STATIC = Path(__file__).parent / "static"
+VERSION = hashlib.sha256(
+    b"".join(path.read_bytes() for path in sorted(STATIC.iterdir()) if path.suffix in (".css", ".js"))
+).hexdigest()[:12]
+
+
+def new_site(host: str | None) -> FastAPI:
+    """Return an application without pages.
+
+    Args:
+        host: by which it is reached without a login; None: it has one.
+    """
+    site = FastAPI(openapi_url=None)
+    if host is not None:
+        # a page of another site that resolves its name to this computer must not get in
+        site.add_middleware(TrustedHostMiddleware, allowed_hosts=[*LOOPBACK, "[::1]", host])
+
+    @site.middleware("http")
+    async def add_headers(request: Request, call_next: Callable[[Request], Awaitable[Response]]) -> Response:
+        response = await call_next(request)
+        response.headers.update(HEADERS)
+        return response
+
+    return site
+
+
+def run_pages(site: FastAPI, title: str) -> None:
+    """Have an application serve the pages that were declared with ``ui.page``."""
+    nicegui_app.add_static_files("/mc-static", STATIC)
+    # a page whose link was interrupted is built anew: NiceGUI would send what was missed after what is new,
+    # and an old state would be shown until its next change
+    ui.run_with(
+        site,
+        title=title,
+        dark=None,
+        show_welcome_message=False,
+        reconnect_timeout=RECONNECT_S,
+        message_history_length=0,
+    )
+
+
+def add_head() -> None:
+    """Give a page its colours, styles and scripts."""
+    ui.colors(primary="#1d4ed8", positive="#166534", negative="#b91c1c", warning="#92400e")
+    # browsers keep these files for an hour: those of another version have another address
+    ui.add_head_html(f'<link rel="stylesheet" href="/mc-static/page.css?{VERSION}"><html lang="en">')
+    for script in ("page", "browser", "charts"):
+        ui.add_body_html(f'<script src="/mc-static/{script}.js?{VERSION}"></script>')
