@@ -120,6 +120,17 @@ def test_20_000_lines_run_exactly_once(program: Conformance, machine: sync.Machi
     assert machine.status().axes.setpoint[0] == pytest.approx((LINES - len(HEAD)) * STEP_MM, abs=1e-6)
 
 
+def test_a_stream_that_is_given_up_feeds_nothing_more_and_the_next_line_has_the_next_number(
+    program: Conformance, machine: sync.Machine, tmp_path: Path
+) -> None:
+    code, said = program.run("cancel", str(small_steps(tmp_path, 1000)))
+    assert code == 0, said
+    ended = said[-1]
+    assert ended["accepted"] == ended["done"] == ended["next"] <= ended["fed"] + 1
+    assert ended["fed_later"] == 0
+    assert machine.status().axes.setpoint[0] == pytest.approx((ended["done"] - len(HEAD)) * STEP_MM, abs=1e-6)
+
+
 @pytest.mark.usefixtures("machine")
 def test_a_faulty_line_is_named_with_its_column(program: Conformance, tmp_path: Path) -> None:
     file = program_file(tmp_path, ["G1010", "G01 X1 F6000", "G02 X100 Y0 R30"])

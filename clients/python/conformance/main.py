@@ -1,6 +1,6 @@
 """The conformance program of the Python SDK; says as JSON, one object a line, what came of it.
 
-main.py ENDPOINT TOKEN stream FILE [PROGRAM] | watch ROWS | jog AXIS VELOCITY MS | estop |
+main.py ENDPOINT TOKEN stream FILE [PROGRAM] | cancel FILE | watch ROWS | jog AXIS VELOCITY MS | estop |
 bench FILE
 
 ENDPOINT is Zenoh's; the token is not used.
@@ -62,6 +62,28 @@ async def stream(machine: Machine, file: str, former: str = "") -> None:
     say(state=result.state, accepted=result.accepted, done=result.done)
 
 
+async def cancel(machine: Machine, file: str) -> None:
+    """Stream a file over and over, give that up in the middle, and go on with one line."""
+    lines, fed = list(lines_of(file)), 0
+
+    def endless() -> Iterator[str]:
+        nonlocal fed
+        while True:
+            fed += 1
+            yield lines[min(fed, len(lines)) - 1]
+
+    program = await machine.program()
+    streaming = asyncio.create_task(program.send_lines(endless()))
+    await program.wait_done(len(lines))
+    streaming.cancel()
+    await asyncio.wait([streaming])
+    following = (await program.send(lines[-1])).number
+    before = fed
+    result = await program.finish()
+    later = fed - before
+    say(next=following, fed=before, fed_later=later, accepted=result.accepted, done=result.done)
+
+
 async def watch(machine: Machine, rows: str) -> None:
     seen, following, gaps, axes = 0, -1, 0, 0
     async for samples in machine.samples():
@@ -117,7 +139,7 @@ async def bench(machine: Machine, file: str) -> None:
     )
 
 
-TASKS = {task.__name__: task for task in (stream, watch, jog, estop, bench)}
+TASKS = {task.__name__: task for task in (stream, cancel, watch, jog, estop, bench)}
 
 
 async def main(endpoint: str, _token: str, task: str, *arguments: str) -> int:

@@ -1,6 +1,7 @@
-//! The conformance program: ENDPOINT TOKEN stream FILE [PROGRAM] | watch N | jog AXIS VELOCITY MS | estop |
+//! The conformance program: ENDPOINT TOKEN stream FILE [PROGRAM] | cancel FILE | watch N | jog AXIS VELOCITY MS | estop |
 //! bench FILE; JSON on standard output, one object a line. Zenoh has no token: it is taken and not used.
 
+use std::cell::Cell;
 use std::time::{Duration, Instant};
 
 use mcclient::{
@@ -53,6 +54,7 @@ async fn run(options: ConnectOptions, task: &str, rest: &[String]) -> Result<()>
     match (task, rest) {
         ("stream", [file]) => stream(&machine, file, None).await?,
         ("stream", [file, program]) => stream(&machine, file, Some(program)).await?,
+        ("cancel", [file]) => cancel(&machine, file).await?,
         ("bench", [file]) => bench(&machine, file).await?,
         ("watch", [rows]) => watch(&machine, number(rows)).await?,
         ("jog", [axis, velocity, milliseconds]) => {
@@ -100,6 +102,31 @@ async fn stream(machine: &Machine, file: &str, former: Option<&str>) -> Result<(
 #[allow(clippy::unnecessary_wraps, reason = "it could refuse to go on")]
 fn show(shown: &Continuation) -> Result<()> {
     say(&json!({"continuation": {"line": shown.line, "done": shown.done, "axes": shown.axes.len()}}));
+    Ok(())
+}
+
+/// Streams a file over and over, gives that up in the middle, and goes on with one line.
+async fn cancel(machine: &Machine, file: &str) -> Result<()> {
+    let text = std::fs::read_to_string(file).expect("a file that can be read");
+    let lines: Vec<&str> = text.lines().collect();
+    let last = *lines.last().expect("a line");
+    let program = machine.program(ProgramOptions::new()).await?;
+    let fed = Cell::new(0_usize);
+    let endless = std::iter::repeat_with(|| {
+        fed.set(fed.get() + 1);
+        *lines.get(fed.get() - 1).unwrap_or(&last)
+    });
+    tokio::select! {
+        ended = program.send_lines(endless) => { ended?; }
+        done = program.wait_done(lines.len() as u64) => done?,
+    }
+    let next = program.send(last).await?;
+    let before = fed.get();
+    let result = program.finish().await?;
+    say(
+        &json!({"next": next, "fed": before, "fed_later": fed.get() - before, "accepted": result.accepted,
+        "done": result.done}),
+    );
     Ok(())
 }
 

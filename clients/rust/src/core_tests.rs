@@ -255,3 +255,18 @@ fn a_streamed_line_that_is_faulty_is_reported_once_and_its_number_is_the_next_on
     core.on_ack(&rejected, NOW);
     assert!(core.check().is_ok() && core.given() == 2);
 }
+
+#[test]
+fn lines_that_have_not_gone_out_are_given_up_and_the_next_one_has_the_number_behind_those_that_have() {
+    let mut core = core(2);
+    for n in 1..6 {
+        core.give(format!("G01 X{n}"));
+    }
+    assert_eq!(send_all(&mut core)[0].lines.len(), 2);
+    core.abandon();
+    assert_eq!(core.given(), 2);
+    core.on_ack(&ack(2, 0, 100, 0), NOW);
+    assert!(send_all(&mut core).is_empty());
+    assert_eq!(core.give("G01 X9".to_owned()), 3);
+    assert_eq!(send_all(&mut core)[0].first, 3);
+}

@@ -1,4 +1,4 @@
-// The conformance program: main.mjs URL TOKEN stream FILE [PROGRAM] | watch N | jog AXIS VELOCITY MS | estop | bench FILE;
+// The conformance program: main.mjs URL TOKEN stream FILE [PROGRAM] | cancel FILE | watch N | jog AXIS VELOCITY MS | estop | bench FILE;
 // JSON on standard output, one object a line.
 import { readFileSync } from "node:fs";
 import WebSocket from "ws";
@@ -23,6 +23,21 @@ try {
     await program.sendLines(linesOf(file).slice(program.given));
     await program.finish();
     say({ state: program.state, accepted: program.accepted, done: program.done });
+  } else if (task === "cancel") {
+    // streams a file over and over, gives that up in the middle, and goes on with one line
+    const lines = linesOf(rest[0]);
+    const program = await machine.program();
+    const stop = new AbortController();
+    let fed = 0;
+    function* endless() { for (;;) yield lines[Math.min(fed++, lines.length - 1)]; }
+    const streaming = program.sendLines(endless(), stop.signal).catch((error) => { if (error !== stop.signal.reason) throw error; });
+    await program.waitDone(lines.length);
+    stop.abort();
+    await streaming;
+    const next = await program.send(lines.at(-1));
+    const before = fed;
+    await program.finish();
+    say({ next, fed: before, fed_later: fed - before, accepted: program.accepted, done: program.done });
   } else if (task === "watch") {
     let seen = 0; let next = -1; let gaps = 0; let axes = 0;
     for await (const samples of await machine.samples()) {

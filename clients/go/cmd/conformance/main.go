@@ -1,6 +1,6 @@
 // Command conformance does one task against a gateway and says on standard output, as JSON, one object a line, what came of it.
 //
-//	conformance URL TOKEN stream FILE [PROGRAM] | watch ROWS | jog AXIS VELOCITY MS | estop | bench FILE
+//	conformance URL TOKEN stream FILE [PROGRAM] | cancel FILE | watch ROWS | jog AXIS VELOCITY MS | estop | bench FILE
 package main
 
 import (
@@ -11,7 +11,9 @@ import (
 	"fmt"
 	"iter"
 	"os"
+	"slices"
 	"strconv"
+	"sync/atomic"
 	"time"
 
 	"mcserver.example/mcclient"
@@ -48,7 +50,7 @@ func main() {
 }
 
 func run(url, token, name string, args []string) error {
-	tasks := map[string]func(task) error{"stream": stream, "watch": watch, "jog": jog, "estop": estop, "bench": bench}
+	tasks := map[string]func(task) error{"stream": stream, "cancel": cancel, "watch": watch, "jog": jog, "estop": estop, "bench": bench}
 	chosen, found := tasks[name]
 	if !found {
 		return fmt.Errorf("there is no task %s", name)
@@ -110,6 +112,39 @@ func linesOf(name string, start int64) iter.Seq[string] {
 			}
 		}
 	}
+}
+
+// cancel streams a file over and over, gives that up in the middle, and goes on with one line.
+func cancel(t task) error {
+	lines := slices.Collect(linesOf(t.args[0], 1))
+	program, err := t.machine.Program(t.ctx, nil)
+	if err != nil {
+		return err
+	}
+	var fed atomic.Int64
+	ctx, stop := context.WithCancel(t.ctx)
+	streaming := make(chan error, 1)
+	go func() {
+		streaming <- program.SendLines(ctx, func(yield func(string) bool) {
+			for yield(lines[min(fed.Add(1), int64(len(lines)))-1]) {
+			}
+		})
+	}()
+	err = program.WaitDone(t.ctx, int64(len(lines)))
+	stop()
+	if given := <-streaming; err != nil || !errors.Is(given, context.Canceled) {
+		return errors.Join(err, given)
+	}
+	next, err := program.Send(t.ctx, lines[len(lines)-1])
+	if err != nil {
+		return err
+	}
+	before := fed.Load()
+	if err := program.Finish(t.ctx); err != nil {
+		return err
+	}
+	say(map[string]any{"next": next, "fed": before, "fed_later": fed.Load() - before, "accepted": program.Accepted(), "done": program.Done()})
+	return nil
 }
 
 func watch(t task) error {

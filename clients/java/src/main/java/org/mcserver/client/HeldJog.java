@@ -49,14 +49,8 @@ public final class HeldJog implements AutoCloseable {
     /** Stops the axis within its limits; completes once the stop is ordered. */
     public CompletableFuture<Void> stop() {
         keeping.cancel(false);
-        return machine.abort(program).handle((done, error) -> {
-            if (error == null) {
-                ended.complete(null);
-            } else {
-                ended.completeExceptionally(error);
-            }
-            return ended;
-        }).thenCompose(result -> result);
+        machine.abort(program).whenComplete((done, error) -> Futures.settle(ended, null, error));
+        return ended();
     }
 
     /** As {@link #stop}, without waiting. */

@@ -37,6 +37,8 @@ final class LineCore {
     private final Deque<String> lines = new ArrayDeque<>();
     private long characters;
     private long accepted;
+    /** The last line that has ever gone out: it may arrive, even where it is to be sent again. */
+    private long wentOut;
     private long credit;
     private long done;
     private ProgramState state;
@@ -63,6 +65,7 @@ final class LineCore {
         program = opened.program();
         accepted = opened.expected() - 1;
         done = accepted;
+        wentOut = accepted;
         credit = opened.credit();
         state = opened.state();
         this.chunkLines = chunkLines;
@@ -199,13 +202,15 @@ final class LineCore {
         return given();
     }
 
-    /** A line under judgement: its reply says whether it is faulty, not the acknowledgements. */
-    void judge(boolean judging) {
-        this.judging = judging;
+    /** Gives up the lines that have never been sent; the others may be accepted. */
+    void abandon() {
+        drop(wentOut);
     }
 
-    void setClosed() {
-        closed = true;
+    /** A line under judgement, which a call sends: its reply says whether it is faulty, not the acknowledgements. */
+    void judge(boolean judging) {
+        this.judging = judging;
+        wentOut = judging ? given() : wentOut;
     }
 
     // ---------------------------------------------------------------- what goes out
@@ -227,6 +232,7 @@ final class LineCore {
             chunk.add(line);
         }
         underWay = true;
+        wentOut = Math.max(wentOut, accepted + chunk.size());
         return new Chunk(accepted + 1, chunk, rejections);
     }
 
@@ -384,10 +390,16 @@ final class LineCore {
 
     /** Line {@code line} is faulty: it and what follows is given up; acceptance may step back. */
     private void reject(long line) {
-        while (given() >= line && !lines.isEmpty()) {
+        drop(line - 1);
+        accepted = Math.min(accepted, line - 1);
+        wentOut = Math.min(wentOut, line - 1);
+    }
+
+    /** Drops the lines behind this one that are not known to be accepted. */
+    private void drop(long through) {
+        while (given() > through && !lines.isEmpty()) {
             characters -= lines.removeLast().length();
         }
-        accepted = Math.min(accepted, line - 1);
     }
 
     /** Takes the program's state; the first one that is an end stays. */

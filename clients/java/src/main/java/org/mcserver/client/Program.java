@@ -11,6 +11,7 @@ import java.util.concurrent.RejectedExecutionException;
 import java.util.concurrent.ScheduledFuture;
 import java.util.concurrent.TimeUnit;
 import java.util.function.BooleanSupplier;
+import java.util.function.Function;
 
 /**
  * One client's stream of lines, with modal state and axes of its own.
@@ -119,7 +120,7 @@ public final class Program implements AutoCloseable {
      * {@link MotionException.ProgramRejected} where it has faults: nothing of it moves, and the program goes on living.
      */
     public CompletableFuture<Long> send(String line) {
-        return inTurn(() -> {
+        return inTurn(sent -> {
             String text = LineCore.checked(line, longestLine);
             check(core::begin);
             return until(() -> !core.pending(), false).thenCompose(accepted -> {
@@ -130,14 +131,11 @@ public final class Program implements AutoCloseable {
                     number = core.give(text);
                     core.judge(true);
                 }
-                return judge(number, text).handle((verdict, error) -> {
-                    synchronized (lock) {
-                        core.judge(false);
-                    }
+                return judge(number, text).whenComplete((verdict, error) -> {
+                    check(() -> core.judge(false));
                     act();
                     // a line before may have been rejected, which nobody has heard of
-                    return error == null ? CompletableFuture.completedFuture(verdict) : this.<Long>translated(Futures.cause(error), "MC505");
-                }).thenCompose(result -> result);
+                }).exceptionallyCompose(error -> translated(error, "MC505"));
             });
         });
     }
@@ -174,16 +172,16 @@ public final class Program implements AutoCloseable {
 
     /**
      * Streams lines as fast as the server takes them, with bounded memory, read in a thread of its own; the last one's number, once all
-     * are accepted. A fault of a line that is judged later comes from {@link #done} and {@link #finish}.
+     * are accepted. A fault of a line that is judged later comes from {@link #done} and {@link #finish}. Where the future is cancelled, or
+     * {@code lines} throws, lines that have not been sent are given up; those under way may be accepted, and the next line has the number
+     * behind them ({@link #givenThrough}).
      */
     public CompletableFuture<Long> sendLines(Iterator<String> lines) {
-        return inTurn(() -> {
-            check(core::begin);
-            CompletableFuture<Long> sent = new CompletableFuture<>();
+        return inTurn(sent -> feeding(sent, () -> {
             Thread reader = new Thread(() -> {
                 try {
-                    while (lines.hasNext()) {
-                        give(lines.next()).join();
+                    while (!sent.isDone() && lines.hasNext()) {
+                        give(lines.next(), sent).join();
                     }
                     acceptedAll().whenComplete((last, error) -> Futures.settle(sent, last, error));
                 } catch (RuntimeException error) {
@@ -192,26 +190,37 @@ public final class Program implements AutoCloseable {
             }, "mcclient-lines");
             reader.setDaemon(true);
             reader.start();
-            return sent;
-        });
+        }));
     }
 
     /** As {@link #sendLines(Iterator)}, of lines that are published. */
     public CompletableFuture<Long> sendLines(Flow.Publisher<String> lines) {
-        return inTurn(() -> {
-            check(core::begin);
-            CompletableFuture<Long> sent = new CompletableFuture<>();
-            lines.subscribe(new PublishedLines(this::give, this::acceptedAll, sent));
-            return sent;
-        });
+        return inTurn(sent -> feeding(sent,
+                () -> lines.subscribe(new PublishedLines(line -> give(line, sent), this::acceptedAll, sent))));
     }
 
-    private CompletableFuture<Void> give(String line) {
+    /** Begins to feed lines, until {@code sent} is done; where that is an error, those that have not gone out are given up. */
+    private CompletableFuture<Long> feeding(CompletableFuture<Long> sent, Runnable begin) {
+        check(core::begin);
+        CompletableFuture<Long> over = sent.whenComplete((last, error) -> {
+            if (error != null) {
+                check(core::abandon);
+                act();
+            }
+        });
+        begin.run();
+        return over;
+    }
+
+    private CompletableFuture<Void> give(String line, CompletableFuture<Long> sent) {
         String text = LineCore.checked(line, longestLine);
         CompletableFuture<Void> room = until(core::hasRoom, false);
         return room.thenAccept(ready -> {
             boolean sendNow;
             synchronized (lock) {
+                if (sent.isDone()) {
+                    return;
+                }
                 core.checkGiving();
                 core.give(text);
                 sendNow = core.given() - core.accepted() == 1 || core.given() % 100 == 0;
@@ -247,39 +256,31 @@ public final class Program implements AutoCloseable {
 
     /** Says that no more lines will come; what is accepted runs to its end. Again is no error. */
     public CompletableFuture<Void> closeLines() {
-        return inTurn(() -> {
+        return inTurn(closed -> {
             synchronized (lock) {
                 if (core.isClosed() || core.ended()) {
                     return CompletableFuture.<Void>completedFuture(null);
                 }
             }
-            return until(() -> !core.pending(), false).thenCompose(all -> {
-                return machine.closeProgram(new Messages.CloseRequest(id).withLast(acceptedThrough())).handle((reply, error) -> {
-                    if (error != null) {
-                        return this.<Void>translated(Futures.cause(error), "MC503", "MC504", "MC505", "MC510");
-                    }
-                    synchronized (lock) {
-                        core.onClosed(reply);
-                    }
-                    // where it has ended the reply does not say why
-                    return core.ended() ? CompletableFuture.<Void>completedFuture(null) : query();
-                }).thenCompose(result -> result).whenComplete((result, error) -> act());
-            });
+            return until(() -> !core.pending(), false).thenCompose(
+                    all -> machine.closeProgram(new Messages.CloseRequest(id).withLast(acceptedThrough()))).thenCompose(reply -> {
+                        check(() -> core.onClosed(reply));
+                        // where it has ended the reply does not say why
+                        return core.ended() ? CompletableFuture.<Void>completedFuture(null) : query();
+                    }).exceptionallyCompose(error -> translated(error, "MC503", "MC504", "MC505", "MC510"))
+                    .whenComplete((result, error) -> act());
         });
     }
 
     /** Closes the program and waits until it has ended; the number of its last line. Fails as {@link #done}, once it has ended. */
     public CompletableFuture<Long> finish() {
-        return closeLines().handle((closed, error) -> {
-            if (error == null) {
-                return CompletableFuture.<MotionException>completedFuture(null);
-            }
+        return closeLines().thenApply(closed -> (MotionException) null).exceptionallyCompose(error -> {
             if (Futures.cause(error) instanceof MotionException.ProgramRejected rejection) {
                 // it fails once what is before the rejected line has run
-                return closeLines().thenApply(again -> (MotionException) rejection);
+                return closeLines().thenApply(again -> rejection);
             }
-            return CompletableFuture.<MotionException>failedFuture(Futures.cause(error));
-        }).thenCompose(result -> result).thenCompose(rejection -> until(core::ended, true).thenApply(end -> {
+            return CompletableFuture.failedFuture(Futures.cause(error));
+        }).thenCompose(rejection -> until(core::ended, true).thenApply(end -> {
             unsubscribe.run();
             synchronized (lock) {
                 core.check();
@@ -457,7 +458,7 @@ public final class Program implements AutoCloseable {
 
     /** A refusal with one of these codes as what it means for the program: ended, interrupted, rejected, or itself. */
     private <T> CompletableFuture<T> translated(Throwable error, String... codes) {
-        if (!(error instanceof MotionException.RequestRefused refusal) || !List.of(codes).contains(refusal.code())) {
+        if (!(Futures.cause(error) instanceof MotionException.RequestRefused refusal) || !List.of(codes).contains(refusal.code())) {
             return CompletableFuture.failedFuture(error);
         }
         return query().thenCompose(known -> {
@@ -486,15 +487,15 @@ public final class Program implements AutoCloseable {
         }
     }
 
-    /** Begins once those who gave lines before are through. */
-    private <T> CompletableFuture<T> inTurn(java.util.function.Supplier<CompletableFuture<T>> begin) {
+    /** Begins once those who gave lines before are through, unless what it makes has been cancelled by then. */
+    private <T> CompletableFuture<T> inTurn(Function<CompletableFuture<T>, CompletableFuture<T>> begin) {
+        CompletableFuture<T> made = new CompletableFuture<>();
         CompletableFuture<T> result;
         synchronized (lock) {
-            result = turn.handle((before, error) -> null).thenCompose(before -> begin.get());
+            result = turn.handle((before, error) -> null).thenCompose(before -> made.isDone() ? made : begin.apply(made));
             turn = result;
         }
-        return result.handle((value, error) -> error == null
-                ? CompletableFuture.completedFuture(value)
-                : CompletableFuture.<T>failedFuture(Futures.cause(error))).thenCompose(each -> each);
+        result.whenComplete((value, error) -> Futures.settle(made, value, error));
+        return made;
     }
 }

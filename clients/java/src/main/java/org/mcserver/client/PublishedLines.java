@@ -26,6 +26,8 @@ final class PublishedLines implements Flow.Subscriber<String> {
     @Override
     public void onSubscribe(Flow.Subscription subscription) {
         this.subscription = subscription;
+        // whoever gives up wants no more of them
+        sent.whenComplete((last, error) -> subscription.cancel());
         subscription.request(REQUEST);
     }
 
@@ -35,7 +37,6 @@ final class PublishedLines implements Flow.Subscriber<String> {
             if (error == null) {
                 subscription.request(1);
             } else {
-                subscription.cancel();
                 sent.completeExceptionally(Futures.cause(error));
             }
         });

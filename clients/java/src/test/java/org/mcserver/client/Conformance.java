@@ -8,14 +8,18 @@ import java.nio.file.Files;
 import java.nio.file.Path;
 import java.time.Duration;
 import java.util.Arrays;
+import java.util.Iterator;
 import java.util.LinkedHashMap;
 import java.util.List;
 import java.util.Map;
 import java.util.Optional;
+import java.util.concurrent.CompletableFuture;
 import java.util.concurrent.CompletionException;
+import java.util.concurrent.atomic.AtomicLong;
+import java.util.stream.Stream;
 
 /**
- * The conformance program: URL TOKEN stream FILE [PROGRAM] | watch N | jog AXIS VELOCITY MS | estop | bench FILE; JSON on standard
+ * The conformance program: URL TOKEN stream FILE [PROGRAM] | cancel FILE | watch N | jog AXIS VELOCITY MS | estop | bench FILE; JSON on standard
  * output, one object a line.
  */
 public final class Conformance {
@@ -35,6 +39,7 @@ public final class Conformance {
             Machine machine = gateway.machine().join();
             switch (arguments[2]) {
                 case "stream" -> stream(machine, arguments);
+                case "cancel" -> cancel(machine, arguments[3]);
                 case "bench" -> bench(machine, arguments[3]);
                 case "watch" -> watch(machine, Long.parseLong(arguments[3]));
                 case "jog" -> {
@@ -92,6 +97,24 @@ public final class Conformance {
 
     private static void show(Messages.Continuation shown) {
         say(Map.of("continuation", Map.of("line", shown.line(), "done", shown.done(), "axes", shown.axes().size())));
+    }
+
+    /** Streams a file over and over, gives that up in the middle, and goes on with one line. */
+    private static void cancel(Machine machine, String file) throws IOException, InterruptedException {
+        List<String> lines = Files.readAllLines(Path.of(file));
+        AtomicLong fed = new AtomicLong();
+        Iterator<String> endless = Stream.generate(() -> lines.get((int) Math.min(fed.getAndIncrement(), lines.size() - 1))).iterator();
+        try (Program program = machine.program(ProgramOptions.named(file)).join()) {
+            CompletableFuture<Long> streaming = program.sendLines(endless);
+            while (program.doneThrough() < lines.size()) {
+                Thread.sleep(1);
+            }
+            streaming.cancel(true);
+            long next = program.send(lines.get(lines.size() - 1)).join();
+            long before = fed.get();
+            long last = program.finish().join();
+            say(Map.of("next", next, "fed", before, "fed_later", fed.get() - before, "accepted", last, "done", program.doneThrough()));
+        }
     }
 
     private static void watch(Machine machine, long rows) throws InterruptedException {
