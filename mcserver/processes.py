@@ -24,6 +24,8 @@ def start_child(module: str, start: msgspec.Struct, descriptors: Sequence[int]) 
     It has nothing of this process in it but the file ``descriptors``, under the same numbers.
     """
     environment = dict(os.environ, PYTHONPATH=os.pathsep.join(path or os.getcwd() for path in sys.path))
+    # matrices are small; a thread of BLAS for each core only takes memory
+    environment.setdefault("OPENBLAS_NUM_THREADS", "1")
     process = subprocess.Popen(
         [sys.executable, "-m", module], stdin=subprocess.PIPE, pass_fds=tuple(descriptors), env=environment
     )

@@ -445,9 +445,10 @@ class Executor:
         for slot in self._used:
             slot.prepare()
         # position motions that outlive their program follow the machine's orders
-        rates = {-1: 0.0 if self._hold else min(1.0, self._override)}
-        for slot in self._slots:
-            rates[slot.index] = slot.rapid_rate
+        rates = {}
+        if self.motions.mask:
+            rates = {slot.index: slot.rapid_rate for slot in self._slots}
+            rates[-1] = 0.0 if self._hold else min(1.0, self._override)
         self.motions.advance(rates)
         for slot in self._used:
             slot.advance()

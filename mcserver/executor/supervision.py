@@ -74,7 +74,7 @@ class Supervision:
         """No setpoint leaves the axis's travel; one that would is refused."""
         if self._cycle.homed.mask != self._homed:
             self._count_limits()
-        if not self._limited:
+        if not (self._limited and self._cycle.bank.energized):
             return
         setpoint = self._cycle.row.setpoint
         np.less_equal(setpoint, self._high, out=self._within)
@@ -138,17 +138,8 @@ class Supervision:
                 self._latch(column, code_of_drive_fault(fault), (float(fault), float(detail)))
             for column in bank.masks.columns(bank.dropped):
                 self._latch(column, FaultCode.DRIVE_STATE_LOST, ())
-        np.subtract(row.setpoint, row.actual, out=self._error)
-        np.abs(self._error, out=self._error)
-        np.less_equal(self._error, self._greatest_error, out=self._within)
-        if b"\x00" in self._within.tobytes():
-            if self._delay:
-                self._allow_delay()
-            lost = mask_of(~self._within & bank.fresh) & bank.energized & bank.positioned
-            lost &= ~cycle.profiled.unsettled
-            for column in bank.masks.columns(lost):
-                values = (float(self._error[column]), float(self._greatest_error[column]))
-                self._latch(column, FaultCode.FOLLOWING_ERROR, values)
+        if bank.energized:
+            self._compare_with_setpoints()
         if self._delay:
             self._past[cycle.number % self._delay] = row.setpoint
         if cycle.number % STRAY_CYCLES == 0:
@@ -162,6 +153,22 @@ class Supervision:
             position = float(row.setpoint[column])
             limit = min(axis.min_position, axis.max_position, key=lambda end: abs(end - position))
             cycle.fault(FaultCode.SPEED_AT_LIMIT, index, line, column, (position, limit))
+
+    def _compare_with_setpoints(self) -> None:
+        """Latch the energized axes that are too far from their setpoints."""
+        bank, row = self._cycle.bank, self._cycle.row
+        np.subtract(row.setpoint, row.actual, out=self._error)
+        np.abs(self._error, out=self._error)
+        np.less_equal(self._error, self._greatest_error, out=self._within)
+        if b"\x00" not in self._within.tobytes():
+            return
+        if self._delay:
+            self._allow_delay()
+        lost = mask_of(~self._within & bank.fresh) & bank.energized & bank.positioned
+        lost &= ~self._cycle.profiled.unsettled
+        for column in bank.masks.columns(lost):
+            values = (float(self._error[column]), float(self._greatest_error[column]))
+            self._latch(column, FaultCode.FOLLOWING_ERROR, values)
 
     def _allow_delay(self) -> None:
         """An axis is no further from its setpoint than from where that was while the feedback came."""
