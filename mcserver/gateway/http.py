@@ -1,4 +1,4 @@
-"""A small HTTP/JSON interface with an OpenAPI description, for scripts, dashboards and other tools."""
+"""HTTP and JSON for scripts and dashboards: a route for each method of the table, and its description."""
 
 from __future__ import annotations
 
@@ -6,86 +6,28 @@ import asyncio
 from typing import Annotated, Any
 
 import msgspec
-from fastapi import Depends, FastAPI, Header, HTTPException, Path, Request
+from fastapi import Depends, FastAPI, Header, HTTPException, Path, Request, Response
 from fastapi.exceptions import RequestValidationError
-from fastapi.responses import JSONResponse
-from mcclient.errors import MotionError, NobodyAnswers
-from pydantic import BaseModel, ConfigDict, Field
+from fastapi.openapi.utils import get_openapi
+from mcclient.errors import MotionError, NobodyAnswers, RequestRefused
 
 from mcserver.gateway.session import GatewaySession, error_map
 from mcserver.gateway.tokens import Principal
 from mcserver.gateway.websocket import Sessions
+from mcserver.net.messages import ErrorReply
+from mcserver.net.messages import Request as Message
+from mcserver.net.method_table import METHODS, Method
 
 MachineName = Annotated[str, Path(pattern=r"^[A-Za-z0-9][A-Za-z0-9_.-]{0,62}$")]
-ProgramId = Annotated[str, Path(pattern=r"^[A-Za-z0-9][A-Za-z0-9_.-]{0,62}$")]
 MAX_BODY_BYTES = 16 * 1024 * 1024
 FORBIDDEN = frozenset({"MC072", "MC504"})
 NOT_FOUND = frozenset({"MC501", "MC503", "MC530"})
 BUSY = frozenset({"MC071", "MC508", "MC515"})
-
-
-class _Body(BaseModel):
-    model_config = ConfigDict(extra="forbid", allow_inf_nan=False)
-
-
-class ErrorAnswer(BaseModel):
-    """Every answer that is not a success."""
-
-    code: str = Field(description="stable, such as MC505")
-    message: str
-    hint: str = ""
-    details: dict[str, Any] = {}
-    diagnostics: list[dict[str, Any]] = []
-
-
-class TextBody(_Body):
-    """A whole program."""
-
-    text: str = Field(max_length=MAX_BODY_BYTES)
-
-
-class OpenBody(_Body):
-    """A new program."""
-
-    name: str = Field("", max_length=200)
-    axes: list[Annotated[int, Field(ge=0, le=63)]] | None = None
-    on_disconnect: str = Field("finish", pattern="^(finish|stop)$")
-    hold: bool = False
-
-
-class LinesBody(_Body):
-    """Lines ``first``, ``first + 1``, …; sent again they are never run again.
-
-    ``rejections``: how many the caller has heard of; lines of before a rejection are refused.
-    """
-
-    first: int = Field(ge=1, le=2**53)
-    lines: list[str] = Field(min_length=1, max_length=20_000)
-    rejections: int | None = Field(None, ge=0, le=2**53)
-
-
-class CloseBody(_Body):
-    """``last``: the last line that was sent."""
-
-    last: int | None = Field(None, ge=0, le=2**53)
-
-
-class ProgramBody(_Body):
-    """One program, or all of them."""
-
-    program: str | None = Field(None, pattern=r"^[A-Za-z0-9][A-Za-z0-9_.-]{0,62}$")
-
-
-class OverrideBody(ProgramBody):
-    """Feed override in %."""
-
-    percent: float = Field(ge=0.0, le=200.0)
-
-
-class EstopBody(_Body):
-    """Why."""
-
-    reason: str = Field("", max_length=200)
+BAD_REQUEST = frozenset({"MC500", "MC506", "MC507", "MC511", "MC513", "MC537"})
+REFUSALS = (400, 401, 403, 404, 409, 413, 429, 503)
+_REFERENCE = "#/components/schemas/{name}"
+# what the gateway says itself: who asks, and the number of the request
+_OWN_FIELDS = frozenset({"client", "request"})
 
 
 class HttpSessions:
@@ -100,7 +42,7 @@ class HttpSessions:
         self._opening: dict[Principal, asyncio.Lock] = {}
 
     async def session(self, authorization: str) -> GatewaySession:
-        """The caller's session.
+        """Return the caller's session.
 
         Raises:
             HTTPException: 401 the token is missing or unknown. MotionError: MC530 no motion server.
@@ -127,122 +69,142 @@ async def _session(request: Request, authorization: Annotated[str, Header()] = "
 Caller = Annotated[GatewaySession, Depends(_session)]
 
 
-async def _call(caller: GatewaySession, machine: str, method: str, **fields: Any) -> dict[str, Any]:
+async def _call(caller: GatewaySession, machine: str, method: str, fields: dict[str, Any]) -> bytes:
+    """Call a method of a machine; return its reply as JSON."""
     caller.admit(caller.requests_under_way)
     caller.requests_under_way += 1
     try:
-        reply: dict[str, Any] = msgspec.msgpack.decode(await caller.call(machine, method, fields))
+        reply = await caller.call(machine, method, fields)
     finally:
         caller.requests_under_way -= 1
-    return reply
+    return msgspec.json.encode(msgspec.msgpack.decode(reply))
+
+
+def _fields_of(message: type[Message], body: bytes) -> dict[str, Any]:
+    """Return the fields of a message that a body holds as JSON.
+
+    Raises:
+        RequestRefused: MC500 it is no such message, or has a field that the message lacks.
+    """
+    try:
+        given = msgspec.json.decode(body or b"{}", type=dict[str, Any])
+        value = msgspec.json.decode(body or b"{}", type=message)
+    except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as error:
+        raise RequestRefused("MC500", str(error), "see /openapi.json") from error
+    # a field that is misspelt must not mean its default, such as every program
+    unknown = given.keys() - set(message.__struct_fields__) | given.keys() & _OWN_FIELDS
+    if unknown:
+        raise RequestRefused("MC500", f"there is no field {sorted(unknown)[0]!r}", "see /openapi.json")
+    fields = msgspec.to_builtins(value, builtin_types=(bytes,))
+    return {name: fields[name] for name in given}
 
 
 def build_http(app: FastAPI, http: HttpSessions) -> None:
-    """Add the routes under ``/v1`` to an application."""
-    errors: dict[int | str, dict[str, Any]] = {
-        status: {"model": ErrorAnswer} for status in (400, 401, 403, 404, 409, 413, 429, 503)
-    }
-
+    """Add the routes under ``/v1`` to an application: one for each method of the table."""
     app.state.http_sessions = http
 
     @app.exception_handler(MotionError)
-    async def refused(_: Request, error: MotionError) -> JSONResponse:
-        return JSONResponse(msgspec.to_builtins(error_map(error)), status_of(error))
+    async def refused(_: Request, error: MotionError) -> Response:
+        return _answer(status_of(error), error_map(error))
 
     @app.exception_handler(RequestValidationError)
-    async def invalid(_: Request, error: RequestValidationError) -> JSONResponse:
+    async def invalid(_: Request, error: RequestValidationError) -> Response:
         first = error.errors()[0]
         where = ".".join(str(each) for each in first["loc"])
-        answer = ErrorAnswer(code="MC500", message=f"{where}: {first['msg']}", hint="see /openapi.json")
-        return JSONResponse(answer.model_dump(), 400)
+        return _answer(400, ErrorReply("MC500", f"{where}: {first['msg']}", "see /openapi.json"))
 
     @app.exception_handler(HTTPException)
-    async def failed(_: Request, error: HTTPException) -> JSONResponse:
-        answer = ErrorAnswer(code="MC072", message=str(error.detail), hint="give Authorization: Bearer TOKEN")
-        return JSONResponse(answer.model_dump(), error.status_code, dict(error.headers or {}))
+    async def failed(_: Request, error: HTTPException) -> Response:
+        reply = ErrorReply("MC072", str(error.detail), "give Authorization: Bearer TOKEN")
+        return _answer(error.status_code, reply, dict(error.headers or {}))
 
-    @app.get("/v1/machines", responses=errors)
+    @app.get("/v1/machines")
     async def machines(caller: Caller) -> list[str]:
         """Names of the machines that are there."""
         return await caller.machine_names()
 
-    @app.get("/v1/machines/{machine}/info", responses=errors)
-    async def info(caller: Caller, machine: MachineName) -> dict[str, Any]:
-        """Axes, limits, tools, units."""
-        return await _call(caller, machine, "info")
-
-    @app.get("/v1/machines/{machine}/status", responses=errors)
-    async def status(caller: Caller, machine: MachineName) -> dict[str, Any]:
-        """The whole machine now."""
-        return await _call(caller, machine, "status")
-
-    @app.get("/v1/machines/{machine}/programs", responses=errors)
-    async def programs(caller: Caller, machine: MachineName) -> dict[str, Any]:
-        """Programs that run, wait or have ended, the newest first."""
-        return await _call(caller, machine, "programs")
-
-    @app.post("/v1/machines/{machine}/check", responses=errors)
-    async def check(caller: Caller, machine: MachineName, body: TextBody) -> dict[str, Any]:
-        """Every fault of a program; nothing runs."""
-        return await _call(caller, machine, "check", text=body.text)
-
-    @app.post("/v1/machines/{machine}/simulate", responses=errors)
-    async def simulate(caller: Caller, machine: MachineName, body: TextBody) -> dict[str, Any]:
-        """The object of ``mcserver simulate --json``."""
-        return await _call(caller, machine, "simulate", text=body.text)
-
-    @app.post("/v1/machines/{machine}/programs", responses=errors)
-    async def open_program(caller: Caller, machine: MachineName, body: OpenBody) -> dict[str, Any]:
-        """Open a program of this token."""
-        return await _call(caller, machine, "open", **body.model_dump())
-
-    @app.post("/v1/machines/{machine}/programs/{program}/lines", responses=errors)
-    async def submit(
-        caller: Caller, machine: MachineName, program: ProgramId, body: LinesBody
-    ) -> dict[str, Any]:
-        """Send lines."""
-        return await _call(caller, machine, "submit", program=program, **body.model_dump())
-
-    @app.post("/v1/machines/{machine}/programs/{program}/close", responses=errors)
-    async def close(
-        caller: Caller, machine: MachineName, program: ProgramId, body: CloseBody
-    ) -> dict[str, Any]:
-        """No more lines will come."""
-        return await _call(caller, machine, "close", program=program, last=body.last)
-
-    for order, text in (
-        ("hold", "Feed hold along the path."),
-        ("resume", "Ends a hold, M00 or M01."),
-        ("abort", "Stops along the path and drop the rest."),
-    ):
-        _add_order(app, order, text, errors)
-
-    @app.post("/v1/machines/{machine}/override", responses=errors)
-    async def override(caller: Caller, machine: MachineName, body: OverrideBody) -> dict[str, Any]:
-        """Feed override of one program or all."""
-        return await _call(caller, machine, "override", **body.model_dump())
-
-    @app.post("/v1/machines/{machine}/reset", responses=errors)
-    async def reset(caller: Caller, machine: MachineName) -> dict[str, Any]:
-        """Clear latched faults and the emergency stop."""
-        return await _call(caller, machine, "reset")
-
-    @app.post("/v1/machines/{machine}/estop", responses=errors)
-    async def estop(caller: Caller, machine: MachineName, body: EstopBody) -> dict[str, Any]:
-        """Emergency stop; answers once the server has confirmed it. No safety function."""
-        await caller.emergency_stop(machine, body.reason)
-        return {"ok": True}
+    schemas = _Schemas(app)
+    for method in METHODS:
+        schemas.add(method)
+        _add_method(app, method)
 
 
-def _add_order(app: FastAPI, order: str, text: str, errors: dict[int | str, dict[str, Any]]) -> None:
-    async def give(caller: Caller, machine: MachineName, body: ProgramBody) -> dict[str, Any]:
-        return await _call(caller, machine, order, program=body.program)
+def _add_method(app: FastAPI, method: Method) -> None:
+    """Add the route of a method; one that changes nothing and needs no field is got, too."""
 
-    app.post(f"/v1/machines/{{machine}}/{order}", responses=errors, name=order, description=text)(give)
+    async def post(caller: Caller, machine: MachineName, request: Request) -> Response:
+        fields = _fields_of(method.request, await request.body())
+        if method.name == "estop":
+            # any role, beside all limits, and again until it is confirmed
+            await caller.emergency_stop(machine, fields.get("reason", ""))
+            return _json(b'{"ok":true}')
+        return _json(await _call(caller, machine, method.name, fields))
+
+    async def get(caller: Caller, machine: MachineName) -> Response:
+        return _json(await _call(caller, machine, method.name, {}))
+
+    path = f"/v1/machines/{{machine}}/{method.name}"
+    description = _Schemas.description_of(method)
+    app.post(path, name=method.name, description=method.doc, openapi_extra=description)(post)
+    if _may_be_got(method):
+        del description["requestBody"]
+        app.get(path, name=method.name, description=method.doc, openapi_extra=description)(get)
+
+
+def _may_be_got(method: Method) -> bool:
+    return not method.changes and not any(field.required for field in msgspec.structs.fields(method.request))
+
+
+class _Schemas:
+    """Schemas of messages in an application's OpenAPI description, from their types."""
+
+    def __init__(self, app: FastAPI) -> None:
+        self._app = app
+        self._messages: list[type[msgspec.Struct]] = [ErrorReply]
+        app.openapi = self.describe  # type: ignore[method-assign]
+
+    def add(self, method: Method) -> None:
+        self._messages += [method.request, method.reply]
+
+    @staticmethod
+    def description_of(method: Method) -> dict[str, Any]:
+        """Describe the body and the answers of a method's route."""
+        return {
+            "requestBody": {"content": _content(method.request.__name__)},
+            "responses": {
+                "200": {"description": "done", "content": _content(method.reply.__name__)},
+                **{str(each): {"description": "", "content": _content("ErrorReply")} for each in REFUSALS},
+            },
+        }
+
+    def describe(self) -> dict[str, Any]:
+        """Return the description of all routes."""
+        app = self._app
+        if app.openapi_schema is None:
+            _, components = msgspec.json.schema_components(self._messages, ref_template=_REFERENCE)
+            for name in {each.__name__ for each in self._messages if issubclass(each, Message)}:
+                for own in _OWN_FIELDS & components[name]["properties"].keys():
+                    del components[name]["properties"][own]
+            described = get_openapi(title=app.title, version=app.version, routes=app.routes)
+            described.setdefault("components", {}).setdefault("schemas", {}).update(components)
+            app.openapi_schema = described
+        return app.openapi_schema
+
+
+def _content(name: str) -> dict[str, Any]:
+    return {"application/json": {"schema": {"$ref": _REFERENCE.format(name=name)}}}
+
+
+def _json(body: bytes) -> Response:
+    return Response(body, media_type="application/json")
+
+
+def _answer(status: int, error: object, headers: dict[str, str] | None = None) -> Response:
+    return Response(msgspec.json.encode(error), status, headers, "application/json")
 
 
 def status_of(error: MotionError) -> int:
-    """The HTTP status of a refusal."""
+    """Return the HTTP status of a refusal."""
     if error.code in FORBIDDEN:
         return 403
     if error.code in NOT_FOUND:
@@ -251,4 +213,4 @@ def status_of(error: MotionError) -> int:
         return 429
     if isinstance(error, NobodyAnswers):
         return 503
-    return 400 if error.code in ("MC500", "MC506", "MC507", "MC511", "MC513", "MC537") else 409
+    return 400 if error.code in BAD_REQUEST else 409

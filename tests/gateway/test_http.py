@@ -10,6 +10,7 @@ from typing import Any
 
 import pytest
 
+from mcserver.net.method_table import METHODS
 from tests.gateway.conftest import GatewayProcess
 
 Tokens = tuple[Path, dict[str, str]]
@@ -38,11 +39,10 @@ def test_a_program_is_opened_filled_closed_and_finished(gateway: GatewayProcess,
             break
     assert listed == (200, ["cell"])
     assert ask(gateway, "/v1/machines/cell/info", token)[1]["machine"] == "cell"
-    program = ask(gateway, "/v1/machines/cell/programs", token, {"name": "by http"})[1]["program"]
-    root = f"/v1/machines/cell/programs/{program}"
-    lines = {"first": 1, "lines": ["G1010", "G01 X5 F6000", "G01 X0"]}
-    assert ask(gateway, f"{root}/lines", token, lines)[1]["accepted"] == 3
-    assert ask(gateway, f"{root}/close", token, {"last": 3})[0] == 200
+    program = ask(gateway, "/v1/machines/cell/open", token, {"name": "by http"})[1]["program"]
+    lines = {"program": program, "first": 1, "lines": ["G1010", "G01 X5 F6000", "G01 X0"]}
+    assert ask(gateway, "/v1/machines/cell/submit", token, lines)[1]["accepted"] == 3
+    assert ask(gateway, "/v1/machines/cell/close", token, {"program": program, "last": 3})[0] == 200
     for _ in range(1000):
         found = ask(gateway, "/v1/machines/cell/programs", token)[1]["programs"][0]
         if found["state"] == "finished":
@@ -67,7 +67,10 @@ def test_a_text_is_checked_with_the_place_of_its_faults(gateway: GatewayProcess,
         ("/v1/machines/a*b/status", "observer", None, 400, "MC500"),
         ("/v1/machines/cell/override", "operator", {"percent": 300}, 400, "MC500"),
         ("/v1/machines/cell/abort", "operator", {"program": "none-such"}, 404, "MC503"),
-        ("/v1/machines/cell/programs", "operator", {"axes": [40]}, 400, "MC507"),
+        ("/v1/machines/cell/open", "operator", {"axes": [40]}, 400, "MC507"),
+        ("/v1/machines/cell/hold", "operator", {"progam": "a"}, 400, "MC500"),
+        ("/v1/machines/cell/hold", "operator", {"request": 1}, 400, "MC500"),
+        ("/v1/machines/cell/hold", "operator", ["a"], 400, "MC500"),
     ],
 )
 def test_a_refusal_has_a_status_and_a_code(
@@ -83,22 +86,16 @@ def test_the_emergency_stop_is_confirmed(gateway: GatewayProcess, tokens: Tokens
     assert ask(gateway, "/v1/machines/cell/reset", tokens[1]["operator"], {})[0] == 200
 
 
-def test_the_openapi_description_names_every_route(gateway: GatewayProcess, tokens: Tokens) -> None:
+def test_every_method_is_a_route_that_openapi_describes(gateway: GatewayProcess, tokens: Tokens) -> None:
     described = ask(gateway, "/openapi.json", tokens[1]["observer"])[1]
-    routes = {path.rpartition("/")[2] for path in described["paths"]}
-    assert {
-        "info",
-        "status",
-        "programs",
-        "check",
-        "simulate",
-        "lines",
-        "close",
-        "hold",
-        "resume",
-        "abort",
-        "estop",
-    } <= routes
+    routes = {path.rpartition("/")[2]: each for path, each in described["paths"].items()}
+    assert routes.keys() == {method.name for method in METHODS} | {"machines"}
+    submit = routes["submit"]["post"]["requestBody"]["content"]["application/json"]["schema"]["$ref"]
+    message = described["components"]["schemas"][submit.rpartition("/")[2]]
+    assert message["required"] == ["program", "first", "lines"]
+    assert "request" not in message["properties"]
+    assert {name for name, each in routes.items() if "get" in each} >= {"info", "status", "programs"}
+    assert not any("get" in routes[method.name] for method in METHODS if method.changes)
 
 
 @pytest.mark.timeout(600)
