@@ -17,6 +17,7 @@ from mckinematics.description import EARTH
 
 from mcserver.errors import ConfigurationError
 from mcserver.machine.bus_load import refuse_overload
+from mcserver.machine.clearance_section import Clearance, read_clearance
 from mcserver.machine.dialect_section import Dialect, read_dialect
 from mcserver.machine.drive_section import CAN_KINDS, CanBusConfig, Drive, complete_drive, read_buses
 from mcserver.machine.homing_section import (
@@ -99,6 +100,7 @@ class Machine(msgspec.Struct, frozen=True):
         probe: what trips G38.2 … G38.5; None: it cannot probe.
         recorder: how its cycles are recorded. recovery: the way to a line in a program's middle.
         gravity: in the URDF's base frame [m/s²].
+        clearance: what must not touch what; None: nothing is said of it.
         setpoint_timeout: longest time that drives bridge without a setpoint [s]; see `stall_limit_s`.
     """
 
@@ -123,6 +125,7 @@ class Machine(msgspec.Struct, frozen=True):
     joint_tolerance_angle: float = 0.0
     recovery: Recovery | None = None
     setpoint_timeout: float = 0.05
+    clearance: Clearance | None = None
 
     @property
     def cycle_s(self) -> float:
@@ -308,6 +311,15 @@ def _read_machine(raw: dict[str, Any], folder: Path | None, mistakes: Mistakes) 
         gravity=EARTH if kinematics is None else kinematics.gravity,
         recovery=read_recovery(file.get("recovery"), axes, mistakes) if sound else None,
         setpoint_timeout=section.setpoint_timeout_s,
+        clearance=read_clearance(
+            file.get("clearance"),
+            file.get("body") or (),
+            file.get("zone") or (),
+            axes,
+            letters,
+            folder,
+            mistakes,
+        ),
     )
 
 

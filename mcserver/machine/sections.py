@@ -12,6 +12,7 @@ from mckinematics.description import EARTH
 from msgspec import Meta
 
 from mcserver.can.cob import GREATEST_NODE, LEAST_NODE
+from mcserver.machine.clearance_section import Body, ClearanceSection, Zone
 from mcserver.machine.homing_section import HomingSection, ProbeSection
 from mcserver.machine.io_section import InputSection, OutputSection
 from mcserver.machine.recovery_section import RecoverySection
@@ -316,3 +317,6 @@ class MachineFile(msgspec.Struct, frozen=True):
     probe: ProbeSection | None = None
     recorder: RecorderSection = RecorderSection()
     recovery: RecoverySection | None = None
+    clearance: ClearanceSection | None = None
+    body: list[Body] = []
+    zone: list[Zone] = []

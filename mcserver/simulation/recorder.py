@@ -9,6 +9,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from mcserver.clearance.meter import ClearanceMeter
 from mcserver.machine.io_section import Input, Output
 from mcserver.machine.machine_file import Machine
 from mcserver.simulation.path_sampler import PathSampler
@@ -58,6 +59,7 @@ class Recorder:
     Args:
         keep: rows are wanted. channels: the executor's own inputs and outputs, which it changes in place.
         sampler: takes the path too. moments: is shown every cycle's setpoints [SI].
+        clearance: measures how near its bodies come to each other.
 
     Attributes:
         line: line of the newest cycle. low, high, last: least, greatest and newest setpoints, shape
@@ -71,10 +73,12 @@ class Recorder:
         channels: tuple[Array, Array] | None = None,
         sampler: PathSampler | None = None,
         moments: CycleTaker | None = None,
+        clearance: ClearanceMeter | None = None,
     ) -> None:
         self._machine = machine
         self._sampler = sampler
         self._moments = moments
+        self._clearance = clearance
         self._keep = keep
         start = np.array([axis.initial_position for axis in machine.axes])
         self.low: Array = start.copy()
@@ -97,6 +101,8 @@ class Recorder:
             self._sampler.add(np.array([line]), setpoint[None])
         if self._moments is not None:
             self._moments.take(np.array([time]), setpoint[None])
+        if self._clearance is not None:
+            self._clearance.add(np.array([time]), np.array([line]), setpoint[None])
         if not self._keep:
             return
         if self._fill == _BLOCK:
@@ -122,6 +128,8 @@ class Recorder:
             self._sampler.add(lines, setpoint)
         if self._moments is not None:
             self._moments.take(times, setpoint)
+        if self._clearance is not None:
+            self._clearance.add(times, lines, setpoint)
         if not self._keep:
             return
         done = 0

@@ -8,9 +8,11 @@ from dataclasses import dataclass, field
 from itertools import islice
 from typing import Any
 
+import numpy as np
 from mckinematics.pose import Kinematics
 from mckinematics.solver import MachineKinematics
 
+from mcserver.clearance.meter import ClearanceMeter
 from mcserver.drives.bus import DriveMode
 from mcserver.errors import Diagnostic
 from mcserver.executor.entries import EventKind, ExecutorEvent
@@ -168,8 +170,23 @@ def simulate_lines(
         sampler = PathSampler(machine, ToolPoses(machine, solver), path_points)
     if times is None:
         times = LineTimes(planning=bool(machine.tools))
+    clearance = None
+    if machine.clearance is not None:
+        clearance = ClearanceMeter(machine, np.array([axis.initial_position for axis in machine.axes]))
     run = _Run(
-        source, machine, start, lease, kinematics, progress, record, sampler, moments, clock, times, kept
+        source,
+        machine,
+        start,
+        lease,
+        kinematics,
+        progress,
+        record,
+        sampler,
+        moments,
+        clock,
+        times,
+        kept,
+        clearance,
     )
     found = run.run(faults)
     if sampler is not None:
@@ -214,6 +231,7 @@ class _Run:
         clock: Callable[[], float],
         times: LineTimes,
         kept: KeptRuns,
+        clearance: ClearanceMeter | None,
     ) -> None:
         self._machine = machine
         self._input_names = [each.name for each in machine.inputs]
@@ -240,7 +258,8 @@ class _Run:
         self._finished = False
         self._faults: list[Diagnostic] = []
         row = self._executor.executor.row
-        self._recorder = Recorder(machine, record, (row.inputs, row.outputs), sampler, moments)
+        self._recorder = Recorder(machine, record, (row.inputs, row.outputs), sampler, moments, clearance)
+        self._clearance = clearance
         self._executor.recorder = self._recorder
         self._seen_u = -1.0
         # where the program's words read zero, by the name of the system
@@ -264,6 +283,8 @@ class _Run:
             if self._progress is not None:
                 self._progress(self._executor.time, self._recorder.line)
         self._come_to_rest()
+        if self._clearance is not None:
+            self._faults += self._clearance.contacts()
         return Simulation(
             self._report(warnings),
             1 if self._failed else 0,
@@ -430,6 +451,8 @@ class _Run:
             "axes": axes,
             "diagnostics": [each.as_json() for each in (*warnings, *self._faults)],
         }
+        if self._clearance is not None:
+            report["clearance"] = self._clearance.report()
         offsets = self._work_offsets()
         if offsets:
             report["work_offsets"] = offsets

@@ -16,7 +16,7 @@ LAYERS: tuple[tuple[str, ...], ...] = (
     ("errors", "units", "terminal", "mckinematics"),
     ("can",),
     ("machine",),
-    ("motion",),
+    ("motion", "clearance"),
     ("gcode",),
     ("drives",),
     ("drive_sim", "canopen"),

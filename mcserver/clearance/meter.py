@@ -1,0 +1,195 @@
+"""The least distances of a run's bodies, by conservative advancement over its setpoints.
+
+Bodies that are d apart cannot be nearer than d - m once the axes have moved by as much as can change their
+distance by m (`Scene.levers`). So a distance is computed only where the motion since the last one has used up
+what the pair had to spare, and between two cycles it is bounded by the motion between them: no contact is
+passed over, however quick the motion is.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mcserver.clearance.scene import Scene
+from mcserver.errors import Diagnostic
+from mcserver.machine.machine_file import Machine
+from mcserver.units import MM
+
+Array = NDArray[np.float64]
+
+# Least distances are found to this, or to a share of themselves where that is more [m].
+RESOLUTION = 5e-5
+SHARE = 0.05
+# Between two cycles motion is halved until it is shorter than this [m]; a contact below it is none.
+FINEST = 1e-5
+# Cycles that are looked at together.
+BLOCK = 1024
+# Pairs in the report.
+MOST_SHOWN = 20
+
+
+@dataclass
+class Nearest:
+    """The least distance of a pair [m] with its time [s] and line; ``contact``: it is below the margin."""
+
+    distance: float
+    time: float
+    line: int
+    contact: bool = False
+
+
+class ClearanceMeter:
+    """Looks at every cycle of a simulated run.
+
+    Args:
+        machine: has a clearance. start: positions of its axes before the first cycle, shape (K,) [SI].
+
+    Raises:
+        ConfigurationError: as `Scene`.
+    """
+
+    def __init__(self, machine: Machine, start: Array) -> None:
+        assert machine.clearance is not None
+        self._margin = machine.clearance.margin
+        self._scene = Scene(machine)
+        self._last: Array = np.array(start, dtype=np.float64)
+        self._block: list[tuple[Array, NDArray[np.int64], Array]] = []
+        self._waiting = 0
+        self._scene.place(self._last)
+        pairs = range(len(self._scene.pairs))
+        self._known: Array = np.array([self._scene.distance(pair) for pair in pairs])
+        self._spent: Array = np.zeros(len(pairs))
+        self._nearest = [Nearest(float(at), 0.0, 0, contact=bool(at < self._margin)) for at in self._known]
+
+    def add(self, times: Array, lines: NDArray[np.int64], setpoint: Array) -> None:
+        """Take cycles in order: times (n,) [s], lines (n,), setpoints (n, K) [SI]."""
+        self._block.append((times.copy(), lines.copy(), setpoint.copy()))
+        self._waiting += len(times)
+        if self._waiting >= BLOCK:
+            self._look()
+
+    def contacts(self) -> list[Diagnostic]:
+        """Return the first contact of each pair of names, in the order of their times."""
+        self._look()
+        first: dict[tuple[str, str], tuple[Nearest, bool]] = {}
+        for pair, nearest in self._by_time():
+            if nearest.contact:
+                first.setdefault(pair.names, (nearest, pair.zone))
+        return [self._diagnostic(names, nearest, zone) for names, (nearest, zone) in first.items()]
+
+    def report(self) -> dict[str, Any]:
+        """Return ``margin_mm``, ``least_mm`` and ``pairs``, the nearest first."""
+        self._look()
+        least: dict[tuple[str, str], Nearest] = {}
+        for pair, nearest in sorted(self._by_time(), key=lambda each: each[1].distance):
+            least.setdefault(pair.names, nearest)
+        rows = [
+            {
+                "bodies": list(names),
+                "least_mm": round(nearest.distance / MM, 3),
+                "time_s": round(nearest.time, 6),
+                "line": nearest.line,
+            }
+            for names, nearest in least.items()
+        ]
+        return {
+            "margin_mm": self._margin / MM,
+            "least_mm": rows[0]["least_mm"],
+            "pairs": rows[:MOST_SHOWN],
+        }
+
+    def _by_time(self) -> list[tuple[Any, Nearest]]:
+        found = zip(self._scene.pairs, self._nearest, strict=True)
+        return sorted(found, key=lambda each: each[1].time)
+
+    def _diagnostic(self, names: tuple[str, str], nearest: Nearest, zone: bool) -> Diagnostic:
+        one, other = names
+        away = f"{max(0.0, nearest.distance) / MM:.2f} mm, {self._margin / MM:g} wanted"
+        where = f"at {nearest.time:.3f} s" if nearest.line else "before the program begins"
+        if zone:
+            message, hint = (
+                f"{one!r} leaves what the zone {other!r} leaves free {where}",
+                "take another way, or change the [[zone]]",
+            )
+        else:
+            message, hint = (
+                f"{one!r} comes too near to {other!r} {where}: {away}",
+                "take another way; bodies that may touch are named in allowed of [clearance]",
+            )
+        return Diagnostic(
+            code="MC321" if zone else "MC320",
+            message=message,
+            line=nearest.line,
+            column=1,
+            end_column=2,
+            hint=hint,
+        )
+
+    # ------------------------------------------------------------------ the motion
+
+    def _look(self) -> None:
+        if not self._block:
+            return
+        times, lines, rows = (np.concatenate(each) for each in zip(*self._block, strict=True))
+        self._block, self._waiting = [], 0
+        moved = np.abs(np.diff(rows, axis=0, prepend=self._last[None])) @ self._scene.levers
+        spent = self._spent + moved.cumsum(axis=0)
+        for pair in np.flatnonzero(spent[-1] >= self._spare()).tolist():
+            if not self._nearest[pair].contact:
+                spent[-1, pair] = self._advance(pair, times, lines, rows, moved[:, pair])
+        self._spent = spent[-1]
+        self._last = rows[-1]
+
+    def _spare(self) -> Array:
+        """Return the motion after which a pair may be a contact, or nearer than it ever was, shape (P,)."""
+        return np.array([self._known[pair] - self._level(pair) for pair in range(len(self._known))])
+
+    def _level(self, pair: int) -> float:
+        best = self._nearest[pair].distance
+        return max(self._margin, best - max(RESOLUTION, SHARE * best))
+
+    def _advance(self, pair: int, times: Array, lines: NDArray[np.int64], rows: Array, moved: Array) -> float:
+        """Follow a pair through a block of cycles; return the motion since its distance was reckoned last."""
+        total = np.concatenate([[0.0], moved.cumsum()])
+        # motion up to the cycle before this one since the distance was reckoned
+        base, at = -float(self._spent[pair]), 0
+        while True:
+            wanted = base + self._known[pair] - self._level(pair)
+            at = max(at, int(np.searchsorted(total[1:], wanted)))
+            if at >= len(rows):
+                return float(total[-1] - base)
+            before = self._last if at == 0 else rows[at - 1]
+            low = float(self._known[pair] - (total[at] - base))
+            found = self._between(pair, before, rows[at], low, float(moved[at]))
+            self._known[pair], base = found[0], float(total[at + 1])
+            if min(found) < self._nearest[pair].distance:
+                contact = min(found) < self._margin
+                self._nearest[pair] = Nearest(min(found), float(times[at]), int(lines[at]), contact)
+                if contact:
+                    return 0.0
+            at += 1
+
+    def _between(
+        self, pair: int, before: Array, after: Array, low: float, moved: float
+    ) -> tuple[float, float]:
+        """Return the distance at ``after`` and the least one found on the straight way there.
+
+        Args:
+            low: bound of the distance at ``before`` from below. moved: the most that the way changes it.
+        """
+        self._scene.place(after)
+        end = self._scene.distance(pair)
+        if end < self._margin or moved < FINEST or 0.5 * (low + end - moved) >= self._margin:
+            return end, end
+        self._scene.place(before)
+        start = self._scene.distance(pair)
+        middle = 0.5 * (before + after)
+        if 0.5 * (start + end - moved) >= self._margin:
+            return end, end
+        halfway, least = self._between(pair, before, middle, start, 0.5 * moved)
+        rest = self._between(pair, middle, after, halfway, 0.5 * moved)
+        return end, min(least, *rest)

@@ -1,0 +1,338 @@
+"""The bodies of a machine as one Pinocchio model: where they are, which may meet, how far apart they are.
+
+Links of the URDF, bodies of the machine file and zones are objects of one geometry model. Bodies that linear
+axes carry hang on sliding joints of their own. Distances come from Coal (signed: negative where two overlap).
+"""
+
+from __future__ import annotations
+
+import difflib
+import importlib
+import math
+import xml.etree.ElementTree as ElementTree
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from mckinematics.errors import ModelError
+from mckinematics.model import import_pinocchio, load_model, read_urdf
+from mckinematics.rotation import rotation_matrices
+from numpy.typing import NDArray
+
+from mcserver.errors import ConfigurationError
+from mcserver.machine.clearance_section import (
+    Body,
+    BoxBody,
+    CapsuleBody,
+    Clearance,
+    CylinderBody,
+    MeshBody,
+    SphereBody,
+    Zone,
+)
+from mcserver.machine.machine_file import Machine
+from mcserver.units import DEGREE, MM
+
+Array = NDArray[np.float64]
+
+# A lever that has no bound (a sliding joint without limits in front of it) counts as this long [m].
+LONGEST_LEVER = 1e4
+
+
+@dataclass(frozen=True)
+class Pair:
+    """Two bodies that may meet.
+
+    Attributes:
+        names: of both; the second may be a zone. zone: whether it is one.
+    """
+
+    names: tuple[str, str]
+    zone: bool
+
+
+class Scene:
+    """All bodies of a machine at the positions of its axes.
+
+    Args:
+        machine: has a clearance.
+
+    Attributes:
+        pairs: that are judged. levers: shape (K, P), by axis column and pair the most that a unit of the
+            axis changes their distance [m/rad or m/m].
+
+    Raises:
+        ConfigurationError: MC301 the URDF, MC323 a link, mesh or SRDF that is not there, or nothing moves.
+    """
+
+    def __init__(self, machine: Machine) -> None:
+        assert machine.clearance is not None
+        self._clearance: Clearance = machine.clearance
+        self._machine = machine
+        self._names: dict[int, str] = {}
+        self._zones: dict[int, Zone] = {}
+        self._links: set[int] = set()
+        try:
+            self._pin = import_pinocchio()
+            self._coal = importlib.import_module("coal")
+            self._model = self._robot_model()
+        except ModelError as error:
+            raise ConfigurationError(error.code, error.message, error.hint) from error
+        self._geometry = self._pin.GeometryModel()
+        self._driven = self._joints_of_axes()
+        if machine.urdf is not None:
+            self._add_links(machine.urdf)
+        for body in self._clearance.bodies:
+            self._add_body(body)
+        for zone in self._clearance.zones:
+            self._add_zone(zone)
+        self._check_names()
+        self.pairs: tuple[Pair, ...] = tuple(self._pairs())
+        if not self.pairs:
+            raise ConfigurationError(
+                "MC323",
+                "no two bodies of the machine can meet",
+                "give a [[body]] that a link or axes carry, and one that stands, or a [[zone]]",
+            )
+        self._data = self._model.createData()
+        self._placed = self._geometry.createData()
+        for request in self._placed.distanceRequests:
+            request.enable_signed_distance = True
+        self._q = self._pin.neutral(self._model)
+        self.levers: Array = np.stack([self._lever(pair) for pair in self._geometry.collisionPairs], axis=1)
+
+    def place(self, positions: Array) -> None:
+        """Put all bodies where they are at these positions of the axes, shape (K,) [SI]."""
+        for joint, column in self._driven.items():
+            at = self._model.idx_qs[joint]
+            if self._model.nqs[joint] == 2:
+                self._q[at] = math.cos(positions[column])
+                self._q[at + 1] = math.sin(positions[column])
+            else:
+                self._q[at] = positions[column]
+        self._pin.updateGeometryPlacements(self._model, self._data, self._geometry, self._placed, self._q)
+
+    def distance(self, pair: int) -> float:
+        """Return how far the bodies of a pair are apart as placed [m]; negative: they overlap."""
+        return float(self._pin.computeDistance(self._geometry, self._placed, pair).min_distance)
+
+    # ------------------------------------------------------------------ the model
+
+    def _robot_model(self) -> Any:
+        if self._machine.urdf is None:
+            return self._pin.Model()
+        return load_model(self._machine.urdf).pinocchio_model.copy()
+
+    def _joints_of_axes(self) -> dict[int, int]:
+        """Return by joint of the URDF the column of the axis that moves it."""
+        columns = {axis.index: column for column, axis in enumerate(self._machine.axes)}
+        driven: dict[int, int] = {}
+        for tool in self._machine.tools:
+            frame = self._model.frames[self._frame(tool.frame)]
+            joints = [int(joint) for joint in self._model.supports[frame.parentJoint] if joint != 0]
+            driven.update(zip(joints, (columns[axis] for axis in tool.axes), strict=True))
+        return driven
+
+    def _frame(self, name: str) -> int:
+        if not self._model.existFrame(name):
+            known = [frame.name for frame in self._model.frames]
+            near = difflib.get_close_matches(name, known, n=1, cutoff=0.5)
+            raise ConfigurationError(
+                "MC323",
+                f"the URDF has no link {name!r}" if self._machine.urdf else f"{name!r}: there is no URDF",
+                f"did you mean {near[0]!r}?" if near else "name a link of the URDF, or axes in carried_by",
+            )
+        return int(self._model.getFrameId(name))
+
+    def _add_links(self, urdf: str) -> None:
+        """Add each link's collision geometry, and what it looks like where it has none."""
+        text = read_urdf(urdf)
+        folders = [str(folder) for folder in Path(urdf).resolve().parents] if Path(urdf).exists() else []
+        described: set[int] = set()
+        for kind in (self._pin.GeometryType.COLLISION, self._pin.GeometryType.VISUAL):
+            found = self._pin.GeometryModel()
+            try:
+                self._pin.buildGeomFromUrdfString(self._model, text, kind, found, folders)
+            except (ValueError, RuntimeError) as error:
+                raise ConfigurationError(
+                    "MC323", f"the meshes of the URDF cannot be read: {error}", "put them beside the URDF"
+                ) from error
+            fresh = {each.parentFrame for each in found.geometryObjects} - described
+            for each in found.geometryObjects:
+                if each.parentFrame in fresh:
+                    each.geometry = self._solid(each.geometry)
+                    number = self._geometry.addGeometryObject(each)
+                    self._names[number] = str(self._model.frames[each.parentFrame].name)
+                    self._links.add(number)
+            described |= fresh
+
+    def _solid(self, geometry: Any) -> Any:
+        """Return a mesh's convex hull; any other shape as it is."""
+        if not isinstance(geometry, self._coal.BVHModelBase):
+            return geometry
+        geometry.buildConvexHull(True, "Qt")
+        return geometry.convex
+
+    def _add_body(self, body: Body) -> None:
+        if body.link is not None:
+            frame = self._frame(body.link)
+            joint = int(self._model.frames[frame].parentJoint)
+            placement = self._model.frames[frame].placement * self._pose(body.at_mm, body.turned_deg)
+        else:
+            joint = self._carriage(body)
+            placement = self._pose(body.at_mm, body.turned_deg)
+        self._add(body.name, joint, placement, self._shape(body))
+
+    def _add(self, name: str, joint: int, placement: Any, shape: Any) -> int:
+        number = len(self._names)
+        made = self._pin.GeometryObject(f"{name}#{number}", joint, placement, shape)
+        self._names[int(self._geometry.addGeometryObject(made))] = name
+        return number
+
+    def _carriage(self, body: Body) -> int:
+        """Return the joint at the end of sliding joints for the axes that carry a body; 0: it stands."""
+        columns = {axis.index: column for column, axis in enumerate(self._machine.axes)}
+        joint = 0
+        sense = -1.0 if body.opposite else 1.0
+        for axis in body.carried_by:
+            direction = sense * np.eye(3)[self._clearance.letters[axis]]
+            name = f"{axis}{'-' if body.opposite else '+'} on {self._model.names[joint]}"
+            if self._model.existJointName(name):
+                joint = int(self._model.getJointId(name))
+                continue
+            slide = self._pin.JointModelPrismaticUnaligned(direction)
+            joint = int(self._model.addJoint(joint, slide, self._pin.SE3.Identity(), name))
+            self._driven[joint] = columns[axis]
+        return joint
+
+    def _shape(self, body: Body) -> Any:
+        coal = self._coal
+        match body:
+            case BoxBody():
+                return coal.Box(*(edge * MM for edge in body.size_mm))
+            case CylinderBody():
+                return coal.Cylinder(body.radius_mm * MM, body.length_mm * MM)
+            case CapsuleBody():
+                return coal.Capsule(body.radius_mm * MM, body.length_mm * MM)
+            case SphereBody():
+                return coal.Sphere(body.radius_mm * MM)
+            case MeshBody():
+                try:
+                    return self._solid(coal.MeshLoader().load(body.file, np.full(3, MM)))
+                except (ValueError, RuntimeError) as error:
+                    raise ConfigurationError(
+                        "MC323",
+                        f"the mesh {body.file!r} of {body.name!r} cannot be read: {error}",
+                        "give an STL, OBJ or DAE file, relative to the machine file",
+                    ) from error
+
+    def _add_zone(self, zone: Zone) -> None:
+        placement = self._pose(zone.at_mm, zone.turned_deg)
+        edges = [edge * MM for edge in zone.size_mm]
+        if zone.kind == "keep_out":
+            self._zones[self._add(zone.name, 0, placement, self._coal.Box(*edges))] = zone
+            return
+        # what stays in a box stays out of the half spaces behind its six sides
+        for axis, edge in enumerate(edges):
+            for side in (1.0, -1.0):
+                behind = self._coal.Halfspace(-side * np.eye(3)[axis], -0.5 * edge)
+                self._zones[self._add(zone.name, 0, placement, behind)] = zone
+
+    def _pose(self, at_mm: Sequence[float], turned_deg: Sequence[float]) -> Any:
+        rotation = np.eye(3)
+        for axis, angle in enumerate(turned_deg):
+            rotation = rotation_matrices((np.eye(3)[axis] * angle * DEGREE)[None])[0] @ rotation
+        return self._pin.SE3(rotation, np.array(at_mm) * MM)
+
+    # ------------------------------------------------------------------ the pairs
+
+    def _check_names(self) -> None:
+        """Refuse names that belong to no body."""
+        known = {name for number, name in self._names.items() if number not in self._zones}
+        asked = {name for pair in self._clearance.allowed for name in pair}
+        for zone in self._clearance.zones:
+            asked |= set(zone.bodies)
+        for name in sorted(asked - known):
+            near = difflib.get_close_matches(name, sorted(known), n=1, cutoff=0.5)
+            raise ConfigurationError(
+                "MC323",
+                f"there is no body {name!r}",
+                f"did you mean {near[0]!r}?" if near else f"known are: {', '.join(sorted(known))}",
+            )
+
+    def _pairs(self) -> list[Pair]:
+        """Register all pairs that are judged with the geometry model, and describe them."""
+        allowed = {frozenset(pair) for pair in (*self._clearance.allowed, *self._disabled())}
+        found = []
+        numbers = sorted(self._names)
+        for place, one in enumerate(numbers):
+            for other in numbers[place + 1 :]:
+                first, second = (other, one) if one in self._zones else (one, other)
+                if first in self._zones or not self._may_meet(first, second):
+                    continue
+                names = (self._names[first], self._names[second])
+                if frozenset(names) in allowed:
+                    continue
+                self._geometry.addCollisionPair(self._pin.CollisionPair(first, second))
+                found.append(Pair(names, second in self._zones))
+        return found
+
+    def _disabled(self) -> list[tuple[str, str]]:
+        """Return the pairs that the SRDF lets touch."""
+        if self._clearance.srdf is None:
+            return []
+        try:
+            robot = ElementTree.parse(self._clearance.srdf)
+        except (OSError, ElementTree.ParseError) as error:
+            raise ConfigurationError(
+                "MC323", f"the SRDF {self._clearance.srdf!r} cannot be read: {error}", "give another file"
+            ) from error
+        return [(each.get("link1", ""), each.get("link2", "")) for each in robot.iter("disable_collisions")]
+
+    def _may_meet(self, first: int, second: int) -> bool:
+        one, other = (self._geometry.geometryObjects[each].parentJoint for each in (first, second))
+        if one == other:
+            return False
+        zone = self._zones.get(second)
+        if zone is not None:
+            return not zone.bodies or self._names[first] in zone.bodies
+        neighbours = self._model.parents[one] == other or self._model.parents[other] == one
+        # links that a joint connects overlap there
+        return not (neighbours and first in self._links and second in self._links)
+
+    def _lever(self, pair: Any) -> Array:
+        """Return the most that a unit of each axis changes the distance of a pair, shape (K,)."""
+        one, other = (self._geometry.geometryObjects[each] for each in (pair.first, pair.second))
+        above = [set(self._model.supports[each.parentJoint]) for each in (one, other)]
+        levers = np.zeros(len(self._machine.axes))
+        for joint, column in self._driven.items():
+            # a joint that carries both changes nothing between them
+            if (joint in above[0]) != (joint in above[1]):
+                levers[column] += self._reach(joint, one if joint in above[0] else other)
+        return levers
+
+    def _reach(self, joint: int, body: Any) -> float:
+        """Return the greatest distance of a point of the body from a turning joint's axis; 1 for a slide."""
+        if not self._turns(joint):
+            return 1.0
+        body.geometry.computeLocalAABB()
+        middle = body.placement.act(np.asarray(body.geometry.aabb_center))
+        reach = float(np.linalg.norm(middle)) + float(body.geometry.aabb_radius)
+        behind = [each for each in self._model.supports[body.parentJoint] if each > joint]
+        for each in behind:
+            reach += float(np.linalg.norm(self._model.jointPlacements[each].translation))
+            if not self._turns(each):
+                reach += self._travel(each)
+        return min(reach, LONGEST_LEVER)
+
+    def _turns(self, joint: int) -> bool:
+        return "JointModelR" in str(self._model.joints[joint].shortname())
+
+    def _travel(self, joint: int) -> float:
+        column = self._driven.get(joint)
+        if column is None:
+            return 0.0
+        axis = self._machine.axes[column]
+        return max(abs(axis.min_position), abs(axis.max_position))

@@ -1,0 +1,189 @@
+"""``[clearance]``, ``[[body]]`` and ``[[zone]]``: what must not touch what."""
+
+from __future__ import annotations
+
+from collections.abc import Container, Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Literal
+
+import msgspec
+from msgspec import Meta
+
+from mcserver.machine.section_reader import Mistakes
+from mcserver.machine.toml_positions import Path as TomlPath
+from mcserver.units import AxisType
+
+if TYPE_CHECKING:
+    from mcserver.machine.machine_file import Axis
+
+Length = Annotated[float, Meta(gt=0.0, description="give mm above 0")]
+Place = tuple[float, float, float]
+AxisIndex = Annotated[int, Meta(ge=0, le=63, description="an axis of this file")]
+# How many bodies and zones a machine file may name, each.
+MOST_BODIES = 200
+
+ORIGIN: Place = (0.0, 0.0, 0.0)
+
+
+class Carried(msgspec.Struct, frozen=True, kw_only=True):
+    """What all shapes of bodies have in common.
+
+    Attributes:
+        name: of the body. at_mm: where its middle is, in the frame of what carries it. turned_deg: angles A,
+            B, C, as Rz(C)·Ry(B)·Rx(A).
+        link: link of the URDF that carries it. carried_by: linear axes that carry it instead, each along the
+            direction of its letter X, Y or Z; neither: it stands still. opposite: a table, which moves
+            against the sense of its axes.
+    """
+
+    name: Annotated[str, Meta(min_length=1, max_length=60, description="give it a name")]
+    at_mm: Place = ORIGIN
+    turned_deg: Place = ORIGIN
+    link: str | None = None
+    carried_by: list[AxisIndex] = []
+    opposite: bool = False
+
+
+class BoxBody(Carried, frozen=True, kw_only=True, tag_field="shape", tag="box"):
+    """A box by its three edges."""
+
+    size_mm: tuple[Length, Length, Length]
+
+
+class CylinderBody(Carried, frozen=True, kw_only=True, tag_field="shape", tag="cylinder"):
+    """A cylinder along its own Z."""
+
+    radius_mm: Length
+    length_mm: Length
+
+
+class CapsuleBody(Carried, frozen=True, kw_only=True, tag_field="shape", tag="capsule"):
+    """A cylinder along its own Z with a half sphere on each end, which come on top of the length."""
+
+    radius_mm: Length
+    length_mm: Length
+
+
+class SphereBody(Carried, frozen=True, kw_only=True, tag_field="shape", tag="sphere"):
+    """A ball."""
+
+    radius_mm: Length
+
+
+class MeshBody(Carried, frozen=True, kw_only=True, tag_field="shape", tag="mesh"):
+    """The convex hull of a mesh file (STL, OBJ, DAE), in mm, relative to the machine file."""
+
+    file: str
+
+
+Body = BoxBody | CylinderBody | CapsuleBody | SphereBody | MeshBody
+
+
+class Zone(msgspec.Struct, frozen=True, kw_only=True):
+    """A ``[[zone]]``: a box that bodies stay out of, or in, in the base's frame.
+
+    Attributes:
+        bodies: names of the bodies and links that it is for; empty: all that move.
+    """
+
+    name: Annotated[str, Meta(min_length=1, max_length=60, description="give it a name")]
+    size_mm: tuple[Length, Length, Length]
+    kind: Literal["keep_out", "keep_in"] = "keep_out"
+    at_mm: Place = ORIGIN
+    turned_deg: Place = ORIGIN
+    bodies: list[str] = []
+
+
+class ClearanceSection(msgspec.Struct, frozen=True):
+    """``[clearance]`` as written.
+
+    Attributes:
+        margin_mm: bodies nearer to each other than this are a contact.
+        allowed: pairs of names that may touch. srdf: file whose ``disable_collisions`` are allowed too,
+            relative to the machine file.
+    """
+
+    margin_mm: Annotated[float, Meta(ge=0.0, le=1000.0, description="1 is usual")] = 1.0
+    allowed: list[tuple[str, str]] = []
+    srdf: str | None = None
+
+
+class Clearance(msgspec.Struct, frozen=True):
+    """The three sections together; file names are absolute.
+
+    Attributes:
+        margin: [m]. letters: by axis index the direction, 0 for X, 1 for Y, 2 for Z, of linear axes.
+    """
+
+    margin: float
+    allowed: tuple[tuple[str, str], ...]
+    srdf: str | None
+    bodies: tuple[Body, ...]
+    zones: tuple[Zone, ...]
+    letters: Mapping[int, int]
+
+
+def read_clearance(
+    section: ClearanceSection | None,
+    bodies: Sequence[Body | None],
+    zones: Sequence[Zone | None],
+    axes: Mapping[int, Axis],
+    letters: Mapping[str, int],
+    folder: Path | None,
+    mistakes: Mistakes,
+) -> Clearance | None:
+    """Return what clearance is judged by; None where the file says nothing of it, or something faulty.
+
+    Args:
+        letters: by letter the axis that a program means with it.
+    """
+    if section is None and not bodies and not zones:
+        return None
+    directions = {
+        letters[letter]: direction
+        for direction, letter in enumerate("XYZ")
+        if letter in letters and letters[letter] in axes and axes[letters[letter]].type is AxisType.LINEAR
+    }
+    for key, found in (("body", bodies), ("zone", zones)):
+        if len(found) > MOST_BODIES:
+            mistakes.add((key,), f"there are more than {MOST_BODIES}", "join some of them")
+        _check_names(key, [each.name if each is not None else "" for each in found], mistakes)
+    for position, body in enumerate(bodies):
+        if body is not None:
+            _check_carrier(body, directions, ("body", position), mistakes)
+    if None in bodies or None in zones:
+        return None
+    section = section or ClearanceSection()
+    base = folder or Path()
+    return Clearance(
+        margin=section.margin_mm * 1e-3,
+        allowed=tuple(section.allowed),
+        srdf=None if section.srdf is None else str(base / section.srdf),
+        bodies=tuple(
+            msgspec.structs.replace(each, file=str(base / each.file)) if isinstance(each, MeshBody) else each
+            for each in bodies
+            if each is not None
+        ),
+        zones=tuple(each for each in zones if each is not None),
+        letters=directions,
+    )
+
+
+def _check_names(key: str, names: Sequence[str], mistakes: Mistakes) -> None:
+    for position, name in enumerate(names):
+        if name and name in names[:position]:
+            mistakes.add((key, position, "name"), f"{name!r} is there twice", "give each a name of its own")
+
+
+def _check_carrier(body: Body, directions: Container[int], path: TomlPath, mistakes: Mistakes) -> None:
+    if body.link is not None and body.carried_by:
+        mistakes.add((*path, "carried_by"), "a link carries it already", "leave out link or carried_by")
+    for axis in body.carried_by:
+        if axis not in directions:
+            mistakes.add(
+                (*path, "carried_by"),
+                f"axis {axis} is not one of the linear axes X, Y, Z",
+                "name those axes; bodies of robots are carried by a link",
+            )
+    if len(set(body.carried_by)) < len(body.carried_by):
+        mistakes.add((*path, "carried_by"), "names an axis twice", "name each once")
