@@ -134,6 +134,8 @@ laws: $(VENV)/.for-development  ## laws of motion on random programs; make laws 
 pictures: $(VENV)/.for-development  ## draw the pictures of the documentation anew, by the product itself
 	$(BIN)/mcserver plot examples/arcs.gcode --output docs/images/arcs.png
 	$(BIN)/mcserver plot examples/helix.gcode --output docs/images/helix.png
+	$(BIN)/mcserver plot examples/clearance.gcode --machine examples/post-and-door.toml --no-limits \
+		--output docs/images/clearance.png || [ $$? = 1 ]  # it ends in a contact
 	$(BIN)/mcserver plot examples/robot-dog.gcode --machine robot-dog --no-limits --output docs/images/dog.png
 	$(BIN)/python -m tests.browser.picture docs/images
 	$(BIN)/python -m tests.motion.picture docs/images/chords.png docs/images/stretches.png

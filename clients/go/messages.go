@@ -316,6 +316,13 @@ type CheckRequest struct {
 	Sha256    string             `msgpack:"sha256"`
 }
 
+// ClearanceReport: The least distances of a run's bodies; `pairs`: the nearest first, 20 at most.
+type ClearanceReport struct {
+	MarginMm float64         `msgpack:"margin_mm" mc:"required"`
+	LeastMm  float64         `msgpack:"least_mm" mc:"required"`
+	Pairs    []PairClearance `msgpack:"pairs" mc:"required"`
+}
+
 // CloseReply: `accepted`: the last line that will run.
 type CloseReply struct {
 	Program  string       `msgpack:"program" mc:"required"`
@@ -840,6 +847,14 @@ type OverrideRequest struct {
 	Program string  `msgpack:"program"`
 }
 
+// PairClearance: How near two `bodies` came to each other, when, and in which line.
+type PairClearance struct {
+	Bodies  []string `msgpack:"bodies" mc:"required"`
+	LeastMm float64  `msgpack:"least_mm" mc:"required"`
+	TimeS   float64  `msgpack:"time_s" mc:"required"`
+	Line    int64    `msgpack:"line" mc:"required"`
+}
+
 // ProbeStatus: The last probing move that has ended (G38.2 to G38.5).
 type ProbeStatus struct {
 	Program string `msgpack:"program" mc:"required"`
@@ -1210,6 +1225,8 @@ type SimulateReply struct {
 	Outputs map[string]float64 `msgpack:"outputs"`
 	// Path: where it was asked for.
 	Path *SimulatedPath `msgpack:"path"`
+	// Clearance: of a machine that names bodies.
+	Clearance *ClearanceReport `msgpack:"clearance"`
 }
 
 // SimulateRequest: Runs a program's text on a virtual clock and simulated drives.

@@ -11,11 +11,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
+import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
 from mcserver.clearance.scene import Scene
-from mcserver.errors import Diagnostic
+from mcserver.errors import ConfigurationError, Diagnostic
 from mcserver.machine.machine_file import Machine
 from mcserver.units import MM
 
@@ -193,3 +194,14 @@ class ClearanceMeter:
         halfway, least = self._between(pair, before, middle, start, 0.5 * moved)
         rest = self._between(pair, middle, after, halfway, 0.5 * moved)
         return end, min(least, *rest)
+
+
+def find_clearance_faults(machine: Machine) -> list[Diagnostic]:
+    """Find what is wrong with a machine's bodies; what touches where its axes start is a warning."""
+    if machine.clearance is None:
+        return []
+    try:
+        meter = ClearanceMeter(machine, np.array([axis.initial_position for axis in machine.axes]))
+    except ConfigurationError as error:
+        return [Diagnostic(error.code, error.message, hint=error.hint)]
+    return [msgspec.structs.replace(each, severity="warning") for each in meter.contacts()]

@@ -18,9 +18,9 @@ from typing import Any
 import numpy as np
 from mckinematics.errors import ModelError
 from mckinematics.model import import_pinocchio, load_model, read_urdf
-from mckinematics.rotation import rotation_matrices
 from numpy.typing import NDArray
 
+from mcserver.clearance.outlines import turned
 from mcserver.errors import ConfigurationError
 from mcserver.machine.clearance_section import (
     Body,
@@ -33,7 +33,7 @@ from mcserver.machine.clearance_section import (
     Zone,
 )
 from mcserver.machine.machine_file import Machine
-from mcserver.units import DEGREE, MM
+from mcserver.units import MM
 
 Array = NDArray[np.float64]
 
@@ -241,10 +241,7 @@ class Scene:
                 self._zones[self._add(zone.name, 0, placement, behind)] = zone
 
     def _pose(self, at_mm: Sequence[float], turned_deg: Sequence[float]) -> Any:
-        rotation = np.eye(3)
-        for axis, angle in enumerate(turned_deg):
-            rotation = rotation_matrices((np.eye(3)[axis] * angle * DEGREE)[None])[0] @ rotation
-        return self._pin.SE3(rotation, np.array(at_mm) * MM)
+        return self._pin.SE3(turned(turned_deg), np.array(at_mm) * MM)
 
     # ------------------------------------------------------------------ the pairs
 

@@ -9,6 +9,7 @@ import typer
 from rich.table import Table
 
 from mcserver.canopen.settings import find_drive_faults
+from mcserver.clearance.meter import find_clearance_faults
 from mcserver.cli.console import (
     json_answer_on_error,
     narration,
@@ -47,7 +48,12 @@ def check_machine(
     """Read a machine file, list its errors and warnings. Exit code 3 where it cannot be used."""
     with json_answer_on_error(json):
         machine = load_machine(file)
-    findings = [*find_tool_faults(machine), *find_drive_faults(machine), *find_doubts(machine)]
+    findings = [
+        *find_tool_faults(machine),
+        *find_drive_faults(machine),
+        *find_doubts(machine),
+        *find_clearance_faults(machine),
+    ]
     errors = sum(each.severity == "error" for each in findings)
     if json:
         found = [each.as_json() for each in findings]

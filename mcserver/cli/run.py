@@ -10,6 +10,7 @@ from typing import Annotated
 import msgspec
 import typer
 
+from mcserver.clearance.scene import Scene
 from mcserver.cli.console import NarrationHandler, narration
 from mcserver.cli.options import DEFAULT_MACHINE, MachineOption
 from mcserver.errors import ConfigurationError
@@ -63,6 +64,8 @@ def run(
     """Run the server, until Ctrl-C or SIGTERM, which stop every axis in a controlled way."""
     described = named(load_machine(machine), name)
     build_kinematics(described)
+    if described.clearance is not None:
+        Scene(described)
     if not recorder:
         described = without_recorder(described)
     from mcserver.net.configuration import NetworkOptions

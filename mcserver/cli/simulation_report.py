@@ -83,6 +83,10 @@ def print_report(report: Mapping[str, Any], times: LineTimes, source_lines: Sequ
         f"{name}: {report['duration_s']:.3f} s, feed path {report['feed_length_mm']:.1f} mm, "
         f"{count} timed line{'s' * (count != 1)}, {times.stretched_count()} stretched by the machine's limits"
     )
+    for pair in report.get("clearance", {"pairs": ()})["pairs"][:1]:
+        one, other = pair["bodies"]
+        where = f"line {pair['line']}, {pair['time_s']:.3f} s"
+        console.print(f"least clearance {pair['least_mm']:g} mm: {one} and {other}, {where}", markup=False)
 
 
 def _table_of_lines(lines: Sequence[Mapping[str, Any]], source_lines: Sequence[str], width: int) -> Table:

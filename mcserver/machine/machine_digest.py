@@ -7,6 +7,7 @@ from pathlib import Path
 
 import msgspec
 
+from mcserver.machine.clearance_section import MeshBody
 from mcserver.machine.machine_file import Machine
 
 
@@ -17,13 +18,22 @@ def canonical_bytes(value: object) -> bytes:
 
 
 def machine_digest(machine: Machine) -> str:
-    """Return the SHA-256 of a machine, hexadecimal; of a URDF that is a file, its content counts.
+    """Return the SHA-256 of a machine, hexadecimal; of URDF, SRDF and mesh files their content counts.
 
     Raises:
-        OSError: the URDF cannot be read.
+        OSError: one of them cannot be read.
     """
     digest = hashlib.sha256(canonical_bytes(machine))
-    urdf = None if machine.urdf is None else Path(machine.urdf)
-    if urdf is not None and urdf.is_file():
-        digest.update(urdf.read_bytes())
+    for path in _files(machine):
+        if path.is_file():
+            digest.update(path.read_bytes())
     return digest.hexdigest()
+
+
+def _files(machine: Machine) -> list[Path]:
+    """Return the files that the machine file names and that its motion is judged by."""
+    named = [machine.urdf]
+    if machine.clearance is not None:
+        named.append(machine.clearance.srdf)
+        named += [each.file for each in machine.clearance.bodies if isinstance(each, MeshBody)]
+    return [Path(each) for each in named if each is not None]

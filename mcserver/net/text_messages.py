@@ -65,13 +65,30 @@ class SimulatedPath(msgspec.Struct, frozen=True):
     tips: list[TipPath]
 
 
+class PairClearance(msgspec.Struct, frozen=True):
+    """How near two ``bodies`` came to each other, when, and in which line."""
+
+    bodies: list[str]
+    least_mm: float
+    time_s: float
+    line: int
+
+
+class ClearanceReport(msgspec.Struct, frozen=True):
+    """The least distances of a run's bodies; ``pairs``: the nearest first, 20 at most."""
+
+    margin_mm: float
+    least_mm: float
+    pairs: list[PairClearance]
+
+
 class SimulateReply(msgspec.Struct, frozen=True, omit_defaults=True):
     """What ``mcserver simulate --json`` prints.
 
     Attributes:
         lines: those that took time, by start. axes: by number as text.
         inputs, outputs: their values at the end, by name. work_offsets: of the systems used or set.
-        path: where it was asked for.
+        path: where it was asked for. clearance: of a machine that names bodies.
     """
 
     ok: bool
@@ -84,3 +101,4 @@ class SimulateReply(msgspec.Struct, frozen=True, omit_defaults=True):
     inputs: dict[str, float] = {}
     outputs: dict[str, float] = {}
     path: SimulatedPath | None = None
+    clearance: ClearanceReport | None = None

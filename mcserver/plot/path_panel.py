@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from mcserver.plot.scene import AxisTrace, PathTrace, Scene
 from mcserver.plot.side_views import draw_side_views, side_views
 from mcserver.plot.strokes import moving_strokes
+from mcserver.plot.surroundings import draw_surroundings
 from mcserver.plot.theme import ACTUAL, FAINT_INK, INK, PAPER
 from mcserver.plot.work_zeros import draw_zeros
 
@@ -32,12 +33,14 @@ def draw_path(figure: Figure, place: SubplotSpec, scene: Scene, colours: Mapping
         plane = figure.add_subplot(place)
         _draw_plane(plane, scene.paths[0], colours)
         draw_zeros(plane, scene.zeros, (0, 1))
+        draw_surroundings(plane, scene.around, (0, 1), scene.paths)
     elif views:
-        draw_side_views(figure, place, views, colours, scene.zeros)
+        draw_side_views(figure, place, views, colours, scene.zeros, scene.around)
     else:
         space = figure.add_subplot(place, projection="3d", computed_zorder=False)
         _draw_space(space, scene.paths, colours)
         draw_zeros(space, scene.zeros, (0, 1, 2))
+        draw_surroundings(space, scene.around, (0, 1, 2), scene.paths)
 
 
 def _draw_plane(axes: Any, path: PathTrace, colours: Mapping[int, str]) -> None:

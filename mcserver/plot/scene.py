@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from mcserver.machine.machine_file import Axis, Machine
 from mcserver.machine.plausibility import axis_name
+from mcserver.plot.surroundings import Surroundings, surroundings_of
 from mcserver.simulation.recorder import Recorded
 from mcserver.simulation.tool_poses import tool_poses
 from mcserver.units import AxisType
@@ -153,6 +154,7 @@ class Scene(msgspec.Struct, frozen=True):
     paths: tuple[PathTrace, ...]
     timed_lines: tuple[TimedLine, ...]
     zeros: tuple[WorkZero, ...] = ()
+    around: Surroundings = Surroundings()
 
 
 def build_scene(
@@ -187,6 +189,9 @@ def build_scene(
         timed_lines=tuple(_timed_line(each, source_lines) for each in report["lines"]),
         # tools have a frame of their own
         zeros=() if paths else _work_zeros(report, traces),
+        around=surroundings_of(
+            machine, report, [] if paths else [trace.index for trace in traces if trace.linear][:3]
+        ),
     )
 
 

@@ -17,6 +17,7 @@ from matplotlib.gridspec import SubplotSpec
 
 from mcserver.plot.scene import PathTrace, WorkZero
 from mcserver.plot.strokes import moving_strokes
+from mcserver.plot.surroundings import Surroundings, draw_surroundings
 from mcserver.plot.theme import ACTUAL, INK, PAPER
 from mcserver.plot.work_zeros import draw_zeros
 
@@ -71,6 +72,7 @@ def draw_side_views(
     views: Sequence[SideView],
     colours: Mapping[int, str],
     zeros: Sequence[WorkZero] = (),
+    around: Surroundings | None = None,
 ) -> None:
     """The views one above the other, to one scale; ``zeros``: of work coordinate systems."""
     grid = place.subgridspec(len(views), 1)
@@ -86,6 +88,8 @@ def draw_side_views(
         axes.autoscale_view()
         axes.set_aspect("equal", adjustable="datalim")
         draw_zeros(axes, zeros, (view.across, view.up))
+        if around is not None:
+            draw_surroundings(axes, around, (view.across, view.up), view.paths)
         names = view.paths[0].names
         labels = ", ".join(path.label for path in view.paths if path.label)
         key = ": colour = line of the program, thin = encoders, ○ start" if row == 0 else ""

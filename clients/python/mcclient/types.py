@@ -407,6 +407,25 @@ class CheckReply:
 
 
 @dataclass(frozen=True, slots=True)
+class PairClearance:
+    """How near two ``bodies`` came to each other, when, and in which line."""
+
+    bodies: tuple[str, ...]
+    least_mm: float
+    time_s: float
+    line: int
+
+
+@dataclass(frozen=True, slots=True)
+class ClearanceReport:
+    """The least distances of a run's bodies; ``pairs``: the nearest first, 20 at most."""
+
+    margin_mm: float
+    least_mm: float
+    pairs: tuple[PairClearance, ...]
+
+
+@dataclass(frozen=True, slots=True)
 class CloseReply:
     """``accepted``: the last line that will run."""
 
@@ -1269,6 +1288,7 @@ class SimulateReply:
         inputs: their values at the end, by name.
         outputs: their values at the end, by name.
         path: where it was asked for.
+        clearance: of a machine that names bodies.
     """
 
     ok: bool
@@ -1281,6 +1301,7 @@ class SimulateReply:
     inputs: dict[str, float] = field(default_factory=dict)
     outputs: dict[str, float] = field(default_factory=dict)
     path: SimulatedPath | None = None
+    clearance: ClearanceReport | None = None
 
 
 @dataclass(frozen=True, slots=True)

@@ -173,6 +173,13 @@ export interface CheckRequest {
   sha256?: string | null | undefined;
 }
 
+/** The least distances of a run's bodies; `pairs`: the nearest first, 20 at most. */
+export interface ClearanceReport {
+  margin_mm: number;
+  least_mm: number;
+  pairs: PairClearance[];
+}
+
 /** `accepted`: the last line that will run. */
 export interface CloseReply {
   program: string;
@@ -706,6 +713,14 @@ export interface OverrideRequest {
   program?: string | null | undefined;
 }
 
+/** How near two `bodies` came to each other, when, and in which line. */
+export interface PairClearance {
+  bodies: string[];
+  least_mm: number;
+  time_s: number;
+  line: number;
+}
+
 /** The last probing move that has ended (G38.2 to G38.5). */
 export interface ProbeStatus {
   program: string;
@@ -1079,6 +1094,8 @@ export interface SimulateReply {
   outputs?: Record<string, number>;
   /** where it was asked for. */
   path?: SimulatedPath | null;
+  /** of a machine that names bodies. */
+  clearance?: ClearanceReport | null;
 }
 
 /** Runs a program's text on a virtual clock and simulated drives. */

@@ -105,7 +105,7 @@ class AgentTools:
         lines = report.get("lines", [])
         shown = {**report, "lines": lines[:MAX_SHOWN_LINES], "lines_in_all": len(lines)}
         content: list[Any] = [TextContent(type="text", text=msgspec.json.encode(shown).decode())]
-        if picture and report["ok"]:
+        if picture and lines:
             drawn = await self._draw(text)
             if isinstance(drawn, bytes):
                 data = base64.b64encode(drawn).decode()
@@ -193,7 +193,8 @@ class AgentTools:
                 process.kill()
                 await process.wait()
                 return f"no picture: it took longer than {PICTURE_S:.0f} s"
-            if process.returncode != 0 or not output.exists():
+            # a run that ends in a fault is drawn too
+            if not output.exists():
                 return "no picture: it needs the extra 'mcserver[plot]'"
             return output.read_bytes()
 

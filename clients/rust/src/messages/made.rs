@@ -841,6 +841,14 @@ impl Default for CheckRequest {
     }
 }
 
+/// The least distances of a run's bodies; `pairs`: the nearest first, 20 at most.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct ClearanceReport {
+    pub margin_mm: f64,
+    pub least_mm: f64,
+    pub pairs: Vec<PairClearance>,
+}
+
 /// `accepted`: the last line that will run.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct CloseReply {
@@ -1663,6 +1671,15 @@ impl OverrideRequest {
     }
 }
 
+/// How near two `bodies` came to each other, when, and in which line.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct PairClearance {
+    pub bodies: Vec<String>,
+    pub least_mm: f64,
+    pub time_s: f64,
+    pub line: u64,
+}
+
 /// The last probing move that has ended (G38.2 to G38.5).
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct ProbeStatus {
@@ -2343,6 +2360,9 @@ pub struct SimulateReply {
     /// where it was asked for.
     #[serde(default)]
     pub path: Option<SimulatedPath>,
+    /// of a machine that names bodies.
+    #[serde(default)]
+    pub clearance: Option<ClearanceReport>,
 }
 
 /// Runs a program's text on a virtual clock and simulated drives.

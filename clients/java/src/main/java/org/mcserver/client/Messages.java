@@ -497,6 +497,9 @@ public final class Messages {
         }
     }
 
+    /** The least distances of a run's bodies; `pairs`: the nearest first, 20 at most. */
+    public record ClearanceReport(double marginMm, double leastMm, List<PairClearance> pairs) {}
+
     /** `accepted`: the last line that will run. */
     public record CloseReply(String program, long accepted, long done, ProgramState state) {}
 
@@ -1059,6 +1062,9 @@ public final class Messages {
         }
     }
 
+    /** How near two `bodies` came to each other, when, and in which line. */
+    public record PairClearance(List<String> bodies, double leastMm, double timeS, long line) {}
+
     /**
      * The last probing move that has ended (G38.2 to G38.5).
      * @param tripped the probe changed.
@@ -1446,11 +1452,12 @@ public final class Messages {
      * @param inputs their values at the end, by name.
      * @param outputs their values at the end, by name.
      * @param path where it was asked for.
+     * @param clearance of a machine that names bodies.
      */
     public record SimulateReply(
             boolean ok, double durationS, double feedLengthMm, List<LineReport> lines, Map<String, AxisTravel> axes,
             List<Diagnostic> diagnostics, @Sparse List<WorkOffset> workOffsets, @Sparse Map<String, Double> inputs,
-            @Sparse Map<String, Double> outputs, @Sparse SimulatedPath path) {}
+            @Sparse Map<String, Double> outputs, @Sparse SimulatedPath path, @Sparse ClearanceReport clearance) {}
 
     /**
      * Runs a program's text on a virtual clock and simulated drives.

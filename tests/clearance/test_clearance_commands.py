@@ -1,0 +1,86 @@
+"""Clearance in the commands: a report, a picture, a machine check, and what an approval rests on."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+
+from mcserver.clearance.outlines import standing_outlines
+from mcserver.cli.app import run_command_line
+from mcserver.machine.machine_digest import machine_digest
+from mcserver.machine.machine_file import load_machine
+from tests.clearance.machines import MILL, TOOL, VISE, block, mill
+from tests.cli.command import EXAMPLES
+
+Capture = pytest.CaptureFixture[str]
+ARM = str(EXAMPLES / "post-and-door.toml")
+PROGRAM = str(EXAMPLES / "clearance.gcode")
+
+
+def test_a_simulation_ends_with_the_contact_and_the_least_clearance(capfd: Capture) -> None:
+    assert run_command_line(["simulate", PROGRAM, "--machine", ARM]) == 1
+    shown = capfd.readouterr()
+    assert "least clearance 4.9" in shown.out
+    assert "MC320" in shown.err
+    assert "'post'" in shown.err
+
+
+def test_its_report_names_pairs(capfd: Capture) -> None:
+    assert run_command_line(["simulate", PROGRAM, "--machine", ARM, "--json"]) == 1
+    report = json.loads(capfd.readouterr().out)
+    assert report["clearance"]["pairs"][0]["bodies"] == ["flange", "post"]
+    assert report["clearance"]["least_mm"] < report["clearance"]["margin_mm"] == 5.0
+    assert [each["code"] for each in report["diagnostics"]] == ["MC320"]
+
+
+def test_a_picture_is_drawn_of_a_run_with_a_contact(tmp_path: Path, capfd: Capture) -> None:
+    output = tmp_path / "run.png"
+    assert run_command_line(["plot", PROGRAM, "--machine", ARM, "--output", str(output)]) == 1
+    assert output.read_bytes().startswith(b"\x89PNG")
+    assert "MC320" in capfd.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("section", "code", "severity", "exit_code"),
+    [
+        (block("lump", (0.0, 0.0, 120.0), 10.0), "MC320", "warning", 0),
+        ('[[body]]\nname = "a"\nshape = "mesh"\nfile = "no.stl"\n', "MC323", "error", 3),
+    ],
+)
+def test_a_machine_check_builds_the_bodies(
+    section: str, code: str, severity: str, exit_code: int, tmp_path: Path, capfd: Capture
+) -> None:
+    path = tmp_path / "mill.toml"
+    path.write_text("\n".join((MILL, TOOL, section)))
+    assert run_command_line(["machine", "check", str(path), "--json"]) == exit_code
+    found = json.loads(capfd.readouterr().out)["diagnostics"]
+    assert [(each["code"], each["severity"]) for each in found if each["code"].startswith("MC32")] == [
+        (code, severity)
+    ]
+
+
+def test_a_server_does_not_start_with_bodies_that_do_not_fit(tmp_path: Path, capfd: Capture) -> None:
+    path = tmp_path / "mill.toml"
+    path.write_text("\n".join((MILL, TOOL, '[clearance]\nallowed = [["tool", "vice"]]\n', VISE)))
+    assert run_command_line(["run", "--machine", str(path)]) == 3
+    assert "MC323" in capfd.readouterr().err
+
+
+def test_another_mesh_is_another_machine(tmp_path: Path) -> None:
+    mesh = tmp_path / "vise.stl"
+    machine = mill(f'[[body]]\nname = "a"\nshape = "mesh"\nfile = "{mesh}"\n')
+    mesh.write_text("one")
+    before = machine_digest(machine)
+    mesh.write_text("another")
+    assert machine_digest(machine) != before
+
+
+def test_what_stands_has_an_outline_and_what_is_carried_none() -> None:
+    clearance = load_machine(ARM).clearance
+    assert clearance is not None
+    outlines = {each.name: each for each in standing_outlines(clearance)}
+    assert outlines.keys() == {"table", "post", "door"}
+    assert outlines["post"].corners.max(axis=0) == pytest.approx([525.0, 85.0, 500.0])
+    assert outlines["door"].zone
