@@ -115,7 +115,7 @@ class LightFleet:
             on_ack=lambda ack: publish(keys.ack(ack.program), ack, ack_qos()),
             on_event=lambda event: publish(keys.event, event, event_qos()),
         )
-        rpc = RpcServer(keys, machine.methods(), self._replies)
+        rpc = RpcServer(keys, machine.handlers(), self._replies)
         states = session.matched_publisher(keys.telemetry_state, state_qos())
         decode_lines, decode_stop = MessageDecoder(StreamLines), MessageDecoder(EstopRequest)
 

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from typing import Any
 
 from mcserver.errors import Refused
 from mcserver.gcode.text.source import MAX_LINE_LENGTH
@@ -16,8 +15,7 @@ from mcserver.net import messages as wire
 from mcserver.net.answers import REMEMBERED_ANSWERS, REMEMBERED_S
 from mcserver.net.info_messages import AxisInfo, Info, LimitsInfo, TelemetryInfo
 from mcserver.net.messages import MAX_LINES_A_MESSAGE, PROTOCOL_VERSION
-from mcserver.net.method_table import BY_NAME
-from mcserver.net.rpc import Method
+from mcserver.net.rpc import Handler
 from mcserver.net.status import CYCLES_A_MESSAGE, TELEMETRY_FIELDS
 from mcserver.service.event_log import EventLog
 from mcserver.service.line_queue import QUEUE_LINES, Gap, LineQueue
@@ -143,9 +141,9 @@ class LightMachine:
         self._events = EventLog(instance, Timebase(self._epoch, clock, clock), on_event)
         self._events.publish("server.started", message=f"machine {name} (light)")
 
-    def methods(self) -> dict[str, Method]:
-        """Its remote methods by name, for `mcserver.net.rpc.RpcServer`."""
-        calls: dict[str, Callable[[str, Any], Any]] = {
+    def handlers(self) -> dict[str, Handler]:
+        """Return what carries out its remote methods, by name, for `mcserver.net.rpc.RpcServer`."""
+        return {
             "open": self._open,
             "submit": self._submit,
             "close": self._close,
@@ -159,9 +157,6 @@ class LightMachine:
             "programs": self._list,
             "events": self._list_events,
             "info": lambda _client, _request: self._info(),
-        }
-        return {
-            name: Method(BY_NAME[name].request, call, BY_NAME[name].changes) for name, call in calls.items()
         }
 
     # ------------------------------------------------------------ time
@@ -377,7 +372,7 @@ class LightMachine:
                 remembered_answers=REMEMBERED_ANSWERS,
                 remembered_answer_s=REMEMBERED_S,
             ),
-            methods=sorted(self.methods()),
+            methods=sorted(self.handlers()),
         )
 
     # ------------------------------------------------------------ inside

@@ -3,36 +3,34 @@
 from __future__ import annotations
 
 import inspect
-from collections.abc import Callable, Iterable
-from typing import Any
+from collections.abc import Iterable
 
-from mcserver.net.method_table import METHODS
-from mcserver.net.method_table import Method as Described
-from mcserver.net.rpc import Method
+from mcserver.net.method_table import METHODS, Method
+from mcserver.net.rpc import Handler
 
 
-def bound_methods(handlers: Iterable[object], methods: Iterable[Described] = METHODS) -> dict[str, Method]:
-    """Find each method's handler among the public functions of some objects.
+def bound_handlers(objects: Iterable[object], methods: Iterable[Method] = METHODS) -> dict[str, Handler]:
+    """Find each method's handler among the public functions of some objects; in the order of the table.
 
     Args:
-        handlers: their public functions take a client's id and a request, and are named as the methods.
+        objects: their public functions take a client's id and a request, and are named as the methods.
         methods: those that have to be there.
 
     Raises:
         TypeError: a method without handler, with two, or a public function that is no method.
     """
-    found: dict[str, Callable[[str, Any], Any]] = {}
-    for each in handlers:
+    found: dict[str, Handler] = {}
+    for each in objects:
         for name, _ in inspect.getmembers(type(each), inspect.isfunction):
             if name.startswith("_"):
                 continue
             if name in found:
                 raise TypeError(f"the method {name} has two handlers")
             found[name] = getattr(each, name)
-    described = {method.name: method for method in methods}
-    if found.keys() != described.keys():
+    named = {method.name for method in methods}
+    if found.keys() != named:
         raise TypeError(
-            f"without handler: {sorted(described.keys() - found.keys())}, "
-            f"no method of the table: {sorted(found.keys() - described.keys())}"
+            f"without handler: {sorted(named - found.keys())}, "
+            f"no method of the table: {sorted(found.keys() - named)}"
         )
-    return {name: Method(method.request, found[name], method.changes) for name, method in described.items()}
+    return {method.name: found[method.name] for method in methods}

@@ -12,12 +12,12 @@ from mcserver.net import drive_messages as drive_wire
 from mcserver.net import messages as wire
 from mcserver.net.arming_methods import ArmingMethods
 from mcserver.net.info_messages import Info
-from mcserver.net.method_binding import bound_methods
+from mcserver.net.method_binding import bound_handlers
 from mcserver.net.method_table import METHODS
 from mcserver.net.model_methods import ModelMethods
 from mcserver.net.recording_methods import RecordingMethods
 from mcserver.net.recovery_methods import RecoveryMethods
-from mcserver.net.rpc import Method
+from mcserver.net.rpc import Handler
 from mcserver.net.status import EdgeUnits, machine_info, machine_status
 from mcserver.net.text_forecast import TextForecast
 from mcserver.net.text_methods import TextMethods
@@ -40,7 +40,7 @@ def machine_methods(
     checker: ProgramChecker,
     drives: DriveAccess,
     recorder: RecordingAccess | None = None,
-) -> dict[str, Method]:
+) -> dict[str, Handler]:
     """Bind every method to one machine's service.
 
     Args:
@@ -50,10 +50,10 @@ def machine_methods(
         drives: those on CAN buses. recorder: its recordings.
 
     Returns:
-        The methods by name.
+        The handlers by the names of their methods.
     """
     forecast = TextForecast(service, checker)
-    return bound_methods(
+    return bound_handlers(
         (
             ProgramMethods(service, jogging, drives, forecast),
             TextMethods(service, checker, forecast),

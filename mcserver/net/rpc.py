@@ -5,7 +5,7 @@ from __future__ import annotations
 import asyncio
 import logging
 import time
-from collections.abc import Awaitable, Callable
+from collections.abc import Awaitable, Callable, Mapping
 from functools import partial
 from typing import Any, NamedTuple
 
@@ -18,6 +18,7 @@ from mcserver.net.decoding import MessageDecoder
 from mcserver.net.defects import DefectLog
 from mcserver.net.keys import Call, Keys
 from mcserver.net.messages import ENCODING, ErrorReply, Request
+from mcserver.net.method_table import BY_NAME, Method
 from mcserver.net.replies import Outgoing, ReplySender
 from mcserver.service.deferred import Deferred
 from mcserver.service.reports import wire_diagnostic
@@ -29,21 +30,9 @@ INFO_LANES = 4
 _RPC_CHUNK = "/@rpc/"
 
 Settle = Callable[[object, BaseException | None], None]
-
-
-class Method(msgspec.Struct, frozen=True):
-    """One remote method.
-
-    Attributes:
-        request: the message's type, a `Request`.
-        call: takes the client's id and the request; gives the reply's message, at once, as a `Deferred` or
-            as an awaitable; errors as `McError`.
-        changes: whether it changes anything: then it is idempotent by request number, and takes no wildcard.
-    """
-
-    request: type[Request]
-    call: Callable[[str, Any], Any]
-    changes: bool
+# Takes the client's id and a method's request; gives the reply's message, at once, as a `Deferred` or as an
+# awaitable; errors as `McError`.
+Handler = Callable[[str, Any], Any]
 
 
 class Asked(NamedTuple):
@@ -90,15 +79,15 @@ class RpcServer:
 
     Args:
         keys: of this machine.
-        methods: by name; ``info`` is asked for on its own key.
+        handlers: by the names of methods of the table; ``info`` is asked for on its own key.
         replies: sends them.
     """
 
-    def __init__(self, keys: Keys, methods: dict[str, Method], replies: ReplySender) -> None:
+    def __init__(self, keys: Keys, handlers: Mapping[str, Handler], replies: ReplySender) -> None:
         self._keys = keys
-        self._methods = methods
+        self._handlers = handlers
         self._encode = msgspec.msgpack.Encoder().encode
-        self._decoders = {name: MessageDecoder(method.request) for name, method in methods.items()}
+        self._decoders = {name: MessageDecoder(BY_NAME[name].request) for name in handlers}
         # asked for on a key of its own, which no client id is part of
         self._info = Call("", "info", exact=False)
         self._answers = AnswerMemory(time.monotonic)
@@ -140,7 +129,7 @@ class RpcServer:
             lane, reply_key = f"info/{self._info_lane}", self._keys.info
         else:
             lane, reply_key = call.client, self._keys.rpc(call.client, call.method)
-        method = None if call is None else self._methods.get(call.method)
+        method = None if call is None or call.method not in self._handlers else BY_NAME[call.method]
         return Asked(query, key, reply_key, lane, call, method)
 
     def _callable(self, asked: Asked) -> tuple[Call, Method]:
@@ -159,7 +148,10 @@ class RpcServer:
             )
         if method is None:
             raise Refused(
-                "MC501", f"there is no method {call.method!r}", "see `methods`", methods=sorted(self._methods)
+                "MC501",
+                f"there is no method {call.method!r}",
+                "see `methods`",
+                methods=sorted(self._handlers),
             )
         if method.changes and not call.exact:
             raise Refused(
@@ -185,7 +177,7 @@ class RpcServer:
             if not self._answers.begin(call.client, number, call.method, partial(self._send, asked)):
                 return
         try:
-            reply = method.call(call.client, request)
+            reply = self._handlers[method.name](call.client, request)
         except Exception as error:
             self._finish(asked, number, self._failed(call.method, error))
             return

@@ -11,6 +11,7 @@ from mcserver.fleet_sim.fleet import FleetOptions
 from mcserver.fleet_sim.light_machine import LightMachine
 from mcserver.fleet_sim.processes import shares
 from mcserver.net import messages as wire
+from mcserver.net.method_table import BY_NAME
 from mcserver.service.reports import Ack, Event
 
 
@@ -30,11 +31,10 @@ class Bench:
             on_ack=self.acks.append,
             on_event=self.events.append,
         )
-        self._methods = self.machine.methods()
+        self._handlers = self.machine.handlers()
 
     def call(self, method: str, client: str = "anna", **fields: Any) -> Any:
-        found = self._methods[method]
-        return found.call(client, found.request(**fields))
+        return self._handlers[method](client, BY_NAME[method].request(**fields))
 
     def opened(self, lines: int) -> str:
         program = str(self.call("open", name="demo").program)

@@ -9,7 +9,7 @@ import msgspec
 import pytest
 
 from mcserver.net.messages import LineReport, WireDiagnostic
-from mcserver.net.method_binding import bound_methods
+from mcserver.net.method_binding import bound_handlers
 from mcserver.net.method_table import METHODS, Method, method_names
 from mcserver.net.methods import machine_methods
 from mcserver.net.roles import Role
@@ -45,8 +45,8 @@ def test_a_method_without_a_handler_one_with_two_and_a_handler_without_a_method_
     handlers: tuple[object, ...],
 ) -> None:
     with pytest.raises(TypeError):
-        bound_methods(handlers, STATUS)
-    assert list(bound_methods((Looking(),), STATUS)) == ["status"]
+        bound_handlers(handlers, STATUS)
+    assert list(bound_handlers((Looking(),), STATUS)) == ["status"]
 
 
 @pytest.mark.parametrize("method", METHODS, ids=lambda method: method.name)
