@@ -15,6 +15,8 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
+from mcserver.motion.pieces import LineEdges, Rows
+
 Array = NDArray[np.float64]
 
 
@@ -87,26 +89,8 @@ class MotionSink(Protocol):
     def control_room(self) -> int:
         """How many control entries fit now."""
 
-    def put_rows(
-        self,
-        first_u: int,
-        position: Array,
-        velocity: Array,
-        axes: NDArray[np.uint64],
-        line: NDArray[np.int64],
-        torque: Array | None = None,
-        feed_scale: Array | None = None,
-    ) -> None:
-        """Rows at u = first_u, first_u + 1, …
-
-        Args:
-            first_u: not below the u after the last row put; u between are not driven by rows (waits).
-            position, velocity: shape (n, K) [m, rad; per second]; read only where the mask says.
-            axes: shape (n,), bit mask of the columns that the row drives.
-            line: shape (n,), the line that each row belongs to.
-            torque: shape (n, 3, J), what the rows ask of limited joints (`row_torques`); None: not known.
-            feed_scale: shape (n,), the feed override at which the rows are played as they are [1]; None: 1.
-        """
+    def put_rows(self, rows: Rows) -> None:
+        """Put rows behind those before; their first u is above the last one put."""
 
     def stop_ahead(self) -> float:
         """Return the longest stop from the rows that the executor has not come to [cycles]."""
@@ -119,12 +103,8 @@ class MotionSink(Protocol):
                 so that u does not run on past a motion that begins.
         """
 
-    def put_edges(self, u: Array, line: NDArray[np.int64], ends: NDArray[np.bool_], rows: int = 0) -> None:
-        """Put `LINE_START` and `LINE_END` entries, as `put_control` does one by one.
-
-        Args:
-            u, line: shape (n,). ends: which of them are `LINE_END`, shape (n,).
-        """
+    def put_edges(self, edges: LineEdges, rows: int = 0) -> None:
+        """Put `LINE_START` and `LINE_END` entries, as `put_control` does one by one."""
 
 
 class EventKind(enum.IntEnum):

@@ -16,9 +16,16 @@ PIECE = 1000
 
 @dataclass(frozen=True)
 class Rows:
-    """Rows at u = first, first + 1, …: positions and velocities (n, K), masks and lines (n,), and what they
-    ask of joints whose torques are limited (n, 3, J), see `row_torques`; None without limits. The feed scales
-    that they are planned at (n,); None: all 1.
+    """Setpoint rows at u = first, first + 1, …
+
+    Attributes:
+        first: u of the first row; what lies between the row before and it is not driven by rows (waits).
+        position, velocity: shape (n, K) [m, rad; per second]; read only where the mask says.
+        axes: bit mask of the columns that each row drives, shape (n,).
+        line: number of the line that each row belongs to, shape (n,).
+        torque: what each row asks of joints with limited torque, shape (n, 3, J) (`row_torques`); None: of
+            none.
+        feed_scale: feed override that each row is planned for, shape (n,) [1]; None: all 1.
     """
 
     first: int
@@ -28,6 +35,22 @@ class Rows:
     line: NDArray[np.int64]
     torque: NDArray[np.float64] | None = None
     feed_scale: NDArray[np.float64] | None = None
+
+    def __len__(self) -> int:
+        return len(self.line)
+
+    def part(self, start: int, end: int) -> Rows:
+        """Return the rows at these places."""
+        part = slice(start, end)
+        return Rows(
+            self.first + start,
+            self.position[part],
+            self.velocity[part],
+            self.axes[part],
+            self.line[part],
+            None if self.torque is None else self.torque[part],
+            None if self.feed_scale is None else self.feed_scale[part],
+        )
 
 
 @dataclass(frozen=True, eq=False)

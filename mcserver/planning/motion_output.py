@@ -54,7 +54,7 @@ class Output:
         moved = False
         while self._rows:
             rows = self._rows[0]
-            count = min(self._sink.row_room(), len(rows.line))
+            count = min(self._sink.row_room(), len(rows))
             if count < 1:
                 break
             room = self._sink.control_room()
@@ -67,20 +67,11 @@ class Output:
             moved |= self._put_controls(entries, count)
             if count < 1:
                 return moved
-            part = _head(rows, count)
-            self._sink.put_rows(
-                part.first,
-                part.position,
-                part.velocity,
-                part.axes,
-                part.line,
-                part.torque,
-                part.feed_scale,
-            )
-            self.last_u = max(self.last_u, part.first + count - 1)
+            self._sink.put_rows(rows.part(0, count))
+            self.last_u = max(self.last_u, rows.first + count - 1)
             moved = True
-            if count < len(rows.line):
-                self._rows[0] = _tail(rows, count)
+            if count < len(rows):
+                self._rows[0] = rows.part(count, len(rows))
                 return moved
             self._rows.popleft()
         if not self._rows:
@@ -119,7 +110,7 @@ class Output:
                     self._controls.appendleft(block.part(slice(left, len(block))))
                     block = block.part(slice(0, left))
                 last = float(block.u[-1])
-                self._sink.put_edges(block.u, block.line, block.ends, rows)
+                self._sink.put_edges(block, rows)
                 left -= len(block)
             if not self._rows:
                 self.last_u = max(self.last_u, last)
@@ -140,27 +131,3 @@ def then(first: Iterator[Piece | Control] | None, after: list[Control]) -> Itera
 
 def _count(entry: Control | LineEdges) -> int:
     return 1 if isinstance(entry, Control) else len(entry)
-
-
-def _head(rows: Rows, count: int) -> Rows:
-    return Rows(
-        rows.first,
-        rows.position[:count],
-        rows.velocity[:count],
-        rows.axes[:count],
-        rows.line[:count],
-        None if rows.torque is None else rows.torque[:count],
-        None if rows.feed_scale is None else rows.feed_scale[:count],
-    )
-
-
-def _tail(rows: Rows, count: int) -> Rows:
-    return Rows(
-        rows.first + count,
-        rows.position[count:],
-        rows.velocity[count:],
-        rows.axes[count:],
-        rows.line[count:],
-        None if rows.torque is None else rows.torque[count:],
-        None if rows.feed_scale is None else rows.feed_scale[count:],
-    )

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from mcserver.executor.entries import Control, ControlKind
 from mcserver.motion.canonical import AxisOperation
 from mcserver.motion.kernels.rate_search import warm_up_playback
+from mcserver.motion.pieces import Rows
 from mcserver.simulation.virtual_executor import VirtualExecutor
 from tests.bench.figures import Figure, percentile
 from tests.bench.machines import ideal
@@ -76,7 +77,7 @@ def with_orders(axes: int, orders: bool) -> list[float]:
             while ring.row_room() > 100 and given - executor.u(0) < 3000.0:
                 part = slice(given, given + 100)
                 masks, lines = np.full(100, mask, np.uint64), np.full(100, 2, np.int64)
-                ring.put_rows(given + 1, position[part], velocity[part], masks, lines)
+                ring.put_rows(Rows(given + 1, position[part], velocity[part], masks, lines))
                 given += 100
             if orders and number >= FIRST_ORDER and number % BETWEEN == 0:
                 _give(executor, ORDERS[ordered % len(ORDERS)])
@@ -123,13 +124,8 @@ def cycles(axes: int) -> list[float]:
     for number in range(CYCLES):
         if given < len(u) and ring.row_room() > 100:
             part = slice(given, given + 100)
-            ring.put_rows(
-                given,
-                position[part],
-                velocity[part],
-                np.full(len(u[part]), mask, dtype=np.uint64),
-                np.full(len(u[part]), 2, dtype=np.int64),
-            )
+            masks, lines = np.full(len(u[part]), mask, np.uint64), np.full(len(u[part]), 2, np.int64)
+            ring.put_rows(Rows(given, position[part], velocity[part], masks, lines))
             given += len(u[part])
         start = time.perf_counter_ns()
         executor.executor.cycle(number * machine.cycle_s)

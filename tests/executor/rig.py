@@ -12,6 +12,7 @@ from mcserver.executor.entries import Control, ControlKind, EventKind, ExecutorE
 from mcserver.executor.shm.rings import ProgramRing
 from mcserver.machine.machine_file import Machine, parse_machine
 from mcserver.motion.canonical import AxisOperation
+from mcserver.motion.pieces import Rows
 from mcserver.simulation.virtual_executor import VirtualExecutor
 
 Array = NDArray[np.float64]
@@ -170,7 +171,7 @@ class Program:
         count = len(position)
         first = int(np.floor(self.u + 1e-9)) + 1
         masks, lines = np.full(count, mask, np.uint64), np.full(count, self.line, np.int64)
-        self.ring.put_rows(first, position, velocity, masks, lines, torque, np.full(count, feed_scale))
+        self.ring.put_rows(Rows(first, position, velocity, masks, lines, torque, np.full(count, feed_scale)))
         self.u = float(first + count - 1)
         self.position = position[-1].copy()
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any
+from dataclasses import replace
 
 import msgspec
 import numpy as np
@@ -16,6 +16,7 @@ from mcserver.executor.shm.rings import ProgramRing
 from mcserver.machine.machine_file import Machine, load_machine, parse_machine
 from mcserver.machine.machine_kinematics import build_kinematics
 from mcserver.motion.kernels.envelope import tip_positions
+from mcserver.motion.pieces import Rows
 from mcserver.planning.pipeline import Pipeline
 from mcserver.planning.start_state import StartState
 from mcserver.simulation.preview import preview
@@ -220,11 +221,11 @@ def test_rows_of_a_planner_that_has_gone_wrong_do_not_go_out(wrong: float) -> No
     run = Run("G1010\nG94 F3000\nG01 X50\nG01 X5")
     put_rows = run.sink.put_rows
 
-    def patched(first_u: int, position: Array, velocity: Array, *rest: Any, **more: Any) -> None:
-        position = position.copy()
-        beyond = np.arange(first_u, first_u + len(position)) >= 700
+    def patched(rows: Rows) -> None:
+        position = rows.position.copy()
+        beyond = np.arange(rows.first, rows.first + len(rows)) >= 700
         position[beyond, 0] = wrong
-        put_rows(first_u, position, velocity, *rest, **more)
+        put_rows(replace(rows, position=position))
 
     run.sink.put_rows = patched  # type: ignore[method-assign]
     run.play()

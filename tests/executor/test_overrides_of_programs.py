@@ -5,6 +5,7 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -31,9 +32,7 @@ def rig_of(machine: Machine, motion: Motion, feed_scale: Callable[[int], float] 
     for piece in motion.pieces:
         if isinstance(piece, Rows):
             scales = np.array([feed_scale(piece.first + index) for index in range(len(piece.line))])
-            ring.put_rows(
-                piece.first, piece.position, piece.velocity, piece.axes, piece.line, piece.torque, scales
-            )
+            ring.put_rows(replace(piece, feed_scale=scales))
             rig.program.u = float(piece.first + len(piece.line) - 1)
         elif isinstance(piece, Activation):
             ring.put_control(Control(ControlKind.BEGIN, piece.u, piece.line, axes=piece.mask))

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from mcserver.executor.entries import ControlKind, EventKind
+from mcserver.motion.pieces import Rows
 from tests.executor.rig import CYCLE_S, Rig, machine
 
 
@@ -137,10 +138,10 @@ def test_an_axis_may_join_a_motion_under_way() -> None:
     first[half, 1] = 0.05 * late**3 * (10 - 15 * late + 6 * late**2)
     velocity[half, 1] = 0.05 * 30 * late**2 * (1 - late) ** 2 / 0.1
     masks = np.where(np.arange(count) < 100, 1, 3).astype(np.uint64)
-    program.ring.put_rows(1, first[:100], velocity[:100], masks[:100], np.ones(100, np.int64))
+    program.ring.put_rows(Rows(1, first[:100], velocity[:100], masks[:100], np.ones(100, np.int64)))
     program.u = 100.0
     program.control(ControlKind.BEGIN, axes=2)
-    program.ring.put_rows(101, first[100:], velocity[100:], masks[100:], np.ones(100, np.int64))
+    program.ring.put_rows(Rows(101, first[100:], velocity[100:], masks[100:], np.ones(100, np.int64)))
     program.u = 200.0
     program.control(ControlKind.END, axes=3)
     program.finish()

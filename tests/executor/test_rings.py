@@ -12,12 +12,13 @@ from mcserver.executor.shm.event_ring import EventRing
 from mcserver.executor.shm.feedback import FeedbackRing, FeedbackRow, SlotState
 from mcserver.executor.shm.mailbox import CommandMailbox
 from mcserver.executor.shm.rings import ProgramRing, program_ring_size
+from mcserver.motion.pieces import LineEdges, Rows
 
 
 def put(ring: ProgramRing, first: int, count: int) -> None:
     u = np.arange(first, first + count, dtype=float)
     position = np.repeat(u[:, None], ring.axes, axis=1)
-    ring.put_rows(first, position, -position, np.full(count, 1, np.uint64), u.astype(np.int64))
+    ring.put_rows(Rows(first, position, -position, np.full(count, 1, np.uint64), u.astype(np.int64)))
 
 
 @settings(max_examples=60, deadline=None)
@@ -74,7 +75,7 @@ def test_edges_of_lines_in_columns_are_the_same_entries_as_one_by_one(turns: lis
     for count, read in turns:
         numbers = np.arange(number, number + min(count, columns.control_room()))
         ends = numbers % 2 == 1
-        columns.put_edges(numbers / 3.0, numbers, ends, rows=count)
+        columns.put_edges(LineEdges(numbers / 3.0, numbers, ends), rows=count)
         for each in numbers.tolist():
             kind = ControlKind.LINE_END if each % 2 else ControlKind.LINE_START
             single.put_control(Control(kind, each / 3.0, each), rows=count)
@@ -86,14 +87,16 @@ def test_edges_of_lines_in_columns_are_the_same_entries_as_one_by_one(turns: lis
         for ring in (columns, single):
             ring.free_controls(max(number - read, number - 8 + ring.control_room()))
     with pytest.raises(OverflowError):
-        columns.put_edges(np.full(9, number), np.ones(9, np.int64), np.ones(9, np.bool_))
+        columns.put_edges(LineEdges(np.full(9, number), np.ones(9, np.int64), np.ones(9, np.bool_)))
 
 
 def test_edges_in_columns_never_go_back_in_u() -> None:
     ring = ProgramRing(None, 8, 8, 1)
     for places in ([1.0, 0.5], [1.0, 2.0, 1.5]):
+        count = len(places)
+        edges = LineEdges(np.array(places), np.ones(count, np.int64), np.zeros(count, np.bool_))
         with pytest.raises(ValueError, match="comes after"):
-            ring.put_edges(np.array(places), np.ones(len(places), np.int64), np.zeros(len(places), np.bool_))
+            ring.put_edges(edges)
     assert ring.controls_written == 0
 
 

@@ -7,12 +7,11 @@ from collections.abc import Callable
 import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from numpy.typing import NDArray
 
 from mcserver.executor.entries import Control, ControlKind, EventKind
 from mcserver.executor.shm.rings import ProgramRing
 from mcserver.motion.canonical import AxisOperation
-from mcserver.motion.pieces import Rows
+from mcserver.motion.pieces import LineEdges, Rows
 from mcserver.planning.motion_output import Output
 from tests.executor.rig import CYCLE_S, Rig, machine
 from tests.executor.test_rate import trapezoid
@@ -34,24 +33,13 @@ class InterruptedSink:
         self._pause()
         self._ring.put_control(control, rows)
 
-    def put_edges(
-        self, u: NDArray[np.float64], line: NDArray[np.int64], ends: NDArray[np.bool_], rows: int = 0
-    ) -> None:
+    def put_edges(self, edges: LineEdges, rows: int = 0) -> None:
         self._pause()
-        self._ring.put_edges(u, line, ends, rows)
+        self._ring.put_edges(edges, rows)
 
-    def put_rows(
-        self,
-        first_u: int,
-        position: NDArray[np.float64],
-        velocity: NDArray[np.float64],
-        axes: NDArray[np.uint64],
-        line: NDArray[np.int64],
-        torque: NDArray[np.float64] | None = None,
-        feed_scale: NDArray[np.float64] | None = None,
-    ) -> None:
+    def put_rows(self, rows: Rows) -> None:
         self._pause()
-        self._ring.put_rows(first_u, position, velocity, axes, line, torque, feed_scale)
+        self._ring.put_rows(rows)
 
 
 @settings(max_examples=25, deadline=None)

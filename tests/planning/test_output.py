@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
@@ -27,28 +25,20 @@ class NarrowSink:
     def control_room(self) -> int:
         return self.controls_free
 
-    def put_rows(self, first_u: int, *columns: np.ndarray[Any, Any] | None) -> None:
-        assert columns[0] is not None
-        count = len(columns[0])
-        assert 0 < count <= self.rows_free
-        self.rows_free -= count
-        self.taken += [("row", float(first_u + index)) for index in range(count)]
+    def put_rows(self, rows: Rows) -> None:
+        assert 0 < len(rows) <= self.rows_free
+        self.rows_free -= len(rows)
+        self.taken += [("row", float(rows.first + index)) for index in range(len(rows))]
 
     def put_control(self, control: Control, rows: int = 0) -> None:  # noqa: ARG002
         assert self.controls_free > 0
         self.controls_free -= 1
         self.taken.append(("control", control.u))
 
-    def put_edges(
-        self,
-        u: np.ndarray[Any, Any],
-        line: np.ndarray[Any, Any],
-        ends: np.ndarray[Any, Any],
-        rows: int = 0,  # noqa: ARG002
-    ) -> None:
-        assert 0 < len(u) == len(line) == len(ends) <= self.controls_free
-        self.controls_free -= len(u)
-        self.taken += [("control", each) for each in u.tolist()]
+    def put_edges(self, edges: LineEdges, rows: int = 0) -> None:  # noqa: ARG002
+        assert 0 < len(edges) <= self.controls_free
+        self.controls_free -= len(edges)
+        self.taken += [("control", each) for each in edges.u.tolist()]
 
 
 def rows(first: int, count: int) -> Rows:

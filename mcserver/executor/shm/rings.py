@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from mcserver.executor.entries import Array, Control, ControlKind
 from mcserver.executor.stopping import StopTimes
 from mcserver.motion.geometry.row_torques import NUMBERS, stop_cycles
+from mcserver.motion.pieces import LineEdges, Rows
 
 ROWS = 4096
 CONTROLS = 4096
@@ -136,42 +137,33 @@ class ProgramRing:
         """How many control entries fit now."""
         return self.controls - (self._counters[_CONTROLS_WRITTEN] - self._counters[_CONTROLS_READ])
 
-    def put_rows(
-        self,
-        first_u: int,
-        position: Array,
-        velocity: Array,
-        axes: NDArray[np.uint64],
-        line: NDArray[np.int64],
-        torque: Array | None = None,
-        feed_scale: Array | None = None,
-    ) -> None:
-        """Rows at u = first_u, first_u + 1, … (see `MotionSink`).
+    def put_rows(self, rows: Rows) -> None:
+        """Put rows (see `MotionSink`).
 
         Raises:
             OverflowError: more rows than `row_room`; none was taken.
             ValueError: u goes back; none was taken.
         """
-        count = len(line)
+        count, first_u, torque = len(rows), rows.first, rows.torque
         if count == 0:
             return
         if count > self.row_room():
             raise OverflowError(f"{count} rows do not fit, there is room for {self.row_room()}")
         if first_u <= self._last_u:
             raise ValueError(f"row {first_u} comes after row {self._last_u}")
-        stop = 0.0 if self._stops is None else self._stops.of(velocity)
+        stop = 0.0 if self._stops is None else self._stops.of(rows.velocity)
         if torque is not None:
             self._counters[_TORQUE_STOP] = max(self._counters[_TORQUE_STOP], stop_cycles(torque))
         written = self._counters[_ROWS_WRITTEN]
         places = np.arange(written, written + count) % self.rows
         self.row_u[places] = np.arange(first_u, first_u + count)
-        self.row_mask[places] = axes
-        self.row_line[places] = line
-        self.position[places] = position
-        self.velocity[places] = velocity
+        self.row_mask[places] = rows.axes
+        self.row_line[places] = rows.line
+        self.position[places] = rows.position
+        self.velocity[places] = rows.velocity
         self.torque[places] = 0.0 if torque is None else torque
         self.stop[places] = stop
-        self.feed_scale[places] = 1.0 if feed_scale is None else feed_scale
+        self.feed_scale[places] = 1.0 if rows.feed_scale is None else rows.feed_scale
         self._last_u = first_u + count - 1
         self._counters[_ROWS_WRITTEN] = written + count
 
@@ -222,14 +214,14 @@ class ProgramRing:
         )
         self._counters[_CONTROLS_WRITTEN] = written + 1
 
-    def put_edges(self, u: Array, line: NDArray[np.int64], ends: NDArray[np.bool_], rows: int = 0) -> None:
+    def put_edges(self, edges: LineEdges, rows: int = 0) -> None:
         """Put entries where lines begin and end (see `MotionSink`).
 
         Raises:
             OverflowError: more than `control_room`; none was taken.
             ValueError: u goes back; none was taken.
         """
-        count = len(u)
+        count, u = len(edges), edges.u
         if count == 0:
             return
         if count > self.control_room():
@@ -245,9 +237,9 @@ class ProgramRing:
         written = self._counters[_CONTROLS_WRITTEN]
         words = np.zeros((count, _WORDS), np.int64)
         words[:, _WITH] = self._counters[_ROWS_WRITTEN] + rows
-        words[:, _KIND] = np.where(ends, ControlKind.LINE_END, ControlKind.LINE_START)
+        words[:, _KIND] = np.where(edges.ends, ControlKind.LINE_END, ControlKind.LINE_START)
         words.view(np.float64)[:, _U] = u
-        words[:, _LINE] = line
+        words[:, _LINE] = edges.line
         self._entry_words[np.arange(written, written + count) % self.controls] = words
         self._counters[_CONTROLS_WRITTEN] = written + count
 
