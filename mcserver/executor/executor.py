@@ -19,6 +19,7 @@ from mcserver.executor.fault_codes import FaultCode
 from mcserver.executor.holding import stop_independent
 from mcserver.executor.independent import IndependentMotions
 from mcserver.executor.io_bank import IoBank
+from mcserver.executor.row_block import RowBlock
 from mcserver.executor.shm.event_ring import EventRing
 from mcserver.executor.shm.feedback import (
     CYCLE,
@@ -36,14 +37,13 @@ from mcserver.executor.shm.mailbox import CommandMailbox
 from mcserver.executor.shm.rings import ProgramRing
 from mcserver.executor.slot import ProgramSlot
 from mcserver.executor.stored_reference import StoredReference
-from mcserver.executor.stretch import Stretch
 from mcserver.executor.supervision import Supervision
 from mcserver.machine.machine_file import Machine
 
 # Beside the columns to reset: a reset was asked for at all.
 _RESET_ASKED = 1 << 64
-# Cycles below which a stretch costs more than it saves.
-LEAST_STRETCH = 4
+# Cycles below which a block of rows costs more than it saves.
+LEAST_BLOCK = 4
 # In which a simulated drive energizes at the latest.
 ASSUME_CYCLES = 10_000
 
@@ -199,7 +199,7 @@ class Executor:
             self.cycle(self.time)
         raise RuntimeError("a simulated drive does not energize")
 
-    def play_stretch(self, time: float, limit: int) -> Stretch | None:
+    def play_rows(self, time: float, limit: int) -> RowBlock | None:
         """Play rows of the one program that runs, one a cycle, to the same effect as `cycle`.
 
         A regular cycle has to follow. Only for simulated drives, and on a virtual clock.
@@ -222,14 +222,14 @@ class Executor:
             return None
         if self._has_io:
             limit = self._io.idle_cycles(time, limit)
-            if limit < LEAST_STRETCH:
+            if limit < LEAST_BLOCK:
                 return None
         slot, ring = running[0], self._rings[running[0].index]
         if slot.guard is not None:
             return None
-        rows = slot.stretch(limit)
+        rows = slot.rows_in_one_go(limit)
         driven = slot.playback.driven
-        if len(rows) < LEAST_STRETCH or slot.playback.active & ~self.bank.energized:
+        if len(rows) < LEAST_BLOCK or slot.playback.active & ~self.bank.energized:
             return None
         turning = self.motions.steady(len(rows))
         if turning is None:
@@ -242,7 +242,7 @@ class Executor:
         for column, positions in turning.items():
             setpoint[:, column] = actual[:, column] = positions
         count = self._supervision.within_travel(setpoint)
-        if count < LEAST_STRETCH:
+        if count < LEAST_BLOCK:
             return None
         lagging = self.bank.exact != self.bank.all
         if lagging:
@@ -251,12 +251,12 @@ class Executor:
             if kept < len(ahead.actual) or not ahead.agreed:
                 ahead = self.bank.foresee(setpoint[:kept], velocity[:kept], actual[:kept])
             count, actual = len(ahead.actual), ahead.actual
-            if count < LEAST_STRETCH:
+            if count < LEAST_BLOCK:
                 return None
             ahead.arrive()
         setpoint, actual = setpoint[:count], actual[:count]
         lines = ring.row_line[rows[:count]].copy()
-        events = slot.play_stretch(setpoint, time)
+        events = slot.play_rows(setpoint, time)
         self.motions.skip(count)
         cycle = self._cycle
         for number in range(max(0, count - len(cycle.history)), count):
@@ -264,7 +264,7 @@ class Executor:
         self._feedback.skip(count)
         cycle.number += count
         cycle.time = time + (count - 1) * cycle.cycle_s
-        return Stretch(lines, setpoint, actual, events)
+        return RowBlock(lines, setpoint, actual, events)
 
     def stop_all(self, code: FaultCode | None = None) -> None:
         """Stop all motion within its limits, and report why; axes stay energized."""

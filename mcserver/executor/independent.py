@@ -201,7 +201,7 @@ class IndependentMotions:
         stop = self._solver.to_velocity(motion.column, ahead, 0.0, motion.limits, jerk=True)
         return float(ahead[0] + stop.at_time(stop.duration)[0][0])
 
-    # ------------------------------------------------------------------ stretches
+    # ------------------------------------------------------------------ blocks of rows
 
     def steady(self, count: int) -> dict[int, Array] | None:
         """Return the setpoints of the next cycles where nothing but steady speeds moves; None otherwise.

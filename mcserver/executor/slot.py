@@ -20,10 +20,10 @@ from mcserver.executor.fault_codes import FaultCode
 from mcserver.executor.holding import stop_independent
 from mcserver.executor.playback.playback import Playback
 from mcserver.executor.playback.rate_control import RateControl
+from mcserver.executor.row_block import LineEvents, passing_times
 from mcserver.executor.shm.feedback import SlotState
 from mcserver.executor.shm.mailbox import MachineOrders, SlotOrders
 from mcserver.executor.shm.rings import ProgramRing
-from mcserver.executor.stretch import LineEvents, passing_times
 from mcserver.motion.kernels.rate_changes import NEAR_U
 from mcserver.motion.pieces import LineEdges
 
@@ -270,9 +270,9 @@ class ProgramSlot:
         elif self.running:
             self._note_state()
 
-    # ------------------------------------------------------------------ stretches
+    # ------------------------------------------------------------------ blocks of rows
 
-    def stretch(self, limit: int) -> NDArray[np.intp]:
+    def rows_in_one_go(self, limit: int) -> NDArray[np.intp]:
         """Return the places in the ring of rows that are played one a cycle.
 
         They pass no entry but where lines begin and end.
@@ -289,10 +289,10 @@ class ProgramSlot:
         edge, _ = queue.edge(self.u)
         if edge is not None:
             limit = min(limit, self.ramp.rows_before(self.u, edge))
-        return self.playback.stretch(self.u, min(limit, queue.edges_until(self.u, limit)))
+        return self.playback.whole_rows(self.u, min(limit, queue.edges_until(self.u, limit)))
 
-    def play_stretch(self, setpoints: Array, time: float) -> LineEvents:
-        """Pass the rows of a stretch, and the beginnings and ends of lines between them.
+    def play_rows(self, setpoints: Array, time: float) -> LineEvents:
+        """Pass the rows of a block, and the beginnings and ends of lines between them.
 
         Args:
             setpoints: of its cycles, shape (n, K). time: executor time of the first one [s].

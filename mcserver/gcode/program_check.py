@@ -9,7 +9,7 @@ import msgspec
 from mckinematics.pose import Kinematics
 
 from mcserver.errors import Diagnostic, ProgramRejected
-from mcserver.gcode.fast_path.kept_runs import KeptRuns
+from mcserver.gcode.fast_path.kept_batches import KeptBatches
 from mcserver.gcode.profiles.codes import LATHE, SPINDLE
 from mcserver.gcode.profiles.frame import Frame
 from mcserver.gcode.semantics.interpreter import Interpreter
@@ -24,9 +24,9 @@ from mcserver.motion.canonical import (
     Canonical,
     DwellGroup,
     FeedGroup,
+    LineBatch,
     MotionLine,
-    PathRun,
-    PlainRun,
+    PathBatch,
     ProbeLine,
 )
 
@@ -76,14 +76,14 @@ def check_lines(
     positions: Mapping[int, float] | None = None,
     lease: frozenset[int] | None = None,
     at_rest: bool = False,
-    kept: KeptRuns | None = None,
+    kept: KeptBatches | None = None,
     frame: Frame | None = None,
 ) -> list[Diagnostic]:
     """Find the faults of a program as `check_program` does, however long it is: it is read line by line.
 
     Args:
         lines: without their ends. progress: called with the lines read about every `PROGRESS_STEP` lines,
-            and at the end. kept: keeps its runs of lines for who runs it. frame: work offsets at the start;
+            and at the end. kept: keeps its batches for the run. frame: work offsets at the start;
             None: the machine file's. The others as in `check_program`.
 
     Returns:
@@ -112,17 +112,17 @@ def check_lines(
 def _check_next(interpreter: Interpreter, window: LineWindow, survey: _Survey) -> None:
     """Check the next line, or as many as can be read in columns."""
     number = window.done + 1
-    most = interpreter.run_window(number)
+    most = interpreter.batch_window(number)
     if most:
-        run = interpreter.interpret_run(window.peek(most), number)
-        if run is not None:
-            for each in run.values:
+        batch = interpreter.interpret_batch(window.peek(most), number)
+        if batch is not None:
+            for each in batch.values:
                 if isinstance(each, MotionLine):
                     survey.value(each)
                 else:
-                    survey.run(each)
-            survey.without_effect(run.without_effect)
-            window.drop(run.taken)
+                    survey.batch(each)
+            survey.without_effect(batch.without_effect)
+            window.drop(batch.taken)
             return
     parsed = interpreter.parse(window.peek(1)[0], number)
     window.drop(1)
@@ -259,12 +259,12 @@ class _Survey:
                 elif not isinstance(group, DwellGroup):
                     self._energized |= set(group.axes)
 
-    def run(self, run: PlainRun | PathRun) -> None:
-        """Note the first line of a run that moves axes that nothing has energized."""
-        if isinstance(run, PlainRun):
-            self.motion(run.axes, run.line)
+    def batch(self, batch: LineBatch | PathBatch) -> None:
+        """Note the first line of a batch that moves axes that nothing has energized."""
+        if isinstance(batch, LineBatch):
+            self.motion(batch.axes, batch.line)
         elif self._loose is None:
-            found = run.first_beyond(self._energized)
+            found = batch.first_beyond(self._energized)
             if found is not None:
                 self.motion(found[1], found[0])
 

@@ -106,7 +106,7 @@ class MotionLine(msgspec.Struct, frozen=True):
     feed_length: float = 0.0
 
 
-class PlainRun(msgspec.Struct, frozen=True, eq=False):
+class LineBatch(msgspec.Struct, frozen=True, eq=False):
     """Consecutive lines of one G01 each over the same axes, in columns: the same as that many `MotionLine`,
     without an object a line.
 
@@ -138,10 +138,10 @@ class PlainRun(msgspec.Struct, frozen=True, eq=False):
         """Number of the first line."""
         return int(self.lines[0])
 
-    def part(self, first: int, behind: int) -> PlainRun:
+    def part(self, first: int, behind: int) -> LineBatch:
         """Return lines ``first`` … ``behind`` - 1, counted from 0."""
         at = slice(first, behind)
-        return PlainRun(
+        return LineBatch(
             self.lines[at],
             self.axes,
             self.points[first : behind + 1],
@@ -174,7 +174,7 @@ class PlainRun(msgspec.Struct, frozen=True, eq=False):
         return found
 
 
-class PathRun(msgspec.Struct, frozen=True, eq=False):
+class PathBatch(msgspec.Struct, frozen=True, eq=False):
     """Consecutive lines of one G01, G02 or G03 each, over whatever axes each names, in columns: the same as
     that many `MotionLine`, without an object a line.
 
@@ -185,7 +185,7 @@ class PathRun(msgspec.Struct, frozen=True, eq=False):
         frames: axes of curves, as `Curve.axes` has them. frame: shape (n,), which of them each line has.
         centres: of arcs, as `ArcCurve.centre`, shape (n, 2) [m]; NaN for lines.
         sweeps: of arcs, as `ArcCurve.sweep`, shape (n,) [rad]; 0 for lines.
-        lengths, travels, requested, speeds, exact_stop, tolerance: as of `PlainRun`.
+        lengths, travels, requested, speeds, exact_stop, tolerance: as of `LineBatch`.
     """
 
     lines: NDArray[np.int64]
@@ -210,13 +210,13 @@ class PathRun(msgspec.Struct, frozen=True, eq=False):
         """Number of the first line."""
         return int(self.lines[0])
 
-    def part(self, first: int, behind: int) -> PathRun:
+    def part(self, first: int, behind: int) -> PathBatch:
         """Return lines ``first`` … ``behind`` - 1, counted from 0, over the axes that any of them moves."""
         at = slice(first, behind)
         used, frame = np.unique(self.frame[at], return_inverse=True)
         frames = tuple([self.frames[each] for each in used.tolist()])
         axes = tuple([axis for axis in self.axes if any(axis in each for each in frames)])
-        return PathRun(
+        return PathBatch(
             self.lines[at],
             axes,
             self.points[first : behind + 1, [self.axes.index(axis) for axis in axes]],
@@ -390,8 +390,8 @@ def requested_of(line: MotionLine) -> float | None:
 
 
 def moves_axes(line: object) -> bool:
-    """Return True if a line, or a run of them, is motion for M62: one of G00 to G03, or G1020."""
-    if isinstance(line, PlainRun | PathRun):
+    """Return True if a line, or a batch of them, is motion for M62: one of G00 to G03, or G1020."""
+    if isinstance(line, LineBatch | PathBatch):
         return True
     return isinstance(line, MotionLine) and any(
         isinstance(group, FeedGroup | RapidGroup) for group in line.groups

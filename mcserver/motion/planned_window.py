@@ -88,7 +88,7 @@ class PlannedWindow:
         self._chords.extend(lines[passed:])
 
     def append_exact(self, run: StraightRun | PathSegments, active: int, *, from_rest: bool) -> None:
-        """Append a run of lines, or of lines and arcs, whose corners are not rounded.
+        """Append a batch of lines, or of lines and arcs, whose corners are not rounded.
 
         Args:
             active: the columns that have moved since the motion rested.

@@ -17,7 +17,7 @@ from mckinematics.dynamics import JointDynamics
 
 from mcserver.machine.machine_file import Machine
 from mcserver.motion.bound import PlanningError
-from mcserver.motion.canonical import FeedGroup, PathRun, PlainRun
+from mcserver.motion.canonical import FeedGroup, LineBatch, PathBatch
 from mcserver.motion.geometry.curves import Array
 from mcserver.motion.geometry.path_segments import PathSegments
 from mcserver.motion.geometry.segment import AxisLimits, Segment, anchor, segment_of
@@ -133,8 +133,10 @@ class MotionPlanner:
         segment.tolerance = 0.0 if from_rest else tolerance
         self._window.append(segment, from_rest=from_rest)
 
-    def append_run(self, run: PlainRun | PathRun, *, from_rest: bool = False, tolerance: float = 0.0) -> bool:
-        """Append a run of lines; return False, with nothing done, where one does not travel, or torques
+    def append_run(
+        self, run: LineBatch | PathBatch, *, from_rest: bool = False, tolerance: float = 0.0
+    ) -> bool:
+        """Append a batch of lines; return False, with nothing done, where one does not travel, or torques
         are limited.
 
         The commanded position moves on to its end.
@@ -142,7 +144,7 @@ class MotionPlanner:
         Args:
             from_rest: the motion stops before it. tolerance: how far the corner before it may be rounded [m].
         """
-        if isinstance(run, PathRun):
+        if isinstance(run, PathBatch):
             return self._append_path(run, from_rest=from_rest, tolerance=tolerance)
         straight = StraightRun.of(run, self._slots, self._linear, self.position, self.feed_scale)
         if straight is None or self._limits.torque is not None:
@@ -157,7 +159,7 @@ class MotionPlanner:
         self.position[:] = straight.points[-1]
         return True
 
-    def _append_path(self, run: PathRun, *, from_rest: bool, tolerance: float) -> bool:
+    def _append_path(self, run: PathBatch, *, from_rest: bool, tolerance: float) -> bool:
         """Append lines and arcs, as `append_run` says."""
         path = PathSegments.of(run, self._slots, self._linear, self.position, self.feed_scale)
         if path is None or self._limits.torque is not None:

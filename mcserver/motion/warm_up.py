@@ -14,7 +14,7 @@ from enum import Enum
 
 import numpy as np
 
-from mcserver.motion.canonical import FeedGroup, PathRun, PlainRun
+from mcserver.motion.canonical import FeedGroup, LineBatch, PathBatch
 from mcserver.motion.compiling import (
     BACKGROUND,
     NICE,
@@ -118,7 +118,7 @@ def _plan_lines(limits: AxisLimits) -> None:
     window = Lookahead(limits)
     position = np.zeros(2)
     points = np.array([[0.0, 0.0], [0.01, 0.0], [0.01, 0.01]])
-    run = PlainRun(
+    run = LineBatch(
         lines=np.array([1, 2]),
         axes=(0, 1),
         points=points,
@@ -147,7 +147,7 @@ def _plan_arcs(limits: AxisLimits) -> None:
     """Plan a line and an arc in columns, and sample them."""
     turn = math.pi / 2.0
     lengths = np.array([0.01, 0.01 * turn])
-    run = PathRun(
+    run = PathBatch(
         lines=np.array([1, 2]),
         axes=(0, 1),
         points=np.array([[0.0, 0.0], [0.01, 0.0], [0.02, 0.01]]),

@@ -23,11 +23,11 @@ from mcserver.motion.canonical import (
     FeedGroup,
     Group,
     InputLine,
+    LineBatch,
     MotionLine,
     OutputLine,
-    PathRun,
+    PathBatch,
     PauseLine,
-    PlainRun,
     ProbeLine,
     RapidGroup,
     SpeedGroup,
@@ -96,7 +96,7 @@ class LinePlanner:
         self.motion = MotionPlanner(machine, start, dynamics)
         self.output = Output(sink)
         self.source: Iterator[Piece | Control] | None = None
-        self.canonical: deque[Canonical | PlainRun | PathRun | InPosition] = deque()
+        self.canonical: deque[Canonical | LineBatch | PathBatch | InPosition] = deque()
         self._energized = set(energized)
         self._ideal = frozenset(axis.index for axis in machine.axes if axis.drive.kind == "ideal")
         # axes that G1020 may still be moving
@@ -236,7 +236,7 @@ class LinePlanner:
         if self._due and moves_axes(line):
             self._at_start[line.line] = self._due
             self._due = {}
-        if isinstance(line, PlainRun | PathRun):
+        if isinstance(line, LineBatch | PathBatch):
             self.canonical.popleft()
             if not self._flow_on(line):
                 self.canonical.extendleft(reversed(line.motion_lines()))
@@ -306,8 +306,8 @@ class LinePlanner:
             )
         )
 
-    def _flow_on(self, run: PlainRun | PathRun) -> bool:
-        """Append a run of lines to the window at once; False where they have to go one by one."""
+    def _flow_on(self, run: LineBatch | PathBatch) -> bool:
+        """Append a batch to the window at once; False where they have to go one by one."""
         loose = not self._energized.issuperset(run.axes) or self._independent.intersection(run.axes)
         if loose or run.exact_stop:
             return False

@@ -18,7 +18,7 @@ from mcserver.errors import Diagnostic, ProgramRejected
 from mcserver.executor.entries import EventKind, ExecutorEvent, MotionSink
 from mcserver.executor.fault_codes import WARNINGS
 from mcserver.executor.stopping import longest_stop, stopping_rows
-from mcserver.gcode.fast_path.kept_runs import KeptRuns
+from mcserver.gcode.fast_path.kept_batches import KeptBatches
 from mcserver.gcode.notices import notice_of
 from mcserver.gcode.semantics.interpreter import Interpreter
 from mcserver.gcode.text.parser import ParsedLine
@@ -75,7 +75,7 @@ class Pipeline:
         lease: axes that the program may name; None: all.
         on_fault: effect of a faulty line.
         clock: for the time of inverse kinematics [s].
-        kept: runs of lines of this very program, from a check of it.
+        kept: batches of this very program, from a check of it.
         machine_coordinates: lines are in positions of the axes, as the reference has them.
         approach: lines in machine coordinates that run ahead of the first one, as line 0.
     """
@@ -91,7 +91,7 @@ class Pipeline:
         lease: frozenset[int] | None = None,
         on_fault: FaultRule = FaultRule.END,
         clock: Callable[[], float] = time.perf_counter,
-        kept: KeptRuns | None = None,
+        kept: KeptBatches | None = None,
         machine_coordinates: bool = False,
         approach: Sequence[str] = (),
     ) -> None:
@@ -185,7 +185,7 @@ class Pipeline:
         return found
 
     def take_reports_in_columns(self) -> list[Report | PlannedLines]:
-        """What `take_reports` returns, with those of runs of lines in columns."""
+        """What `take_reports` returns, with those of batches in columns."""
         reports = list(self._plan.reports)
         self._plan.reports.clear()
         return reports
@@ -355,11 +355,11 @@ class Pipeline:
     def _take_run(self) -> bool:
         """Take lines that are alike, in columns; False where the next ones are not."""
         first = self.lines.next_number
-        window = min(self._interpreter.run_window(first), RUN)
+        window = min(self._interpreter.batch_window(first), RUN)
         if window == 0:
             return False
         ahead = self.lines.run(window)
-        found = self._interpreter.interpret_run(ahead, first) if ahead else None
+        found = self._interpreter.interpret_batch(ahead, first) if ahead else None
         if found is None:
             return False
         self.lines.drop(found.taken)

@@ -16,10 +16,10 @@ from mcserver.motion.canonical import (
     Canonical,
     DwellGroup,
     Group,
+    LineBatch,
     MotionLine,
     OutputLine,
-    PathRun,
-    PlainRun,
+    PathBatch,
     ProbeLine,
     SpeedGroup,
     TorqueGroup,
@@ -37,7 +37,7 @@ class _Effects:
         self.torques: dict[int, float] = {}
         self.outputs = dict(enumerate(origin.outputs))
 
-    def take(self, value: Canonical | PlainRun | PathRun, *, incremental: bool) -> None:
+    def take(self, value: Canonical | LineBatch | PathBatch, *, incremental: bool) -> None:
         """Follow a value; ``incremental``: the ends of its moves are increments."""
         if isinstance(value, AxisLine):
             if value.operation is AxisOperation.CAPTURE:
@@ -45,7 +45,7 @@ class _Effects:
             else:
                 self.energized.difference_update(value.axes)
                 self._lose(value.axes)
-        elif isinstance(value, PlainRun | PathRun):
+        elif isinstance(value, LineBatch | PathBatch):
             self._place(value.axes, incremental=incremental)
         elif isinstance(value, MotionLine):
             for group in value.groups:
@@ -108,9 +108,9 @@ def state_before(
     window = LineWindow(islice(lines, number - 1))
     while not window.ended and not interpreter.ended:
         at = window.done + 1
-        most = interpreter.run_window(at)
+        most = interpreter.batch_window(at)
         incremental = interpreter.modal.incremental
-        run = interpreter.interpret_run(window.peek(most), at) if most else None
+        run = interpreter.interpret_batch(window.peek(most), at) if most else None
         if run is not None:
             for line in run.values:
                 effects.take(line, incremental=incremental or run.modal.incremental)

@@ -118,7 +118,7 @@ class Recorder:
         row[at + len(self._inputs) :] = self._outputs
         self._fill += 1
 
-    def stretch(self, times: Array, lines: NDArray[np.int64], setpoint: Array, actual: Array) -> None:
+    def block(self, times: Array, lines: NDArray[np.int64], setpoint: Array, actual: Array) -> None:
         """Record cycles in one go: times and lines (n,), setpoints and encoder readings (n, K)."""
         np.minimum(self.low, setpoint.min(axis=0), out=self.low)
         np.maximum(self.high, setpoint.max(axis=0), out=self.high)
@@ -144,7 +144,7 @@ class Recorder:
             rows[:, 2 : 2 + self._width] = setpoint[part]
             at = 2 + 2 * self._width
             rows[:, 2 + self._width : at] = actual[part]
-            # nothing changes in a stretch
+            # nothing changes in a block of rows
             rows[:, at : at + len(self._inputs)] = self._inputs
             rows[:, at + len(self._inputs) :] = self._outputs
             self._fill += count

@@ -17,9 +17,9 @@ from mcserver.drives.bus import DriveMode
 from mcserver.errors import Diagnostic
 from mcserver.executor.entries import EventKind, ExecutorEvent
 from mcserver.executor.fault_codes import WARNINGS, remedy_of
+from mcserver.executor.row_block import LineEvents
 from mcserver.executor.shm.feedback import AxisCondition, homed_of
-from mcserver.executor.stretch import LineEvents
-from mcserver.gcode.fast_path.kept_runs import KeptRuns
+from mcserver.gcode.fast_path.kept_batches import KeptBatches
 from mcserver.gcode.profiles.frame import Frame
 from mcserver.gcode.program_check import check_lines
 from mcserver.gcode.text.source import LineSource, split_lines
@@ -153,7 +153,7 @@ def simulate_lines(
         times: takes the times of its lines; None: keeps all of them. checked: the program has no faults.
             The others as in `simulate`.
     """
-    kept = KeptRuns()
+    kept = KeptBatches()
     start = start or StartState.of(machine)
     machine = machine_for(starting_at(machine, start.positions), start.homed, moves_unhomed=False)
     faults = (
@@ -230,7 +230,7 @@ class _Run:
         moments: CycleTaker | None,
         clock: Callable[[], float],
         times: LineTimes,
-        kept: KeptRuns,
+        kept: KeptBatches,
         clearance: ClearanceMeter | None,
     ) -> None:
         self._machine = machine

@@ -15,13 +15,13 @@ from mcserver.drives.registry import VIRTUAL_FACTORIES, create_buses
 from mcserver.executor.entries import Array, EventKind, ExecutorEvent
 from mcserver.executor.envelope_bounds import Envelope
 from mcserver.executor.executor import Executor
+from mcserver.executor.row_block import LineEvents
 from mcserver.executor.shm.event_ring import EventRing
 from mcserver.executor.shm.feedback import FeedbackRing, FeedbackState
 from mcserver.executor.shm.mailbox import SLOTS, CommandMailbox
 from mcserver.executor.shm.rings import CONTROLS, ROWS, ProgramRing
 from mcserver.executor.stopping import StopTimes, torque_axes
 from mcserver.executor.stored_reference import StoredReference
-from mcserver.executor.stretch import LineEvents
 from mcserver.machine.machine_file import Machine
 from mcserver.planning.start_state import StartState
 
@@ -29,12 +29,12 @@ Recorder = Callable[[float, int, Array, Array], None]
 
 
 @runtime_checkable
-class StretchRecorder(Protocol):
-    """A recorder that takes many cycles in one go: with it stretches without events are played so."""
+class BlockRecorder(Protocol):
+    """A recorder that takes many cycles in one go: with it blocks of rows without events are played so."""
 
     def __call__(self, time: float, line: int, setpoint: Array, actual: Array) -> None: ...
 
-    def stretch(self, times: Array, lines: NDArray[np.int64], setpoint: Array, actual: Array) -> None:
+    def block(self, times: Array, lines: NDArray[np.int64], setpoint: Array, actual: Array) -> None:
         """Record cycles: times and lines (n,), setpoints and encoder readings (n, K)."""
 
 
@@ -134,18 +134,18 @@ class VirtualExecutor:
         """Let cycles pass."""
         executor, recorder = self.executor, self.recorder
         cycle_s = self.machine.cycle_s
-        in_stretches = recorder if isinstance(recorder, StretchRecorder) else None
+        blocks = recorder if isinstance(recorder, BlockRecorder) else None
         end = self._cycles + cycles
         while self._cycles < end:
-            if in_stretches is not None and end - self._cycles > 1:
-                stretch = executor.play_stretch(self._cycles * cycle_s, end - self._cycles - 1)
-                if stretch is not None:
-                    last = self._cycles + len(stretch.lines)
+            if blocks is not None and end - self._cycles > 1:
+                block = executor.play_rows(self._cycles * cycle_s, end - self._cycles - 1)
+                if block is not None:
+                    last = self._cycles + len(block.lines)
                     times: Array = np.arange(self._cycles, last, dtype=np.float64) * cycle_s
-                    in_stretches.stretch(times, stretch.lines, stretch.setpoint, stretch.actual)
-                    self._cycles += len(stretch.lines)
-                    if len(stretch.events.line):
-                        self._reports += [*self._events.take(), stretch.events]
+                    blocks.block(times, block.lines, block.setpoint, block.actual)
+                    self._cycles += len(block.lines)
+                    if len(block.events.line):
+                        self._reports += [*self._events.take(), block.events]
             executor.cycle(self._cycles * cycle_s)
             self._cycles += 1
             if recorder is not None:
@@ -161,7 +161,7 @@ class VirtualExecutor:
         return [event for report in self.reports() for event in _one_by_one(report)]
 
     def reports(self) -> list[ExecutorEvent | LineEvents]:
-        """What `events` returns, with those of lines in columns where they came in stretches."""
+        """What `events` returns, with those of lines in columns where they came in blocks."""
         reports, self._reports = [*self._reports, *self._events.take()], []
         return reports
 

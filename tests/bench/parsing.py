@@ -119,7 +119,7 @@ def interpret_runs(machine: Machine, lines: list[str]) -> None:
     interpreter.interpret_text("G94 F6000", 1)
     done = 0
     while done < len(lines):
-        found = interpreter.interpret_run(lines[done : done + interpreter.run_window(done + 2)], done + 2)
+        found = interpreter.interpret_batch(lines[done : done + interpreter.batch_window(done + 2)], done + 2)
         if found is None:
             interpreter.interpret_text(lines[done], done + 2)
         done += 1 if found is None else found.taken

@@ -1,4 +1,4 @@
-"""Times of entries of a stretch: the same to the bit as cycle by cycle."""
+"""Times of entries of a block of rows: the same to the bit as cycle by cycle."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from mcserver.executor.stretch import passing_times
+from mcserver.executor.row_block import passing_times
 from mcserver.motion.kernels.rate_changes import NEAR_U
 
 CYCLE_S = 0.001

@@ -6,7 +6,7 @@ from random import Random
 
 from hypothesis import strategies as st
 
-from mcserver.gcode.fast_path.run_state import MIN_LINES
+from mcserver.gcode.fast_path.interpreted_batch import MIN_LINES
 
 # what the dialect does not read as a number
 NO_NUMBERS = (

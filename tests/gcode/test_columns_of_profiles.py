@@ -9,11 +9,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from mcserver.errors import Diagnostic
-from mcserver.gcode.fast_path.run_state import MIN_LINES
+from mcserver.gcode.fast_path.interpreted_batch import MIN_LINES
 from mcserver.gcode.program_check import check_program
 from mcserver.gcode.semantics.interpreter import Interpreter
 from mcserver.machine.machine_file import Machine, parse_machine
-from tests.gcode.test_runs import by_runs, line_by_line
+from tests.gcode.test_batches import by_batches, line_by_line
 
 AXES = "".join(
     f'[[axis]]\nindex = {index}\ntype = "{kind}"\nmax_velocity = {speed}\nmax_acceleration = 1000.0\n'
@@ -83,7 +83,7 @@ def programs(draw: st.DrawFn) -> list[str]:
 def test_columns_and_single_lines_are_equal_in_every_profile(texts: list[str], kind: str) -> None:
     machine = machine_of(kind)
     quick, general = Interpreter(machine), Interpreter(machine)
-    values, faults = by_runs(quick, texts)
+    values, faults = by_batches(quick, texts)
     expected, expected_faults = line_by_line(general, texts)
     assert repr(values) == repr(expected)
     assert faults == expected_faults
@@ -93,7 +93,7 @@ def test_columns_and_single_lines_are_equal_in_every_profile(texts: list[str], k
 
 
 class _OneByOne(Interpreter):
-    def run_window(self, number: int) -> int:  # noqa: ARG002
+    def batch_window(self, number: int) -> int:  # noqa: ARG002
         return 0
 
 
@@ -121,6 +121,6 @@ def test_a_check_says_the_same_of_both(texts: list[str], kind: str) -> None:
 def test_lines_of_usual_posts_are_read_in_columns(kind: str, lines: list[str]) -> None:
     interpreter = Interpreter(machine_of(kind))
     interpreter.interpret_text("G1 F600 X0", 1)
-    found = interpreter.interpret_run(lines, 2)
+    found = interpreter.interpret_batch(lines, 2)
     assert found is not None
-    assert found.taken == min(len(lines), interpreter.run_window(2), 32)
+    assert found.taken == min(len(lines), interpreter.batch_window(2), 32)

@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from mcserver.errors import ProgramRejected
-from mcserver.gcode.fast_path.kept_runs import KeptRuns
+from mcserver.gcode.fast_path.kept_batches import KeptBatches
 from mcserver.gcode.program_check import check_lines
 from mcserver.gcode.semantics.interpreter import Interpreter
 from mcserver.motion.canonical import Canonical
@@ -28,7 +28,7 @@ def in_windows(interpreter: Interpreter, texts: list[str], window: int) -> list[
     values: list[Canonical] = []
     at = 0
     while at < len(texts):
-        found = interpreter.interpret_run(texts[at : at + window], at + 1)
+        found = interpreter.interpret_batch(texts[at : at + window], at + 1)
         if found is not None:
             values += found.motion_lines()
             at += found.taken
@@ -39,14 +39,14 @@ def in_windows(interpreter: Interpreter, texts: list[str], window: int) -> list[
     return values
 
 
-def checked(texts: list[str]) -> KeptRuns:
-    kept = KeptRuns()
+def checked(texts: list[str]) -> KeptBatches:
+    kept = KeptBatches()
     check_lines(texts, MACHINE, kept=kept)
     kept.filling = False
     return kept
 
 
-def taken(kept: KeptRuns, interpreter: Interpreter, number: int, size: int) -> int:
+def taken(kept: KeptBatches, interpreter: Interpreter, number: int, size: int) -> int:
     commanded = interpreter._commanded
     found = kept.take(number, size, size, interpreter.modal, commanded)
     return 0 if found is None else found.taken

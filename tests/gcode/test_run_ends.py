@@ -7,9 +7,9 @@ import math
 import numpy as np
 import pytest
 
-from mcserver.gcode.fast_path.run_state import MIN_LINES
+from mcserver.gcode.fast_path.interpreted_batch import MIN_LINES
 from mcserver.gcode.semantics.interpreter import Interpreter
-from mcserver.motion.canonical import PathRun, PlainRun, RapidGroup
+from mcserver.motion.canonical import LineBatch, PathBatch, RapidGroup
 from tests.gcode.run_programs import NO_NUMBERS
 from tests.gcode.support import CARTESIAN
 
@@ -22,7 +22,7 @@ def started(*lines: str) -> Interpreter:
 
 
 def taken(interpreter: Interpreter, texts: list[str], number: int = 100, most: int = 4096) -> int:
-    found = interpreter.interpret_run(texts, number, most)
+    found = interpreter.interpret_batch(texts, number, most)
     return 0 if found is None else found.taken
 
 
@@ -86,10 +86,10 @@ def test_other_lines_end_a_run(line: str) -> None:
 
 
 def test_a_run_holds_lines_numbers_points_and_times() -> None:
-    found = started("G94 F6000").interpret_run(["G01 X0 Y0", "", *["X3 Y4", "X0 Y0 F3000"] * 6], 2)
+    found = started("G94 F6000").interpret_batch(["G01 X0 Y0", "", *["X3 Y4", "X0 Y0 F3000"] * 6], 2)
     assert found is not None
     (run,), lines = found.values, found.taken
-    assert isinstance(run, PlainRun)
+    assert isinstance(run, LineBatch)
     assert lines == 14
     assert run.lines.tolist() == [2, *range(4, 16)]
     assert run.axes == (0, 1)
@@ -110,10 +110,10 @@ def test_lines_and_arcs_of_any_words_are_one_run() -> None:
         "Z-1 F3000",
         "G03 X9 Y-9 Z0 R1.5",
     ]
-    found = started("G94 F6000").interpret_run([*lines, *["G1 X1", "Y2"] * 6, "G04 P1", "X1"], 2)
+    found = started("G94 F6000").interpret_batch([*lines, *["G1 X1", "Y2"] * 6, "G04 P1", "X1"], 2)
     assert found is not None
     (run,), taken = found.values, found.taken
-    assert isinstance(run, PathRun)
+    assert isinstance(run, PathBatch)
     assert taken == len(lines) + 12
     assert run.lines[:4].tolist() == [2, 3, 5, 6]
     assert run.axes == (0, 1, 2)
@@ -172,16 +172,16 @@ def test_no_more_lines_are_taken_than_asked_for() -> None:
 
 def test_looking_in_vain_pauses_and_a_run_takes_more_next_time() -> None:
     interpreter = started("F100 G01")
-    first = interpreter.run_window(100)
+    first = interpreter.batch_window(100)
     assert taken(interpreter, ["X1"] * first, 100) == first
-    assert interpreter.run_window(100 + first) > first
+    assert interpreter.batch_window(100 + first) > first
     vain = ["X1", "G04 P0"] * 20
     assert taken(interpreter, vain, 200) == 0
-    assert interpreter.run_window(200) == 0
-    assert interpreter.run_window(201) > 0
+    assert interpreter.batch_window(200) == 0
+    assert interpreter.batch_window(201) > 0
     assert taken(interpreter, vain, 201) == 0
-    assert interpreter.run_window(202) == 0
-    assert interpreter.run_window(203) == first
+    assert interpreter.batch_window(202) == 0
+    assert interpreter.batch_window(203) == first
 
 
 def test_a_capture_keeps_runs_away_from_its_own_axes_only() -> None:
@@ -192,10 +192,10 @@ def test_a_capture_keeps_runs_away_from_its_own_axes_only() -> None:
 
 def test_rapids_stand_between_the_runs_of_their_lines() -> None:
     texts = ["G00 X1 Y2", *["G01 X3", "Y4"] * 6, "G0 Z5", "G01 X1", "X2"]
-    found = started("F600").interpret_run(texts, 2)
+    found = started("F600").interpret_batch(texts, 2)
     assert found is not None
     assert found.taken == len(texts)
     kinds = [type(value).__name__ for value in found.values]
-    assert kinds == ["MotionLine", "PathRun", "MotionLine", "MotionLine", "MotionLine"]
+    assert kinds == ["MotionLine", "PathBatch", "MotionLine", "MotionLine", "MotionLine"]
     (group,) = found.motion_lines()[0].groups
     assert group == RapidGroup((0, 1), (0.001, 0.002), True)

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from mcserver.gcode.semantics.interpreter import Interpreter
 from mcserver.machine.machine_file import Machine
-from mcserver.motion.canonical import FeedGroup, MotionLine, PathRun
+from mcserver.motion.canonical import FeedGroup, MotionLine, PathBatch
 from mcserver.motion.geometry.curves import ArcCurve, Curve
 from mcserver.motion.geometry.segment import anchor, segment_of
 from mcserver.motion.pieces import Piece
@@ -43,13 +43,13 @@ def contour(random: Random, count: int) -> list[str]:
     return [line.replace("G18 ", "") for line in lines]
 
 
-def run_of(machine: Machine, lines: list[str], state: str = "G91 G94 F6000") -> PathRun:
+def run_of(machine: Machine, lines: list[str], state: str = "G91 G94 F6000") -> PathBatch:
     interpreter = Interpreter(machine)
     interpreter.interpret_text(state, 1)
-    found = interpreter.interpret_run(lines, 2)
+    found = interpreter.interpret_batch(lines, 2)
     assert found is not None
     (run,), taken = found.values, found.taken
-    assert isinstance(run, PathRun)
+    assert isinstance(run, PathBatch)
     assert taken == len(lines)
     return run
 
@@ -90,7 +90,7 @@ def test_a_run_of_arcs_is_planned_as_its_lines_one_by_one(
         interpreter = Interpreter(machine)
         interpreter.interpret_text("G91 G93 F120" if timed else "G91 G94 F3000", 1)
         interpreter.interpret_text(lines[0], 2)
-        found = interpreter.interpret_run(lines[1:], 3)
+        found = interpreter.interpret_batch(lines[1:], 3)
         assert found is not None
         assert planner.append_run(found.values[0])
     else:

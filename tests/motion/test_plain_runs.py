@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mcserver.machine.machine_file import Machine
-from mcserver.motion.canonical import FeedGroup, PlainRun
+from mcserver.motion.canonical import FeedGroup, LineBatch
 from mcserver.motion.geometry.curves import Array
 from mcserver.motion.pieces import Piece
 from mcserver.motion.planner import MotionPlanner
@@ -22,11 +22,11 @@ STEPS = st.lists(
 )
 
 
-def run_of(points: Array, speed: float, *, timed: bool = False, first: int = 1) -> PlainRun:
+def run_of(points: Array, speed: float, *, timed: bool = False, first: int = 1) -> LineBatch:
     """Lines over the first axes from point to point, at a speed or with the time that this speed gives."""
     axes = tuple(range(points.shape[1]))
     lengths = np.linalg.norm(np.diff(points, axis=0), axis=1)
-    return PlainRun(
+    return LineBatch(
         lines=np.arange(first, first + len(lengths)),
         axes=axes,
         points=points,
@@ -37,7 +37,7 @@ def run_of(points: Array, speed: float, *, timed: bool = False, first: int = 1) 
     )
 
 
-def one_by_one(machine: Machine, run: PlainRun) -> list[Piece]:
+def one_by_one(machine: Machine, run: LineBatch) -> list[Piece]:
     planner = MotionPlanner(machine, np.zeros(len(machine.axes)))
     for line in run.motion_lines():
         group = line.groups[0]

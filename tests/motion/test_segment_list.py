@@ -9,7 +9,7 @@ import msgspec
 import numpy as np
 from hypothesis import given
 
-from mcserver.motion.canonical import PlainRun
+from mcserver.motion.canonical import LineBatch
 from mcserver.motion.geometry.path_columns import PathColumns
 from mcserver.motion.geometry.segment import Segment
 from mcserver.motion.geometry.segment_list import SegmentList
@@ -22,7 +22,7 @@ def run_of(first: int, count: int) -> StraightRun:
     points = np.cumsum(np.full((count + 1, 2), 0.01 * first), axis=0)
     lengths = np.full(count, 0.01 * first * math.sqrt(2.0))
     lines = np.arange(first, first + count)
-    run = PlainRun(lines, (0, 1), points, lengths, lengths, lengths / 0.1, np.full(count, 0.1))
+    run = LineBatch(lines, (0, 1), points, lengths, lengths, lengths / 0.1, np.full(count, 0.1))
     straight = StraightRun.of(run, {0: 0, 1: 1}, np.ones(2, np.bool_), np.zeros(2))
     assert straight is not None
     return straight

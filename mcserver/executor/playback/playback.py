@@ -240,9 +240,9 @@ class Playback:
         """Whether a first row has not been looked at."""
         return self._unchecked != 0
 
-    # ------------------------------------------------------------------ stretches
+    # ------------------------------------------------------------------ blocks of rows
 
-    def stretch(self, u: float, limit: int) -> NDArray[np.intp]:
+    def whole_rows(self, u: float, limit: int) -> NDArray[np.intp]:
         """Return the places in the ring of up to ``limit`` rows after a whole u that are played one a cycle.
 
         They follow u and each other without a gap, drive all active columns, are planned at 100 %, and each

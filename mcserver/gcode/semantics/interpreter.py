@@ -7,9 +7,9 @@ from collections.abc import Mapping, Sequence
 from mckinematics.pose import Kinematics
 
 from mcserver.errors import Diagnostic
-from mcserver.gcode.fast_path.kept_runs import KeptRuns
-from mcserver.gcode.fast_path.run_state import FoundRun
-from mcserver.gcode.fast_path.runs import MAX_LINES, RunInterpreter
+from mcserver.gcode.fast_path.batches import MAX_LINES, BatchInterpreter
+from mcserver.gcode.fast_path.interpreted_batch import InterpretedBatch
+from mcserver.gcode.fast_path.kept_batches import KeptBatches
 from mcserver.gcode.profiles.codes import MOVING
 from mcserver.gcode.profiles.frame import Frame
 from mcserver.gcode.profiles.reader import reader_of
@@ -35,7 +35,7 @@ class Interpreter:
         lease: axes that the program may use; all by default.
         modal: state to start from, for a program that goes on from its middle.
         frame: work offsets to start from where ``modal`` is None (D-62).
-        kept: runs of lines that the check of the same program keeps for its run.
+        kept: batches that the check of the same program keeps for its run.
         machine_coordinates: read lines as the reference has them, in positions of the axes whatever the
             machine's profile and ``frame`` say, until `begin_program`.
     """
@@ -49,7 +49,7 @@ class Interpreter:
         lease: frozenset[int] | None = None,
         modal: ModalState | None = None,
         frame: Frame | None = None,
-        kept: KeptRuns | None = None,
+        kept: KeptBatches | None = None,
         machine_coordinates: bool = False,
     ) -> None:
         self._setup = set_up(machine, kinematics, lease)
@@ -65,7 +65,7 @@ class Interpreter:
         if machine_coordinates:
             self._modal = INITIAL
             self._parse = reader_of(Dialect(channels=machine.dialect.channels))
-        self._runs = RunInterpreter(self._setup, kept)
+        self._batches = BatchInterpreter(self._setup, kept)
 
     @property
     def modal(self) -> ModalState:
@@ -129,19 +129,21 @@ class Interpreter:
         self._commanded.invalidate(axes)
         return AxisLine(parsed.number, AxisOperation.CAPTURE, axes)
 
-    def run_window(self, number: int) -> int:
-        """Return how many lines from line ``number`` on `interpret_run` would read; 0: no attempt now.
+    def batch_window(self, number: int) -> int:
+        """Return how many lines from line ``number`` on `interpret_batch` would read; 0: no attempt now.
 
-        Saves the caller from gathering lines in vain: after parts without runs attempts are rare.
+        Saves the caller from gathering lines in vain: after parts without batches attempts are rare.
         """
         one_by_one = self._ended or self._capture_due or self._setup.dynamics is not None
         one_by_one = one_by_one or self._program is not None
-        return 0 if one_by_one else self._runs.window(number)
+        return 0 if one_by_one else self._batches.window(number)
 
-    def interpret_run(self, texts: Sequence[str], number: int, most: int = MAX_LINES) -> FoundRun | None:
-        """Parse and interpret the longest run of lines blocks that ``texts`` begins with.
+    def interpret_batch(
+        self, texts: Sequence[str], number: int, most: int = MAX_LINES
+    ) -> InterpretedBatch | None:
+        """Parse and interpret the longest batch of lines that ``texts`` begins with.
 
-        Values and state are bit for bit those of `interpret_text` line by line. Whatever ends a run is left
+        Values and state are bit for bit those of `interpret_text` line by line. Whatever ends a batch is left
         to `interpret_text`: other codes, a fault, a tool in force, an axis whose start only the encoder
         gives. A failed attempt costs a few microseconds and suppresses the next ones for some lines.
 
@@ -151,11 +153,11 @@ class Interpreter:
             most: lines that may be taken.
 
         Returns:
-            The run; None below `mcserver.gcode.fast_path.run_state.MIN_LINES`.
+            The batch; None below `mcserver.gcode.fast_path.interpreted_batch.MIN_LINES`.
         """
         if self._ended or self._setup.dynamics is not None:
             return None
-        found = self._runs.interpret(texts, number, self._modal, self._commanded, most)
+        found = self._batches.interpret(texts, number, self._modal, self._commanded, most)
         if found is None:
             return None
         self._modal = found.modal

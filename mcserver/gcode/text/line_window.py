@@ -8,7 +8,7 @@ from itertools import islice
 from mcserver.errors import ProgramRejected
 from mcserver.gcode.text.source import find_odd_line
 
-# Lines that are read ahead in one go: some, so that runs of alike lines are found whole.
+# Lines that are read ahead in one go: some, so that batches of alike lines are found whole.
 BLOCK = 8192
 
 

@@ -1,4 +1,4 @@
-"""Lines and arcs on end in all columns of the machine: what the planner needs of a `PathRun`."""
+"""Lines and arcs on end in all columns of the machine: what the planner needs of a `PathBatch`."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from mcserver.motion.canonical import PathRun
+from mcserver.motion.canonical import PathBatch
 from mcserver.motion.geometry.curves import ArcCurve, Array
 from mcserver.motion.geometry.plan_columns import bits_of
 from mcserver.motion.geometry.run_feeds import RunFeeds
@@ -29,7 +29,7 @@ class PathSegments:
         scales: lengths of dp/ds at the starts, shape (n,).
     """
 
-    run: PathRun
+    run: PathBatch
     columns: tuple[NDArray[np.intp], ...]
     masks: tuple[int, ...]
     feed_columns: tuple[NDArray[np.intp], ...]
@@ -42,7 +42,7 @@ class PathSegments:
     @classmethod
     def of(
         cls,
-        run: PathRun,
+        run: PathBatch,
         slots: dict[int, int],
         linear: NDArray[np.bool_],
         position: Array,
@@ -122,7 +122,7 @@ class PathSegments:
 
 
 def _arcs(
-    points: Array, planes: NDArray[np.intp], curved: NDArray[np.intp], run: PathRun
+    points: Array, planes: NDArray[np.intp], curved: NDArray[np.intp], run: PathBatch
 ) -> tuple[Array, Array]:
     """Return the rows of arcs, shape (m, `ARC`), and their `PathSegments.ends` in their planes, (4, m, 2).
 

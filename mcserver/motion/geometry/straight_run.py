@@ -1,4 +1,4 @@
-"""A run of G01 lines in all columns of the machine: what the planner needs of a `PlainRun`."""
+"""A run of G01 lines in all columns of the machine: what the planner needs of a `LineBatch`."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from mcserver.motion.canonical import PlainRun
+from mcserver.motion.canonical import LineBatch
 from mcserver.motion.geometry.curves import Array
 from mcserver.motion.geometry.plan_columns import bits_of
 from mcserver.motion.geometry.run_feeds import RunFeeds
@@ -24,7 +24,7 @@ class StraightRun:
         scales: lengths of the travels, shape (n,). feed_columns: as of `Segment`, of all.
     """
 
-    run: PlainRun
+    run: LineBatch
     mask: int
     points: Array
     travels: Array
@@ -35,7 +35,7 @@ class StraightRun:
     @classmethod
     def of(
         cls,
-        run: PlainRun,
+        run: LineBatch,
         slots: dict[int, int],
         linear: NDArray[np.bool_],
         position: Array,

@@ -26,7 +26,7 @@ class LineEvents:
 
 
 @dataclass(frozen=True, eq=False)
-class Stretch:
+class RowBlock:
     """Cycles that were played: lines (n,), setpoints and encoder readings (n, K) [m or rad], and events."""
 
     lines: NDArray[np.int64]

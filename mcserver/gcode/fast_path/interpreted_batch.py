@@ -1,4 +1,4 @@
-"""Feed and modal state along a run of lines."""
+"""Feed and modal state along a batch of lines."""
 
 from __future__ import annotations
 
@@ -12,13 +12,13 @@ from numpy.typing import NDArray
 from mcserver.gcode.profiles.frame import Frame
 from mcserver.gcode.semantics.modal import Feed, ModalState, read_feed
 from mcserver.gcode.semantics.program_units import path_speed
-from mcserver.motion.canonical import MotionLine, PathRun, PlainRun
+from mcserver.motion.canonical import LineBatch, MotionLine, PathBatch
 from mcserver.motion.geometry.curves import Array
 
 MIN_LINES = 6  # fewer lines are slower in columns than one by one
 
 
-class FoundRun(NamedTuple):
+class InterpretedBatch(NamedTuple):
     """Lines that were interpreted in columns.
 
     Attributes:
@@ -29,7 +29,7 @@ class FoundRun(NamedTuple):
     """
 
     modal: ModalState
-    values: Sequence[PlainRun | PathRun | MotionLine]
+    values: Sequence[LineBatch | PathBatch | MotionLine]
     taken: int
     without_effect: Mapping[str, tuple[int, int]] = {}
 

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from mcserver.errors import Diagnostic, ProgramRejected
 from mcserver.gcode.fast_path.code_text import CodeText
-from mcserver.gcode.fast_path.run_state import MIN_LINES
+from mcserver.gcode.fast_path.interpreted_batch import MIN_LINES
 from mcserver.gcode.fast_path.vocabulary import OFFSETS, vocabulary_of
 from mcserver.gcode.fast_path.word_columns import WordReader
 from mcserver.gcode.program_check import check_program
@@ -40,12 +40,12 @@ def line_by_line(interpreter: Interpreter, texts: list[str]) -> tuple[list[Canon
     return values, faults
 
 
-def by_runs(interpreter: Interpreter, texts: list[str]) -> tuple[list[Canonical], list[Diagnostic]]:
+def by_batches(interpreter: Interpreter, texts: list[str]) -> tuple[list[Canonical], list[Diagnostic]]:
     values: list[Canonical] = []
     faults: list[Diagnostic] = []
     at = 0
     while at < len(texts):
-        found = interpreter.interpret_run(texts[at:], at + 1)
+        found = interpreter.interpret_batch(texts[at:], at + 1)
         if found is not None:
             assert found.taken >= MIN_LINES
             values += found.motion_lines()
@@ -65,7 +65,7 @@ def test_runs_and_single_lines_are_equal_to_the_last_bit(
     texts: list[str], lease: frozenset[int] | None
 ) -> None:
     quick, general = Interpreter(MACHINE, lease=lease), Interpreter(MACHINE, lease=lease)
-    values, faults = by_runs(quick, texts)
+    values, faults = by_batches(quick, texts)
     expected, expected_faults = line_by_line(general, texts)
     assert values == expected
     assert repr(values) == repr(expected)  # tells -0.0 from 0.0 and shows every bit

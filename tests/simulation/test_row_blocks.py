@@ -1,4 +1,4 @@
-"""Stretches of rows that a simulation plays in one go: the same to the bit as cycle by cycle."""
+"""Blocks of rows that a simulation plays in one go: the same to the bit as cycle by cycle."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from mcserver.executor.executor import Executor, Stretch
+from mcserver.executor.executor import Executor, RowBlock
 from mcserver.machine.machine_file import Machine, parse_machine
 from mcserver.simulation.simulation import Simulation, simulate
 
@@ -67,20 +67,20 @@ def timeless(report: dict[str, Any]) -> dict[str, Any]:
 
 
 def both(machine: Machine, monkeypatch: pytest.MonkeyPatch) -> tuple[Simulation, Simulation, int]:
-    """A run in stretches, one cycle by cycle, and how many cycles the stretches had."""
+    """A run in blocks, one cycle by cycle, and how many cycles the blocks had."""
     played = 0
-    play = Executor.play_stretch
+    play = Executor.play_rows
 
-    def counting(executor: Executor, time: float, limit: int) -> Stretch | None:
+    def counting(executor: Executor, time: float, limit: int) -> RowBlock | None:
         nonlocal played
-        stretch = play(executor, time, limit)
-        played += 0 if stretch is None else len(stretch.lines)
-        return stretch
+        block = play(executor, time, limit)
+        played += 0 if block is None else len(block.lines)
+        return block
 
-    monkeypatch.setattr(Executor, "play_stretch", counting)
-    in_stretches = simulate(PROGRAM, machine, record=True)
-    monkeypatch.setattr(Executor, "play_stretch", lambda *_: None)
-    return in_stretches, simulate(PROGRAM, machine, record=True), played
+    monkeypatch.setattr(Executor, "play_rows", counting)
+    in_blocks = simulate(PROGRAM, machine, record=True)
+    monkeypatch.setattr(Executor, "play_rows", lambda *_: None)
+    return in_blocks, simulate(PROGRAM, machine, record=True), played
 
 
 def assert_same(first: Simulation, second: Simulation) -> None:
@@ -91,7 +91,7 @@ def assert_same(first: Simulation, second: Simulation) -> None:
         assert np.array_equal(getattr(first.recording, name), getattr(second.recording, name))
 
 
-def test_stretches_are_the_same_to_the_bit_as_cycle_by_cycle(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_blocks_are_the_same_to_the_bit_as_cycle_by_cycle(monkeypatch: pytest.MonkeyPatch) -> None:
     first, second, played = both(machine("ideal"), monkeypatch)
     assert first.exit_code == 0
     assert_same(first, second)
@@ -125,7 +125,7 @@ def test_drives_with_a_lag_are_the_same_to_the_bit_too(drive: str, monkeypatch: 
     assert played > 0.3 * len(second.recording.time_s)
 
 
-def test_a_following_error_stops_a_stretch_in_its_cycle(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_following_error_stops_a_block_in_its_cycle(monkeypatch: pytest.MonkeyPatch) -> None:
     weak = machine("simulated", "max_following_error = 0.006\n")
     first, second, played = both(weak, monkeypatch)
     assert [fault["code"] for fault in first.report["diagnostics"]] == ["MC407"]

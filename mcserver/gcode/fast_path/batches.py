@@ -1,6 +1,6 @@
-"""Interpret runs of simple blocks in columns: the same values as line by line, without an object for each.
+"""Interpret batches of simple blocks: the same values as line by line, without an object for each.
 
-Straight lines over the same axes come as `PlainRun`, all others of G01 to G03 as `PathRun`.
+Straight lines over the same axes come as `LineBatch`, all others of G01 to G03 as `PathBatch`.
 
 Bit for bit: numbers are read as `float` reads them; products, sums, quotients and comparisons are the same
 IEEE operations in the same order (an accumulated sum adds one after the other); the root of the sum of
@@ -12,9 +12,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from mcserver.gcode.fast_path.code_text import CodeText
-from mcserver.gcode.fast_path.kept_runs import KeptRuns
-from mcserver.gcode.fast_path.path_runs import PathRunInterpreter
-from mcserver.gcode.fast_path.run_state import MIN_LINES, FoundRun
+from mcserver.gcode.fast_path.interpreted_batch import MIN_LINES, InterpretedBatch
+from mcserver.gcode.fast_path.kept_batches import KeptBatches
+from mcserver.gcode.fast_path.path_batches import PathBatchInterpreter
 from mcserver.gcode.semantics.block_state import Setup
 from mcserver.gcode.semantics.commanded_state import CommandedState
 from mcserver.gcode.semantics.modal import ModalState
@@ -27,22 +27,22 @@ _GROWTH = 4
 _MAX_BACKOFF = 64
 
 
-class RunInterpreter:
-    """Finds and interprets runs, with a window that adapts to the program.
+class BatchInterpreter:
+    """Find and interpret batches, with a window that adapts to the program.
 
-    The window grows with the runs found, so that short runs do not read the same lines again and again. After
-    a failed attempt the next one waits, twice as long each time: one odd line between two runs costs little,
-    and so does a program without runs.
+    The window grows with the batches found, so that short batches do not read the same lines again and again.
+    After a failed attempt the next one waits, twice as long each time: one odd line between two batches costs
+    little, and so does a program without batches.
 
     Args:
-        kept: where the check of a program keeps its runs, and the run of it takes them from.
+        kept: where the check of a program keeps its batches, and the run of it takes them from.
     """
 
     __slots__ = ("_backoff", "_kept", "_paths", "_retry_at", "_window")
 
-    def __init__(self, setup: Setup, kept: KeptRuns | None = None) -> None:
+    def __init__(self, setup: Setup, kept: KeptBatches | None = None) -> None:
         self._kept = kept
-        self._paths = PathRunInterpreter(setup)
+        self._paths = PathBatchInterpreter(setup)
         self._window = _FIRST_WINDOW
         self._backoff = 1
         self._retry_at = 0
@@ -53,8 +53,8 @@ class RunInterpreter:
 
     def interpret(
         self, texts: Sequence[str], number: int, modal: ModalState, commanded: CommandedState, most: int
-    ) -> FoundRun | None:
-        """Return the modal state after the run, the run and its count of lines, and advance the positions."""
+    ) -> InterpretedBatch | None:
+        """Interpret the batch that the lines begin with, and advance the positions."""
         size = min(len(texts), self.window(number), most)
         if size < MIN_LINES:
             return None
@@ -75,7 +75,9 @@ class RunInterpreter:
         self._window = min(MAX_LINES, max(_FIRST_WINDOW, taken * (_GROWTH if taken == size else 2)))
         return found
 
-    def _taken(self, size: int, number: int, modal: ModalState, commanded: CommandedState) -> FoundRun | None:
+    def _taken(
+        self, size: int, number: int, modal: ModalState, commanded: CommandedState
+    ) -> InterpretedBatch | None:
         """Take lines that the check of the program has interpreted."""
         if self._kept is None:
             return None
@@ -83,7 +85,7 @@ class RunInterpreter:
 
     def _read(
         self, texts: Sequence[str], number: int, modal: ModalState, commanded: CommandedState
-    ) -> FoundRun | None:
+    ) -> InterpretedBatch | None:
         if modal.tool is not None or modal.exact_next or commanded.poses:
             return None
         return self._paths.interpret(CodeText.of(texts), number, modal, commanded)

@@ -1,6 +1,6 @@
 """Interpret lines of G00 to G03 in columns, whatever words each of them has: the usual parts of CAM.
 
-Bit for bit as the block interpreter does it line by line; see `mcserver.gcode.fast_path.runs`.
+Bit for bit as the block interpreter does it line by line; see `mcserver.gcode.fast_path.batches`.
 """
 
 from __future__ import annotations
@@ -14,9 +14,9 @@ from numpy.typing import NDArray
 from mcserver.gcode.fast_path.arc_columns import ArcColumns, arcs_of, hypot
 from mcserver.gcode.fast_path.axis_rows import arc_frame, axis_rows, inside_travels
 from mcserver.gcode.fast_path.code_text import CodeText
-from mcserver.gcode.fast_path.run_state import (
+from mcserver.gcode.fast_path.interpreted_batch import (
     MIN_LINES,
-    FoundRun,
+    InterpretedBatch,
     feeds_in_force,
     last_written,
     leading,
@@ -31,7 +31,7 @@ from mcserver.gcode.semantics.feed_time import NO_TRAVEL, FeedBasis, feed_basis,
 from mcserver.gcode.semantics.modal import ModalState, smallest_feed
 from mcserver.gcode.semantics.program_units import length_scale, move_duration, turning_speed
 from mcserver.gcode.semantics.rapids import rapid_group
-from mcserver.motion.canonical import MotionLine, PathRun, PlainRun
+from mcserver.motion.canonical import LineBatch, MotionLine, PathBatch
 from mcserver.motion.geometry.curves import ArcCurve, Array
 
 Mask = NDArray[np.bool_]
@@ -69,7 +69,7 @@ class _Lines(NamedTuple):
         )
 
 
-class PathRunInterpreter:
+class PathBatchInterpreter:
     """Interprets lines with a table of the usable axes."""
 
     __slots__ = ("_profile", "_reader", "_rows", "_setup", "_tolerance", "_vocabulary")
@@ -85,8 +85,8 @@ class PathRunInterpreter:
 
     def interpret(
         self, text: CodeText, number: int, modal: ModalState, commanded: CommandedState
-    ) -> FoundRun | None:
-        """Return the modal state after the run, the run and its count of lines, and advance the positions.
+    ) -> InterpretedBatch | None:
+        """Interpret the batch that the lines begin with, and advance the positions.
 
         Args:
             number: of the first line.
@@ -126,12 +126,12 @@ class PathRunInterpreter:
             modal.exact_stop,
             self._tolerance if modal.tolerance is None else modal.tolerance,
         )
-        run: PlainRun | PathRun
+        batch: LineBatch | PathBatch
         if len(frames) == 1 and not sweeps[:count].any():
             columns = [axes.index(axis) for axis in frames[0]]
-            run = PlainRun(number + table.lines, frames[0], points[: count + 1, columns], *timing)
+            batch = LineBatch(number + table.lines, frames[0], points[: count + 1, columns], *timing)
         else:
-            run = PathRun(
+            batch = PathBatch(
                 number + table.lines,
                 axes,
                 points[: count + 1],
@@ -144,38 +144,38 @@ class PathRunInterpreter:
         commanded.positions.update(zip(axes, points[count].tolist(), strict=True))
         after = state_after(modal, table.feeds, table.spindle, int(lines.motion[-1]))
         idle = {letter: (number + at, many) for letter, (at, many) in table.without_effect().items()}
-        return FoundRun(after, self._values(run, lines, points, axes, modal), table.taken, idle)
+        return InterpretedBatch(after, self._values(batch, lines, points, axes, modal), table.taken, idle)
 
     def _values(
         self,
-        run: PlainRun | PathRun,
+        batch: LineBatch | PathBatch,
         lines: _Lines,
         points: Array,
         axes: tuple[int, ...],
         modal: ModalState,
-    ) -> Sequence[PlainRun | PathRun | MotionLine]:
-        """Return the lines as one run, or as several with the rapids between them."""
+    ) -> Sequence[LineBatch | PathBatch | MotionLine]:
+        """Return the lines as one batch, or as several with the rapids between them."""
         rapids = np.flatnonzero(lines.motion == 0).tolist()
         if not rapids:
-            return (run,)
-        found: list[PlainRun | PathRun | MotionLine] = []
+            return (batch,)
+        found: list[LineBatch | PathBatch | MotionLine] = []
         before = 0
-        for index in [*rapids, len(run)]:
+        for index in [*rapids, len(batch)]:
             between = index - before
             if between >= MIN_LINES:
-                found.append(run.part(before, index))
+                found.append(batch.part(before, index))
             elif between:
-                found += run.part(before, index).motion_lines()
+                found += batch.part(before, index).motion_lines()
             before = index + 1
-            if index < len(run):
+            if index < len(batch):
                 kind = lines.kinds[int(lines.table.shape[index])].axes
                 start, end = (
                     dict(zip(axes, points[row].tolist(), strict=True)) for row in (index, index + 1)
                 )
                 group = rapid_group(self._setup, modal, start, {axis: end[axis] for axis in kind})
-                tolerance = run.tolerance
+                tolerance = batch.tolerance
                 found.append(
-                    MotionLine(int(run.lines[index]), (group,), exact_stop=True, tolerance=tolerance)
+                    MotionLine(int(batch.lines[index]), (group,), exact_stop=True, tolerance=tolerance)
                 )
         return found
 
