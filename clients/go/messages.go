@@ -316,11 +316,13 @@ type CheckRequest struct {
 	Sha256    string             `msgpack:"sha256"`
 }
 
-// ClearanceReport: The least distances of a run's bodies; `pairs`: the nearest first, 20 at most.
+// ClearanceReport: The least distances of a run's bodies.
 type ClearanceReport struct {
-	MarginMm float64         `msgpack:"margin_mm" mc:"required"`
-	LeastMm  float64         `msgpack:"least_mm" mc:"required"`
-	Pairs    []PairClearance `msgpack:"pairs" mc:"required"`
+	MarginMm float64 `msgpack:"margin_mm" mc:"required"`
+	// LeastMm: nil where all stayed more than 50 mm above the margin apart.
+	LeastMm *float64 `msgpack:"least_mm" mc:"required"`
+	// Pairs: that came nearer, the nearest first, 20 at most.
+	Pairs []PairClearance `msgpack:"pairs" mc:"required"`
 }
 
 // CloseReply: `accepted`: the last line that will run.

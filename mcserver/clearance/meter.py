@@ -8,6 +8,8 @@ passed over, however quick the motion is.
 
 from __future__ import annotations
 
+import heapq
+import math
 from dataclasses import dataclass
 from typing import Any
 
@@ -25,6 +27,8 @@ Array = NDArray[np.float64]
 # Least distances are found to this, or to a share of themselves where that is more [m].
 RESOLUTION = 5e-5
 SHARE = 0.05
+# Pairs that stay this much more apart than the margin are not told [m].
+FAR = 0.05
 # Between two cycles motion is halved until it is shorter than this [m]; a contact below it is none.
 FINEST = 1e-5
 # Cycles that are looked at together.
@@ -64,7 +68,10 @@ class ClearanceMeter:
         pairs = range(len(self._scene.pairs))
         self._known: Array = np.array([self._scene.distance(pair) for pair in pairs])
         self._spent: Array = np.zeros(len(pairs))
-        self._nearest = [Nearest(float(at), 0.0, 0, contact=bool(at < self._margin)) for at in self._known]
+        self._nearest = [
+            Nearest(float(at) if at < self._margin + FAR else math.inf, 0.0, 0, bool(at < self._margin))
+            for at in self._known
+        ]
 
     def add(self, times: Array, lines: NDArray[np.int64], setpoint: Array) -> None:
         """Take cycles in order: times (n,) [s], lines (n,), setpoints (n, K) [SI]."""
@@ -83,11 +90,12 @@ class ClearanceMeter:
         return [self._diagnostic(names, nearest, zone) for names, (nearest, zone) in first.items()]
 
     def report(self) -> dict[str, Any]:
-        """Return ``margin_mm``, ``least_mm`` and ``pairs``, the nearest first."""
+        """Return ``margin_mm``, ``least_mm`` and ``pairs``, the nearest first; None: all stayed far apart."""
         self._look()
         least: dict[tuple[str, str], Nearest] = {}
         for pair, nearest in sorted(self._by_time(), key=lambda each: each[1].distance):
-            least.setdefault(pair.names, nearest)
+            if nearest.distance < math.inf:
+                least.setdefault(pair.names, nearest)
         rows = [
             {
                 "bodies": list(names),
@@ -99,7 +107,7 @@ class ClearanceMeter:
         ]
         return {
             "margin_mm": self._margin / MM,
-            "least_mm": rows[0]["least_mm"],
+            "least_mm": rows[0]["least_mm"] if rows else None,
             "pairs": rows[:MOST_SHOWN],
         }
 
@@ -138,41 +146,38 @@ class ClearanceMeter:
         times, lines, rows = (np.concatenate(each) for each in zip(*self._block, strict=True))
         self._block, self._waiting = [], 0
         moved = np.abs(np.diff(rows, axis=0, prepend=self._last[None])) @ self._scene.levers
-        spent = self._spent + moved.cumsum(axis=0)
-        for pair in np.flatnonzero(spent[-1] >= self._spare()).tolist():
-            if not self._nearest[pair].contact:
-                spent[-1, pair] = self._advance(pair, times, lines, rows, moved[:, pair])
-        self._spent = spent[-1]
+        # motion of each pair up to each cycle; of that, up to where its distance was computed last
+        total = self._spent + moved.cumsum(axis=0)
+        known = np.zeros(len(self._nearest))
+        due = [
+            (int(np.searchsorted(total[:, pair], self._spare(pair))), pair)
+            for pair in range(len(self._nearest))
+            if total[-1, pair] >= self._spare(pair) and not self._nearest[pair].contact
+        ]
+        heapq.heapify(due)
+        while due and due[0][0] < len(rows):
+            at, pair = due[0]
+            before = self._last if at == 0 else rows[at - 1]
+            low = float(self._known[pair] + known[pair] - total[at, pair] + moved[at, pair])
+            end, least = self._between(pair, before, rows[at], low, float(moved[at, pair]))
+            if least < min(self._nearest[pair].distance, self._margin + FAR):
+                contact = least < self._margin
+                self._nearest[pair] = Nearest(least, float(times[at]), int(lines[at]), contact)
+            self._known[pair] = end
+            known[pair] = total[at, pair]
+            if self._nearest[pair].contact:
+                heapq.heappop(due)
+            else:
+                later = int(np.searchsorted(total[at + 1 :, pair], known[pair] + self._spare(pair)))
+                heapq.heapreplace(due, (at + 1 + later, pair))
+        self._spent = total[-1] - known
         self._last = rows[-1]
 
-    def _spare(self) -> Array:
-        """Return the motion after which a pair may be a contact, or nearer than it ever was, shape (P,)."""
-        return np.array([self._known[pair] - self._level(pair) for pair in range(len(self._known))])
-
-    def _level(self, pair: int) -> float:
+    def _spare(self, pair: int) -> float:
+        """Return the motion after which a pair may be a contact, or nearer than it ever was [m]."""
         best = self._nearest[pair].distance
-        return max(self._margin, best - max(RESOLUTION, SHARE * best))
-
-    def _advance(self, pair: int, times: Array, lines: NDArray[np.int64], rows: Array, moved: Array) -> float:
-        """Follow a pair through a block of cycles; return the motion since its distance was reckoned last."""
-        total = np.concatenate([[0.0], moved.cumsum()])
-        # motion up to the cycle before this one since the distance was reckoned
-        base, at = -float(self._spent[pair]), 0
-        while True:
-            wanted = base + self._known[pair] - self._level(pair)
-            at = max(at, int(np.searchsorted(total[1:], wanted)))
-            if at >= len(rows):
-                return float(total[-1] - base)
-            before = self._last if at == 0 else rows[at - 1]
-            low = float(self._known[pair] - (total[at] - base))
-            found = self._between(pair, before, rows[at], low, float(moved[at]))
-            self._known[pair], base = found[0], float(total[at + 1])
-            if min(found) < self._nearest[pair].distance:
-                contact = min(found) < self._margin
-                self._nearest[pair] = Nearest(min(found), float(times[at]), int(lines[at]), contact)
-                if contact:
-                    return 0.0
-            at += 1
+        nearer = min(best, self._margin + FAR)
+        return float(self._known[pair]) - max(self._margin, nearer - max(RESOLUTION, SHARE * nearer))
 
     def _between(
         self, pair: int, before: Array, after: Array, low: float, moved: float

@@ -118,6 +118,15 @@ class Scene:
         """Return how far the bodies of a pair are apart as placed [m]; negative: they overlap."""
         return float(self._pin.computeDistance(self._geometry, self._placed, pair).min_distance)
 
+    def middle_of(self, name: str, positions: Array) -> Array:
+        """Return the middle of a body of that name at these positions, shape (3,) [m]."""
+        self.place(positions)
+        number = next(each for each, known in self._names.items() if known == name)
+        body = self._geometry.geometryObjects[number]
+        body.geometry.computeLocalAABB()
+        middle: Array = self._placed.oMg[number].act(np.asarray(body.geometry.aabb_center))
+        return middle
+
     # ------------------------------------------------------------------ the model
 
     def _robot_model(self) -> Any:

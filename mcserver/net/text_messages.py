@@ -75,10 +75,15 @@ class PairClearance(msgspec.Struct, frozen=True):
 
 
 class ClearanceReport(msgspec.Struct, frozen=True):
-    """The least distances of a run's bodies; ``pairs``: the nearest first, 20 at most."""
+    """The least distances of a run's bodies.
+
+    Attributes:
+        least_mm: None where all stayed more than 50 mm above the margin apart. pairs: that came nearer, the
+            nearest first, 20 at most.
+    """
 
     margin_mm: float
-    least_mm: float
+    least_mm: float | None
     pairs: list[PairClearance]
 
 

@@ -23,6 +23,7 @@ SECTIONS = {
     "polylines": "polylines that stand for an arc",
     "short_segments": "10 000 segments of 0.05 mm",
     "simulate": "simulation against the machine's time",
+    "clearance": "clearance of all bodies, a cycle",
     "gait": "a line of four legs",
     "inverse_kinematics": "tool waypoints a second",
     "hold": "feed hold",

@@ -173,10 +173,12 @@ export interface CheckRequest {
   sha256?: string | null | undefined;
 }
 
-/** The least distances of a run's bodies; `pairs`: the nearest first, 20 at most. */
+/** The least distances of a run's bodies. */
 export interface ClearanceReport {
   margin_mm: number;
-  least_mm: number;
+  /** null where all stayed more than 50 mm above the margin apart. */
+  least_mm: number | null;
+  /** that came nearer, the nearest first, 20 at most. */
   pairs: PairClearance[];
 }
 

@@ -841,11 +841,14 @@ impl Default for CheckRequest {
     }
 }
 
-/// The least distances of a run's bodies; `pairs`: the nearest first, 20 at most.
+/// The least distances of a run's bodies.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct ClearanceReport {
     pub margin_mm: f64,
-    pub least_mm: f64,
+    /// none where all stayed more than 50 mm above the margin apart.
+    #[serde(deserialize_with = "Option::deserialize")]
+    pub least_mm: Option<f64>,
+    /// that came nearer, the nearest first, 20 at most.
     pub pairs: Vec<PairClearance>,
 }
 

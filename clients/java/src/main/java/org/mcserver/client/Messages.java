@@ -497,8 +497,12 @@ public final class Messages {
         }
     }
 
-    /** The least distances of a run's bodies; `pairs`: the nearest first, 20 at most. */
-    public record ClearanceReport(double marginMm, double leastMm, List<PairClearance> pairs) {}
+    /**
+     * The least distances of a run's bodies.
+     * @param leastMm null where all stayed more than 50 mm above the margin apart.
+     * @param pairs that came nearer, the nearest first, 20 at most.
+     */
+    public record ClearanceReport(double marginMm, @Nil Double leastMm, List<PairClearance> pairs) {}
 
     /** `accepted`: the last line that will run. */
     public record CloseReply(String program, long accepted, long done, ProgramState state) {}

@@ -1,0 +1,128 @@
+"""What clearance costs a cycle, and planted obstacles: found, or moved clear and not reported.
+
+``python -m tests.bench.clearance --count 1000`` plants obstacles in the way of random motions of an arm, a
+dog and a mill, and moves each clear by a millimetre.
+"""
+
+from __future__ import annotations
+
+import argparse
+import time
+from collections.abc import Sequence
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mcserver.clearance.meter import ClearanceMeter
+from mcserver.clearance.scene import Scene
+from mcserver.machine.machine_file import Machine, builtin_text, parse_machine
+from mcserver.units import MM
+from tests.bench.figures import Figure
+from tests.clearance.machines import block, mill
+
+Array = NDArray[np.float64]
+
+CYCLES = 5000
+# how far a moved obstacle stays clear [m]
+CLEAR = 1e-3
+MARGIN_ZERO = "[clearance]\nmargin_mm = 0.0\n"
+
+
+def measure() -> list[Figure]:
+    """Microseconds a cycle beside the machine's time."""
+    found = []
+    for name, machine in (("arm6, 36 pairs", _robot("arm6")), ("robot-dog, 256 pairs", _robot("robot-dog"))):
+        rows = random_motion(machine, 1, CYCLES // 250)
+        meter = ClearanceMeter(machine, rows[0])
+        times, lines = np.arange(len(rows)) * machine.cycle_s, np.ones(len(rows), np.int64)
+        begin = time.process_time()
+        meter.add(times, lines, rows)
+        meter.contacts()
+        spent = (time.process_time() - begin) / len(rows)
+        found.append(
+            Figure(
+                f"{name}: the machine's time",
+                machine.cycle_s / spent,
+                "× of the processor's",
+                goal="≥ 30 ×",
+            )
+        )
+    return found
+
+
+def random_motion(machine: Machine, seed: int, strokes: int = 3) -> Array:
+    """Return a smooth random way of all axes within their travel, one row a cycle, shape (n, K) [SI]."""
+    draw = np.random.default_rng(seed)
+    low = np.array([max(axis.min_position, -0.4) for axis in machine.axes])
+    high = np.array([min(axis.max_position, 0.4) for axis in machine.axes])
+    knots = np.vstack(
+        [[axis.initial_position for axis in machine.axes], draw.uniform(low, high, (strokes, len(low)))]
+    )
+    t = np.linspace(0.0, 1.0, 250)[:, None]
+    ease = t * t * (3.0 - 2.0 * t)
+    ways = [one + ease * (other - one) for one, other in pairwise(knots)]
+    return np.concatenate(ways)
+
+
+def planted(seed: int) -> tuple[bool, bool]:
+    """Plant an obstacle in a random motion; return whether it was found, and, moved clear, reported."""
+    made = (lambda *more: _robot("arm6", *more), lambda *more: _robot("robot-dog", *more), mill)[seed % 3]
+    draw = np.random.default_rng(10_000 + seed)
+    far = made(MARGIN_ZERO, block("post", (0.0, 0.0, 9000.0), 1.0))
+    rows = random_motion(far, seed)
+    scene = Scene(far)
+    moving = [each.names[0] for each in scene.pairs if "post" in each.names]
+    at = scene.middle_of(str(draw.choice(moving)), rows[int(draw.integers(len(rows)))]) / MM
+    edge = float(draw.uniform(2.0, 60.0))
+    hit = _touched(made(MARGIN_ZERO, block("post", tuple(at), edge)), rows)
+    # straight up until it is clear in every cycle
+    height = 0.0
+    while True:
+        clear = made(MARGIN_ZERO, block("post", (at[0], at[1], at[2] + height), edge))
+        least = _least(clear, rows)
+        if least >= CLEAR:
+            break
+        height += max(1.0, (CLEAR - least) / MM)
+    return hit, _touched(clear, rows)
+
+
+def _robot(name: str, *more: str) -> Machine:
+    return parse_machine("\n".join((builtin_text(name), *(more or ("[clearance]\n",)))))
+
+
+def _touched(machine: Machine, rows: Array) -> bool:
+    meter = ClearanceMeter(machine, rows[0])
+    meter.add(np.arange(len(rows)) * machine.cycle_s, np.ones(len(rows), np.int64), rows)
+    return any("'post'" in each.message for each in meter.contacts())
+
+
+def _least(machine: Machine, rows: Array) -> float:
+    """Return the least distance of the post in any cycle [m]."""
+    scene = Scene(machine)
+    pairs = [number for number, each in enumerate(scene.pairs) if "post" in each.names]
+    least = np.inf
+    for row in rows:
+        scene.place(row)
+        least = min(least, *(scene.distance(pair) for pair in pairs))
+    return float(least)
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Plant obstacles and count."""
+    parser = argparse.ArgumentParser()
+    parser.add_argument("--first", type=int, default=0)
+    parser.add_argument("--count", type=int, default=1000)
+    asked = parser.parse_args(arguments)
+    missed, alarms = [], []
+    for seed in range(asked.first, asked.first + asked.count):
+        hit, alarm = planted(seed)
+        missed += [] if hit else [seed]
+        alarms += [seed] if alarm else []
+    print(f"{asked.count} planted: {len(missed)} missed {missed[:9]}")
+    print(f"{asked.count} moved clear: {len(alarms)} reported {alarms[:9]}")
+    return 1 if missed or alarms else 0
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())
