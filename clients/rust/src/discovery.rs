@@ -12,7 +12,6 @@ use crate::calls::{Caller, Nothing, Trying};
 use crate::error::{Error, Problem, Result};
 use crate::keys::{ALL_MACHINES, Keys, is_name, live_key, machine_and_server};
 use crate::link::{Link, user_of};
-use crate::machine::Machine;
 use crate::messages::Info;
 use crate::presence::Presence;
 use crate::wire::decode;
@@ -106,15 +105,6 @@ impl ConnectOptions {
         self.config_file = Some(file.into());
         self.endpoints.clear();
         self
-    }
-
-    /// Finds the machine and connects to it.
-    ///
-    /// # Errors
-    /// MC530 none comes within the time, MC531 more than one is there and none is named, MC533 another version of the
-    /// protocol, MC537 the configuration.
-    pub async fn connect(self) -> Result<Machine> {
-        Machine::open(self).await
     }
 
     pub(crate) async fn link(&self) -> Result<Link> {

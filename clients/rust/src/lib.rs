@@ -22,6 +22,7 @@
 #![forbid(unsafe_code)]
 
 mod calls;
+mod connection;
 mod core;
 mod discovery;
 mod error;

@@ -6,23 +6,18 @@ use std::time::Duration;
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 use tokio::sync::OnceCell;
-use tokio::task::JoinHandle;
-use zenoh::liveliness::LivelinessToken;
 
 use crate::calls::{Caller, DEADLINE, Nothing, Trying};
+use crate::connection::Connection;
 use crate::core::Core;
 use crate::discovery::{ConnectOptions, find_machine};
 use crate::error::{Error, Problem, Result};
 use crate::estop::{EmergencyStop, send_until_confirmed};
-use crate::events::{EVENTS_LIMIT, EventOrder, NEWEST, fetch, read_events};
-use crate::feed::{Feed, Queue};
+use crate::feed::Feed;
 use crate::jog::{HeldJog, jog_held};
 use crate::keys::{Keys, PROTOCOL_VERSION};
-use crate::link::{Link, Subscription};
-use crate::messages::{
-    Continuation, ContinuationRequest, ContinueRequest, Done, Event, EventKind, Info, MachineStatus,
-    OverrideReply, OverrideRequest, ProgramRequest,
-};
+use crate::link::Link;
+use crate::messages::{Continuation, ContinuationRequest, ContinueRequest, Event, Info, MachineStatus};
 use crate::presence::{Presence, lock};
 use crate::program::Program;
 use crate::program_options::ProgramOptions;
@@ -35,32 +30,21 @@ const LEAVE: Duration = Duration::from_secs(1);
 const STATES_LIMIT: usize = 32;
 const SAMPLES_LIMIT: usize = 4096;
 
-/// Ends a task when it is dropped.
-struct Running(JoinHandle<()>);
-
-impl Drop for Running {
-    fn drop(&mut self) {
-        self.0.abort();
-    }
-}
-
-/// What a machine's handles and programs share.
-pub(crate) struct Inner {
-    pub link: Link,
-    pub keys: Arc<Keys>,
-    pub caller: Caller,
-    pub patience: Duration,
-    presence: Arc<Presence>,
-    options: ConnectOptions,
-    info: Arc<RwLock<Arc<Info>>>,
-    token: OnceCell<LivelinessToken>,
-    watch: Mutex<Option<Subscription>>,
-}
-
 /// A connected machine; clones are handles of the same connection.
 #[derive(Clone)]
 pub struct Machine {
-    inner: Arc<Inner>,
+    inner: Arc<Connection>,
+}
+
+impl ConnectOptions {
+    /// Finds the machine and connects to it.
+    ///
+    /// # Errors
+    /// MC530 none comes within the time, MC531 more than one is there and none is named, MC533 another version of the
+    /// protocol, MC537 the configuration.
+    pub async fn connect(self) -> Result<Machine> {
+        Machine::open(self).await
+    }
 }
 
 impl Machine {
@@ -108,7 +92,7 @@ impl Machine {
         }
         let patience = options.patience;
         Ok(Self {
-            inner: Arc::new(Inner {
+            inner: Arc::new(Connection {
                 link,
                 keys,
                 caller,
@@ -314,96 +298,5 @@ impl Machine {
     /// As [`Machine::refresh_info`].
     pub async fn events(&self, history: bool) -> Result<Feed<Event>> {
         self.inner.open_events(history, None).await
-    }
-}
-
-impl Inner {
-    pub fn info(&self) -> Arc<Info> {
-        Arc::clone(&self.info.read().unwrap_or_else(PoisonError::into_inner))
-    }
-
-    /// This client's token: without it the server does not notice that the client has gone.
-    async fn declare_token(&self) -> Result<()> {
-        let key = self.keys.token();
-        self.token.get_or_try_init(|| self.link.declare_token(&key)).await.map(|_| ())
-    }
-
-    pub async fn ask<T: DeserializeOwned>(
-        &self,
-        method: &str,
-        fields: &impl Serialize,
-        deadline: Duration,
-    ) -> Result<T> {
-        decode(&self.caller.call(method, fields, Trying::for_answer(deadline)).await?)
-    }
-
-    pub async fn order(&self, method: &str, program: &str) -> Result<()> {
-        let request = ProgramRequest {
-            program: Some(program.to_owned()),
-        };
-        self.ask::<Done>(method, &request, DEADLINE).await.map(|_| ())
-    }
-
-    pub async fn set_override(&self, percent: f64, program: &str) -> Result<f64> {
-        let request = OverrideRequest {
-            program: Some(program.to_owned()),
-            ..OverrideRequest::new(percent)
-        };
-        let reply: OverrideReply = self.ask("override", &request, DEADLINE).await?;
-        Ok(reply.percent)
-    }
-
-    async fn feed<T: Send + 'static>(
-        &self,
-        key: &str,
-        limit: usize,
-        read: impl Fn(&[u8]) -> Result<T> + Send + Sync + 'static,
-    ) -> Result<Feed<T>> {
-        let queue = Queue::new(limit);
-        let arrived = queue.clone();
-        let hear = move |payload: &[u8]| match read(payload) {
-            Ok(item) => arrived.push(item),
-            Err(error) => tracing::warn!("a message was not understood: {error}"),
-        };
-        let subscription = self.link.subscribe(key, hear).await?;
-        Ok(Feed::new(queue, subscription))
-    }
-
-    pub async fn open_events(&self, history: bool, program: Option<String>) -> Result<Feed<Event>> {
-        let returns = self.presence.returns();
-        let arrived = Queue::new(EVENTS_LIMIT);
-        let hearing = arrived.clone();
-        let hear = move |payload: &[u8]| match decode::<Event>(payload) {
-            Ok(event) => hearing.push(event),
-            Err(error) => tracing::warn!("an event was not understood: {error}"),
-        };
-        let subscription = self.link.subscribe(&self.keys.event(), hear).await?;
-        let order = if history {
-            EventOrder::default()
-        } else {
-            EventOrder::behind(&fetch(&self.caller, NEWEST).await?)
-        };
-        let queue = Queue::new(EVENTS_LIMIT);
-        let (passing, missing) = (queue.clone(), queue.clone());
-        let pass_on = move |event: Event| {
-            if program.is_some() && event.program != program {
-                return;
-            }
-            let last = program.is_some() && event.kind == EventKind::ProgramEnded;
-            passing.push(event);
-            if last {
-                passing.end();
-            }
-        };
-        let reading = tokio::spawn(read_events(
-            arrived,
-            order,
-            self.caller.clone(),
-            returns,
-            pass_on,
-            move |count| missing.miss(count),
-            history,
-        ));
-        Ok(Feed::new(queue, (subscription, Running(reading))))
     }
 }

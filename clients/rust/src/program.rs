@@ -10,10 +10,10 @@ use tokio::runtime::Handle;
 use tokio::sync::Mutex;
 
 use crate::calls::{Caller, Trying};
+use crate::connection::Connection;
 use crate::core::Core;
 use crate::error::{Error, Problem, Result};
 use crate::feed::Feed;
-use crate::machine::Inner;
 use crate::messages::{CloseReply, CloseRequest, Event, ProgramRequest, ProgramState, ProgramStatus};
 use crate::program_options::ProgramResult;
 use crate::stream::{Giving, LineStream};
@@ -30,7 +30,7 @@ const LINES_A_TURN: usize = 500;
 pub struct Program {
     stream: LineStream,
     caller: Caller,
-    machine: Arc<Inner>,
+    machine: Arc<Connection>,
     axes: Vec<u64>,
     max_line_length: u64,
     turn: Mutex<()>,
@@ -38,7 +38,7 @@ pub struct Program {
 }
 
 impl Program {
-    pub(crate) fn new(stream: LineStream, machine: Arc<Inner>, axes: Vec<u64>) -> Self {
+    pub(crate) fn new(stream: LineStream, machine: Arc<Connection>, axes: Vec<u64>) -> Self {
         Self {
             stream,
             caller: machine.caller.clone(),

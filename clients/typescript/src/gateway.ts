@@ -1,5 +1,6 @@
 import { decode, encode } from "@msgpack/msgpack";
 import { METHODS } from "./calls.js";
+import type { Connection } from "./connection.js";
 import { MotionError, NobodyAnswers, refusal } from "./errors.js";
 import { Machine } from "./machine.js";
 import { isText, understand } from "./wire.js";
@@ -42,7 +43,7 @@ const NORMAL_CLOSURE = 1000;
  * number, so that nothing is done twice, and subscriptions are made again. Where the gateway no longer knows the client, calls that change
  * something and may have been carried out are not sent again: they fail with MC532.
  */
-export class Gateway {
+export class Gateway implements Connection {
   /** This client's id, as others see it in events. */
   client = "";
   role = "";

@@ -1,6 +1,6 @@
 import { MachineCalls } from "./calls.js";
 import { Feed } from "./feed.js";
-import type { Gateway } from "./gateway.js";
+import type { Connection } from "./connection.js";
 import type { ContinueRequest, Info, MachineStatus, MotionEvent } from "./messages.js";
 import { type ContinueOptions, type OpenOptions, Program } from "./program.js";
 import { type Samples, columnsOf, understand } from "./wire.js";
@@ -10,9 +10,9 @@ const HOLD_S = 0.35;
 
 /** A machine behind a gateway. */
 export class Machine extends MachineCalls {
-  private constructor(private readonly gateway: Gateway, readonly name: string, readonly info: Info) { super(); }
+  private constructor(private readonly gateway: Connection, readonly name: string, readonly info: Info) { super(); }
 
-  static async open(gateway: Gateway, name: string): Promise<Machine> {
+  static async open(gateway: Connection, name: string): Promise<Machine> {
     const info = await gateway.request<Info>({ op: "call", machine: name, method: "info", params: {} });
     return new Machine(gateway, name, info);
   }

@@ -1,7 +1,7 @@
+import type { MachineCalls } from "./calls.js";
+import type { Connection } from "./connection.js";
 import { type MotionError, NobodyAnswers, ProgramRejected, RequestRefused } from "./errors.js";
-import type { Gateway } from "./gateway.js";
-import type { Machine } from "./machine.js";
-import type { Ack, Continuation, ContinueReply, ContinueRequest, OpenReply, OverrideReply, ProgramState, ProgramStatus, SubmitReply } from "./messages.js";
+import type { Ack, Continuation, ContinueReply, ContinueRequest, Info, OpenReply, OverrideReply, ProgramState, ProgramStatus, SubmitReply } from "./messages.js";
 import { LineWindow } from "./window.js";
 import { SURROGATE, understand } from "./wire.js";
 
@@ -33,6 +33,9 @@ export interface ContinueOptions {
   patienceMs?: number;
 }
 
+/** The machine of a program. */
+type Behind = MachineCalls & { readonly name: string; readonly info: Info };
+
 const GIVE_LINES = 1000;
 const GRACE_S = 10;
 const DOUBT_MS = 2000;
@@ -52,11 +55,11 @@ export class Program {
   /** What `waitDone` has rejected with. */
   #told: MotionError | null = null;
 
-  private constructor(private readonly machine: Machine, readonly id: string, opened: OpenReply | ContinueReply, private readonly patienceMs: number) {
+  private constructor(private readonly machine: Behind, readonly id: string, opened: OpenReply | ContinueReply, private readonly patienceMs: number) {
     this.#window = new LineWindow(opened);
   }
 
-  static async open(gateway: Gateway, machine: Machine, options: OpenOptions): Promise<Program> {
+  static async open(gateway: Connection, machine: Behind, options: OpenOptions): Promise<Program> {
     const opened = understand<OpenReply>("OpenReply", await machine.openProgram({
       name: options.name ?? "", axes: options.axes ?? null, on_disconnect: options.onDisconnect ?? "stop", grace_s: options.graceS ?? GRACE_S,
       start_line: options.startLine ?? 1, before: options.before ?? [], hold: options.hold ?? false, way: options.way ?? false,
@@ -65,13 +68,13 @@ export class Program {
     return Program.#follow(gateway, machine, opened, options.patienceMs);
   }
 
-  static async goOn(gateway: Gateway, machine: Machine, request: ContinueRequest, { show, patienceMs }: ContinueOptions): Promise<Program> {
+  static async goOn(gateway: Connection, machine: Behind, request: ContinueRequest, { show, patienceMs }: ContinueOptions): Promise<Program> {
     if (show) await show(await machine.continuation({ program: request.program, line: request.line }));
     const opened = understand<ContinueReply>("ContinueReply", await machine.openContinuation(request));
     return Program.#follow(gateway, machine, opened, patienceMs);
   }
 
-  static async #follow(gateway: Gateway, machine: Machine, opened: OpenReply | ContinueReply, patienceMs = PATIENCE_MS): Promise<Program> {
+  static async #follow(gateway: Connection, machine: Behind, opened: OpenReply | ContinueReply, patienceMs = PATIENCE_MS): Promise<Program> {
     const program = new Program(machine, opened.program, opened, patienceMs);
     try {
       const stop = await gateway.listen(machine.name, `ack/${program.id}`, (message: unknown) => program.#onAck(message), () => program.#change((window) => { window.stale = true; }));

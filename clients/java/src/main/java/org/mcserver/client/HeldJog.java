@@ -15,25 +15,25 @@ public final class HeldJog implements AutoCloseable {
     private static final long KEEP_MS = 150;
     private static final Duration KEEP_DEADLINE = Duration.ofMillis((long) (HOLD_S * 1000));
 
-    private final Machine machine;
+    private final MachineCalls machine;
     private final String program;
     private final CompletableFuture<Void> ended = new CompletableFuture<>();
     private ScheduledFuture<?> keeping;
     private boolean keepUnderWay;
 
-    private HeldJog(Machine machine, String program) {
+    private HeldJog(MachineCalls machine, String program) {
         this.machine = machine;
         this.program = program;
     }
 
-    static CompletableFuture<HeldJog> start(Gateway gateway, Machine machine, long axis, double velocity) {
+    static CompletableFuture<HeldJog> start(Connection connection, MachineCalls machine, String machineName, long axis, double velocity) {
         Messages.JogRequest request = new Messages.JogRequest(axis).withVelocity(velocity).withHoldS(HOLD_S);
         return machine.jog(request).thenApplyAsync(program -> {
             HeldJog jog = new HeldJog(machine, program);
             Map<String, Object> keep = Wire.params(request.withProgram(program));
-            jog.keeping = gateway.loop().scheduleWithFixedDelay(() -> jog.keep(gateway, keep), KEEP_MS, KEEP_MS, TimeUnit.MILLISECONDS);
+            jog.keeping = connection.loop().scheduleWithFixedDelay(() -> jog.keep(connection, machineName, keep), KEEP_MS, KEEP_MS, TimeUnit.MILLISECONDS);
             return jog;
-        }, gateway.loop());
+        }, connection.loop());
     }
 
     /** The jog's program id. */
@@ -59,12 +59,12 @@ public final class HeldJog implements AutoCloseable {
         stop();
     }
 
-    private void keep(Gateway gateway, Map<String, Object> request) {
+    private void keep(Connection connection, String machineName, Map<String, Object> request) {
         if (keepUnderWay || ended.isDone()) {
             return;
         }
         keepUnderWay = true;
-        gateway.call(machine.name(), "jog", request, KEEP_DEADLINE).whenCompleteAsync((reply, error) -> {
+        connection.call(machineName, "jog", request, KEEP_DEADLINE).whenCompleteAsync((reply, error) -> {
             keepUnderWay = false;
             if (error != null && !keeping.isCancelled()) {
                 keeping.cancel(false);
@@ -72,6 +72,6 @@ public final class HeldJog implements AutoCloseable {
                 machine.abort(program);
                 ended.completeExceptionally(error);
             }
-        }, gateway.loop());
+        }, connection.loop());
     }
 }

@@ -26,9 +26,6 @@ final class LineCore {
     private static final Set<ProgramState> ENDED = Set.of(
             ProgramState.FINISHED, ProgramState.ABORTED, ProgramState.REJECTED, ProgramState.FAULTED, ProgramState.INTERRUPTED);
 
-    /** How far a program came. */
-    record Extent(String program, long accepted, long done) {}
-
     /** Lines {@code first}, {@code first + 1}, … to be sent; {@code rejections} were known as they were numbered. */
     record Chunk(long first, List<String> lines, long rejections) {}
 
@@ -113,8 +110,8 @@ final class LineCore {
         return closed;
     }
 
-    Extent extent() {
-        return new Extent(program, accepted, done);
+    MotionException.Extent extent() {
+        return new MotionException.Extent(program, accepted, done);
     }
 
     MotionException failure() {

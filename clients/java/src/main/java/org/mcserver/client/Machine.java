@@ -9,23 +9,18 @@ import java.util.concurrent.ThreadLocalRandom;
 import java.util.concurrent.atomic.AtomicInteger;
 import java.util.function.BiConsumer;
 import java.util.function.Consumer;
-import java.util.function.Predicate;
 
 /** A machine behind a gateway. */
 public final class Machine extends MachineCalls {
     private static final int STATES_LIMIT = 32;
     private static final int SAMPLES_LIMIT = 4096;
-    private static final int EVENTS_LIMIT = 20_000;
-    private static final int EVENTS_A_PAGE = 1000;
-    /** Beyond all numbers: the answer says which event is the newest. */
-    private static final long NEWEST = 1L << 52;
 
-    private final Gateway gateway;
+    private final Connection connection;
     private final String name;
     private volatile Messages.Info info;
 
-    Machine(Gateway gateway, String name, Messages.Info info) {
-        this.gateway = gateway;
+    Machine(Connection connection, String name, Messages.Info info) {
+        this.connection = connection;
         this.name = name;
         this.info = info;
     }
@@ -52,8 +47,8 @@ public final class Machine extends MachineCalls {
                 return notFinite();
             }
         }
-        Duration limit = MachineCalls.DEADLINES.getOrDefault(method, Gateway.DEADLINE);
-        return gateway.call(name, method, params, limit.compareTo(Gateway.DEADLINE) > 0 ? limit : Gateway.DEADLINE);
+        Duration limit = MachineCalls.DEADLINES.getOrDefault(method, Connection.DEADLINE);
+        return connection.call(name, method, params, limit.compareTo(Connection.DEADLINE) > 0 ? limit : Connection.DEADLINE);
     }
 
     /** As {@link #call(String, Map)}, with the reply as one of the records of {@link Messages}. */
@@ -66,12 +61,12 @@ public final class Machine extends MachineCalls {
 
     /** Opens a program. */
     public CompletableFuture<Program> program(ProgramOptions options) {
-        return openProgram(options.request()).thenCompose(opened -> Program.follow(gateway, this, opened.axes(), new LineCore(opened)));
+        return openProgram(options.request()).thenCompose(opened -> follow(opened.axes(), new LineCore(opened)));
     }
 
     /** As {@link #continueProgram(Messages.ContinueRequest, Consumer)}, without showing anything. */
     public CompletableFuture<Program> continueProgram(Messages.ContinueRequest request) {
-        return openContinuation(request).thenCompose(opened -> Program.follow(gateway, this, opened.axes(), new LineCore(opened)));
+        return openContinuation(request).thenCompose(opened -> follow(opened.axes(), new LineCore(opened)));
     }
 
     /**
@@ -86,6 +81,10 @@ public final class Machine extends MachineCalls {
                 .thenAccept(show).thenCompose(shown -> continueProgram(request));
     }
 
+    private CompletableFuture<Program> follow(List<Long> axes, LineCore core) {
+        return Program.follow(connection, this, name, info.limits().maxLineLength(), axes, core);
+    }
+
     // ---------------------------------------------------------------- the operator's part
 
     /**
@@ -93,7 +92,7 @@ public final class Machine extends MachineCalls {
      * dies, the server stops the axis after the dead man's time.
      */
     public CompletableFuture<HeldJog> jogHeld(long axis, double velocity) {
-        return !Double.isFinite(velocity) ? notFinite() : HeldJog.start(gateway, this, axis, velocity);
+        return !Double.isFinite(velocity) ? notFinite() : HeldJog.start(connection, this, name, axis, velocity);
     }
 
     /** What is no number must not reach a machine. */
@@ -117,8 +116,8 @@ public final class Machine extends MachineCalls {
             }
         };
         long number = ThreadLocalRandom.current().nextLong(1L << 32, 1L << 53);
-        gateway.estop(name, reason, number).whenComplete(settle);
-        gateway.another().thenCompose(other -> other.estop(name, reason, number).whenComplete((done, error) -> other.close())).whenComplete(settle);
+        connection.estop(name, reason, number).whenComplete(settle);
+        connection.another().thenCompose(other -> other.estop(name, reason, number).whenComplete((done, error) -> other.close())).whenComplete(settle);
         return confirmed;
     }
 
@@ -140,7 +139,7 @@ public final class Machine extends MachineCalls {
     }
 
     private <T> CompletableFuture<Feed<T>> follow(Feed<T> feed, String topic, Consumer<Object> deliver) {
-        return gateway.listen(name, topic, (message, missed) -> {
+        return connection.listen(name, topic, (message, missed) -> {
             feed.miss(missed);
             deliver.accept(message);
         }, () -> {}).thenApply(stop -> {
@@ -151,94 +150,6 @@ public final class Machine extends MachineCalls {
 
     /** Events in order and without a gap from now on; with {@code history} those that the server still has come first. */
     public CompletableFuture<Feed<Messages.Event>> events(boolean history) {
-        return events(history, event -> true, event -> false);
-    }
-
-    /** Those events that are {@code wanted}, to the {@code last} one. */
-    CompletableFuture<Feed<Messages.Event>> events(
-            boolean history, Predicate<Messages.Event> wanted, Predicate<Messages.Event> last) {
-        Feed<Messages.Event> feed = new Feed<>(EVENTS_LIMIT, ForkJoinPool.commonPool());
-        CompletableFuture<Messages.EventsReply> begins = history ? CompletableFuture.completedFuture(null) : page(NEWEST, 1);
-        return begins.thenCompose(newest -> {
-            EventReader reader = new EventReader(feed, new EventOrder(newest), wanted, last);
-            return gateway.listen(name, "events", (message, missed) -> reader.take(Wire.read(Messages.Event.class, message)), reader::fetch)
-                    .thenApply(stop -> {
-                        feed.onClose(stop);
-                        // what came between the newest number and the subscription
-                        gateway.loop().execute(reader::fetch);
-                        return feed;
-                    });
-        });
-    }
-
-    private CompletableFuture<Messages.EventsReply> page(long since, int limit) {
-        return pastEvents(new Messages.EventsRequest().withSince(since).withLimit(limit));
-    }
-
-    /** Passes events on in order and asks for what is missing; all of it on the gateway's loop. */
-    private final class EventReader {
-        private final Feed<Messages.Event> feed;
-        private final EventOrder order;
-        private final Predicate<Messages.Event> wanted;
-        private final Predicate<Messages.Event> last;
-        private boolean fetching;
-        private boolean again;
-
-        EventReader(
-                Feed<Messages.Event> feed, EventOrder order, Predicate<Messages.Event> wanted, Predicate<Messages.Event> last) {
-            this.feed = feed;
-            this.order = order;
-            this.wanted = wanted;
-            this.last = last;
-        }
-
-        void take(Messages.Event event) {
-            passOn(order.take(event));
-            if (order.gap()) {
-                fetch();
-            }
-        }
-
-        void fetch() {
-            if (fetching) {
-                again = true;
-                return;
-            }
-            fetching = true;
-            again = false;
-            page(order.next(), EVENTS_A_PAGE).whenCompleteAsync(this::fetched, gateway.loop());
-        }
-
-        private void fetched(Messages.EventsReply page, Throwable error) {
-            fetching = false;
-            if (error != null) {
-                passOn(order.giveUp());
-                return;
-            }
-            passOn(order.fill(page));
-            boolean more = !page.events().isEmpty() && page.events().get(page.events().size() - 1).seq() < page.newest();
-            if (!more && order.gap()) {
-                // the server has been asked and did not close it
-                passOn(order.giveUp());
-            }
-            if (more || order.gap() || again) {
-                fetch();
-            }
-        }
-
-        private void passOn(List<Messages.Event> events) {
-            long lost = order.takeMissed();
-            if (lost > 0) {
-                feed.miss(lost);
-            }
-            for (Messages.Event event : events) {
-                if (wanted.test(event)) {
-                    feed.push(event);
-                    if (last.test(event)) {
-                        feed.close();
-                    }
-                }
-            }
-        }
+        return EventReader.open(connection, this, name, history, event -> true, event -> false);
     }
 }

@@ -9,6 +9,9 @@ import java.util.Map;
  * <p>Codes MC100 to MC529 and MC550 to MC579 come from the server, MC530 to MC539 from here, MC070 to MC074 from the gateway.
  */
 public sealed class MotionException extends RuntimeException {
+    /** How far a program came. */
+    record Extent(String program, long accepted, long done) {}
+
     private static final long serialVersionUID = 1L;
 
     private final String code;
@@ -123,7 +126,7 @@ public sealed class MotionException extends RuntimeException {
         private final long accepted;
         private final long done;
 
-        OfProgram(String code, String message, String hint, LineCore.Extent extent, List<Messages.Diagnostic> diagnostics) {
+        OfProgram(String code, String message, String hint, Extent extent, List<Messages.Diagnostic> diagnostics) {
             super(code, message, hint, Map.of(), diagnostics);
             program = extent.program();
             accepted = extent.accepted();
@@ -152,7 +155,7 @@ public sealed class MotionException extends RuntimeException {
 
         private final long line;
 
-        ProgramRejected(long line, LineCore.Extent extent, List<Messages.Diagnostic> diagnostics) {
+        ProgramRejected(long line, Extent extent, List<Messages.Diagnostic> diagnostics) {
             super(first(diagnostics, "MC100", Messages.Diagnostic::code),
                     first(diagnostics, "line " + line + " was rejected", Messages.Diagnostic::message),
                     first(diagnostics, "", Messages.Diagnostic::hint), extent, diagnostics);
@@ -176,7 +179,7 @@ public sealed class MotionException extends RuntimeException {
 
         private final transient Messages.Fault fault;
 
-        ProgramFaulted(Messages.Fault fault, LineCore.Extent extent) {
+        ProgramFaulted(Messages.Fault fault, Extent extent) {
             super(fault.code(), fault.message(),
                     fault.hint().isEmpty() ? "clear the fault with reset, then capture the axes (G1010)" : fault.hint(), extent, List.of());
             this.fault = fault;
@@ -197,7 +200,7 @@ public sealed class MotionException extends RuntimeException {
     public static final class ProgramAborted extends OfProgram {
         private static final long serialVersionUID = 1L;
 
-        ProgramAborted(LineCore.Extent extent) {
+        ProgramAborted(Extent extent) {
             super("MC535", "the program was aborted; lines through " + extent.done() + " are done",
                     "an operator did so, or the server saw this client go", extent, List.of());
         }
@@ -207,7 +210,7 @@ public sealed class MotionException extends RuntimeException {
     public static final class ProgramInterrupted extends OfProgram {
         private static final long serialVersionUID = 1L;
 
-        ProgramInterrupted(LineCore.Extent extent) {
+        ProgramInterrupted(Extent extent) {
             super("MC534", "the server that ran the program went away; lines through " + extent.done() + " are done, line "
                             + (extent.done() + 1) + " may have begun",
                     "continueProgram(new Messages.ContinueRequest(\"" + extent.program() + "\")) goes on",
@@ -219,7 +222,7 @@ public sealed class MotionException extends RuntimeException {
     public static final class ProgramClosed extends OfProgram {
         private static final long serialVersionUID = 1L;
 
-        ProgramClosed(String state, LineCore.Extent extent) {
+        ProgramClosed(String state, Extent extent) {
             super("MC536", "the program takes no more lines: it is " + state, "open another one with Machine.program", extent, List.of());
         }
     }

@@ -12,6 +12,7 @@ import java.util.concurrent.ScheduledFuture;
 import java.util.concurrent.TimeUnit;
 import java.util.function.BooleanSupplier;
 import java.util.function.Function;
+import java.util.function.Supplier;
 
 /**
  * One client's stream of lines, with modal state and axes of its own.
@@ -25,11 +26,12 @@ public final class Program implements AutoCloseable {
     /** What is waited for: a condition on the core, checked at each change. */
     private record Waiter(BooleanSupplier condition, boolean pastRejection, MotionException before, CompletableFuture<Void> reached) {}
 
-    private final Gateway gateway;
-    private final Machine machine;
+    private final Connection connection;
+    private final MachineCalls machine;
+    private final String machineName;
     private final String id;
     private final List<Long> axes;
-    private final int longestLine;
+    private final long longestLine;
     /** Guards the core and the waiters. */
     private final Object lock = new Object();
     private final LineCore core;
@@ -42,18 +44,20 @@ public final class Program implements AutoCloseable {
     private boolean left;
     private long heardAt = System.nanoTime();
 
-    private Program(Gateway gateway, Machine machine, List<Long> axes, LineCore core) {
-        this.gateway = gateway;
+    private Program(Connection connection, MachineCalls machine, String machineName, long longestLine, List<Long> axes, LineCore core) {
+        this.connection = connection;
         this.machine = machine;
+        this.machineName = machineName;
+        this.longestLine = longestLine;
         this.axes = axes;
         this.core = core;
         id = core.extent().program();
-        longestLine = (int) Math.min(Integer.MAX_VALUE, machine.info().limits().maxLineLength());
     }
 
-    static CompletableFuture<Program> follow(Gateway gateway, Machine machine, List<Long> axes, LineCore core) {
-        Program program = new Program(gateway, machine, axes, core);
-        return gateway.listen(machine.name(), "ack/" + program.id,
+    static CompletableFuture<Program> follow(
+            Connection connection, MachineCalls machine, String machineName, long longestLine, List<Long> axes, LineCore core) {
+        Program program = new Program(connection, machine, machineName, longestLine, axes, core);
+        return connection.listen(machineName, "ack/" + program.id,
                 (message, missed) -> program.hear(Wire.read(Messages.Ack.class, message)), program::query).thenApply(stop -> {
                     program.unsubscribe = stop;
                     program.act();
@@ -73,44 +77,32 @@ public final class Program implements AutoCloseable {
 
     /** As last reported: queued, running, held, paused, ending, or how it ended. */
     public Messages.ProgramState state() {
-        synchronized (lock) {
-            return core.state();
-        }
+        return known(core::state);
     }
 
     /** Number of the last line given. */
     public long givenThrough() {
-        synchronized (lock) {
-            return core.given();
-        }
+        return known(core::given);
     }
 
     /** Lines through this number are taken and journaled by the server. */
     public long acceptedThrough() {
-        synchronized (lock) {
-            return core.accepted();
-        }
+        return known(core::accepted);
     }
 
     /** Lines through this number have ended. */
     public long doneThrough() {
-        synchronized (lock) {
-            return core.done();
-        }
+        return known(core::done);
     }
 
     /** Lines given that have not ended yet: how far this client is ahead of the motion. */
     public long linesAhead() {
-        synchronized (lock) {
-            return Math.max(0, core.given() - core.done());
-        }
+        return known(() -> Math.max(0, core.given() - core.done()));
     }
 
     /** How many lines beyond those accepted the server takes now. */
     public long credit() {
-        synchronized (lock) {
-            return core.credit();
-        }
+        return known(core::credit);
     }
 
     // ---------------------------------------------------------------- lines
@@ -343,7 +335,8 @@ public final class Program implements AutoCloseable {
 
     /** This program's events from now on; the feed ends behind {@code program.ended}. */
     public CompletableFuture<Feed<Messages.Event>> events() {
-        return machine.events(false, event -> id.equals(event.program()), event -> event.kind() == Messages.EventKind.PROGRAM_ENDED);
+        return EventReader.open(connection, machine, machineName, false, event -> id.equals(event.program()),
+                event -> event.kind() == Messages.EventKind.PROGRAM_ENDED);
     }
 
     // ---------------------------------------------------------------- sending and hearing
@@ -397,9 +390,9 @@ public final class Program implements AutoCloseable {
 
     private ScheduledFuture<?> later(Runnable task, long milliseconds) {
         try {
-            return gateway.loop().schedule(task, milliseconds, TimeUnit.MILLISECONDS);
+            return connection.loop().schedule(task, milliseconds, TimeUnit.MILLISECONDS);
         } catch (RejectedExecutionException closed) {
-            core.fail(Gateway.closedClient());
+            core.fail(Connection.closedClient());
             return null;
         }
     }
@@ -451,7 +444,7 @@ public final class Program implements AutoCloseable {
     private void onSilence(Throwable error) {
         MotionException why = Futures.asMotion(error);
         boolean away = why instanceof MotionException.NobodyAnswers && !why.code().equals("MC539");
-        if (!away || System.nanoTime() - heardAt > gateway.patience().toNanos()) {
+        if (!away || System.nanoTime() - heardAt > connection.patience().toNanos()) {
             core.fail(why);
         }
     }
@@ -479,6 +472,12 @@ public final class Program implements AutoCloseable {
         }
         act();
         return reached;
+    }
+
+    private <T> T known(Supplier<T> look) {
+        synchronized (lock) {
+            return look.get();
+        }
     }
 
     private void check(Runnable checks) {
