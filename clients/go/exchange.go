@@ -127,14 +127,6 @@ func (s *sending) stop(cancel context.CancelFunc) {
 	}
 }
 
-// linesUnderWay is one message: lines from first on, and how many rejections were known as they were numbered.
-type linesUnderWay struct {
-	first      int64
-	lines      []string
-	rejections int64
-	judge      bool
-}
-
 // drain sends what waits until all of it is accepted.
 func (p *Program) drain(ctx context.Context, judge bool) error {
 	for {
@@ -157,7 +149,7 @@ func (p *Program) drain(ctx context.Context, judge bool) error {
 				return err
 			}
 		default:
-			if err := p.submit(ctx, &linesUnderWay{first, lines, rejections, judge}); err != nil {
+			if err := p.submit(ctx, &SubmitRequest{Program: p.ID, First: first, Lines: lines, Judge: &judge, Rejections: &rejections}); err != nil {
 				return err
 			}
 		}
@@ -165,7 +157,7 @@ func (p *Program) drain(ctx context.Context, judge bool) error {
 }
 
 // submit sends one message and takes its reply. When the context is done the exchange goes on without the caller.
-func (p *Program) submit(ctx context.Context, message *linesUnderWay) error {
+func (p *Program) submit(ctx context.Context, message *SubmitRequest) error {
 	outcome := make(chan error, 1)
 	finished := make(chan struct{})
 	go func() {
@@ -191,11 +183,8 @@ func (p *Program) submit(ctx context.Context, message *linesUnderWay) error {
 	return nil
 }
 
-func (p *Program) carryOut(ctx context.Context, message *linesUnderWay) error {
-	params := map[string]any{
-		"program": p.ID, "first": message.first, "lines": message.lines, "rejections": message.rejections, "judge": message.judge,
-	}
-	reply, err := callFor[SubmitReply](ctx, p.machine, "submit", params)
+func (p *Program) carryOut(ctx context.Context, message *SubmitRequest) error {
+	reply, err := p.machine.SubmitLines(ctx, *message)
 	var refused *RefusedError
 	if err == nil {
 		p.hear(func(s *stream) { s.answered(reply) })

@@ -28,7 +28,7 @@ type OpenOptions struct {
 	// Way, of a start in the middle: axes may go the way that continuation shows, where the machine file names no safe one. Outputs: "set" what
 	// the program had switched, or "leave" it.
 	Way     bool
-	Outputs string
+	Outputs Outputs
 	// Hold begins held; Resume starts it.
 	Hold bool
 }
@@ -58,7 +58,7 @@ func (m *Machine) Program(ctx context.Context, options *OpenOptions) (*Program, 
 		options = &OpenOptions{}
 	}
 	return m.follow(ctx, func(ctx context.Context) (*stream, []int64, error) {
-		opened, err := callFor[OpenReply](ctx, m, "open", options.params())
+		opened, err := m.OpenProgram(ctx, options.request())
 		if err != nil {
 			return nil, nil, err
 		}
@@ -156,30 +156,21 @@ func (m *Machine) drop(ctx context.Context, program string) {
 	_, _ = m.Abort(ending, program)
 }
 
-func (o *OpenOptions) params() map[string]any {
-	params := map[string]any{"name": o.Name, "on_disconnect": "stop", "hold": o.Hold}
+func (o *OpenOptions) request() OpenRequest {
+	request := OpenRequest{Name: o.Name, Axes: o.Axes, Before: o.Before, Hold: o.Hold, Way: o.Way}
 	if o.FinishOnDisconnect {
-		params["on_disconnect"] = "finish"
+		request.OnDisconnect = Ptr(OnDisconnectFinish)
 	}
 	if o.Grace != 0 {
-		params["grace_s"] = max(0, o.Grace.Seconds())
-	}
-	if o.Axes != nil {
-		params["axes"] = o.Axes
+		request.GraceS = Ptr(max(0, o.Grace.Seconds()))
 	}
 	if o.StartLine > 0 {
-		params["start_line"] = o.StartLine
-	}
-	if o.Before != nil {
-		params["before"] = o.Before
-	}
-	if o.Way {
-		params["way"] = true
+		request.StartLine = &o.StartLine
 	}
 	if o.Outputs != "" {
-		params["outputs"] = o.Outputs
+		request.Outputs = &o.Outputs
 	}
-	return params
+	return request
 }
 
 // Accepted is the number of the last line that the server has taken and journaled.
@@ -321,25 +312,27 @@ func (p *Program) WaitDone(ctx context.Context, line int64) error {
 }
 
 // Hold stops the program along its path until Resume.
-func (p *Program) Hold(ctx context.Context) error { return p.operate(ctx, "hold", nil) }
+func (p *Program) Hold(ctx context.Context) error {
+	_, err := p.machine.Hold(ctx, p.ID)
+	return err
+}
 
 // Resume ends a hold, M00 or M01.
-func (p *Program) Resume(ctx context.Context) error { return p.operate(ctx, "resume", nil) }
+func (p *Program) Resume(ctx context.Context) error {
+	_, err := p.machine.Resume(ctx, p.ID)
+	return err
+}
 
 // Abort stops along the path and drops the rest; the program ends as aborted.
-func (p *Program) Abort(ctx context.Context) error { return p.operate(ctx, "abort", nil) }
+func (p *Program) Abort(ctx context.Context) error {
+	_, err := p.machine.Abort(ctx, p.ID)
+	return err
+}
 
 // Override sets the feed override of this program [%].
 func (p *Program) Override(ctx context.Context, percent float64) error {
-	return p.operate(ctx, "override", map[string]any{"percent": percent})
-}
-
-func (p *Program) operate(ctx context.Context, method string, params map[string]any) error {
-	if params == nil {
-		params = map[string]any{}
-	}
-	params["program"] = p.ID
-	return p.machine.Call(ctx, method, params, nil)
+	_, err := p.machine.Override(ctx, OverrideRequest{Percent: percent, Program: p.ID})
+	return err
 }
 
 func (p *Program) checked(line string) (string, error) {

@@ -243,23 +243,26 @@ class Machine(MachineCalls):
             sha256: of all of it, instead of ``text``; for one that `put_text` hands over, before or after.
             way, outputs: as of `continue_program`.
         """
-        request: dict[str, Any] = {
-            "name": name[:200],
-            "axes": None if axes is None else list(axes),
-            "on_disconnect": on_disconnect,
-            "grace_s": grace_s,
-            "start_line": start_line,
-            "before": list(before),
-            "step": step,
-            "hold": hold,
-            "way": way,
-            "outputs": outputs,
-        }
-        if text is not None:
-            request["sha256"] = self.hash_of(text)
-        elif sha256 is not None:
-            request["sha256"] = sha256
-        return Starting(lambda: self._open_program(request))
+        known = sha256 if text is None else self.hash_of(text)
+
+        async def opened() -> Program:
+            return self._followed(
+                await self.open_program(
+                    name[:200],
+                    axes=axes,
+                    on_disconnect=on_disconnect,
+                    grace_s=grace_s,
+                    start_line=start_line,
+                    before=before,
+                    step=step,
+                    hold=hold,
+                    sha256=known,
+                    way=way,
+                    outputs=outputs,
+                )
+            )
+
+        return Starting(opened)
 
     def continue_program(
         self,
@@ -306,9 +309,6 @@ class Machine(MachineCalls):
             )
 
         return Starting(opened)
-
-    async def _open_program(self, request: dict[str, Any]) -> Program:
-        return self._followed(await self.open_program(**request))
 
     def _followed(self, opened: OpenReply | ContinueReply) -> Program:
         stream = LineStream(

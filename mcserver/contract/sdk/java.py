@@ -2,24 +2,22 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from textwrap import indent, wrap
 
 from mcserver.contract.sdk.model import (
     Call,
     Field,
-    ListOf,
-    MapOf,
     Maybe,
     Message,
     Model,
-    Named,
-    Scalar,
-    Type,
     Words,
     camel,
+    constant,
     is_repeatable,
     plain_doc,
 )
+from mcserver.contract.sdk.spelling import Spelling
 
 MADE = "// Made by `python -m mcserver.contract.sdk clients`: change the server's messages instead.\n"
 FOLDER = "src/main/java/org/mcserver/client"
@@ -75,9 +73,27 @@ public abstract class MachineCalls {{
             String method, Map<String, Object> params, Class<T> reply);
 
 """
-PRIMITIVE = {"bool": "boolean", "int": "long", "float": "double", "level": "double"}
-BOXED = {"bool": "Boolean", "int": "Long", "float": "Double", "level": "Double"}
-OTHERS = {"str": "String", "bytes": "byte[]", "any": "Object", "value": "Object"}
+JAVA = Spelling(
+    scalars={
+        "bool": "boolean",
+        "int": "long",
+        "float": "double",
+        "level": "double",
+        "str": "String",
+        "bytes": "byte[]",
+        "any": "Object",
+        "value": "Object",
+    },
+    boxed={"bool": "Boolean", "int": "Long", "float": "Double", "level": "Double"},
+    list_of="List<{}>",
+    map_of="Map<String, {}>",
+    maybe="{}",
+    empty_list="List.of()",
+    empty_map="Map.of()",
+    word=lambda name, word: f"{name}.{constant(word)}",
+)
+# outside of `Messages`
+OUTSIDE = replace(JAVA, named="Messages.{}")
 WIDTH = 120
 
 
@@ -92,7 +108,7 @@ def files(model: Model) -> dict[str, str]:
 
 
 def _enum(words: Words) -> str:
-    members = "\n".join(f'        {_constant(each)}("{each}"),' for each in words.words)
+    members = "\n".join(f'        {constant(each)}("{each}"),' for each in words.words)
     return f"""    /** A word of the wire. */
     public enum {words.name} implements Word {{
 {members}
@@ -113,14 +129,10 @@ def _enum(words: Words) -> str:
 """
 
 
-def _constant(word: str) -> str:
-    return word.replace(".", "_").upper()
-
-
 def _record(message: Message) -> str:
     notes = [(camel(each.name), each.doc) for each in message.fields if each.doc]
     components = ", ".join(
-        f"{_rule(each, message.sent)}{_java(each.type)} {camel(each.name)}" for each in message.fields
+        f"{_rule(each, message.sent)}{JAVA.type(each.type)} {camel(each.name)}" for each in message.fields
     )
     lines = "\n".join(wrap(components, WIDTH - 12, break_long_words=False))
     head = f"public record {message.name}("
@@ -139,8 +151,8 @@ def _constructors(message: Message) -> str:
     if not optional:
         return ""
     required = [each for each in message.fields if each.required]
-    arguments = ", ".join(f"{_java(each.type)} {camel(each.name)}" for each in required)
-    values = ", ".join(camel(each.name) if each.required else _default(each) for each in message.fields)
+    arguments = ", ".join(f"{JAVA.type(each.type)} {camel(each.name)}" for each in required)
+    values = ", ".join(camel(each.name) if each.required else JAVA.default(each) for each in message.fields)
     made = (
         "    /** All that may be left out as the server has it. */\n"
         f"    public {message.name}({arguments}) {{\n        this({values});\n    }}\n"
@@ -152,28 +164,10 @@ def _constructors(message: Message) -> str:
         values = ", ".join(camel(each.name) for each in message.fields)
         made += (
             f"\n    /** The same with another {{@code {name}}}. */\n"
-            f"    public {message.name} with{name[0].upper()}{name[1:]}({_java(field.type)} {name}) {{\n"
+            f"    public {message.name} with{name[0].upper()}{name[1:]}({JAVA.type(field.type)} {name}) {{\n"
             f"        return new {message.name}({values});\n    }}\n"
         )
     return made
-
-
-def _default(field: Field) -> str:
-    match field.type, field.default:
-        case Maybe(), _:
-            return "null"
-        case ListOf(), _:
-            return "List.of()"
-        case MapOf(), _:
-            return "Map.of()"
-        case Named(name, words=True), str(word):
-            return f"{name}.{_constant(word)}"
-        case _, bool(flag):
-            return "true" if flag else "false"
-        case _, str(text):
-            return f'"{text}"'
-        case _, value:
-            return str(value)
 
 
 def _rule(field: Field, sent: bool) -> str:
@@ -181,40 +175,12 @@ def _rule(field: Field, sent: bool) -> str:
         return ""
     if field.required:
         return "@Nil " if isinstance(field.type, Maybe) else ""
-    if isinstance(field.type, Maybe) and _java(field.type) == "String":
+    if isinstance(field.type, Maybe) and JAVA.type(field.type) == "String":
         return '@Sparse("null") '
     if isinstance(field.default, str | float) and field.default:
         default = f"{field.default:g}" if isinstance(field.default, float) else field.default
         return f'@Sparse("{default}") '
     return "@Sparse "
-
-
-def _java(kind: Type, boxed: bool = False) -> str:
-    match kind:
-        case Scalar(name):
-            return OTHERS.get(name) or (BOXED if boxed else PRIMITIVE)[name]
-        case Named(name):
-            return name
-        case ListOf(inner):
-            return f"List<{_java(inner, boxed=True)}>"
-        case MapOf(inner):
-            return f"Map<String, {_java(inner, boxed=True)}>"
-        case Maybe(inner):
-            return _java(inner, boxed=True)
-
-
-def _outside(kind: Type, boxed: bool = False) -> str:
-    """Return a type as it is called outside of `Messages`."""
-    match kind:
-        case Named(name):
-            return f"Messages.{name}"
-        case ListOf(inner):
-            return f"List<{_outside(inner, boxed=True)}>"
-        case MapOf(inner):
-            return f"Map<String, {_outside(inner, boxed=True)}>"
-        case Maybe(inner):
-            return _outside(inner, boxed=True)
-    return _java(kind, boxed)
 
 
 def _facts(model: Model) -> str:
@@ -238,7 +204,7 @@ def _call(call: Call) -> str:
     if len(fields) == 1:
         name = camel(fields[0].name)
         argument, params = (
-            f"{_outside(fields[0].type)} {name}",
+            f"{OUTSIDE.type(fields[0].type)} {name}",
             f"Wire.params(new Messages.{request}({name}))",
         )
         notes = [(name, fields[0].doc)] if fields[0].doc else []
@@ -248,7 +214,7 @@ def _call(call: Call) -> str:
     ask = f'ask("{call.method.name}", {params}, {reply}.class)'
     result, then = reply, ""
     if call.result is not None:
-        result = _outside(call.result.type, boxed=True)
+        result = OUTSIDE.type(call.result.type, inside=True)
         then = f".thenApply({reply}::{camel(call.result.name)})"
     return indent(
         f"{_doc(call.method.doc, notes)}"

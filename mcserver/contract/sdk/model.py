@@ -126,7 +126,7 @@ def model() -> Model:
         if name != "Request" and not kind.__struct_config__.array_like
     }
     calls = tuple(_call(method, messages) for method in method_table.METHODS)
-    used = {name for each in messages.values() for field in each.fields for name in _words_in(field.type)}
+    used = {found.name for each in messages.values() for field in each.fields for found in named(field.type)}
     words = tuple(each for each in names.values() if each.name in used)
     return Model(words, tuple(messages.values()), calls)
 
@@ -147,6 +147,21 @@ def pascal(text: str) -> str:
     return "".join(part.capitalize() for part in parts(text))
 
 
+def constant(text: str) -> str:
+    """Return ``probe.found`` as ``PROBE_FOUND``."""
+    return "_".join(parts(text)).upper()
+
+
+def named(kind: Type) -> list[Named]:
+    """Return the message, or the words, that a type is made of; none where it is of scalars."""
+    match kind:
+        case Named():
+            return [kind]
+        case ListOf(inner) | MapOf(inner) | Maybe(inner):
+            return named(inner)
+    return []
+
+
 def is_repeatable(call: Call) -> bool:
     """Return whether a call may be sent again under any circumstances: it changes nothing, or stops."""
     return not call.method.changes or call.method.name in STOPPING
@@ -155,15 +170,6 @@ def is_repeatable(call: Call) -> bool:
 def plain_doc(text: str, nothing: str) -> str:
     """Return a description for a language that is not Python: ``nothing`` is its None."""
     return re.sub(r"\bNone\b", nothing, text.replace("``", "`")).replace("*/", "* /")
-
-
-def _words_in(kind: Type) -> list[str]:
-    match kind:
-        case Named(name, words=True):
-            return [name]
-        case ListOf(inner) | MapOf(inner) | Maybe(inner):
-            return _words_in(inner)
-    return []
 
 
 def _call(method: method_table.Method, messages: dict[str, Message]) -> Call:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import subprocess
 import sys
+from dataclasses import replace
 from textwrap import fill, indent
 
 from mcserver.contract.sdk.model import (
@@ -16,9 +17,11 @@ from mcserver.contract.sdk.model import (
     Model,
     Named,
     Scalar,
-    Type,
     Words,
+    constant,
+    named,
 )
+from mcserver.contract.sdk.spelling import Spelling
 
 MADE = "# Made by `python -m mcserver.contract.sdk clients`: change the server's messages instead."
 TYPES = f'''{MADE}
@@ -76,16 +79,36 @@ class BlockingCalls(Blocking[T]):
     """As `mcclient.machine_calls.MachineCalls`."""
 
 '''
-SCALARS = {
-    "bool": "bool",
-    "int": "int",
-    "float": "float",
-    "str": "str",
-    "bytes": "bytes",
-    "any": "Any",
-    "level": "bool | float",
-    "value": "Value",
-}
+READ = Spelling(
+    scalars={
+        "bool": "bool",
+        "int": "int",
+        "float": "float",
+        "str": "str",
+        "bytes": "bytes",
+        "any": "Any",
+        "level": "bool | float",
+        "value": "Value",
+    },
+    list_of="tuple[{}, ...]",
+    map_of="dict[str, {}]",
+    maybe="{} | None",
+    nothing="None",
+    empty_list="()",
+    empty_map="field(default_factory=dict)",
+    flags=("False", "True"),
+    word=lambda name, word: f"{name}.{constant(word)}",
+)
+RETURNED = replace(READ, named="wire.{}")
+# an argument; maps that clients send have a value for each axis
+TAKEN = replace(
+    READ,
+    scalars={**READ.scalars, "value": "wire.Value"},
+    named="wire.{}Word",
+    list_of="Sequence[{}]",
+    map_of="Mapping[int, {}]",
+    word=lambda _, word: repr(word),
+)
 WIDTH = 110
 
 
@@ -116,8 +139,9 @@ def in_order(messages: tuple[Message, ...]) -> list[Message]:
     def place(message: Message) -> None:
         if message.name not in ordered:
             for field in message.fields:
-                for name in held(field.type):
-                    place(by_name[name])
+                for found in named(field.type):
+                    if not found.words:
+                        place(by_name[found.name])
             ordered[message.name] = message
 
     for each in messages:
@@ -125,18 +149,8 @@ def in_order(messages: tuple[Message, ...]) -> list[Message]:
     return list(ordered.values())
 
 
-def held(kind: Type) -> list[str]:
-    """Return the names of the messages in a type."""
-    match kind:
-        case Named(name, words=False):
-            return [name]
-        case ListOf(inner) | MapOf(inner) | Maybe(inner):
-            return held(inner)
-    return []
-
-
 def _words(words: Words, model: Model) -> str:
-    members = "\n".join(f"    {each.replace('.', '_').upper()} = {each!r}" for each in words.words)
+    members = "\n".join(f"    {constant(each)} = {each!r}" for each in words.words)
     made = f'class {words.name}(Word):\n    """One of the words of the wire."""\n\n{members}\n\n'
     sent = [field.type for each in model.messages if each.sent for field in each.fields]
     if not {Named(words.name, words=True), Maybe(Named(words.name, words=True))} & set(sent):
@@ -146,58 +160,14 @@ def _words(words: Words, model: Model) -> str:
 
 
 def _dataclass(message: Message) -> str:
-    fields = "\n".join(f"    {each.name}: {type_of(each.type)}{_default(each)}" for each in message.fields)
+    fields = "\n".join(
+        f"    {each.name}: {READ.type(each.type)}" + ("" if each.required else f" = {READ.default(each)}")
+        for each in message.fields
+    )
     return (
         f"@dataclass(frozen=True, slots=True)\nclass {message.name}:\n"
         f"{_docstring(message.doc, message.fields, 'Attributes')}\n{fields}\n\n"
     )
-
-
-def type_of(kind: Type) -> str:
-    """Return the type of a field that is read."""
-    match kind:
-        case Scalar(name):
-            return SCALARS[name]
-        case Named(name):
-            return name
-        case ListOf(inner):
-            return f"tuple[{type_of(inner)}, ...]"
-        case MapOf(inner):
-            return f"dict[str, {type_of(inner)}]"
-        case Maybe(inner):
-            return f"{type_of(inner)} | None"
-
-
-def _taken(kind: Type) -> str:
-    """Return the type of an argument."""
-    match kind:
-        case Scalar("value"):
-            return "wire.Value"
-        case Scalar(name):
-            return SCALARS[name]
-        case Named(name):
-            return f"wire.{name}Word"
-        case ListOf(inner):
-            return f"Sequence[{_taken(inner)}]"
-        # maps that clients send have a value for each axis
-        case MapOf(inner):
-            return f"Mapping[int, {_taken(inner)}]"
-        case Maybe(inner):
-            return f"{_taken(inner)} | None"
-
-
-def _default(field: Field) -> str:
-    match field.type, field.default:
-        case _ if field.required:
-            return ""
-        case ListOf(), _:
-            return " = ()"
-        case MapOf(), _:
-            return " = field(default_factory=dict)"
-        case Named(name, words=True), str(word):
-            return f" = {name}.{word.replace('.', '_').upper()}"
-        case _, default:
-            return f" = {default!r}"
 
 
 def _call(call: Call) -> str:
@@ -207,20 +177,14 @@ def _call(call: Call) -> str:
             optional += 1
             if "*" not in arguments and (optional == 2 or field.type == Scalar("bool")):
                 arguments.append("*")
-        default = (
-            "" if field.required else " = ()" if isinstance(field.type, ListOf) else f" = {field.default!r}"
-        )
-        arguments.append(f"{field.name}: {_taken(field.type)}{default}")
+        default = "" if field.required else f" = {TAKEN.default(field)}"
+        arguments.append(f"{field.name}: {TAKEN.type(field.type)}{default}")
     if "*" not in arguments:
         arguments.append("*")
     arguments.append(f"deadline_s: float = {call.method.deadline_s}")
     fields = ", ".join(f"{each.name!r}: {_written(each)}" for each in call.request.fields)
     ask = f"await self._caller.ask(wire.{call.reply.name}, {call.method.name!r}, {{{fields}}}, deadline_s)"
-    result = (
-        f"wire.{call.reply.name}"
-        if call.result is None
-        else type_of(call.result.type).replace("[", "[wire.").replace("wire.str", "str")
-    )
+    result = f"wire.{call.reply.name}" if call.result is None else RETURNED.type(call.result.type)
     declare = "self._declare_token()\n    " if call.method.held else ""
     taken = "" if call.result is None else f".{call.result.name}"
     body = f"{declare}return ({ask}){taken}"

@@ -12,13 +12,14 @@ from mcserver.contract.sdk.model import (
     Maybe,
     Message,
     Model,
-    Named,
     Scalar,
     Type,
     Words,
+    named,
     pascal,
     plain_doc,
 )
+from mcserver.contract.sdk.spelling import Spelling
 
 MADE = "// Made by `python -m mcserver.contract.sdk clients`: change the server's messages instead.\n"
 MESSAGES = f"""{MADE}
@@ -45,19 +46,30 @@ pub enum Value {{
     Text(String),
 }}
 """
-SCALARS = {
-    "bool": "bool",
-    "int": "u64",
-    "float": "f64",
-    "str": "String",
-    "bytes": "Bytes",
-    "any": "serde_json::Value",
-    "level": "f64",
-    "value": "Value",
-}
-BORROWED = {"str": "&str", "bytes": "&[u8]"}
-# words of the language
-NAMES = {"override": "override_percent", "type": "kind"}
+RUST = Spelling(
+    scalars={
+        "bool": "bool",
+        "int": "u64",
+        "float": "f64",
+        "str": "String",
+        "bytes": "Bytes",
+        "any": "serde_json::Value",
+        "level": "f64",
+        "value": "Value",
+    },
+    list_of="Vec<{}>",
+    map_of="BTreeMap<String, {}>",
+    maybe="Option<{}>",
+    # words of the language
+    renamed={"override": "override_percent", "type": "kind"},
+    nothing="None",
+    empty_list="Vec::new()",
+    empty_map="BTreeMap::new()",
+    text='"{}".to_owned()',
+    empty_text="String::new()",
+    number="{:_}",
+    word=lambda name, word: f"{name}::{pascal(word)}",
+)
 CALLS = {"override": "set_override"}
 WIDTH = 110
 
@@ -68,7 +80,7 @@ def files(model: Model) -> dict[str, str]:
     used = sorted(
         {each.reply.name for each in model.calls}
         | {each.request.name for each in model.calls if each.request.fields}
-        | {name for each in model.calls if each.result for name in _named(each.result.type)}
+        | {found.name for each in model.calls if each.result for found in named(each.result.type)}
     )
     imports = "".join(f"    {line}\n" for line in wrap(", ".join(used) + ",", WIDTH - 4))
     head = (
@@ -124,7 +136,7 @@ def _struct(message: Message) -> str:
     derived = "Debug, Clone, PartialEq, Serialize, Deserialize"
     made = f"{_comment(message.doc)}#[derive({derived})]\npub struct {message.name}{body}\n"
     defaults = "".join(
-        f"\nfn {_default_name(message, each)}() -> {_rust(each.type)} {{\n    {_default(each)}\n}}\n"
+        f"\nfn {_default_name(message, each)}() -> {RUST.type(each.type)} {{\n    {RUST.default(each)}\n}}\n"
         for each in message.fields
         if _has_default(each) and not message.sent
     )
@@ -132,7 +144,7 @@ def _struct(message: Message) -> str:
 
 
 def _field(message: Message, field: Field) -> str:
-    name = NAMES.get(field.name, field.name)
+    name = RUST.name(field.name)
     rules = [f'rename = "{field.name}"'] if name != field.name else []
     if not message.sent and not field.required:
         named = f' = "{_default_name(message, field)}"' if _has_default(field) else ""
@@ -141,7 +153,7 @@ def _field(message: Message, field: Field) -> str:
         # nil, but not left out
         rules.append('deserialize_with = "Option::deserialize"')
     rule = f"    #[serde({', '.join(rules)})]\n" if rules else ""
-    return f"{_comment(field.doc, '    ')}{rule}    pub {name}: {_rust(field.type)},\n"
+    return f"{_comment(field.doc, '    ')}{rule}    pub {name}: {RUST.type(field.type)},\n"
 
 
 def _has_default(field: Field) -> bool:
@@ -152,41 +164,21 @@ def _default_name(message: Message, field: Field) -> str:
     return f"{''.join(f'_{c.lower()}' if c.isupper() else c for c in message.name).lstrip('_')}_{field.name}"
 
 
-def _default(field: Field) -> str:
-    match field.type, field.default:
-        case Maybe(), _:
-            return "None"
-        case ListOf(), _:
-            return "Vec::new()"
-        case MapOf(), _:
-            return "BTreeMap::new()"
-        case Named(name, words=True), str(word):
-            return f"{name}::{pascal(word)}"
-        case _, bool(flag):
-            return "true" if flag else "false"
-        case _, str(text):
-            return f'"{text}".to_owned()' if text else "String::new()"
-        case _, int(number):
-            return f"{number:_}"
-        case _, value:
-            return str(value)
-
-
 def _constructor(message: Message) -> str:
     required = [each for each in message.fields if each.required]
     arguments = ", ".join(
-        f"{NAMES.get(each.name, each.name)}: "
-        + ("impl Into<String>" if each.type == Scalar("str") else _rust(each.type))
+        f"{RUST.name(each.name)}: "
+        + ("impl Into<String>" if each.type == Scalar("str") else RUST.type(each.type))
         for each in required
     )
     values = "".join(
-        f"            {NAMES.get(each.name, each.name)}"
+        f"            {RUST.name(each.name)}"
         + (
-            f": {NAMES.get(each.name, each.name)}.into(),\n"
+            f": {RUST.name(each.name)}.into(),\n"
             if each.required and each.type == Scalar("str")
             else ",\n"
             if each.required
-            else f": {_default(each)},\n"
+            else f": {RUST.default(each)},\n"
         )
         for each in message.fields
     )
@@ -201,41 +193,27 @@ def _constructor(message: Message) -> str:
     return made
 
 
-def _rust(kind: Type) -> str:
-    match kind:
-        case Scalar(name):
-            return SCALARS[name]
-        case Named(name):
-            return name
-        case ListOf(inner):
-            return f"Vec<{_rust(inner)}>"
-        case MapOf(inner):
-            return f"BTreeMap<String, {_rust(inner)}>"
-        case Maybe(inner):
-            return f"Option<{_rust(inner)}>"
-
-
 def _argument(kind: Type, name: str) -> tuple[str, str]:
     """Return the type of an argument, and what is made of it."""
     match kind:
         case Scalar("str"):
             return "&str", f"{name}.to_owned()"
         case ListOf(inner):
-            return f"&[{_rust(inner)}]", f"{name}.to_vec()"
+            return f"&[{RUST.type(inner)}]", f"{name}.to_vec()"
         case MapOf(inner):
-            return f"&BTreeMap<String, {_rust(inner)}>", f"{name}.clone()"
+            return f"&BTreeMap<String, {RUST.type(inner)}>", f"{name}.clone()"
         case Maybe(Scalar("str")):
             return "Option<&str>", f"{name}.map(str::to_owned)"
         case Maybe(ListOf(inner)):
-            return f"Option<&[{_rust(inner)}]>", f"{name}.map(<[_]>::to_vec)"
-    return _rust(kind), name
+            return f"Option<&[{RUST.type(inner)}]>", f"{name}.map(<[_]>::to_vec)"
+    return RUST.type(kind), name
 
 
 def _call(call: Call) -> str:
     fields, request = call.request.fields, call.request.name
     argument, value = "", "&Nothing {}"
     if len(fields) == 1:
-        name = NAMES.get(fields[0].name, fields[0].name)
+        name = RUST.name(fields[0].name)
         kind, made = _argument(fields[0].type, name)
         argument = f", {name}: {kind}"
         value = f"&{request} {{ {name}: {made} }}" if made != name else f"&{request} {{ {name} }}"
@@ -246,7 +224,7 @@ def _call(call: Call) -> str:
     if call.result is None:
         result, body = call.reply.name, f"        {ask}\n"
     else:
-        result = _rust(call.result.type)
+        result = RUST.type(call.result.type)
         body = f"        let reply: {call.reply.name} = {ask}?;\n        Ok(reply.{call.result.name})\n"
     return (
         _comment(call.method.doc, "    ")
@@ -254,15 +232,6 @@ def _call(call: Call) -> str:
         f"    pub async fn {CALLS.get(call.name, call.name)}(&self{argument}) -> Result<{result}> {{\n"
         f"{declare}{body}    }}\n"
     )
-
-
-def _named(kind: Type) -> list[str]:
-    match kind:
-        case Named(name):
-            return [name]
-        case ListOf(inner) | MapOf(inner) | Maybe(inner):
-            return _named(inner)
-    return []
 
 
 def _comment(text: str, indent: str = "") -> str:

@@ -7,33 +7,34 @@ from textwrap import wrap
 from mcserver.contract.sdk.model import (
     Call,
     Field,
-    ListOf,
-    MapOf,
-    Maybe,
     Message,
     Model,
-    Named,
-    Scalar,
-    Type,
     Words,
     camel,
     is_repeatable,
+    named,
     plain_doc,
 )
+from mcserver.contract.sdk.spelling import Spelling
 
 MADE = "// Made by `python -m mcserver.contract.sdk clients`: change the server's messages instead.\n"
-SCALARS = {
-    "bool": "boolean",
-    "int": "number",
-    "float": "number",
-    "str": "string",
-    "bytes": "Uint8Array",
-    "any": "unknown",
-    "level": "boolean | number",
-    "value": "boolean | number | string",
-}
-# a browser's own type has that name
-NAMES = {"Event": "MotionEvent"}
+TS = Spelling(
+    scalars={
+        "bool": "boolean",
+        "int": "number",
+        "float": "number",
+        "str": "string",
+        "bytes": "Uint8Array",
+        "any": "unknown",
+        "level": "boolean | number",
+        "value": "boolean | number | string",
+    },
+    list_of="{}[]",
+    map_of="Record<string, {}>",
+    maybe="{} | null",
+    # a browser's own type has that name
+    renamed={"Event": "MotionEvent"},
+)
 WIDTH = 118
 
 
@@ -49,9 +50,9 @@ def files(model: Model) -> dict[str, str]:
         *map(_interface, model.messages),
     ]
     used = sorted(
-        {_name(each.request) for each in model.calls if len(each.request.fields) > 1}
-        | {_name(each.reply) for each in model.calls}
-        | {name for each in model.calls if each.result for name in _names(each.result.type)}
+        {TS.name(each.request.name) for each in model.calls if len(each.request.fields) > 1}
+        | {TS.name(each.reply.name) for each in model.calls}
+        | {TS.name(found.name) for each in model.calls if each.result for found in named(each.result.type)}
     )
     calls = [
         MADE,
@@ -84,30 +85,16 @@ def _words(words: Words) -> str:
 
 def _interface(message: Message) -> str:
     fields = "".join(_field(each, message.sent) for each in message.fields)
-    return f"{_comment(message.doc)}export interface {_name(message)} {{\n{fields}}}\n"
+    return f"{_comment(message.doc)}export interface {TS.name(message.name)} {{\n{fields}}}\n"
 
 
 def _field(field: Field, sent: bool) -> str:
     optional = "" if field.required else "?"
-    kind = _ts(field.type)
+    kind = TS.type(field.type)
     if not field.required and sent:
         # undefined: as if it were left out
         kind += " | undefined"
     return f"{_comment(field.doc, '  ')}  {field.name}{optional}: {kind};\n"
-
-
-def _ts(kind: Type) -> str:
-    match kind:
-        case Scalar(name):
-            return SCALARS[name]
-        case Named(name):
-            return NAMES.get(name, name)
-        case ListOf(inner):
-            return f"{_ts(inner)}[]"
-        case MapOf(inner):
-            return f"Record<string, {_ts(inner)}>"
-        case Maybe(inner):
-            return f"{_ts(inner)} | null"
 
 
 def _call(call: Call) -> str:
@@ -115,13 +102,13 @@ def _call(call: Call) -> str:
     argument, params = "", ""
     if len(fields) == 1:
         optional = "" if fields[0].required else "?"
-        argument = f"{camel(fields[0].name)}{optional}: {_ts(fields[0].type)}"
+        argument = f"{camel(fields[0].name)}{optional}: {TS.type(fields[0].type)}"
         key = "" if camel(fields[0].name) == fields[0].name else f"{fields[0].name}: "
         params = f", {{ {key}{camel(fields[0].name)} }}"
     elif fields:
         default = " = {}" if not any(each.required for each in fields) else ""
-        argument, params = f"request: {_name(call.request)}{default}", ", request"
-    reply = _name(call.reply)
+        argument, params = f"request: {TS.name(call.request.name)}{default}", ", request"
+    reply = TS.name(call.reply.name)
     head = f"{_comment(call.method.doc, '  ')}  "
     if call.result is None:
         return (
@@ -129,22 +116,9 @@ def _call(call: Call) -> str:
             f'    return this.call("{call.method.name}"{params});\n  }}\n'
         )
     return (
-        f"{head}async {camel(call.name)}({argument}): Promise<{_ts(call.result.type)}> {{\n"
+        f"{head}async {camel(call.name)}({argument}): Promise<{TS.type(call.result.type)}> {{\n"
         f'    return (await this.call<{reply}>("{call.method.name}"{params})).{call.result.name};\n  }}\n'
     )
-
-
-def _name(message: Message) -> str:
-    return NAMES.get(message.name, message.name)
-
-
-def _names(kind: Type) -> list[str]:
-    match kind:
-        case Named(name):
-            return [NAMES.get(name, name)]
-        case ListOf(inner) | MapOf(inner) | Maybe(inner):
-            return _names(inner)
-    return []
 
 
 def _comment(text: str, indent: str = "") -> str:
