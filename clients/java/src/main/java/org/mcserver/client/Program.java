@@ -318,7 +318,7 @@ public final class Program implements AutoCloseable {
         return machine.resume(id).thenApply(done -> null);
     }
 
-    /** Starts the next line of a program that was opened with {@code step}. */
+    /** Starts the next line of a program that was opened with {@link ProgramOptions#stepping}. */
     public CompletableFuture<Void> step() {
         return machine.step(id).thenApply(done -> null);
     }
