@@ -20,7 +20,7 @@ from mcclient import sync
 from tests.e2e.servers import ServerProcess
 from tests.gateway.conftest import GatewayProcess
 from tests.sdks.conftest import AXES, environment, program_file, to_zero
-from tests.sdks.languages import Sdk
+from tests.sdks.languages import SDKS, Sdk, ToolMissing
 from tests.sdks.link import CuttableLink
 
 Tokens = tuple[Path, dict[str, str]]
@@ -227,3 +227,28 @@ def test_a_server_that_is_killed_interrupts_the_program_and_one_call_goes_on(
         assert (code, said[-1]) == (0, {"state": "finished", "accepted": lines, "done": lines})
         # the way leads to where the program had come
         assert machine.status().axes.setpoint[0] == pytest.approx((lines - len(HEAD)) * STEP_MM, abs=1e-6)
+
+
+def test_in_every_sdk_a_program_whose_text_the_server_has_goes_on_to_its_end_by_itself(
+    server: ServerProcess, gateway: GatewayProcess, tokens: Tokens, tmp_path: Path
+) -> None:
+    lines = [*HEAD, "G01 X1"]
+    file = program_file(tmp_path, lines)
+    with sync.Machine.connect("cell", server.endpoint) as machine:
+        to_zero(machine)
+        # one of them is held, the others wait behind it
+        waiting = [machine.program("whole", axes=[0], hold=True) for _ in SDKS]
+        for each in waiting:
+            each.send_lines(lines)
+            each.close()
+        server.end(signal.SIGKILL)
+    server.start()
+    for build, each in zip(SDKS.values(), waiting, strict=True):
+        try:
+            sdk = build()
+        except ToolMissing:
+            continue
+        address = gateway.ws if sdk.through == "gateway" else server.endpoint
+        code, said = Conformance(sdk, address, tokens[1]["operator"]).run("stream", str(file), each.id)
+        ended = {"state": "finished", "accepted": len(lines), "done": len(lines)}
+        assert (code, said[-1]) == (0, ended), (sdk, said)

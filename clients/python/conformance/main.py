@@ -54,8 +54,10 @@ async def stream(machine: Machine, file: str, former: str = "") -> None:
     program = await opened
     try:
         say(program=program.id)
-        # where it goes on, the server has the first of them already
-        await program.send_lines(lines_of(file, program.given_through + 1))
+        # where it goes on, the server has the first of them already, or all
+        rest = list(lines_of(file, program.given_through + 1))
+        if rest:
+            await program.send_lines(rest)
         result = await program.finish()
     finally:
         await program.leave()

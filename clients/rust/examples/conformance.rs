@@ -93,7 +93,10 @@ async fn stream(machine: &Machine, file: &str, former: Option<&str>) -> Result<(
     };
     say(&json!({"program": program.id()}));
     let known = usize::try_from(program.given_through()).expect("a line of the file");
-    program.send_lines(text.lines().filter(|line| !line.is_empty()).skip(known)).await?;
+    let mut rest = text.lines().filter(|line| !line.is_empty()).skip(known).peekable();
+    if rest.peek().is_some() {
+        program.send_lines(rest).await?;
+    }
     let result = program.finish().await?;
     say(&json!({"state": program.state(), "accepted": result.accepted, "done": result.done}));
     Ok(())

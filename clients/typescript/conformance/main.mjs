@@ -20,7 +20,8 @@ try {
       ? await machine.continueProgram({ program: former, way: true, on_disconnect: "finish" }, { show, patienceMs: PATIENCE_MS })
       : await machine.program({ name: file, onDisconnect: "finish", patienceMs: PATIENCE_MS });
     say({ program: program.id });
-    await program.sendLines(linesOf(file).slice(program.given));
+    const left = linesOf(file).slice(program.given);
+    if (left.length) await program.sendLines(left);
     await program.finish();
     say({ state: program.state, accepted: program.accepted, done: program.done });
   } else if (task === "cancel") {

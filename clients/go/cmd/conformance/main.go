@@ -81,8 +81,10 @@ func stream(t task) error {
 		return err
 	}
 	say(map[string]any{"program": program.ID})
-	if err := program.SendLines(t.ctx, linesOf(t.args[0], program.Given()+1)); err != nil {
-		return err
+	if rest := slices.Collect(linesOf(t.args[0], program.Given()+1)); len(rest) > 0 {
+		if err := program.SendLines(t.ctx, slices.Values(rest)); err != nil {
+			return err
+		}
 	}
 	if err := program.Finish(t.ctx); err != nil {
 		return err
