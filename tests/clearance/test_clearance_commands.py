@@ -6,11 +6,15 @@ import json
 from pathlib import Path
 
 import pytest
+from mcp import Client
 
 from mcserver.clearance.outlines import standing_outlines
 from mcserver.cli.app import run_command_line
+from mcserver.language.agents.server import AgentTools, build_server
 from mcserver.machine.machine_digest import machine_digest
 from mcserver.machine.machine_file import load_machine
+from mcserver.planning.start_state import StartState
+from mcserver.simulation.preview import preview
 from tests.clearance.machines import MILL, TOOL, VISE, block, mill
 from tests.cli.command import EXAMPLES
 
@@ -84,3 +88,26 @@ def test_what_stands_has_an_outline_and_what_is_carried_none() -> None:
     assert outlines.keys() == {"table", "post", "door"}
     assert outlines["post"].corners.max(axis=0) == pytest.approx([525.0, 85.0, 500.0])
     assert outlines["door"].zone
+
+
+def test_a_run_with_a_contact_cannot_be_approved() -> None:
+    machine = mill(VISE)
+    axes = tuple(axis.index for axis in machine.axes)
+    hit = preview("G1010\nG1 Z20 F6000\nG1 X150\n", machine, StartState.of(machine), axes)
+    assert hit.marks is None
+    assert hit.envelope is None
+    assert [each["code"] for each in hit.report["diagnostics"]] == ["MC320"]
+    clear = preview("G1010\nG1 Z60 F6000\nG1 X150\n", machine, StartState.of(machine), axes)
+    assert clear.marks is not None
+
+
+@pytest.mark.timeout(400)
+async def test_agents_are_shown_a_run_with_a_contact() -> None:
+    async with Client(build_server(AgentTools(load_machine(ARM), ARM))) as client:
+        text = Path(PROGRAM).read_text("utf-8")
+        result = await client.call_tool("simulate", {"text": text, "picture": True})
+    report = result.structured_content
+    assert report is not None
+    assert not report["ok"]
+    assert report["clearance"]["least_mm"] < 5.0
+    assert [each.type for each in result.content] == ["text", "image"]
