@@ -20,7 +20,6 @@ from mcserver.canopen.settings import AXIS_OFFSET, NO_AXIS, DriveSettings
 from mcserver.canopen.values import TYPES, Value, decode_value, encode_value, type_name
 from mcserver.canopen.views import BusScan, DriveInfo, MonitoredValue, SdoTarget, SdoValue
 from mcserver.drives.cia402.state import power_state
-from mcserver.drives.servosila.codec import fault_bits_text
 
 T = TypeVar("T")
 
@@ -206,7 +205,7 @@ def _view(node: Node, axis: NodeAxis, now: float) -> DriveInfo:
         nmt="" if node.nmt is None else node.nmt.name.lower().replace("_", "-"),
         heartbeat_age_s=None if node.seen_at is None else max(0.0, now - node.seen_at),
         statusword=word,
-        status=_status(settings.kind, word),
+        status=_status(settings, word),
         device_type=node.identity.device_type,
         vendor_id=node.identity.vendor_id,
         product_code=node.identity.product_code,
@@ -220,10 +219,10 @@ def _view(node: Node, axis: NodeAxis, now: float) -> DriveInfo:
 
 
 def _monitored(node: Node, axis: NodeAxis) -> list[MonitoredValue]:
-    if not axis.settings.has_profile:
-        volts = node.dc_bus_volts
-        return [] if volts is None else [MonitoredValue("DC bus voltage [V]", round(volts, 3))]
     shown = []
+    if axis.settings.streamed is not None:
+        values = axis.settings.streamed.monitored(node.telemetry)
+        shown += [MonitoredValue(name, round(value, 3)) for name, value in values.items()]
     for index, subindex, name in axis.settings.monitor:
         kind = axis.kinds[index, subindex]
         raw = node.raw_of(axis, index, subindex, ODVariable.STRUCT_TYPES[TYPES[kind]].size)
@@ -232,10 +231,10 @@ def _monitored(node: Node, axis: NodeAxis) -> list[MonitoredValue]:
     return shown
 
 
-def _status(kind: str, word: int | None) -> str:
+def _status(settings: DriveSettings, word: int | None) -> str:
     if word is None:
         return ""
-    if kind != "cia402":
-        return f"fault bits {fault_bits_text(word)}" if word else "no fault"
+    if settings.streamed is not None:
+        return settings.streamed.fault_text(word)
     state = power_state(word).name.lower().replace("_", " ")
     return state + (", warning" if word & _WARNING else "")

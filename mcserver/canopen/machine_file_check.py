@@ -18,6 +18,7 @@ from mcserver.canopen.listening import MASTER
 from mcserver.canopen.profiles import CIA_402, device_text
 from mcserver.canopen.sdo_write import DriveDictionary, SdoWrite
 from mcserver.canopen.settings import DriveSettings, settings_of
+from mcserver.drives.cia402.drive import cia402_drive
 from mcserver.errors import ConfigurationError, Diagnostic
 from mcserver.machine.machine_file import Machine
 
@@ -112,8 +113,8 @@ def _soft_loops(drive: DriveSettings, machine: Machine) -> list[Diagnostic]:
     axis = machine.axis(drive.axis)
     if drive.mode != Mode.CYCLIC_TORQUE or axis is None:
         return []
-    gains = axis.drive
-    stiffness = (gains.velocity_gain or 0.0) / gains.inertia * (gains.position_gain or 0.0)
+    gains = cia402_drive(axis)
+    stiffness = gains.velocity_gain / gains.inertia * gains.position_gain
     error = LOAD / stiffness
     tolerance = axis.in_position / axis.type.si_per_unit
     # half a per cent: gains are written with few digits

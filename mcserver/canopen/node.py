@@ -16,7 +16,6 @@ from mcserver.canopen.process_data import PlannedProcessData
 from mcserver.canopen.sdo import NodeSdo
 from mcserver.canopen.sdo_write import SdoWrite
 from mcserver.canopen.settings import DriveSettings
-from mcserver.drives.servosila.codec import unpack_status
 
 # Heartbeats that may stay out, and the least time that counts as silence: a loaded computer reads late [s].
 MISSED_HEARTBEATS = 3
@@ -181,10 +180,9 @@ class Node:
         return self.statusword_of(self.axes[0])
 
     def statusword_of(self, axis: NodeAxis) -> int | None:
-        """The newest statusword of an axis, or a Servosila drive's fault bits."""
-        if axis.planned is None:
-            payload = self.newest(Function.TPDO1 + self.settings.node)
-            return int.from_bytes(payload[:2], "little") if payload and len(payload) >= 2 else None
+        """The newest statusword of an axis, or the fault bits of a drive that streams telemetry."""
+        if axis.settings.streamed is not None:
+            return axis.settings.streamed.fault_bits(self.telemetry)
         raw = self.raw_of(axis, STATUSWORD + axis.settings.offset, 0, 2)
         return None if raw is None else int.from_bytes(raw, "little")
 
@@ -199,11 +197,9 @@ class Node:
         return None
 
     @property
-    def dc_bus_volts(self) -> float | None:
-        """The supply that a Servosila drive reports [V]."""
-        payload = None if self.settings.has_profile else self.newest(Function.TPDO1 + self.settings.node)
-        status = unpack_status(payload) if payload else None
-        return None if status is None else status.dc_bus_volts
+    def telemetry(self) -> bytes:
+        """The newest telemetry with a drive's status, of one that streams it; empty where none has come."""
+        return self.newest(Function.TPDO1 + self.settings.node) or b""
 
     @property
     def exchanged_at(self) -> float | None:

@@ -22,6 +22,7 @@ from mcserver.canopen.node import Node, NodeAxis
 from mcserver.canopen.service_bus import CanopenBus, OnEvent, ServiceTimes
 from mcserver.canopen.settings import DriveSettings, settings_of
 from mcserver.canopen.values import type_name
+from mcserver.drives.cia402.drive import Cia402Drive
 from mcserver.errors import ConfigurationError, McError
 from mcserver.machine.machine_file import Machine
 
@@ -130,6 +131,8 @@ class CanopenService:
             msgspec.structs.replace(
                 axis, drive=msgspec.structs.replace(axis.drive, process_data=data.get(axis.index))
             )
+            if isinstance(axis.drive, Cia402Drive)
+            else axis
             for axis in machine.axes
         ]
         return msgspec.structs.replace(machine, axes=tuple(axes))

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import importlib.util
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from mcserver.can.pdo_layout import Mode
+from mcserver.drives.cia402.drive import Cia402Drive
 from mcserver.drives.cia402.scaling import homing_objects, profile_objects, scaling_objects
+from mcserver.drives.streamed import StreamedDrive
 from mcserver.errors import Diagnostic
-from mcserver.machine.drive_section import CAN_KINDS, CanBusConfig
+from mcserver.machine.bus_section import CanBusConfig
+from mcserver.machine.drive import CanDrive
 from mcserver.machine.io_process_data import HEARTBEAT_MS, nodes_on
 from mcserver.machine.machine_file import Axis, Machine
 
@@ -62,6 +65,7 @@ class DriveSettings:
         homing, profile: (index, subindex, value) for the drive's own homing, and its own profiles; with mode
             "cst" its greatest torque.
         inputs: 60FDh is read in the cycle. outputs: bits of 60FEh that are written.
+        streamed: what reads its telemetry, of a drive without a profile.
     """
 
     axis: int
@@ -92,6 +96,7 @@ class DriveSettings:
     profile: tuple[tuple[int, int, int], ...] = ()
     inputs: bool = False
     outputs: int = 0
+    streamed: StreamedDrive | None = None
 
     @property
     def offset(self) -> int:
@@ -101,7 +106,7 @@ class DriveSettings:
     @property
     def has_profile(self) -> bool:
         """Whether it is a node by CiA 402 or 401, which is configured, started and watched."""
-        return self.kind in ("cia402", "cia401")
+        return self.streamed is None
 
     @property
     def name(self) -> str:
@@ -113,13 +118,13 @@ class DriveSettings:
 
 def uses_can(machine: Machine) -> bool:
     """Whether any axis has a drive on a CAN bus, or any input or output is on one."""
-    drives = any(axis.drive.kind in CAN_KINDS for axis in machine.axes)
+    drives = any(isinstance(axis.drive, CanDrive) for axis in machine.axes)
     return drives or any(nodes_on(machine, bus.name) for bus in machine.buses)
 
 
 def settings_of(machine: Machine) -> list[DriveSettings]:
     """All drives on CAN buses, by axis, and behind them the nodes with inputs and outputs."""
-    drives = [_of_axis(machine, axis) for axis in machine.axes if axis.drive.kind in CAN_KINDS]
+    drives = [_of_axis(machine, axis) for axis in machine.axes if isinstance(axis.drive, CanDrive)]
     return drives + [_of_io(bus, node) for bus in machine.buses for node in nodes_on(machine, bus.name)]
 
 
@@ -139,20 +144,30 @@ def _of_io(bus: CanBusConfig, node: int) -> DriveSettings:
 
 def _of_axis(machine: Machine, axis: Axis) -> DriveSettings:
     drive = axis.drive
+    assert isinstance(drive, CanDrive)
     bus = machine.bus_of(axis)
-    return DriveSettings(
+    settings = DriveSettings(
         axis=axis.index,
         kind=drive.kind,
         bus=bus.name,
         address=bus.address,
         node=drive.node,
+        command_timeout_ms=drive.command_timeout_ms,
+        listen_s=bus.listen_ms / 1e3,
+        appear_s=bus.appear_timeout_s,
+        foreign_sync=bus.sync == "foreign",
+    )
+    if isinstance(drive, StreamedDrive):
+        return replace(settings, streamed=drive)
+    assert isinstance(drive, Cia402Drive)
+    return replace(
+        settings,
         eds=drive.eds,
-        mode=_MODES.get(drive.mode, Mode.CYCLIC_POSITION),
+        mode=_MODES[drive.mode],
         scaling=scaling_objects(drive),
         vendor_id=drive.vendor_id,
         product_code=drive.product_code,
         heartbeat_ms=drive.heartbeat_ms,
-        command_timeout_ms=drive.command_timeout_ms,
         sdo_writes=tuple(tuple(write) for write in drive.sdo_writes),
         node_axis=drive.node_axis,
         pdo_node=drive.pdo_node,
@@ -166,9 +181,6 @@ def _of_axis(machine: Machine, axis: Axis) -> DriveSettings:
             transfer_s=max(5.0, 10.0 * drive.sdo_timeout_ms / 1e3),
             store_s=drive.sdo_store_timeout_s,
         ),
-        listen_s=bus.listen_ms / 1e3,
-        appear_s=bus.appear_timeout_s,
-        foreign_sync=bus.sync == "foreign",
         lss=drive.lss,
         homing=homing_objects(axis),
         profile=profile_objects(axis),
@@ -181,7 +193,7 @@ def _has_inputs(machine: Machine, axis: Axis) -> bool:
     homing = axis.homing
     by_switch = homing is not None and homing.method == "switch" and homing.input is None
     named = any(each.source is not None and each.source.axis == axis.index for each in machine.inputs)
-    return axis.drive.kind == "cia402" and (by_switch or named)
+    return by_switch or named
 
 
 def _output_bits(machine: Machine, axis: Axis) -> int:
@@ -206,7 +218,7 @@ def find_drive_faults(machine: Machine) -> list[Diagnostic]:
     """
     if importlib.util.find_spec("canopen") is None or importlib.util.find_spec("can") is None:
         return []
-    if not any(axis.drive.kind in CAN_KINDS for axis in machine.axes):
+    if not any(isinstance(axis.drive, CanDrive) for axis in machine.axes):
         return []
     # only such machines need these packages
     from mcserver.canopen.machine_file_check import check_drives

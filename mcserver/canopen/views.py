@@ -29,7 +29,7 @@ class DriveInfo(msgspec.Struct, frozen=True, omit_defaults=True):
     Attributes:
         state: what the server takes it for. nmt: what its last heartbeat said; empty: none has come.
         heartbeat_age_s: since its last sign of life [s].
-        statusword: 6041h, or the fault bits of a Servosila drive. status: the same in words.
+        statusword: 6041h, or the fault bits of a drive that streams telemetry. status: the same in words.
         device_type, vendor_id, product_code: 1000h, 1018h:01, 1018h:02.
         emergency: its last emergency message in words; emergency_code, emergency_age_s: of that.
         boot_ups: how often it has started since the server did. message: why its configuration failed.

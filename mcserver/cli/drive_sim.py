@@ -18,7 +18,8 @@ from mcserver.cli.console import narration, results, show_error
 from mcserver.cli.exit_codes import ExitCode
 from mcserver.cli.options import MachineOption
 from mcserver.errors import ConfigurationError, RuntimeFault, UsageFault
-from mcserver.machine.drive_section import CAN_KINDS
+from mcserver.machine.drive import CanDrive
+from mcserver.machine.families import family_drives
 from mcserver.machine.io_process_data import nodes_on
 from mcserver.machine.machine_file import Machine, load_machine
 
@@ -71,7 +72,7 @@ def drive_sim(
         typer.Option("--wait", min=0.0, max=600.0, help="Wait so long [s] for buses that are not there."),
     ] = 5.0,
 ) -> None:
-    """Simulate the cia402 and servosila drives of a machine on their buses, until Ctrl-C or SIGTERM."""
+    """Simulate the drives of a machine's CAN buses, until Ctrl-C or SIGTERM."""
     described = load_machine(machine)
     hub_address = _address(hub, "--hub")
     control_address = _address(control, "--control")
@@ -135,13 +136,14 @@ def _say(line: str) -> None:
 
 
 def _check_choice(machine: Machine, buses: Sequence[str], nodes: Sequence[int]) -> None:
-    there_are = [axis.drive.node for axis in machine.axes if axis.drive.kind in CAN_KINDS]
+    there_are = [axis.drive.node for axis in machine.axes if isinstance(axis.drive, CanDrive)]
     there_are += [node for bus in machine.buses for node in nodes_on(machine, bus.name)]
     if not there_are:
+        kinds = " or ".join(f'"{each.__struct_config__.tag}"' for each in family_drives())
         raise ConfigurationError(
             "MC540",
             f"machine {machine.name} has no drive and no I/O node on a CAN bus",
-            'give axes a [axis.drive] with kind = "cia402" or "servosila"',
+            f"give axes a [axis.drive] with kind = {kinds}",
         )
     for name in buses:
         if not any(name in (bus.name, bus.address) for bus in machine.buses):

@@ -27,6 +27,8 @@ from mcserver.drive_sim.power import (
     PowerState,
     Stop,
 )
+from mcserver.drives.cia402.drive import cia402_drive
+from mcserver.machine.machine_file import Axis, Machine
 
 # Step of the motor while no SYNC comes [s].
 TICK_S = 0.01
@@ -300,3 +302,17 @@ class Cia402Node(CanopenNode):
 
     def _options(self) -> Options:
         return Options(*[entry.value for entry in self._option_entries])
+
+
+def simulated_node(
+    _machine: Machine,
+    axis: Axis,
+    transmit: Transmit,
+    hardware: Hardware,
+    position: float,
+    energize_s: float,
+) -> Cia402Node:
+    """Return the drive of an axis, see `mcserver.drive_sim.from_machine.build_node`."""
+    drive = cia402_drive(axis)
+    identity = Identity(drive.vendor_id, drive.product_code, 1000 + axis.index)
+    return Cia402Node(drive.node, transmit, hardware, position, identity, energize_s)

@@ -6,17 +6,17 @@ import random
 import time
 from collections.abc import Callable, Collection
 from dataclasses import dataclass
+from importlib import import_module
 
 from mcserver.can.open import open_port
 from mcserver.can.port import CanPort
 from mcserver.drive_sim.cia401_node import Cia401Node
-from mcserver.drive_sim.cia402_node import Cia402Node, Identity
 from mcserver.drive_sim.motor import Hardware
-from mcserver.drive_sim.servosila_node import ServosilaNode
 from mcserver.drive_sim.simulation import Node, SimulatedBusSegment
 from mcserver.drives.servo_model import DEFAULT_FRICTION, OVERSPEED
 from mcserver.errors import RuntimeFault
-from mcserver.machine.drive_section import CAN_KINDS, CanBusConfig
+from mcserver.machine.bus_section import CanBusConfig
+from mcserver.machine.drive import CanDrive
 from mcserver.machine.io_process_data import nodes_on, objects_of
 from mcserver.machine.machine_file import Axis, Machine
 from mcserver.units import TURN
@@ -47,7 +47,7 @@ def simulated_axes(machine: Machine, choice: Choice) -> list[tuple[CanBusConfig,
     """The axes whose drives are to be simulated, with their buses."""
     found = []
     for axis in machine.axes:
-        if axis.drive.kind not in CAN_KINDS:
+        if not isinstance(axis.drive, CanDrive):
             continue
         bus = machine.bus_of(axis)
         if choice.buses and bus.name not in choice.buses and bus.address not in choice.buses:
@@ -111,28 +111,17 @@ def build_node(
     position: float,
     energize_s: float = 0.02,
 ) -> Node:
-    """The drive of one axis, its motor at ``position`` [turn]."""
-    drive = axis.drive
-    hardware = hardware_of(axis)
-    if drive.kind == "servosila":
-        telemetry_s = 1.0 / drive.telemetry_hz if drive.telemetry_hz > 0.0 else machine.cycle_s
-        return ServosilaNode(
-            drive.node,
-            transmit,
-            drive.codes,
-            hardware,
-            position,
-            pole_pairs=drive.pole_pairs,
-            telemetry_s=telemetry_s,
-            timeout_s=drive.command_timeout_ms * 1e-3,
-        )
-    identity = Identity(drive.vendor_id, drive.product_code, 1000 + axis.index)
-    return Cia402Node(drive.node, transmit, hardware, position, identity, energize_s)
+    """Return the drive of one axis, its motor at ``position`` [turn]: of the module with its kind's name."""
+    made: Node = import_module(f"mcserver.drive_sim.{axis.drive.kind}_node").simulated_node(
+        machine, axis, transmit, hardware_of(axis), position, energize_s
+    )
+    return made
 
 
 def hardware_of(axis: Axis) -> Hardware:
     """Motor and encoder as the machine file describes them."""
     drive = axis.drive
+    assert isinstance(drive, CanDrive)
     turn = axis.travel_per_motor_turn
     increments, revolutions = drive.encoder or (65536, 1)
     inertia = max(drive.inertia, 1e-9)
@@ -164,7 +153,8 @@ def start_turns(axis: Axis, chance: random.Random | None) -> float:
 
 
 def _turns_per_travel(axis: Axis) -> float:
-    return (-1.0 if axis.drive.invert else 1.0) / axis.travel_per_motor_turn
+    inverted = isinstance(axis.drive, CanDrive) and axis.drive.invert
+    return (-1.0 if inverted else 1.0) / axis.travel_per_motor_turn
 
 
 def _turns_between(axis: Axis) -> tuple[float, float] | None:

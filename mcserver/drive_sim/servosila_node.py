@@ -14,6 +14,8 @@ from collections.abc import Callable, Mapping
 from mcserver.can.cob import Function
 from mcserver.drive_sim.fault_injection import BadRequest, Misbehaviour, values_of
 from mcserver.drive_sim.motor import WINDUP_S, Hardware, Motor
+from mcserver.drives.servosila.drive import ServosilaDrive
+from mcserver.machine.machine_file import Axis, Machine
 from mcserver.units import MINUTE, TURN
 
 NEVER = math.inf
@@ -263,3 +265,26 @@ class ServosilaNode:
         sent = self.wrong.tpdo(identifier, payload)
         if sent is not None:
             self._transmit_frame(identifier, sent)
+
+
+def simulated_node(
+    machine: Machine,
+    axis: Axis,
+    transmit: Callable[[int, bytes], None],
+    hardware: Hardware,
+    position: float,
+    _energize_s: float,
+) -> ServosilaNode:
+    """Return the drive of an axis, see `mcserver.drive_sim.from_machine.build_node`."""
+    drive = axis.drive
+    assert isinstance(drive, ServosilaDrive)
+    return ServosilaNode(
+        drive.node,
+        transmit,
+        drive.codes,
+        hardware,
+        position,
+        pole_pairs=drive.pole_pairs,
+        telemetry_s=1.0 / drive.telemetry_hz if drive.telemetry_hz > 0.0 else machine.cycle_s,
+        timeout_s=drive.command_timeout_ms * 1e-3,
+    )

@@ -14,8 +14,6 @@ from typing import Protocol, runtime_checkable
 import numpy as np
 from numpy.typing import NDArray
 
-from mcserver.machine.drive_section import Drive
-
 Array = NDArray[np.float64]
 
 # Bit 2 of 60FDh.
@@ -69,41 +67,6 @@ class DriveFault(enum.IntEnum):
     HOMING_FAILED = 16  # its own homing ended with an error, or took too long
     SETPOINT = 17  # it does not take a set-point of profile position
     RUNAWAY = 18  # it accelerates against the torque that is to hold it
-
-
-def drives_mode(drive: Drive, mode: DriveMode) -> bool:
-    """Whether a drive's section of the machine file has what this mode needs."""
-    if drive.kind == "cia402":
-        if mode is DriveMode.HOMING and drive.homing is None:
-            return False
-        if mode is DriveMode.TORQUE and drive.rated_torque <= 0.0:
-            return False
-        if drive.mode == "pp" and mode in (DriveMode.VELOCITY, DriveMode.TORQUE):
-            return False
-        return _exchanges(drive, mode)
-    if drive.kind == "servosila":
-        if mode is DriveMode.TORQUE:
-            return "torque" in drive.codes
-        return mode is not DriveMode.VELOCITY or drive.pole_pairs > 0 or "rpm" in drive.codes
-    return True
-
-
-# What has to be mapped for a mode, besides the mode of operation itself.
-_TARGETS = {DriveMode.VELOCITY: 0x60FF, DriveMode.TORQUE: 0x6071}
-
-
-def _exchanges(drive: Drive, mode: DriveMode) -> bool:
-    """Whether the process data that were agreed with a drive have what a mode needs."""
-    data = drive.process_data
-    if data is None or mode is DriveMode.POSITION or mode < DriveMode.POSITION:
-        return True
-    offset = 0x800 * drive.node_axis
-    mapped = {each.index - offset for pdo in data.rpdos for each in pdo.objects}
-    if mode is DriveMode.VELOCITY and drive.mode == "csv" and 0x60FF in mapped:
-        return True
-    if mode is DriveMode.TORQUE and drive.mode == "cst" and 0x6071 in mapped:
-        return True
-    return 0x6060 in mapped and _TARGETS.get(mode, 0x6060) in mapped
 
 
 @dataclass(frozen=True)

@@ -19,13 +19,15 @@ from mcserver.can.pdo_layout import TPDO1
 from mcserver.can.port import CanPort
 from mcserver.drives.bus import BusEvent, DriveFault, DriveMode, Feedback, Setpoints
 from mcserver.drives.cia402.axes import Cia402Axes
+from mcserver.drives.cia402.drive import Cia402Drive
 from mcserver.drives.cia402.loops import DELAY_CYCLES
 from mcserver.drives.drive_io import DriveIo
 from mcserver.drives.io_nodes import Array, IoNodes
 from mcserver.drives.node_watch import NodeWatch, bus_back
-from mcserver.drives.servosila.axis import ServosilaAxis
+from mcserver.drives.streamed import StreamedAxis, StreamedDrive
 from mcserver.errors import RuntimeFault
-from mcserver.machine.drive_section import CanBusConfig
+from mcserver.machine.bus_section import CanBusConfig
+from mcserver.machine.drive import CanDrive
 from mcserver.machine.machine_file import Machine
 
 # Within this time every drive has to have answered once [s].
@@ -72,8 +74,7 @@ class CanBus:
         self._axes = axes
         self._feedback = Feedback.of(len(axes))
         self._feedback.fresh[:] = False
-        servo = [index for index, axis in enumerate(axes) if axis.drive.kind == "cia402"]
-        streamed = [index for index, axis in enumerate(axes) if axis.drive.kind == "servosila"]
+        servo = [index for index, axis in enumerate(axes) if isinstance(axis.drive, Cia402Drive)]
         self._limit = bus.silence_cycles
         self._servo = Cia402Axes([axes[index] for index in servo], servo, self._cycle) if servo else None
         # on a bus with another producer of SYNC the drives act at its SYNC
@@ -84,7 +85,9 @@ class CanBus:
             own = [columns[index] for index in servo]
             self._watch = NodeWatch(nodes, own, self._servo, self._cycle)
         self._streamed = [
-            (index, ServosilaAxis(axes[index], self._cycle, bus.silence_cycles)) for index in streamed
+            (index, axis.drive.axis(axis, self._cycle, bus.silence_cycles))
+            for index, axis in enumerate(axes)
+            if isinstance(axis.drive, StreamedDrive)
         ]
         io = IoNodes(machine, bus.name, self._cycle, bus.silence_cycles)
         self._io = io if io.numbers else None
@@ -283,7 +286,7 @@ class CanBus:
         if self._sends_sync:
             port.send_prepared(self._sync)
 
-    def _exchange_streamed(self, index: int, axis: ServosilaAxis, setpoints: Setpoints) -> bool:
+    def _exchange_streamed(self, index: int, axis: StreamedAxis, setpoints: Setpoints) -> bool:
         if axis.age >= axis.limit:
             axis.fail(DriveFault.COMMUNICATION, axis.age)
         sent = axis.step(
@@ -332,6 +335,7 @@ class CanBus:
                 "check its supply, cable, node number and bit rate, and that it has TPDOs for its inputs",
             )
         axis = self._axes[min(missing)]
+        assert isinstance(axis.drive, CanDrive)
         return RuntimeFault(
             "MC411",
             f"the drive of axis {axis.index} (node {axis.drive.node} on {self.config.name}) does not answer: "

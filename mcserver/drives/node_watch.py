@@ -8,6 +8,7 @@ from typing import Protocol
 
 from mcserver.can.cob import Function, NmtState
 from mcserver.drives.bus import BusEvent, BusEventKind, DriveFault
+from mcserver.drives.cia402.drive import cia402_drive
 from mcserver.drives.cia402.emergency_codes import (
     NO_ERROR,
     EmergencyRule,
@@ -42,12 +43,13 @@ class NodeWatch:
 
     def __init__(self, axes: Sequence[Axis], columns: Sequence[int], target: Failing, cycle_s: float) -> None:
         self._columns = tuple(columns)
-        self._nodes = tuple(axis.drive.node for axis in axes)
+        drives = [cia402_drive(axis) for axis in axes]
+        self._nodes = tuple(drive.node for drive in drives)
         self._target = target
         self._patience = [
-            max(1, round(HEARTBEAT_PATIENCE * axis.drive.heartbeat_ms / 1e3 / cycle_s)) for axis in axes
+            max(1, round(HEARTBEAT_PATIENCE * drive.heartbeat_ms / 1e3 / cycle_s)) for drive in drives
         ]
-        self._rules = [EmergencyRule.of(axis.drive.stop_on, axis.drive.warn_on) for axis in axes]
+        self._rules = [EmergencyRule.of(drive.stop_on, drive.warn_on) for drive in drives]
         self._watched = [False] * len(axes)
         self._beats = [0] * len(axes)
         self._states = [int(NmtState.OPERATIONAL)] * len(axes)

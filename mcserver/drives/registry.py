@@ -10,6 +10,7 @@ from mcserver.drives.can_bus import CanBus
 from mcserver.drives.ideal import IdealBus
 from mcserver.drives.simulated import SimulatedBus
 from mcserver.errors import ConfigurationError
+from mcserver.machine.drive import CanDrive, Drive, IdealDrive
 from mcserver.machine.io_process_data import nodes_on
 from mcserver.machine.machine_file import Axis, Machine
 
@@ -24,59 +25,51 @@ def _simulated(machine: Machine, axes: Sequence[Axis], columns: Sequence[int]) -
     return [SimulatedBus(axes, columns, machine.cycle_s)]
 
 
-def _on_can(machine: Machine, _axes: Sequence[Axis], columns: Sequence[int]) -> list[DriveBus]:
-    buses: list[DriveBus] = []
-    for bus in machine.buses:
-        own = [column for column in columns if machine.axes[column].drive.bus == bus.name]
-        if own:
-            buses.append(CanBus(machine, bus, own))
-    return buses
+def _on_can(machine: Machine, axes: Sequence[Axis], columns: Sequence[int]) -> list[DriveBus]:
+    on: dict[str, list[int]] = {bus.name: [] for bus in machine.buses}
+    for axis, column in zip(axes, columns, strict=True):
+        on[machine.bus_of(axis).name].append(column)
+    # those without drives may have inputs and outputs
+    wanted = [bus for bus in machine.buses if on[bus.name] or nodes_on(machine, bus.name)]
+    return [CanBus(machine, bus, on[bus.name]) for bus in wanted]
 
 
-# Kind of drive → what makes its buses; kinds with the same maker share buses. A new kind is an entry here and
-# in the table below.
-BUS_FACTORIES: Mapping[str, BusFactory] = MappingProxyType(
-    {"ideal": _ideal, "simulated": _simulated, "cia402": _on_can, "servosila": _on_can}
+# Type of drive → what makes its buses; a drive has the one of its nearest type.
+BUS_FACTORIES: Mapping[type[Drive], BusFactory] = MappingProxyType(
+    {Drive: _simulated, IdealDrive: _ideal, CanDrive: _on_can}
 )
 # The same on a virtual clock, where there is no hardware: drives on a bus are simulated.
-VIRTUAL_FACTORIES: Mapping[str, BusFactory] = MappingProxyType(
-    {"ideal": _ideal, "simulated": _simulated, "cia402": _simulated, "servosila": _simulated}
+VIRTUAL_FACTORIES: Mapping[type[Drive], BusFactory] = MappingProxyType(
+    {Drive: _simulated, IdealDrive: _ideal}
 )
 
 
-def create_buses(machine: Machine, factories: Mapping[str, BusFactory] = BUS_FACTORIES) -> list[DriveBus]:
+def create_buses(
+    machine: Machine, factories: Mapping[type[Drive], BusFactory] = BUS_FACTORIES
+) -> list[DriveBus]:
     """Buses that together drive every axis of the machine once; nothing is opened before their `boot`.
 
     Args:
-        factories: kind of drive → a function of (machine, axes of that kind, their columns).
+        factories: type of drive → a function of (machine, its axes, their columns).
 
     Raises:
         ConfigurationError: MC006 a kind of drive that this installation cannot drive.
     """
     by_factory: dict[BusFactory, list[int]] = {}
+    if CanDrive in factories and any(nodes_on(machine, bus.name) for bus in machine.buses):
+        # a bus may have inputs and outputs without any drive
+        by_factory[factories[CanDrive]] = []
     for column, axis in enumerate(machine.axes):
-        factory = factories.get(axis.drive.kind)
+        factory = next((factories[kind] for kind in type(axis.drive).__mro__ if kind in factories), None)
         if factory is None:
             raise ConfigurationError(
                 "MC006",
                 f"axis {axis.index} has a drive of kind {axis.drive.kind!r}, "
                 "which this installation cannot drive",
-                f'set kind = "simulated" there, or one of: {", ".join(sorted(factories))}',
+                'set kind = "simulated" there',
             )
         by_factory.setdefault(factory, []).append(column)
     buses: list[DriveBus] = []
     for factory, columns in by_factory.items():
         buses += factory(machine, [machine.axes[column] for column in columns], columns)
-    if factories is BUS_FACTORIES:
-        buses += _for_io_alone(machine, buses)
     return buses
-
-
-def _for_io_alone(machine: Machine, buses: Sequence[DriveBus]) -> list[DriveBus]:
-    """Make the CAN buses that have inputs and outputs, but no drives."""
-    made = {bus.config.name for bus in buses if isinstance(bus, CanBus)}
-    return [
-        CanBus(machine, bus, [])
-        for bus in machine.buses
-        if bus.name not in made and nodes_on(machine, bus.name)
-    ]

@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping
 from types import MappingProxyType
 from typing import TYPE_CHECKING
 
-from mcserver.drives.bus import DriveMode, drives_mode
+from mcserver.drives.bus import DriveMode
 from mcserver.executor.barriers import (
     AtRest,
     Barrier,
@@ -88,7 +88,7 @@ def _check_power(slot: ProgramSlot, axes: int) -> None:
 def _check_configured(slot: ProgramSlot, axes: int, mode: DriveMode) -> None:
     """Raise where the machine file does not say what a drive needs for this mode."""
     for column in slot.cycle.bank.masks.columns(axes):
-        if not drives_mode(slot.cycle.machine.axes[column].drive, mode):
+        if not slot.cycle.machine.axes[column].drive.has_mode(mode):
             raise BarrierFault(FaultCode.MODE_NOT_CONFIGURED, column, (float(mode), 0.0))
 
 

@@ -12,7 +12,7 @@ import math
 from collections.abc import Callable, Mapping
 from types import MappingProxyType
 
-from mcserver.drives.bus import HOME_SWITCH, DriveMode, DriveState, drives_mode
+from mcserver.drives.bus import HOME_SWITCH, DriveMode, DriveState
 from mcserver.executor.barriers import DRIVE_TIMEOUT_S, BarrierFault
 from mcserver.executor.cycle import Cycle
 from mcserver.executor.entries import EventKind
@@ -343,7 +343,7 @@ class Homes:
             if homing is None or not homing.finds:
                 raise BarrierFault(FaultCode.NO_HOMING, column)
             drive = cycle.machine.axes[column].drive
-            if homing.method == "drive" and not drives_mode(drive, DriveMode.HOMING):
+            if homing.method == "drive" and not drive.has_mode(DriveMode.HOMING):
                 raise BarrierFault(FaultCode.MODE_NOT_CONFIGURED, column, (float(DriveMode.HOMING), 0.0))
             self._homings.append(AxisHoming(cycle, column, slot, homing, rate))
 

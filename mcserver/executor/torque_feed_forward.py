@@ -34,7 +34,7 @@ class TorqueFeedForward:
         self._dynamics = dynamics
         axes = [machine.axes[machine.column_of(axis)] for axis in dynamics.axes]
         self.columns: NDArray[np.intp] = np.array([machine.column_of(axis) for axis in dynamics.axes])
-        self._fed = np.array([axis.drive.torque_feed_forward for axis in axes])
+        self._fed = np.array([axis.drive.takes_torques for axis in axes])
         # the power of joint and motor is the same
         self._per_torque: Array = np.array([axis.travel_per_motor_turn / (2.0 * math.pi) for axis in axes])
         self._most = dynamics.efforts
@@ -51,7 +51,7 @@ class TorqueFeedForward:
     @classmethod
     def of(cls, machine: Machine, bank: AxisBank) -> TorqueFeedForward | None:
         """Return it for a machine one of whose drives takes torques along; None for any other."""
-        if not any(axis.drive.torque_feed_forward for axis in machine.axes):
+        if not any(axis.drive.takes_torques for axis in machine.axes):
             return None
         kinematics = build_kinematics(machine)
         dynamics = None if kinematics is None else kinematics.dynamics

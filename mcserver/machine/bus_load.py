@@ -13,13 +13,13 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from mcserver.can.pdo import ProcessData
-from mcserver.can.pdo_layout import RPDO1, RPDO2, SLOW_SYNCS, TPDO1, TPDO2, Pdo, rpdo1_cycles
+from mcserver.can.pdo_layout import rpdo1_cycles
 from mcserver.errors import ConfigurationError
-from mcserver.machine.drive_section import COMMAND_TIMEOUT_CYCLES, COMMAND_TIMEOUT_MS, TORQUE_TIMEOUT_MS
+from mcserver.machine.drive import COMMAND_TIMEOUT_CYCLES, CanDrive
 from mcserver.machine.io_process_data import HEARTBEAT_MS, io_process_data, nodes_on
 
 if TYPE_CHECKING:
-    from mcserver.machine.drive_section import CanBusConfig
+    from mcserver.machine.bus_section import CanBusConfig
     from mcserver.machine.machine_file import Axis, Machine
 
 # Share of a bus that the cycle may take: SDO, EMCY and repetitions need the rest.
@@ -28,17 +28,11 @@ CEILING = 0.8
 MASTER_HEARTBEAT_HZ = 20.0
 # Beyond any cycle: RPDO1 comes as rarely as it ever does.
 GREATEST_HZ = 1e5
-SERVOSILA_BYTES = 8
-SERVOSILA_TELEMETRY = 3
 
 
 def frame_bits(length: int) -> int:
     """Bits of a frame with ``length`` bytes, with the most stuff bits and the space to the next one."""
     return 47 + 8 * length + (33 + 8 * length) // 4
-
-
-def _bytes(pdo: Pdo) -> int:
-    return sum(entry.bits for entry in pdo.entries) // 8
 
 
 @dataclass(frozen=True)
@@ -168,8 +162,11 @@ def bus_loads(machine: Machine) -> tuple[BusLoad, ...]:
     """The load of each bus that a drive of the machine is on."""
     loads = []
     for bus in machine.buses:
-        axes = [axis for axis in machine.axes if axis.drive.bus == bus.name and axis.drive.node]
-        axes = [axis for axis in axes if axis.drive.kind in ("cia402", "servosila")]
+        axes = [
+            axis
+            for axis in machine.axes
+            if isinstance(axis.drive, CanDrive) and axis.drive.bus == bus.name and axis.drive.node
+        ]
         nodes = [io_process_data(machine, bus.name, node) for node in nodes_on(machine, bus.name)]
         if axes or nodes:
             loads.append(load_of(bus, axes, machine.cycle_hz, nodes, _drive_io(machine, bus.name)))
@@ -188,44 +185,23 @@ def load_of(
     Args:
         nodes: the process data of its I/O nodes. besides: what its drives exchange besides motion.
     """
-    servo = [axis for axis in axes if axis.drive.kind == "cia402"]
-    streamed = [axis for axis in axes if axis.drive.kind == "servosila"]
+    kinds: dict[type[CanDrive], list[Axis]] = {}
+    for axis in axes:
+        assert isinstance(axis.drive, CanDrive)
+        kinds.setdefault(type(axis.drive), []).append(axis)
     shares: list[Share] = []
-    if servo:
-        count = float(len(servo))
-        shares += [
-            Share("SYNC", 1.0, frame_bits(0)),
-            *_commands(servo, cycle_hz),
-            *besides,
-            Share("TPDO1", count, frame_bits(_bytes(TPDO1))),
-            Share("TPDO2", count / SLOW_SYNCS, frame_bits(_bytes(TPDO2))),
-        ]
-        beats = sum(1000.0 / axis.drive.heartbeat_ms for axis in servo if axis.drive.heartbeat_ms)
-        shares += [
-            Share("heartbeats", 0.0, frame_bits(1), beats),
-            Share("heartbeat of the master", 0.0, frame_bits(1), MASTER_HEARTBEAT_HZ),
-        ]
-    if nodes and not servo:
+    if nodes or any(kind.synchronous for kind in kinds):
         shares += [
             Share("SYNC", 1.0, frame_bits(0)),
             Share("heartbeat of the master", 0.0, frame_bits(1), MASTER_HEARTBEAT_HZ),
         ]
+    for kind, own in kinds.items():
+        shares += kind.shares(own, cycle_hz)
+    shares += besides
     for node in nodes:
         shares += [Share("inputs", 1.0, frame_bits(pdo.length)) for pdo in node.tpdos]
         shares += [Share("outputs", 1.0, frame_bits(pdo.length)) for pdo in node.rpdos]
         shares.append(Share("heartbeats", 0.0, frame_bits(1), 1000.0 / HEARTBEAT_MS))
-    if streamed:
-        shares.append(Share("commands", float(len(streamed)), frame_bits(SERVOSILA_BYTES)))
-        every_cycle = sum(not axis.drive.telemetry_hz for axis in streamed)
-        own_rate = sum(axis.drive.telemetry_hz for axis in streamed)
-        shares.append(
-            Share(
-                "telemetry",
-                float(SERVOSILA_TELEMETRY * every_cycle),
-                frame_bits(SERVOSILA_BYTES),
-                SERVOSILA_TELEMETRY * own_rate,
-            )
-        )
     return BusLoad(bus.name, cycle_hz, bus.bitrate, len(axes), tuple(shares))
 
 
@@ -240,28 +216,6 @@ def _drive_io(machine: Machine, bus: str) -> list[Share]:
         if axes:
             shares.append(Share(what, float(len(axes)), frame_bits(4)))
     return shares
-
-
-def _commands(axes: Sequence[Axis], cycle_hz: float) -> list[Share]:
-    """RPDOs; 60B2h and 6081h have no room beside mode and position, and go in some of their own."""
-    profiled = float(sum(axis.profiled for axis in axes))
-    streamed = float(len(axes)) - profiled
-    offsets = float(sum(axis.drive.torque_offset for axis in axes))
-    # one that is silent for longer than the shortest of these would make its drive act by itself
-    timeouts = tuple(sorted({_timeouts_of(axis) for axis in axes}))
-    every = (
-        Share("RPDO2", streamed, frame_bits(_bytes(RPDO2))),
-        Share("RPDO1 besides", streamed, frame_bits(_bytes(RPDO1)), timeouts_ms=timeouts, cycle_hz=cycle_hz),
-        Share("RPDO1", profiled, frame_bits(_bytes(RPDO1))),
-        Share("profile velocity", profiled, frame_bits(4)),
-        Share("torque offset", offsets, frame_bits(2)),
-    )
-    return [share for share in every if share.frames]
-
-
-def _timeouts_of(axis: Axis) -> tuple[float, float]:
-    usual = TORQUE_TIMEOUT_MS if axis.drive.mode == "cst" else COMMAND_TIMEOUT_MS
-    return float(axis.drive.command_timeout_ms), float(usual)
 
 
 def refuse_overload(machine: Machine, source: str) -> None:

@@ -10,6 +10,7 @@ from typing import Annotated, Literal
 import msgspec
 from msgspec import Meta
 
+from mcserver.machine.drive import CanDrive, Drive
 from mcserver.machine.section_reader import Mistakes
 from mcserver.machine.toml_positions import Path
 
@@ -105,9 +106,7 @@ class AxisLimits(msgspec.Struct, frozen=True):
     low: float
     high: float
     max_velocity: float
-    drive: str
-    drive_homes: bool
-    profiled: bool = False
+    drive: Drive
 
 
 def read_homing(
@@ -201,7 +200,7 @@ def _reference_position(section: HomingSection, scale: float) -> float | None:
 
 def _check_method(section: HomingSection, axis: AxisLimits, bad: Callable[..., None]) -> None:
     method = section.method
-    simulated = axis.drive in ("simulated", "ideal")
+    simulated = not isinstance(axis.drive, CanDrive)
     if method == "hard-stop" and section.torque <= 0.0:
         bad(
             "torque",
@@ -210,32 +209,32 @@ def _check_method(section: HomingSection, axis: AxisLimits, bad: Callable[..., N
         )
     if method != "hard-stop" and section.torque > 0.0:
         bad("torque", f'does not belong to method = "{method}"', 'it belongs to method = "hard-stop"')
-    if method == "hard-stop" and axis.drive == "ideal":
+    if method == "hard-stop" and not axis.drive.has_inertia:
         bad("method", "an ideal drive has no torque of its own", 'use kind = "simulated"')
     if (method == "index" or section.index) and not simulated:
         bad(
             "index" if section.index else "method",
-            f"a drive of kind {axis.drive!r} does not report its encoder's index here",
+            f"a drive of kind {axis.drive.kind!r} does not report its encoder's index here",
             'let the drive find it: method = "drive" with 6098h 33 or 34, or one of 1 to 14',
         )
     if section.index and method != "switch":
         bad("index", f'does not belong to method = "{method}"', 'it belongs to method = "switch"')
-    if method == "switch" and section.input is None and not simulated and axis.drive != "cia402":
+    if method == "switch" and section.input is None and not axis.drive.has_switches:
         bad(
             "input",
-            f"the home switch of a drive of kind {axis.drive!r} is not read",
+            f"the home switch of a drive of kind {axis.drive.kind!r} is not read",
             'give the number of an [[input]], or let the drive find it: method = "drive"',
             "MC033",
         )
     if method != "switch" and section.input is not None:
         bad("input", f'does not belong to method = "{method}"', 'it belongs to method = "switch"')
-    if method == "drive" and not axis.drive_homes and not simulated:
+    if method == "drive" and not axis.drive.homes:
         bad(
             "method",
             "the drive's section does not say how it homes",
             "add [axis.drive.homing] with its method",
         )
-    if method in SEARCHING and axis.profiled:
+    if method in SEARCHING and axis.drive.profiled:
         bad(
             "method",
             'with mode = "pp" the drive makes the motion: a search cannot end it where it has to',

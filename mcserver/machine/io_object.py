@@ -9,11 +9,12 @@ import msgspec
 from msgspec import Meta
 
 from mcserver.can.cob import GREATEST_NODE, LEAST_NODE
+from mcserver.machine.drive import CanDrive
 from mcserver.machine.section_reader import Mistakes
 from mcserver.machine.toml_positions import Path
 
 if TYPE_CHECKING:
-    from mcserver.machine.drive_section import Drive
+    from mcserver.machine.drive import Drive
 
 ObjectAddress = Annotated[
     str,
@@ -100,14 +101,14 @@ def _of_drive(
         if getattr(section, key) is not None:
             mistakes.add((*path, key), "follows from drive", "leave it out")
     drive = drives.get(section.drive if section.drive is not None else -1)
-    if drive is None or drive.kind != "cia402":
+    if not isinstance(drive, CanDrive) or not drive.has_pins:
         what = "there is no such axis" if drive is None else f"its drive is of kind {drive.kind!r}"
         mistakes.add((*path, "drive"), what, 'name an axis whose drive has kind = "cia402"')
         return None
     if not digital or section.bit is None:
         mistakes.add(path, "a drive's input or output is a bit", "give bit, and leave kind out")
         return None
-    index = place[0] + AXIS_OFFSET * drive.node_axis
+    index = place[0] + AXIS_OFFSET * drive.place[1]
     return IoObject(drive.bus, drive.node, index, place[1], "u32", section.bit, section.drive or 0)
 
 

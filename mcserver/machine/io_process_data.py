@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 from mcserver.can.cob import Function
 from mcserver.can.pdo import MappedObject, MappedPdo, ProcessData
 from mcserver.can.port import MAX_PAYLOAD
-from mcserver.machine.drive_section import Drive
+from mcserver.machine.drive import CanDrive, Drive
 from mcserver.machine.io_object import IoObject
 from mcserver.machine.io_section import Input, Output
 from mcserver.machine.section_reader import Mistakes
@@ -97,7 +97,7 @@ def check_nodes(
     Args:
         drives: path of the section, number of the axis, drive.
     """
-    of_drives = {(drive.bus, drive.node): axis for _, axis, drive in drives if drive.node}
+    of_drives = {(drive.bus, drive.node): axis for _, axis, drive in drives if isinstance(drive, CanDrive)}
     for kind, objects in (
         ("input", [(each.name, each.source) for each in inputs]),
         ("output", [(each.name, each.target) for each in outputs]),

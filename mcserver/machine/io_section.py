@@ -21,7 +21,7 @@ from mcserver.machine.section_reader import Mistakes
 from mcserver.machine.toml_positions import Path
 
 if TYPE_CHECKING:
-    from mcserver.machine.drive_section import Drive
+    from mcserver.machine.drive import Drive
 
 # P of M62 to M66 and E of M66 to M68 have room for so many of each kind.
 MAX_CHANNELS = 64

@@ -17,9 +17,11 @@ from mckinematics.description import EARTH
 
 from mcserver.errors import ConfigurationError
 from mcserver.machine.bus_load import refuse_overload
+from mcserver.machine.bus_section import CanBusConfig, read_buses
 from mcserver.machine.clearance_section import Clearance, read_clearance
 from mcserver.machine.dialect_section import Dialect, read_dialect
-from mcserver.machine.drive_section import CAN_KINDS, CanBusConfig, Drive, complete_drive, read_buses
+from mcserver.machine.drive import CanDrive, Drive
+from mcserver.machine.families import AnyDrive
 from mcserver.machine.homing_section import (
     LETTERS,
     AxisLimits,
@@ -73,14 +75,14 @@ class Axis(msgspec.Struct, frozen=True):
     max_following_error: float
     travel_per_motor_turn: float
     initial_position: float
-    drive: Drive
+    drive: AnyDrive
     homing: Homing | None = None
     max_torque: float | None = math.inf
 
     @property
     def profiled(self) -> bool:
         """Return True if its drive makes the profiles itself: it goes to points, and follows no path."""
-        return self.drive.kind == "cia402" and self.drive.mode == "pp"
+        return self.drive.profiled
 
 
 class Machine(msgspec.Struct, frozen=True):
@@ -149,11 +151,11 @@ class Machine(msgspec.Struct, frozen=True):
         Raises:
             KeyError: the axis's drive is on none.
         """
-        if axis.drive.kind in CAN_KINDS:
+        if isinstance(axis.drive, CanDrive):
             for bus in self.buses:
                 if bus.name == axis.drive.bus:
                     return bus
-        raise KeyError(axis.drive.bus)
+        raise KeyError(axis.index)
 
     def column_of(self, index: int) -> int:
         """Return the column of axis ``index`` in arrays over this machine's axes."""
@@ -339,17 +341,14 @@ def _axis_to_si(
             f"{axis.drive.initial_position} is outside the axis's travel",
             "put it between min_position and max_position",
         )
-    drive, per_turn = complete_drive(axis.drive, axis, cycle_s, (*path, "drive"), mistakes)
-    if drive.eds and folder is not None:
-        drive = msgspec.structs.replace(drive, eds=str(folder / drive.eds))
-    reach = AxisLimits(
-        low / scale,
-        high / scale,
-        axis.max_velocity,
-        drive.kind,
-        getattr(axis.drive, "homing", None) is not None,
-        drive.kind == "cia402" and drive.mode == "pp",
-    )
+
+    def refuse(key: str, what: str, hint: str) -> None:
+        mistakes.add((*path, "drive", key), what, hint)
+
+    drive, per_turn = axis.drive.complete(axis, cycle_s, refuse)
+    if folder is not None:
+        drive = drive.beside(folder)
+    reach = AxisLimits(low / scale, high / scale, axis.max_velocity, drive)
     homing = read_homing(axis.homing, reach, scale, (*path, "homing"), mistakes)
     default_turn = 10.0 * MM if axis_type is AxisType.LINEAR else TURN
     return Axis(

@@ -10,7 +10,7 @@ from mckinematics.solution_check import check_machine
 
 from mcserver.can.address import Transport, parse_address
 from mcserver.errors import Diagnostic
-from mcserver.machine.drive_section import CAN_KINDS
+from mcserver.machine.drive import CanDrive
 from mcserver.machine.machine_file import Axis, Machine
 
 AXIS_NAMES = "XYZABC"
@@ -42,7 +42,7 @@ def find_doubts(machine: Machine) -> list[Diagnostic]:
 
 
 def _doubts_of_torque(machine: Machine, axis: Axis) -> list[Diagnostic]:
-    if not axis.drive.torque_feed_forward or any(axis.index in tool.axes for tool in machine.tools):
+    if not axis.drive.takes_torques or any(axis.index in tool.axes for tool in machine.tools):
         return []
     return [
         _warning(
@@ -108,9 +108,9 @@ def _doubts_of_limits(axis: Axis, cycle_s: float) -> list[Diagnostic]:
 
 def _resolution(axis: Axis) -> float:
     """One count of the axis's encoder [m, rad]; 0: continuous."""
-    encoder = axis.drive.encoder
-    if axis.drive.kind in CAN_KINDS and encoder is not None:
-        return axis.travel_per_motor_turn * encoder[1] / encoder[0]
+    if isinstance(axis.drive, CanDrive) and axis.drive.encoder is not None:
+        increments, turns = axis.drive.encoder
+        return axis.travel_per_motor_turn * turns / increments
     return axis.drive.encoder_resolution * axis.type.si_per_unit
 
 
@@ -142,7 +142,7 @@ def _doubts_of_tolerance(axis: Axis) -> list[Diagnostic]:
 
 def _doubts_of_bus(machine: Machine, axis: Axis) -> list[Diagnostic]:
     drive = axis.drive
-    if drive.kind not in CAN_KINDS:
+    if not isinstance(drive, CanDrive):
         return []
     doubts = []
     for module in ("canopen", "can"):

@@ -129,7 +129,10 @@ def read_keys(
         By the names of the struct's fields: what is given, and None for what does not fit or is missing.
     """
     tag_field = struct.__struct_config__.tag_field
-    fields = {field.encode_name: field for field in msgspec.structs.fields(struct)}
+    agreed = getattr(struct, "agreed", ())  # fields that no key gives
+    fields = {
+        field.encode_name: field for field in msgspec.structs.fields(struct) if field.name not in agreed
+    }
     for key in value:
         if key not in fields and key != tag_field:
             _refuse_key(key, struct, tuple(fields), kinds, path, mistakes)

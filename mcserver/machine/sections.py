@@ -5,164 +5,27 @@ The ``description`` of a constraint is the hint that a mistake shows.
 
 from __future__ import annotations
 
-from typing import Annotated, ClassVar, Literal
+from typing import Annotated, Literal
 
 import msgspec
 from mckinematics.description import EARTH
 from msgspec import Meta
 
-from mcserver.can.cob import GREATEST_NODE, LEAST_NODE
 from mcserver.machine.clearance_section import Body, ClearanceSection, Zone
+from mcserver.machine.constraints import Limit, NotNegative, Positive
+from mcserver.machine.drive import Drive
+from mcserver.machine.families import AnyDrive
 from mcserver.machine.homing_section import HomingSection, ProbeSection
 from mcserver.machine.io_section import InputSection, OutputSection
 from mcserver.machine.recovery_section import RecoverySection
 
 MAX_AXES = 64
 
-Limit = Annotated[float, Meta(gt=0.0, description="leave the key out where there is no limit")]
-Positive = Annotated[float, Meta(gt=0.0, description="give a number above 0")]
-NotNegative = Annotated[float, Meta(ge=0.0, description="leave the key out if it is not known")]
 Torque = Annotated[
     Annotated[float, Meta(gt=0.0)] | Literal["urdf"],
     Meta(description='give N·m above 0, or "urdf" for the effort of its joint; leave it out without a limit'),
 ]
-Milliseconds = Annotated[int, Meta(ge=0, le=0xFFFF, description="100 is usual")]
-Unsigned32 = Annotated[int, Meta(ge=0, le=0xFFFFFFFF, description="see 1018h of the drive")]
-Count = Annotated[int, Meta(ge=1, le=0xFFFFFFFF)]
-_LSS = "vendor, product code, revision and serial number of 1018h"
-_TURN_BY_INVERT = Meta(description='give two numbers above 0; turn the motor with "invert"')
-_ERROR_CODE = "(0x|0X)?[0-9A-Fa-fxX?*]{4}h?"
-ErrorCode = Annotated[
-    str, Meta(pattern=f"^{_ERROR_CODE}$", description="four hexadecimal digits, x for any: '8611', '81xx'")
-]
-MonitoredObject = Annotated[
-    str,
-    Meta(
-        pattern=r"^[0-9A-Fa-f]{4}h?(:[0-9A-Fa-f]{1,2})?( .{1,40})?$",
-        description="index, subindex and a name: '6079h:00 DC link voltage'",
-    ),
-]
 AxisNumber = Annotated[int, Meta(ge=0, lt=MAX_AXES, description="number axes from 0 to 63")]
-
-
-class DriveSection(msgspec.Struct, frozen=True, tag_field="kind", tag="simulated"):
-    """``[axis.drive]`` of a simulated drive; what a drive on a bus has besides is for its simulation.
-
-    Attributes:
-        initial_position: [mm, deg]. bandwidth_hz: of the servo loop.
-        encoder_resolution: [mm, deg], 0: continuous.
-        heartbeat_timeout_s: without setpoints for so long the drive stops. brake: holds without power.
-        friction_decel: [mm/s², deg/s²]. inertia: at the motor [kg·m²]. max_torque: 0: not limited [N·m].
-        home_switch: from where to where the home switch is active, index_at: one place of the encoder's
-            index, of which there is one a turn of the motor, hard_stops: ends of the mechanics; all by the
-            encoder [mm, deg].
-    """
-
-    initial_position: float = 0.0
-    bandwidth_hz: Positive = 40.0
-    encoder_resolution: NotNegative = 0.0
-    heartbeat_timeout_s: Positive = 0.1
-    brake: bool = False
-    friction_decel: NotNegative = 0.0
-    inertia: NotNegative = 0.01
-    max_torque: NotNegative = 0.0
-    home_switch: tuple[float, float] | None = None
-    index_at: float | None = None
-    hard_stops: tuple[float, float] | None = None
-    # a machine is tried without its drives by changing `kind` alone
-    other_kinds_keys_are_idle: ClassVar[bool] = True
-
-
-class IdealDriveSection(DriveSection, frozen=True, tag="ideal"):
-    """``[axis.drive]`` of a drive whose actual position is its setpoint."""
-
-
-class CanDriveSection(DriveSection, frozen=True, tag="can"):
-    """What the two kinds of drives on a CAN bus share; see `mcserver.machine.machine_file.Drive`."""
-
-    other_kinds_keys_are_idle: ClassVar[bool] = False
-    inertia: NotNegative = 0.0
-    bus: str = ""
-    node: Annotated[
-        int, Meta(ge=LEAST_NODE, le=GREATEST_NODE, description="give the drive's node number")
-    ] = 0
-    counts_per_motor_rev: Annotated[int, Meta(ge=0)] = 0
-    encoder: (
-        Annotated[tuple[Count, Count], Meta(description='two whole numbers above 0; turn with "invert"')]
-        | None
-    ) = None
-    gear: (
-        Annotated[tuple[Count, Count], Meta(description='two whole numbers above 0; turn with "invert"')]
-        | None
-    ) = None
-    feed: (
-        Annotated[tuple[Positive, Positive], Meta(description='two numbers above 0; turn with "invert"')]
-        | None
-    ) = None
-    invert: bool = False
-    rated_torque: NotNegative = 0.0
-    velocity_counts_per_motor_rev: NotNegative = 0.0
-    command_timeout_ms: Milliseconds = 0
-
-
-class DriveHomingSection(msgspec.Struct, frozen=True):
-    """``[axis.drive.homing]``: how the drive homes itself (CiA 402, mode 6).
-
-    Attributes:
-        method: 6098h. speed_switch, speed_zero: 6099h:01, :02 [mm/s, deg/s].
-        acceleration: 609Ah [mm/s², deg/s²]. position: the axis is here at the home position [mm, deg].
-        timeout_s: longer than this it has failed.
-    """
-
-    method: Annotated[int, Meta(ge=-128, le=127, description="6098h, as the drive's manual numbers them")]
-    speed_switch: Positive = 10.0
-    speed_zero: Positive = 2.0
-    acceleration: Positive = 100.0
-    position: float = 0.0
-    timeout_s: Positive = 60.0
-
-
-class Cia402DriveSection(CanDriveSection, frozen=True, tag="cia402"):
-    """``[axis.drive]`` of a CiA 402 drive.
-
-    Attributes:
-        position_gain: [1/s]. integral_time_s: None: what is usual with the mode. velocity_gain: with mode =
-            "cst", at the motor's shaft [N·m·s/rad]; 0: from `inertia`.
-    """
-
-    eds: str = ""
-    mode: Literal["csp", "csv", "cst", "pp", "ip"] = "csp"
-    position_gain: NotNegative = 0.0
-    integral_time_s: NotNegative | None = None
-    velocity_gain: NotNegative = 0.0
-    velocity_feed_forward: Annotated[float, Meta(ge=0.0, le=1.0, description="1 is usual")] = 1.0
-    torque_feed_forward: bool = False
-    zero_offset: float = 0.0
-    pdo: Literal["auto", "fixed"] = "auto"
-    monitor: Annotated[list[MonitoredObject], Meta(max_length=8, description="8 objects at most")] = []
-    node_axis: Annotated[int, Meta(ge=0, le=7, description="0 is the node's first axis")] = 0
-    pdo_node: Annotated[int, Meta(ge=0, le=GREATEST_NODE, description="a number that no node has")] = 0
-    stop_on: list[ErrorCode] = []
-    warn_on: list[ErrorCode] = []
-    sdo_timeout_ms: Annotated[int, Meta(ge=10, le=60_000, description="300 is usual")] = 300
-    sdo_tries: Annotated[int, Meta(ge=1, le=10, description="3 is usual")] = 3
-    sdo_store_timeout_s: Positive = 15.0
-    lss: Annotated[tuple[Unsigned32, Unsigned32, Unsigned32, Unsigned32], Meta(description=_LSS)] | None = (
-        None
-    )
-    homing: DriveHomingSection | None = None
-    vendor_id: Unsigned32 = 0
-    product_code: Unsigned32 = 0
-    heartbeat_ms: Milliseconds = 100
-    sdo_writes: list[list[int]] = []
-
-
-class ServosilaDriveSection(CanDriveSection, frozen=True, tag="servosila"):
-    """``[axis.drive]`` of a Servosila drive."""
-
-    codes: dict[str, int] = {}
-    pole_pairs: Annotated[int, Meta(ge=0, le=1000, description="see the motor's data")] = 0
-    telemetry_hz: NotNegative = 0.0
 
 
 class AxisSection(msgspec.Struct, frozen=True):
@@ -179,7 +42,7 @@ class AxisSection(msgspec.Struct, frozen=True):
     max_following_error: Limit | None = None
     units_per_motor_rev: Limit | None = None
     max_torque: Torque | None = None
-    drive: DriveSection | IdealDriveSection | Cia402DriveSection | ServosilaDriveSection = DriveSection()
+    drive: AnyDrive = Drive()
     homing: HomingSection | None = None
 
 

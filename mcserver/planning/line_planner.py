@@ -98,7 +98,7 @@ class LinePlanner:
         self.source: Iterator[Piece | Control] | None = None
         self.canonical: deque[Canonical | LineBatch | PathBatch | InPosition] = deque()
         self._energized = set(energized)
-        self._ideal = frozenset(axis.index for axis in machine.axes if axis.drive.kind == "ideal")
+        self._ideal = frozenset(axis.index for axis in machine.axes if not axis.drive.has_inertia)
         # axes that G1020 may still be moving
         self._independent: set[int] = set()
         self.captured: set[int] = set()

@@ -19,7 +19,7 @@ class PayloadEntries:
     """
 
     def __init__(self, machine: Machine, dynamics: JointDynamics | None) -> None:
-        fed = any(axis.drive.torque_feed_forward for axis in machine.axes)
+        fed = any(axis.drive.takes_torques for axis in machine.axes)
         self._dynamics = dynamics if fed else None
         self._noted = 0
         self._at: dict[int, int] = {}

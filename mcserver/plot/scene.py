@@ -225,7 +225,7 @@ def _axis_trace(axis: Axis, setpoint: Array, actual: Array, name: str) -> AxisTr
         actual=actual,
         limits=(axis.max_velocity / scale, axis.max_acceleration / scale, axis.max_jerk / scale),
         # an ideal drive's encoder always shows the setpoint, and nothing jumps when it is released
-        readings=(setpoint == actual) & (axis.drive.kind != "ideal"),
+        readings=(setpoint == actual) & axis.drive.has_inertia,
     )
 
 

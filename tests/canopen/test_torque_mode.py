@@ -10,7 +10,7 @@ from mcserver.canopen.dictionary import generic_dictionary
 from mcserver.canopen.process_data import PlannedProcessData
 from mcserver.canopen.sdo_write import SdoWrite
 from mcserver.canopen.settings import settings_of
-from mcserver.drives.bus import DriveMode, drives_mode
+from mcserver.drives.bus import DriveMode
 from mcserver.errors import ConfigurationError
 from tests.drives.can_rig import machine
 from tests.drives.torque_drive import torque_machine
@@ -90,5 +90,5 @@ def test_feed_forward_goes_with_the_target_and_needs_no_object_of_its_own() -> N
 
 def test_torque_commands_need_no_change_of_mode() -> None:
     drive = torque_machine().axes[0].drive
-    assert drives_mode(drive, DriveMode.TORQUE)
-    assert drives_mode(drive, DriveMode.POSITION)
+    assert drive.has_mode(DriveMode.TORQUE)
+    assert drive.has_mode(DriveMode.POSITION)

@@ -23,8 +23,8 @@ from mcserver.drives.bus import (
     DriveState,
     Feedback,
     Setpoints,
-    drives_mode,
 )
+from mcserver.drives.cia402.drive import cia402_drive
 from mcserver.drives.cia402.frames import OutgoingPdo, frames_of
 from mcserver.drives.cia402.loops import DELAY_CYCLES, LoopFault, PositionPart, SpeedLoop, TorqueLoop
 from mcserver.drives.cia402.power_stage import PowerStage
@@ -81,9 +81,11 @@ class Cia402Axes:
         self._torque_loop = TorqueLoop(axes, part, self._counts)
         self._any_loop = bool((self._speed_loop.mine | self._torque_loop.mine).any())
         self._any_torque_loop = bool(self._torque_loop.mine.any())
-        self._fed_forward = np.array([axis.drive.torque_offset for axis in axes])
+        self._fed_forward = np.array([cia402_drive(axis).torque_offset for axis in axes])
         self._any_fed_forward = bool(self._fed_forward.any())
-        self._zero: Array = np.array([axis.drive.zero_offset * axis.type.si_per_unit for axis in axes])
+        self._zero: Array = np.array(
+            [cia402_drive(axis).zero_offset * axis.type.si_per_unit for axis in axes]
+        )
         self._frames = [frames_of(axis) for axis in axes]
         self._shows_mode = [frames.shows_mode for frames in self._frames]
         self.readings = AxisReadings(axes, self.local, self._where, self._frames, scales, self._zero, cycle_s)
@@ -93,7 +95,7 @@ class Cia402Axes:
             for index, axis in enumerate(axes)
             if axis.profiled
         }
-        self._refresh = rpdo1_cycles((axis.drive.command_timeout_ms for axis in axes), cycle_s)
+        self._refresh = rpdo1_cycles((cia402_drive(axis).command_timeout_ms for axis in axes), cycle_s)
         self._arrays(count)
 
     def _arrays(self, count: int) -> None:
@@ -362,16 +364,17 @@ _MODES = tuple(DriveMode)
 
 
 def _stage_of(axis: Axis, cycle_s: float) -> PowerStage:
-    base = _BASE_MODES[axis.drive.mode]
+    drive = cia402_drive(axis)
+    base = _BASE_MODES[drive.mode]
     modes = {DriveMode.POSITION: base}
     for mode, operation in (
         (DriveMode.VELOCITY, Mode.CYCLIC_VELOCITY),
         (DriveMode.TORQUE, Mode.CYCLIC_TORQUE),
         (DriveMode.HOMING, Mode.HOMING),
     ):
-        if drives_mode(axis.drive, mode):
+        if drive.has_mode(mode):
             modes[mode] = operation
-    homing = axis.drive.homing
+    homing = drive.homing
     return PowerStage(base, modes, cycle_s, 0.0 if homing is None else homing.timeout_s)
 
 

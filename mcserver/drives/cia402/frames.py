@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from mcserver.can.cob import Function
 from mcserver.can.pdo import MappedObject, MappedPdo, ProcessData
 from mcserver.can.pdo_layout import RPDO1, RPDO2, TPDO1, TPDO2, Pdo
+from mcserver.drives.cia402.drive import cia402_drive
 from mcserver.machine.machine_file import Axis
 
 AXIS_OFFSET = 0x800
@@ -91,7 +92,7 @@ class AxisFrames:
 
 def frames_of(axis: Axis) -> AxisFrames:
     """The PDOs of an axis, as agreed with its drive, or the usual ones."""
-    drive = axis.drive
+    drive = cia402_drive(axis)
     data = drive.process_data or usual_process_data(drive.node, torque_offset=drive.torque_offset)
     offset = AXIS_OFFSET * drive.node_axis
     always = frozenset({TORQUE_OFFSET, DIGITAL_OUTPUTS} if drive.torque_offset else {DIGITAL_OUTPUTS})

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mcserver.drives.bus import Array
+from mcserver.drives.cia402.drive import cia402_drive
 from mcserver.machine.machine_file import Axis
 
 Mask = NDArray[np.bool_]
@@ -56,8 +57,8 @@ class PositionPart:
     def __init__(self, axes: Sequence[Axis], cycle_s: float) -> None:
         count = len(axes)
         self.cycle = cycle_s
-        self._gain: Array = np.array([axis.drive.position_gain for axis in axes])
-        times = [axis.drive.integral_time_s or 0.0 for axis in axes]
+        self._gain: Array = np.array([cia402_drive(axis).position_gain for axis in axes])
+        times = [cia402_drive(axis).integral_time_s or 0.0 for axis in axes]
         self._integral_gain: Array = np.array([cycle_s / time if time > 0.0 else 0.0 for time in times])
         self._integrates = bool(self._integral_gain.any())
         self.integral: Array = np.zeros(count)
@@ -101,8 +102,8 @@ class SpeedLoop:
 
     def __init__(self, axes: Sequence[Axis], part: PositionPart) -> None:
         self._part = part
-        self.mine: Mask = np.array([axis.drive.mode == "csv" for axis in axes])
-        self._feed_forward: Array = np.array([axis.drive.velocity_feed_forward for axis in axes])
+        self.mine: Mask = np.array([cia402_drive(axis).mode == "csv" for axis in axes])
+        self._feed_forward: Array = np.array([cia402_drive(axis).velocity_feed_forward for axis in axes])
         self._limit: Array = np.array([axis.max_velocity for axis in axes]) * SPEED_MARGIN
 
     def step(self, setpoint: Array, reading: Array, active: Mask, captured: Mask) -> Array:
@@ -138,15 +139,16 @@ class TorqueLoop:
 
     def __init__(self, axes: Sequence[Axis], part: PositionPart, counts_per_si: Array) -> None:
         count = len(axes)
+        drives = [cia402_drive(axis) for axis in axes]
         self._part = part
-        self.mine: Mask = np.array([axis.drive.mode == "cst" for axis in axes])
+        self.mine: Mask = np.array([cia402_drive(axis).mode == "cst" for axis in axes])
         # angle of the motor's shaft by travel of the axis
         self._motor: Array = np.array([2.0 * math.pi / axis.travel_per_motor_turn for axis in axes])
-        self._gain: Array = np.array([axis.drive.velocity_gain for axis in axes]) * self._motor
-        inertia = np.array([axis.drive.inertia for axis in axes])
-        self._modelled: Mask = np.array([axis.drive.torque_feed_forward for axis in axes])
+        self._gain: Array = np.array([drive.velocity_gain for drive in drives]) * self._motor
+        inertia = np.array([drive.inertia for drive in drives])
+        self._modelled: Mask = np.array([drive.torque_feed_forward for drive in drives])
         self._inertia: Array = np.where(self._modelled, 0.0, inertia) * self._motor
-        self._limit: Array = np.array([axis.drive.max_torque or axis.drive.rated_torque for axis in axes])
+        self._limit: Array = np.array([drive.max_torque or drive.rated_torque for drive in drives])
         self._following: Array = np.array([axis.max_following_error for axis in axes])
         self._noise: Array = AGAINST_COUNTS / np.abs(counts_per_si) / (DAMPING_CYCLES * part.cycle)
         self._active = np.zeros(count, np.bool_)

@@ -12,7 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from mcserver.machine.drive_section import Drive
+from mcserver.drives.cia402.drive import Cia402Drive, cia402_drive
+from mcserver.machine.drive import CanDrive
 from mcserver.machine.machine_file import Axis
 
 Array = NDArray[np.float64]
@@ -39,7 +40,7 @@ class Scaling:
     def of(cls, axis: Axis) -> Scaling:
         """Of an axis of a `Machine`, whose drive's section is filled in."""
         drive = axis.drive
-        if drive.encoder is None:
+        if not isinstance(drive, CanDrive) or drive.encoder is None:
             raise ValueError(f"axis {axis.index} has no encoder: it is not on a bus")
         counts_per_turn = drive.encoder[0] / drive.encoder[1]
         sign = -1.0 if drive.invert else 1.0
@@ -49,7 +50,7 @@ class Scaling:
         return cls(counts_per_turn * turns_per_si, velocity_per_turn * turns_per_si, torque)
 
 
-def scaling_objects(drive: Drive) -> tuple[tuple[int, int, int], ...]:
+def scaling_objects(drive: Cia402Drive) -> tuple[tuple[int, int, int], ...]:
     """(index, subindex, value) for 608Fh, 6091h and 6092h so that the drive's unit of position is one
     increment of its encoder; empty where the machine file leaves them to the drive.
 
@@ -74,13 +75,14 @@ def homing_objects(axis: Axis) -> tuple[tuple[int, int, int], ...]:
     6098h method, 6099h speeds, 609Ah acceleration, 607Ch home offset: after homing the drive shows this
     count at the home position.
     """
-    homing = axis.drive.homing
+    drive = cia402_drive(axis)
+    homing = drive.homing
     if homing is None:
         return ()
     scale = Scaling.of(axis)
     unit = axis.type.si_per_unit
     speed = abs(scale.velocity_per_si) * unit
-    home = (homing.position - axis.drive.zero_offset) * unit * scale.counts_per_si
+    home = (homing.position - drive.zero_offset) * unit * scale.counts_per_si
     return (
         (0x6098, 0, homing.method),
         (0x6099, 1, max(1, round(homing.speed_switch * speed))),
@@ -97,8 +99,9 @@ def profile_objects(axis: Axis) -> tuple[tuple[int, int, int], ...]:
     6081h velocity, 6083h acceleration, 6084h deceleration, 6086h trapezoids, 605Dh a halt by a ramp. With
     mode = "cst" 6072h is the greatest torque, where the machine file says it.
     """
-    if axis.drive.mode == "cst" and axis.drive.max_torque > 0.0:
-        return ((0x6072, 0, math.floor(axis.drive.max_torque / axis.drive.rated_torque * PERMILLE)),)
+    drive = cia402_drive(axis)
+    if drive.mode == "cst" and drive.max_torque > 0.0:
+        return ((0x6072, 0, math.floor(drive.max_torque / drive.rated_torque * PERMILLE)),)
     if not axis.profiled:
         return ()
     scale = Scaling.of(axis)

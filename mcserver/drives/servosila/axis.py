@@ -24,6 +24,7 @@ from mcserver.drives.servosila.codec import (
     unpack_reading,
     unpack_status,
 )
+from mcserver.drives.servosila.drive import ServosilaDrive
 from mcserver.machine.machine_file import Axis
 from mcserver.units import MINUTE
 
@@ -48,8 +49,7 @@ class ServosilaAxis:
         short: telemetry with a wrong length.
     """
 
-    def __init__(self, axis: Axis, cycle_s: float, silence_cycles: int) -> None:
-        drive = axis.drive
+    def __init__(self, axis: Axis, drive: ServosilaDrive, cycle_s: float, silence_cycles: int) -> None:
         scaling = Scaling.of(axis)
         self._node = drive.node
         self._cycle = cycle_s

@@ -7,15 +7,15 @@ inertia J [kg·m²] with velocity gain K [N·m·s/rad], K / J is the crossover o
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeVar
 
 import msgspec
 
-from mcserver.machine.sections import AxisSection
+from mcserver.machine.drive import SIMULATED_INERTIA, Refusal
 
 if TYPE_CHECKING:
-    from mcserver.machine.drive_section import Drive
+    from mcserver.drives.cia402.drive import Cia402Drive
+    from mcserver.machine.sections import AxisSection
 
 # A position loop onto speeds is stable and calm up to this product of gain and cycle time [1].
 GREATEST_GAIN = 0.2
@@ -30,15 +30,13 @@ USUAL_SHARE = 0.2
 # Usual integral time of a torque loop, as a multiple of 1 / position gain.
 USUAL_INTEGRAL = 4.0
 LEAST_INTEGRAL = 2.0
-# Inertia of a simulated motor whose file has none [kg·m²].
-SIMULATED_INERTIA = 0.01
 # 6071h and 6072h are thousandths of the rated torque in 16 bits.
 GREATEST_SHARE_OF_RATED = 32.767
 
-Refusal = Callable[[str, str, str], None]  # key, what, hint
+D = TypeVar("D", bound="Cia402Drive")
 
 
-def complete_loop(drive: Drive, axis: AxisSection, cycle_s: float, bad: Refusal) -> Drive:
+def complete_loop(drive: D, axis: AxisSection, cycle_s: float, bad: Refusal) -> D:
     """Fill in gains, inertia and greatest torque of a drive on a bus, and refuse what is not stable."""
     replace = msgspec.structs.replace
     inertia = drive.inertia or SIMULATED_INERTIA
@@ -56,7 +54,7 @@ def complete_loop(drive: Drive, axis: AxisSection, cycle_s: float, bad: Refusal)
     return replace(drive, position_gain=gain, integral_time_s=drive.integral_time_s or 0.0, inertia=inertia)
 
 
-def _complete_torque_loop(drive: Drive, axis: AxisSection, cycle_s: float, bad: Refusal) -> Drive:
+def _complete_torque_loop(drive: D, axis: AxisSection, cycle_s: float, bad: Refusal) -> D:
     if drive.rated_torque <= 0.0:
         bad(
             "rated_torque",

@@ -1,0 +1,70 @@
+"""Drives on a CAN bus that take a command in every cycle and report by themselves, without SYNC."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Protocol
+
+from mcserver.can.port import CanPort
+from mcserver.drives.bus import DriveFault, DriveMode, DriveState
+from mcserver.machine.drive import CanDrive
+
+if TYPE_CHECKING:
+    from mcserver.machine.machine_file import Axis
+
+
+class StreamedAxis(Protocol):
+    """One axis in the cycle of its bus.
+
+    Attributes:
+        position, velocity: of the axis [m, rad; per second]. state, fault, detail: as `Feedback`.
+        fresh: telemetry is no older than its rate allows. age, limit: of it, and from when on it is lost
+            [cycles].
+        short: telemetry with a wrong length.
+    """
+
+    position: float
+    velocity: float
+    state: DriveState
+    fault: DriveFault
+    detail: int
+    fresh: bool
+    age: int
+    limit: int
+    short: int
+
+    @property
+    def booted(self) -> bool:
+        """Whether all that it reports has come."""
+
+    def open(self, port: CanPort) -> dict[int, Callable[[bytes], None]]:
+        """Prepare the command's frame; return what to call for which COB-ID."""
+
+    def read(self) -> None:
+        """Take over what has come, once a cycle."""
+
+    def fail(self, fault: DriveFault, detail: int = 0) -> bool:
+        """Latch a fault; False: one is latched already, or nobody commands the drive."""
+
+    def step(self, commanded: DriveMode, position: float, velocity: float, torque: float) -> bool:
+        """Go on by one cycle and send the command; False: it found no room."""
+
+
+class StreamedDrive(CanDrive, frozen=True, tag="streamed"):
+    """``[axis.drive]`` of such a drive."""
+
+    def axis(self, axis: Axis, cycle_s: float, silence_cycles: int) -> StreamedAxis:
+        """Return its axis in the cycle; ``silence_cycles`` without telemetry are a fault."""
+        raise NotImplementedError
+
+    def fault_bits(self, telemetry: bytes) -> int | None:
+        """Return the faults in the telemetry of the first TPDO's COB-ID, 0: none; None: it says nothing."""
+        raise NotImplementedError
+
+    def fault_text(self, bits: int) -> str:
+        """Return fault bits in words."""
+        raise NotImplementedError
+
+    def monitored(self, telemetry: bytes) -> dict[str, float]:
+        """Return what else is shown of the same telemetry, by name and unit."""
+        raise NotImplementedError

@@ -1,0 +1,103 @@
+"""``[[bus]]`` of the machine file: the CAN buses, and which drives are where on them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import Literal
+
+import msgspec
+
+from mcserver.can.address import parse_address
+from mcserver.errors import ConfigurationError
+from mcserver.machine.drive import CanDrive, Drive
+from mcserver.machine.section_reader import Mistakes
+from mcserver.machine.sections import BusSection
+from mcserver.machine.toml_positions import Path
+
+
+class CanBusConfig(msgspec.Struct, frozen=True):
+    """One CAN bus.
+
+    Attributes:
+        name: as drives name it. address: see `mcserver.can.address`. bitrate: [bit/s].
+        silence_cycles: so many cycles without an answer are a fault of the drive.
+        sync: who sends SYNC; "foreign": another one on the bus. listen_ms: for another master, before
+            anything is sent [ms]. appear_timeout_s: of a node, from its first reset on.
+    """
+
+    name: str
+    address: str
+    bitrate: int = 1_000_000
+    silence_cycles: int = 3
+    sync: Literal["own", "foreign"] = "own"
+    listen_ms: int = 250
+    appear_timeout_s: float = 10.0
+
+
+def read_buses(
+    sections: Iterable[BusSection | None], drives: Iterable[tuple[Path, int, Drive]], mistakes: Mistakes
+) -> list[CanBusConfig]:
+    """Return the buses of ``[[bus]]``, and those that drives name by their addresses.
+
+    Args:
+        sections: None where one has a mistake of its own.
+        drives: path of the section, number of the axis, drive.
+    """
+    buses: dict[str, CanBusConfig] = {}
+    names: dict[str, str] = {}  # by address
+
+    def add(bus: CanBusConfig, path: Path, who: str) -> None:
+        try:
+            address = str(parse_address(bus.address))
+        except ConfigurationError as error:
+            mistakes.add(path, f"{who}{error.message}", error.hint, error.code)
+            return
+        if address in names:
+            mistakes.add(path, f"{bus.address!r} is the address of bus {names[address]!r}", "use its name")
+        names.setdefault(address, bus.name)
+        buses[bus.name] = bus
+
+    for position, section in enumerate(sections):
+        if section is None:
+            continue
+        if section.name in buses:
+            mistakes.add(("bus", position, "name"), f"{section.name!r} is there twice", "name each bus once")
+            continue
+        address = section.address or section.name
+        bus = CanBusConfig(
+            section.name,
+            address,
+            section.bitrate,
+            section.silence_cycles,
+            section.sync,
+            section.listen_ms,
+            section.appear_timeout_s,
+        )
+        add(bus, ("bus", position, "address"), "")
+    owners: dict[tuple[str, int, int], int] = {}
+    for path, axis, drive in drives:
+        if not isinstance(drive, CanDrive) or not drive.bus:
+            continue
+        if drive.bus not in buses:
+            add(CanBusConfig(drive.bus, drive.bus), (*path, "bus"), f"node {drive.node}: ")
+        owner = owners.setdefault((drive.bus, *drive.place), axis)
+        if owner != axis and drive.node:
+            mistakes.add(
+                (*path, "node"),
+                f"axes {owner} and {axis} both have node {drive.node} on bus {drive.bus}",
+                "give each drive of a bus a node number of its own, or node_axis where it has several axes",
+            )
+    nodes = {(bus, node) for bus, node, _ in owners}
+    borrowed: dict[tuple[str, int], int] = {}
+    for path, axis, drive in drives:
+        if not isinstance(drive, CanDrive) or drive.borrowed_node in (0, drive.node):
+            continue
+        key = (drive.bus, drive.borrowed_node)
+        other = borrowed.setdefault(key, axis)
+        if key in nodes or other != axis:
+            mistakes.add(
+                (*path, "pdo_node"),
+                f"the COB-IDs of node {drive.borrowed_node} on bus {drive.bus} are in use",
+                "give the number of no node and of no other pdo_node",
+            )
+    return list(buses.values())

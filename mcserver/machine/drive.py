@@ -1,0 +1,238 @@
+"""``[axis.drive]`` of the machine file: what every kind of drive has, and what follows from other keys.
+
+Each kind is a type of its own, which answers what others ask of it. Those of drives on a CAN bus are in
+folders of `mcserver.drives` (see `mcserver.machine.families`). How their counts become travel is given in one
+of two ways: ``counts_per_motor_rev`` with the axis's ``units_per_motor_rev``, or ``encoder``, ``gear`` and
+``feed``, the objects 608Fh, 6091h and 6092h of CiA 402. Either way the drive comes out with all three.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, ClassVar, Self
+
+import msgspec
+from msgspec import Meta
+
+from mcserver.can.cob import GREATEST_NODE, LEAST_NODE
+from mcserver.machine.constraints import Count, Milliseconds, NotNegative, Positive
+
+if TYPE_CHECKING:
+    from mcserver.machine.bus_load import Share
+    from mcserver.machine.machine_file import Axis
+    from mcserver.machine.sections import AxisSection
+
+# Without commands for so long a drive acts by itself, unless the machine file says otherwise [ms, cycles].
+COMMAND_TIMEOUT_MS = 100
+COMMAND_TIMEOUT_CYCLES = 10
+# Two statements of the same travel agree within this share.
+SAME = 1e-6
+# Inertia of a simulated motor whose file has none [kg·m²].
+SIMULATED_INERTIA = 0.01
+Refusal = Callable[[str, str, str], None]  # key, what, hint
+
+
+class Drive(msgspec.Struct, frozen=True, tag_field="kind", tag="simulated"):
+    """A simulated drive; what a drive on a bus has of it is for its simulation.
+
+    Attributes:
+        initial_position: [mm, deg]. bandwidth_hz: of the servo loop.
+        encoder_resolution: [mm, deg], 0: continuous.
+        heartbeat_timeout_s: without setpoints for so long the drive stops. brake: holds without power.
+        friction_decel: [mm/s², deg/s²]. inertia: at the motor [kg·m²]. max_torque: 0: not limited [N·m].
+        home_switch: from where to where the home switch is active, index_at: one place of the encoder's
+            index, of which there is one a turn of the motor, hard_stops: ends of the mechanics; all by the
+            encoder [mm, deg].
+        other_kinds_keys_are_idle: keys of other kinds are let pass: a machine is tried without its drives by
+            changing ``kind`` alone. agreed: fields that no key gives.
+        has_inertia: its position is not simply its setpoint. has_switches: the home switch comes with its
+            state. has_pins: its digital inputs and outputs can be the machine's (60FDh, 60FEh).
+    """
+
+    initial_position: float = 0.0
+    bandwidth_hz: Positive = 40.0
+    encoder_resolution: NotNegative = 0.0
+    heartbeat_timeout_s: Positive = 0.1
+    brake: bool = False
+    friction_decel: NotNegative = 0.0
+    inertia: NotNegative = 0.01
+    max_torque: NotNegative = 0.0
+    home_switch: tuple[float, float] | None = None
+    index_at: float | None = None
+    hard_stops: tuple[float, float] | None = None
+    other_kinds_keys_are_idle: ClassVar[bool] = True
+    agreed: ClassVar[frozenset[str]] = frozenset()
+    has_inertia: ClassVar[bool] = True
+    has_switches: ClassVar[bool] = True
+    has_pins: ClassVar[bool] = False
+
+    @property
+    def kind(self) -> str:
+        """As the machine file has it."""
+        return str(self.__struct_config__.tag)
+
+    @property
+    def profiled(self) -> bool:
+        """Whether it makes the profiles itself: it goes to points, and follows no path."""
+        return False
+
+    @property
+    def homes(self) -> bool:
+        """Whether it can find the reference itself."""
+        return True
+
+    @property
+    def takes_torques(self) -> bool:
+        """Whether the torque that the motion needs goes to it beside its targets, or in their place."""
+        return False
+
+    def has_mode(self, mode: int) -> bool:  # noqa: ARG002
+        """Return whether the machine file has what a `mcserver.drives.bus.DriveMode` needs."""
+        return True
+
+    def complete(
+        self,
+        axis: AxisSection,
+        cycle_s: float,  # noqa: ARG002
+        bad: Refusal,  # noqa: ARG002
+    ) -> tuple[Self, float | None]:
+        """Fill in what follows from other keys, and refuse what does not fit together.
+
+        Returns:
+            The drive, and ``units_per_motor_rev`` of the axis [mm, deg] as it follows from the section.
+        """
+        return self, axis.units_per_motor_rev
+
+    def beside(self, folder: Path) -> Self:  # noqa: ARG002
+        """Return the drive with the files that it names found from the machine file's folder."""
+        return self
+
+
+class IdealDrive(Drive, frozen=True, tag="ideal"):
+    """A drive whose actual position is its setpoint."""
+
+    has_inertia: ClassVar[bool] = False
+
+
+class CanDrive(Drive, frozen=True, tag="can"):
+    """A drive on a CAN bus.
+
+    Attributes:
+        encoder: increments per motor revolutions (608Fh). gear: motor per shaft revolutions (6091h).
+        feed: travel [mm, deg] per shaft revolutions (6092h). invert: the motor turns against the axis.
+        velocity_counts_per_motor_rev: what 60FFh and 606Ch show at one motor turn a second; 0: increments.
+        rated_torque: 1000 ‰ of 6071h and 6077h, or 0 where torques are not used [N·m].
+        command_timeout_ms: without commands for this time the drive acts by itself (1400h:5).
+        synchronous: it acts at SYNC, and its node is watched by heartbeats.
+    """
+
+    other_kinds_keys_are_idle: ClassVar[bool] = False
+    has_switches: ClassVar[bool] = False
+    synchronous: ClassVar[bool] = False
+    inertia: NotNegative = 0.0
+    bus: str = ""
+    node: Annotated[
+        int, Meta(ge=LEAST_NODE, le=GREATEST_NODE, description="give the drive's node number")
+    ] = 0
+    counts_per_motor_rev: Annotated[int, Meta(ge=0)] = 0
+    encoder: (
+        Annotated[tuple[Count, Count], Meta(description='two whole numbers above 0; turn with "invert"')]
+        | None
+    ) = None
+    gear: (
+        Annotated[tuple[Count, Count], Meta(description='two whole numbers above 0; turn with "invert"')]
+        | None
+    ) = None
+    feed: (
+        Annotated[tuple[Positive, Positive], Meta(description='two numbers above 0; turn with "invert"')]
+        | None
+    ) = None
+    invert: bool = False
+    rated_torque: NotNegative = 0.0
+    velocity_counts_per_motor_rev: NotNegative = 0.0
+    command_timeout_ms: Milliseconds = 0
+
+    @property
+    def homes(self) -> bool:
+        return False
+
+    @property
+    def usual_timeout_ms(self) -> int:
+        """Of commands [ms]."""
+        return COMMAND_TIMEOUT_MS
+
+    @property
+    def place(self) -> tuple[int, int]:
+        """Its node, and which axis of it."""
+        return self.node, 0
+
+    @property
+    def borrowed_node(self) -> int:
+        """The node whose COB-IDs its process data have; 0: its own."""
+        return 0
+
+    @classmethod
+    def shares(cls, axes: Sequence[Axis], cycle_hz: float) -> list[Share]:
+        """Return what these axes of its kind take of their bus, SYNC and the server's heartbeat apart."""
+        raise NotImplementedError
+
+    def complete(self, axis: AxisSection, cycle_s: float, bad: Refusal) -> tuple[Self, float | None]:
+        if not self.bus:
+            bad("bus", f"a {self.kind} drive needs a bus", 'give bus = "can0", or a [[bus]] name')
+        if not self.node:
+            bad("node", "is missing", "give the drive's node number")
+        timeout = self.command_timeout_ms or max(
+            self.usual_timeout_ms, math.ceil(COMMAND_TIMEOUT_CYCLES * cycle_s * 1e3 - 1e-9)
+        )
+        if timeout < 3.0 * cycle_s * 1e3:
+            bad("command_timeout_ms", f"{timeout} is below three cycles", "10 cycles are usual")
+        inertia = self.inertia or SIMULATED_INERTIA
+        completed = msgspec.structs.replace(self, command_timeout_ms=timeout, inertia=inertia)
+        travel = _travel(self, axis, bad)
+        if travel is None:
+            return completed, axis.units_per_motor_rev
+        encoder, gear, feed, per_turn = travel
+        return msgspec.structs.replace(completed, encoder=encoder, gear=gear, feed=feed), per_turn
+
+
+def _travel(
+    drive: CanDrive, axis: AxisSection, bad: Refusal
+) -> tuple[tuple[int, int], tuple[int, int], tuple[float, float], float] | None:
+    """Return encoder, gear, feed, and the travel of a motor turn [mm, deg]; None after a mistake."""
+    if drive.encoder is not None and drive.counts_per_motor_rev:
+        bad("encoder", "contradicts counts_per_motor_rev, which is there too", "give one of them")
+        return None
+    if drive.encoder is None and not drive.counts_per_motor_rev:
+        bad(
+            "counts_per_motor_rev",
+            "it is not said what a count of the drive is",
+            "give counts_per_motor_rev, or encoder = [increments, motor revolutions] (608Fh)",
+        )
+        return None
+    encoder = drive.encoder or (drive.counts_per_motor_rev, 1)
+    gear = drive.gear or (1, 1)
+    per_turn = axis.units_per_motor_rev
+    feed = drive.feed
+    if feed is None:
+        if per_turn is not None:
+            feed = (per_turn * gear[0] / gear[1], 1.0)
+        elif axis.type == "rotary":
+            feed = (360.0, 1.0)
+        else:
+            bad(
+                "feed",
+                "it is not said how far a turn of the motor goes",
+                "give units_per_motor_rev of the axis, or feed = [mm, shaft revolutions] (6092h)",
+            )
+            return None
+    by_feed = feed[0] / feed[1] * gear[1] / gear[0]
+    if per_turn is not None and abs(per_turn - by_feed) > SAME * by_feed:
+        bad(
+            "feed",
+            f"gear and feed say {by_feed:g} for a turn of the motor, units_per_motor_rev says {per_turn:g}",
+            "leave one of them out",
+        )
+        return None
+    return encoder, gear, feed, by_feed if per_turn is None else per_turn
