@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 
 from mcclient import Machine, MachineStatus
+from mcclient.broken_off import ENERGIZE
 from nicegui import events, ui
 
 from mcserver.web.actions import Actions
@@ -183,7 +184,7 @@ class MachinePage:
             refusal = refusal_of(await machine.programs(ended=False), WHY)
             if refusal is not None:
                 raise refusal
-            async with machine.program("energize") as program:
+            async with machine.program(ENERGIZE) as program:
                 await program.send("G1010")
 
         await self._actions.do("open", "energize", capture)

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import pytest
+from mcclient.broken_off import broken_off
 from mcclient.types import AxisStart, Continuation, Need, ProgramStatus, Switched, WayStep
 
 from mcserver.web.jobs import Middle
-from mcserver.web.panels.run_from import answers_to, broken_off, continuation_html
+from mcserver.web.panels.run_from import answers_to, continuation_html
 from tests.wire_values import wire_value
 
 WAY = Need("MC592", "X stands elsewhere", "jog there", "way")
@@ -42,12 +44,26 @@ def test_each_answer_has_a_button_and_what_cannot_be_confirmed_has_none() -> Non
     assert answers_to({"", "way"}, "Go on", middle) == []
 
 
-def test_the_newest_program_that_was_broken_off_can_go_on_unless_something_runs() -> None:
-    def ran(name: str, state: str, opened: float, done: int = 3) -> ProgramStatus:
-        return wire_value(ProgramStatus, name, state, name=name, accepted=9, done=done, opened_at=opened)
+def ran(name: str, state: str, opened: float, done: int = 3) -> ProgramStatus:
+    return wire_value(ProgramStatus, name, state, name=name, accepted=9, done=done, opened_at=opened)
 
+
+def test_the_newest_program_that_was_broken_off_can_go_on_unless_something_runs() -> None:
     part = ran("part.nc", "interrupted", 1.0)
     assert broken_off([ran("jog axis 0", "finished", 2.0, 9), part]) == part
     assert broken_off([ran("next.nc", "finished", 2.0, 9), part]) is None
     assert broken_off([ran("next.nc", "running", 2.0), part]) is None
-    assert broken_off([ran("part.nc", "interrupted", 1.0, 9)]) is None
+    assert broken_off([ran("part.nc", "interrupted", 1.0, 9)], lines_left=True) is None
+    assert broken_off([ran("part.nc", "finished", 1.0, 9)]) is None
+
+
+@pytest.mark.parametrize("name", ["manual input", "work offset", "energize", "jog axis 1", "home axis 0"])
+def test_what_moves_axes_by_hand_is_no_program_to_go_on_with(name: str) -> None:
+    part = ran("part.nc", "interrupted", 1.0)
+    assert broken_off([ran(name, "faulted", 2.0), part]) == part
+
+
+@pytest.mark.parametrize("name", ["linear.nc", "zero-point.nc", "energized.nc"])
+def test_a_file_may_be_named_like_a_move_by_hand(name: str) -> None:
+    last = ran(name, "interrupted", 2.0)
+    assert broken_off([last, ran("part.nc", "finished", 1.0)]) == last

@@ -5,6 +5,7 @@ from __future__ import annotations
 import html
 
 from mcclient import Machine, MotionError, ProgramRejected
+from mcclient.broken_off import MANUAL_INPUT
 from nicegui import ui
 
 from mcserver.gcode.text.command_table import COMMANDS
@@ -76,5 +77,5 @@ async def _run_line(machine: Machine, line: str) -> None:
     refusal = refusal_of(await machine.programs(ended=False), WHY)
     if refusal is not None:
         raise refusal
-    async with machine.program("manual input") as program:
+    async with machine.program(MANUAL_INPUT) as program:
         await program.send(line)

@@ -6,6 +6,7 @@ import html
 from functools import partial
 
 from mcclient import AxisInfo, Info, Machine, MachineStatus, MotionError
+from mcclient.broken_off import WORK_OFFSET
 from nicegui import ui
 
 from mcserver.web.actions import Actions
@@ -83,7 +84,7 @@ class PositionsPanel:
             refusal = refusal_of(await machine.programs(ended=False), WHY)
             if refusal is not None:
                 raise refusal
-            async with machine.program("work offset") as program:
+            async with machine.program(WORK_OFFSET) as program:
                 await program.send(f"G21 G90 G10 L20 P{system} {axis}{value:.6f}")
 
         where = "the work coordinate system in force" if system == 0 else system_name(system)

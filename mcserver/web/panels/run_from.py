@@ -3,22 +3,18 @@
 from __future__ import annotations
 
 import html
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 
 from mcclient import MotionError
+from mcclient.broken_off import broken_off
 from mcclient.types import Continuation, ProgramStatus
 from nicegui import ui
 
 from mcserver.errors import McError
 from mcserver.web.actions import Actions, show_refusal
 from mcserver.web.dialogs import named_dialog
-from mcserver.web.formatting import axis_name, is_live, page_hint, position_text, program_excerpt
+from mcserver.web.formatting import axis_name, page_hint, position_text, program_excerpt
 from mcserver.web.jobs import Middle
-
-# Ends that leave something to go on with.
-BROKEN_OFF = frozenset({"interrupted", "faulted", "aborted"})
-# Programs of the page and of operators that nobody goes on with.
-BY_HAND = ("jog axis", "home axis", "reference axis", "energize", "zero", "line")
 
 
 async def ask_run_from(actions: Actions, name: str, from_line: int) -> Middle | None:
@@ -151,7 +147,7 @@ class RecoveryPanel:
             programs = await machine.programs(limit=10)
         except MotionError:
             return
-        self._show(broken_off(programs))
+        self._show(broken_off(programs, lines_left=True))
 
     def _show(self, program: ProgramStatus | None) -> None:
         self._card.set_visibility(program is not None)
@@ -177,14 +173,3 @@ class RecoveryPanel:
             self._actions.link.jobs.go_on(shown, self._actions.visitor.name, middle)
         except (MotionError, McError) as error:
             show_refusal(error.message, error.hint)
-
-
-def broken_off(programs: Sequence[ProgramStatus]) -> ProgramStatus | None:
-    """Return the newest program where it was broken off and nothing runs; None: nothing goes on."""
-    if any(is_live(program) for program in programs):
-        return None
-    ran = [each for each in programs if not each.name.startswith(BY_HAND) and each.accepted > 0]
-    newest = max(ran, key=lambda each: each.opened_at, default=None)
-    if newest is None or newest.state not in BROKEN_OFF or newest.done >= newest.accepted:
-        return None
-    return newest

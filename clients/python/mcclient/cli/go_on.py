@@ -10,14 +10,13 @@ from typing import Annotated, Any
 
 import typer
 
+from mcclient.broken_off import broken_off
 from mcclient.cli.options import JsonOption, Target, axis_name
 from mcclient.cli.output import carry_out, narration, results, say, write_json
 from mcclient.errors import RequestRefused
 from mcclient.machine import Machine
 from mcclient.types import ENDED, Continuation, Need, Outputs
 
-BROKEN_OFF = ("interrupted", "faulted", "aborted")
-BY_HAND = ("jog axis", "home axis", "reference axis")
 SHOWN = 20
 
 
@@ -103,9 +102,8 @@ async def _newest(machine: Machine) -> str:
     programs = await machine.programs(limit=SHOWN)
     if any(each.state not in ENDED for each in programs):
         raise RequestRefused("MC517", "a program is open", "wait for its end, or name the one to go on with")
-    # the newest alone: what was broken off before it has been left behind
-    found = next((each for each in programs if not each.name.startswith(BY_HAND)), None)
-    if found is None or found.state not in BROKEN_OFF:
+    found = broken_off(programs)
+    if found is None:
         raise RequestRefused("MC503", "no program was broken off", "mcctl programs lists them")
     return found.program
 

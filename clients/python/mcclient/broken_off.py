@@ -1,0 +1,34 @@
+"""The program that was broken off and that somebody may want to go on with."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from mcclient.types import ENDED, ProgramStatus
+
+# Ends that leave something to go on with.
+BROKEN_OFF = frozenset({"interrupted", "faulted", "aborted"})
+# Names of programs that nobody goes on with: those of the operator's page, and how the server's own begin.
+ENERGIZE, MANUAL_INPUT, WORK_OFFSET = "energize", "manual input", "work offset"
+_MOVES_OF_AXES = ("jog axis ", "home axis ", "reference axis ")
+
+
+def broken_off(programs: Sequence[ProgramStatus], *, lines_left: bool = False) -> ProgramStatus | None:
+    """Return the newest program where it was broken off and nothing runs, else None.
+
+    What was broken off before another program ran has been left behind.
+
+    Args:
+        lines_left: only where the server has lines of it that are not done.
+    """
+    if any(program.state not in ENDED for program in programs):
+        return None
+    ran = [each for each in programs if each.accepted > 0 and not _by_hand(each.name)]
+    newest = max(ran, key=lambda each: each.opened_at, default=None)
+    if newest is None or newest.state not in BROKEN_OFF or (lines_left and newest.done >= newest.accepted):
+        return None
+    return newest
+
+
+def _by_hand(name: str) -> bool:
+    return name in (ENERGIZE, MANUAL_INPUT, WORK_OFFSET) or name.startswith(_MOVES_OF_AXES)
