@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-import importlib.util
 from dataclasses import dataclass, replace
 
 from mcserver.can.pdo_layout import Mode
 from mcserver.drives.cia402.drive import Cia402Drive
 from mcserver.drives.cia402.scaling import homing_objects, profile_objects, scaling_objects
 from mcserver.drives.streamed import StreamedDrive
-from mcserver.errors import Diagnostic
 from mcserver.machine.bus_section import CanBusConfig
 from mcserver.machine.drive import CanDrive
 from mcserver.machine.io_process_data import HEARTBEAT_MS, nodes_on
@@ -208,19 +206,3 @@ def _monitored(text: str) -> tuple[int, int, str]:
     place, _, name = text.partition(" ")
     index, _, subindex = place.partition(":")
     return int(index.rstrip("hH"), 16), int(subindex or "0", 16), name.strip() or place
-
-
-def find_drive_faults(machine: Machine) -> list[Diagnostic]:
-    """Check CiA 402 drives against their EDS files and the cycle.
-
-    Errors MC008 and MC552: the machine cannot be run. Warnings MC022. Nothing where the packages for drives
-    on a CAN bus are missing, which `mcserver.machine.plausibility.find_doubts` says.
-    """
-    if importlib.util.find_spec("canopen") is None or importlib.util.find_spec("can") is None:
-        return []
-    if not any(isinstance(axis.drive, CanDrive) for axis in machine.axes):
-        return []
-    # only such machines need these packages
-    from mcserver.canopen.machine_file_check import check_drives
-
-    return check_drives(machine)

@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 from rich.table import Table
 
-from mcserver.canopen.settings import find_drive_faults
+from mcserver.canopen.drive_faults import find_drive_faults
 from mcserver.clearance.meter import find_clearance_faults
 from mcserver.cli.console import (
     json_answer_on_error,

@@ -8,6 +8,7 @@ from __future__ import annotations
 import difflib
 import math
 import tomllib
+from collections.abc import Mapping
 from importlib import resources
 from pathlib import Path
 from typing import Any
@@ -229,32 +230,12 @@ def _read_machine(raw: dict[str, Any], folder: Path | None, mistakes: Mistakes) 
     file = read_keys(raw, MachineFile, (), mistakes)
     section: MachineSection | None = file["machine"]
     cycle_hz = section.cycle_hz if section is not None else MachineSection("").cycle_hz
-    axes: dict[int, Axis] = {}
-    drives: list[tuple[TomlPath, int, Drive]] = []
-    if file["axis"] == []:
-        mistakes.add(("axis",), "the machine has no axis", "add an [[axis]] section")
-    for position, axis in enumerate(file["axis"] or ()):
-        if axis is None:
-            continue
-        path: TomlPath = ("axis", position)
-        if axis.index in axes:
-            mistakes.add(
-                (*path, "index"), f"axis {axis.index} is there twice", "give each axis a number of its own"
-            )
-        axes[axis.index] = _axis_to_si(axis, path, 1.0 / cycle_hz, folder, mistakes)
-        drives.append(((*path, "drive"), axis.index, axes[axis.index].drive))
+    axes, drives = _read_axes(file["axis"], 1.0 / cycle_hz, folder, mistakes)
     buses = read_buses(file.get("bus") or (), drives, mistakes)
     sound = file["axis"] is not None and None not in file["axis"]
     scales = {index: axis.type.si_per_unit for index, axis in axes.items()}
     tools = read_tools(file.get("tool") or (), axes if sound else range(MAX_AXES), scales, mistakes)
-    for tool in tools:
-        for index in tool.axes:
-            if index in axes and axes[index].profiled:
-                mistakes.add(
-                    ("tool",),
-                    f"T{tool.number} moves axis {index}, whose drive follows no path",
-                    'use a drive with csp or ip there: mode = "pp" goes to points',
-                )
+    _check_tools(tools, axes, mistakes)
     numbers = axes if sound else range(MAX_AXES)
     names = {bus.name for bus in buses}
     by_axis = {axis: drive for _, axis, drive in drives}
@@ -272,12 +253,8 @@ def _read_machine(raw: dict[str, Any], folder: Path | None, mistakes: Mistakes) 
     probe = read_probe(file.get("probe"), letters, scales, mistakes) if sound else None
     if probe is not None:
         dialect = msgspec.structs.replace(dialect, probes=True)
-    switches: dict[TomlPath, int] = {
-        ("axis", position, "homing", "input"): each.homing.input
-        for position, each in enumerate(file["axis"] or ())
-        if each is not None and each.homing is not None and each.homing.input is not None
-    }
     if file.get("input") is None or None not in file["input"]:
+        switches = _home_switches(file["axis"])
         check_inputs(switches, probe, {each.number for each in inputs if each.digital}, mistakes)
     check_nodes(inputs, outputs, drives, mistakes)
     kinematics: KinematicsSection | None = file.get("kinematics")
@@ -323,6 +300,48 @@ def _read_machine(raw: dict[str, Any], folder: Path | None, mistakes: Mistakes) 
             mistakes,
         ),
     )
+
+
+def _read_axes(
+    sections: list[AxisSection | None] | None, cycle_s: float, folder: Path | None, mistakes: Mistakes
+) -> tuple[dict[int, Axis], list[tuple[TomlPath, int, Drive]]]:
+    """Return the axes by number, and of each drive the path of its section and its axis's number."""
+    axes: dict[int, Axis] = {}
+    drives: list[tuple[TomlPath, int, Drive]] = []
+    if sections == []:
+        mistakes.add(("axis",), "the machine has no axis", "add an [[axis]] section")
+    for position, axis in enumerate(sections or ()):
+        if axis is None:
+            continue
+        path: TomlPath = ("axis", position)
+        if axis.index in axes:
+            mistakes.add(
+                (*path, "index"), f"axis {axis.index} is there twice", "give each axis a number of its own"
+            )
+        axes[axis.index] = _axis_to_si(axis, path, cycle_s, folder, mistakes)
+        drives.append(((*path, "drive"), axis.index, axes[axis.index].drive))
+    return axes, drives
+
+
+def _check_tools(tools: tuple[Tool, ...], axes: Mapping[int, Axis], mistakes: Mistakes) -> None:
+    """Refuse tools on axes that follow no path."""
+    for tool in tools:
+        for index in tool.axes:
+            if index in axes and axes[index].profiled:
+                mistakes.add(
+                    ("tool",),
+                    f"T{tool.number} moves axis {index}, whose drive follows no path",
+                    'use a drive with csp or ip there: mode = "pp" goes to points',
+                )
+
+
+def _home_switches(sections: list[AxisSection | None] | None) -> dict[TomlPath, int]:
+    """Return the numbers of the inputs that are home switches, by the path of the key."""
+    return {
+        ("axis", position, "homing", "input"): each.homing.input
+        for position, each in enumerate(sections or ())
+        if each is not None and each.homing is not None and each.homing.input is not None
+    }
 
 
 def _axis_to_si(

@@ -10,7 +10,7 @@ from pathlib import Path
 import msgspec
 import pytest
 
-from mcserver.canopen.settings import find_drive_faults
+from mcserver.canopen.drive_faults import find_drive_faults
 from mcserver.cli.app import run_command_line
 from mcserver.doctor import State
 from mcserver.doctor.can import CanFacts, CanInterface
