@@ -13,7 +13,7 @@ BIN := $(VENV)/bin
 PIP := $(BIN)/python -m pip --disable-pip-version-check
 SDK := clients/python
 BENCHMARK := clients/benchmark
-PROJECTS := pyproject.toml $(SDK)/pyproject.toml $(BENCHMARK)/pyproject.toml
+PROJECTS := pyproject.toml $(SDK)/pyproject.toml constraints.txt $(BENCHMARK)/pyproject.toml
 
 # What only computes gives way to what has a clock at once, where the system can say so (Linux).
 BESIDE := $(shell command -v chrt >/dev/null 2>&1 && echo 'chrt --idle 0' || echo 'nice -n 19')
@@ -153,19 +153,21 @@ $(BIN)/python:
 
 # pip ≥ 25.1 reads [dependency-groups]; the stamps are remade when a project file changes. pip would compile one
 # module after the other, those of its packages' own tests too
-INSTALL := $(PIP) install --quiet --no-compile
+CONSTRAINTS := constraints.txt
+INSTALL := $(PIP) install --quiet --no-compile --constraint $(CONSTRAINTS)
 COMPILE = $(BIN)/python -m compileall -qq -j 0 -x '/tests/' $(VENV)/lib >/dev/null || true
-WARM_UP = echo "compiling the planner, once for this computer"; $(BIN)/python -m mcserver.motion.warm_up
+# beside what comes next: a server does not wait for it, tests do
+WARM_UP = $(BIN)/python -m mcserver.motion.warm_up background >/dev/null 2>&1 &
 
 $(VENV)/.for-demo: $(PROJECTS) | $(BIN)/python
 	$(INSTALL) --editable '.[plot]' --editable '$(SDK)[cli]'
-	@$(COMPILE)
 	@$(WARM_UP)
+	@$(COMPILE)
 	@touch $@
 
 # on a new clone not behind the other one: what both need is looked for and installed once
 $(VENV)/.for-development: $(PROJECTS) | $(BIN)/python
 	$(INSTALL) --editable '.[plot,web,lsp,mcp]' --editable '$(SDK)[cli]' --editable $(BENCHMARK) --group dev
-	@$(COMPILE)
 	@$(WARM_UP)
+	@$(COMPILE)
 	@touch $(VENV)/.for-demo $@

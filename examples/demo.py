@@ -27,7 +27,8 @@ from mcserver.plot.scene import Scene, build_scene
 from mcserver.simulation.recorder import Recorded
 
 NAME = "demo"
-START_LIMIT_S = 30.0
+# a first start compiles the executor
+START_LIMIT_S = 180.0
 STOP_LIMIT_S = 20.0
 # telemetry under way when the program has ended
 LAST_SAMPLES_S = 0.3

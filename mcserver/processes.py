@@ -8,7 +8,7 @@ import os
 import resource
 import subprocess
 import sys
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import msgspec
 
@@ -18,12 +18,16 @@ YOUNG_OBJECTS = 20_000
 MANY_FILES = 1_000_000
 
 
-def start_child(module: str, start: msgspec.Struct, descriptors: Sequence[int]) -> subprocess.Popen[bytes]:
+def start_child(
+    module: str, start: msgspec.Struct, descriptors: Sequence[int], variables: Mapping[str, str] | None = None
+) -> subprocess.Popen[bytes]:
     """Start ``python -m module`` with ``start`` as MessagePack on its standard input.
 
-    It has nothing of this process in it but the file ``descriptors``, under the same numbers.
+    It has nothing of this process in it but its environment, with ``variables``, and the file
+    ``descriptors``, under the same numbers.
     """
-    environment = dict(os.environ, PYTHONPATH=os.pathsep.join(path or os.getcwd() for path in sys.path))
+    environment = {**os.environ, **(variables or {})}
+    environment["PYTHONPATH"] = os.pathsep.join(path or os.getcwd() for path in sys.path)
     # matrices are small; a thread of BLAS for each core only takes memory
     environment.setdefault("OPENBLAS_NUM_THREADS", "1")
     process = subprocess.Popen(

@@ -22,7 +22,7 @@ from mcserver.canopen.drive_events import CanopenEvent
 from mcserver.errors import ServiceError
 from mcserver.executor.client import ExecutorProcess
 from mcserver.machine.machine_file import Machine
-from mcserver.motion.compiling import COMPILING
+from mcserver.motion.compiling import COMPILING_EXECUTOR, needs_compiler
 from mcserver.net.configuration import NetworkOptions
 from mcserver.net.endpoint import MachineEndpoint
 from mcserver.planning.client import ProcessPlanning
@@ -174,12 +174,14 @@ async def serve(machine: Machine, options: ServerOptions | None = None) -> None:
             journal = options.journal or default_journal(machine.name)
             references = References(references_file(journal), machine).holding
             executor = ExecutorProcess(drives.machine or machine, references=references)
+            if needs_compiler():
+                on_progress(COMPILING_EXECUTOR)
             executor.launch()
             stack.callback(executor.stop)
             planning = ProcessPlanning(machine, executor)
             stack.callback(planning.close)
             await asyncio.to_thread(executor.wait)
-            await asyncio.to_thread(planning.wait, lambda: on_progress(COMPILING))
+            await asyncio.to_thread(planning.wait)
             port = ExecutorPort(machine, executor)
             _, face = await stack.enter_async_context(
                 running(machine, options, port, planning, drives, partial(recorder_for, machine, executor))

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +13,7 @@ from hypothesis import settings
 # A command that runs in the tests' process must not choose plain Python for the rest of them: it does so
 # only before the kernels are imported.
 import mcserver.motion.kernels.compiled  # noqa: F401
+from mcserver.motion.compiling import needs_compiler
 
 ROOT = Path(__file__).parent
 
@@ -77,6 +80,12 @@ def chosen_groups(expression: str) -> set[str]:
     words = expression.split()
     named = set(words[::2])
     return named if named <= {*GROUPS, COMPUTING} and set(words[1::2]) <= {"or"} else set()
+
+
+def pytest_sessionstart(session: pytest.Session) -> None:
+    """Compile what is not kept: servers that plan without machine code are slow, and have their own tests."""
+    if not hasattr(session.config, "workerinput") and needs_compiler():
+        subprocess.run([sys.executable, "-m", "mcserver.motion.warm_up"], check=True)
 
 
 def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool | None:

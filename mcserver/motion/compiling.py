@@ -18,6 +18,10 @@ from pathlib import Path
 from mcserver.motion.kernels.cache_folder import cache_folder, read, write
 
 COMPILING = "compiling the planner for this computer: once, a minute or two …"
+COMPILING_EXECUTOR = (
+    "compiling the executor for this computer: once, some 20 s; "
+    "programs are planned without machine code until the planner's is there, too …"
+)
 PLAIN = "planning without machine code, which is made in the background, once for this computer"
 # A start from the cache is over before this [s].
 PATIENCE_S = 3.0
@@ -25,13 +29,22 @@ PATIENCE_S = 3.0
 SHORT_LINES = 300
 # Of the process that compiles in the background.
 NICE = 10
-# The argument of that process.
+# Lets a process run kernels as plain Python.
+DISABLE_JIT = {"NUMBA_DISABLE_JIT": "1"}
+# The argument of the process in the background.
 BACKGROUND = "background"
 
 
 def plain_kernels() -> bool:
     """Return whether kernels run as plain Python: ``NUMBA_DISABLE_JIT=1``."""
     return os.environ.get("NUMBA_DISABLE_JIT", "0") not in ("", "0")
+
+
+def needs_compiler() -> bool:
+    """Return whether kernels have to be compiled, and can be kept: another process may do so meanwhile."""
+    folder = cache_folder()
+    keeps = folder is not None and os.access(folder, os.W_OK)
+    return keeps and not (plain_kernels() or kernels_kept())
 
 
 def kernels_kept() -> bool:
@@ -74,7 +87,7 @@ def use_plain_kernels() -> bool:
     """
     if "mcserver.motion.kernels.compiled" in sys.modules:
         return False
-    os.environ["NUMBA_DISABLE_JIT"] = "1"
+    os.environ.update(DISABLE_JIT)
     return True
 
 

@@ -24,9 +24,11 @@ import msgspec
 from mcserver.errors import RuntimeFault
 from mcserver.executor.client import ExecutorProcess
 from mcserver.machine.machine_file import Machine
-from mcserver.motion.compiling import PATIENCE_S
+from mcserver.motion.compiling import DISABLE_JIT, kernels_kept, needs_compiler, start_compiling
 from mcserver.planning.message_pipe import MessagePipe, WatchedPipe
 from mcserver.planning.planner_messages import (
+    Begin,
+    Dropped,
     OnPlannerEvents,
     PlannerCommand,
     PlannerEvent,
@@ -38,8 +40,10 @@ from mcserver.processes import start_child
 
 log = logging.getLogger(__name__)
 
-# The first start after an installation compiles the planner's loops.
+# Where no kernels can be kept, each start compiles them.
 START_TIMEOUT_S = 300.0
+# How often it is looked whether kernels have been compiled, and whether no program is open.
+COMPILED_LOOK_S = 1.0
 STOP_TIMEOUT_S = 3.0
 # So often within a minute it is started again; then something is wrong that another start does not cure.
 MOST_STARTS = 3
@@ -47,33 +51,37 @@ STARTS_WITHIN_S = 60.0
 
 
 class PlannerChild:
-    """The process and the pipe to it."""
+    """The process and the pipe to it.
+
+    Attributes:
+        plain: it plans without machine code, which a process in the background compiles.
+    """
 
     def __init__(self, machine: Machine, executor: ExecutorProcess) -> None:
+        self.plain = needs_compiler()
+        if self.plain:
+            start_compiling()
         ours, theirs = socket.socketpair()
         self.pipe = MessagePipe(ours)
         with theirs:
             start = PlannerStart(machine, executor.memory, executor.slots, theirs.fileno())
             self.process: subprocess.Popen[bytes] = start_child(
-                "mcserver.planning.process", start, [executor.memory, theirs.fileno()]
+                "mcserver.planning.process",
+                start,
+                [executor.memory, theirs.fileno()],
+                DISABLE_JIT if self.plain else {},
             )
 
-    def wait(self, on_patience: Callable[[], None]) -> None:
-        """Wait until it is ready; ``on_patience`` is called once where that takes long.
+    def wait(self) -> None:
+        """Wait until it is ready.
 
         Raises:
             RuntimeFault: MC436 it ended, or did not come up in time.
         """
         poller = select.poll()
         poller.register(self.pipe, select.POLLIN)
-        deadline = time.monotonic() + START_TIMEOUT_S
-        patient = False
-        while not poller.poll(1000.0 * PATIENCE_S):
-            if time.monotonic() > deadline:
-                self.kill()
-            elif not patient:
-                patient = True
-                on_patience()
+        if not poller.poll(1000.0 * START_TIMEOUT_S):
+            self.kill()
         try:
             self.pipe.receive()
         except EOFError:
@@ -108,7 +116,7 @@ class ConnectionPhase(enum.Enum):
     """Phase of the connection to a planner's process."""
 
     CONNECTED = "connected"
-    REPLACING = "replacing"  # it has ended and another one is being started; commands wait
+    REPLACING = "replacing"  # it has ended, or was ended, and another one is being started; commands wait
     ENDED = "ended"  # stopped, or given up: commands go nowhere
 
 
@@ -139,6 +147,9 @@ class PlannerProcess:
         self._watched: WatchedPipe | None = None
         self._starts: deque[float] = deque(maxlen=MOST_STARTS)
         self._replacing: asyncio.Task[None] | None = None
+        self._upgrading: asyncio.Task[None] | None = None
+        # programs that it has begun and not dropped
+        self._open: set[str] = set()
         self._stopping = False
         self._ended = asyncio.Event()
         self._heard_at = time.monotonic()
@@ -156,12 +167,15 @@ class PlannerProcess:
     def start(self) -> None:
         self._heard_at = time.monotonic()
         self._connect(self._child)
+        self._watch_compiler()
 
     def send(self, command: PlannerCommand) -> None:
         """Send a command behind those before it, all of one turn of the loop together.
 
         What waits is bounded by the credit given to clients.
         """
+        if isinstance(command, Begin):
+            self._open.add(command.program)
         if self._phase is ConnectionPhase.CONNECTED:
             self._send(self._encode(command))
         elif self._phase is ConnectionPhase.REPLACING:
@@ -170,10 +184,13 @@ class PlannerProcess:
     async def stop(self) -> None:
         """End the process; it is heard until it closes its end."""
         self._stopping = True
+        if self._upgrading is not None:
+            self._upgrading.cancel()
         if self._phase is ConnectionPhase.CONNECTED:
             self._send(b"")
             with contextlib.suppress(TimeoutError):
                 await asyncio.wait_for(self._ended.wait(), STOP_TIMEOUT_S)
+        if self._watched is not None:
             self._disconnect(ConnectionPhase.ENDED)
         if self._replacing is not None:
             await self._replacing
@@ -203,16 +220,39 @@ class PlannerProcess:
             messages = self._child.pipe.receive()
         except EOFError:
             self._ended.set()
+            ordered = self._phase is ConnectionPhase.REPLACING
             self._disconnect(ConnectionPhase.ENDED if self._stopping else ConnectionPhase.REPLACING)
             if not self._stopping:
-                self._replacing = self._loop.create_task(self._replace(self._child))
+                replace = self._start_another if ordered else self._replace
+                self._replacing = self._loop.create_task(replace(self._child))
             return
         self._heard_at = time.monotonic()
         self._silent_until = 0.0
         for message in messages:
             events = self._decode(message)
+            self._open -= {event.program for event in events if isinstance(event, Dropped)}
             if events:
                 self._on_events(events)
+
+    def _watch_compiler(self) -> None:
+        if self._child.plain:
+            self._upgrading = self._loop.create_task(self._upgrade())
+
+    async def _upgrade(self) -> None:
+        """Replace a process without machine code once that is there, and no program is open."""
+        while True:
+            await asyncio.sleep(COMPILED_LOOK_S)
+            idle = self._phase is ConnectionPhase.CONNECTED and not self._open
+            if not idle or not await asyncio.to_thread(kernels_kept) or self._open:
+                continue
+            # it is heard to its end; commands wait for the other one
+            self._send(b"")
+            self._phase = ConnectionPhase.REPLACING
+            return
+
+    async def _start_another(self, child: PlannerChild) -> None:
+        await asyncio.to_thread(child.stop)
+        await self._start()
 
     async def _replace(self, child: PlannerChild) -> None:
         """Stop the programs of a process that has ended, and start another process."""
@@ -221,6 +261,7 @@ class PlannerProcess:
         log.error("the planner's process %s", ending)
         # what was sent meanwhile is of programs that end now
         self._unsent.clear()
+        self._open.clear()
         self._on_events([PlannerFailed("", f"its process {ending}")])
         now = time.monotonic()
         if len(self._starts) == MOST_STARTS and now - self._starts[0] < STARTS_WITHIN_S:
@@ -228,6 +269,10 @@ class PlannerProcess:
             self._phase = ConnectionPhase.ENDED
             return
         self._starts.append(now)
+        await self._start()
+
+    async def _start(self) -> None:
+        """Start another process, and send it what has waited for it."""
         try:
             self._child = await asyncio.to_thread(self._start_again)
         except (OSError, RuntimeError):
@@ -237,6 +282,7 @@ class PlannerProcess:
         if not self._stopping:
             self._silent_until = time.monotonic() + START_TIMEOUT_S
             self._connect(self._child)
+            self._watch_compiler()
 
 
 class ProcessPlanning:
@@ -251,13 +297,13 @@ class ProcessPlanning:
         self._executor = executor
         self._child = self._launch()
 
-    def wait(self, on_patience: Callable[[], None]) -> None:
-        """Wait until it is ready; ``on_patience`` is called once where that takes long.
+    def wait(self) -> None:
+        """Wait until it is ready.
 
         Raises:
             RuntimeFault: MC436 it ended, or did not come up in time.
         """
-        self._child.wait(on_patience)
+        self._child.wait()
 
     def planner(self, on_events: OnPlannerEvents) -> PlannerProcess:
         """Make the planner's client, in the loop; `wait` comes before."""

@@ -53,22 +53,6 @@ def kept() -> list[str]:
     return sorted(path.name for path in folder.iterdir())
 
 
-@pytest.mark.parametrize("own", [True, False], ids=["object code", "as numba keeps it"])
-def test_a_kernel_is_kept_also_where_numbas_private_names_are_others(
-    own: bool, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    if not own:
-        # what an import of a name that is not there does
-        monkeypatch.setitem(sys.modules, "mcserver.motion.kernels.kept_code", None)
-    first, second = kernels().caller, kernels().caller
-    assert (first(3.0), second(3.0)) == (7.0, 7.0)
-    assert sum(second.stats.cache_hits.values()) == 1
-    folder = cache_folder()
-    assert folder is not None
-    # the code itself is behind what says which code it is
-    assert {(read(path.name) or b"")[:1] for path in folder.iterdir()} == {b"o" if own else b"n"}
-
-
 def test_a_kernel_is_compiled_once_and_read_afterwards() -> None:
     first, second = kernels().caller, kernels().caller
     assert (first(3.0), second(3.0)) == (7.0, 7.0)

@@ -106,7 +106,7 @@ def test_a_planner_that_ends_at_its_start_is_refused(executor: ExecutorProcess) 
     child = PlannerChild(executor.machine, executor)
     child.process.kill()
     with pytest.raises(RuntimeFault) as refused:
-        child.wait(lambda: None)
+        child.wait()
     assert refused.value.code == "MC436"
     assert "ended by signal 9" in refused.value.message
 

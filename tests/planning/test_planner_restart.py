@@ -14,7 +14,16 @@ import pytest
 from mcserver.planning import client
 from mcserver.planning.client import START_TIMEOUT_S, PlannerProcess
 from mcserver.planning.message_pipe import MessagePipe
-from mcserver.planning.planner_messages import PlannerEvent, PlannerFailed
+from mcserver.planning.planner_messages import (
+    Begin,
+    Dropped,
+    PipelineRequest,
+    PlannerCommand,
+    PlannerEvent,
+    PlannerFailed,
+    Validated,
+)
+from mcserver.planning.start_state import StartState
 
 LIMIT_S = 5.0
 
@@ -22,7 +31,8 @@ LIMIT_S = 5.0
 class FakeChild:
     """A planner's process of which only the pipe is there; ``theirs`` is its end."""
 
-    def __init__(self) -> None:
+    def __init__(self, *, plain: bool = False) -> None:
+        self.plain = plain
         ours, theirs = socket.socketpair()
         self.pipe = MessagePipe(ours)
         self.theirs = MessagePipe(theirs)
@@ -101,3 +111,54 @@ async def test_a_planner_that_is_given_up_is_not_waited_for(monkeypatch: pytest.
     clock.now += 10.0
     assert planner.last_seen < clock.now, "the server's heartbeat has to stop"
     await planner.stop()
+
+
+async def test_a_planner_without_machine_code_makes_room_for_one_that_has_it(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    kept = False
+    monkeypatch.setattr(client, "COMPILED_LOOK_S", 0.0)
+    monkeypatch.setattr(client, "kernels_kept", lambda: kept)
+    plain, compiled = FakeChild(plain=True), FakeChild()
+    events: list[PlannerEvent] = []
+    planner = PlannerProcess(plain, lambda: compiled, events.extend)  # type: ignore[arg-type, return-value]
+    planner.start()
+    planner.send(begin("a-1"))
+    kept = True
+    for _ in range(20):
+        await asyncio.sleep(0.001)
+    assert len(received(plain)) == 1, "a program is planned to its end by who has begun it"
+    plain.theirs.send(msgspec.msgpack.encode([Dropped("a-1")]))
+    told: list[bytes] = []
+    await until(lambda: bool(told.extend(received(plain)) or told))
+    assert told == [b""]
+    planner.send(begin("a-2"))
+    plain.theirs.send(msgspec.msgpack.encode([Validated("a-1", 1, 2.0)]))
+    plain.theirs.close()
+    await until(lambda: planner._child is compiled and bool(told.extend(received(compiled)) or len(told) > 1))
+    assert msgspec.msgpack.decode(told[1], type=PlannerCommand) == begin("a-2")
+    assert events == [Dropped("a-1"), Validated("a-1", 1, 2.0)], "nothing has failed, and nothing is lost"
+    compiled.theirs.close()
+    await planner.stop()
+
+
+async def test_a_planner_without_machine_code_ends_with_the_server(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(client, "COMPILED_LOOK_S", 0.0)
+    monkeypatch.setattr(client, "kernels_kept", lambda: True)
+    plain = FakeChild(plain=True)
+    planner = PlannerProcess(plain, lambda: pytest.fail("started"), lambda _: None)  # type: ignore[arg-type]
+    planner.start()
+    await until(lambda: received(plain) == [b""])
+    await planner.stop()
+    with pytest.raises(EOFError):
+        plain.theirs.receive()
+    plain.theirs.close()
+
+
+def begin(program: str) -> Begin:
+    return Begin(PipelineRequest(program, frozenset({0}), StartState({})), 0, False, 0.0)
+
+
+def received(child: FakeChild) -> list[bytes]:
+    """Commands that have come to a child."""
+    return child.theirs.receive()

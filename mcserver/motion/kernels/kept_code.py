@@ -18,22 +18,10 @@ from numba.core.environment import Environment, _rebuild_env, lookup_environment
 from numba.core.runtime.nrt import rtsys
 from numba.core.serialize import dumps
 
-# What `unpack` asks numba's library of one kernel for.
-_PRIVATE = ("enable_object_caching", "_set_compiled_object", "_finalize_final_module", "_shared_module")
-
 
 def pack(result: Any) -> bytes:
-    """Return a compile result as bytes.
-
-    Raises:
-        AttributeError, ValueError: this release of numba has it in another form.
-    """
-    for each in _PRIVATE:
-        getattr(result.library, each)
-    result.library.codegen._engine._defined_symbols.update(())
-    (name, kind, (code, bitcode)), *rest = result._reduce()
-    if kind != "object":
-        raise ValueError(f"{name}: kept as {kind}")
+    """Return a compile result as bytes."""
+    (name, _, (code, bitcode)), *rest = result._reduce()
     module = llvm.parse_bitcode(bitcode)
     symbols = [
         each.name

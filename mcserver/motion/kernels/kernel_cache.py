@@ -10,7 +10,6 @@ from __future__ import annotations
 import functools
 import hashlib
 import logging
-import pickle
 import platform
 from collections.abc import Callable
 from typing import Any
@@ -19,18 +18,15 @@ import llvmlite
 import numba
 import numpy as np
 from numba.core import sigutils
-from numba.core.compiler import CompileResult
-from numba.core.serialize import dumps
 
 from mcserver.motion.kernels.cache_folder import read, write
 from mcserver.motion.kernels.function_digest import function_digest
+from mcserver.motion.kernels.kept_code import pack, unpack
 
 log = logging.getLogger(__name__)
 
 # Another number is another format, under other names.
-FORMAT = "3"
-# First byte of what is kept: object code alone, or as numba itself keeps it.
-OBJECT_CODE, NUMBAS_OWN = b"o", b"n"
+FORMAT = "4"
 # Settings of numba that change the code that it makes.
 _SETTINGS = ("OPT", "BOUNDSCHECK", "DEBUGINFO_DEFAULT", "LOOP_VECTORIZE", "SLP_VECTORIZE", "ENABLE_AVX")
 
@@ -65,7 +61,7 @@ class KernelCache:
         if content is None:
             return None
         try:
-            return _unpack(content, target)
+            return unpack(content, target)
         except Exception as error:
             # whatever it is, it can be compiled
             log.debug("%s: kept machine code cannot be read: %s", self._function.__name__, error)
@@ -75,7 +71,7 @@ class KernelCache:
         """Keep what was compiled, where it can be kept."""
         if result.library.has_dynamic_globals or any(not each.can_cache for each in result.lifted):
             return
-        write(self._name(signature, result.codegen), _pack(result))
+        write(self._name(signature, result.codegen), pack(result))
 
     def enable(self) -> None:
         """Do nothing: it is on."""
@@ -85,25 +81,3 @@ class KernelCache:
 
     def flush(self) -> None:
         """Do nothing: names are digests, so what is kept is right."""
-
-
-def _pack(result: Any) -> bytes:
-    """Return a compile result as bytes: object code, which is read quickly, or as numba itself keeps it."""
-    try:
-        # by private names of numba, which another release may not have
-        from mcserver.motion.kernels.kept_code import pack
-
-        return OBJECT_CODE + pack(result)
-    except Exception as error:
-        log.debug("%s: kept as numba keeps it: %s", result.fndesc.qualname, error)
-        return NUMBAS_OWN + bytes(dumps(result._reduce()))
-
-
-def _unpack(content: bytes, target: Any) -> Any:
-    """Return the compile result that `_pack` made bytes of. Raises whatever there is, where it is not one."""
-    if content[:1] == OBJECT_CODE:
-        from mcserver.motion.kernels.kept_code import unpack
-
-        return unpack(content[1:], target)
-    target.refresh()
-    return CompileResult._rebuild(target, *pickle.loads(content[1:]))
