@@ -33,7 +33,7 @@ from mcserver.net.publishing import PublishingThread
 from mcserver.net.qos import ack_qos, emergency_stop_qos, event_qos
 from mcserver.net.replies import ReplySender
 from mcserver.net.rpc import RpcServer
-from mcserver.net.session import CLOSE_LIMIT_S, Publication, ZenohSession
+from mcserver.net.session import CLOSE_LIMIT_S, Publication, ZenohSession, is_zenoh_fault
 from mcserver.net.stop_copies import StopCopies
 from mcserver.net.telemetry import CycleTelemetry, StateTelemetry
 from mcserver.recorder.views import RecordingAccess
@@ -50,6 +50,8 @@ TOKENS = 4096
 CONFIRMATIONS = 64
 # after a new session was opened, for clients on the listening port to be back with their tokens
 CLIENTS_RETURN_S = 5.0
+# between two looks whether the sessions still hear
+HEARING_LOOK_S = 0.5
 # A longer stop is not read, in Zenoh's thread: it stops [bytes].
 STOP_SIZE = 4096
 # A killed server's token stays as long as its link's lease (`mcserver.net.configuration.LEASE_MS`).
@@ -69,10 +71,11 @@ class Stop(NamedTuple):
 
 
 class ClientTokens:
-    """Clients that are alive, over a change of the session that hears of them."""
+    """Clients that are alive, over changes of the session that hears of them."""
 
     def __init__(self) -> None:
         self._alive: set[str] = set()
+        self._expected: set[str] = set()
 
     def hear(self, client: str, *, gone: bool) -> None:
         """A token has come or gone."""
@@ -81,14 +84,15 @@ class ClientTokens:
         else:
             self._alive.add(client)
 
-    def expect_again(self) -> set[str]:
-        """Forget all, and return them: another session hears of those that are there."""
-        alive, self._alive = self._alive, set()
-        return alive
+    def expect_again(self) -> None:
+        """Expect all to come again: another session hears of those that are there."""
+        self._expected |= self._alive
+        self._alive = set()
 
-    def missing(self, expected: set[str]) -> set[str]:
-        """Those of ``expected`` that have not come again."""
-        return expected - self._alive
+    def missing(self) -> set[str]:
+        """Those that have not come again."""
+        missing, self._expected = self._expected - self._alive, set()
+        return missing
 
 
 class MachineEndpoint:
@@ -131,7 +135,10 @@ class MachineEndpoint:
         self._cycles: CycleTelemetry | None = None
         self._states: asyncio.Task[None] | None = None
         self._declare: Callable[[ZenohSession], None] = lambda _: None
+        self._hear_stops: Callable[[ZenohSession], None] = lambda _: None
         self._watching: asyncio.Task[None] | None = None
+        self._returning: asyncio.Task[None] | None = None
+        self._reopening = asyncio.Lock()
         self._clients = ClientTokens()
 
     @classmethod
@@ -190,8 +197,10 @@ class MachineEndpoint:
             publisher.put(self._encode(ack))
             if ack.state in ENDED:
                 del self._acks[ack.program]
-                publisher.undeclare()
-        except zenoh.ZError as error:
+                self._session.end(publisher)
+        except BaseException as error:
+            if not is_zenoh_fault(error):
+                raise
             log.warning("an acknowledgement could not be published: %s", error)
 
     def publish_event(self, event: Event) -> None:
@@ -252,47 +261,85 @@ class MachineEndpoint:
             session.watch_tokens(keys.servers, servers.push)
 
         self._declare = declare
+        self._hear_stops = lambda session: session.subscribe(keys.emergency_stop, stop)
         declare(self._session)
         if self._emergency is not None:
-            self._emergency.subscribe(keys.emergency_stop, stop)
-        if self._where.connect:
-            self._watching = asyncio.ensure_future(self._watch_links(service))
+            self._hear_stops(self._emergency)
+        self._watching = asyncio.ensure_future(self._watch(service))
 
-    async def _watch_links(self, service: MachineService) -> None:
-        # links from the ports that it listens on are others'
+    async def _watch(self, service: MachineService) -> None:
+        # links from the ports that it listens on are others', and another session has them again
         listened = await self.endpoints() if self._where.listen else []
         if listened:
             self._where = msgspec.structs.replace(self._where, listen=tuple(listened))
-        watch = LinkWatch(
+        links = LinkWatch(
             self._where.connect,
             lambda: self._session.link_sources(),
             listened,
             lambda: self._speak_anew(service),
             accepts_connections,
         )
-        await watch.run()
+        async with asyncio.TaskGroup() as watches:
+            watches.create_task(self._watch_hearing(service))
+            if self._where.connect:
+                watches.create_task(links.run())
+
+    async def _watch_hearing(self, service: MachineService) -> None:
+        """Open a session that Zenoh has made deaf anew; programs are held, since nobody could stop them."""
+        while True:
+            await asyncio.sleep(HEARING_LOOK_S)
+            main = await self._session.is_deaf()
+            if not main and (self._emergency is None or not await self._emergency.is_deaf()):
+                continue
+            held = [program.program for program in service.hold(None)]
+            if main:
+                await self._speak_anew(service)
+            else:
+                await self._hear_stops_anew()
+            message = "a malformed message made a Zenoh session deaf; another one was opened in its place" + (
+                f", and held are {', '.join(held)}: see that all is well, and resume" if held else ""
+            )
+            log.error("MC525: %s", message)
+            service.record_command("", "hold", detail=f"MC525: {message}")
+            service.events.publish("warning", reason="MC525", message=message)
+
+    async def _hear_stops_anew(self) -> None:
+        assert self._emergency is not None
+        await self._emergency.close()
+        self._emergency = await self._opened_again(emergency_configuration)
+        self._hear_stops(self._emergency)
 
     async def _speak_anew(self, service: MachineService) -> None:
         """Give the session up for one with another Zenoh id."""
-        await self._fall_silent()
-        clients = self._clients.expect_again()
-        if self._where.listen:
-            # only one session has the port
-            await self._session.close()
-        session = await self._opened_again()
-        former, self._session = self._session, session
-        self._speak_through(session)
-        self._declare(session)
-        if not self._where.listen:
-            await former.close()
+        async with self._reopening:
+            await self._fall_silent()
+            self._clients.expect_again()
+            if self._where.listen:
+                # only one session has the port
+                await self._session.close()
+            session = await self._opened_again(main_configuration)
+            former, self._session = self._session, session
+            self._speak_through(session)
+            self._declare(session)
+            if not self._where.listen:
+                await former.close()
+            if self._returning is not None:
+                self._returning.cancel()
+            self._returning = asyncio.ensure_future(self._forsake_missing(service))
+
+    async def _forsake_missing(self, service: MachineService) -> None:
         await asyncio.sleep(CLIENTS_RETURN_S)
-        for client in self._clients.missing(clients):
+        for client in self._clients.missing():
             service.client_gone(client)
 
-    async def _opened_again(self) -> ZenohSession:
+    async def _opened_again(
+        self, configuration: Callable[[NetworkOptions, Reach], zenoh.Config | None]
+    ) -> ZenohSession:
         while True:
             try:
-                return await ZenohSession.open(main_configuration(self._options, self._where))
+                config = configuration(self._options, self._where)
+                assert config is not None
+                return await ZenohSession.open(config)
             except ServiceError as error:
                 # the system may keep the port for a moment
                 log.error("%s: %s", error.code, error.message)
@@ -313,9 +360,9 @@ class MachineEndpoint:
 
     async def close(self) -> None:
         """End everything, within a limit."""
-        if self._watching is not None:
-            self._watching.cancel()
-            await asyncio.gather(self._watching, return_exceptions=True)
+        for task in filter(None, (self._watching, self._returning)):
+            task.cancel()
+            await asyncio.gather(task, return_exceptions=True)
         await self._fall_silent()
         for thread in (self._publishing, self._confirming):
             await asyncio.to_thread(thread.close)

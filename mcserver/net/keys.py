@@ -28,6 +28,11 @@ def all_machines() -> str:
     return f"{_ROOT}/*/live/*"
 
 
+def everything() -> str:
+    """Key expression of all that machines and their clients say, but calls."""
+    return f"{_ROOT}/**"
+
+
 def instance_of(token: str) -> str:
     """The start of a server in the key of its liveliness token."""
     return token.rpartition("/")[2].partition(".")[0]

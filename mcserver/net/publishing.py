@@ -11,9 +11,8 @@ import queue
 import threading
 from collections.abc import Callable
 
-import zenoh
-
 from mcserver.net.defects import DefectLog
+from mcserver.net.session import is_zenoh_fault
 
 log = logging.getLogger(__name__)
 
@@ -62,5 +61,7 @@ class PublishingThread:
             put, payload = item
             try:
                 put(payload)
-            except zenoh.ZError as error:
+            except BaseException as error:
+                if not is_zenoh_fault(error):
+                    raise
                 self._failed.add(f"nothing could be published: {error}")

@@ -161,7 +161,8 @@ class ReplySender:
         while (drop := self._discarded.get()) is not None:
             try:
                 drop()
-            except Exception:
+            except BaseException:
+                # a panic of Zenoh too: others' queries follow
                 log.exception("a query could not be given up")
 
     def _run(self) -> None:
@@ -194,5 +195,5 @@ class ReplySender:
 def _send(caller: str, reply: Outgoing) -> None:
     try:
         reply.send()
-    except Exception:
+    except BaseException:
         log.exception("a reply to %s could not be sent", caller)

@@ -20,6 +20,7 @@ from mcserver.net.keys import Call, Keys
 from mcserver.net.messages import ENCODING, ErrorReply, Request
 from mcserver.net.method_table import BY_NAME, Method
 from mcserver.net.replies import Outgoing, ReplySender
+from mcserver.net.session import is_zenoh_fault
 from mcserver.service.deferred import Deferred
 from mcserver.service.reports import wire_diagnostic
 
@@ -242,6 +243,8 @@ def _reply(asked: Asked, answer: Answer) -> None:
                 query.reply(asked.reply_key, answer.payload, encoding=ENCODING)
             else:
                 query.reply_err(answer.payload, encoding=ENCODING)
-    except zenoh.ZError as error:
+    except BaseException as error:
+        if not is_zenoh_fault(error):
+            raise
         # the client went away, or asked by a key that this reply does not match
         log.info("no answer to %s could be sent: %s", asked.key, error)

@@ -13,6 +13,7 @@ import zenoh
 
 from mcserver.errors import ServiceError
 from mcserver.net.configuration import plain
+from mcserver.net.keys import everything
 from mcserver.net.messages import ENCODING
 from mcserver.net.qos import Qos
 
@@ -22,11 +23,17 @@ TOKENS_TIMEOUT_S = 2.0
 CLOSE_LIMIT_S = 3.0
 EVENT_CACHE = 1000
 EVENT_HEARTBEAT_S = 0.5
+LOOK_LIMIT_S = 5.0
 
 T = TypeVar("T")
 
 OnSample = Callable[[zenoh.Sample], None]
 OnQuery = Callable[[zenoh.Query], None]
+
+
+def is_zenoh_fault(error: BaseException) -> bool:
+    """Whether Zenoh refused something, or panicked; a panic is no `Exception`, and its class has no module."""
+    return isinstance(error, zenoh.ZError) or type(error).__name__ == "PanicException"
 
 
 class Publication(Protocol):
@@ -59,12 +66,19 @@ class MatchedPublication:
 
 
 class ZenohSession:
-    """One Zenoh session. Everything declared through it ends with `close`."""
+    """One Zenoh session. Everything declared through it ends with `close`.
+
+    A malformed key that a stranger declares makes Zenoh panic with its routing tables locked: such a session
+    is deaf for good. What was declared in it must not be dropped, which aborts the process, so all of it is
+    kept here.
+    """
 
     def __init__(self, session: zenoh.Session) -> None:
         self._session = session
         self._advanced: list[Publication] = []
         self._declared: list[Any] = []
+        self._deaf = False
+        self._looking = threading.Lock()
 
     @classmethod
     async def open(cls, config: zenoh.Config) -> ZenohSession:
@@ -121,10 +135,13 @@ class ZenohSession:
 
     def matched_publisher(self, key: str, qos: Qos) -> MatchedPublication:
         """A publisher that knows whether someone subscribes."""
-        return MatchedPublication(self.publisher(key, qos))
+        matched = MatchedPublication(self.publisher(key, qos))
+        self._declared.append(matched)
+        return matched
 
     def publisher(self, key: str, qos: Qos) -> zenoh.Publisher:
-        return self._session.declare_publisher(
+        self._use_tables()
+        publisher = self._session.declare_publisher(
             key,
             encoding=ENCODING,
             priority=qos.priority,
@@ -132,6 +149,8 @@ class ZenohSession:
             express=qos.express,
             reliability=qos.reliability,
         )
+        self._declared.append(publisher)
+        return publisher
 
     def recoverable_publisher(self, key: str, qos: Qos) -> Publication:
         """A publisher whose subscribers notice what they missed and get it from its cache."""
@@ -151,6 +170,41 @@ class ZenohSession:
         )
         self._advanced.append(publisher)
         return publisher
+
+    def end(self, publisher: zenoh.Publisher) -> None:
+        """End a publisher before the session ends."""
+        self._use_tables()
+        self._declared.remove(publisher)
+        publisher.undeclare()
+
+    async def is_deaf(self) -> bool:
+        """Whether Zenoh hears nobody through this session any more; a stranger's malformed key is enough."""
+        try:
+            async with asyncio.timeout(LOOK_LIMIT_S):
+                await asyncio.to_thread(self._use_tables)
+        except zenoh.ZError as error:
+            log.debug("Zenoh takes no declaration: %s", error)
+        except TimeoutError:
+            self._deaf = True
+        return self._deaf
+
+    def _use_tables(self) -> None:
+        """Go through the routing tables: a panic in them is one here, and ends nothing but this call.
+
+        Raises:
+            zenoh.ZError: the session is deaf, or closed.
+        """
+        if not self._deaf and self._looking.acquire(blocking=False):
+            try:
+                self._session.undeclare(self._session.declare_keyexpr(everything()))
+            except BaseException as error:
+                # the next declaration of the key would not come so far as to panic
+                self._deaf = not isinstance(error, zenoh.ZError)
+                raise zenoh.ZError(str(error)) from None
+            finally:
+                self._looking.release()
+        elif self._deaf:
+            raise zenoh.ZError("the session is deaf")
 
     async def endpoints(self) -> list[str]:
         """Endpoints that the session listens on; only known where one was asked for with port 0."""
@@ -172,14 +226,22 @@ class ZenohSession:
         closed = asyncio.Event()
         close: Callable[[], None] = self._session.close
 
+        def end_publishers() -> None:
+            self._use_tables()
+            for publisher in self._advanced:
+                publisher.undeclare()
+
         def end() -> None:
-            try:
-                for publisher in self._advanced:
-                    publisher.undeclare()
-                close()
-            except zenoh.ZError as error:
-                log.warning("Zenoh did not close cleanly: %s", error)
+            # a deaf session gives its port up before it panics
+            for step in (end_publishers, close):
+                try:
+                    step()
+                except BaseException as error:
+                    log.warning("Zenoh did not close cleanly: %s", error)
             loop.call_soon_threadsafe(closed.set)
+            if self._deaf:
+                # it keeps all that was declared, as long as the process lives
+                threading.Event().wait()
 
         # a thread of its own that may be left behind: closing has been seen to hang on a dead link
         threading.Thread(target=end, name="zenoh-close", daemon=True).start()

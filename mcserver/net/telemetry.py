@@ -8,14 +8,13 @@ import threading
 import time
 
 import msgspec
-import zenoh
 
 from mcserver.net.defects import DefectLog
 from mcserver.net.keys import Keys
 from mcserver.net.messages import TelemetryBlock
 from mcserver.net.publishing import PublishingThread
 from mcserver.net.qos import axis_qos, batch_qos, state_qos
-from mcserver.net.session import ZenohSession
+from mcserver.net.session import ZenohSession, is_zenoh_fault
 from mcserver.net.status import CYCLES_A_MESSAGE, STATE_HZ, EdgeUnits, machine_status
 from mcserver.service.motion_port import MotionPort
 from mcserver.service.service import MachineService
@@ -101,11 +100,11 @@ class CycleTelemetry:
                 return
             try:
                 self._publish()
-            except zenoh.ZError as error:
-                self._failed.add(f"telemetry could not be published: {error}")
-            except Exception as error:
+            except BaseException as error:
                 # one batch that fails does not end all that come after it
-                self._failed.add(f"telemetry failed: {error}", error)
+                self._failed.add(
+                    f"telemetry could not be published: {error}", None if is_zenoh_fault(error) else error
+                )
 
     def _publish(self) -> None:
         whole = self._batch.wanted

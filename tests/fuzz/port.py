@@ -1,7 +1,8 @@
 """Raw bytes at the port of `mcserver run` while a program runs: ``make fuzz ARGS="--target port"``.
 
 Noise, handshakes of a real client with changes, replayed or changed on their way, connections that say
-nothing or something slowly, and lengths that never come. The program has to go on, the server has to answer
+nothing or something slowly, and lengths that never come. The program has to go on, or be held by a warning
+MC525 where Zenoh has panicked; setpoints have to stay within the axis's limits, the server has to answer
 between the inputs, and its processes have to be the same at the end.
 """
 
@@ -20,6 +21,7 @@ from tempfile import TemporaryDirectory
 from typing import Any
 
 import msgspec
+import numpy as np
 import zenoh
 
 from tests.bench.server import client_config
@@ -32,7 +34,47 @@ TRIES = 6
 LOOK_EVERY = 25
 OPEN_AT_ONCE = 200
 PROGRAM = ["G1010 P0", *["G01 X5 F3000", "G01 X0"] * 5000]
-FAILURES = ("Traceback", "panicked", "MC516", "MC019")
+FAILURES = ("Traceback", "MC516", "MC019")
+PANIC, DEAF = "panicked", "MC525"
+# of the built-in machine's linear axes [mm/s, mm/s²]; positions come as float32 [mm]
+VELOCITY, ACCELERATION, ROUNDING = 1000.0, 10_000.0, 1e-5
+
+
+class Setpoints:
+    """What an axis was told, cycle by cycle, judged by its limits; all of it in Zenoh's thread."""
+
+    def __init__(self, cycle_s: float, axes: int, fields: int) -> None:
+        self.cycles = 0
+        self.worst_velocity = self.worst_acceleration = 0.0
+        self._cycle_s = cycle_s
+        self._shape = (-1, axes, fields)
+        self._last: tuple[int, float] | None = None
+
+    def take(self, payload: bytes) -> None:
+        """Take one batch; where some were lost, the way in between was no longer than its time allows."""
+        first, _, rows = msgspec.msgpack.decode(payload)
+        positions = np.frombuffer(rows, "<f4").reshape(self._shape)[:, 0, 0].astype(float)
+        if self._last is not None and first > self._last[0]:
+            self._see((positions[0] - self._last[1]) / ((first - self._last[0]) * self._cycle_s))
+        velocities = np.diff(positions) / self._cycle_s
+        for velocity in velocities:
+            self._see(velocity)
+        steps = np.abs(np.diff(velocities)) / self._cycle_s
+        self.worst_acceleration = max(self.worst_acceleration, *steps, 0.0)
+        self.cycles += len(positions)
+        self._last = (first + len(positions) - 1, positions[-1])
+
+    def _see(self, velocity: float) -> None:
+        self.worst_velocity = max(self.worst_velocity, abs(velocity))
+
+    def wrong(self) -> str:
+        """What was beyond the limits; empty: nothing."""
+        noise = 2.0 * ROUNDING / self._cycle_s
+        if self.worst_velocity > 1.001 * VELOCITY + noise:
+            return f"the axis was told {self.worst_velocity:.1f} mm/s"
+        if self.worst_acceleration > 1.05 * ACCELERATION + 2.0 * noise / self._cycle_s:
+            return f"the axis was told {self.worst_acceleration:.0f} mm/s²"
+        return ""
 
 
 class Machine:
@@ -44,6 +86,8 @@ class Machine:
         self._session = zenoh.open(client_config(server.endpoint))
         self._numbers = iter(range(1, 1 << 40))
         self._program = ""
+        self._axis: Setpoints | None = None
+        self.held = 0
         self.processes = (server.pid, *server.executors())
 
     def ask(self, method: str, **fields: Any) -> dict[str, Any]:
@@ -66,22 +110,48 @@ class Machine:
     def look(self) -> str:
         """See that the server answers and the program runs; what is wrong, empty: nothing."""
         try:
+            if self._axis is None:
+                self._axis = self._watched_axis()
             if not self._program:
-                self._program = self.ask("open", axes=[0])["program"]
+                self._program = self.ask("open", axes=[0], on_disconnect="finish")["program"]
                 self.ask("submit", program=self._program, first=1, lines=PROGRAM)
             (program,) = self.ask("programs", program=self._program)["programs"]
+            if program["state"] == "held":
+                if not any(DEAF in line and self._program in line for line in self.server.said):
+                    return "the program is held, and nobody has said why"
+                self.held += 1
+                self.ask("resume", program=self._program)
+            elif program["state"] == "finished":
+                self._program = ""
+            elif program["state"] not in ("running", "waiting"):
+                return f"the program is {program['state']}"
             status = self.ask("status")
         except TimeoutError as error:
             return f"{error}\n{self._failure()}"
-        if program["state"] == "finished":
-            self._program = ""
-        elif program["state"] not in ("running", "waiting"):
-            return f"the program is {program['state']}"
         if status["state"] != "ready":
             return f"the machine is in {status['state']}"
         if (self.server.pid, *self.server.executors()) != self.processes:
             return "a process was replaced"
-        return self._failure()
+        return self._axis.wrong() or self._failure()
+
+    def _watched_axis(self) -> Setpoints:
+        info = self.ask("info")
+        axis = Setpoints(1.0 / info["cycle_hz"], len(info["axes"]), len(info["telemetry"]["fields"]))
+        self._session.declare_subscriber(
+            "mc/@v1/cell/tele/batch",
+            zenoh.handlers.Callback(lambda sample: axis.take(sample.payload.to_bytes()), indirect=False),
+        )
+        return axis
+
+    def told(self) -> str:
+        """What the run has seen."""
+        said = "".join(self.server.said)
+        assert self._axis is not None
+        return (
+            f"Zenoh panicked {said.count(PANIC)} times, the server opened another session {said.count(DEAF)} times "
+            f"and held the program {self.held} times; {self._axis.cycles} cycles, at most "
+            f"{self._axis.worst_velocity:.1f} mm/s and {self._axis.worst_acceleration:.0f} mm/s²"
+        )
 
     def _failure(self) -> str:
         said = "".join(self.server.said)
@@ -243,7 +313,9 @@ def run(seconds: float, inputs: int, seed: int, *, in_session: bool = True) -> i
                 wrong = watched.look()
         sent.close()
         wrong = wrong or watched.look()
+        told = watched.told()
     for kind, count in sent.counts.items():
         print(f"{count:10} inputs: port, {kind.strip('_')}")
+    print(told)
     print(f"{number:10} in all, seed {seed}: {wrong or 'the server answers, the program ran'}", flush=True)
     return 1 if wrong else 0
