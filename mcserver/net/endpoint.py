@@ -125,7 +125,7 @@ class MachineEndpoint:
         self._refused = DefectLog(log)
         self._events: Publication
         self._confirmations: Publication
-        self._acks: dict[str, Publication]
+        self._acks: dict[str, zenoh.Publisher]
         self._speak_through(session)
         self._rpc: RpcServer | None = None
         self._replies = ReplySender()
@@ -317,10 +317,21 @@ class MachineEndpoint:
             if self._where.listen:
                 # only one session has the port
                 await self._session.close()
-            session = await self._opened_again(main_configuration)
-            former, self._session = self._session, session
-            self._speak_through(session)
-            self._declare(session)
+            former = self._session
+            while True:
+                self._session = await self._opened_again(main_configuration)
+                try:
+                    self._speak_through(self._session)
+                    self._declare(self._session)
+                    break
+                except BaseException as error:
+                    if not is_zenoh_fault(error):
+                        raise
+                    # made deaf at once
+                    log.warning("nothing can be declared: %s", error)
+                    await self._fall_silent()
+                    await self._session.close()
+                    await asyncio.sleep(TOKEN_PAUSE_S)
             if not self._where.listen:
                 await former.close()
             if self._returning is not None:

@@ -12,6 +12,8 @@ import contextlib
 import logging
 from collections.abc import Awaitable, Callable, Iterable, Sequence
 
+from mcserver.net.sockets import port_of
+
 log = logging.getLogger(__name__)
 
 LOOK_S = 1.0
@@ -45,7 +47,7 @@ class LinkWatch:
     ) -> None:
         self._connect = tuple(connect)
         self._sources = sources
-        self._listened = {_port(locator) for locator in listened}
+        self._listened = {port_of(locator) for locator in listened}
         self._reopen = reopen
         self._is_there = is_there
         self._refused = 0
@@ -61,7 +63,7 @@ class LinkWatch:
 
     async def look(self) -> bool:
         """Look once; whether the session was given up for a new one."""
-        if any(_port(source) not in self._listened for source in self._sources()):
+        if any(port_of(source) not in self._listened for source in self._sources()):
             self._refused, self._pause_s = 0, FIRST_PAUSE_S
             return False
         there = await asyncio.gather(*(self._is_there(endpoint) for endpoint in self._connect))
@@ -89,7 +91,3 @@ async def accepts_connections(endpoint: str) -> bool:
     with contextlib.suppress(OSError):
         await writer.wait_closed()
     return True
-
-
-def _port(locator: str) -> str:
-    return locator.partition("?")[0].partition("#")[0].rpartition(":")[2]

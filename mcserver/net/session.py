@@ -16,6 +16,7 @@ from mcserver.net.configuration import plain
 from mcserver.net.keys import everything
 from mcserver.net.messages import ENCODING
 from mcserver.net.qos import Qos
+from mcserver.net.sockets import port_of, shut_down
 
 log = logging.getLogger(__name__)
 
@@ -32,7 +33,7 @@ OnQuery = Callable[[zenoh.Query], None]
 
 
 def is_zenoh_fault(error: BaseException) -> bool:
-    """Whether Zenoh refused something, or panicked; a panic is no `Exception`, and its class has no module."""
+    """Whether Zenoh refused something, or panicked: that is no `Exception`, of a class without a module."""
     return isinstance(error, zenoh.ZError) or type(error).__name__ == "PanicException"
 
 
@@ -154,6 +155,7 @@ class ZenohSession:
 
     def recoverable_publisher(self, key: str, qos: Qos) -> Publication:
         """A publisher whose subscribers notice what they missed and get it from its cache."""
+        self._use_tables()
         publisher = zenoh.ext.declare_advanced_publisher(
             self._session,
             key,
@@ -175,7 +177,7 @@ class ZenohSession:
         """End a publisher before the session ends."""
         self._use_tables()
         self._declared.remove(publisher)
-        publisher.undeclare()
+        publisher.undeclare()  # type: ignore[no-untyped-call]
 
     async def is_deaf(self) -> bool:
         """Whether Zenoh hears nobody through this session any more; a stranger's malformed key is enough."""
@@ -225,6 +227,7 @@ class ZenohSession:
         loop = asyncio.get_running_loop()
         closed = asyncio.Event()
         close: Callable[[], None] = self._session.close
+        ports = {port_of(source) for source in self.link_sources()}
 
         def end_publishers() -> None:
             self._use_tables()
@@ -238,6 +241,9 @@ class ZenohSession:
                     step()
                 except BaseException as error:
                     log.warning("Zenoh did not close cleanly: %s", error)
+            if self._deaf:
+                # some links are left open: whoever has one would wait for ever
+                shut_down(ports)
             loop.call_soon_threadsafe(closed.set)
             if self._deaf:
                 # it keeps all that was declared, as long as the process lives

@@ -127,7 +127,7 @@ class Machine:
                 return f"the program is {program['state']}"
             status = self.ask("status")
         except TimeoutError as error:
-            return f"{error}\n{self._failure()}"
+            return f"{error}\n{''.join(self.server.said[-400:])}"
         if status["state"] != "ready":
             return f"the machine is in {status['state']}"
         if (self.server.pid, *self.server.executors()) != self.processes:
@@ -136,7 +136,7 @@ class Machine:
 
     def _watched_axis(self) -> Setpoints:
         info = self.ask("info")
-        axis = Setpoints(1.0 / info["cycle_hz"], len(info["axes"]), len(info["telemetry"]["fields"]))
+        axis = Setpoints(info["cycle_s"], len(info["axes"]), len(info["telemetry"]["fields"]))
         self._session.declare_subscriber(
             "mc/@v1/cell/tele/batch",
             zenoh.handlers.Callback(lambda sample: axis.take(sample.payload.to_bytes()), indirect=False),
@@ -148,8 +148,8 @@ class Machine:
         said = "".join(self.server.said)
         assert self._axis is not None
         return (
-            f"Zenoh panicked {said.count(PANIC)} times, the server opened another session {said.count(DEAF)} times "
-            f"and held the program {self.held} times; {self._axis.cycles} cycles, at most "
+            f"Zenoh panicked {said.count(PANIC)} times, {said.count(DEAF)} other sessions were opened, "
+            f"the program was held {self.held} times; {self._axis.cycles} cycles, at most "
             f"{self._axis.worst_velocity:.1f} mm/s and {self._axis.worst_acceleration:.0f} mm/s²"
         )
 
