@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import gc
+import logging
 import os
 import resource
 import subprocess
@@ -11,6 +12,8 @@ import sys
 from collections.abc import Mapping, Sequence
 
 import msgspec
+
+from mcserver.terminal import LogFormatter
 
 # New objects between two runs of the collector: few pauses, and cycles of garbage are rare.
 YOUNG_OBJECTS = 20_000
@@ -64,3 +67,10 @@ def freeze_heap() -> None:
 def collect_seldom() -> None:
     """Collect garbage seldom: for a process that ends soon, and clears its heap in order then."""
     gc.set_threshold(YOUNG_OBJECTS, 10, 10)
+
+
+def log_to_stderr(level: int, form: str = "%(message)s") -> None:
+    """Write the log of this process to standard error."""
+    handler = logging.StreamHandler()
+    handler.setFormatter(LogFormatter(form))
+    logging.basicConfig(level=level, handlers=[handler], force=True)

@@ -51,10 +51,3 @@ class LogFormatter(logging.Formatter):
     def formatException(self, ei: object) -> str:  # noqa: N802
         """Called by `format` for the traceback."""
         return "\n".join(f"  {visible(line)}" for line in super().formatException(ei).split("\n"))  # type: ignore[arg-type]
-
-
-def log_to_stderr(level: int, form: str = "%(message)s") -> None:
-    """Write the log of this process to standard error."""
-    handler = logging.StreamHandler()
-    handler.setFormatter(LogFormatter(form))
-    logging.basicConfig(level=level, handlers=[handler], force=True)

@@ -451,7 +451,7 @@ type DriveInfo struct {
 	Nmt string `msgpack:"nmt"`
 	// HeartbeatAgeS: since its last sign of life [s].
 	HeartbeatAgeS *float64 `msgpack:"heartbeat_age_s"`
-	// Statusword: 6041h, or the fault bits of a Servosila drive.
+	// Statusword: 6041h, or the fault bits of a drive that streams telemetry.
 	Statusword *int64 `msgpack:"statusword"`
 	// Status: the same in words.
 	Status string `msgpack:"status"`

@@ -22,7 +22,7 @@ from dataclasses import dataclass, field
 
 from mcserver.can.address import NAME, family_of, split_host_port
 from mcserver.can.socketcand_text import ECHO, HI, MAX_MESSAGE, OK, frame_text, split_messages
-from mcserver.terminal import log_to_stderr
+from mcserver.processes import log_to_stderr
 
 LOG = logging.getLogger(__name__)
 MAX_CLIENTS = 256

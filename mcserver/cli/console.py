@@ -8,54 +8,24 @@ from __future__ import annotations
 import logging
 import sys
 import time
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from types import MappingProxyType
 from typing import Any, TextIO
 
 import msgspec
-from rich.console import Console, ConsoleOptions, Group, RenderableType
-from rich.segment import Segment
-from rich.text import Span, Text
+from rich.console import Group
+from rich.text import Text
 
 from mcserver.cli.exit_codes import OutputFault
+from mcserver.cli.terminal_console import TerminalConsole
 from mcserver.errors import Diagnostic, McError, ProgramRejected, RuntimeFault
 from mcserver.gcode.render import render
 from mcserver.gcode.repeated import by_cause, further_lines
 from mcserver.machine.section_reader import MachineFileRejected
-from mcserver.terminal import LogFormatter, shown, visible, visible_json
+from mcserver.terminal import LogFormatter, visible, visible_json
 
 MAX_SHOWN_DIAGNOSTICS = 100
-
-
-class TerminalConsole(Console):
-    """A console that obeys nothing of what it prints: neither rich's markup nor a terminal's controls.
-
-    Whatever is printed is one line: who has several prints each, or a `rich.console.Group` of them.
-    """
-
-    def __init__(self, **options: Any) -> None:
-        super().__init__(highlight=False, markup=False, emoji=False, **options)
-
-    def render_str(self, text: str, **options: Any) -> Text:
-        """Called by rich for each plain string."""
-        return super().render_str(visible(text), **{**options, "markup": False, "emoji": False})
-
-    def render(self, renderable: RenderableType, options: ConsoleOptions | None = None) -> Iterable[Segment]:
-        """Called by rich for whatever is printed, and for each cell and line in it."""
-        return super().render(_visible(renderable) if isinstance(renderable, Text) else renderable, options)
-
-
-def _visible(text: Text) -> Text:
-    if text.plain.isprintable():
-        return text
-    pieces = [shown(character) for character in text.plain]
-    at = [0]
-    for piece in pieces:
-        at.append(at[-1] + len(piece))
-    whole = text.blank_copy("".join(pieces))
-    whole.spans = [Span(at[span.start], at[min(span.end, len(pieces))], span.style) for span in text.spans]
-    return whole
 
 
 class NarrationHandler(logging.Handler):

@@ -10,9 +10,10 @@ from typing import Annotated
 import typer
 from rich.text import Text
 
-from mcserver.cli.console import TerminalConsole, json_answer_on_error, results, write_json
+from mcserver.cli.console import json_answer_on_error, results, write_json
 from mcserver.cli.exit_codes import ExitCode
 from mcserver.cli.options import JsonOption, ZenohConfigOption
+from mcserver.cli.terminal_console import TerminalConsole
 from mcserver.doctor import Finding, State, examine, worst
 from mcserver.doctor.finding import advice, good, missing
 from mcserver.machine.machine_file import load_machine

@@ -22,6 +22,7 @@ import msgspec
 from mcserver.executor.shm.shared_memory import map_feedback
 from mcserver.machine.machine_kinematics import build_kinematics
 from mcserver.planning.message_pipe import MessagePipe
+from mcserver.processes import log_to_stderr
 from mcserver.recorder.channels import channels
 from mcserver.recorder.folder import RecordingFolder
 from mcserver.recorder.mcap_file import McapFile
@@ -30,7 +31,6 @@ from mcserver.recorder.recorder import Recorder
 from mcserver.recorder.repair import repair_unfinished
 from mcserver.recorder.sink import FileWriter
 from mcserver.simulation.tool_poses import ToolPoses
-from mcserver.terminal import log_to_stderr
 
 log = logging.getLogger(__name__)
 

@@ -7,10 +7,8 @@ import json
 import logging
 import sys
 import unicodedata
-from types import ModuleType
 
 import mcclient.cli.output as mcctl_output
-import mcclient.cli.terminal as mcctl
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -21,9 +19,8 @@ from rich.text import Text
 import mcserver.cli.console as mcserver_console
 from mcserver import terminal as mcserver
 from mcserver.cli.console import NarrationHandler
+from mcserver.cli.terminal_console import TerminalConsole
 
-CONSOLES = [mcctl.TerminalConsole, mcserver_console.TerminalConsole]
-BOTH = [mcctl, mcserver]
 ATTACK = "job\x1b[2J\x1b]0;ready\x07\r\nfinished\u202egnp\x9b31m\u2028[bold]x[/bold] :smiley:\x7f\ud800"
 OBEYED = ("Cc", "Cf", "Cs", "Zl", "Zp")
 
@@ -32,30 +29,26 @@ def obeyed(text: str) -> list[str]:
     return [each for each in text if each != "\n" and unicodedata.category(each) in OBEYED]
 
 
-@pytest.mark.parametrize("module", BOTH)
-def test_what_a_terminal_would_obey_is_shown_by_its_number(module: ModuleType) -> None:
-    assert module.visible("a\x1b[2J\n\r\x9b\u202e\tä 宽") == "a\\x1b[2J\\n\\r\\x9b<U+202E>\tä 宽"
+def test_what_a_terminal_would_obey_is_shown_by_its_number() -> None:
+    assert mcserver.visible("a\x1b[2J\n\r\x9b\u202e\tä 宽") == "a\\x1b[2J\\n\\r\\x9b<U+202E>\tä 宽"
 
 
 @given(st.text())
-def test_client_and_server_show_every_text_alike_and_printably(text: str) -> None:
-    assert mcctl.visible(text) == mcserver.visible(text)
-    assert obeyed(mcctl.visible(text).replace("\t", "")) == []
-    for module in BOTH:
-        said = module.visible_json(json.dumps([text], ensure_ascii=False))
-        assert json.loads(said) == [text]
-        assert obeyed(said) == []
+def test_every_text_is_shown_printably(text: str) -> None:
+    assert obeyed(mcserver.visible(text).replace("\t", "")) == []
+    said = mcserver.visible_json(json.dumps([text], ensure_ascii=False))
+    assert json.loads(said) == [text]
+    assert obeyed(said) == []
 
 
-@pytest.mark.parametrize("console_type", CONSOLES)
 @pytest.mark.parametrize("terminal", [False, True])
-def test_whatever_is_printed_makes_one_line_of_its_own(console_type: type, terminal: bool) -> None:
+def test_whatever_is_printed_makes_one_line_of_its_own(terminal: bool) -> None:
     table = Table(ATTACK, box=None, title=ATTACK)
     table.add_row(ATTACK)
     table.add_row(Text(ATTACK))
     for lines, printed in [(1, ATTACK), (1, Text(ATTACK)), (2, Group(ATTACK, Text(ATTACK))), (4, table)]:
         to = io.StringIO()
-        console = console_type(
+        console = TerminalConsole(
             file=to, width=400, force_terminal=terminal, color_system=None, legacy_windows=False
         )
         console.print(printed)
@@ -64,10 +57,9 @@ def test_whatever_is_printed_makes_one_line_of_its_own(console_type: type, termi
         assert "[bold]x[/bold] :smiley:" in to.getvalue()
 
 
-@pytest.mark.parametrize("console_type", CONSOLES)
-def test_styles_stay_on_their_words(console_type: type) -> None:
+def test_styles_stay_on_their_words() -> None:
     to = io.StringIO()
-    console = console_type(file=to, width=80, force_terminal=True, color_system="standard", no_color=False)
+    console = TerminalConsole(file=to, width=80, force_terminal=True, color_system="standard", no_color=False)
     console.print(Text.assemble(("a\n", "bold"), "b\x1bc", ("d", "bold")))
     assert to.getvalue() == "\x1b[1ma\\n\x1b[0mb\\x1bc\x1b[1md\x1b[0m\n"
 
@@ -89,9 +81,8 @@ def record(message: str, error: Exception | None = None) -> logging.LogRecord:
     return logging.LogRecord("name", logging.WARNING, __file__, 1, "%s", (message,), info)
 
 
-@pytest.mark.parametrize("formatter", [mcserver.LogFormatter(), mcctl.OneLineFormatter()])
-def test_a_record_of_the_log_is_one_line(formatter: logging.Formatter) -> None:
-    said = formatter.format(record(ATTACK))
+def test_a_record_of_the_log_is_one_line() -> None:
+    said = mcserver.LogFormatter().format(record(ATTACK))
     assert obeyed(said) == []
     assert "\n" not in said
 

@@ -1,12 +1,7 @@
-"""A cause that comes on many lines is shown once, by the server's commands and by the client's alike."""
+"""A cause that comes on many lines is shown once."""
 
 from __future__ import annotations
 
-import inspect
-
-import mcclient.cli.repeated
-
-import mcserver.gcode.repeated
 from mcserver.errors import Diagnostic
 from mcserver.gcode.program_check import check_program
 from mcserver.gcode.repeated import by_cause, further_lines
@@ -48,12 +43,3 @@ def test_a_long_file_with_one_mistake_on_each_line_has_one_cause() -> None:
     found = check_program("G1 X1 Y1 F100\nG1 XO\n" * 300, load_machine("cartesian"))
     assert len(found) >= 300
     assert len(by_cause(found)) == 1
-
-
-def test_the_client_counts_causes_by_the_same_code() -> None:
-    """Each is installed without the other, so each has a file of its own."""
-    server, client = (
-        inspect.getsource(module).replace("mcclient.types", "mcserver.errors")
-        for module in (mcserver.gcode.repeated, mcclient.cli.repeated)
-    )
-    assert client == server

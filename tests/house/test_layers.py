@@ -14,13 +14,13 @@ ROOT = Path(__file__).parents[2]
 # beside it on the same line. This is the one place where they are written down.
 LAYERS: tuple[tuple[str, ...], ...] = (
     ("errors", "units", "terminal", "mckinematics"),
+    ("processes",),
     ("can",),
     ("machine",),
     ("motion", "clearance"),
     ("gcode",),
     ("drives",),
     ("drive_sim", "canopen"),
-    ("processes",),
     ("executor",),
     ("planning",),
     ("service", "simulation"),

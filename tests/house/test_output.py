@@ -20,8 +20,8 @@ FORBIDDEN = {
     "secho": (),
     "confirm": ("clients/python/mcclient/cli/arm.py",),
     "input": ("clients/python/mcclient/cli/fleet.py",),
-    "basicConfig": ("mcserver/terminal.py", "mcserver/cli/run.py"),
-    "StreamHandler": ("mcserver/terminal.py",),
+    "basicConfig": ("mcserver/processes.py", "mcserver/cli/run.py"),
+    "StreamHandler": ("mcserver/processes.py",),
     "RichHandler": (),
     # with a log of its own: give it log_config=None
     "uvicorn": (),

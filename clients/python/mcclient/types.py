@@ -591,7 +591,7 @@ class DriveInfo:
         state: what the server takes it for.
         nmt: what its last heartbeat said; empty: none has come.
         heartbeat_age_s: since its last sign of life [s].
-        statusword: 6041h, or the fault bits of a Servosila drive.
+        statusword: 6041h, or the fault bits of a drive that streams telemetry.
         status: the same in words.
         device_type: 1000h, 1018h:01, 1018h:02.
         vendor_id: 1000h, 1018h:01, 1018h:02.

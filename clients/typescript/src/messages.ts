@@ -310,7 +310,7 @@ export interface DriveInfo {
   nmt?: string;
   /** since its last sign of life [s]. */
   heartbeat_age_s?: number | null;
-  /** 6041h, or the fault bits of a Servosila drive. */
+  /** 6041h, or the fault bits of a drive that streams telemetry. */
   statusword?: number | null;
   /** the same in words. */
   status?: string;

@@ -6,6 +6,7 @@ from pathlib import Path
 
 from mcserver.contract.sdk import golang, java, python, rust, typescript
 from mcserver.contract.sdk.model import model
+from mcserver.contract.sdk.same_source import same_files
 
 LANGUAGES = {
     "rust": rust.files,
@@ -18,9 +19,9 @@ LANGUAGES = {
 
 def files() -> dict[str, str]:
     """Return every file by its path below `clients`."""
-    return {
-        f"{folder}/{name}": text for folder, made in LANGUAGES.items() for name, text in made(model()).items()
-    }
+    made = {folder: make(model()) for folder, make in LANGUAGES.items()}
+    made["python"] |= same_files()
+    return {f"{folder}/{name}": text for folder, each in made.items() for name, text in each.items()}
 
 
 def write(clients: Path) -> None:

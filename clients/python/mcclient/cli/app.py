@@ -18,7 +18,7 @@ import typer
 
 from mcclient.cli.options import with_target
 from mcclient.cli.output import exit_code_of, say, show_error
-from mcclient.cli.terminal import OneLineFormatter
+from mcclient.cli.visible import LogFormatter
 from mcclient.errors import MotionError
 
 INTERRUPTED = 130
@@ -118,7 +118,7 @@ def build_app(only: str | None = None) -> typer.Typer:
 def run_command_line(arguments: list[str] | None = None) -> int:
     """Runs one command line and gives its exit code; every error is shown once, none with a traceback."""
     if logging.lastResort is not None:
-        logging.lastResort.setFormatter(OneLineFormatter())
+        logging.lastResort.setFormatter(LogFormatter())
     words = sys.argv[1:] if arguments is None else arguments
     called = words[0] if words and (words[0] in COMMANDS or words[0] in GROUPS) else None
     try:

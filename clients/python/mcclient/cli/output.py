@@ -16,7 +16,8 @@ from typing import Any, NoReturn, TypeVar
 import typer
 from rich.text import Text
 
-from mcclient.cli.terminal import TerminalConsole, visible, visible_json
+from mcclient.cli.terminal import TerminalConsole
+from mcclient.cli.visible import visible, visible_json
 from mcclient.errors import MotionError, ProgramError, RequestRefused
 
 T = TypeVar("T")

@@ -1,3 +1,4 @@
+# mcserver/gcode/repeated.py, by python -m mcserver.contract.sdk clients: change it there
 """Diagnostics that have one cause are shown once, with the number of the other lines."""
 
 from __future__ import annotations

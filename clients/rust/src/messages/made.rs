@@ -1037,7 +1037,7 @@ pub struct DriveInfo {
     /// since its last sign of life \[s\].
     #[serde(default)]
     pub heartbeat_age_s: Option<f64>,
-    /// 6041h, or the fault bits of a Servosila drive.
+    /// 6041h, or the fault bits of a drive that streams telemetry.
     #[serde(default)]
     pub statusword: Option<u64>,
     /// the same in words.

@@ -657,7 +657,7 @@ public final class Messages {
      * @param state what the server takes it for.
      * @param nmt what its last heartbeat said; empty: none has come.
      * @param heartbeatAgeS since its last sign of life [s].
-     * @param statusword 6041h, or the fault bits of a Servosila drive.
+     * @param statusword 6041h, or the fault bits of a drive that streams telemetry.
      * @param status the same in words.
      * @param deviceType 1000h, 1018h:01, 1018h:02.
      * @param vendorId 1000h, 1018h:01, 1018h:02.
