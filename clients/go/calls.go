@@ -285,8 +285,8 @@ func (m *Machine) Withdraw(ctx context.Context, sha256 string) ([]RunRequestStat
 }
 
 // RunArmed: Start a program that is armed.
-func (m *Machine) RunArmed(ctx context.Context, text string) (*RunArmedReply, error) {
-	return callFor[RunArmedReply](ctx, m, "run_armed", paramsOf(RunArmedRequest{Text: text}))
+func (m *Machine) RunArmed(ctx context.Context, request RunArmedRequest) (*RunArmedReply, error) {
+	return callFor[RunArmedReply](ctx, m, "run_armed", paramsOf(request))
 }
 
 // RecordStart: Record every cycle into a file on the server from now on.

@@ -1055,6 +1055,8 @@ type RunArmedReply struct {
 // RunArmedRequest: Starts an armed program; the text is that of the request, to the last character.
 type RunArmedRequest struct {
 	Text string `msgpack:"text" mc:"required"`
+	// GraceS: as of `OpenRequest`.
+	GraceS *float64 `msgpack:"grace_s"`
 }
 
 // RunPath: The simulated path of a request, at some moments evenly in time, for a picture.

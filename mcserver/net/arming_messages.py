@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 import msgspec
 from msgspec import Meta
 
-from mcserver.net.messages import AxisIndex, Request
+from mcserver.net.messages import AxisIndex, Grace, Request
 from mcserver.service.arming import LEAST_HASH, MAX_ARMED_S, MAX_REASON, MAX_TEXT, Extent, RunPath, ToolExtent
 from mcserver.service.arming import ToolPath as ToolPath
 from mcserver.service.reports import WireDiagnostic
@@ -31,9 +31,14 @@ class RunRequestRequest(Request, frozen=True, kw_only=True):
 
 
 class RunArmedRequest(Request, frozen=True, kw_only=True):
-    """Starts an armed program; the text is that of the request, to the last character."""
+    """Starts an armed program; the text is that of the request, to the last character.
+
+    Attributes:
+        grace_s: as of `OpenRequest`.
+    """
 
     text: ProgramText
+    grace_s: Grace = 10.0
 
 
 class RunRequestsRequest(Request, frozen=True, kw_only=True):

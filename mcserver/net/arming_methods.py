@@ -142,6 +142,7 @@ class ArmingMethods:
             client,
             name=run.name,
             axes=run.axes,
+            grace_s=request.grace_s,
             sha256=run.sha256,
             override_limit=run.override,
             envelope=envelope,

@@ -313,10 +313,14 @@ class MachineService:
         finished = status.state == "finished" or (found.whole and status.done >= status.accepted)
         if (line is None and finished) or (found.whole and start > status.accepted):
             raise Refused("MC517", f"{status.program} is done", "choose a line", state=status.state)
+        # what a person has approved bounds the rest of it too; it is not known after a restart
+        former = self._table.programs.get(status.program)
         program = await self.open(
             client,
             name=status.name,
             axes=status.axes,
+            envelope=None if former is None else former.envelope,
+            override_limit=math.inf if former is None else former.override_limit,
             on_disconnect=on_disconnect,
             grace_s=grace_s,
             start_line=start,

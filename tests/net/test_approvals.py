@@ -19,6 +19,7 @@ from mcserver.machine.machine_file import Machine, parse_machine
 from mcserver.net import arming_messages as wire
 from mcserver.net.arming_methods import ArmingMethods
 from mcserver.planning.start_state import StartState
+from mcserver.service.approach import Confirmed
 from mcserver.service.program import Program
 from mcserver.simulation.preview import Preview, preview
 from tests.service.virtual_cell import VirtualCell
@@ -317,6 +318,35 @@ async def test_holds_and_resumes_and_what_others_do_meanwhile_do_not_open_the_en
     await site.cell.ended(program)
     assert site.extent()[1] <= 150.0 + 0.1
     assert program.state == "finished", program.fault
+
+
+async def test_an_armed_program_that_is_gone_on_with_keeps_its_envelope_and_its_override(site: Site) -> None:
+    text = "G1 X150 F3000\nG1 X0"
+    await site.arm(text, override=50.0)
+    program = await site.start(text)
+    await site.cell.until(lambda: site.extent()[1] > 60.0)
+    service = site.cell.service
+    service.abort(program.program)
+    await site.cell.ended(program)
+    rest = await service.continue_program(ANNA, program.program, confirmed=Confirmed(way=True))
+    service.set_override(1.2, rest.program)
+    assert rest.envelope == program.envelope is not None
+    assert rest.override == 0.5
+    # and so does what goes on with that one
+    await site.cell.until(lambda: rest.state == "running")
+    service.abort(rest.program)
+    await site.cell.ended(rest)
+    last = await service.continue_program(ANNA, program.program, confirmed=Confirmed(way=True))
+    assert last.envelope == program.envelope
+    await site.cell.ended(last)
+    assert last.state == "finished", last.fault
+    assert site.extent()[1] <= 150.1
+
+
+async def test_an_armed_run_waits_for_its_client_as_long_as_it_was_asked_to(site: Site) -> None:
+    await site.arm()
+    reply = await site.arming.run_armed(BOT, wire.RunArmedRequest(text=TEXT, grace_s=30.0))
+    assert site.cell.service.program(reply.program).grace_s == 30.0
 
 
 async def test_a_program_that_is_put_in_front_moves_nothing_that_was_approved(site: Site) -> None:

@@ -499,10 +499,18 @@ class MachineCalls:
             await self._caller.ask(wire.RunRequestsReply, "withdraw", {"sha256": sha256}, deadline_s)
         ).requests
 
-    async def run_armed(self, text: str, *, deadline_s: float = 15.0) -> wire.RunArmedReply:
-        """Start a program that is armed."""
+    async def run_armed(
+        self, text: str, grace_s: float = 10.0, *, deadline_s: float = 15.0
+    ) -> wire.RunArmedReply:
+        """Start a program that is armed.
+
+        Args:
+            grace_s: as of `OpenRequest`.
+        """
         self._declare_token()
-        return await self._caller.ask(wire.RunArmedReply, "run_armed", {"text": text}, deadline_s)
+        return await self._caller.ask(
+            wire.RunArmedReply, "run_armed", {"text": text, "grace_s": grace_s}, deadline_s
+        )
 
     async def record_start(
         self, name: str = "", *, max_s: float | None = None, deadline_s: float = 5.0

@@ -293,9 +293,9 @@ impl Machine {
     ///
     /// # Errors
     /// As [`Machine::refresh_info`].
-    pub async fn run_armed(&self, text: &str) -> Result<RunArmedReply> {
+    pub async fn run_armed(&self, request: &RunArmedRequest) -> Result<RunArmedReply> {
         self.declare_token().await?;
-        self.ask_within("run_armed", &RunArmedRequest { text: text.to_owned() }, 15).await
+        self.ask_within("run_armed", request, 15).await
     }
 
     /// Record every cycle into a file on the server from now on.

@@ -42,6 +42,7 @@ import type {
   RecordingsReply,
   RejectRequest,
   RunArmedReply,
+  RunArmedRequest,
   RunPreviewReply,
   RunRequestReply,
   RunRequestRequest,
@@ -280,8 +281,8 @@ export abstract class MachineCalls {
   }
 
   /** Start a program that is armed. */
-  runArmed(text: string): Promise<RunArmedReply> {
-    return this.call("run_armed", { text });
+  runArmed(request: RunArmedRequest): Promise<RunArmedReply> {
+    return this.call("run_armed", request);
   }
 
   /** Record every cycle into a file on the server from now on. */

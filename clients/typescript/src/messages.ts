@@ -921,6 +921,8 @@ export interface RunArmedReply {
 /** Starts an armed program; the text is that of the request, to the last character. */
 export interface RunArmedRequest {
   text: string;
+  /** as of `OpenRequest`. */
+  grace_s?: number | undefined;
 }
 
 /** The simulated path of a request, at some moments evenly in time, for a picture. */

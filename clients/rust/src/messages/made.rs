@@ -2067,6 +2067,8 @@ pub struct RunArmedReply {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct RunArmedRequest {
     pub text: String,
+    /// as of `OpenRequest`.
+    pub grace_s: f64,
 }
 
 impl RunArmedRequest {
@@ -2075,6 +2077,7 @@ impl RunArmedRequest {
     pub fn new(text: impl Into<String>) -> Self {
         Self {
             text: text.into(),
+            grace_s: 10.0,
         }
     }
 }

@@ -240,8 +240,8 @@ public abstract class MachineCalls {
     }
 
     /** Start a program that is armed. */
-    public CompletableFuture<Messages.RunArmedReply> runArmed(String text) {
-        return ask("run_armed", Wire.params(new Messages.RunArmedRequest(text)), Messages.RunArmedReply.class);
+    public CompletableFuture<Messages.RunArmedReply> runArmed(Messages.RunArmedRequest request) {
+        return ask("run_armed", Wire.params(request), Messages.RunArmedReply.class);
     }
 
     /** Record every cycle into a file on the server from now on. */

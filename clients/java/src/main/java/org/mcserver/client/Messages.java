@@ -1279,8 +1279,21 @@ public final class Messages {
     /** The program that was started. */
     public record RunArmedReply(String program, double override) {}
 
-    /** Starts an armed program; the text is that of the request, to the last character. */
-    public record RunArmedRequest(String text) {}
+    /**
+     * Starts an armed program; the text is that of the request, to the last character.
+     * @param graceS as of `OpenRequest`.
+     */
+    public record RunArmedRequest(String text, double graceS) {
+        /** All that may be left out as the server has it. */
+        public RunArmedRequest(String text) {
+            this(text, 10.0);
+        }
+
+        /** The same with another {@code graceS}. */
+        public RunArmedRequest withGraceS(double graceS) {
+            return new RunArmedRequest(text, graceS);
+        }
+    }
 
     /**
      * The simulated path of a request, at some moments evenly in time, for a picture.
