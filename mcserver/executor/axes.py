@@ -49,7 +49,7 @@ class ColumnMasks:
         return array
 
     def columns(self, mask: int) -> tuple[int, ...]:
-        """Columns in the mask, ascending."""
+        """Return the columns in the mask, ascending."""
         columns = self._columns.get(mask)
         if columns is None:
             if len(self._columns) >= _MASKS_KEPT:
@@ -199,7 +199,7 @@ class AxisBank:
             port.bus.close()
 
     def events(self) -> list[BusEvent]:
-        """What the buses have to say since the last call."""
+        """Take the events of the buses since the last call."""
         events: list[BusEvent] = []
         for port in self._ports:
             said = port.bus.events()
@@ -220,7 +220,7 @@ class AxisBank:
                 port.bus.stall(cycles)
 
     def exchange(self) -> None:
-        """One exchange with every bus; afterwards `failed`, `dropped` and the masks say what has changed."""
+        """Exchange with every bus; afterwards `failed`, `dropped` and the masks tell what changed."""
         row = self.row
         if self.starting:
             self._lead_starting()
@@ -319,7 +319,7 @@ class AxisBank:
         return Ahead(actual, tuple(found))
 
     def _lead_starting(self) -> None:
-        """A drive that closes its loop in this exchange finds the setpoint where a coasting axis will be."""
+        """Put the setpoint of a drive that closes its loop now where a coasting axis will be."""
         row = self.row
         # a drive that has homed itself stands, though its reading has jumped to its home
         after_homing = self.starting & self._after_homing
@@ -362,7 +362,7 @@ class AxisBank:
             self._tell(done, DriveMode.OFF)
 
     def reported_fault(self, column: int) -> tuple[int, int]:
-        """The fault that a drive reports now (`DriveFault`, 0: none), and its number."""
+        """Return the fault that a drive reports now (`DriveFault`, 0: none), and its number."""
         for port in self._ports:
             if column in port.bus.columns:
                 place = port.bus.columns.index(column)
@@ -375,7 +375,7 @@ class AxisBank:
         self._mode[self.masks.bools(mask)] = mode
 
     def _refresh(self) -> None:
-        """An axis that nothing controls shows where its encoder is."""
+        """Let the setpoint of an axis that nothing controls show its encoder."""
         free = self.all & ~(self.energized & (self.positioned | self.speed))
         self._free = self.masks.bools(free)
         self._any_free = free != 0
@@ -428,7 +428,7 @@ class AxisBank:
         self._refresh()
 
     def off(self, mask: int) -> None:
-        """De-energizes axes at once."""
+        """De-energize axes at once."""
         self._release_all(mask)
         self._tell(mask, DriveMode.OFF)
         self._refresh()

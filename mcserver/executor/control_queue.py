@@ -72,7 +72,7 @@ class ControlQueue:
         return self._head
 
     def pop(self) -> None:
-        """The next entry has been reached."""
+        """Take the next entry, which u has reached."""
         control = self._head or self._ring.control(self._next)
         self._head = None
         self._next += 1

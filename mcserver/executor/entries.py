@@ -84,10 +84,10 @@ class MotionSink(Protocol):
     """The planner's end of one program's rings. Never blocks: ask for room first."""
 
     def row_room(self) -> int:
-        """How many rows fit now."""
+        """Return how many rows fit now."""
 
     def control_room(self) -> int:
-        """How many control entries fit now."""
+        """Return how many control entries fit now."""
 
     def put_rows(self, rows: Rows) -> None:
         """Put rows behind those before; their first u is above the last one put."""

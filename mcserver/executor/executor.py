@@ -120,7 +120,7 @@ class Executor:
         return not (running or moving or self.bank.starting) and self._io.settled
 
     def u(self, slot: int) -> float:
-        """Where the program in a slot is on its time axis [cycles]."""
+        """Return where the program in a slot is on its time axis [cycles]."""
         return self._slots[slot].u
 
     def feed_scale(self, slot: int) -> float:
@@ -129,7 +129,7 @@ class Executor:
         return playing.playback.feed_scale(playing.u)
 
     def line(self) -> int:
-        """The line that set the latest cycle's row; 0: none."""
+        """Return the line that set the latest cycle's row; 0: none."""
         for slot in self._used:
             if slot.shown_line:
                 return slot.shown_line
@@ -141,7 +141,7 @@ class Executor:
         return self._row
 
     def cycle(self, time: float) -> None:
-        """Exactly one cycle; ``time``: executor time [s]."""
+        """Run one cycle; ``time``: executor time [s]."""
         cycle, row = self._cycle, self._row
         elapsed, cycle.time = time - cycle.time, time
         if elapsed > self._longest_cycle:
@@ -287,7 +287,7 @@ class Executor:
         return not self.motions.mask and not any(slot.running for slot in self._slots)
 
     def _read_inputs(self) -> None:
-        """The inputs of this cycle, and what they do to the machine."""
+        """Take the inputs of this cycle, and do what they ask of the machine."""
         io, cycle = self._io, self._cycle
         io.after_exchange(cycle.time)
         if io.lost:
@@ -334,7 +334,7 @@ class Executor:
         self._stop(SlotState.FAULTED)
 
     def close(self) -> None:
-        """Every drive de-energized, buses given back."""
+        """De-energize every drive and give the buses back."""
         # nothing is left for a collection: it never runs in the executor's process
         self._cycle.shifted.clear()
         self._io.make_safe()
@@ -393,7 +393,7 @@ class Executor:
         stop_independent(self._cycle, self.bank.all & ~owned, -1)
 
     def _owned(self) -> int:
-        """Columns of running programs."""
+        """Return the columns of running programs."""
         owned = 0
         for slot in self._slots:
             if slot.running:
@@ -413,7 +413,7 @@ class Executor:
         self._stop(SlotState.FAULTED)
 
     def _care_for_latches(self) -> None:
-        """De-energizes what has come to rest in an emergency stop; then resets what was asked to be."""
+        """De-energize what has come to rest in an emergency stop; then reset what was asked to be."""
         bank = self.bank
         stopping = 0
         for slot in self._slots:

@@ -100,7 +100,7 @@ class ProgramSlot:
             self.running = not state.free
 
     def open(self, orders: SlotOrders) -> None:
-        """A new program; nothing that was put for another one is played."""
+        """Begin a new program; nothing that was put for another one is played."""
         self._begin(orders.controls_base)
         guard = EnvelopeGuard(orders.envelope, self.cycle, self.ring) if orders.envelope else None
         self.guard = self.playback.guard = guard
@@ -115,7 +115,7 @@ class ProgramSlot:
         self.state = SlotState.RUNNING
 
     def refuse(self, orders: SlotOrders) -> None:
-        """The program cannot be opened: it is at fault before it began."""
+        """Fault a program that cannot be opened, before it begins."""
         self.generation = orders.generation
         # a program that runs here has lost its rows to the other one: its axes stand where they are
         self.playback.leave(self.playback.active)
@@ -127,7 +127,7 @@ class ProgramSlot:
         self.cycle.emit(EventKind.STOPPED, self.index, 0)
 
     def obey(self, orders: SlotOrders, machine: MachineOrders) -> None:
-        """The newest orders for this generation."""
+        """Take the newest orders for this generation."""
         seen = self.orders
         self.orders = orders
         self._hold = orders.hold or machine.hold
@@ -156,7 +156,7 @@ class ProgramSlot:
         return self._hold or self._interlocked
 
     def interlock(self) -> None:
-        """An input holds the program until someone resumes it."""
+        """Hold the program for an input, until someone resumes it."""
         self._interlocked = True
 
     @property
@@ -209,7 +209,7 @@ class ProgramSlot:
         self.fault(FaultCode.CYCLE_STALLED, self.line, -1, (seconds, limit))
 
     def lose(self, column: int) -> None:
-        """An axis of this program has faulted; it takes no part any more."""
+        """Take axis ``column``, which has faulted, out of the program's motion."""
         self.playback.leave(1 << column)
         self.cycle.motions.drop(1 << column)
 
@@ -231,7 +231,7 @@ class ProgramSlot:
     # ------------------------------------------------------------------ the cycle
 
     def prepare(self) -> None:
-        """New entries and the rates of this cycle; before independent motion advances."""
+        """Note new entries and step the rates of this cycle, before independent motion advances."""
         self._mean_rate = 0.0
         if not self.running:
             return
@@ -248,7 +248,7 @@ class ProgramSlot:
         self._mean_rate = self._step_rate()
 
     def advance(self) -> None:
-        """Up to the exchange with the drives."""
+        """Advance u by one cycle and set the setpoints for the exchange with the drives."""
         self.shown_line = self.line
         if not self.running or self._left < 0.0:
             return
@@ -308,7 +308,7 @@ class ProgramSlot:
         return LineEvents(self.index, edges.line, times, edges.ends)
 
     def finish(self, line: int, left: float) -> None:
-        """The program has ended; axes that move by themselves go on."""
+        """End the program; axes that move by themselves go on."""
         self.state = SlotState.FINISHED
         self.line = 0
         self.cycle.motions.disown(self.index)
@@ -317,7 +317,7 @@ class ProgramSlot:
         self.cycle.emit(EventKind.FINISHED, self.index, line, left)
 
     def settle(self) -> None:
-        """After the exchange: barriers see fresh feedback."""
+        """Look at the barrier with the feedback of this cycle's exchange."""
         while self.barrier is not None and self.running:
             try:
                 if not self.barrier.after(self._held):
@@ -388,7 +388,7 @@ class ProgramSlot:
             self.pending = control
 
     def _may_pass(self, control: Control) -> bool:
-        """In feed hold nothing new begins; inside a stop only what ends."""
+        """Tell whether an entry may be passed: in feed hold nothing new begins, in a stop only what ends."""
         if self._state is SlotState.STOPPING:
             return self.playback.active != 0
         return not self._held or control.kind in _ALWAYS
@@ -406,7 +406,7 @@ class ProgramSlot:
     # ------------------------------------------------------------------ how far and how fast
 
     def _too_dry(self, edge: float | None, dry: bool) -> bool:
-        """Whether a motion that stands had better stand on until more rows come."""
+        """Return whether a motion at rest should wait for more rows before it starts."""
         if edge is None or not dry or edge - self.u >= START_ROWS:
             return False
         return self.playback.at_start or self.ramp.rate <= STANDSTILL
@@ -447,7 +447,7 @@ class ProgramSlot:
             self.cycle.emit(EventKind.STARVED, self.index, self.line)
 
     def _reach(self, goal: float) -> float:
-        """How far u may go towards ``goal``: never past the rows of a motion, nor past all that is known."""
+        """Return how far u may go to ``goal``: never past the rows of a motion, nor all that is known."""
         playback = self.playback
         last = playback.last_u
         if not playback.active:

@@ -27,7 +27,7 @@ ADAPT_S = 0.05
 
 
 class PlannedWindow:
-    """Takes segments in, and keeps the velocity profile of what is not committed yet.
+    """The lookahead window: segments that are not committed yet, and their velocity profile.
 
     Attributes:
         lookahead: the segments. plan: of all of them; None: some came since the last one.
@@ -46,7 +46,7 @@ class PlannedWindow:
         self._open: OpenCurve | None = None
 
     def __len__(self) -> int:
-        """Number of segments, and of lines that wait to come in."""
+        """Count the segments, and the lines that wait to come in."""
         return len(self.lookahead.table) + len(self._chords)
 
     @property
@@ -237,7 +237,7 @@ class PlannedWindow:
             self.plan = None
 
     def settled_until(self, plan: PlannedRun) -> float:
-        """Until when nothing of the open curve begins, with time to adapt to what it becomes [s]."""
+        """Return until when nothing of the open curve begins, with time to adapt to what it becomes [s]."""
         if self._open is None:
             return math.inf
         first = len(self.lookahead.table) - len(self._open.chords)

@@ -43,7 +43,7 @@ LARGEST_WINDOW = 8192
 
 
 class MotionPlanner:
-    """Turns the feed groups of one program into pieces of output.
+    """Plan the feed groups of one program and give setpoint rows, piece by piece.
 
     Attributes:
         u: end of what has been committed, on the program's time axis [cycles].

@@ -30,7 +30,7 @@ class MessageDecoder(Generic[T]):
         self._numbers = _fields_with_floats(kind)
 
     def __call__(self, payload: bytes) -> T:
-        """The message.
+        """Decode a message.
 
         Raises:
             ServiceError: MC500, and nothing else, whatever the bytes are.
@@ -57,7 +57,7 @@ class MessageDecoder(Generic[T]):
 
 
 def _fields_with_floats(kind: type[msgspec.Struct]) -> tuple[str, ...]:
-    """Names of the fields whose value, or whose mapping's values, may be floating-point numbers."""
+    """Return the names of fields whose value, or whose mapping's values, may be floating-point numbers."""
     described = msgspec.inspect.type_info(kind)
     assert isinstance(described, msgspec.inspect.StructType)
     return tuple(field.name for field in described.fields if _may_be_float(field.type))
@@ -77,7 +77,7 @@ def _may_be_float(described: msgspec.inspect.Type) -> bool:
 
 
 def _not_finite(message: msgspec.Struct, names: Iterable[str]) -> str:
-    """The first field that holds NaN or an infinity, which pass every comparison with a bound; or ""."""
+    """Return the first field with NaN or an infinity, which pass every comparison with a bound; or ""."""
     for name in names:
         value = getattr(message, name)
         values = value.values() if isinstance(value, Mapping) else (value,)

@@ -78,7 +78,7 @@ class ClientTokens:
         self._expected: set[str] = set()
 
     def hear(self, client: str, *, gone: bool) -> None:
-        """A token has come or gone."""
+        """Note that a token has come or gone."""
         if gone:
             self._alive.discard(client)
         else:
@@ -90,7 +90,7 @@ class ClientTokens:
         self._alive = set()
 
     def missing(self) -> set[str]:
-        """Those that have not come again."""
+        """Return the clients whose tokens have not come again."""
         missing, self._expected = self._expected - self._alive, set()
         return missing
 
@@ -179,7 +179,7 @@ class MachineEndpoint:
         raise ServiceError("MC528", _second_server(self.keys, others[0]), NAME_REMEDY)
 
     async def endpoints(self) -> list[str]:
-        """What it listens on, with the ports that were taken; where it only connects, that in words."""
+        """Return what it listens on, with the ports taken; where it only connects, that in words."""
         if any(has_free_port(endpoint) for endpoint in self._where.listen):
             return await self._session.endpoints()
         return list(self._where.listen) or [f"nothing, connecting to {', '.join(self._where.connect)}"]
@@ -404,7 +404,7 @@ class MachineEndpoint:
         service.lines.stream(program, message.first, message.lines, message.rejections)
 
     def _on_stray(self, service: MachineService, sample: zenoh.Sample) -> None:
-        """A put by a wildcard, such as ``mc/@v1/**``: it reaches every key, and so none is meant."""
+        """Drop a put by a wildcard, such as ``mc/@v1/**``: it reaches every key, and so none is meant."""
         self._warn(service, "MC502", f"a put on {sample.key_expr} was ignored: it names no one key")
 
     def _warn(self, service: MachineService, code: str, message: str) -> None:

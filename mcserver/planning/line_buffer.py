@@ -10,7 +10,7 @@ from mcserver.gcode.text.source import MAX_LINE_LENGTH
 
 
 class LineBuffer:
-    """Holds numbered lines until the interpreter reads them.
+    """Hold numbered lines until the interpreter reads them.
 
     The service's credit bounds what is in it (`mcserver.service.line_queue`). In single-line mode each step
     releases one line.

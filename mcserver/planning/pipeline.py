@@ -175,7 +175,7 @@ class Pipeline:
         return self._plan.motion.end_u
 
     def take_reports(self) -> list[Report]:
-        """Reports since the last call."""
+        """Take the reports since the last call."""
         found: list[Report] = []
         for report in self.take_reports_in_columns():
             if isinstance(report, PlannedLines):
@@ -185,7 +185,7 @@ class Pipeline:
         return found
 
     def take_reports_in_columns(self) -> list[Report | PlannedLines]:
-        """What `take_reports` returns, with those of batches in columns."""
+        """Take the reports since the last call, those of batches in columns."""
         reports = list(self._plan.reports)
         self._plan.reports.clear()
         return reports
@@ -262,7 +262,7 @@ class Pipeline:
         return bool(self.lines.ready or self._plan.canonical)
 
     def _hurry(self, lead: float) -> bool:
-        """Whether motion has to be handed over now."""
+        """Return whether motion has to be handed over now."""
         motion = self._plan.motion
         if not motion.pending:
             return False

@@ -153,7 +153,7 @@ class Journal:
         self._put("UPDATE programs SET origin=? WHERE program=?", (msgspec.msgpack.encode(origin), program))
 
     def program_closed(self, program: str) -> None:
-        """Records that a program's text is whole: its client gives no more lines."""
+        """Record that a program's text is whole: its client gives no more lines."""
         self._put("UPDATE programs SET whole=1 WHERE program=?", (program,))
 
     def lines(
@@ -169,7 +169,7 @@ class Journal:
         self._append("chunks", on_committed, program=program, first=first, last=last, lines=text)
 
     def rejected(self, program: str, line: int) -> None:
-        """Lines from ``line`` on do not count."""
+        """Record that lines from ``line`` on do not count."""
         self._put("UPDATE programs SET whole=0 WHERE program=?", (program,))
         self._put("DELETE FROM chunks WHERE program=? AND first>=?", (program, line))
         shorten = "UPDATE chunks SET last=? WHERE program=? AND last>=?"

@@ -16,7 +16,7 @@ VERDICT_LIMIT_S = 0.05
 
 
 class LineIntake:
-    """Takes the lines of open programs. All of it runs in the asyncio loop."""
+    """Take the lines of open programs, in the asyncio loop."""
 
     def __init__(self, table: ProgramTable, loop: asyncio.AbstractEventLoop) -> None:
         self._table = table

@@ -83,7 +83,7 @@ class LineQueue:
         return Taken(expected, lines)
 
     def consume(self, through: int) -> None:
-        """The planner has taken lines through this number."""
+        """Note that the planner has taken lines through this number."""
         if through <= self.consumed:
             return
         self.consumed = through

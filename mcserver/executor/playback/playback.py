@@ -90,7 +90,7 @@ class Playback:
         self._recent[:] = self._row.setpoint
 
     def shift(self, column: int, distance: float) -> None:
-        """The column's positions read ``distance`` more from now on; it stands."""
+        """Shift a column at rest: its positions read ``distance`` more from now on."""
         self._recent[:, column] += distance
         self._start_position[column] += distance
 
@@ -213,7 +213,7 @@ class Playback:
         return None
 
     def start_of(self, column: int) -> float:
-        """Where the axis was as its rows began."""
+        """Return where the axis was as its rows began."""
         return float(self._start_position[column])
 
     @property
@@ -393,7 +393,7 @@ class Playback:
         return mask
 
     def _lead_in(self, column: int, at: int, after_u: int, u: float, rate: float) -> None:
-        """From rest, where the axis was, to its first row."""
+        """Interpolate from rest, where the axis was, to its first row."""
         row, ring = self._row, self._ring
         start = float(after_u - 1)
         if self._fresh >> column & 1:

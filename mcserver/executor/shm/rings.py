@@ -42,13 +42,13 @@ _Scalar = TypeVar("_Scalar", bound=np.generic)
 
 
 def scalar_view(array: NDArray[Any]) -> Any:
-    """An array's elements as Python numbers; reading one takes 20 ns, through numpy it takes 90."""
+    """View an array's elements as Python numbers; reading one takes 20 ns, through numpy it takes 90."""
     view: Any = memoryview(array)  # type: ignore[arg-type]
     return view
 
 
 def program_ring_size(rows: int, controls: int, axes: int, torques: int = 0) -> int:
-    """Bytes that a ring takes."""
+    """Return the bytes that a ring takes."""
     words = _HEADER_WORDS + rows * (5 + 2 * axes + NUMBERS * torques) + controls * (_CONTROL.size // 8 + axes)
     return 8 * words
 
@@ -119,7 +119,7 @@ class ProgramRing:
     # ------------------------------------------------------------------ the writer
 
     def restart(self) -> tuple[int, int]:
-        """A new program begins: u may start at 0 again.
+        """Begin a new program: u may start at 0 again.
 
         Returns:
             Numbers of its first row and first control entry, for the reader to begin at.
@@ -130,11 +130,11 @@ class ProgramRing:
         return self._counters[_ROWS_WRITTEN], self._counters[_CONTROLS_WRITTEN]
 
     def row_room(self) -> int:
-        """How many rows fit now."""
+        """Return how many rows fit now."""
         return self.rows - (self._counters[_ROWS_WRITTEN] - self._counters[_ROWS_READ])
 
     def control_room(self) -> int:
-        """How many control entries fit now."""
+        """Return how many control entries fit now."""
         return self.controls - (self._counters[_CONTROLS_WRITTEN] - self._counters[_CONTROLS_READ])
 
     def put_rows(self, rows: Rows) -> None:
@@ -252,7 +252,7 @@ class ProgramRing:
 
     @property
     def rows_written(self) -> int:
-        """Number of the row after the last one."""
+        """Return the number of the row after the last one."""
         return self._counters[_ROWS_WRITTEN]
 
     @property
@@ -261,7 +261,7 @@ class ProgramRing:
         return self._counters[_CONTROLS_WRITTEN]
 
     def free_rows(self, before: int) -> None:
-        """Rows with numbers below ``before`` are read; their room is the writer's again."""
+        """Give the writer the room of rows with numbers below ``before``: they are read."""
         self._counters[_ROWS_READ] = before
 
     def free_controls(self, before: int) -> None:
@@ -269,7 +269,7 @@ class ProgramRing:
         self._counters[_CONTROLS_READ] = before
 
     def rows_with(self, number: int) -> int:
-        """Number of the row after those that come with a control entry, which must be there."""
+        """Return the number of the row after those that come with a control entry, which must be there."""
         return self._control_words[number % self.controls * _WORDS]
 
     def glance(self, number: int) -> tuple[int, int, float]:
@@ -278,7 +278,7 @@ class ProgramRing:
         return words[at], words[at + _KIND], self._control_numbers[at + _U]
 
     def control(self, number: int) -> Control:
-        """The control entry of that number, which must be written and not freed."""
+        """Return the control entry of that number, which must be written and not freed."""
         at = number % self.controls
         _, kind, u, line, axes, seconds, operation, token, channel, value, has_values = _CONTROL.unpack_from(
             self._buffer, self._controls_at + at * _CONTROL.size
