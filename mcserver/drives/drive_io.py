@@ -43,7 +43,7 @@ class DriveIo:
 
     def write_outputs(self, raw: Array) -> None:
         """Take the outputs' values, shape of `outputs`; they leave with the next exchange."""
-        words = self._servo.outputs
+        words = self._servo.rpdos.outputs
         for (_, place, bit), value in zip(self._targets, raw.tolist(), strict=True):
             words[place] = int(words[place]) | 1 << bit if value else int(words[place]) & ~(1 << bit)
 

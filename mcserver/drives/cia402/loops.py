@@ -14,7 +14,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from mcserver.drives.bus import Array
+from mcserver.drives.bus import Array, DriveFault
 from mcserver.drives.cia402.drive import cia402_drive
 from mcserver.machine.machine_file import Axis
 
@@ -236,3 +236,68 @@ class TorqueLoop:
         # NaN fails this comparison, too: a reading that is not a number ends the torque
         self.faults[active & ~(np.abs(error) <= self._following)] = LoopFault.FOLLOWING
         self.faults[active & (ages >= BLIND_CYCLES)] = LoopFault.BLIND
+
+
+class ControlLoops:
+    """The loops of n axes that are closed here: of positions with speeds (csv), and with torques (cst).
+
+    Attributes:
+        any: whether an axis has one.
+    """
+
+    def __init__(self, axes: Sequence[Axis], cycle_s: float, counts_per_si: Array) -> None:
+        self._part = PositionPart(axes, cycle_s)
+        self._speed = SpeedLoop(axes, self._part)
+        self._torque = TorqueLoop(axes, self._part, counts_per_si)
+        self.any = bool((self._speed.mine | self._torque.mine).any())
+        self._any_torque = bool(self._torque.mine.any())
+
+    def begin(self, captured: Mask, setpoint: Array, velocity: Array) -> None:
+        """Start the loops of axes that have just been captured, without an error."""
+        if self.any and captured.any():
+            self._part.begin(captured, setpoint, velocity)
+
+    def keep(self, setpoint: Array) -> None:
+        """End a cycle."""
+        if self.any:
+            self._part.keep(setpoint)
+
+    def speeds(
+        self, setpoint: Array, velocity: Array, reading: Array, positioned: Mask, captured: Mask
+    ) -> Array:
+        """Return the velocities that are commanded [m/s, rad/s], shape (n,)."""
+        if not self.any:
+            return velocity
+        active = self._speed.mine & positioned
+        return np.where(active, self._speed.step(setpoint, reading, active, captured), velocity)
+
+    def torques(
+        self,
+        setpoint: Array,
+        velocity: Array,
+        reading: Array,
+        ages: NDArray[np.int64],
+        torque: Array,
+        positioned: Mask,
+        captured: Mask,
+    ) -> tuple[Array, list[tuple[int, DriveFault]]]:
+        """Return the torques of positioned axes [N·m], shape (n,), and the axes that their loops give up.
+
+        Args:
+            torque: that the motion needs.
+        """
+        loop = self._torque
+        if not self._any_torque:
+            return np.zeros(len(setpoint)), []
+        held = loop.mine & positioned & captured
+        closed = loop.step(setpoint, velocity, reading, ages, torque, held)
+        faults = np.flatnonzero(loop.faults).tolist() if loop.faults.any() else []
+        given_up = [(index, _OF_LOOP[LoopFault(loop.faults[index])]) for index in faults]
+        return np.where(loop.mine & positioned, closed, 0.0), given_up
+
+
+_OF_LOOP = {
+    LoopFault.BLIND: DriveFault.COMMUNICATION,
+    LoopFault.FOLLOWING: DriveFault.FOLLOWING,
+    LoopFault.RUNAWAY: DriveFault.RUNAWAY,
+}
