@@ -8,15 +8,18 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from typing import TYPE_CHECKING
 
 import numpy as np
-from mckinematics.dynamics import JointDynamics
 from numpy.typing import NDArray
 
 from mcserver.executor.axes import AxisBank
 from mcserver.executor.entries import Array
 from mcserver.machine.machine_file import Machine
 from mcserver.machine.machine_kinematics import build_kinematics
+
+if TYPE_CHECKING:
+    from mckinematics.dynamics import JointDynamics
 
 
 class TorqueFeedForward:

@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 from mckinematics.errors import KinematicsError
-from mckinematics.solver import MachineKinematics
 
 from mcserver.errors import ConfigurationError
 from mcserver.machine.machine_file import Machine
+
+if TYPE_CHECKING:
+    from mckinematics.solver import MachineKinematics
 
 
 def build_kinematics(machine: Machine) -> MachineKinematics | None:
@@ -17,6 +21,9 @@ def build_kinematics(machine: Machine) -> MachineKinematics | None:
     """
     if not machine.tools:
         return None
+    # a machine without tools starts without its solvers
+    from mckinematics.solver import MachineKinematics
+
     try:
         return MachineKinematics(machine)
     except KinematicsError as error:

@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 from mckinematics.pose import Array, Triple
 from mckinematics.rotation import GIMBAL_COSINE, rotation_matrices
-from mckinematics.solver import MachineKinematics
 from numpy.typing import NDArray
 
 from mcserver.machine.machine_file import Machine
 from mcserver.units import DEGREE, MM
+
+if TYPE_CHECKING:
+    from mckinematics.solver import MachineKinematics
 
 # rows evaluated together: the chain's matrices stay in the processor's cache
 _ROWS_AT_ONCE = 4096
