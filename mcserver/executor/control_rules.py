@@ -359,6 +359,7 @@ def _output(slot: ProgramSlot, control: Control, _left: float, _waited: bool) ->
     if slot.cycle.estop:
         raise BarrierFault(FaultCode.EMERGENCY_STOP, -1)
     slot.cycle.io.set(control.channel, control.value, slot.index)
+    slot.cycle.io.scale(control.channel, control.axes, control.seconds)
     return None
 
 

@@ -60,7 +60,8 @@ class Control(msgspec.Struct, frozen=True, gc=False):
         axes: bit mask over the machine's columns (bit 0 = first axis of the machine).
         values: shape (K,) for RAPID, SPEED and TORQUE; for END optionally the final positions (without them
             the axes hold the row at or right after u); else None.
-        seconds: for DWELL; for PROBE the speed along the line [m/s]; for WAIT the time-out.
+        seconds: for DWELL; for PROBE the speed along the line [m/s]; for WAIT the time-out; for OUTPUT of a
+            laser the speed of ``axes`` together that its value is for [m/s or rad/s]; 0: any.
         operation: for PROBE: a `ProbeKind`; for AXIS: index of the operation in ``list(AxisOperation)``; for
             FINISH: 1 where a faulty line has ended the program, whose outputs become safe; for INPUT: a
             `WaitMode`; for PAYLOAD: tools, as `mckinematics.dynamics.JointDynamics.bits_of` has them.

@@ -153,7 +153,7 @@ class Executor:
             if slot.guard is not None and slot.running:
                 slot.guard.before_exchange(slot)
         if self._has_io:
-            self._io.before_exchange()
+            self._io.before_exchange(self._path_speed)
         profiled = cycle.profiled
         if profiled.mask:
             profiled.before_exchange()
@@ -222,7 +222,7 @@ class Executor:
             return None
         if self._has_io:
             limit = self._io.idle_cycles(time, limit)
-            if limit < LEAST_BLOCK:
+            if limit < LEAST_BLOCK or self._io.shines:
                 return None
         slot, ring = running[0], self._rings[running[0].index]
         if slot.guard is not None:
@@ -265,6 +265,9 @@ class Executor:
         cycle.number += count
         cycle.time = time + (count - 1) * cycle.cycle_s
         return RowBlock(lines, setpoint, actual, events)
+
+    def _path_speed(self, slot: int, axes: int) -> float:
+        return self._slots[slot].path_speed(axes)
 
     def stop_all(self, code: FaultCode | None = None) -> None:
         """Stop all motion within its limits, and report why; axes stay energized."""
@@ -338,7 +341,7 @@ class Executor:
         # nothing is left for a collection: it never runs in the executor's process
         self._cycle.shifted.clear()
         self._io.make_safe()
-        self._io.before_exchange()
+        self._io.before_exchange(self._path_speed)
         self.bank.close()
 
     # ------------------------------------------------------------------ orders

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
@@ -66,6 +66,8 @@ class IoBank:
         # as set; they are published as they are exchanged
         self._wanted: Array = np.array([each.initial for each in machine.outputs])
         self._owner = [NOBODY] * len(machine.outputs)
+        # lasers, with the columns of axes and their speed together that the value is for; 0: any
+        self._lasers = {at: (0, 0.0) for at, each in enumerate(machine.outputs) if each.laser}
         row.inputs[:] = self._source
         row.outputs[:] = self._wanted
         row.owners[:] = NOBODY
@@ -115,6 +117,18 @@ class IoBank:
         self._owner[column] = owner
         self._written = False
 
+    def scale(self, column: int, axes: int, speed: float) -> None:
+        """Let the power of a laser be in proportion to the speed of ``axes`` together, whole at ``speed``
+        [m/s or rad/s]; 0: whole at any.
+        """
+        if column in self._lasers:
+            self._lasers[column] = (axes, speed)
+
+    @property
+    def shines(self) -> bool:
+        """Whether a program has a laser on, which shines while it moves."""
+        return any(self._wanted[column] != 0.0 and self._owner[column] >= 0 for column in self._lasers)
+
     def make_safe(self, owner: int | None = None) -> None:
         """Give outputs their safe values: those that ``owner`` has set, or all."""
         for column, channel in enumerate(self._outputs):
@@ -141,12 +155,25 @@ class IoBank:
 
     # ------------------------------------------------------------------ the cycle
 
-    def before_exchange(self) -> None:
-        """Publish the outputs and hand them to their buses."""
+    def before_exchange(self, speed_of: Callable[[int, int], float]) -> None:
+        """Publish the outputs and hand them to their buses.
+
+        Args:
+            speed_of: gives the speed at which a slot moves a mask of axes along a path in this cycle, 0
+                where it does not [m/s or rad/s]; of mask 0 that of all its axes.
+        """
         if not self._written:
             self._written = True
             self._row.outputs[:] = self._wanted
             self._row.owners[:] = self._owner
+        for column, (axes, speed) in self._lasers.items():
+            owner, power = self._owner[column], float(self._wanted[column])
+            if owner < 0 or power == 0.0:
+                power = 0.0
+            else:
+                now = speed_of(owner, axes)
+                power *= min(1.0, now / speed) if speed > 0.0 else float(now > 0.0)
+            self._row.outputs[column] = power
         for bus, _, columns in self._buses:
             if len(columns):
                 bus.write_outputs(self._raw_outputs(columns))
@@ -201,7 +228,7 @@ class IoBank:
     # ------------------------------------------------------------------ buses
 
     def _raw_outputs(self, columns: np.ndarray[tuple[int], np.dtype[np.intp]]) -> Array:
-        return np.array([self._outputs[at].raw_of(float(self._wanted[at])) for at in columns.tolist()])
+        return np.array([self._outputs[at].raw_of(float(self._row.outputs[at])) for at in columns.tolist()])
 
     def _read_buses(self) -> None:
         before, count = self._fresh.copy(), len(self._inputs)

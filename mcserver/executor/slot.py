@@ -170,6 +170,19 @@ class ProgramSlot:
             return 0.0
         return min(self._override / feed_scale, 1.0)
 
+    def path_speed(self, axes: int) -> float:
+        """Return the speed of some of its axes together along the path of a line in this cycle, 0 where they
+        rest, move by themselves, or are on the way to the first line [m/s or rad/s].
+
+        Args:
+            axes: mask of columns; 0: all that it moves.
+        """
+        playback = self.playback
+        if not playback.active or not playback.line:
+            return 0.0
+        columns = self.cycle.bank.masks.bools(playback.active & (axes or playback.active))
+        return float(np.linalg.norm(self.cycle.row.velocity[columns]))
+
     # ------------------------------------------------------------------ stopping
 
     def stop(self, state: SlotState) -> None:

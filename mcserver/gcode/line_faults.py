@@ -61,6 +61,7 @@ TITLES: Mapping[str, str] = MappingProxyType(
         "MC156": "the file has a line that no machine takes",
         "MC157": "there is no code",
         "MC158": "too many faults",
+        "MC159": "M4 does not go with a tool's speed",
         "MC155": "the probing move cannot be made",
         "MC153": "words of two codes would be mixed up",
         "MC201": "the move leaves the axis's travel",

@@ -148,6 +148,7 @@ class _Survey:
         self._at_rest = at_rest
         self.empty = False
         self._dialect = machine.dialect
+        self._lasers = frozenset(at for at, each in enumerate(machine.outputs) if each.laser)
         self._found: list[Diagnostic] = []
         self._warnings: list[Diagnostic] = []
         # by message: index of its first fault, and how many lines have it
@@ -228,10 +229,13 @@ class _Survey:
         self.without_effect({code: (line, codes.count(code)) for code in codes})
 
     def _follow_beam(self, codes: set[str], line: int) -> None:
-        """Count the changes of S at which motion stops with an output on that follows S (D-73)."""
+        """Count the changes of S at which motion stops with an output on that follows S (D-73); a laser's
+        keep to the path.
+        """
         switching = codes & SPINDLE
         if switching:
-            on = any(_follows_speed(self._dialect.outputs.get(code, ())) for code in codes & {"M3", "M4"})
+            outputs = self._dialect.outputs
+            on = any(_follows_speed(outputs.get(code, ()), self._lasers) for code in codes & {"M3", "M4"})
             self._beam = on and self._dialect.profile != "printer"
         elif self._beam and "S" in codes:
             first, count = self._beam_changes
@@ -337,8 +341,8 @@ class _Survey:
                     line=line,
                     message=f"S changes on {changes} lines while M3 or M4 is on: the motion stops at each, "
                     "with the output on, and G00 does not switch it off",
-                    hint="right for a spindle; a laser burns there, and there is no mode for it here. "
-                    "M67 E Q changes an output without a stop",
+                    hint="right for a spindle; a laser burns there: give its [[output]] in the machine file "
+                    "laser = true. M67 E Q changes an output without a stop",
                 )
             )
         if self._without_effect:
@@ -358,5 +362,5 @@ class _Survey:
         return sorted([*self._found, *said], key=lambda each: each.line)
 
 
-def _follows_speed(settings: tuple[CodeOutput, ...]) -> bool:
-    return any(each.value is None for each in settings)
+def _follows_speed(settings: tuple[CodeOutput, ...], but: frozenset[int] = frozenset()) -> bool:
+    return any(each.value is None and each.column not in but for each in settings)

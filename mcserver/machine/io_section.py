@@ -82,6 +82,7 @@ class OutputSection(msgspec.Struct, frozen=True):
     max: float | None = None
     initial: Level = 0.0
     safe: bool | float | Literal["keep"] | None = None
+    laser: bool = False
     target: IoObjectSection | None = None
 
 
@@ -147,6 +148,7 @@ class Output(msgspec.Struct, frozen=True):
         low, high: least and greatest value [unit].
         initial: from the start of the executor on. safe: after an emergency stop, and where what has set it
             is lost; None: it keeps its value.
+        laser: it is 0 wherever the program that has set it does not move along a path (D-77).
         target: None: simulated.
     """
 
@@ -161,6 +163,7 @@ class Output(msgspec.Struct, frozen=True):
     high: float = 1.0
     initial: float = 0.0
     safe: float | None = 0.0
+    laser: bool = False
     target: IoObject | None = None
 
     def raw_of(self, value: float) -> float:
@@ -270,6 +273,10 @@ def read_outputs(
                 mistakes.add(
                     (*path, key), f"{value:g} is outside min … max", f"give {low:g} … {high:g}, or widen it"
                 )
+        if section.laser and not initial == safe == low == 0.0:
+            mistakes.add(
+                (*path, "laser"), "min, initial and safe of a laser are 0", "leave the three of them out"
+            )
         if section.name in names:
             mistakes.add(
                 (*path, "name"), f'"{section.name}" is an input\'s name', "name each input and output once"
@@ -287,6 +294,7 @@ def read_outputs(
                 high=high,
                 initial=initial,
                 safe=safe,
+                laser=section.laser,
                 target=read_object(
                     section.target, digital, (*path, "target"), (buses, drives), DIGITAL_OUTPUTS, mistakes
                 ),

@@ -341,10 +341,15 @@ class WaitMode(enum.IntEnum):
 
 
 class OutputSetting(msgspec.Struct, frozen=True):
-    """Set the machine's output of a column to a value in its unit."""
+    """Set the machine's output of a column to a value in its unit.
+
+    Attributes:
+        scaled: of a laser: times the share that the speed is of the programmed one (D-77).
+    """
 
     column: int
     value: float
+    scaled: bool = False
 
 
 class OutputLine(msgspec.Struct, frozen=True):

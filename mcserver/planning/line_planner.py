@@ -42,6 +42,7 @@ from mcserver.motion.lookahead.parallel_groups import last_bound
 from mcserver.motion.pieces import Activation, LineBound, LineEdges, Piece, Rows
 from mcserver.motion.planner import MotionPlanner
 from mcserver.motion.profile.setpoint_sampling import CYCLE_ROUNDING
+from mcserver.planning.beams import Beams, Power
 from mcserver.planning.motion_output import Output, then
 from mcserver.planning.payload_entries import PayloadEntries
 from mcserver.planning.planner_messages import PlannedLines, Report, ReportKind
@@ -78,6 +79,7 @@ class LinePlanner:
         reports: about the lines, for `Pipeline.take_reports`.
         flush: the window has to be closed before anything else is planned.
         last_line: number of the last line that was read.
+        beams: its lasers.
         pause_u: where the next M00 or M01 stands on the time axis [cycles]; None: nowhere.
     """
 
@@ -114,8 +116,9 @@ class LinePlanner:
         self._passed = 0
         self.pause_u: float | None = None
         # outputs by column that wait for the next motion, and those of lines whose motion is in the window
-        self._due: dict[int, float] = {}
-        self._at_start: dict[int, dict[int, float]] = {}
+        self._due: dict[int, Power] = {}
+        self._at_start: dict[int, dict[int, Power]] = {}
+        self.beams = Beams(machine)
         self._payloads = PayloadEntries(machine, dynamics)
 
     @property
@@ -231,11 +234,13 @@ class LinePlanner:
             self.pass_lines(line.line - 1)
         if isinstance(line, OutputLine) and line.with_motion:
             self.canonical.popleft()
-            self._due.update((each.column, each.value) for each in line.settings)
+            self._due.update(self.beams.take(line.settings))
             return True
-        if self._due and moves_axes(line):
-            self._at_start[line.line] = self._due
-            self._due = {}
+        if moves_axes(line):
+            due = {**self._due, **self.beams.changes_with(line)}
+            if due:
+                self._at_start[line.line] = due
+                self._due = {}
         if isinstance(line, LineBatch | PathBatch):
             self.canonical.popleft()
             if not self._flow_on(line):
@@ -276,14 +281,24 @@ class LinePlanner:
     def _set_now(self, line: OutputLine) -> None:
         """Set outputs where the motion before them has ended (D-71)."""
         self.motion.to_whole_cycle()
-        settings = {each.column: each.value for each in line.settings}
+        settings = self.beams.take(line.settings)
         # what was to come with the next motion came first in the program
         self._due = {column: value for column, value in self._due.items() if column not in settings}
         self._set_outputs(settings, self.motion.u, line.line)
 
-    def _set_outputs(self, settings: Mapping[int, float], u: float, line: int) -> None:
-        for column, value in settings.items():
-            self.output.put(Control(ControlKind.OUTPUT, u, line, channel=column, value=value))
+    def _set_outputs(self, settings: Mapping[int, Power], u: float, line: int) -> None:
+        for column, power in settings.items():
+            self.output.put(
+                Control(
+                    ControlKind.OUTPUT,
+                    u,
+                    line,
+                    channel=column,
+                    value=power.value,
+                    axes=power.axes,
+                    seconds=power.speed,
+                )
+            )
 
     def _read_input(self, line: InputLine) -> None:
         """Have an input read, or waited for, where the motion before it has ended (D-72)."""

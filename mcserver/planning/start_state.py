@@ -66,7 +66,7 @@ class StateBefore(msgspec.Struct, frozen=True):
             command, or without energy.
         energized: axes that hold a position or follow a command. speeds: of axes under G1030 or the spindle,
             0 where it was stopped [m/s or rad/s]. torques: of axes under G1040 [N·m].
-        outputs: values by column.
+        outputs: values by column. scaled: columns of lasers whose power goes with the speed.
         ended: an M02 or M30 stands before the line.
     """
 
@@ -78,6 +78,7 @@ class StateBefore(msgspec.Struct, frozen=True):
     torques: Mapping[int, float]
     outputs: Mapping[int, float]
     ended: bool
+    scaled: frozenset[int] = frozenset()
 
 
 def changes_between(

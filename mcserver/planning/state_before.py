@@ -36,6 +36,7 @@ class _Effects:
         self.speeds: dict[int, float] = {}
         self.torques: dict[int, float] = {}
         self.outputs = dict(enumerate(origin.outputs))
+        self.scaled: set[int] = set()
 
     def take(self, value: Canonical | LineBatch | PathBatch, *, incremental: bool) -> None:
         """Follow a value; ``incremental``: the ends of its moves are increments."""
@@ -55,6 +56,7 @@ class _Effects:
         elif isinstance(value, OutputLine):
             for each in value.settings:
                 self.outputs[each.column] = each.value
+                (self.scaled.add if each.scaled and each.value else self.scaled.discard)(each.column)
 
     def _group(self, group: Group, *, incremental: bool) -> None:
         if isinstance(group, DwellGroup):
@@ -131,5 +133,6 @@ def state_before(
         speeds=effects.speeds,
         torques=effects.torques,
         outputs=effects.outputs,
+        scaled=frozenset(effects.scaled),
         ended=interpreter.ended,
     )

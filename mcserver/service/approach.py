@@ -301,6 +301,10 @@ def _needs(
                 "MC593", f"the program had switched {names}", "say whether to set or to leave them", "outputs"
             )
         )
+    if state.scaled:
+        names = ", ".join(machine.outputs[column].name for column in sorted(state.scaled))
+        message = f"before this line M4 scales {names} with the speed, which no start in its midst sets up"
+        needs.append(Need("MC593", message, "choose the line with the M4, or the one behind the M5"))
     if state.ended:
         needs.append(Need("MC517", "the program has ended before this line", "choose an earlier line"))
     return needs

@@ -76,7 +76,7 @@ class Channels:
 
         Raises:
             ServiceError: MC445 no channel has that name, or it cannot have this value; MC446 a running
-                program has set it.
+                program has set it, or it is a laser.
         """
         column, output = self._find(self._machine.outputs, name, "output")
         level = _level(output, value)
@@ -85,6 +85,13 @@ class Channels:
                 "MC445",
                 f'{level:g} is outside what the output "{name}" can have',
                 f"give {output.low:g} to {output.high:g}",
+                name=name,
+            )
+        if output.laser and level != 0.0:
+            raise Refused(
+                "MC446",
+                f'the laser "{name}" shines only while a program moves along a path',
+                "run a program that sets it, such as M3 S10 and a feed move",
                 name=name,
             )
         owner = self._port.snapshot().owners

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import msgspec
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -9,7 +10,7 @@ from hypothesis import strategies as st
 from mcserver.errors import ProgramRejected
 from mcserver.gcode.program_check import check_program
 from mcserver.gcode.semantics.interpreter import Interpreter
-from mcserver.machine.machine_file import Machine, parse_machine
+from mcserver.machine.machine_file import Machine, load_machine, parse_machine
 from mcserver.machine.section_reader import MachineFileRejected
 from mcserver.motion.canonical import (
     Canonical,
@@ -282,3 +283,23 @@ def test_a_program_of_a_laser_is_warned_of_the_stops_at_each_s() -> None:
     assert "on 6 lines" in said.message
     spindle = check_program("\n".join(["F600", "M3 S100", "G1 X1", "S200 X2", "S300 X3", "M5"]), cnc)
     assert "MC148" not in [each.code for each in spindle]
+
+
+def laser_machine() -> Machine:
+    channels = CHANNELS.replace('name = "rpm"', 'name = "rpm"\nlaser = true')
+    return machine("cnc", channels, mapped=SPINDLE + SPINDLE.splitlines()[0].replace("M3", "M4"))
+
+
+@pytest.mark.parametrize("code", ["M3", "M4"])
+def test_a_laser_keeps_to_the_path_and_what_is_beside_it_acts_where_it_stands(code: str) -> None:
+    power = OutputSetting(RPM, 500.0, scaled=code == "M4")
+    assert interpret(laser_machine(), f"{code} S500") == [
+        now(LASER, 1.0),
+        OutputLine(1, (power,), with_motion=True),
+    ]
+
+
+def test_m4_of_a_laser_is_refused_where_tools_move_the_axes() -> None:
+    arm = msgspec.structs.replace(laser_machine(), tools=load_machine("arm6").tools)
+    assert codes(arm, "M4 S500") == ["MC159"]
+    assert codes(arm, "M4 S0") == codes(arm, "M3 S500") == []

@@ -49,6 +49,10 @@ number = 0
 name = "power"
 kind = "analog"
 max = 10.0
+[[output]]
+number = 1
+name = "beam"
+laser = true
 """
 
 
@@ -178,6 +182,11 @@ async def test_what_no_simulated_input_can_be_is_refused(
     bench: Bench, name: str, value: float, code: str
 ) -> None:
     assert refusal(bench.service.channels.set_input, name, value) == code
+
+
+async def test_nobody_switches_a_laser_on_by_hand(bench: Bench) -> None:
+    assert refusal(bench.service.set_output, "beam", True) == "MC446"
+    assert bench.service.set_output("beam", False) == 0.0
 
 
 async def test_an_output_of_a_running_program_is_left_to_it(bench: Bench) -> None:

@@ -137,8 +137,7 @@ def act_after(block: BlockState, actions: tuple[Action, ...], effects: Effects) 
 def act_at_end(block: BlockState) -> list[Canonical]:
     """Return what M2 and M30 do to outputs: M5 and M9, where the machine file maps them (D-73)."""
     whole = (1, len(block.parsed.text) + 1)
-    done = (read_mapped(block, code, Action(code, whole, {}), 0.0) for code in ("M5", "M9"))
-    return [each for each in done if each is not None]
+    return [each for code in ("M5", "M9") for each in read_mapped(block, code, Action(code, whole, {}), 0.0)]
 
 
 def _refuse_unmapped(block: BlockState, action: Action) -> None:
@@ -155,9 +154,7 @@ def _refuse_unmapped(block: BlockState, action: Action) -> None:
 
 
 def _set_mapped(block: BlockState, action: Action, speed: float | None, effects: Effects) -> None:
-    done = read_mapped(block, action.code, action, speed)
-    if done is not None:
-        effects.before.append(done)
+    effects.before += read_mapped(block, action.code, action, speed)
 
 
 def _follow_speed(block: BlockState, action: Action, actions: tuple[Action, ...], effects: Effects) -> None:
@@ -166,9 +163,7 @@ def _follow_speed(block: BlockState, action: Action, actions: tuple[Action, ...]
     if frame.direction == 0 or any(each.code in SPINDLE for each in actions):
         return
     code = "M3" if frame.direction > 0 else "M4"
-    done = read_mapped(block, code, action, frame.spindle_rpm, only_speed=True)
-    if done is not None:
-        effects.before.append(done)
+    effects.before += read_mapped(block, code, action, frame.spindle_rpm, only_speed=True)
 
 
 def _value(block: BlockState, action: Action, letter: str, least: float = -math.inf) -> float:

@@ -35,8 +35,8 @@ def read_io(block: BlockState, action: Action) -> InputLine | OutputLine | None:
 
 def read_mapped(
     block: BlockState, code: str, action: Action, speed: float | None, *, only_speed: bool = False
-) -> OutputLine | None:
-    """Return what a code does to the outputs that ``[dialect.outputs]`` gives it; None: nothing.
+) -> list[OutputLine]:
+    """Return what a code does to the outputs that ``[dialect.outputs]`` gives it: lasers keep to the path.
 
     Args:
         code: whose settings these are. action: for the place of faults.
@@ -44,7 +44,9 @@ def read_mapped(
         only_speed: only the outputs that follow S.
     """
     machine = block.setup.machine
-    settings: list[OutputSetting] = []
+    # where printers' firmware keeps to the path, so does this
+    printer = machine.dialect.profile == "printer"
+    found: dict[bool, list[OutputSetting]] = {False: [], True: []}
     for each in machine.dialect.outputs.get(code, ()):
         output = machine.outputs[each.column]
         value = each.value
@@ -55,11 +57,20 @@ def read_mapped(
             if not output.low <= value <= output.high:
                 _refuse_value(block, action.words.get("S"), action, output, value)
                 continue
-        settings.append(OutputSetting(each.column, value))
-    if not settings:
-        return None
-    # where printers' firmware keeps to the path, so does this
-    return OutputLine(block.parsed.number, tuple(settings), with_motion=machine.dialect.profile == "printer")
+        scaled = output.laser and not output.digital and code == "M4"
+        if scaled and value > 0.0 and machine.tools:
+            block.faults.add(
+                "MC159",
+                f'M4 scales "{output.name}" by the speed of axes, which is not that of a tool',
+                action.span,
+                "use M3 on this machine: its power is the same at any speed",
+            )
+        found[output.laser or printer].append(OutputSetting(each.column, value, scaled))
+    return [
+        OutputLine(block.parsed.number, tuple(settings), with_motion=with_motion)
+        for with_motion, settings in found.items()
+        if settings
+    ]
 
 
 def _column(
