@@ -147,9 +147,8 @@ func (s *stream) acknowledged(ack *Ack) {
 	if ack.Program != s.program {
 		return
 	}
-	s.report(ack.Rejections, ack.Rejected, ack.Accepted, ack.Diagnostics)
-	if ack.Rejections < s.rejections && !ack.State.Ended() {
-		// older than what is known
+	s.report(ack)
+	if s.isOld(ack) {
 		return
 	}
 	s.numbers(ack.Rejections, ack.Accepted, ack.Done, ack.Credit)
@@ -164,18 +163,19 @@ func (s *stream) asked(status *ProgramStatus) {
 		s.unknown()
 		return
 	}
-	s.report(status.Rejections, status.Rejected, status.Accepted, status.Diagnostics)
-	if status.Rejections < s.rejections && !status.State.Ended() {
-		// older than what is known
+	ack := &Ack{
+		Program: status.Program, Accepted: status.Accepted, Done: status.Done, Credit: status.Credit, State: status.State, Rejected: status.Rejected,
+		Diagnostics: status.Diagnostics, Fault: status.Fault, Rejections: status.Rejections,
+	}
+	s.report(ack)
+	if s.isOld(ack) {
 		return
 	}
 	if s.adrift && status.Accepted > s.accepted {
 		s.accepted, s.waiting = status.Accepted, nil
 	}
 	s.adrift = false
-	s.numbers(status.Rejections, status.Accepted, status.Done, status.Credit)
-	s.enter(status.State, status.Fault, status.Diagnostics)
-	s.leftOver()
+	s.acknowledged(ack)
 	if status.Rejections == s.rejections && status.Accepted < s.accepted && s.failure == nil {
 		// lines that were acknowledged and are not there any more: nothing that this client could send again
 		s.failure = &EndedError{
@@ -202,19 +202,23 @@ func (s *stream) numbers(rejections, accepted, done, credit int64) {
 }
 
 // report takes the rejection that an acknowledgement or a status tells of, if it is not known yet.
-func (s *stream) report(rejections, rejected, accepted int64, diagnostics []Diagnostic) {
-	if rejections <= s.rejections {
+func (s *stream) report(ack *Ack) {
+	if ack.Rejections <= s.rejections {
 		return
 	}
+	rejected := ack.Rejected
 	if rejected == 0 {
-		rejected = accepted + 1
+		rejected = ack.Accepted + 1
 	}
-	s.rejection(rejections, rejected, diagnostics)
+	s.rejection(ack.Rejections, rejected, ack.Diagnostics)
 	if s.adrift {
 		// of the lines that were given up on their way these have arrived
-		s.accepted, s.waiting, s.adrift = accepted, nil, false
+		s.accepted, s.waiting, s.adrift = ack.Accepted, nil, false
 	}
 }
+
+// isOld tells whether a report is from before a rejection that is known; that a program has ended is never too old.
+func (s *stream) isOld(ack *Ack) bool { return ack.Rejections < s.rejections && !ack.State.Ended() }
 
 // rejection gives up a line that was found faulty, and what follows, where it is not given up yet.
 func (s *stream) rejection(rejections, line int64, diagnostics []Diagnostic) {

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from typing import NamedTuple
 
 from mcclient.errors import (
     MotionError,
@@ -16,8 +16,7 @@ from mcclient.errors import (
 from mcclient.types import Diagnostic, Fault
 
 
-@dataclass(frozen=True, slots=True)
-class Extent:
+class Extent(NamedTuple):
     """How far a program came."""
 
     program: str
@@ -41,14 +40,12 @@ def ending(
         "MC535",
         f"the program was aborted; lines through {extent.done} are done",
         "an operator did so, or the server saw this client's link go",
-        program=extent.program,
-        accepted=extent.accepted,
-        done=extent.done,
+        **extent._asdict(),
     )
 
 
 def faulted(fault: Fault, extent: Extent) -> ProgramFaulted:
-    return ProgramFaulted(fault, program=extent.program, accepted=extent.accepted, done=extent.done)
+    return ProgramFaulted(fault, **extent._asdict())
 
 
 def rejected(line: int, extent: Extent, diagnostics: tuple[Diagnostic, ...]) -> ProgramRejected:
@@ -57,9 +54,7 @@ def rejected(line: int, extent: Extent, diagnostics: tuple[Diagnostic, ...]) -> 
         first.code,
         first.message,
         first.hint,
-        program=extent.program,
-        accepted=extent.accepted,
-        done=extent.done,
+        **extent._asdict(),
         diagnostics=diagnostics or (first,),
         line=line,
     )
@@ -72,9 +67,7 @@ def interrupted(extent: Extent) -> ProgramInterrupted:
         f"the server that ran the program went away; lines through {extent.done} are done, "
         f"line {following} may have begun",
         f"once the machine is clear, machine.continue_program({extent.program!r}), or mcctl continue",
-        program=extent.program,
-        accepted=extent.accepted,
-        done=extent.done,
+        **extent._asdict(),
     )
 
 
@@ -83,9 +76,7 @@ def closed(state: str, extent: Extent) -> ProgramClosed:
         "MC536",
         f"the program takes no more lines: it is {state}",
         "open another one with machine.program()",
-        program=extent.program,
-        accepted=extent.accepted,
-        done=extent.done,
+        **extent._asdict(),
     )
 
 
@@ -95,5 +86,5 @@ def gone(error: NobodyAnswers, extent: Extent) -> NobodyAnswers:
         f"{error.message}; of program {extent.program} lines through {extent.accepted} were accepted "
         f"and through {extent.done} done",
         "once the server is back, mcctl programs tells how far it came",
-        details={"program": extent.program, "accepted": extent.accepted, "done": extent.done},
+        details=extent._asdict(),
     )

@@ -28,19 +28,6 @@ pub(crate) enum Step {
     Wait,
 }
 
-/// What an acknowledgement or a status says of a program.
-struct Report<'a> {
-    accepted: u64,
-    done: u64,
-    credit: u64,
-    expected: u64,
-    state: &'a ProgramState,
-    rejected: u64,
-    rejections: u64,
-    diagnostics: &'a [Diagnostic],
-    fault: Option<&'a Fault>,
-}
-
 /// Why a program does not go on.
 #[derive(Debug)]
 struct Failure {
@@ -268,58 +255,38 @@ impl Core {
 
     // ------------------------------------------------------------ what the server says
 
-    pub fn on_ack(&mut self, ack: &Ack, now: Duration) {
-        let report = Report {
-            accepted: ack.accepted,
-            done: ack.done,
-            credit: ack.credit,
-            expected: ack.expected,
-            state: &ack.state,
-            rejected: ack.rejected,
-            rejections: ack.rejections,
-            diagnostics: &ack.diagnostics,
-            fault: ack.fault.as_ref(),
-        };
-        self.hear(&report, now);
-    }
-
     /// Takes the answer to [`Step::Ask`]; none: the server knows no such program.
     pub fn on_status(&mut self, status: Option<&ProgramStatus>, now: Duration) {
         let Some(status) = status else {
             self.progress(&ProgramState::Interrupted, 0, None, &[]);
             return;
         };
-        let report = Report {
+        let ack = Ack {
+            program: status.program.clone(),
             accepted: status.accepted,
             done: status.done,
             credit: status.credit,
-            expected: 0,
-            state: &status.state,
+            state: status.state.clone(),
             rejected: status.rejected,
+            diagnostics: status.diagnostics.clone(),
+            fault: status.fault.clone(),
+            expected: 0,
             rejections: status.rejections,
-            diagnostics: &status.diagnostics,
-            fault: status.fault.as_ref(),
         };
-        self.hear(&report, now);
+        self.on_ack(&ack, now);
         if !self.judging {
             self.window.rewind();
         }
     }
 
     /// Takes what the server says of the program, which may be older than what is known.
-    fn hear(&mut self, report: &Report<'_>, now: Duration) {
-        if report.rejections > self.rejections {
-            self.hear_rejection(report, now);
+    pub fn on_ack(&mut self, ack: &Ack, now: Duration) {
+        if ack.rejections > self.rejections {
+            self.hear_rejection(ack, now);
         }
-        self.take(
-            report.accepted,
-            report.credit,
-            report.rejections,
-            report.expected,
-            now,
-        );
-        if report.rejections >= self.rejections || report.state.is_end() {
-            self.progress(report.state, report.done, report.fault, report.diagnostics);
+        self.take(ack.accepted, ack.credit, ack.rejections, ack.expected, now);
+        if ack.rejections >= self.rejections || ack.state.is_end() {
+            self.progress(&ack.state, ack.done, ack.fault.as_ref(), &ack.diagnostics);
         }
     }
 
@@ -408,21 +375,21 @@ impl Core {
     }
 
     /// A streamed line is faulty: it and what follows is given up.
-    fn hear_rejection(&mut self, report: &Report<'_>, now: Duration) {
-        if self.judging && !report.state.is_end() {
+    fn hear_rejection(&mut self, ack: &Ack, now: Duration) {
+        if self.judging && !ack.state.is_end() {
             return;
         }
-        let line = match report.rejected {
-            0 => report.accepted + 1,
+        let line = match ack.rejected {
+            0 => ack.accepted + 1,
             line => line,
         };
         let lost = line <= self.window.given();
-        self.rejections = report.rejections;
+        self.rejections = ack.rejections;
         self.window.reject(line);
-        self.take(report.accepted, report.credit, report.rejections, 0, now);
+        self.take(ack.accepted, ack.credit, ack.rejections, 0, now);
         if lost {
             // where the program has ended otherwise than well, that will be the failure
-            let error = self.extent().rejected(line, report.diagnostics.to_vec());
+            let error = self.extent().rejected(line, ack.diagnostics.clone());
             self.rejection = Some(error.clone());
             self.heard += 1;
             self.fail(Some(error));

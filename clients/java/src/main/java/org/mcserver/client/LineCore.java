@@ -312,8 +312,9 @@ final class LineCore {
     }
 
     void onAck(Messages.Ack ack) {
-        hearRejection(ack.state(), ack.rejections(), ack.rejected(), ack.accepted(), ack.diagnostics());
-        if (isOld(ack.rejections(), ack.state())) {
+        hearRejection(ack);
+        // from before a rejection that is known; that a program has ended is never too old
+        if (ack.rejections() < rejections && !ENDED.contains(ack.state())) {
             return;
         }
         take(ack.accepted(), ack.credit(), ack.rejections());
@@ -329,12 +330,9 @@ final class LineCore {
             return;
         }
         underWay = underWay && judging;
-        hearRejection(status.state(), status.rejections(), status.rejected(), status.accepted(), status.diagnostics());
-        if (isOld(status.rejections(), status.state())) {
-            return;
-        }
-        take(status.accepted(), status.credit(), status.rejections());
-        progress(status.state(), status.done(), status.fault(), status.diagnostics());
+        onAck(new Messages.Ack(
+                program, status.accepted(), status.done(), status.credit(), status.state(), status.rejected(), status.diagnostics(),
+                status.fault(), 0, status.rejections()));
     }
 
     void onClosed(Messages.CloseReply reply) {
@@ -350,25 +348,20 @@ final class LineCore {
         reported = false;
     }
 
-    /** A report is from before a rejection that is known; that a program has ended is never too old. */
-    private boolean isOld(long rejections, ProgramState now) {
-        return rejections < this.rejections && !ENDED.contains(now);
-    }
-
     /** Takes the rejection that a report tells of, if it is not known yet. */
-    private void hearRejection(ProgramState now, long rejections, long rejected, long before, List<Messages.Diagnostic> diagnostics) {
-        if (rejections <= this.rejections || (judging && !ENDED.contains(now))) {
+    private void hearRejection(Messages.Ack ack) {
+        if (ack.rejections() <= rejections || (judging && !ENDED.contains(ack.state()))) {
             return;
         }
-        long line = rejected > 0 ? rejected : before + 1;
+        long line = ack.rejected() > 0 ? ack.rejected() : ack.accepted() + 1;
         boolean ours = line <= given();
-        this.rejections = rejections;
+        rejections = ack.rejections();
         reject(line);
         // what is before it is accepted
-        take(before, credit, rejections);
+        take(ack.accepted(), credit, rejections);
         if (ours) {
             // where the program has ended otherwise than well, that will be the failure
-            rejection = new MotionException.ProgramRejected(line, extent(), diagnostics);
+            rejection = new MotionException.ProgramRejected(line, extent(), ack.diagnostics());
             fail(rejection);
         }
     }
