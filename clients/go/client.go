@@ -129,7 +129,7 @@ func (c *Client) Role() string {
 	return c.role
 }
 
-// Close ends the connection. Programs that are still open end as their OnDisconnect says, after the gateway's grace.
+// Close ends the connection. Programs that are still open end as their FinishOnDisconnect says, without their grace.
 func (c *Client) Close() error {
 	c.mu.Lock()
 	if c.closed {

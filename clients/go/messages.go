@@ -796,7 +796,8 @@ type OpenRequest struct {
 	GraceS *float64 `msgpack:"grace_s"`
 	// StartLine: number of the first line that will run.
 	StartLine *int64 `msgpack:"start_line"`
-	// Before: lines 1 … start_line - 1, read for their modal state only; nothing of them moves.
+	// Before: lines 1 … start_line - 1. They do not run; the axes go to where they end, energized, in the modal
+	// state of there.
 	Before []string `msgpack:"before"`
 	// ResumeOf: id of an earlier program; its journaled lines before `start_line` serve as `before`.
 	ResumeOf string `msgpack:"resume_of"`

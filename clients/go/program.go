@@ -22,7 +22,8 @@ type OpenOptions struct {
 	FinishOnDisconnect bool
 	// Grace is how long this client may be away before that; 0: 10 s, negative: not at all.
 	Grace time.Duration
-	// StartLine is the first line that runs; those of Before, the ones before it, set modal state only.
+	// StartLine is the first line that runs. Those of Before, the ones before it, do not: the axes go to where they end, energized, in the modal
+	// state of there.
 	StartLine int64
 	Before    []string
 	// Way, of a start in the middle: axes may go the way that continuation shows, where the machine file names no safe one. Outputs: "set" what

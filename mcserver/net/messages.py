@@ -122,7 +122,8 @@ class OpenRequest(Request, frozen=True, kw_only=True):
         on_disconnect: what happens when the client's liveliness token goes, or it calls ``leave``.
         grace_s: how long the token may be away before that; whoever is back within it goes on.
         start_line: number of the first line that will run.
-        before: lines 1 … start_line - 1, read for their modal state only; nothing of them moves.
+        before: lines 1 … start_line - 1. They do not run; the axes go to where they end, energized, in the
+            modal state of there.
         resume_of: id of an earlier program; its journaled lines before ``start_line`` serve as ``before``.
         step: single line mode: a line starts only when ``step`` asks for it.
         hold: begin held; ``resume`` starts it.

@@ -45,7 +45,8 @@ impl ProgramOptions {
         self
     }
 
-    /// Begins at this line; the lines before it are read for their modal state only.
+    /// Begins at this line. The lines before it do not run: the axes go to where they end, energized, in the modal state
+    /// of there.
     #[must_use]
     pub fn start_line(mut self, number: u64, before: impl IntoIterator<Item = String>) -> Self {
         self.0.start_line = number;

@@ -84,7 +84,7 @@ export class Gateway implements Connection {
     return Machine.open(this, name);
   }
 
-  /** Ends the connection; programs still open end as their on_disconnect says, after the gateway's grace. */
+  /** Ends the connection; programs still open end as their on_disconnect says, without their grace. */
   close(): void {
     this.#closed = true;
     this.#socket?.close(NORMAL_CLOSURE);

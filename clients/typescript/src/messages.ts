@@ -663,7 +663,10 @@ export interface OpenRequest {
   grace_s?: number | undefined;
   /** number of the first line that will run. */
   start_line?: number | undefined;
-  /** lines 1 … start_line - 1, read for their modal state only; nothing of them moves. */
+  /**
+   * lines 1 … start_line - 1. They do not run; the axes go to where they end, energized, in the modal state of
+   * there.
+   */
   before?: string[] | undefined;
   /** id of an earlier program; its journaled lines before `start_line` serve as `before`. */
   resume_of?: string | null | undefined;

@@ -14,7 +14,7 @@ export interface OpenOptions {
   onDisconnect?: "finish" | "stop";
   /** How long this client may be away before that [s]; default 10. */
   graceS?: number;
-  /** The first line that runs; those of `before`, the ones before it, set modal state only. */
+  /** The first line that runs; those of `before`, the ones before it, do not: the axes go to where they end, energized, in the modal state of there. */
   startLine?: number;
   before?: string[];
   /** Of a start in the middle: axes may go the way that `continuation` shows, where the machine file names no safe one. */

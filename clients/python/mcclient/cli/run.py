@@ -38,7 +38,7 @@ def run(
     from_line: Annotated[
         int,
         typer.Option(
-            "--from-line", metavar="N", min=1, help="Begin at this line; those before set modal state only."
+            "--from-line", metavar="N", min=1, help="Begin at this line, where those before it end."
         ),
     ] = 1,
     record: Annotated[

@@ -1569,7 +1569,8 @@ pub struct OpenRequest {
     pub grace_s: f64,
     /// number of the first line that will run.
     pub start_line: u64,
-    /// lines 1 … start_line - 1, read for their modal state only; nothing of them moves.
+    /// lines 1 … start_line - 1. They do not run; the axes go to where they end, energized, in the modal
+    /// state of there.
     pub before: Vec<String>,
     /// id of an earlier program; its journaled lines before `start_line` serve as `before`.
     pub resume_of: Option<String>,

@@ -958,7 +958,8 @@ public final class Messages {
      * @param onDisconnect what happens when the client's liveliness token goes, or it calls `leave`.
      * @param graceS how long the token may be away before that; whoever is back within it goes on.
      * @param startLine number of the first line that will run.
-     * @param before lines 1 … start_line - 1, read for their modal state only; nothing of them moves.
+     * @param before lines 1 … start_line - 1. They do not run; the axes go to where they end, energized, in the
+     *     modal state of there.
      * @param resumeOf id of an earlier program; its journaled lines before `start_line` serve as `before`.
      * @param step single line mode: a line starts only when `step` asks for it.
      * @param hold begin held; `resume` starts it.

@@ -34,7 +34,7 @@ public final class ProgramOptions {
         return new ProgramOptions(request.withGraceS(grace.toNanos() / 1e9));
     }
 
-    /** Begins at this line; those before it are read for their modal state only. */
+    /** Begins at this line; those before it do not run: the axes go to where they end, energized, in the modal state of there. */
     public ProgramOptions startingAt(long line, List<String> before) {
         return new ProgramOptions(request.withStartLine(line).withBefore(List.copyOf(before)));
     }
