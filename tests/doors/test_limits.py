@@ -11,22 +11,16 @@ from starlette.requests import HTTPConnection
 from starlette.types import Message, Receive, Scope, Send
 
 from mcserver.doors.limits import BodyLimit, Connection, Door, DoorLimits, LimitedRequests
+from tests.clock import Clock
 
 LIMIT_S = 10.0
-
-
-class Clock:
-    now = 0.0
-
-    def __call__(self) -> float:
-        return self.now
 
 
 class Visitors:
     """A door, and both ends of the connections that came to it."""
 
     def __init__(self, limits: DoorLimits, files: int = 100_000) -> None:
-        self.clock = Clock()
+        self.clock = Clock(0.0)
         self.door = Door(socket.create_server(("127.0.0.1", 0)), limits, self.clock, files)
         self.theirs: list[socket.socket] = []
         self.ours: list[Connection] = []

@@ -18,6 +18,7 @@ import pytest
 
 from mcserver.cli.app import run_command_line
 from mcserver.drive_sim.control import Control
+from tests.bench.server import free_port
 from tests.can.hubs import LIMIT_S, wait_until
 from tests.can.python_can import python_can_bus
 
@@ -44,12 +45,6 @@ node = {node}
 counts_per_motor_rev = 65536
 """
 EDS = Path(__file__).resolve().parents[2] / "mcserver" / "drive_sim" / "cia402.eds"
-
-
-def free_port() -> int:
-    with socket.create_server(("127.0.0.1", 0)) as listener:
-        number: int = listener.getsockname()[1]
-        return number
 
 
 def machine_file(folder: Path, port: int, nodes: int = 3) -> Path:

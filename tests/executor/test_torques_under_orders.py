@@ -10,13 +10,13 @@ from mckinematics.dynamics import JointDynamics
 
 from mcserver.executor.entries import ControlKind
 from mcserver.machine.machine_file import Machine
-from mcserver.machine.machine_kinematics import build_kinematics
 from mcserver.motion.geometry.curves import Array
 from mcserver.motion.geometry.torque_limits import TorqueLimits
 from mcserver.motion.pieces import Rows
 from tests.executor.rig import CYCLE_S, Rig, give
 from tests.kinematics import arm7
 from tests.motion.support import Move, at_speed, in_time, line_curve, plan
+from tests.motion.test_torque_limits import dynamics_of
 
 JOINTS = tuple(range(7))
 HOME = np.radians(arm7.START)
@@ -25,13 +25,6 @@ TORQUES = (25.0, 70.0, 25.0, 30.0, 7.0, 6.0, 0.6)
 ALL = 0x7F
 TOLERATED = 1.02
 ORDERS = ("hold", "resume", 0.0, 0.2, 0.5, 0.8, 0.97, 1.0, 1.5, 2.0)
-
-
-def dynamics_of(machine: Machine) -> JointDynamics:
-    kinematics = build_kinematics(machine)
-    assert kinematics is not None
-    assert kinematics.dynamics is not None
-    return kinematics.dynamics
 
 
 def load_of(dynamics: JointDynamics, points: Array) -> Array:

@@ -16,8 +16,8 @@ from mcserver.net import link_watch
 from mcserver.net.configuration import NetworkOptions
 from mcserver.net.link_watch import REFUSED_LOOKS, LinkWatch
 from mcserver.server import ServerOptions, running
+from tests.bench.server import free_port
 from tests.net.client import WireClient
-from tests.security.conftest import free_port
 from tests.service.fakes import FakePipelines, FakePort, three_axes
 
 LIMIT_S = 60.0

@@ -3,14 +3,7 @@
 from __future__ import annotations
 
 from mcserver.net.stop_copies import KNOWN, KNOWN_S, LEAST_NUMBER, StopCopies
-
-
-class Clock:
-    def __init__(self) -> None:
-        self.now = 100.0
-
-    def __call__(self) -> float:
-        return self.now
+from tests.clock import Clock
 
 
 def test_a_number_is_a_copy_for_some_seconds_after_its_first() -> None:

@@ -20,6 +20,7 @@ import zenoh
 from mcserver.security.site import Role, Site, User
 from mcserver.security.site_files import ROUTER, configuration_path
 from mcserver.security.site_folder import write_site
+from tests.bench.server import free_port
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "clients" / "python"))
 
@@ -28,12 +29,6 @@ MACHINE = "bench"
 ROUTERS = ("library", *(["zenohd"] if shutil.which("zenohd") else []))
 # how long a router may take to listen
 LISTENS_S = 30.0
-
-
-def free_port() -> int:
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        return int(probe.getsockname()[1])
 
 
 class RunningSite:

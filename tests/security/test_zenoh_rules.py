@@ -12,7 +12,8 @@ import pytest
 import zenoh
 
 from mcserver.security.access import access_control
-from tests.security.conftest import MACHINE, RunningSite, free_port
+from tests.bench.server import free_port
+from tests.security.conftest import MACHINE, RunningSite
 
 LIMIT_S = 10.0
 # long enough for a message that is let through to be there: what is not must not come

@@ -15,6 +15,7 @@ from mcclient.types import AxesStatus, Fault, LineReport, MachineStatus
 
 from mcserver.errors import ServiceError
 from mcserver.web.history import SPOOL, HistoryFolder, event_rows, state_row
+from tests.clock import Clock
 from tests.wire_values import wire_value
 
 DAY_S = 86_400.0
@@ -39,21 +40,13 @@ LINES = Event(
 )
 
 
-class Clock:
-    def __init__(self) -> None:
-        self.now = NOON
-
-    def __call__(self) -> float:
-        return self.now
-
-
 def status(t: float) -> MachineStatus:
     axes = wire_value(AxesStatus, [0, 3], [t, 2.0], [t, 2.0], [0.0, 0.0], [0.1, 0.2], ["moving", "off"])
     return wire_value(MachineStatus, t, NOON + t, "i", "ready", axes, [], [])
 
 
 def folder_of(path: Path, clock: Callable[[], float] | None = None) -> HistoryFolder:
-    return HistoryFolder(path, clock or Clock(), 300.0)
+    return HistoryFolder(path, clock or Clock(NOON), 300.0)
 
 
 def filled(path: Path) -> None:
@@ -133,7 +126,7 @@ def test_two_cannot_write_into_one_folder(tmp_path: Path) -> None:
 
 
 def test_rows_become_parquet_after_a_while_by_themselves(tmp_path: Path) -> None:
-    clock = Clock()
+    clock = Clock(NOON)
     kept = folder_of(tmp_path, clock)
     kept.append(event_rows("m", FAULT))
     assert list(tmp_path.rglob("*.parquet")) == []

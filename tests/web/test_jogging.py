@@ -7,6 +7,7 @@ import asyncio
 from mcclient import RequestRefused
 
 from mcserver.web.jogging import HOLD_S, MAX_DELAY_S, DelayGate, HeldJog
+from tests.clock import Clock
 
 
 class Machine:
@@ -39,13 +40,6 @@ class Machine:
     async def abort(self, program: str | None = None) -> list[str]:
         self.calls.append(("abort", program))
         return [program or ""]
-
-
-class Clock:
-    now = 1000.0
-
-    def __call__(self) -> float:
-        return self.now
 
 
 def rig() -> tuple[Machine, Clock, HeldJog, list[str]]:

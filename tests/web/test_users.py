@@ -11,14 +11,7 @@ import pytest
 from mcserver.errors import ConfigurationError
 from mcserver.web.sessions import IDLE_S, Sessions
 from mcserver.web.users import FREE_TRIES, LOCKOUT_S, LOOK_S, Role, add_user, read_users
-
-
-class Clock:
-    def __init__(self) -> None:
-        self.now = 100.0
-
-    def __call__(self) -> float:
-        return self.now
+from tests.clock import Clock
 
 
 @pytest.fixture
