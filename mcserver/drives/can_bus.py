@@ -1,4 +1,4 @@
-"""One CAN bus of drives: CiA 402 axes in step with SYNC, and Servosila's beside them.
+"""One CAN bus of drives: CiA 402 axes in step with SYNC, and axes that stream telemetry beside them.
 
 An exchange drains what has come (the latest value wins), looks at its age, steps the states, and sends:
 RPDOs, then SYNC last, which lets every drive act on its RPDO and sample its TPDO at one moment. Nothing is
