@@ -38,11 +38,9 @@ from mcserver.motion.kernels.path_speed import quicker_phases
 from mcserver.motion.kernels.rate_search import warm_up_playback
 from mcserver.motion.kernels.sample_limits import run_of
 from mcserver.motion.kernels.servo_loop import follow_cycles
+from mcserver.motion.kernels.timed_moves import timing_of_group
 from mcserver.motion.lookahead.lookahead import Lookahead
-from mcserver.motion.lookahead.path_limits import AccelerationLimit
 from mcserver.motion.profile.setpoint_sampling import sample
-from mcserver.motion.profile.speed_ramps import min_time_profiles
-from mcserver.motion.profile.velocity_profile import join
 from mcserver.motion.smoothing.chord_smoothing import ChordSmoother, SmoothRun
 
 _SLOTS = {0: 0, 1: 1}
@@ -138,9 +136,9 @@ def _plan_lines(limits: AxisLimits) -> None:
     window.entry = 0.0
     _plan_arcs(limits)
     sample(window.plan(), 0.0, 1, 10, limits.cycle)
-    quickest = min_time_profiles(0.01, 0.0, 0.0, [AccelerationLimit(0.1, 1.0, 10.0)])
-    assert quickest is not None
-    join(quickest).time_at(np.array([0.0, 0.01]))
+    rows = np.ones((1, 5 * len(limits.velocity) + 2))
+    groups = run_of(rows, np.array([0, 1]), np.ones(1), limits.rows, limits.cycle)
+    timing_of_group(groups, 0, (0.01, 0.0, 0.0), 0.2)
 
 
 def _plan_arcs(limits: AxisLimits) -> None:

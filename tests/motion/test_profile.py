@@ -1,4 +1,4 @@
-"""Profiles on one coordinate: Ruckig's law in phases, exact in time, never backwards."""
+"""Profiles on one coordinate: exact in time, never backwards."""
 
 from __future__ import annotations
 
@@ -11,15 +11,18 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from mcserver.motion.geometry.segment import AxisLimits
-from mcserver.motion.kernels.ramp_kernels import ramp_distance, ramp_time, reachable_speed
-from mcserver.motion.lookahead.path_limits import AccelerationLimit, RunLimits, sample_rows
-from mcserver.motion.profile.speed_ramps import min_time_profiles, profiles_in_time, ramp
-from mcserver.motion.profile.velocity_profile import (
-    Phases,
-    Profile,
-    ProfileSolver,
-    join,
+from mcserver.motion.kernels.phases import PHASE, PHASES_PER_MOVE, moves_to_phases
+from mcserver.motion.kernels.ramp_kernels import (
+    MAX_MOVES,
+    MOVE,
+    min_time_moves,
+    ramp_distance,
+    ramp_time,
+    reachable_speed,
 )
+from mcserver.motion.kernels.timed_moves import EARLY, KEPT, LATE, moves_in_time
+from mcserver.motion.lookahead.path_limits import AccelerationLimit, RunLimits, sample_rows
+from mcserver.motion.profile.velocity_profile import Phases, join_phases
 from tests.motion.measure import rest_to_rest
 from tests.motion.support import alike
 from tests.motion.test_laws import law
@@ -32,12 +35,51 @@ A_DAY = 86_400.0
 SHARES = st.sampled_from([0.0, 0.1, 0.7, 1.0])
 
 
-def phases_of(profiles: list[Profile]) -> Phases:
-    return join(profiles)
+Table = list[AccelerationLimit]
 
 
-def dense(phases: Phases, count: int = 2001) -> tuple[np.ndarray, np.ndarray]:
-    return phases.at(np.linspace(0.0, phases.duration, count))
+def rows_of(table: Table) -> np.ndarray:
+    return np.array([(row.velocity, row.acceleration, row.jerk) for row in table])
+
+
+def phases_of(moves: np.ndarray, count: int) -> Phases:
+    rows = np.empty((PHASES_PER_MOVE * count, PHASE))
+    written = moves_to_phases(moves, count, rows, 0, 0.0)
+    return join_phases(rows[:written], float(moves[:count, 4].sum()))
+
+
+def quickest(distance: float, entry: float, exit_: float, table: Table) -> Phases | None:
+    moves, spare = np.empty((2, MAX_MOVES, MOVE))
+    count = min_time_moves(moves, spare, distance, entry, exit_, rows_of(table), len(table))
+    return phases_of(moves, count) if count else None
+
+
+def rest_to_rest_phases(distance: float, velocity: float, acceleration: float, jerk: float) -> Phases:
+    solved = quickest(distance, 0.0, 0.0, [AccelerationLimit(velocity, acceleration, jerk)])
+    assert solved is not None
+    return solved
+
+
+def in_time(distance: float, entry: float, exit_: float, table: Table, wanted: float) -> tuple[Phases, int]:
+    moves, spare = np.empty((2, MAX_MOVES, MOVE))
+    count, timing = moves_in_time(moves, spare, distance, entry, exit_, rows_of(table), len(table), wanted)
+    assert count > 0
+    return phases_of(moves, count), timing
+
+
+def assert_within(phases: Phases, distance: float, limit: AccelerationLimit) -> None:
+    """Judge the phases' own polynomials, without the clipping of `Phases.at`."""
+    velocity = limit.velocity
+    for lasts, p, v, a, j in phases.rows:
+        t = np.linspace(0.0, lasts, 50)
+        speed = v + t * (a + t * j / 2.0)
+        place = p + t * (v + t * (a / 2.0 + t * j / 6.0))
+        assert speed.min() >= -1e-6 * velocity
+        assert speed.max() <= velocity * (1.0 + 1e-6)
+        assert np.abs(a + t * j).max() <= limit.acceleration * (1.0 + 1e-6)
+        assert abs(j) <= limit.jerk * (1.0 + 1e-6)
+        assert place.min() >= -1e-6 * distance
+        assert place.max() <= distance * (1.0 + 1e-6)
 
 
 @given(DISTANCES, VELOCITIES, ACCELERATIONS, JERKS)
@@ -45,8 +87,7 @@ def dense(phases: Phases, count: int = 2001) -> tuple[np.ndarray, np.ndarray]:
 def test_from_rest_to_rest_takes_the_textbook_time(
     distance: float, velocity: float, acceleration: float, jerk: float
 ) -> None:
-    solved = ProfileSolver().solve(distance, 0.0, 0.0, velocity, acceleration, jerk)
-    assert solved is not None
+    solved = rest_to_rest_phases(distance, velocity, acceleration, jerk)
     assert solved.duration == pytest.approx(rest_to_rest(distance, velocity, acceleration, jerk), rel=1e-6)
 
 
@@ -57,24 +98,58 @@ def test_a_duration_that_is_long_enough_is_kept_exactly(
 ) -> None:
     wanted = slower * (1.0 + 1e-9) * rest_to_rest(distance, velocity, acceleration, jerk) + 1e-9
     assume(wanted < A_DAY)
-    made = profiles_in_time(
-        ProfileSolver(), distance, 0.0, 0.0, [AccelerationLimit(velocity, acceleration, jerk)], wanted
-    )
-    assert made is not None
-    assert sum(part.duration for part in made) == pytest.approx(wanted, rel=1e-9, abs=1e-6)
-    # over hours the solver's own rounding grows to nanometres; the end itself is exact in `Phases`
-    assert sum(part.positions[-1] for part in made) == pytest.approx(distance, rel=1e-8)
+    limit = AccelerationLimit(velocity, acceleration, jerk)
+    made, timing = in_time(distance, 0.0, 0.0, [limit], wanted)
+    assert timing == KEPT
+    assert made.duration == pytest.approx(wanted, rel=2e-9, abs=2e-9)
+    assert made.end == pytest.approx(distance, rel=1e-8)
+    assert_within(made, distance, limit)
 
 
 @given(DISTANCES, VELOCITIES, ACCELERATIONS, JERKS, st.sampled_from([0.1, 0.9, 0.9999]))
 @law(60)
-def test_a_duration_that_is_too_short_has_no_profile(
+def test_a_duration_that_is_too_short_is_missed_by_the_least(
     distance: float, velocity: float, acceleration: float, jerk: float, faster: float
 ) -> None:
-    wanted = faster * rest_to_rest(distance, velocity, acceleration, jerk)
-    assume(wanted > 1e-5)
-    solved = ProfileSolver().solve(distance, 0.0, 0.0, velocity, acceleration, jerk, wanted)
-    assert solved is None or solved.duration > wanted * 1.00001
+    least = rest_to_rest(distance, velocity, acceleration, jerk)
+    assume(faster * least > 1e-5)
+    made, timing = in_time(
+        distance, 0.0, 0.0, [AccelerationLimit(velocity, acceleration, jerk)], faster * least
+    )
+    assert timing == LATE
+    assert made.duration == pytest.approx(least, rel=1e-6)
+
+
+@given(DISTANCES, VELOCITIES, ACCELERATIONS, JERKS, SHARES, SHARES, st.floats(0.0, 1.0))
+@law(200)
+def test_between_two_speeds_every_duration_from_the_quickest_to_the_steadily_slowest_is_kept(
+    distance: float,
+    velocity: float,
+    acceleration: float,
+    jerk: float,
+    entry: float,
+    exit_: float,
+    share: float,
+) -> None:
+    limit = AccelerationLimit(velocity, acceleration, jerk)
+    low, high = sorted((entry * velocity, exit_ * velocity))
+    quick = quickest(distance, entry * velocity, exit_ * velocity, [limit])
+    assume(quick is not None and low > 0.0)
+    assert quick is not None
+    ramp = ramp_time(low, high, acceleration, jerk)
+    slow = ramp + (distance - 0.5 * (low + high) * ramp) / low
+    assume(slow > quick.duration)
+    wanted = quick.duration + share * (slow - quick.duration)
+    made, timing = in_time(distance, entry * velocity, exit_ * velocity, [limit], wanted)
+    assert timing == KEPT
+    assert made.duration == pytest.approx(wanted, rel=2e-9, abs=2e-9)
+    assert made.end == pytest.approx(distance, rel=1e-8)
+    assert_within(made, distance, limit)
+
+
+def test_a_line_between_speeds_that_leave_no_slower_profile_ends_early() -> None:
+    _, timing = in_time(1e-3, 0.2, 0.2, [AccelerationLimit(0.2, 1.0, 10.0)], 1.0)
+    assert timing == EARLY
 
 
 @given(DISTANCES, VELOCITIES, ACCELERATIONS, JERKS, SHARES, SHARES)
@@ -82,29 +157,11 @@ def test_a_duration_that_is_too_short_has_no_profile(
 def test_a_profile_never_goes_back_nor_past_its_limits_nor_past_its_end(
     distance: float, velocity: float, acceleration: float, jerk: float, entry: float, exit_: float
 ) -> None:
-    solved = ProfileSolver().solve(distance, entry * velocity, exit_ * velocity, velocity, acceleration, jerk)
+    limit = AccelerationLimit(velocity, acceleration, jerk)
+    solved = quickest(distance, entry * velocity, exit_ * velocity, [limit])
     assume(solved is not None)
     assert solved is not None
-    phases = join([solved])
-    # the phases' own polynomials, without the clipping of `Phases.at`
-    for start, p, v, a, j, end in zip(
-        phases.start,
-        phases.position,
-        phases.velocity,
-        phases.acceleration,
-        phases.jerk,
-        [*phases.start[1:], phases.duration],
-        strict=True,
-    ):
-        t = np.linspace(0.0, end - start, 50)
-        speed = v + t * (a + t * j / 2.0)
-        place = p + t * (v + t * (a / 2.0 + t * j / 6.0))
-        assert speed.min() >= -1e-6 * velocity
-        assert speed.max() <= velocity * (1.0 + 1e-6)
-        assert np.abs(a + t * j).max() <= acceleration * (1.0 + 1e-6)
-        assert abs(j) <= jerk * (1.0 + 1e-6)
-        assert place.min() >= -1e-6 * distance
-        assert place.max() <= distance * (1.0 + 1e-6)
+    assert_within(solved, distance, limit)
 
 
 @given(DISTANCES, VELOCITIES, ACCELERATIONS, JERKS, SHARES, SHARES)
@@ -112,10 +169,11 @@ def test_a_profile_never_goes_back_nor_past_its_limits_nor_past_its_end(
 def test_time_at_is_the_inverse_of_at(
     distance: float, velocity: float, acceleration: float, jerk: float, entry: float, exit_: float
 ) -> None:
-    solved = ProfileSolver().solve(distance, entry * velocity, exit_ * velocity, velocity, acceleration, jerk)
-    assume(solved is not None)
-    assert solved is not None
-    phases = join([solved, ramp(exit_ * velocity, velocity, acceleration, jerk)] if exit_ < 1.0 else [solved])
+    phases = quickest(
+        distance, entry * velocity, exit_ * velocity, [AccelerationLimit(velocity, acceleration, jerk)]
+    )
+    assume(phases is not None)
+    assert phases is not None
     places = np.linspace(0.0, phases.end, 101)
     times = phases.time_at(places)
     assert (np.diff(times) >= 0.0).all()
@@ -125,9 +183,7 @@ def test_time_at_is_the_inverse_of_at(
 
 
 def test_beyond_its_ends_a_time_law_rests() -> None:
-    solved = ProfileSolver().solve(1.0, 0.0, 0.0, 1.0, 1.0, math.inf)
-    assert solved is not None
-    place, speed = join([solved]).at(np.array([-1.0, 0.0, 2.0, 5.0]))
+    place, speed = rest_to_rest_phases(1.0, 1.0, 1.0, math.inf).at(np.array([-1.0, 0.0, 2.0, 5.0]))
     assert place.tolist() == [0.0, 0.0, 1.0, 1.0]
     assert speed == pytest.approx([0.0, 0.0, 0.0, 0.0])
 
@@ -137,9 +193,7 @@ def test_beyond_its_ends_a_time_law_rests() -> None:
 def test_what_is_left_of_a_time_law_goes_on_as_the_whole(
     share: float, distance: float, velocity: float, acceleration: float, jerk: float
 ) -> None:
-    solved = ProfileSolver().solve(distance, 0.0, 0.0, velocity, acceleration, jerk)
-    assert solved is not None
-    whole = join([solved])
+    whole = rest_to_rest_phases(distance, velocity, acceleration, jerk)
     moment = share * whole.duration
     rest = whole.after(moment)
     here = float(whole.at(np.array([moment]))[0][0])
@@ -148,20 +202,6 @@ def test_what_is_left_of_a_time_law_goes_on_as_the_whole(
     expected, expected_speed = whole.at(times + moment)
     assert place + here == pytest.approx(expected, abs=1e-9 * distance)
     assert speed == pytest.approx(expected_speed, abs=1e-7 * velocity)
-
-
-@given(VELOCITIES, SHARES, SHARES, ACCELERATIONS, JERKS)
-@law(60)
-def test_a_ramp_is_the_quickest_change_of_speed(
-    velocity: float, start: float, end: float, acceleration: float, jerk: float
-) -> None:
-    assume(start != end)
-    made = ramp(start * velocity, end * velocity, acceleration, jerk)
-    low, high = sorted((start * velocity, end * velocity))
-    assert made.duration == pytest.approx(ramp_time(low, high, acceleration, jerk))
-    assert made.positions[-1] == pytest.approx(ramp_distance(low, high, acceleration, jerk))
-    assert made.velocities[-1] == pytest.approx(end * velocity)
-    assert made.peak_acceleration <= acceleration * (1.0 + 1e-12)
 
 
 @given(SHARES, DISTANCES, VELOCITIES, ACCELERATIONS, JERKS)
@@ -206,26 +246,24 @@ def test_round_numbers_at_the_borders_between_kinds_of_profiles_are_solved(
     if math.isfinite(jerk):
         borders.add(2.0 * acceleration**3 / jerk**2)
     for distance in [*sorted(borders), 1e-5, 0.001, 0.01, 0.02, 0.04, 0.05, 0.1]:
-        made = min_time_profiles(distance, 0.0, 0.0, [AccelerationLimit(velocity, acceleration, jerk)])
-        assert made is not None
+        made = rest_to_rest_phases(distance, velocity, acceleration, jerk)
         least = rest_to_rest(distance, velocity, acceleration, jerk)
-        assert sum(part.duration for part in made) == pytest.approx(least, rel=1e-6)
-        assert sum(part.positions[-1] for part in made) == pytest.approx(distance, rel=1e-9)
+        assert made.duration == pytest.approx(least, rel=1e-6)
+        assert made.end == pytest.approx(distance, rel=1e-9)
 
 
 @given(LIMIT_TABLES, DISTANCES)
 @law(60)
-def test_a_limit_table_is_followed_within_its_rows(
-    limit_table: list[AccelerationLimit], distance: float
-) -> None:
-    made = min_time_profiles(distance, 0.0, 0.0, limit_table)
-    assert made is not None
-    assert sum(part.positions[-1] for part in made) == pytest.approx(distance, rel=1e-9)
-    for part in made:
-        row = next(row for row in limit_table if part.peak_velocity <= row.velocity * (1.0 + 1e-9))
-        assert part.peak_acceleration <= row.acceleration * (1.0 + 1e-9)
-    for before, after in itertools.pairwise(made):
-        assert after.velocities[0] == pytest.approx(before.velocities[-1], rel=1e-9)
+def test_a_limit_table_is_followed_within_its_rows(limit_table: Table, distance: float) -> None:
+    moves, spare = np.empty((2, MAX_MOVES, MOVE))
+    count = min_time_moves(moves, spare, distance, 0.0, 0.0, rows_of(limit_table), len(limit_table))
+    assert count > 0
+    assert moves[:count, 4].sum() == pytest.approx(distance, rel=1e-9)
+    for start, end, acceleration, _, _ in moves[:count]:
+        row = next(row for row in limit_table if max(start, end) <= row.velocity * (1.0 + 1e-9))
+        assert acceleration <= row.acceleration * (1.0 + 1e-9)
+    for before, after in itertools.pairwise(moves[:count]):
+        assert after[0] == pytest.approx(before[1], rel=1e-9)
 
 
 @pytest.mark.parametrize("beside", [0.11, 0.137, 0.19, 3.0])
@@ -242,11 +280,11 @@ def test_a_limit_table_is_the_same_whatever_is_beside_its_group(beside: float) -
 @given(LIMIT_TABLES, DISTANCES, st.sampled_from([1.0, 1.001, 1.2, 3.0, 50.0]))
 @law(60)
 def test_a_limit_table_keeps_every_duration_from_the_quickest_on(
-    limit_table: list[AccelerationLimit], distance: float, slower: float
+    limit_table: Table, distance: float, slower: float
 ) -> None:
-    quickest = min_time_profiles(distance, 0.0, 0.0, limit_table)
-    assert quickest is not None
-    wanted = slower * sum(part.duration for part in quickest) + 1e-9
-    made = profiles_in_time(ProfileSolver(), distance, 0.0, 0.0, limit_table, wanted)
-    assert made is not None
-    assert sum(part.duration for part in made) == pytest.approx(wanted, abs=1e-6)
+    quick = quickest(distance, 0.0, 0.0, limit_table)
+    assert quick is not None
+    wanted = slower * quick.duration + 1e-9
+    made, timing = in_time(distance, 0.0, 0.0, limit_table, wanted)
+    assert timing == KEPT
+    assert made.duration == pytest.approx(wanted, abs=1e-6)

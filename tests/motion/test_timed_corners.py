@@ -10,8 +10,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mcserver.machine.machine_file import Machine
+from mcserver.machine.machine_file import Machine, load_machine
+from mcserver.machine.machine_kinematics import build_kinematics
 from mcserver.motion.canonical import FeedGroup
+from mcserver.simulation.simulation import simulate
 from tests.motion.measure import (
     ACCELERATION_SLACK,
     JERK_SLACK,
@@ -108,3 +110,56 @@ def test_a_timed_line_between_lines_with_a_speed_is_rounded_at_both_ends() -> No
     assert motion.took(2) == pytest.approx(1.0, abs=1e-9)
     speed = np.linalg.norm(np.diff(motion.position, axis=0), axis=1) / motion.cycle
     assert min(speed[round(motion.ends[line]) - 1] for line in (1, 2)) > 0.05
+
+
+def test_short_timed_lines_flow_from_rest_as_feed_lines_do() -> None:
+    machine = alike(2, jerk=50_000.0)
+    angles = np.linspace(0.0, 4.0, 401)
+    points = 0.02 * np.stack([np.sin(angles), 1.0 - np.cos(angles)], axis=1)
+    lines = [line_curve(machine, (0, 1), a.tolist(), b.tolist()) for a, b in itertools.pairwise(points)]
+    timed = plan(machine, [Move(in_time(line.length / 0.08, line), tolerance=TOLERANCE) for line in lines])
+    assert_kept(timed)
+    fed = plan(machine, [Move(at_speed(0.08, line), tolerance=TOLERANCE) for line in lines])
+    assert timed.duration <= 1.05 * fed.duration
+    # those of the ramps alone are late
+    assert len(timed.bounds) <= 120
+
+
+def test_a_line_whose_time_is_too_short_does_not_stop_the_flow() -> None:
+    machine = alike(2, velocity=100.0, jerk=50_000.0)
+    groups = chain(machine, [0.0] * 9, [0.25, 0.25, 0.25, 0.25, 0.1, 0.25, 0.25, 0.25, 0.25], 0.02)
+    motion = plan(machine, [Move(group, tolerance=TOLERANCE) for group in groups])
+    assert_kept(motion)
+    # at 100 mm/s all along, but for the way to it
+    assert 0.2 <= motion.took(5) <= 0.206
+    assert set(motion.bounds) <= {1, 5, 9}
+    speed = np.linalg.norm(np.diff(motion.position, axis=0), axis=1) / motion.cycle
+    assert speed[round(motion.ends[1]) : round(motion.ends[8])].min() > 0.05
+
+
+TOOL_CIRCLE = "arm6", "T1", (460.0, 0.0), "X{0:.4f} Y{1:.4f} Z675", 65.0, 50.0, 120, 0.1
+FOOT_CIRCLE = "robot-dog", "T3", (-400.0, 0.0), "X-159 Y{0:.4f} Z{1:.4f}", 40.0, 200.0, 36, 0.5
+
+
+@pytest.mark.parametrize("circle", [TOOL_CIRCLE, FOOT_CIRCLE])
+def test_timed_chords_of_a_tool_flow_as_those_with_a_feed_rate_do(
+    circle: tuple[str, str, tuple[float, float], str, float, float, int, float],
+) -> None:
+    name, tool, (x, y), words, radius, speed, count, tolerance = circle
+    machine = load_machine(name)
+    chord = 2.0 * radius * math.sin(math.pi / count)
+    times: list[float] = []
+    for mode, feed in (("G94", 60.0 * speed), ("G93", 60.0 * speed / chord)):
+        text = ["G1010", f"{tool} {mode} G64 P{tolerance}"]
+        for index in range(1, count // 3 + 1):
+            angle = 2.0 * math.pi * index / count
+            place = x + radius * (1.0 - math.cos(angle)), y + radius * math.sin(angle)
+            text.append(f"G01 {words.format(*place)} F{feed:.4f}")
+        found = simulate("\n".join(text), machine, kinematics=build_kinematics(machine), record=True)
+        assert found.report["ok"]
+        assert found.recording is not None
+        times.append(found.report["duration_s"])
+    assert times[1] <= 1.01 * times[0]
+    rates = np.linalg.norm(np.diff(found.recording.setpoint, axis=0), axis=1)
+    moving = np.flatnonzero(rates > 0.1 * np.median(rates))
+    assert rates[moving[0] : moving[-1]].min() > 0.1 * np.median(rates)

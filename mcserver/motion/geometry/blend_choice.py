@@ -10,7 +10,7 @@ from mcserver.motion.bound import PlanningError
 from mcserver.motion.geometry.blend import Blend, blend, joint_weights, straight_blend
 from mcserver.motion.geometry.curves import Array
 from mcserver.motion.geometry.segment import AxisLimits, Segment
-from mcserver.motion.geometry.timed_blend import timed_blend
+from mcserver.motion.geometry.timed_blend import as_feed_line, keep_times, steady_blend
 from mcserver.motion.kernels.straight_corner import BETTER, FASTER, is_worthwhile
 from mcserver.motion.lookahead.lookahead import Lookahead
 
@@ -20,21 +20,48 @@ HANDLE = 0.4
 TOLERANCE_SHARES = (0.85, 0.3)
 # The same of a tolerance at the joints, which may be far more than is worth it.
 JOINT_SHARES = (0.98, 0.4, 0.15, 0.05)
+# Mean speeds of timed lines whose lower one is this share of the other hardly differ.
+ALIKE = 0.5
 
 
 def best_blend(window: Lookahead, after: Segment, limits: AxisLimits) -> Blend | None:
     """Return the blend that passes the corner after the window's last segment soonest, None where the
     corner itself is as fast. ``after.tolerance`` is the path tolerance.
     """
-    before = window.table.segments[-1]
-    if before.duration is not None or after.duration is not None:
-        return timed_blend(window, after, limits, HANDLE)
-    speed = window.joint_speed(after)
-    if speed >= min(float(window.table.columns.segment_vmax[-1]), after.feed * after.scale):
+    before, speed = window.table.segments[-1], window.joint_speed(after)
+    lines = as_feed_line(before), as_feed_line(after)
+    top = min(float(window.table.columns.segment_vmax[-1]), *(line.feed * line.scale for line in lines))
+    if speed >= top:
         return None
+    if before.duration is None and after.duration is None:
+        return _quickest(before, after, limits, speed, overlaps=True)
+    found = steady_blend(before, after, limits, HANDLE)
+    if found is None:
+        found = _quickest(*lines, limits, speed, overlaps=False)
+        if found is not None:
+            keep_times(found, before, after, limits)
+    slower, faster = sorted(line.feed * line.scale for line in lines)
+    if found is None or slower >= ALIKE * faster:
+        return found
+    # half of the blend is passed at the speed of the slower line: the faster one may lose more than by a stop
+    whole = [before, msgspec.structs.replace(after, tolerance=0.0)]
+    least, _ = _time(limits, whole, fast=True, stops=True)
+    time, _ = _time(limits, [found.before, found.first, found.second, found.after], fast=True)
+    return found if time <= least else None
+
+
+def _quickest(
+    before: Segment, after: Segment, limits: AxisLimits, speed: float, *, overlaps: bool
+) -> Blend | None:
+    """Return the blend of the corner between two feed lines as `best_blend` does.
+
+    Args:
+        speed: over the corner itself. overlaps: if that is a stop, whether it may be passed in a time of its
+            own instead.
+    """
     if before.straight and after.straight and before.only_feed_columns and after.only_feed_columns:
         found = straight_blend(before, after, HANDLE, TOLERANCE_SHARES, limits, 0.0)
-        if found is not None and speed <= 0.0:
+        if found is not None and speed <= 0.0 and overlaps:
             gain = _gain_in_time(limits, before, after)
             if gain > 0.0:
                 found = straight_blend(before, after, HANDLE, TOLERANCE_SHARES, limits, gain)
@@ -44,7 +71,7 @@ def best_blend(window: Lookahead, after: Segment, limits: AxisLimits) -> Blend |
     from_rest, _ = _time(limits, whole, fast=False, stops=speed <= 0.0)
     least = math.inf
     if speed <= 0.0:
-        least, _ = _time(limits, [before, after], fast=True)
+        least, _ = _time(limits, [before, after] if overlaps else whole, fast=True, stops=not overlaps)
     fastest = FASTER * speed
     at_joints = joint_weights(before, after, limits)
     shares: list[tuple[Array | None, float]] = [(None, share) for share in TOLERANCE_SHARES]

@@ -22,6 +22,8 @@ _NOWHERE = np.zeros(0)
 _NO_COLUMNS = np.zeros(0, np.intp)
 # A path whose tangent is shorter than this does not travel [m or rad].
 NO_TRAVEL = 1e-10
+# T of what is left of a line that has taken longer than its T [s].
+LEAST_T = 1e-6
 
 
 @dataclass(frozen=True)
@@ -205,7 +207,8 @@ class Segment(msgspec.Struct, eq=False, gc=False):
         """
         if self.duration is None or spent == 0.0:
             return self
-        return msgspec.structs.replace(self, duration=self.duration - spent * feed_scale / self.feed_scale)
+        left = max(self.duration - spent * feed_scale / self.feed_scale, LEAST_T)
+        return msgspec.structs.replace(self, duration=left)
 
     def sample(self, s: Array) -> tuple[Array, Array]:
         """Return the position and dp/ds in all columns, shape (len(s), K); other columns rest at ``base``."""

@@ -78,9 +78,8 @@ class Groups(NamedTuple):
         bounds: σ at the segments' starts and at the end, shape (n+1,). starts: the groups' first segments,
             shape (g,). bits: which of the edges of that segment a group starts at, shape (g,).
         edges: σ at their starts and at the end, shape (g+1,).
-        junction_vmax_hard: greatest speeds at the groups' starts and at the end, shape (g+1,).
-        junction_vmax: the same with the mean speeds of timed segments at both of their ends (D-33).
-            segment_vmax: greatest speeds on the groups, (g,).
+        junction_vmax: greatest speeds at the groups' starts and at the end, shape (g+1,). segment_vmax: on
+            the groups, (g,).
         rows: samples of the groups. offset: the groups' first samples, and one past the last, (g+1,).
     """
 
@@ -88,7 +87,6 @@ class Groups(NamedTuple):
     starts: NDArray[np.intp]
     bits: NDArray[np.intp]
     edges: Array
-    junction_vmax_hard: Array
     junction_vmax: Array
     segment_vmax: Array
     rows: Array
@@ -142,9 +140,7 @@ def _group_starts(
 
 @compiled
 def line_row(segments: Segments, index: int) -> int:
-    """Return the row of the one sample of a straight segment without a T of its own; -1 for any other
-    segment.
-    """
+    """Return the row of the one sample of a straight segment; -1 for any other segment."""
     columns = segments.columns
     low = columns.sample_end[index - 1] - segments.dropped if index > 0 else 0
     own = (
@@ -154,7 +150,7 @@ def line_row(segments: Segments, index: int) -> int:
         - columns.vertex_before[index]
         - columns.vertex_after[index]
     )
-    return low if own == 1 and math.isnan(segments.columns.duration[index]) else -1
+    return low if own == 1 else -1
 
 
 @compiled
@@ -172,6 +168,8 @@ def _vertex_zones(
         last = starts[group + 1] if group + 1 < n else len(segment_vmax)
         row = line_row(segments, first)
         if last - first > 1 or row < 0 or columns.vertex_before[first] + columns.vertex_after[first] == 0:
+            continue
+        if not math.isnan(columns.duration[first]):
             continue
         acceleration, _ = straight_limits(segments.samples[row], limits)
         before = after = fastest = 0.0
@@ -200,7 +198,7 @@ def _split_groups(groups: Groups, segments: Segments, long: NDArray[np.bool_], c
     count = len(groups.starts)
     most = count + 2 * long.sum()
     starts, bits = np.empty(most, np.intp), np.empty(most, np.intp)
-    edges, junction_vmax_hard, junction_vmax = np.empty(most + 1), np.empty(most + 1), np.empty(most + 1)
+    edges, junction_vmax = np.empty(most + 1), np.empty(most + 1)
     segment_vmax, offset = np.empty(most), np.zeros(most + 1, np.intp)
     rows = np.empty((len(segments.samples) + 2 * long.sum(), segments.samples.shape[1]))
     at = part = 0
@@ -215,9 +213,6 @@ def _split_groups(groups: Groups, segments: Segments, long: NDArray[np.bool_], c
             starts[part], bits[part] = groups.starts[group], START if opens else (START, LEFT, RIGHT)[place]
             segment_vmax[part] = groups.segment_vmax[group]
             edges[part] = begin if opens else begin + places[place]
-            junction_vmax_hard[part] = (
-                groups.junction_vmax_hard[group] if opens else groups.segment_vmax[group]
-            )
             junction_vmax[part] = groups.junction_vmax[group] if opens else groups.segment_vmax[group]
             for i in range(low, high):
                 # of a long one its own sample, that of the vertex at its start, and of the one at its end
@@ -226,17 +221,12 @@ def _split_groups(groups: Groups, segments: Segments, long: NDArray[np.bool_], c
                     at += 1
             part += 1
             offset[part] = at
-    edges[part], junction_vmax_hard[part], junction_vmax[part] = (
-        groups.edges[count],
-        groups.junction_vmax_hard[count],
-        groups.junction_vmax[count],
-    )
+    edges[part], junction_vmax[part] = groups.edges[count], groups.junction_vmax[count]
     return Groups(
         groups.bounds,
         starts[:part],
         bits[:part],
         edges[: part + 1],
-        junction_vmax_hard[: part + 1],
         junction_vmax[: part + 1],
         segment_vmax[:part],
         rows[:at],
@@ -261,31 +251,21 @@ def group_segments(segments: Segments, entry: float, limits: Array, cycle: float
     limit_junctions(junction_vmax, segment_vmax)
     starts = _group_starts(segments, junction_vmax, segment_vmax, cycle)
     n = len(starts)
-    edges, junction_vmax_hard = np.empty(n + 1), np.empty(n + 1)
+    edges, group_junction_vmax = np.empty(n + 1), np.empty(n + 1)
     group_vmax = np.empty(n)
     offset = np.empty(n + 1, np.intp)
     offset[0] = 0
     for group in range(n):
         first = starts[group]
         last = starts[group + 1] if group + 1 < n else count
-        edges[group], junction_vmax_hard[group] = bounds[first], junction_vmax[first]
+        edges[group], group_junction_vmax[group] = bounds[first], junction_vmax[first]
         top = segment_vmax[first]
         for i in range(first + 1, last):
             top = min(top, segment_vmax[i], junction_vmax[i])
         group_vmax[group] = top
         offset[group + 1] = columns.sample_end[last - 1] - segments.dropped
-    edges[n], junction_vmax_hard[n] = bounds[count], 0.0
-    nominal = junction_vmax_hard.copy()
-    for group in range(n):
-        duration = columns.duration[starts[group]]
-        if not math.isnan(duration):
-            mean = columns.length[starts[group]] / duration
-            for end in (group, group + 1):
-                if 0 < end < n:
-                    nominal[end] = min(nominal[end], mean)
+    edges[n], group_junction_vmax[n] = bounds[count], 0.0
     bits = np.full(n, START, np.intp)
-    groups = Groups(
-        bounds, starts, bits, edges, junction_vmax_hard, nominal, group_vmax, segments.samples, offset
-    )
+    groups = Groups(bounds, starts, bits, edges, group_junction_vmax, group_vmax, segments.samples, offset)
     long, cuts = _vertex_zones(segments, starts, segment_vmax, limits, cycle)
     return _split_groups(groups, segments, long, cuts) if long.any() else groups

@@ -25,6 +25,7 @@ from mcserver.motion.kernels.ramp_kernels import (
     reachable_speed_by_table,
 )
 from mcserver.motion.kernels.sample_limits import SLACK, Run, make_limit_table, min_limits
+from mcserver.motion.kernels.timed_moves import KEPT, group_in_time
 
 # Share by which the speed at the beginning may pass what can be brought down: profiles of a given duration
 # arrive within 1e-8 of their distance, and begin faster than their knot by as much once they are stretched to
@@ -191,27 +192,31 @@ def _phases_between_knots(
     run: Run,
     knots: NDArray[np.intp],
     edges: Array,
-    timed: NDArray[np.bool_],
+    durations: Array,
     tables: LimitTables,
     speeds: Array,
-) -> tuple[int, Array, NDArray[np.intp]]:
+) -> tuple[int, Array, NDArray[np.intp], NDArray[np.intp]]:
     """Return the group whose stretch cannot be joined (−1 without one), and the phases as `find_knots`
     gives them.
     """
     moves, spare = np.empty((MAX_MOVES, MOVE)), np.empty((MAX_MOVES, MOVE))
     firsts = np.full(len(knots) - 1, -1, np.intp)
+    timings = np.full(len(knots) - 1, KEPT, np.intp)
     phases = np.empty((MOST_PHASES * len(firsts), PHASE))
     at = 0
     for index in range(len(firsts)):
         left, right = knots[index], knots[index + 1]
-        if timed[left]:
-            continue
-        made = _moves_between(run, tables, left, right, edges, speeds, moves, spare)
+        made = 0
+        if not math.isnan(durations[left]):
+            ends = (edges[right] - edges[left], speeds[left], speeds[right])
+            made, timings[index] = group_in_time(moves, spare, run, left, ends, durations[left])
         if made == 0:
-            return left, phases[:at], firsts
+            made = _moves_between(run, tables, left, right, edges, speeds, moves, spare)
+        if made == 0:
+            return left, phases[:at], firsts, timings
         firsts[index] = at
         at = moves_to_phases(moves, made, phases, at, edges[left])
-    return -1, phases[:at], firsts
+    return -1, phases[:at], firsts, timings
 
 
 @compiled
@@ -249,26 +254,26 @@ def find_knots(
     run: Run,
     edges: Array,
     junction_vmax: Array,
-    timed: NDArray[np.bool_],
+    durations: Array,
     is_knot: NDArray[np.bool_],
     entry: float,
     required_only: bool,
-) -> tuple[int, int, NDArray[np.intp], Array, Array, NDArray[np.intp]]:
+) -> tuple[int, int, NDArray[np.intp], Array, Array, NDArray[np.intp], NDArray[np.intp]]:
     """Add knots until no stretch between two of them exceeds a speed limit, and return the stretches'
     phases.
 
-    Each round binds the lowest cap of each stretch that passes one. Timed groups stand between knots of their
-    own; their velocity profiles are the caller's.
+    Each round binds the lowest cap of each stretch that passes one. Groups that are to take a T stand between
+    knots of their own.
 
     Args:
-        junction_vmax: lowered where plateaus begin and end. timed: shape (n,).
-        is_knot: shape (n+1,), written. entry: speed at the beginning.
-        required_only: no knots that only save time.
+        junction_vmax: lowered where plateaus begin and end. durations: T of the groups that are to take one,
+            else NaN, shape (n,) [s]. is_knot: shape (n+1,), written.
+        entry: speed at the beginning. required_only: no knots that only save time.
 
     Returns:
         How it ended and the group that is to blame; the knots and their speeds, shape (k,) each; the phases
-        of all stretches without a time of their own with σ counted from the run's start, and for each stretch
-        its first phase (−1: timed), shape (k-1,).
+        with σ counted from the run's start, for each stretch its first phase, and how its T is kept, as
+        `moves_in_time` says it, shape (k-1,) each.
     """
     n = len(run.segment_vmax)
     segment_vmax = run.segment_vmax
@@ -345,8 +350,8 @@ def find_knots(
         is_knot |= new_knots
         knots = np.nonzero(is_knot)[0]
     if status != SOLVED:
-        return status, blamed, knots, speeds[knots], phases[:0], knots[:0]
-    unjoined, law, firsts = _phases_between_knots(run, knots, edges, timed, tables, speeds)
+        return status, blamed, knots, speeds[knots], phases[:0], knots[:0], knots[:0]
+    unjoined, law, firsts, timings = _phases_between_knots(run, knots, edges, durations, tables, speeds)
     if unjoined >= 0:
         status, blamed = NOT_JOINED, unjoined
-    return status, blamed, knots, speeds[knots], law, firsts
+    return status, blamed, knots, speeds[knots], law, firsts, timings

@@ -126,7 +126,7 @@ def reachable_speed_by_table(
 
 
 @compiled
-def _put(moves: Array, at: int, start: float, end: float, acceleration: float, jerk: float) -> int:
+def put_ramp(moves: Array, at: int, start: float, end: float, acceleration: float, jerk: float) -> int:
     moves[at, 0] = start
     moves[at, 1] = end
     moves[at, 2] = acceleration
@@ -136,7 +136,7 @@ def _put(moves: Array, at: int, start: float, end: float, acceleration: float, j
 
 
 @compiled
-def _cruise(moves: Array, at: int, speed: float, length: float) -> int:
+def put_cruise(moves: Array, at: int, speed: float, length: float) -> int:
     moves[at, 0] = speed
     moves[at, 1] = speed
     moves[at, 2] = 0.0
@@ -228,14 +228,14 @@ def peak_moves(
         need = _peak_need(top, entry, exit_, acceleration, jerk)
     first = at
     if top > entry:
-        at = _put(moves, at, entry, top, acceleration, jerk)
+        at = put_ramp(moves, at, entry, top, acceleration, jerk)
     left = distance - need
     if left > NO_DISTANCE * max(1.0, distance):
         if top <= 0.0:
             return -1
-        at = _cruise(moves, at, top, left)
+        at = put_cruise(moves, at, top, left)
     if top > exit_:
-        at = _put(moves, at, top, exit_, acceleration, jerk)
+        at = put_ramp(moves, at, top, exit_, acceleration, jerk)
     return at if at > first else -1
 
 
@@ -273,10 +273,10 @@ def _table_moves(
             row = index
             break
         if up < speed:
-            at = _put(moves, at, up, speed, acceleration, jerk)
+            at = put_ramp(moves, at, up, speed, acceleration, jerk)
             up = speed
         if down < speed:
-            tails = _put(tail, tails, speed, down, acceleration, jerk)
+            tails = put_ramp(tail, tails, speed, down, acceleration, jerk)
             down = speed
         left -= need
     if left <= NO_DISTANCE:
@@ -313,13 +313,13 @@ def _ramps_only(
         if limit_table[index, 0] <= speed or speed >= high:
             continue
         target = min(limit_table[index, 0], high)
-        at = _put(moves, at, speed, target, limit_table[index, 1], limit_table[index, 2])
+        at = put_ramp(moves, at, speed, target, limit_table[index, 1], limit_table[index, 2])
         left -= moves[at - 1, 4]
         speed = target
     if speed < high or left < 0.0 or high <= 0.0:
         return 0
     if left > NO_DISTANCE:
-        at = _cruise(moves, at, high, left)
+        at = put_cruise(moves, at, high, left)
     if entry > exit_:
         for index in range(at // 2):
             other = at - 1 - index

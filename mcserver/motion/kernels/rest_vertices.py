@@ -15,6 +15,8 @@ from mcserver.motion.kernels.ramp_kernels import ramp_distance, ramp_time, reach
 
 # Two lines that take this share of their times from rest to rest are tried with a stop between them.
 WORTH = 0.9
+# The same of two lines with a T.
+LATE = 1.0 + 1e-6
 
 
 @compiled
@@ -29,8 +31,8 @@ def rest_time(length: float, acceleration: float, jerk: float, top: float) -> fl
 
 @compiled
 def _rest_to_rest_times(segments: Segments, limits: Array) -> Array:
-    """Return the least times from rest to rest of straight segments without a T, infinite for others,
-    shape (n,) [s].
+    """Return the least times from rest to rest of straight segments, or T where that is longer, infinite
+    for others, shape (n,) [s].
     """
     columns = segments.columns
     times = np.full(len(columns.length), math.inf)
@@ -39,6 +41,8 @@ def _rest_to_rest_times(segments: Segments, limits: Array) -> Array:
         if row >= 0:
             acceleration, jerk = straight_limits(segments.samples[row], limits)
             times[i] = rest_time(columns.length[i], acceleration, jerk, columns.segment_vmax[i])
+            if columns.duration[i] > times[i]:
+                times[i] = columns.duration[i]
     return times
 
 
@@ -51,7 +55,11 @@ def slow_vertices(segments: Segments, times: Array, limits: Array) -> NDArray[np
     """
     rest = _rest_to_rest_times(segments, limits)
     slow = np.zeros(len(rest), np.bool_)
+    durations = segments.columns.duration
     for i in range(1, len(rest)):
         if segments.columns.vertex_before[i] != 0:
-            slow[i] = times[i + 1] - times[i - 1] > WORTH * (rest[i - 1] + rest[i])
+            # lines that keep their T are not quicker with a stop
+            timed = not (math.isnan(durations[i - 1]) or math.isnan(durations[i]))
+            share = LATE if timed else WORTH
+            slow[i] = times[i + 1] - times[i - 1] > share * (rest[i - 1] + rest[i])
     return slow

@@ -146,8 +146,8 @@ def run_time(
     is_key[0] = is_key[n] = True
     # a literal would have the search compiled once more, for that value alone
     plain = bool(np.bool_(False))
-    status, _, _, _, phases, _ = find_knots(
-        run, edges, junction_vmax, np.zeros(n, np.bool_), is_key, junction_vmax[0], plain
+    status, _, _, _, phases, _, _ = find_knots(
+        run, edges, junction_vmax, np.full(n, math.nan), is_key, junction_vmax[0], plain
     )
     return phases[:, 0].sum() if status == SOLVED else math.inf
 

@@ -77,11 +77,9 @@ def turn_moment(plan: PlannedRun, want: float, until: float) -> float:
             continue
         moment = start - a / jerk
         # at a phase's end but for rounding there may be a corner in a time of its own, with another speed
-        inside = end - moment > LEAST_PHASE_S
-        if inside and want <= moment < until and phases.state(moment)[1] > least:
-            segment = plan.segments[plan.segment_at(moment)]
-            if segment.duration is None:
-                return moment
+        inside = end - moment > LEAST_PHASE_S and want <= moment < until and phases.state(moment)[1] > least
+        if inside and not plan.held[plan.segment_at(moment)]:
+            return moment
     return math.inf
 
 
@@ -118,7 +116,7 @@ def _outside_timed(plan: PlannedRun, moment: float, safe: float, *, inside_timed
     """
     segment = plan.segment_at(moment)
     begins, ends = float(plan.times[segment]), float(plan.times[segment + 1])
-    if plan.segments[segment].duration is None or moment == begins:
+    if not plan.held[segment] or moment == begins:
         return moment
     if inside_timed and ends - moment >= LEAST_REST_S and plan.keeps_time(segment):
         return moment
@@ -129,7 +127,7 @@ def _stop_begins(plan: PlannedRun, *, inside_timed: bool) -> float:
     """Return the last time with zero acceleration before the stop at the end [s]; 0 where the run is
     one such stop.
     """
-    if plan.segments[-1].duration is not None and not inside_timed:
+    if plan.held[-1] and not inside_timed:
         # one profile from its entry to rest: nothing of it is settled before the next line is known
         return float(plan.times[-2])
     phases = plan.phases
@@ -201,4 +199,4 @@ def _before_timed(plan: PlannedRun, moment: float) -> float:
     Such a line is not cut inside: what is left of it would ask for all of its T.
     """
     segment = plan.segment_at(plan.at_end(moment))
-    return float(plan.times[segment]) if plan.segments[segment].duration is not None else moment
+    return float(plan.times[segment]) if plan.held[segment] else moment

@@ -8,6 +8,7 @@ the tangent is. Its nodes are the joints, each with the greatest speed at which 
 from __future__ import annotations
 
 import contextlib
+import math
 from dataclasses import dataclass
 
 import msgspec
@@ -29,7 +30,7 @@ from mcserver.motion.kernels.ramp_kernels import reachable_speed
 from mcserver.motion.kernels.rest_vertices import slow_vertices
 from mcserver.motion.kernels.sample_limits import limit_junctions
 from mcserver.motion.kernels.spline_samples import PartSamples, scale_samples
-from mcserver.motion.lookahead.missed_times import none_early, with_stops
+from mcserver.motion.lookahead.missed_times import MOST_STOPS, late_groups, none_early, released, with_stops
 from mcserver.motion.lookahead.path_limits import (
     Junction,
     RunLimits,
@@ -42,7 +43,7 @@ from mcserver.motion.lookahead.segment_table import SegmentTable, empty_columns
 from mcserver.motion.lookahead.torque_samples import spline_with_torques
 from mcserver.motion.profile.faster_stretches import quicker_stretches
 from mcserver.motion.profile.profile_solver import KnotSolver, Solution
-from mcserver.motion.profile.velocity_profile import Phases, ProfileSolver, join_phases
+from mcserver.motion.profile.velocity_profile import Phases, join_phases
 
 # Moments of a segment at which its speed is looked at for what bounds it.
 SPEED_PROBES = 17
@@ -86,13 +87,18 @@ class _Law:
     """A velocity profile over groups.
 
     Attributes:
-        times: at the segments' starts and at the end, shape (n+1,) [s].
+        times: at the segments' starts and at the end, shape (n+1,) [s]. held: which segments are planned by
+            themselves, to take their T, shape (n,). late: groups that take longer than theirs.
+            limits: of the groups.
     """
 
     groups: Groups
     solution: Solution
     phases: Phases
     times: Array
+    held: NDArray[np.bool_]
+    late: list[int]
+    limits: RunLimits
 
 
 class Lookahead:
@@ -105,7 +111,6 @@ class Lookahead:
 
     def __init__(self, limits: AxisLimits) -> None:
         self._limits = limits
-        self._solver = ProfileSolver()
         self._corners = TimeDomainBlends(limits)
         self.table = SegmentTable(limits.of_samples.shape[1])
         self.entry = 0.0
@@ -244,18 +249,17 @@ class Lookahead:
         table = self.table
         law = self._law(table.kernel_view)
         run = self._run_of(law)
-        if not table.timed.any():
-            if self._limits.torque is None:
-                slow = slow_vertices(table.kernel_view, law.times, self._limits.rows)
-            else:
-                # what a vertex asks of a torque counts on all of a segment
-                slow = table.columns.vertex_before != 0
-            if slow.any():
-                with contextlib.suppress(PlanningError):
-                    other = self._law(table.with_stops(slow))
-                    stopping = self._run_of(other)
-                    if stopping.phases.duration < run.phases.duration:
-                        law, run = other, stopping
+        if self._limits.torque is None:
+            slow = slow_vertices(table.kernel_view, law.times, self._limits.rows)
+        else:
+            # what a vertex asks of a torque counts on all of a segment
+            slow = table.columns.vertex_before != 0
+        if slow.any():
+            with contextlib.suppress(PlanningError):
+                other = self._law(table.with_stops(slow))
+                stopping = self._run_of(other)
+                if stopping.phases.duration < run.phases.duration:
+                    law, run = other, stopping
         groups, knots = law.groups, law.solution.knots
         inner = knots[(knots > 0) & (knots < len(groups.starts))]
         table.mark_knots(groups.starts[inner], groups.bits[inner])
@@ -263,8 +267,8 @@ class Lookahead:
 
     def _run_of(self, law: _Law) -> PlannedRun:
         bound_by: list[Bound | None] = [None] * len(self.table)
-        for group, bound in law.solution.late.items():
-            bound_by[law.groups.starts[group]] = bound
+        for group in law.late:
+            bound_by[law.groups.starts[group]] = self._bound_of_late(law, group)
         self._feed_bounds(law.times, bound_by)
         if self._limits.torque is not None:
             self._torque_bounds(law, bound_by)
@@ -276,6 +280,7 @@ class Lookahead:
             timed=np.zeros(len(law.phases.start), np.bool_),
             times=law.times,
             bound_by=bound_by,
+            held=law.held,
             ends_early=bool(law.solution.early),
         )
         stops, corners = self._corners_of(required_only)
@@ -308,23 +313,24 @@ class Lookahead:
 
     def _law(self, segments: Segments) -> _Law:
         groups = group_segments(segments, self.entry, self._limits.of_samples, self._limits.cycle)
-        junction_vmax = groups.junction_vmax
-        solver = KnotSolver(self._solver, self._limits, self.table, groups, self.entry)
+        solver = KnotSolver(self.table, groups, self.entry)
         samples = _Samples.of(self.table, groups)
 
         def attempt(junction_vmax: Array) -> Solution:
-            solver.run = RunLimits(
-                samples.under(junction_vmax), groups.offset, groups.segment_vmax, self._limits
-            )
+            vmax = np.fmin(groups.segment_vmax, np.where(solver.kept_mean, solver.means, math.inf))
+            solver.run = RunLimits(samples.under(junction_vmax), groups.offset, vmax, self._limits)
             bound = junction_vmax.copy()
             limit_junctions(bound, solver.run.segment_vmax)
             return solver.solve(bound)
 
+        junction_vmax = solver.nominal_speeds()
         solution = attempt(junction_vmax)
         if solution.late and solver.raise_speeds(solution.late, solution.speeds, junction_vmax):
             solution = attempt(junction_vmax)
+        if 0 < len(solution.late) <= MOST_STOPS:
+            solution = with_stops(solution, junction_vmax, samples.ends, attempt)
         if solution.late:
-            solution = with_stops(solution, junction_vmax, attempt)
+            solution = released(solver, solution, junction_vmax, groups.edges, attempt)
         if solution.early:
             solution = none_early(solver, solution, junction_vmax, attempt)
         knots, first = solution.knots, solution.first
@@ -351,7 +357,26 @@ class Lookahead:
         at_starts = np.append(groups.bits, START)[knots] == START
         starts = np.append(groups.starts, len(self.table))[knots]
         times[starts[at_starts]] = at_knots[at_starts]
-        return _Law(groups, solution, phases, times)
+        held = np.zeros(len(self.table), np.bool_)
+        held[groups.starts] = solver.held
+        late = late_groups(solver, phases.time_at(groups.edges)) if self.table.timed.any() else []
+        return _Law(groups, solution, phases, times, held, late, solver.run)
+
+    def _bound_of_late(self, law: _Law, group: int) -> Bound:
+        """Return the limit that stretches a group beyond its T."""
+        first = int(law.groups.starts[group])
+        low, high = law.phases.span(*law.phases.time_at(law.groups.edges[group : group + 2]).tolist())
+        rows = law.phases.rows[low:high]
+        peak = max(float(rows[:, 2].max()), float(rows[-1, 2] + rows[-1, 0] * rows[-1, 3]))
+        if peak >= 0.999 * self.table.columns.axis_vmax[first]:
+            limit = self.table.limit_of(first)
+            return self._limits.bound(limit.column, limit.kind)
+        _, most_acceleration, most_jerk = self._limits.of_samples
+        slope = np.maximum(self.table.samples_of(first)[:, : len(most_jerk)].max(axis=0), 1e-300)
+        strongest = float(np.abs(rows[:, 3]).max())
+        if strongest >= 0.999 * min(level.acceleration for level in law.limits.limit_table(group, group + 1)):
+            return self._limits.bound(int(np.argmin(most_acceleration / slope)), "acceleration")
+        return self._limits.bound(int(np.argmin(most_jerk / slope)), "jerk")
 
     def _feed_bounds(self, times: Array, bound_by: list[Bound | None]) -> None:
         columns = self.table.columns

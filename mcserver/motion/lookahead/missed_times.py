@@ -1,5 +1,5 @@
-"""Plans in which segments with a T of their own miss it: tried again with stops and with lower speeds beside
-them (D-33).
+"""Plans in which segments with a T of their own miss it (D-33): those that cannot keep it flow on as feed
+lines do; a stop at a vertex, or lower speeds beside them, may let others keep theirs.
 """
 
 from __future__ import annotations
@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from mcserver.motion.bound import PlanningError
 from mcserver.motion.geometry.curves import Array
+from mcserver.motion.kernels.timed_moves import SAME_TIME
 from mcserver.motion.profile.profile_solver import KnotSolver, Solution
 
 # Late segments of one window that stops are tried for.
@@ -20,18 +21,31 @@ MOST_STOPS = 8
 SLOWDOWNS = 4
 # Share of the time of all that such a stop has to come below, where it lets no more lines keep their T.
 STOP_GAIN = 0.8
+# Plans in which lines that cannot keep their T are told from those that can, before all of the former keep
+# to their mean speeds.
+RELEASES = 6
 
 
-def with_stops(solution: Solution, junction_vmax: Array, attempt: Callable[[Array], Solution]) -> Solution:
+def with_stops(
+    solution: Solution,
+    junction_vmax: Array,
+    vertices: NDArray[np.intp],
+    attempt: Callable[[Array], Solution],
+) -> Solution:
     """Try stops at vertices beside timed segments that are late, where that lets more of them keep their
     T, or as many and all of them together take much less time.
 
     A vertex that is passed with speed takes its part of the acceleration of the whole segment.
+
+    Args:
+        vertices: the groups' ends at which there is one.
     """
+    passed = np.zeros(len(junction_vmax), np.bool_)
+    passed[vertices] = True
     for group in list(solution.late)[:MOST_STOPS]:
         best: list[int] = []
         for ends in ((group,), (group + 1,), (group, group + 1)):
-            inner = [end for end in ends if 0 < end < len(junction_vmax) - 1 and junction_vmax[end] > 0.0]
+            inner = [end for end in ends if passed[end] and junction_vmax[end] > 0.0]
             if len(inner) < len(ends):
                 continue
             other = _stopping(inner, junction_vmax, attempt)
@@ -41,7 +55,64 @@ def with_stops(solution: Solution, junction_vmax: Array, attempt: Callable[[Arra
             if _lateness(other) < (late, time * STOP_GAIN):
                 solution, best = other, inner
         junction_vmax[best] = 0.0
-    return solution if len(solution.late) <= MOST_STOPS else _with_all_stops(solution, junction_vmax, attempt)
+    return solution
+
+
+def released(
+    solver: KnotSolver,
+    solution: Solution,
+    junction_vmax: Array,
+    edges: Array,
+    attempt: Callable[[Array], Solution],
+) -> Solution:
+    """Let late lines flow into each other as feed lines do: with acceleration where they meet, as fast as
+    the axes allow, and those that would end before their T by that at no more than their mean speed.
+    """
+    free = np.zeros(len(solver.held), np.bool_)
+    timed, held, held_speeds = solver.held.copy(), solution, junction_vmax.copy()
+    for turn in range(RELEASES + 1):
+        late = np.zeros(len(free), np.bool_)
+        late[list(solution.late)] = True
+        # one that nothing flows into, between knots, is as quick as it can be
+        flows = late | ~solver.held
+        late &= np.append(flows[1:], False) | np.append(False, flows[:-1])
+        early = free & _missed(-np.diff(solution.times(edges)), -solver.durations)
+        if turn == RELEASES and early.any():
+            early = free.copy()
+        if not (early.any() or (late.any() and turn < RELEASES)):
+            break
+        if turn < RELEASES:
+            free |= late
+            solver.held = solver.held & ~late
+        free &= ~early
+        solver.kept_mean = solver.kept_mean | early
+        nominal, opened = solver.nominal_speeds(), np.append(late, False) | np.append(False, late)
+        # speeds that were raised stay, and stops
+        np.copyto(junction_vmax, nominal, where=opened & (junction_vmax > 0.0) & (junction_vmax < nominal))
+        try:
+            solution = attempt(junction_vmax)
+        except PlanningError:
+            # the speed that is there already leaves no other
+            solver.held, solver.kept_mean = timed, np.zeros(len(free), np.bool_)
+            junction_vmax[:] = held_speeds
+            return held
+    return solution
+
+
+def late_groups(solver: KnotSolver, times: Array) -> list[int]:
+    """Return the groups that take longer than their T.
+
+    Args:
+        times: at the groups' ends, shape (n+1,) [s].
+    """
+    late: list[int] = np.nonzero(_missed(np.diff(times), solver.durations))[0].tolist()
+    return late
+
+
+def _missed(took: Array, durations: Array) -> NDArray[np.bool_]:
+    """Return which times are beyond those asked for; not where none is asked for."""
+    beyond: NDArray[np.bool_] = took > durations + SAME_TIME * (1.0 + 2.0 * np.abs(durations))
+    return beyond
 
 
 def none_early(
@@ -88,70 +159,3 @@ def _stopping(ends: list[int], junction_vmax: Array, attempt: Callable[[Array], 
 def _lateness(solution: Solution) -> tuple[int, float]:
     """Return how many timed segments miss their T, and the time of all [s]."""
     return len(solution.late) + len(solution.early), float(solution.phases[:, 0].sum())
-
-
-def _with_all_stops(
-    solution: Solution, junction_vmax: Array, attempt: Callable[[Array], Solution]
-) -> Solution:
-    """Try stops at all the vertices beside timed segments that are late, of which there are many, at once:
-    they are kept where the two segments take much less time from rest to rest.
-    """
-    late = np.array(list(solution.late))
-    ends = np.unique(np.concatenate((late, late + 1)))
-    ends = ends[(ends > 0) & (ends < len(junction_vmax) - 1)]
-    ends = ends[junction_vmax[ends] > 0.0]
-    trial = junction_vmax.copy()
-    trial[ends] = 0.0
-    try:
-        resting = attempt(trial)
-        rest = _times_about(resting, ends)
-        kept = ends[rest < STOP_GAIN * _times_about(solution, ends)]
-        if not len(kept):
-            return solution
-        trial = junction_vmax.copy()
-        trial[kept] = 0.0
-        found = attempt(trial)
-    except PlanningError:
-        return solution
-    stops = trial
-    best = min(found, resting, key=_lateness)
-    if best is resting:
-        stops = junction_vmax.copy()
-        stops[ends] = 0.0
-    best = _with_fewer_stops(best, stops, junction_vmax, attempt)
-    return best if _lateness(best) < _lateness(solution) else solution
-
-
-def _with_fewer_stops(
-    solution: Solution, stops: Array, junction_vmax: Array, attempt: Callable[[Array], Solution]
-) -> Solution:
-    """Try to pass every other stop, then those between, twice: which vertices are better passed shows only
-    where the ones beside them are not.
-    """
-    for turn in range(4):
-        (closed,) = np.nonzero((stops == 0.0) & (junction_vmax > 0.0))
-        closed = closed[turn % 2 :: 2]
-        trial = stops.copy()
-        trial[closed] = junction_vmax[closed]
-        try:
-            passed = attempt(trial)
-            faster = closed[_times_about(passed, closed) < _times_about(solution, closed)]
-            if not len(faster):
-                continue
-            trial = stops.copy()
-            trial[faster] = junction_vmax[faster]
-            found = attempt(trial)
-        except PlanningError:
-            continue
-        if _lateness(found) < _lateness(solution):
-            solution, stops = found, trial
-    return solution
-
-
-def _times_about(solution: Solution, ends: NDArray[np.intp]) -> Array:
-    """Return the times of the two groups at each of some ends of groups [s]; NaN where they are not known."""
-    passed = np.concatenate(([0.0], np.cumsum(solution.phases[:, 0])))[solution.first]
-    place = np.minimum(np.searchsorted(solution.knots, (ends - 1, ends, ends + 1)), len(solution.knots) - 1)
-    known = (solution.knots[place] == (ends - 1, ends, ends + 1)).all(axis=0)
-    times: Array = np.where(known, passed[place[2]] - passed[place[0]], np.nan)
-    return times

@@ -32,6 +32,7 @@ class PlannedRun:
             acceleration.
         times: at ``bounds``, shape (n+1,) [s].
         bound_by: for each segment what limit stretched it, or None.
+        held: which segments take their T between knots of their own, shape (n,).
         ends_early: whether a segment ends before its T, for want of a slower profile.
     """
 
@@ -42,6 +43,7 @@ class PlannedRun:
     timed: NDArray[np.bool_]
     times: Array
     bound_by: list[Bound | None]
+    held: NDArray[np.bool_]
     ends_early: bool = False
 
     @property
@@ -90,10 +92,9 @@ class PlannedRun:
         segments = self.segments[index:]
         if moment - float(self.times[index]) > NO_TIME:
             # what is left of a segment under way
-            first = segments[0]
+            first = segments[0].lasting_less(self.spent(moment), segments[0].feed_scale)
             begin = first.begin + (sigma - float(self.bounds[index])) / first.scale
-            rest = None if first.duration is None else first.duration - self.spent(moment)
-            segments[0] = msgspec.structs.replace(first, begin=begin, duration=rest, opens=False)
+            segments[0] = msgspec.structs.replace(first, begin=begin, opens=False)
         phases = self.phases.after(moment)
         return PlannedRun(
             segments=segments,
@@ -103,6 +104,7 @@ class PlannedRun:
             timed=self.timed[len(self.timed) - len(phases.start) :],
             times=np.maximum(self.times[index:] - moment, 0.0),
             bound_by=self.bound_by[index:],
+            held=self.held[index:],
         )
 
     def _sealed(self, low: float, high: float) -> NDArray[np.bool_]:
@@ -168,5 +170,6 @@ class PlannedRun:
             timed=timed,
             times=np.insert(times, places, np.column_stack((leave_at, join_at)).ravel()),
             bound_by=bound_by + self.bound_by[low:],
+            held=np.insert(self.held, np.repeat(at, 2), False),
             ends_early=self.ends_early,
         )
