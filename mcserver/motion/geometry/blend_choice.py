@@ -22,6 +22,8 @@ TOLERANCE_SHARES = (0.85, 0.3)
 JOINT_SHARES = (0.98, 0.4, 0.15, 0.05)
 # Mean speeds of timed lines whose lower one is this share of the other hardly differ.
 ALIKE = 0.5
+# Times that differ by less are one.
+ROUNDING = 1e-9
 
 
 def best_blend(window: Lookahead, after: Segment, limits: AxisLimits) -> Blend | None:
@@ -37,27 +39,57 @@ def best_blend(window: Lookahead, after: Segment, limits: AxisLimits) -> Blend |
         return _quickest(before, after, limits, speed, overlaps=True)
     found = steady_blend(before, after, limits, HANDLE)
     if found is None:
-        found = _quickest(*lines, limits, speed, overlaps=False)
-        if found is not None:
-            keep_times(found, before, after, limits)
+        found = _quickest_timed(before, after, limits, speed)
     slower, faster = sorted(line.feed * line.scale for line in lines)
     if found is None or slower >= ALIKE * faster:
         return found
     # half of the blend is passed at the speed of the slower line: the faster one may lose more than by a stop
     whole = [before, msgspec.structs.replace(after, tolerance=0.0)]
     least, _ = _time(limits, whole, fast=True, stops=True)
-    time, _ = _time(limits, [found.before, found.first, found.second, found.after], fast=True)
+    time, _ = _time(limits, _parts(found), fast=True)
     return found if time <= least else None
 
 
+def _quickest_timed(before: Segment, after: Segment, limits: AxisLimits, speed: float) -> Blend | None:
+    """Return the quickest blend of a corner at which a line has a T; a T that is kept within the tolerance at
+    the path is not kept by one at the joints.
+    """
+    least = math.inf
+    best: Blend | None = None
+    lines = as_feed_line(before), as_feed_line(after)
+    kinds = (False, True) if joint_weights(before, after, limits) is not None else (False,)
+    for at_joints in kinds:
+        found = _quickest(*lines, limits, speed, overlaps=False, at_joints=at_joints)
+        parts = [before, msgspec.structs.replace(after, tolerance=0.0)]
+        if found is not None:
+            keep_times(found, before, after, limits)
+            parts = _parts(found)
+        if len(kinds) == 1:
+            return found
+        time, _ = _time(limits, parts, fast=True, stops=found is None and speed <= 0.0)
+        if time < least * (1.0 - ROUNDING):
+            best, least = found, time
+    return best
+
+
+def _parts(found: Blend) -> list[Segment]:
+    return [found.before, found.first, found.second, found.after]
+
+
 def _quickest(
-    before: Segment, after: Segment, limits: AxisLimits, speed: float, *, overlaps: bool
+    before: Segment,
+    after: Segment,
+    limits: AxisLimits,
+    speed: float,
+    *,
+    overlaps: bool,
+    at_joints: bool = True,
 ) -> Blend | None:
     """Return the blend of the corner between two feed lines as `best_blend` does.
 
     Args:
         speed: over the corner itself. overlaps: if that is a stop, whether it may be passed in a time of its
-            own instead.
+            own instead. at_joints: whether the tolerance at the joints may be used too.
     """
     if before.straight and after.straight and before.only_feed_columns and after.only_feed_columns:
         found = straight_blend(before, after, HANDLE, TOLERANCE_SHARES, limits, 0.0)
@@ -73,15 +105,15 @@ def _quickest(
     if speed <= 0.0:
         least, _ = _time(limits, [before, after] if overlaps else whole, fast=True, stops=not overlaps)
     fastest = FASTER * speed
-    at_joints = joint_weights(before, after, limits)
+    weights = joint_weights(before, after, limits) if at_joints else None
     shares: list[tuple[Array | None, float]] = [(None, share) for share in TOLERANCE_SHARES]
-    if at_joints is not None:
-        shares += [(at_joints, share) for share in JOINT_SHARES]
+    if weights is not None:
+        shares += [(weights, share) for share in JOINT_SHARES]
     for per_joint, share in shares:
         found = blend(before, after, share * after.tolerance, limits.weights, HANDLE, per_joint)
         if found is None:
             continue
-        parts = [found.before, found.first, found.second, found.after]
+        parts = _parts(found)
         slow, top = _time(limits, parts, fast=False)
         if not is_worthwhile(speed, from_rest, slow, top, fastest):
             continue

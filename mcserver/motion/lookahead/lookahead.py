@@ -359,7 +359,8 @@ class Lookahead:
         times[starts[at_starts]] = at_knots[at_starts]
         held = np.zeros(len(self.table), np.bool_)
         held[groups.starts] = solver.held
-        late = late_groups(solver, phases.time_at(groups.edges)) if self.table.timed.any() else []
+        at_edges = np.append(times[groups.starts], times[-1])
+        late = late_groups(solver, at_edges) if self.table.timed.any() else []
         return _Law(groups, solution, phases, times, held, late, solver.run)
 
     def _bound_of_late(self, law: _Law, group: int) -> Bound:
