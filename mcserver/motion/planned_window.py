@@ -18,6 +18,7 @@ from mcserver.motion.geometry.path_segments import PathSegments
 from mcserver.motion.geometry.segment import AxisLimits, Segment
 from mcserver.motion.geometry.segment_list import SegmentList
 from mcserver.motion.geometry.straight_run import StraightRun
+from mcserver.motion.lookahead.feed_scale import is_under_way
 from mcserver.motion.lookahead.lookahead import Lookahead
 from mcserver.motion.lookahead.planned_run import PlannedRun
 from mcserver.motion.smoothing.chord_smoothing import ChordSmoother, Item, OpenCurve, SmoothRun
@@ -221,13 +222,18 @@ class PlannedWindow:
             PlanningError: no plan exists, and lines have come since the last one was found.
         """
         if self.plan is None:
+            table, reserve = self.lookahead.table, self.reserve
             try:
-                self.plan = self.lookahead.plan()
+                plan = self.lookahead.plan()
+                if plan.ends_early and is_under_way(table) and reserve is not None and not reserve.ends_early:
+                    # the stop in reserve leaves the line under way its T
+                    raise PlanningError(table.segments[0].line)
+                self.plan = plan
             except PlanningError:
                 # the stop in reserve is a velocity profile too, if nothing has come behind it
-                if self.reserve is None or self.reserve.window < len(self.lookahead.table):
+                if reserve is None or reserve.window < len(table):
                     raise
-                self.plan = self.reserve
+                self.plan = reserve
         return self.plan
 
     def end_here(self) -> None:

@@ -35,14 +35,14 @@ def plan_at_feed_scale(window: Lookahead, scale: float) -> PlannedRun | None:
             except PlanningError:
                 pass
             else:
-                if not (found.ends_early and _is_under_way(table)):
+                if not (found.ends_early and is_under_way(table)):
                     return found
         table.put_back(saved)
         kept = max(1, 2 * kept)
     return None
 
 
-def _is_under_way(table: SegmentTable) -> bool:
+def is_under_way(table: SegmentTable) -> bool:
     """Return whether the first segment is what is left of a line with a time of its own: at the speed that
     is there it may have no slower profile than for the T that it has.
     """
