@@ -53,7 +53,11 @@ def test_a_token_that_no_rule_allows_is_seen_by_nobody(site: RunningSite) -> Non
     # the allowed one, which came later, is there: so would be the others
     assert heard.get(timeout=LIMIT_S).endswith("/client/alice.hmi")
     time.sleep(SETTLED_S)
-    assert tokens(machine, f"mc/@v1/{MACHINE}/client/*") == [f"mc/@v1/{MACHINE}/client/alice.hmi"]
+    due = time.monotonic() + LIMIT_S
+    # an answer in time may need more than one try beside other work
+    while not (found := tokens(machine, f"mc/@v1/{MACHINE}/client/*")) and time.monotonic() < due:
+        time.sleep(SETTLED_S)
+    assert found == [f"mc/@v1/{MACHINE}/client/alice.hmi"]
     assert tokens(machine, f"mc/@v1/{MACHINE}/live/*") == []
     while not heard.empty():
         assert heard.get().endswith("/client/alice.hmi")

@@ -66,7 +66,7 @@ async def test_a_program_runs_on_and_gives_its_axes_away_while_the_disk_stalls(
     cell: VirtualCell, disk: StallingDisk
 ) -> None:
     service = cell.service
-    first = await service.open("test", axes=[0])
+    first = await service.open("test", axes=[0], hold=True)
     second = await service.open("test", axes=[0])
     await service.lines.submit("test", first.program, 1, ["G1010 P0", "G01 X20 F600"], judge=False)
     await service.lines.submit("test", second.program, 1, ["G01 X40 F600"], judge=False)
@@ -75,8 +75,9 @@ async def test_a_program_runs_on_and_gives_its_axes_away_while_the_disk_stalls(
     # what ends a text comes to the planner through the journal too
     committed = asyncio.Event()
     service._table.journal.after(committed.set)
-    await cell.until(lambda: committed.is_set() and first.progress.started == 2)
+    await cell.until(committed.is_set)
     disk.goes_on.clear()
+    service.resume(first.program)
     await cell.until(lambda: first.over)
     await cell.until(lambda: cell.position(0) > 0.03)
     said = [first.status(), first.ack()]
