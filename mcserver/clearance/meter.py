@@ -66,11 +66,12 @@ class ClearanceMeter:
         self._waiting = 0
         self._scene.place(self._last)
         pairs = range(len(self._scene.pairs))
-        self._known: Array = np.array([self._scene.distance(pair) for pair in pairs])
+        # of each pair the distance computed last, and the motion since then
+        self._distance: Array = np.array([self._scene.distance(pair) for pair in pairs])
         self._spent: Array = np.zeros(len(pairs))
         self._nearest = [
             Nearest(float(at) if at < self._margin + FAR else math.inf, 0.0, 0, bool(at < self._margin))
-            for at in self._known
+            for at in self._distance
         ]
 
     def add(self, times: Array, lines: NDArray[np.int64], setpoint: Array) -> None:
@@ -146,9 +147,9 @@ class ClearanceMeter:
         times, lines, rows = (np.concatenate(each) for each in zip(*self._block, strict=True))
         self._block, self._waiting = [], 0
         moved = np.abs(np.diff(rows, axis=0, prepend=self._last[None])) @ self._scene.levers
-        # motion of each pair up to each cycle; of that, up to where its distance was computed last
+        # motion of each pair up to each cycle; what of it lies before its distance was computed last
         total = self._spent + moved.cumsum(axis=0)
-        known = np.zeros(len(self._nearest))
+        base = np.zeros(len(self._nearest))
         due = [
             (int(np.searchsorted(total[:, pair], self._spare(pair))), pair)
             for pair in range(len(self._nearest))
@@ -158,26 +159,24 @@ class ClearanceMeter:
         while due and due[0][0] < len(rows):
             at, pair = due[0]
             before = self._last if at == 0 else rows[at - 1]
-            low = float(self._known[pair] + known[pair] - total[at, pair] + moved[at, pair])
+            low = float(self._distance[pair] + base[pair] - total[at, pair] + moved[at, pair])
             end, least = self._between(pair, before, rows[at], low, float(moved[at, pair]))
             if least < min(self._nearest[pair].distance, self._margin + FAR):
                 contact = least < self._margin
                 self._nearest[pair] = Nearest(least, float(times[at]), int(lines[at]), contact)
-            self._known[pair] = end
-            known[pair] = total[at, pair]
+            self._distance[pair], base[pair] = end, total[at, pair]
             if self._nearest[pair].contact:
                 heapq.heappop(due)
             else:
-                later = int(np.searchsorted(total[at + 1 :, pair], known[pair] + self._spare(pair)))
+                later = int(np.searchsorted(total[at + 1 :, pair], base[pair] + self._spare(pair)))
                 heapq.heapreplace(due, (at + 1 + later, pair))
-        self._spent = total[-1] - known
+        self._spent = total[-1] - base
         self._last = rows[-1]
 
     def _spare(self, pair: int) -> float:
         """Return the motion after which a pair may be a contact, or nearer than it ever was [m]."""
-        best = self._nearest[pair].distance
-        nearer = min(best, self._margin + FAR)
-        return float(self._known[pair]) - max(self._margin, nearer - max(RESOLUTION, SHARE * nearer))
+        nearer = min(self._nearest[pair].distance, self._margin + FAR)
+        return float(self._distance[pair]) - max(self._margin, nearer - max(RESOLUTION, SHARE * nearer))
 
     def _between(
         self, pair: int, before: Array, after: Array, low: float, moved: float
@@ -193,9 +192,9 @@ class ClearanceMeter:
             return end, end
         self._scene.place(before)
         start = self._scene.distance(pair)
-        middle = 0.5 * (before + after)
         if 0.5 * (start + end - moved) >= self._margin:
             return end, end
+        middle = 0.5 * (before + after)
         halfway, least = self._between(pair, before, middle, start, 0.5 * moved)
         rest = self._between(pair, middle, after, halfway, 0.5 * moved)
         return end, min(least, *rest)

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-from mckinematics.rotation import rotation_matrices
+from mckinematics.rotation import euler_to_matrix
 from numpy.typing import NDArray
 
 from mcserver.machine.clearance_section import (
@@ -15,6 +14,7 @@ from mcserver.machine.clearance_section import (
     CapsuleBody,
     Clearance,
     CylinderBody,
+    Place,
     SphereBody,
     Zone,
 )
@@ -36,16 +36,18 @@ def standing_outlines(clearance: Clearance) -> list[Outline]:
     """Return the boxes of zones, and of bodies that nothing carries; meshes have none."""
     found = []
     for each in (*clearance.bodies, *clearance.zones):
-        zone = isinstance(each, Zone)
-        if not isinstance(each, Zone) and (each.link is not None or each.carried_by):
-            continue
-        edges = each.size_mm if isinstance(each, Zone) else _edges(each)
+        if isinstance(each, Zone):
+            edges: Place | None = each.size_mm
+        else:
+            carried = each.link is not None or each.carried_by
+            edges = None if carried else _edges(each)
         if edges is not None:
-            found.append(Outline(each.name, zone, _corners(edges, each.at_mm, each.turned_deg)))
+            corners = _corners(edges, each.at_mm, each.turned_deg)
+            found.append(Outline(each.name, isinstance(each, Zone), corners))
     return found
 
 
-def _edges(body: Body) -> tuple[float, float, float] | None:
+def _edges(body: Body) -> Place | None:
     match body:
         case BoxBody():
             return body.size_mm
@@ -58,16 +60,12 @@ def _edges(body: Body) -> tuple[float, float, float] | None:
     return None
 
 
-def turned(angles_deg: Sequence[float]) -> NDArray[np.float64]:
+def turned(angles_deg: Place) -> NDArray[np.float64]:
     """Return the rotation Rz(C)·Ry(B)·Rx(A), shape (3, 3)."""
-    rotation = np.eye(3)
-    for axis, angle in enumerate(angles_deg):
-        rotation = rotation_matrices((np.eye(3)[axis] * angle * DEGREE)[None])[0] @ rotation
-    return rotation
+    a, b, c = (angle * DEGREE for angle in angles_deg)
+    return euler_to_matrix((a, b, c), "ZYX")
 
 
-def _corners(
-    edges: tuple[float, float, float], at: tuple[float, float, float], angles: tuple[float, float, float]
-) -> NDArray[np.float64]:
+def _corners(edges: Place, at: Place, angles: Place) -> NDArray[np.float64]:
     corners: NDArray[np.float64] = (UNIT * np.array(edges)) @ turned(angles).T + np.array(at)
     return corners

@@ -6,11 +6,9 @@ axes carry hang on sliding joints of their own. Distances come from Coal (signed
 
 from __future__ import annotations
 
-import difflib
 import importlib
 import math
 import xml.etree.ElementTree as ElementTree
-from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -29,10 +27,12 @@ from mcserver.machine.clearance_section import (
     Clearance,
     CylinderBody,
     MeshBody,
+    Place,
     SphereBody,
     Zone,
 )
 from mcserver.machine.machine_file import Machine
+from mcserver.machine.section_reader import did_you_mean
 from mcserver.units import MM
 
 Array = NDArray[np.float64]
@@ -136,22 +136,20 @@ class Scene:
 
     def _joints_of_axes(self) -> dict[int, int]:
         """Return by joint of the URDF the column of the axis that moves it."""
-        columns = {axis.index: column for column, axis in enumerate(self._machine.axes)}
         driven: dict[int, int] = {}
         for tool in self._machine.tools:
             frame = self._model.frames[self._frame(tool.frame)]
             joints = [int(joint) for joint in self._model.supports[frame.parentJoint] if joint != 0]
-            driven.update(zip(joints, (columns[axis] for axis in tool.axes), strict=True))
+            driven.update(zip(joints, map(self._machine.column_of, tool.axes), strict=True))
         return driven
 
     def _frame(self, name: str) -> int:
         if not self._model.existFrame(name):
             known = [frame.name for frame in self._model.frames]
-            near = difflib.get_close_matches(name, known, n=1, cutoff=0.5)
             raise ConfigurationError(
                 "MC323",
                 f"the URDF has no link {name!r}" if self._machine.urdf else f"{name!r}: there is no URDF",
-                f"did you mean {near[0]!r}?" if near else "name a link of the URDF, or axes in carried_by",
+                did_you_mean(name, known, "name a link of the URDF, or axes in carried_by"),
             )
         return int(self._model.getFrameId(name))
 
@@ -195,14 +193,13 @@ class Scene:
         self._add(body.name, joint, placement, self._shape(body))
 
     def _add(self, name: str, joint: int, placement: Any, shape: Any) -> int:
-        number = len(self._names)
-        made = self._pin.GeometryObject(f"{name}#{number}", joint, placement, shape)
-        self._names[int(self._geometry.addGeometryObject(made))] = name
+        made = self._pin.GeometryObject(f"{name}#{len(self._names)}", joint, placement, shape)
+        number = int(self._geometry.addGeometryObject(made))
+        self._names[number] = name
         return number
 
     def _carriage(self, body: Body) -> int:
         """Return the joint at the end of sliding joints for the axes that carry a body; 0: it stands."""
-        columns = {axis.index: column for column, axis in enumerate(self._machine.axes)}
         joint = 0
         sense = -1.0 if body.opposite else 1.0
         for axis in body.carried_by:
@@ -213,7 +210,7 @@ class Scene:
                 continue
             slide = self._pin.JointModelPrismaticUnaligned(direction)
             joint = int(self._model.addJoint(joint, slide, self._pin.SE3.Identity(), name))
-            self._driven[joint] = columns[axis]
+            self._driven[joint] = self._machine.column_of(axis)
         return joint
 
     def _shape(self, body: Body) -> Any:
@@ -249,24 +246,20 @@ class Scene:
                 behind = self._coal.Halfspace(-side * np.eye(3)[axis], -0.5 * edge)
                 self._zones[self._add(zone.name, 0, placement, behind)] = zone
 
-    def _pose(self, at_mm: Sequence[float], turned_deg: Sequence[float]) -> Any:
+    def _pose(self, at_mm: Place, turned_deg: Place) -> Any:
         return self._pin.SE3(turned(turned_deg), np.array(at_mm) * MM)
 
     # ------------------------------------------------------------------ the pairs
 
     def _check_names(self) -> None:
         """Refuse names that belong to no body."""
-        known = {name for number, name in self._names.items() if number not in self._zones}
+        known = sorted({name for number, name in self._names.items() if number not in self._zones})
         asked = {name for pair in self._clearance.allowed for name in pair}
         for zone in self._clearance.zones:
             asked |= set(zone.bodies)
-        for name in sorted(asked - known):
-            near = difflib.get_close_matches(name, sorted(known), n=1, cutoff=0.5)
-            raise ConfigurationError(
-                "MC323",
-                f"there is no body {name!r}",
-                f"did you mean {near[0]!r}?" if near else f"known are: {', '.join(sorted(known))}",
-            )
+        for name in sorted(asked.difference(known)):
+            hint = did_you_mean(name, known, f"known are: {', '.join(known)}")
+            raise ConfigurationError("MC323", f"there is no body {name!r}", hint)
 
     def _pairs(self) -> list[Pair]:
         """Register all pairs that are judged with the geometry model, and describe them."""

@@ -68,6 +68,12 @@ class MachineFileRejected(ConfigurationError):
         super().__init__(first.code, "\n".join(shown), first.hint)
 
 
+def did_you_mean(written: str, known: Iterable[str], otherwise: str) -> str:
+    """Return a hint that names what is known and nearest to what was written, else ``otherwise``."""
+    near = difflib.get_close_matches(written, list(known), n=1, cutoff=0.5)
+    return f"did you mean {near[0]!r}?" if near else otherwise
+
+
 def shown_path(path: Path) -> str:
     """Return a path as people write it, such as ``axis[0].drive.kind``."""
     shown = "".join(f"[{part}]" if isinstance(part, int) else f".{part}" for part in path)
@@ -226,5 +232,4 @@ def _listed(choices: Iterable[object]) -> str:
 
 def _nearest(written: object, known: Iterable[object]) -> str:
     names = [str(each) for each in known]
-    near = difflib.get_close_matches(str(written), names, n=1, cutoff=0.5)
-    return f"did you mean {near[0]!r}?" if near else f"known here: {', '.join(names)}"
+    return did_you_mean(str(written), names, f"known here: {', '.join(names)}")

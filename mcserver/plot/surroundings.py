@@ -40,11 +40,12 @@ def surroundings_of(machine: Machine, report: Mapping[str, Any], axes: Sequence[
     clearance = machine.clearance
     if clearance is None or not set(axes) <= clearance.letters.keys():
         return Surroundings()
-    pairs = report.get("clearance", {"pairs": ()})["pairs"]
-    margin = report.get("clearance", {"margin_mm": 0.0})["margin_mm"]
+    # a recording has none
+    found = report.get("clearance", {"pairs": (), "margin_mm": 0.0})
+    contacts = (each["time_s"] for each in found["pairs"] if each["least_mm"] < found["margin_mm"])
     return Surroundings(
         outlines=tuple(standing_outlines(clearance)),
-        contacts=tuple(float(each["time_s"]) for each in pairs if each["least_mm"] < margin),
+        contacts=tuple(contacts),
         columns=tuple(clearance.letters[axis] for axis in axes) or (0, 1, 2),
     )
 

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from mckinematics.rotation import rotation_matrices
+from mckinematics.rotation import euler_to_matrix, rotation_matrices
 
 from mcserver.view.solids import Array, Colour
 
@@ -156,9 +156,9 @@ def _pose(origin: ElementTree.Element | None) -> Array:
     pose = np.eye(4)
     if origin is not None:
         pose[:3, 3] = _numbers(origin, "xyz", "0 0 0")
-        # fixed axes, X first: Rz·Ry·Rx
-        for column, angle in enumerate(_numbers(origin, "rpy", "0 0 0")):
-            pose[:3, :3] = rotation_matrices((np.eye(3)[column] * angle)[None])[0] @ pose[:3, :3]
+        roll, pitch, yaw = _numbers(origin, "rpy", "0 0 0")
+        # fixed axes, X first
+        pose[:3, :3] = euler_to_matrix((roll, pitch, yaw), "ZYX")
     return pose
 
 

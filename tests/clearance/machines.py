@@ -4,30 +4,17 @@ from __future__ import annotations
 
 from mcserver.machine.machine_file import Machine, builtin_text, parse_machine
 
-MILL = """
-[machine]
-name = "mill"
+_AXIS = """
 [[axis]]
-index = 0
+index = {}
 type = "linear"
 max_velocity = 200.0
 max_acceleration = 2000.0
-min_position = -500.0
-max_position = 500.0
-drive = { kind = "ideal" }
-[[axis]]
-index = 1
-type = "linear"
-max_velocity = 200.0
-max_acceleration = 2000.0
-drive = { kind = "ideal" }
-[[axis]]
-index = 2
-type = "linear"
-max_velocity = 200.0
-max_acceleration = 2000.0
-drive = { kind = "ideal", initial_position = 100.0 }
+drive = {{ kind = "ideal", initial_position = {} }}
 """
+MILL = '[machine]\nname = "mill"\n' + "".join(
+    _AXIS.format(index, start) for index, start in enumerate((0.0, 0.0, 100.0))
+)
 TOOL = """
 [[body]]
 name = "tool"

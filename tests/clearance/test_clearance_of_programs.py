@@ -135,8 +135,11 @@ carried_by = [0, 1, 2]
 
 
 def test_an_arm_that_folds_into_itself_is_found_without_a_word_of_its_bodies() -> None:
-    found = run("G1010\nG1 A0 F60 \n", arm("[clearance]\n"))
-    assert found.report["clearance"]["least_mm"] > 1.0
+    stretched = run("G1010\nG1 Z-120 F6000\n", arm("[clearance]\n"))
+    assert stretched.report["clearance"]["least_mm"] > 1.0
+    folded = run("G1010\nG1 Z150 F6000\n", arm("[clearance]\n"))
+    assert {each["code"] for each in folded.report["diagnostics"]} == {"MC320"}
+    assert least(folded, "upper_arm", "forearm") < 1.0
 
 
 def distances_of(machine: Machine, rows: Any) -> Any:

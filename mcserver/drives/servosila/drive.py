@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
 from collections.abc import Sequence
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Annotated, Self
@@ -16,6 +15,7 @@ from mcserver.drives.streamed import StreamedAxis, StreamedDrive
 from mcserver.machine.bus_load import Share, frame_bits
 from mcserver.machine.constraints import NotNegative
 from mcserver.machine.drive import Refusal
+from mcserver.machine.section_reader import did_you_mean
 
 if TYPE_CHECKING:
     from mcserver.machine.machine_file import Axis
@@ -97,8 +97,7 @@ def _check_codes(drive: ServosilaDrive, bad: Refusal) -> None:
     known = (*CODES, *OWN_CODES)
     for name, code in drive.codes.items():
         if name not in known:
-            near = difflib.get_close_matches(name, known, n=1, cutoff=0.5)
-            hint = f"did you mean {near[0]!r}?" if near else f"known codes: {', '.join(known)}"
+            hint = did_you_mean(name, known, f"known codes: {', '.join(known)}")
             bad("codes", f"there is no command {name!r}", hint)
         elif not 0 <= code <= 0xFF:
             bad("codes", f"{name} = {code} is outside 0 … 255", "see the drive's reference")
