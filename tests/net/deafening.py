@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import asyncio
 import contextlib
 import json
-import socket
+import queue
+import ssl
 import threading
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
 import zenoh
@@ -30,10 +32,19 @@ def stranger(endpoint: str) -> zenoh.Session:
     return zenoh.open(config)
 
 
-def deafen(endpoint: str, machine: str) -> None:
-    """Make the session that listens at ``endpoint`` deaf for good."""
+def deafen(
+    endpoint: str,
+    machine: str,
+    tls: ssl.SSLContext | None = None,
+    visit: Callable[[str], zenoh.Session] = stranger,
+) -> None:
+    """Make the session that listens at ``endpoint`` deaf for good.
+
+    Args:
+        tls: of the connection that the malformed key goes by. visit: opens the session that meets the key.
+    """
     key = f"mc/@v1/{machine}/tele"
-    with _malforming(endpoint) as way, stranger(way) as one, stranger(endpoint) as other:
+    with _malforming(endpoint, tls) as way, stranger(way) as one, visit(endpoint) as other:
         one.declare_subscriber(f"{key}/**", lambda _: None)
         # known to the server before it goes
         list(one.get(f"mc/@v1/{machine}/info", timeout=LIMIT_S))
@@ -43,24 +54,41 @@ def deafen(endpoint: str, machine: str) -> None:
 
 
 @contextmanager
-def _malforming(endpoint: str) -> Iterator[str]:
-    """A way to the endpoint for one connection, whose declared key is changed on it."""
-    _, _, address = endpoint.partition("/")
-    host, _, port = address.rpartition(":")
-    with socket.create_server(("127.0.0.1", 0)) as listener:
+def _malforming(endpoint: str, tls: ssl.SSLContext | None) -> Iterator[str]:
+    """A way to the endpoint, on which a declared key is changed.
 
-        def pass_on() -> None:
-            with contextlib.suppress(OSError):
-                client, _ = listener.accept()
-                with client, socket.create_connection((host, int(port))) as server:
-                    threading.Thread(target=_carry, args=(server, client), daemon=True).start()
-                    _carry(client, server)
+    Raises:
+        AssertionError: none was.
+    """
+    host, _, port = endpoint.partition("/")[2].rpartition(":")
+    ways: queue.SimpleQueue[str] = queue.SimpleQueue()
+    loop = asyncio.new_event_loop()
+    ended = asyncio.Event()
+    changed: list[bytes] = []
 
-        threading.Thread(target=pass_on, daemon=True).start()
-        yield f"tcp/127.0.0.1:{listener.getsockname()[1]}"
+    async def carry(source: asyncio.StreamReader, sink: asyncio.StreamWriter) -> None:
+        with contextlib.suppress(OSError):
+            while piece := await source.read(65536):
+                if KEY_END in piece:
+                    changed.append(piece)
+                sink.write(piece.replace(KEY_END, MALFORMED))
+        sink.close()
 
+    async def pass_on(source: asyncio.StreamReader, sink: asyncio.StreamWriter) -> None:
+        theirs, ours = await asyncio.open_connection(host, int(port), ssl=tls)
+        await asyncio.gather(carry(source, ours), carry(theirs, sink))
 
-def _carry(source: socket.socket, sink: socket.socket) -> None:
-    with contextlib.suppress(OSError):
-        while piece := source.recv(65536):
-            sink.sendall(piece.replace(KEY_END, MALFORMED))
+    async def relay() -> None:
+        async with await asyncio.start_server(pass_on, "127.0.0.1", 0) as listener:
+            ways.put(f"tcp/127.0.0.1:{listener.sockets[0].getsockname()[1]}")
+            await ended.wait()
+
+    with asyncio.Runner(loop_factory=lambda: loop) as runner:
+        thread = threading.Thread(target=runner.run, args=(relay(),))
+        thread.start()
+        try:
+            yield ways.get(timeout=LIMIT_S)
+        finally:
+            loop.call_soon_threadsafe(ended.set)
+            thread.join()
+    assert changed, "no key was changed on the way"

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import base64
 import json
 import queue
+import ssl
 import time
 from collections.abc import Iterator
 from pathlib import Path
@@ -13,6 +15,7 @@ import zenoh
 
 from mcserver.security.access import access_control
 from tests.bench.server import free_port
+from tests.net.deafening import deafen
 from tests.security.conftest import MACHINE, RunningSite
 
 LIMIT_S = 10.0
@@ -135,3 +138,36 @@ def opened(**settings: object) -> zenoh.Session:
     for key, value in settings.items():
         config.insert_json5(key.replace("__", "/"), json.dumps(value))
     return zenoh.open(config)
+
+
+# ------------------------------------------------------------ malformed declarations (docs/security.md)
+
+
+def tls_of(site: RunningSite, user: str, folder: Path) -> ssl.SSLContext:
+    """What a program of another make connects with in a user's name."""
+    configuration = json.loads(site.path(user).read_text("utf-8").split("\n", 1)[1])
+    own = configuration["transport"]["link"]["tls"]
+    both = folder / f"{user}.pem"
+    both.write_bytes(
+        base64.b64decode(own["connect_certificate_base64"])
+        + b"\n"
+        + base64.b64decode(own["connect_private_key_base64"])
+    )
+    context = ssl.create_default_context(cafile=str(site.folder / "authority.pem"))
+    context.load_cert_chain(both)
+    return context
+
+
+def test_the_rules_keep_a_malformed_declaration_from_the_routers_tables(
+    site: RunningSite, tmp_path: Path
+) -> None:
+    machine, context = site.session(f"machine.{MACHINE}"), tls_of(site, "bob", tmp_path)
+    told = machine.declare_queryable(
+        f"mc/@v1/{MACHINE}/info",
+        zenoh.handlers.Callback(lambda query: query.reply(query.key_expr, b"here"), indirect=False),
+    )
+    deafen(site.site.endpoint, MACHINE, context, lambda _: site.session("bob"))
+    alice = site.session("alice")
+    answers = alice.get(f"mc/@v1/{MACHINE}/info", timeout=LIMIT_S)
+    assert [reply.ok.payload.to_bytes() for reply in answers if reply.ok is not None] == [b"here"]
+    told.undeclare()
