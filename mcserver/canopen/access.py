@@ -13,10 +13,10 @@ from canopen.objectdictionary import ODVariable
 from mcserver.can.cob import NmtState
 from mcserver.canopen.bus_scan import scan_bus
 from mcserver.canopen.canopen_errors import DriveError, object_text
-from mcserver.canopen.configuration import PDO_OBJECTS
+from mcserver.canopen.configuration import PDO_OBJECTS, of_first_axis
 from mcserver.canopen.node import Node, NodeAxis, Phase
 from mcserver.canopen.service import CanopenService
-from mcserver.canopen.settings import AXIS_OFFSET, NO_AXIS, DriveSettings
+from mcserver.canopen.settings import NO_AXIS, DriveSettings
 from mcserver.canopen.values import TYPES, Value, decode_value, encode_value, type_name
 from mcserver.canopen.views import BusScan, DriveInfo, MonitoredValue, SdoTarget, SdoValue
 from mcserver.drives.cia402.state import power_state
@@ -38,14 +38,18 @@ _BY_PROGRAM = "move the axis by a program, or by jog"
 _BY_FILE = "what it holds follows from the machine file; change it there and start the server again"
 
 
+def moves_by_sdo(index: int) -> bool:
+    """Whether an object, of any axis of a node, commands motion or energy."""
+    return of_first_axis(index) in _CYCLIC
+
+
 def refusal_of_write(index: int, node: Node) -> tuple[str, str] | None:
     """Why an object must not be written now, and what to do instead; None: it may be."""
     if not node.settings.has_profile:
         return "its drive's SDO takes no standard writes", "use its maker's own tool"
     if node.phase is not Phase.OPERATIONAL and node.nmt is not NmtState.OPERATIONAL:
         return None
-    if 0x6000 <= index < 0xA000:
-        index = 0x6000 + (index - 0x6000) % AXIS_OFFSET
+    index = of_first_axis(index)
     if index in _CYCLIC:
         return "the executor sends it in every cycle", _BY_PROGRAM
     if index in PDO_OBJECTS:

@@ -154,6 +154,11 @@ def interpolation_period(cycle_s: float) -> tuple[int, int]:
     )
 
 
+def of_first_axis(index: int) -> int:
+    """The object of a node's first axis that an object of another axis stands for."""
+    return 0x6000 + (index - 0x6000) % AXIS_OFFSET if 0x6000 <= index < 0xA000 else index
+
+
 class _Writer:
     def __init__(self, drive: DriveSettings, dictionary: DriveDictionary) -> None:
         self._drive = drive
@@ -165,7 +170,7 @@ class _Writer:
         for index in objects:
             if index < 0x1000 or index in PDO_OBJECTS or index in OWN_OBJECTS:
                 continue
-            if index >= 0x6000 and self._of_first_axis(index) in OWN_OBJECTS:
+            if index >= 0x6000 and of_first_axis(index) in OWN_OBJECTS:
                 continue
             entry = objects[index]
             for variable in (entry,) if isinstance(entry, ODVariable) else tuple(entry.values()):
@@ -254,7 +259,7 @@ class _Writer:
         for write in self._drive.sdo_writes:
             index, subindex, value = write[:3]
             name = f"sdo_writes {object_text(index, subindex)}"
-            if index in PDO_OBJECTS or self._of_first_axis(index) in OWN_OBJECTS or index == 0x1014:
+            if index in PDO_OBJECTS or of_first_axis(index) in OWN_OBJECTS or index == 0x1014:
                 raise self._dictionary.no_place(
                     index,
                     subindex,
@@ -267,10 +272,6 @@ class _Writer:
                 yield self._dictionary.number(index, subindex, value, name)
 
     # ------------------------------------------------------------ inside
-
-    def _of_first_axis(self, index: int) -> int:
-        """The object of a node's first axis that an object of another axis stands for."""
-        return 0x6000 + (index - 0x6000) % AXIS_OFFSET if 0x6000 <= index < 0xA000 else index
 
     def _of_master(self, index: int, cycle_s: float) -> Iterator[SdoWrite]:
         """A DCF wants one of the master's objects: it gets the master's value, or none."""

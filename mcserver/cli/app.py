@@ -64,6 +64,7 @@ COMMANDS: Mapping[str, str] = MappingProxyType(
 GROUPS: Mapping[str, str] = MappingProxyType(
     {
         "machine": "machine.build_app",
+        "drives": "drives.build_app",
         "recordings": "recordings.build_app",
         "security": "security.build_app",
     }

@@ -48,7 +48,8 @@ class FakeDrive:
         slow: how long a write of an object takes [s].
         muted: says nothing, and does nothing. boots: answers a reset with a boot-up message.
         starts: obeys NMT start. emergency: what it sends as an emergency at each NMT start.
-        beats: sends heartbeats. written: in order.
+        beats: sends heartbeats. written: in order. statusword: while it has no fault. kept: objects whose
+            writes it answers and does not carry out.
         fault: while it has one it stays pre-operational; one that "clears" goes at a rising edge of bit 7 of
             6040h.
     """
@@ -60,6 +61,8 @@ class FakeDrive:
     swallowed: dict[tuple[int, int], int] = field(default_factory=dict)
     write_only: set[tuple[int, int]] = field(default_factory=set)
     slow: dict[tuple[int, int], float] = field(default_factory=dict)
+    kept: set[tuple[int, int]] = field(default_factory=set)
+    statusword: int = 0x0040
     muted: bool = False
     boots: bool = True
     starts: bool = True
@@ -179,7 +182,7 @@ class FakeDrives:
         if specifier == 0x40:
             value = drive.objects[place]
             if place == (0x6041, 0):
-                value = struct.pack("<H", 0x0040 if drive.fault == "none" else 0x0008)
+                value = struct.pack("<H", drive.statusword if drive.fault == "none" else 0x0008)
             if 0 < len(value) <= 4:
                 self._answer(drive, bytes((0x43 | (4 - len(value)) << 2,)) + head + value.ljust(4, b"\0"))
             else:
@@ -209,7 +212,8 @@ class FakeDrives:
         rises = place == (0x6040, 0) and value[0] & 0x80 and not drive.value(0x6040) & 0x80
         if rises and drive.fault == "clears":
             drive.fault = "none"
-        drive.objects[place] = value
+        if place not in drive.kept:
+            drive.objects[place] = value
         drive.written.append((*place, value))
 
     def _answer(self, drive: FakeDrive, payload: bytes) -> None:
