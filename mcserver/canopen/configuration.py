@@ -159,6 +159,22 @@ def of_first_axis(index: int) -> int:
     return 0x6000 + (index - 0x6000) % AXIS_OFFSET if 0x6000 <= index < 0xA000 else index
 
 
+def is_own_parameter(index: int, name: str) -> bool:
+    """Whether an object is the drive's own: neither what follows from the machine file, nor of process data,
+    nor the network master's, nor the node's address.
+
+    Args:
+        name: of the object, a member's behind its record's.
+    """
+    return (
+        index >= 0x1000
+        and index not in PDO_OBJECTS
+        and index not in MASTER_OBJECTS
+        and of_first_axis(index) not in OWN_OBJECTS
+        and not any(_ADDRESSING.search(part) for part in (name, *name.split(".")))
+    )
+
+
 class _Writer:
     def __init__(self, drive: DriveSettings, dictionary: DriveDictionary) -> None:
         self._drive = drive
@@ -168,17 +184,13 @@ class _Writer:
         """Values of a DCF, but for those of communication, which the master arranges, and of addressing."""
         objects = self._dictionary.objects
         for index in objects:
-            if index < 0x1000 or index in PDO_OBJECTS or index in OWN_OBJECTS:
-                continue
-            if index >= 0x6000 and of_first_axis(index) in OWN_OBJECTS:
-                continue
             entry = objects[index]
             for variable in (entry,) if isinstance(entry, ODVariable) else tuple(entry.values()):
                 if variable.value is None or not variable.writable:
                     continue
                 if index in MASTER_OBJECTS:
                     yield from self._of_master(index, cycle_s)
-                elif not (_ADDRESSING.search(variable.name) or _ADDRESSING.search(entry.name)):
+                elif is_own_parameter(index, f"{entry.name}.{variable.name}"):
                     what = f"{variable.name} of the DCF"
                     yield SdoWrite(index, variable.subindex, self._payload(variable), what)
 
