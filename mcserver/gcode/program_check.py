@@ -24,7 +24,6 @@ from mcserver.motion.canonical import (
     Canonical,
     DwellGroup,
     FeedGroup,
-    LineBatch,
     MotionLine,
     PathBatch,
     ProbeLine,
@@ -263,11 +262,9 @@ class _Survey:
                 elif not isinstance(group, DwellGroup):
                     self._energized |= set(group.axes)
 
-    def batch(self, batch: LineBatch | PathBatch) -> None:
+    def batch(self, batch: PathBatch) -> None:
         """Note the first line of a batch that moves axes that nothing has energized."""
-        if isinstance(batch, LineBatch):
-            self.motion(batch.axes, batch.line)
-        elif self._loose is None:
+        if self._loose is None:
             found = batch.first_beyond(self._energized)
             if found is not None:
                 self.motion(found[1], found[0])

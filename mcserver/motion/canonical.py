@@ -106,74 +106,6 @@ class MotionLine(msgspec.Struct, frozen=True):
     feed_length: float = 0.0
 
 
-class LineBatch(msgspec.Struct, frozen=True, eq=False):
-    """Consecutive lines of one G01 each over the same axes, in columns: the same as that many `MotionLine`,
-    without an object a line.
-
-    Attributes:
-        lines: shape (n,), numbers of the lines in the file or program, increasing.
-        axes: K axis numbers.
-        points: shape (n+1, K), where the first line starts and where each line ends [m or rad].
-        lengths: shape (n,), as `LineCurve.length`. travels: shape (n,), the linear part of each [m].
-        requested: shape (n,), T that the program asks for [s]: 60/F, or length/F.
-        speeds: G94: path speeds, shape (n,) [m/s or rad/s]; None under G93, where T is ``requested``.
-        exact_stop, tolerance: as of `MotionLine`, the same for all.
-    """
-
-    lines: NDArray[np.int64]
-    axes: tuple[int, ...]
-    points: Array
-    lengths: Array
-    travels: Array
-    requested: Array
-    speeds: Array | None
-    exact_stop: bool = False
-    tolerance: float = 0.0
-
-    def __len__(self) -> int:
-        return len(self.lines)
-
-    @property
-    def line(self) -> int:
-        """Number of the first line."""
-        return int(self.lines[0])
-
-    def part(self, first: int, behind: int) -> LineBatch:
-        """Return lines ``first`` … ``behind`` - 1, counted from 0."""
-        at = slice(first, behind)
-        return LineBatch(
-            self.lines[at],
-            self.axes,
-            self.points[first : behind + 1],
-            self.lengths[at],
-            self.travels[at],
-            self.requested[at],
-            None if self.speeds is None else self.speeds[at],
-            self.exact_stop,
-            self.tolerance,
-        )
-
-    def motion_lines(self) -> list[MotionLine]:
-        """Return the lines as objects."""
-        points = [tuple(point) for point in self.points.tolist()]
-        speeds = [None] * len(self) if self.speeds is None else self.speeds.tolist()
-        found = []
-        for index, (line, length, travel, requested) in enumerate(
-            zip(
-                self.lines.tolist(),
-                self.lengths.tolist(),
-                self.travels.tolist(),
-                self.requested.tolist(),
-                strict=True,
-            )
-        ):
-            curve = LineCurve(self.axes, points[index], points[index + 1], length)
-            duration = requested if self.speeds is None else None
-            group = FeedGroup((curve,), requested, duration, speeds[index])
-            found.append(MotionLine(line, (group,), self.exact_stop, self.tolerance, travel))
-        return found
-
-
 class PathBatch(msgspec.Struct, frozen=True, eq=False):
     """Consecutive lines of one G01, G02 or G03 each, over whatever axes each names, in columns: the same as
     that many `MotionLine`, without an object a line.
@@ -185,7 +117,10 @@ class PathBatch(msgspec.Struct, frozen=True, eq=False):
         frames: axes of curves, as `Curve.axes` has them. frame: shape (n,), which of them each line has.
         centres: of arcs, as `ArcCurve.centre`, shape (n, 2) [m]; NaN for lines.
         sweeps: of arcs, as `ArcCurve.sweep`, shape (n,) [rad]; 0 for lines.
-        lengths, travels, requested, speeds, exact_stop, tolerance: as of `LineBatch`.
+        lengths: shape (n,), as `Curve.length`. travels: shape (n,), the linear part of each [m].
+        requested: shape (n,), T that the program asks for [s]: 60/F, or length/F.
+        speeds: G94: path speeds, shape (n,) [m/s or rad/s]; None under G93, where T is ``requested``.
+        exact_stop, tolerance: as of `MotionLine`, the same for all.
     """
 
     lines: NDArray[np.int64]
@@ -396,7 +331,7 @@ def requested_of(line: MotionLine) -> float | None:
 
 def moves_axes(line: object) -> bool:
     """Return True if a line, or a batch of them, is motion for M62: one of G00 to G03, or G1020."""
-    if isinstance(line, LineBatch | PathBatch):
+    if isinstance(line, PathBatch):
         return True
     return isinstance(line, MotionLine) and any(
         isinstance(group, FeedGroup | RapidGroup) for group in line.groups

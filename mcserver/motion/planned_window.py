@@ -17,7 +17,6 @@ from mcserver.motion.geometry.blend_choice import best_blend
 from mcserver.motion.geometry.path_segments import PathSegments
 from mcserver.motion.geometry.segment import AxisLimits, Segment
 from mcserver.motion.geometry.segment_list import SegmentList
-from mcserver.motion.geometry.straight_run import StraightRun
 from mcserver.motion.lookahead.feed_scale import is_under_way
 from mcserver.motion.lookahead.lookahead import Lookahead
 from mcserver.motion.lookahead.planned_run import PlannedRun
@@ -88,18 +87,15 @@ class PlannedWindow:
                 passed = arc + 1
         self._chords.extend(lines[passed:])
 
-    def append_exact(self, run: StraightRun | PathSegments, active: int, *, from_rest: bool) -> None:
-        """Append a batch of lines, or of lines and arcs, whose corners are not rounded.
+    def append_exact(self, path: PathSegments, active: int, *, from_rest: bool) -> None:
+        """Append a batch of lines and arcs whose corners are not rounded.
 
         Args:
             active: the columns that have moved since the motion rested.
         """
         self.take_chords()
         self.plan = self._open = None
-        if isinstance(run, StraightRun):
-            self.lookahead.append_run(run, active, from_rest=from_rest)
-        else:
-            self.lookahead.append_path(run, active, from_rest=from_rest)
+        self.lookahead.append_path(path, active, from_rest=from_rest)
 
     def _append(self, segment: Segment, *, from_rest: bool = False) -> None:
         # what was planned ends before it, and so does a curve

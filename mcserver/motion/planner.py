@@ -17,12 +17,11 @@ from mckinematics.dynamics import JointDynamics
 
 from mcserver.machine.machine_file import Machine
 from mcserver.motion.bound import PlanningError
-from mcserver.motion.canonical import FeedGroup, LineBatch, PathBatch
+from mcserver.motion.canonical import FeedGroup, PathBatch
 from mcserver.motion.geometry.curves import Array
 from mcserver.motion.geometry.path_segments import PathSegments
 from mcserver.motion.geometry.segment import AxisLimits, Segment, anchor, segment_of
 from mcserver.motion.geometry.segment_list import SegmentList
-from mcserver.motion.geometry.straight_run import StraightRun
 from mcserver.motion.lookahead.commit_moments import commit_moment, hand_over_moment, last_steady
 from mcserver.motion.lookahead.companion_motions import CompanionMotions
 from mcserver.motion.lookahead.feed_scale import plan_at_feed_scale
@@ -133,9 +132,7 @@ class MotionPlanner:
         segment.tolerance = 0.0 if from_rest else tolerance
         self._window.append(segment, from_rest=from_rest)
 
-    def append_run(
-        self, run: LineBatch | PathBatch, *, from_rest: bool = False, tolerance: float = 0.0
-    ) -> bool:
+    def append_run(self, run: PathBatch, *, from_rest: bool = False, tolerance: float = 0.0) -> bool:
         """Append a batch of lines; return False, with nothing done, where one does not travel, or torques
         are limited.
 
@@ -144,23 +141,6 @@ class MotionPlanner:
         Args:
             from_rest: the motion stops before it. tolerance: how far the corner before it may be rounded [m].
         """
-        if isinstance(run, PathBatch):
-            return self._append_path(run, from_rest=from_rest, tolerance=tolerance)
-        straight = StraightRun.of(run, self._slots, self._linear, self.position, self.feed_scale)
-        if straight is None or self._limits.torque is not None:
-            return False
-        from_rest = self._companions.run_begins_at_rest(straight, from_rest=from_rest)
-        self._active |= straight.mask
-        if run.tolerance > 0.0:
-            lines = SegmentList.of(straight.segments(straight.scales, self._active, run.tolerance))
-            self._window.append_lines(lines, [], from_rest=from_rest, tolerance=tolerance)
-        else:
-            self._window.append_exact(straight, self._active, from_rest=from_rest)
-        self.position[:] = straight.points[-1]
-        return True
-
-    def _append_path(self, run: PathBatch, *, from_rest: bool, tolerance: float) -> bool:
-        """Append lines and arcs, as `append_run` says."""
         path = PathSegments.of(run, self._slots, self._linear, self.position, self.feed_scale)
         if path is None or self._limits.torque is not None:
             return False

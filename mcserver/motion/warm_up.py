@@ -14,7 +14,7 @@ from enum import Enum
 
 import numpy as np
 
-from mcserver.motion.canonical import FeedGroup, LineBatch, PathBatch
+from mcserver.motion.canonical import FeedGroup, PathBatch
 from mcserver.motion.compiling import (
     BACKGROUND,
     NICE,
@@ -30,7 +30,6 @@ from mcserver.motion.geometry.curves import ArcCurve, Array, Curve, LineCurve
 from mcserver.motion.geometry.path_segments import PathSegments
 from mcserver.motion.geometry.segment import AxisLimits, Segment, anchor, segment_of
 from mcserver.motion.geometry.segment_list import SegmentList
-from mcserver.motion.geometry.straight_run import StraightRun
 from mcserver.motion.kernels.cache_folder import cache_folder, remove_unused
 from mcserver.motion.kernels.corner_trajectory import path_deviation_of
 from mcserver.motion.kernels.min_time_trajectories import PHASES, min_time_trajectories
@@ -112,43 +111,14 @@ def _call(*parts: Part) -> None:
 
 
 def _plan_lines(limits: AxisLimits) -> None:
-    """Plan straight and other segments, sample them, and find times on them."""
-    window = Lookahead(limits)
-    position = np.zeros(2)
-    points = np.array([[0.0, 0.0], [0.01, 0.0], [0.01, 0.01]])
-    run = LineBatch(
-        lines=np.array([1, 2]),
-        axes=(0, 1),
-        points=points,
-        lengths=np.array([0.01, 0.01]),
-        travels=np.array([0.01, 0.01]),
-        requested=np.array([0.1, 0.1]),
-        speeds=np.array([0.1, 0.1]),
-    )
-    straight = StraightRun.of(run, _SLOTS, np.ones(2, np.bool_), position)
-    assert straight is not None
-    window.append_run(straight, active=straight.mask)
-    window.plan()
-    position[:] = points[-1]
-    line = LineCurve((0, 1), (0.01, 0.01), (0.02, 0.02), math.hypot(0.01, 0.01))
-    window.append(_segment(FeedGroup((line,), requested=0.2, duration=0.2), 3, position))
-    window.enter_fast()
-    window.entry = 0.0
-    _plan_arcs(limits)
-    sample(window.plan(), 0.0, 1, 10, limits.cycle)
-    rows = np.ones((1, 5 * len(limits.velocity) + 2))
-    groups = run_of(rows, np.array([0, 1]), np.ones(1), limits.rows, limits.cycle)
-    timing_of_group(groups, 0, (0.01, 0.0, 0.0), 0.2)
-
-
-def _plan_arcs(limits: AxisLimits) -> None:
-    """Plan a line and an arc in columns, and sample them."""
+    """Plan a line and an arc in columns and a line behind them, sample them, and find times on them."""
     turn = math.pi / 2.0
     lengths = np.array([0.01, 0.01 * turn])
+    points = np.array([[0.0, 0.0], [0.01, 0.0], [0.02, 0.01]])
     run = PathBatch(
         lines=np.array([1, 2]),
         axes=(0, 1),
-        points=np.array([[0.0, 0.0], [0.01, 0.0], [0.02, 0.01]]),
+        points=points,
         frames=((0, 1),),
         frame=np.zeros(2, np.intp),
         centres=np.array([[math.nan, math.nan], [0.01, 0.01]]),
@@ -164,6 +134,14 @@ def _plan_arcs(limits: AxisLimits) -> None:
     window.append_path(path, 0)
     plan = window.plan()
     sample(plan, 0.0, 1, math.ceil(plan.phases.duration / limits.cycle), limits.cycle)
+    line = LineCurve((0, 1), (0.02, 0.01), (0.03, 0.02), math.hypot(0.01, 0.01))
+    window.append(_segment(FeedGroup((line,), requested=0.2, duration=0.2), 3, points[-1].copy()))
+    window.enter_fast()
+    window.entry = 0.0
+    sample(window.plan(), 0.0, 1, 10, limits.cycle)
+    rows = np.ones((1, 5 * len(limits.velocity) + 2))
+    groups = run_of(rows, np.array([0, 1]), np.ones(1), limits.rows, limits.cycle)
+    timing_of_group(groups, 0, (0.01, 0.0, 0.0), 0.2)
 
 
 def _segment(group: FeedGroup, line: int, position: Array) -> Segment:

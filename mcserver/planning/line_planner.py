@@ -23,7 +23,6 @@ from mcserver.motion.canonical import (
     FeedGroup,
     Group,
     InputLine,
-    LineBatch,
     MotionLine,
     OutputLine,
     PathBatch,
@@ -98,7 +97,7 @@ class LinePlanner:
         self.motion = MotionPlanner(machine, start, dynamics)
         self.output = Output(sink)
         self.source: Iterator[Piece | Control] | None = None
-        self.canonical: deque[Canonical | LineBatch | PathBatch | InPosition] = deque()
+        self.canonical: deque[Canonical | PathBatch | InPosition] = deque()
         self._energized = set(energized)
         self._ideal = frozenset(axis.index for axis in machine.axes if not axis.drive.has_inertia)
         # axes that G1020 may still be moving
@@ -241,7 +240,7 @@ class LinePlanner:
             if due:
                 self._at_start[line.line] = due
                 self._due = {}
-        if isinstance(line, LineBatch | PathBatch):
+        if isinstance(line, PathBatch):
             self.canonical.popleft()
             if not self._flow_on(line):
                 self.canonical.extendleft(reversed(line.motion_lines()))
@@ -321,7 +320,7 @@ class LinePlanner:
             )
         )
 
-    def _flow_on(self, run: LineBatch | PathBatch) -> bool:
+    def _flow_on(self, run: PathBatch) -> bool:
         """Append a batch to the window at once; False where they have to go one by one."""
         loose = not self._energized.issuperset(run.axes) or self._independent.intersection(run.axes)
         if loose or run.exact_stop:

@@ -16,7 +16,6 @@ from mcserver.motion.canonical import (
     Canonical,
     DwellGroup,
     Group,
-    LineBatch,
     MotionLine,
     OutputLine,
     PathBatch,
@@ -38,7 +37,7 @@ class _Effects:
         self.outputs = dict(enumerate(origin.outputs))
         self.scaled: set[int] = set()
 
-    def take(self, value: Canonical | LineBatch | PathBatch, *, incremental: bool) -> None:
+    def take(self, value: Canonical | PathBatch, *, incremental: bool) -> None:
         """Follow a value; ``incremental``: the ends of its moves are increments."""
         if isinstance(value, AxisLine):
             if value.operation is AxisOperation.CAPTURE:
@@ -46,7 +45,7 @@ class _Effects:
             else:
                 self.energized.difference_update(value.axes)
                 self._lose(value.axes)
-        elif isinstance(value, LineBatch | PathBatch):
+        elif isinstance(value, PathBatch):
             self._place(value.axes, incremental=incremental)
         elif isinstance(value, MotionLine):
             for group in value.groups:

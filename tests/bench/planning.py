@@ -9,7 +9,7 @@ import numpy as np
 
 from mcserver.gcode.semantics.interpreter import Interpreter
 from mcserver.machine.machine_file import Machine, load_machine
-from mcserver.motion.canonical import FeedGroup, LineBatch, MotionLine, PathBatch
+from mcserver.motion.canonical import FeedGroup, MotionLine, PathBatch
 from mcserver.motion.planner import MotionPlanner
 from mcserver.planning.pipeline import RUN
 from mcserver.processes import collect_seldom
@@ -94,11 +94,11 @@ def _flowing(name: str, lines: list[str], machine: Machine, goal: str = "") -> F
     )
 
 
-def canonical(lines: list[str], machine: Machine) -> list[MotionLine | LineBatch | PathBatch]:
+def canonical(lines: list[str], machine: Machine) -> list[MotionLine | PathBatch]:
     """Parsed and interpreted, as a program's pipeline does it."""
     interpreter = Interpreter(machine)
     interpreter.interpret_text("G94 F6000", 1)
-    found: list[MotionLine | LineBatch | PathBatch] = []
+    found: list[MotionLine | PathBatch] = []
     at = 0
     while at < len(lines):
         window = min(interpreter.batch_window(at + 2), RUN)
@@ -114,13 +114,13 @@ def canonical(lines: list[str], machine: Machine) -> list[MotionLine | LineBatch
     return found
 
 
-def setpoints(lines: list[MotionLine | LineBatch | PathBatch], machine: Machine) -> None:
+def setpoints(lines: list[MotionLine | PathBatch], machine: Machine) -> None:
     """Planned with lookahead, and sampled at the cycle."""
     planner = MotionPlanner(machine, np.zeros(len(machine.axes)))
     for line in lines:
         if planner.full:
             list(planner.commit() or ())
-        if isinstance(line, LineBatch | PathBatch):
+        if isinstance(line, PathBatch):
             assert planner.append_run(line, tolerance=line.tolerance)
             continue
         group = line.groups[0]

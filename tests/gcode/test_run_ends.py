@@ -9,7 +9,7 @@ import pytest
 
 from mcserver.gcode.fast_path.interpreted_batch import MIN_LINES
 from mcserver.gcode.semantics.interpreter import Interpreter
-from mcserver.motion.canonical import LineBatch, PathBatch, RapidGroup
+from mcserver.motion.canonical import PathBatch, RapidGroup
 from tests.gcode.run_programs import NO_NUMBERS
 from tests.gcode.support import CARTESIAN
 
@@ -89,7 +89,7 @@ def test_a_run_holds_lines_numbers_points_and_times() -> None:
     found = started("G94 F6000").interpret_batch(["G01 X0 Y0", "", *["X3 Y4", "X0 Y0 F3000"] * 6], 2)
     assert found is not None
     (run,), lines = found.values, found.taken
-    assert isinstance(run, LineBatch)
+    assert isinstance(run, PathBatch)
     assert lines == 14
     assert run.lines.tolist() == [2, *range(4, 16)]
     assert run.axes == (0, 1)

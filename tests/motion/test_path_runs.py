@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from random import Random
 
 import numpy as np
@@ -43,6 +44,12 @@ def contour(random: Random, count: int) -> list[str]:
     return [line.replace("G18 ", "") for line in lines]
 
 
+def polyline(random: Random, count: int) -> list[str]:
+    """Straight lines over the same axes, some of them far shorter than a cycle's way."""
+    steps = (-50, -1, -0.05, 0.2, 3, 100)
+    return [f"G01 X{random.choice(steps):g} Y{random.choice(steps):g}" for _ in range(count)]
+
+
 def run_of(machine: Machine, lines: list[str], state: str = "G91 G94 F6000") -> PathBatch:
     interpreter = Interpreter(machine)
     interpreter.interpret_text(state, 1)
@@ -68,22 +75,28 @@ def one_by_one(machine: Machine, lines: list[MotionLine], feed_scale: float = 1.
 
 @given(
     st.integers(0, 2**32),
+    st.sampled_from([contour, polyline]),
     st.sampled_from([None, 20_000.0]),
     st.booleans(),
     st.booleans(),
     st.sampled_from([1.0, 1.5]),
 )
-@law(15)
-def test_a_run_of_arcs_is_planned_as_its_lines_one_by_one(
-    seed: int, jerk: float | None, timed: bool, split: bool, feed_scale: float
+@law(30)
+def test_a_run_is_planned_as_its_lines_one_by_one(
+    seed: int,
+    draw: Callable[[Random, int], list[str]],
+    jerk: float | None,
+    timed: bool,
+    split: bool,
+    feed_scale: float,
 ) -> None:
     machine = alike(4, jerk=jerk)
-    lines = contour(Random(seed), 14)
+    lines = draw(Random(seed), 14)
     run = run_of(machine, lines, "G91 G93 F120" if timed else "G91 G94 F3000")
     planner = MotionPlanner(machine, np.zeros(4))
     planner.feed_scale = feed_scale
     if split:
-        # an arc behind an arc that came before it
+        # behind a line that came before it
         (group,) = run.motion_lines()[0].groups
         assert isinstance(group, FeedGroup)
         planner.append(planner.segment(group, 2))
@@ -95,7 +108,7 @@ def test_a_run_of_arcs_is_planned_as_its_lines_one_by_one(
         assert planner.append_run(found.values[0])
     else:
         assert planner.append_run(run)
-    assert planner.position[:3] == pytest.approx(run.points[-1], abs=0)
+    assert planner.position[list(run.axes)] == pytest.approx(run.points[-1], abs=0)
     ours = collect(machine, [], np.zeros(4), list(planner.close()))
     theirs = collect(machine, [], np.zeros(4), one_by_one(machine, run.motion_lines(), feed_scale))
     assert ours.position == pytest.approx(theirs.position, abs=1e-9)
@@ -134,6 +147,15 @@ def test_a_run_with_a_tolerance_is_planned_as_its_lines_are(lines: list[str], st
     assert one.starts.keys() == other.starts.keys()
     assert np.allclose(one.position, other.position, rtol=0.0, atol=1e-9)
     assert 1e-7 < farthest_from_path(one) <= 5e-5
+
+
+def test_a_run_leaves_the_columns_that_it_does_not_name_where_they_are() -> None:
+    machine = alike(3)
+    planner = MotionPlanner(machine, np.array([0.0, 0.0, 0.5]))
+    assert planner.append_run(run_of(machine, polyline(Random(1), 14)))
+    motion = collect(machine, [], np.zeros(3), list(planner.close()))
+    assert (motion.position[:, 2] == 0.5).all()
+    assert (motion.row_mask == 0b011).all()
 
 
 def test_a_run_with_a_line_that_does_not_travel_is_left_alone() -> None:

@@ -9,23 +9,25 @@ import msgspec
 import numpy as np
 from hypothesis import given
 
-from mcserver.motion.canonical import LineBatch
+from mcserver.motion.canonical import PathBatch
 from mcserver.motion.geometry.path_columns import PathColumns
+from mcserver.motion.geometry.path_segments import PathSegments
 from mcserver.motion.geometry.segment import Segment
 from mcserver.motion.geometry.segment_list import SegmentList
-from mcserver.motion.geometry.straight_run import StraightRun
 
 OPERATIONS = ("append", "extend", "run", "set", "drop", "truncate", "copy", "slice")
 
 
-def run_of(first: int, count: int) -> StraightRun:
+def run_of(first: int, count: int) -> PathSegments:
     points = np.cumsum(np.full((count + 1, 2), 0.01 * first), axis=0)
     lengths = np.full(count, 0.01 * first * math.sqrt(2.0))
     lines = np.arange(first, first + count)
-    run = LineBatch(lines, (0, 1), points, lengths, lengths, lengths / 0.1, np.full(count, 0.1))
-    straight = StraightRun.of(run, {0: 0, 1: 1}, np.ones(2, np.bool_), np.zeros(2))
-    assert straight is not None
-    return straight
+    straight = (np.zeros(count, np.intp), np.full((count, 2), np.nan), np.zeros(count))
+    timing = (lengths, lengths, lengths / 0.1, np.full(count, 0.1))
+    run = PathBatch(lines, (0, 1), points, ((0, 1),), *straight, *timing)
+    path = PathSegments.of(run, {0: 0, 1: 1}, np.ones(2, np.bool_), np.zeros(2))
+    assert path is not None
+    return path
 
 
 def objects(first: int, count: int) -> list[Segment]:

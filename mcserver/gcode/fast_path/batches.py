@@ -1,6 +1,6 @@
 """Interpret batches of simple blocks: the same values as line by line, without an object for each.
 
-Straight lines over the same axes come as `LineBatch`, all others of G01 to G03 as `PathBatch`.
+Lines of G01 to G03 come as `PathBatch`.
 
 Bit for bit: numbers are read as `float` reads them; products, sums, quotients and comparisons are the same
 IEEE operations in the same order (an accumulated sum adds one after the other); the root of the sum of

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from mcserver.gcode.profiles.frame import Frame
 from mcserver.gcode.semantics.modal import Feed, ModalState, read_feed
 from mcserver.gcode.semantics.program_units import path_speed
-from mcserver.motion.canonical import LineBatch, MotionLine, PathBatch
+from mcserver.motion.canonical import MotionLine, PathBatch
 from mcserver.motion.geometry.curves import Array
 
 MIN_LINES = 6  # fewer lines are slower in columns than one by one
@@ -29,7 +29,7 @@ class InterpretedBatch(NamedTuple):
     """
 
     modal: ModalState
-    values: Sequence[LineBatch | PathBatch | MotionLine]
+    values: Sequence[PathBatch | MotionLine]
     taken: int
     without_effect: Mapping[str, tuple[int, int]] = {}
 

@@ -8,16 +8,16 @@ from typing import NamedTuple
 from mcserver.gcode.fast_path.interpreted_batch import InterpretedBatch
 from mcserver.gcode.semantics.commanded_state import CommandedState
 from mcserver.gcode.semantics.modal import ModalState
-from mcserver.motion.canonical import LineBatch, MotionLine, PathBatch
+from mcserver.motion.canonical import MotionLine, PathBatch
 
-# Lines that are kept at most, some 60 bytes each; later ones are interpreted twice.
+# Lines that are kept at most, some 100 bytes each; later ones are interpreted twice.
 MOST_LINES = 1 << 18
 
 
 class _Kept(NamedTuple):
     """A batch, the modal state before and behind it, and whether the lines behind it are of another kind."""
 
-    batch: LineBatch | PathBatch
+    batch: PathBatch
     before: ModalState
     behind: ModalState
     ended: bool

@@ -31,7 +31,7 @@ from mcserver.gcode.semantics.feed_time import NO_TRAVEL, FeedBasis, feed_basis,
 from mcserver.gcode.semantics.modal import ModalState, smallest_feed
 from mcserver.gcode.semantics.program_units import length_scale, move_duration, turning_speed
 from mcserver.gcode.semantics.rapids import rapid_group
-from mcserver.motion.canonical import LineBatch, MotionLine, PathBatch
+from mcserver.motion.canonical import MotionLine, PathBatch
 from mcserver.motion.geometry.curves import ArcCurve, Array
 
 Mask = NDArray[np.bool_]
@@ -115,7 +115,6 @@ class PathBatchInterpreter:
         if table.taken < MIN_LINES or count < 1:
             return None
         speeds = self._straight(lines, axes, points[: count + 1], lengths, travels)
-        frames = tuple(dict.fromkeys(kind.axes for kind in lines.kinds.values()))
         # rapids ahead of the first F have none
         speeds, numbers = (np.where(each > 0.0, each, 1.0) for each in (speeds, lines.numbers))
         timing = (
@@ -126,21 +125,16 @@ class PathBatchInterpreter:
             modal.exact_stop,
             self._tolerance if modal.tolerance is None else modal.tolerance,
         )
-        batch: LineBatch | PathBatch
-        if len(frames) == 1 and not sweeps[:count].any():
-            columns = [axes.index(axis) for axis in frames[0]]
-            batch = LineBatch(number + table.lines, frames[0], points[: count + 1, columns], *timing)
-        else:
-            batch = PathBatch(
-                number + table.lines,
-                axes,
-                points[: count + 1],
-                tuple(kind.axes for kind in lines.kinds.values()),
-                np.searchsorted(np.array(list(lines.kinds)), table.shape),
-                centres[:count],
-                sweeps[:count],
-                *timing,
-            )
+        batch = PathBatch(
+            number + table.lines,
+            axes,
+            points[: count + 1],
+            tuple(kind.axes for kind in lines.kinds.values()),
+            np.searchsorted(np.array(list(lines.kinds)), table.shape),
+            centres[:count],
+            sweeps[:count],
+            *timing,
+        )
         commanded.positions.update(zip(axes, points[count].tolist(), strict=True))
         after = state_after(modal, table.feeds, table.spindle, int(lines.motion[-1]))
         idle = {letter: (number + at, many) for letter, (at, many) in table.without_effect().items()}
@@ -148,17 +142,17 @@ class PathBatchInterpreter:
 
     def _values(
         self,
-        batch: LineBatch | PathBatch,
+        batch: PathBatch,
         lines: _Lines,
         points: Array,
         axes: tuple[int, ...],
         modal: ModalState,
-    ) -> Sequence[LineBatch | PathBatch | MotionLine]:
+    ) -> Sequence[PathBatch | MotionLine]:
         """Return the lines as one batch, or as several with the rapids between them."""
         rapids = np.flatnonzero(lines.motion == 0).tolist()
         if not rapids:
             return (batch,)
-        found: list[LineBatch | PathBatch | MotionLine] = []
+        found: list[PathBatch | MotionLine] = []
         before = 0
         for index in [*rapids, len(batch)]:
             between = index - before

@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from mcserver.motion.canonical import LineBatch, PathBatch
+from mcserver.motion.canonical import PathBatch
 from mcserver.motion.geometry.curves import Array
 from mcserver.motion.geometry.segment import NO_TRAVEL
 
@@ -26,7 +26,7 @@ class RunFeeds(NamedTuple):
     scale: float
 
     @classmethod
-    def of(cls, run: LineBatch | PathBatch, lengths: Array, scale: float) -> RunFeeds:
+    def of(cls, run: PathBatch, lengths: Array, scale: float) -> RunFeeds:
         """Return those of a run at a feed scale.
 
         Args:

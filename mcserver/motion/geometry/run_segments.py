@@ -24,8 +24,7 @@ class RunSegments:
     Attributes:
         line, mask, active, scale: as of `Segment`, shape (n,). tolerance: the same for all.
         points: where each begins and the last one ends, shape (n+1, K).
-        ends: dp/ds at the start and the end of each and d²p/ds² there, shape (n, 4, K); of straight ones the
-            travel alone, shape (n, 1, K).
+        ends: dp/ds at the start and the end of each and d²p/ds² there, shape (n, 4, K).
         frame: shape (n,), which of the ``feed_columns`` each has.
         arcs: `Segment.arc` of all, shape (n, `ARC`), and which of them are arcs, shape (n,); None where all
             are straight. curve: makes the curve of an arc, and gives its columns.
@@ -60,7 +59,6 @@ class RunSegments:
         if self.arcs is not None and self.curve is not None and self.arcs[1][index]:
             curve, of_curve = self.curve(index)
             curves, columns, arc = (curve,), (of_curve,), self.arcs[0][index]
-        still = np.zeros(ends.shape[1])
         feeds = self.feeds
         duration = float(feeds.duration[index])
         return Segment(
@@ -72,9 +70,9 @@ class RunSegments:
             feed=float(feeds.feed[index]),
             requested=float(feeds.requested[index]),
             first=ends[0],
-            last=ends[1] if len(ends) > 1 else ends[0],
-            d2q_start=ends[2] if len(ends) > 1 else still,
-            d2q_end=ends[3] if len(ends) > 1 else still,
+            last=ends[1],
+            d2q_start=ends[2],
+            d2q_end=ends[3],
             scale=float(self.scale[index]),
             base=self.points[index],
             end=self.points[index + 1],

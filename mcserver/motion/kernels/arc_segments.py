@@ -71,12 +71,17 @@ def append_path_junctions(
     columns: SegmentColumns,
     rows: Array,
 ) -> tuple[int, bool]:
-    """Compute what `append_straight_junctions` does, of n lines and arcs on end.
+    """Sample n lines and arcs on end, and find the greatest speeds over their junctions.
 
     Args:
-        ends: dp/ds at the start and end of each and d²p/ds² there, shape (n, 4, K).
-        arcs: shape (n, `ARC`). scales: lengths of dp/ds at the starts, shape (n,). The others are those of
-            `append_straight_junctions`, with ``rows`` for all samples and two more a segment.
+        before: what they follow. ends: dp/ds at the start and end of each and d²p/ds² there, shape (n, 4, K).
+        arcs: shape (n, `ARC`). scales: lengths of dp/ds at the starts, shape (n,).
+        timing: feed [1/s], time and T of each [s], shape (n, 3).
+        columns: of the n segments, written, with ``sample_end`` counted from the first of ``rows``.
+        rows: two more than all samples a segment, 5 K + 2 wide, zeroed; written: the samples of all.
+
+    Returns:
+        How many rows there are, and whether the first is that of the vertex at the end of what was before.
     """
     vertex = np.zeros((2, rows.shape[1]))
     at, last_scale, last_in_parts = 0, before.scale, before.may_be_split

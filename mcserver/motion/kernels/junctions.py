@@ -1,11 +1,9 @@
-"""Samples of straight segments, and the greatest speed over a junction (D-35, D-36)."""
+"""Samples of a straight segment, and the greatest speed over a junction (D-35, D-36)."""
 
 from __future__ import annotations
 
 import math
 from typing import NamedTuple
-
-import numpy as np
 
 from mcserver.motion.geometry.curves import Array
 from mcserver.motion.kernels.compiled import compiled
@@ -180,7 +178,7 @@ def write_columns(
 
     Args:
         at: one past its last sample. axis_vmax, column, kind: as `limit_of` returns them.
-        timing: shape (3,), a row of that of `append_straight_junctions`.
+        timing: shape (3,), a row of that of `append_path_junctions`.
     """
     bounded = 0.0 < junction_vmax < math.inf
     if bounded and i > 0:
@@ -193,55 +191,3 @@ def write_columns(
     columns.limit_column[i], columns.limit_kind[i] = column, kind
     columns.sample_end[i], columns.knot_edges[i] = at, 0
     columns.vertex_before[i], columns.vertex_after[i] = 1 if bounded else 0, 0
-
-
-@compiled
-def append_straight_junctions(
-    before: PrecedingEnd,
-    travels: Array,
-    scales: Array,
-    timing: Array,
-    limits: Array,
-    cycle: float,
-    columns: SegmentColumns,
-    rows: Array,
-) -> tuple[int, bool]:
-    """Apply `line_sample` and `junction_vmax_of` to n straight segments on end.
-
-    Args:
-        before: what they follow. travels: shape (n, K). scales: their lengths, shape (n,).
-        timing: feed [1/s], time and T of each [s], shape (n, 3).
-        columns: of the n segments, written, with ``sample_end`` counted from the first of ``rows``.
-        rows: shape (3 n, 5 K + 2), zeroed; written: the samples of all.
-
-    Returns:
-        How many rows there are, and whether the first is that of the vertex at the end of what was before.
-    """
-    still = np.zeros(travels.shape[1])
-    vertex = np.zeros((2, rows.shape[1]))
-    at, last_scale, last_in_parts = 0, before.scale, before.may_be_split
-    leads = False
-    for i in range(len(travels)):
-        speed = scale = 0.0
-        may_be_split = math.isnan(timing[i, 2])
-        last, d2q = (travels[i - 1], still) if i > 0 else (before.last, before.d2q)
-        if last_scale > 0.0:
-            parts = may_be_split and last_in_parts
-            speed, scale = junction_vmax_of(
-                last, d2q, last_scale, travels[i], still, limits, cycle, parts, False, vertex
-            )
-        if not scale > 0.0:
-            scale = scales[i]
-        bounded = 0.0 < speed < math.inf
-        if bounded:
-            rows[at] = vertex[0]
-            at += 1
-            leads |= i == 0
-        top, column = line_sample(travels[i], scale, limits, rows[at : at + 1])
-        at += 1
-        if bounded:
-            rows[at] = vertex[1]
-            at += 1
-        write_columns(columns, i, at, scale, speed, top, column, 0, timing[i])
-        last_scale, last_in_parts = scale, may_be_split
-    return at, leads

@@ -20,11 +20,10 @@ from mcserver.motion.geometry.curves import Array
 from mcserver.motion.geometry.path_segments import PathSegments
 from mcserver.motion.geometry.segment import AxisLimits, Segment
 from mcserver.motion.geometry.segment_list import SegmentList
-from mcserver.motion.geometry.straight_run import StraightRun
 from mcserver.motion.geometry.time_domain_corner import Stop, TimeDomainBlend, TimeDomainBlends
 from mcserver.motion.kernels.arc_segments import append_path_junctions
 from mcserver.motion.kernels.groups import START, Groups, Segments, group_segments
-from mcserver.motion.kernels.junctions import PrecedingEnd, append_straight_junctions, length_of
+from mcserver.motion.kernels.junctions import PrecedingEnd, length_of
 from mcserver.motion.kernels.polynomials import KINDS
 from mcserver.motion.kernels.ramp_kernels import reachable_speed
 from mcserver.motion.kernels.rest_vertices import slow_vertices
@@ -166,27 +165,6 @@ class Lookahead:
             begin = int(offset[low])
             self.table.append_parts(parts[low:], vmax[low:], by[low:], rows[begin:], offset[low:] - begin)
 
-    def append_run(self, run: StraightRun, active: int, *, from_rest: bool = False) -> None:
-        """Append segments on end, as `append` does one by one."""
-        count, width = run.travels.shape
-        before = PrecedingEnd(run.travels[0], run.travels[0], 0.0, False)
-        if self.table and not from_rest:
-            last = self.table.segments[-1]
-            before = PrecedingEnd(last.last, last.d2q_end, last.scale, last.may_be_split)
-        columns = empty_columns(count)
-        rows = np.zeros((3 * count, 5 * width + 2))
-        samples, leads = append_straight_junctions(
-            before,
-            run.travels,
-            run.scales,
-            run.feeds.timing,
-            self._limits.rows,
-            self._limits.cycle,
-            columns,
-            rows,
-        )
-        self.table.append_run(run, active, columns, rows[:samples], leads=leads)
-
     def lengthen(self, line: int, seconds: float) -> None:
         """Give a line with a T of its own more time, in the longest of its segments [s].
 
@@ -225,7 +203,7 @@ class Lookahead:
             columns,
             rows,
         )
-        self.table.append_run(path, active, columns, rows[:samples], leads=leads)
+        self.table.append_path(path, active, columns, rows[:samples], leads=leads)
 
     def joint_speed(self, segment: Segment) -> float:
         """Return the greatest speed over the junction with a segment that is not in the run yet [m/s or

@@ -15,7 +15,6 @@ from mcserver.motion.geometry.path_segments import PathSegments
 from mcserver.motion.geometry.segment import Segment
 from mcserver.motion.geometry.segment_list import SegmentList
 from mcserver.motion.geometry.spline_curve import spline_part
-from mcserver.motion.geometry.straight_run import StraightRun
 from mcserver.motion.kernels.groups import SegmentColumns, Segments
 from mcserver.motion.kernels.polynomials import KINDS
 from mcserver.motion.lookahead.growable_array import GrowableArray
@@ -192,16 +191,10 @@ class SegmentTable:
         self._view = None
         self.segments.append(segment)
 
-    def append_run(
-        self,
-        run: StraightRun | PathSegments,
-        active: int,
-        columns: SegmentColumns,
-        samples: Array,
-        *,
-        leads: bool,
+    def append_path(
+        self, path: PathSegments, active: int, columns: SegmentColumns, samples: Array, *, leads: bool
     ) -> None:
-        """Add straight segments, or lines and arcs, on end.
+        """Add lines and arcs on end.
 
         Args:
             columns: of them, with ``sample_end`` counted from the first of ``samples``. samples: theirs.
@@ -213,7 +206,7 @@ class SegmentTable:
         columns.sample_end[:] += self._dropped + len(self.samples)
         columns.tolerance[:] = 0.0
         self._samples.add(samples)
-        self.segments.extend_by(run.segments(columns.length.copy(), active))
+        self.segments.extend_by(path.segments(columns.length.copy(), active))
         for own, new in zip(self._columns, columns, strict=True):
             own.add(new)
         self._view = None
