@@ -16,6 +16,7 @@ var repeatable = map[string]bool{
 	"continuation":   true,
 	"hold":           true,
 	"abort":          true,
+	"tables":         true,
 	"estop":          true,
 	"check":          true,
 	"simulate":       true,
@@ -51,6 +52,7 @@ var deadlines = map[string]time.Duration{
 	"home":                5 * time.Second,
 	"reference":           5 * time.Second,
 	"reset":               5 * time.Second,
+	"tables":              5 * time.Second,
 	"set_output":          5 * time.Second,
 	"set_simulated_input": 5 * time.Second,
 	"estop":               5 * time.Second,
@@ -209,6 +211,12 @@ func (m *Machine) Reset(ctx context.Context, axes []int64) ([]string, error) {
 		return nil, err
 	}
 	return reply.Programs, nil
+}
+
+// Tables: Tell the work offsets and tools that programs start with, and who changed them. They are changed by
+// programs: G10 L2, L20 and L1.
+func (m *Machine) Tables(ctx context.Context) (*Tables, error) {
+	return callFor[Tables](ctx, m, "tables", nil)
 }
 
 // SetOutput: Set an output by hand.

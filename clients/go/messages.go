@@ -1294,6 +1294,39 @@ type Switched struct {
 	Unit string `msgpack:"unit"`
 }
 
+// TableChange: Who changed a row of the tables; what one program does to one row in turn is one change.
+type TableChange struct {
+	// Wall: Unix time [s].
+	Wall float64 `msgpack:"wall" mc:"required"`
+	// Client: whose program it was.
+	Client string `msgpack:"client" mc:"required"`
+	// Program: its id.
+	Program string `msgpack:"program" mc:"required"`
+	// Name: of the program.
+	Name string `msgpack:"name" mc:"required"`
+	// Row: `G54` to `G59.3`, or `T3`.
+	Row string `msgpack:"row" mc:"required"`
+	// Before: by axis number, or `length` and `diameter` [m, rad; in messages mm, deg]; empty: the row was not
+	// there.
+	Before map[string]float64 `msgpack:"before" mc:"required"`
+	// After: by axis number, or `length` and `diameter` [m, rad; in messages mm, deg]; empty: the row was not
+	// there.
+	After map[string]float64 `msgpack:"after" mc:"required"`
+}
+
+// Tables: What programs start with, and who changed it.
+type Tables struct {
+	// Offsets: systems that were set; the others read zero at the machine's zero.
+	Offsets []WorkOffset `msgpack:"offsets" mc:"required"`
+	// Tools: in the order of their numbers; nil: the machine's programs have no tool table.
+	Tools []ToolRow `msgpack:"tools" mc:"required"`
+	// Changes: the newest first.
+	Changes []TableChange `msgpack:"changes" mc:"required"`
+}
+
+// TablesRequest: The tables that programs start with.
+type TablesRequest struct{}
+
 // TelemetryInfo: How to read `tele/batch`: its columns, its fields and how many cycles a message holds at most.
 type TelemetryInfo struct {
 	Axes           []int64  `msgpack:"axes" mc:"required"`
@@ -1336,6 +1369,14 @@ type ToolPose struct {
 	Number      int64     `msgpack:"number" mc:"required"`
 	Position    []float64 `msgpack:"position" mc:"required"`
 	Orientation []float64 `msgpack:"orientation" mc:"required"`
+}
+
+// ToolRow: A line of the tool table [mm], for G43; `changed`: by G10 L1, not as the machine file has it.
+type ToolRow struct {
+	Number   int64   `msgpack:"number" mc:"required"`
+	Length   float64 `msgpack:"length" mc:"required"`
+	Diameter float64 `msgpack:"diameter" mc:"required"`
+	Changed  bool    `msgpack:"changed"`
 }
 
 // WayStep: One move of the way, or what is switched on it.

@@ -27,6 +27,13 @@ class CodeOutput(msgspec.Struct, frozen=True):
     value: float | None
 
 
+class Cutter(msgspec.Struct, frozen=True):
+    """One line of the tool table: length along Z and diameter [m]."""
+
+    length: float
+    diameter: float = 0.0
+
+
 class Dialect(msgspec.Struct, frozen=True):
     """What a machine's programs may say; the defaults are the reference's strict dialect.
 
@@ -41,7 +48,7 @@ class Dialect(msgspec.Struct, frozen=True):
         systems: work coordinate systems that programs start with, number → axis → [m or rad].
         straight_rapids: G00 goes on a straight line, as fast as its slowest axis; else every axis by itself.
         probes: G38.2 … G38.5 act: the machine has a probe.
-        cutters: length of each tool of the tool table, for G43 [m].
+        cutters: the tool table of the machine file, for G43.
     """
 
     profile: Profile = "reference"
@@ -51,7 +58,7 @@ class Dialect(msgspec.Struct, frozen=True):
     spindle: int | None = None
     dwell_unit: float = 1.0
     tool_change: Literal["pause", "ask", "ignore"] = "pause"
-    cutters: Mapping[int, float] = {}
+    cutters: Mapping[int, Cutter] = {}
     systems: Mapping[int, Mapping[int, float]] = {}
     straight_rapids: bool = False
     probes: bool = False
@@ -85,17 +92,17 @@ def read_dialect(
         section: None where it is missing or has a mistake. cutters: None where one has a mistake.
         axes: numbers of the machine's axes. outputs: of the machine. channels: it has inputs or outputs.
     """
-    lengths: dict[int, float] = {}
+    table: dict[int, Cutter] = {}
     for position, cutter in enumerate(cutters):
         if cutter is None:
             continue
-        if cutter.number in lengths:
+        if cutter.number in table:
             mistakes.add(
                 ("cutter", position, "number"), f"T{cutter.number} is there twice", "number each once"
             )
-        lengths[cutter.number] = cutter.length_mm * MM
+        table[cutter.number] = Cutter(cutter.length_mm * MM, cutter.diameter_mm * MM)
     if section is None:
-        return Dialect(cutters=lengths, channels=channels)
+        return Dialect(cutters=table, channels=channels)
     # U V W are the reference's increments where its words are read
     free = "DEHLOQSUVW" if section.profile in ("cnc", "printer") else "DEHLOQS"
     for letter, axis in section.letters.items():
@@ -131,7 +138,7 @@ def read_dialect(
         spindle=section.spindle_axis,
         dwell_unit=1e-3 if unit == "ms" else 1.0,
         tool_change=section.tool_change,
-        cutters=lengths,
+        cutters=table,
         straight_rapids=section.rapids == "straight",
         outputs=_read_code_outputs(section, outputs, mistakes),
         channels=channels,

@@ -16,6 +16,7 @@ from mcserver.net import messages as wire
 from mcserver.net import model_messages as model
 from mcserver.net import recording_messages as recording
 from mcserver.net import recovery_messages as recovery
+from mcserver.net import table_messages as tables
 from mcserver.net import text_messages as text
 from mcserver.net.roles import ASKERS, CONFIGURERS, EVERYBODY, MOVERS, Role, Roles
 
@@ -192,6 +193,14 @@ METHODS: tuple[Method, ...] = (
         MOVERS,
         "Clear a latched fault or emergency stop. Axes stay without energy until captured (G1010).",
         changes=True,
+    ),
+    Method(
+        "tables",
+        tables.TablesRequest,
+        tables.Tables,
+        EVERYBODY,
+        "Tell the work offsets and tools that programs start with, and who changed them. They are changed by "
+        "programs: G10 L2, L20 and L1.",
     ),
     Method(
         "set_output", wire.SetOutputRequest, wire.SetReply, MOVERS, "Set an output by hand.", changes=True

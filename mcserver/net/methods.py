@@ -8,6 +8,8 @@ import msgspec
 
 from mcserver.canopen.views import DriveAccess, SdoTarget, SdoValue
 from mcserver.errors import ServiceError
+from mcserver.gcode.profiles.codes import ACTING
+from mcserver.gcode.profiles.frame import LENGTH_AXIS
 from mcserver.net import drive_messages as drive_wire
 from mcserver.net import messages as wire
 from mcserver.net.arming_methods import ArmingMethods
@@ -19,6 +21,7 @@ from mcserver.net.recording_methods import RecordingMethods
 from mcserver.net.recovery_methods import RecoveryMethods
 from mcserver.net.rpc import Handler
 from mcserver.net.status import EdgeUnits, machine_info, machine_status
+from mcserver.net.table_messages import Tables, TablesRequest
 from mcserver.net.text_forecast import TextForecast
 from mcserver.net.text_methods import TextMethods
 from mcserver.recorder.views import NoRecorder, RecordingAccess
@@ -226,6 +229,11 @@ class ProgramMethods:
         where = f"axis {request.axis}" if request.axis is not None else f"node {request.node}"
         self._record(client, "sdo_write", None, f"{where} {request.index:04X}h.{request.subindex}")
         return reply
+
+    def tables(self, _client: str, _request: TablesRequest) -> Tables:
+        machine = self._service.machine
+        tools = "G43" in ACTING[machine.dialect.profile] and machine.axis(LENGTH_AXIS) is not None
+        return self._units.tables(self._service.work_tables, tools=tools)
 
     def info(self, _client: str, _request: wire.InfoRequest) -> Info:
         return machine_info(self._service, [method.name for method in METHODS])

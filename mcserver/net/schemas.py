@@ -20,6 +20,7 @@ from mcserver.net import (
     model_messages,
     recording_messages,
     recovery_messages,
+    table_messages,
     text_messages,
 )
 from mcserver.net.keys import VERSION_CHUNK
@@ -34,6 +35,7 @@ MODULES = (
     arming_messages,
     recording_messages,
     recovery_messages,
+    table_messages,
     model_messages,
     text_messages,
 )

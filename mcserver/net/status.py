@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 
+import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
@@ -31,12 +32,15 @@ from mcserver.net.messages import (
     ToolPose,
     WorkOffset,
 )
+from mcserver.net.table_messages import Tables, ToolRow
 from mcserver.service.approval_basis import server_version
 from mcserver.service.leases import EXECUTOR_SLOTS
 from mcserver.service.line_queue import QUEUE_LINES
 from mcserver.service.motion_port import Cycles
 from mcserver.service.service import OPEN_PROGRAMS, MachineService
+from mcserver.service.work_offsets import WorkOffsets
 from mcserver.simulation.tool_poses import ToolPoses
+from mcserver.units import MM
 
 TELEMETRY_FIELDS = ("setpoint", "position", "velocity", "torque")
 CYCLES_A_MESSAGE = 10
@@ -87,6 +91,24 @@ class EdgeUnits:
                 found.append(WorkOffset(name, origin))
         return found
 
+    def tables(self, kept: WorkOffsets, *, tools: bool) -> Tables:
+        """Return what programs start with, and its changes, in mm and deg; ``tools``: they have a table."""
+        scale = {str(axis): scale for axis, scale in zip(self.index, self.scale, strict=True)}
+        scale |= {"length": 1.0 / MM, "diameter": 1.0 / MM}
+
+        def shown(row: Mapping[str, float]) -> dict[str, float]:
+            return {name: value * scale[name] for name, value in row.items() if name in scale}
+
+        rows = [
+            ToolRow(number, each.length / MM, each.diameter / MM, kept.is_changed(number))
+            for number, each in sorted(kept.cutters.items())
+        ]
+        changes = [
+            msgspec.structs.replace(each, before=shown(each.before), after=shown(each.after))
+            for each in reversed(kept.changes)
+        ]
+        return Tables(self.work_offsets(kept.systems), rows if tools else None, changes)
+
     def rows(self, cycles: Cycles) -> NDArray[np.float32]:
         """Telemetry of some cycles: shape (n, K, 4), the fields of `TELEMETRY_FIELDS`."""
         rows = np.empty((*cycles.setpoint.shape, len(TELEMETRY_FIELDS)), dtype="<f4")
@@ -123,7 +145,7 @@ def machine_status(service: MachineService, units: EdgeUnits) -> MachineStatus:
         late_cycles=snapshot.late_cycles,
         tools=units.tools(snapshot.position),
         probe=service.probe,
-        work_offsets=units.work_offsets(service.work_systems),
+        work_offsets=units.work_offsets(service.work_tables.systems),
         inputs=service.channels.inputs(snapshot),
         outputs=service.channels.outputs(snapshot),
         disk=service.disk,

@@ -15,7 +15,9 @@ from mcserver.gcode.profiles.codes import SYSTEM_NUMBERS
 from mcserver.gcode.profiles.frame import Frame
 from mcserver.gcode.semantics.modal import ModalState
 from mcserver.gcode.text.words import AXIS_LETTERS
+from mcserver.machine.dialect_section import Cutter
 from mcserver.machine.machine_file import Machine
+from mcserver.units import MM
 
 
 class StartState(msgspec.Struct, frozen=True):
@@ -128,7 +130,11 @@ def changes_between(
 
 
 def frame_changes(machine: Machine, before: Frame | None, now: Frame | None) -> list[tuple[str, str, str]]:
-    """Return which work coordinate systems are elsewhere: the system, the axis and the distance, in words."""
+    """Return which work coordinate systems are elsewhere, and which tools are others, in words.
+
+    Returns:
+        The system, the axis and the distance; ``T3``, ``length`` or ``diameter`` and by how much.
+    """
     then = {} if before is None else before.systems
     today = {} if now is None else now.systems
     found = []
@@ -137,6 +143,17 @@ def frame_changes(machine: Machine, before: Frame | None, now: Frame | None) -> 
             distance = today.get(number, {}).get(axis, 0.0) - then.get(number, {}).get(axis, 0.0)
             if distance:
                 found.append((name, axis_word(machine, axis), _length(machine, axis, distance)))
+    file = machine.dialect.cutters
+    had = {**file, **({} if before is None else before.cutters)}
+    has = {**file, **({} if now is None else now.cutters)}
+    for tool in sorted(had.keys() | has.keys()):
+        was, is_now = had.get(tool, Cutter(0.0)), has.get(tool, Cutter(0.0))
+        for word, by in (
+            ("length", is_now.length - was.length),
+            ("diameter", is_now.diameter - was.diameter),
+        ):
+            if by:
+                found.append((f"T{tool}", word, f"{by / MM:.6g} mm"))
     return found
 
 
@@ -147,7 +164,7 @@ def axis_word(machine: Machine, axis: int) -> str:
 
 
 def _beyond_systems(frame: Frame | None) -> Frame:
-    return msgspec.structs.replace(frame or Frame(), systems={})
+    return msgspec.structs.replace(frame or Frame(), systems={}, cutters={})
 
 
 def _length(machine: Machine, axis: int, distance: float) -> str:

@@ -72,7 +72,7 @@ class ProgramTable:
     Attributes:
         programs: open ones and the last `ENDED_PROGRAMS` that have ended, oldest first.
         faults: latched until a reset. time: of this start.
-        offsets: work coordinate systems, which outlive programs and the server.
+        offsets: work coordinate systems and tools, which outlive programs and the server.
         references: of axes, which outlive the server. axis_reports: of homing and probing.
         journal_damage: of the journal as it was found at this start; None: it is sound.
         journal_failure: why the journal cannot be written now; empty: it can.
@@ -116,7 +116,9 @@ class ProgramTable:
             self._lock.release()
             raise
         self._progress = ProgressReports(self._loop, self.journal, self.publish, self.acks.acknowledge)
-        self.offsets = WorkOffsets(options.journal.with_name(f"{options.journal.name}.offsets.json"))
+        self.offsets = WorkOffsets(
+            options.journal.with_name(f"{options.journal.name}.offsets.json"), machine.dialect.cutters
+        )
         self.references = References(references_file(options.journal), machine)
         self.axis_reports = AxisReports(machine.axes, self.references, self.events)
         self.disk = DiskWatch(self._loop, self.journal, self.events, options.clock)
@@ -340,7 +342,13 @@ class ProgramTable:
                 case Consumed():
                     self._consumed(program, event)
                 case FrameChanged():
-                    self.offsets.keep(event.frame)
+                    self.offsets.keep(
+                        event.frame,
+                        wall=self.options.clock(),
+                        client=program.client,
+                        program=program.program,
+                        name=program.name,
+                    )
                     if self.offsets.failure:
                         self.events.publish("warning", reason="MC529", message=self.offsets.failure)
                 case ProgramMessage():

@@ -156,10 +156,16 @@ class Recovering:
         return msgspec.structs.replace(state.modal, frame=frame, shift=frame.shift())
 
     def _differing_offsets(self, frame: Frame) -> str:
-        """Say which work offsets are not those that a program had at a line; empty: none."""
+        """Say which work offsets and tools are not those that a program had at a line; empty: none."""
         names = {number: name for name, number in SYSTEM_NUMBERS.items()}
         now = self._table.offsets.systems
-        said = []
+        had_tools = {**self._machine.dialect.cutters, **frame.cutters}
+        tools = self._table.offsets.cutters
+        said = [
+            f"T{number} is another one in the tool table"
+            for number in sorted(had_tools.keys() | tools.keys())
+            if had_tools.get(number) != tools.get(number)
+        ]
         for number in sorted(frame.systems.keys() | now.keys()):
             had, has = frame.systems.get(number, {}), now.get(number, {})
             for index in sorted(had.keys() | has.keys()):

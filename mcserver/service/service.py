@@ -9,7 +9,7 @@ import asyncio
 import contextlib
 import logging
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 
 from mcserver.errors import Refused
 from mcserver.executor.entries import Control
@@ -46,6 +46,7 @@ from mcserver.service.reports import (
 )
 from mcserver.service.service_options import ServiceOptions
 from mcserver.service.stop_latch import StopLatch
+from mcserver.service.work_offsets import WorkOffsets
 
 log = logging.getLogger(__name__)
 
@@ -167,9 +168,9 @@ class MachineService:
         return self._table.disk.status
 
     @property
-    def work_systems(self) -> Mapping[int, Mapping[int, float]]:
-        """Work coordinate systems that a program starts with, number → axis → [m or rad]."""
-        return self._table.offsets.systems
+    def work_tables(self) -> WorkOffsets:
+        """Work coordinate systems and tools that a program starts with, and who changed them."""
+        return self._table.offsets
 
     def start_state(self) -> StartState:
         """Return what a program that begins now starts from."""

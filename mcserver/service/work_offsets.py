@@ -1,61 +1,166 @@
-"""The work coordinate systems of a machine: kept from program to program, and over a restart (D-62)."""
+"""Work coordinate systems and the tool table: kept over programs and restarts (D-62, D-65)."""
 
 from __future__ import annotations
 
 import logging
+from collections.abc import Mapping
 from pathlib import Path
+from types import MappingProxyType
+from typing import Any
 
 import msgspec
 
 from mcserver.errors import ServiceError
+from mcserver.gcode.profiles.codes import SYSTEM_NUMBERS
 from mcserver.gcode.profiles.frame import Frame, Offsets
+from mcserver.machine.dialect_section import Cutter
 from mcserver.service.kept_file import replace_file
 
 log = logging.getLogger(__name__)
 
+CHANGES_KEPT = 100
+NO_CUTTERS: Mapping[int, Cutter] = MappingProxyType({})
+
+
+class TableChange(msgspec.Struct, frozen=True):
+    """Who changed a row of the tables; what one program does to one row in turn is one change.
+
+    Attributes:
+        wall: Unix time [s]. client: whose program it was. program: its id. name: of the program.
+        row: ``G54`` to ``G59.3``, or ``T3``.
+        before, after: by axis number, or ``length`` and ``diameter`` [m, rad; in messages mm, deg]; empty:
+            the row was not there.
+    """
+
+    wall: float
+    client: str
+    program: str
+    name: str
+    row: str
+    before: dict[str, float]
+    after: dict[str, float]
+
+
+class _SetCutter(msgspec.Struct, frozen=True):
+    """A tool as G10 L1 set it, and what the machine file said of it then."""
+
+    now: Cutter
+    file: Cutter | None
+
+
+class _Tables(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """The file beside that of the offsets."""
+
+    cutters: dict[int, _SetCutter] = {}
+    changes: list[TableChange] = []
+
 
 class WorkOffsets:
-    """The systems that the last program left behind.
+    """The systems and tools that the last program left behind.
 
     Args:
-        path: of the file that keeps them, JSON: system → axis → m or rad.
+        path: of the file that keeps the systems, JSON: system → axis → m or rad. Tools and changes are kept
+            beside it.
+        cutters: the tool table of the machine file. A tool that was set otherwise counts until the machine
+            file says something else of it than it did then.
 
     Attributes:
         systems: origins by the number of the system, 1 for G54.
+        changes: the newest `CHANGES_KEPT`, oldest first.
         failure: why they could not be kept; empty: they are.
 
     Raises:
-        ServiceError: MC529 the file is there and cannot be read.
+        ServiceError: MC529 a file is there and cannot be read.
     """
 
-    def __init__(self, path: Path) -> None:
+    def __init__(self, path: Path, cutters: Mapping[int, Cutter] = NO_CUTTERS) -> None:
         self._path = path
+        self._tables_path = path.with_name(f"{path.name}.tables.json")
+        self._file_cutters = cutters
         self.failure = ""
-        self.systems: dict[int, Offsets] = {}
-        try:
-            self.systems = dict(msgspec.json.decode(path.read_bytes(), type=dict[int, dict[int, float]]))
-        except FileNotFoundError:
-            pass
-        except (OSError, ValueError, RecursionError) as error:
-            # programs that start from other offsets than the last ones move somewhere else
-            raise ServiceError(
-                "MC529",
-                f"the work offsets in {path} cannot be read: {error}",
-                "restore the file, or move it away and set the offsets again with mcctl zero",
-            ) from error
+        self.systems: dict[int, Offsets] = dict(_read(path, dict[int, dict[int, float]], {}))
+        kept = _read(self._tables_path, _Tables, _Tables())
+        self.changes: list[TableChange] = kept.changes
+        self._set_cutters = {
+            number: each.now for number, each in kept.cutters.items() if each.file == cutters.get(number)
+        }
+
+    @property
+    def cutters(self) -> dict[int, Cutter]:
+        """The tool table in force, by number."""
+        return {**self._file_cutters, **self._set_cutters}
+
+    def is_changed(self, tool: int) -> bool:
+        """Return True if a tool counts as it was set, not as the machine file has it."""
+        return tool in self._set_cutters
 
     def frame(self) -> Frame | None:
-        """Return the frame that a program starts in; None where no system was ever set."""
-        return Frame(systems=self.systems) if self.systems else None
+        """Return the frame that a program starts in; None where nothing was ever set."""
+        if not self.systems and not self._set_cutters:
+            return None
+        return Frame(systems=self.systems, cutters=self._set_cutters)
 
-    def keep(self, frame: Frame) -> None:
-        """Keep the systems of a program; a file that cannot be written leaves them in memory."""
-        if frame.systems == self.systems:
+    def keep(
+        self, frame: Frame, *, wall: float = 0.0, client: str = "", program: str = "", name: str = ""
+    ) -> None:
+        """Keep the tables of a program; a file that cannot be written leaves them in memory.
+
+        Args:
+            wall: Unix time [s]. client, program, name: who changes them.
+        """
+        if frame.systems == self.systems and frame.cutters == self._set_cutters:
             return
-        self.systems = dict(frame.systems)
+        before = self._rows()
+        moved = frame.systems != self.systems
+        self.systems, self._set_cutters = dict(frame.systems), dict(frame.cutters)
+        after = self._rows()
+        for row in [row for row in {**before, **after} if before.get(row) != after.get(row)]:
+            self._note(TableChange(wall, client, program, name, row, before.get(row, {}), after.get(row, {})))
+        cutters = {
+            number: _SetCutter(each, self._file_cutters.get(number))
+            for number, each in self._set_cutters.items()
+        }
         try:
-            replace_file(self._path, msgspec.json.encode(self.systems))
+            if moved:
+                replace_file(self._path, msgspec.json.encode(self.systems))
+            replace_file(self._tables_path, msgspec.json.encode(_Tables(cutters, self.changes)))
             self.failure = ""
         except OSError as error:
             self.failure = f"the work offsets could not be kept in {self._path}: {error}"
             log.error("MC529: %s", self.failure)
+
+    def _rows(self) -> dict[str, dict[str, float]]:
+        rows = {
+            name: {str(axis): at for axis, at in sorted(self.systems.get(number, {}).items())}
+            for name, number in SYSTEM_NUMBERS.items()
+            if number in self.systems
+        }
+        for number, each in sorted(self.cutters.items()):
+            rows[f"T{number}"] = {"length": each.length, "diameter": each.diameter}
+        return rows
+
+    def _note(self, change: TableChange) -> None:
+        last = self.changes[-1] if self.changes else None
+        if last is not None and (last.program, last.row) == (change.program, change.row):
+            self.changes.pop()
+            change = msgspec.structs.replace(change, before=last.before)
+        self.changes = [*self.changes, change][-CHANGES_KEPT:]
+
+
+def _read(path: Path, kind: Any, missing: Any) -> Any:
+    """Return what a file holds.
+
+    Raises:
+        ServiceError: MC529 it is there and cannot be read.
+    """
+    try:
+        return msgspec.json.decode(path.read_bytes(), type=kind)
+    except FileNotFoundError:
+        return missing
+    except (OSError, ValueError, RecursionError) as error:
+        # programs that start from other offsets or lengths than the last ones move somewhere else
+        raise ServiceError(
+            "MC529",
+            f"the work offsets in {path} cannot be read: {error}",
+            "restore the file, or move it away and set offsets (mcctl zero) and tools (G10 L1) again",
+        ) from error

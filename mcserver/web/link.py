@@ -14,6 +14,7 @@ from mcclient import Event, Machine, MachineStatus, MotionError
 from mcserver.web.formatting import LETTERS
 from mcserver.web.jobs import JobQueue
 from mcserver.web.recorded_files import RecordedFiles
+from mcserver.web.row_names import RowNames
 from mcserver.web.run_requests import RunRequests
 from mcserver.web.shared_answers import SharedAnswers
 from mcserver.web.store import ProgramStore
@@ -63,6 +64,7 @@ class MachineLink:
         # what was done at this page: Unix time, who, what
         self.acts: deque[tuple[float, str, str]] = deque(maxlen=ACTS_KEPT)
         self.store = store
+        self.row_names = RowNames(store.folder / ".names.json")
         self.jobs = JobQueue(self, store)
         self.run_requests = RunRequests()
         self.recorded = RecordedFiles(store.folder / ".recordings")

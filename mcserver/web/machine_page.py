@@ -29,6 +29,7 @@ from mcserver.web.panels.positions import PositionsPanel
 from mcserver.web.panels.program import ProgramPanel
 from mcserver.web.panels.recordings import RecordingsPanel
 from mcserver.web.panels.run_from import RecoveryPanel
+from mcserver.web.panels.tables import TablesPanel
 from mcserver.web.sessions import Visitor
 
 REFRESH_S = 0.1
@@ -83,6 +84,8 @@ class MachinePage:
                         self._positions = PositionsPanel(actions)
                     with _place(4):
                         self._jog = JogPanel(actions)
+                    with _place(7):
+                        self._tables = TablesPanel(actions)
                     with _place(8):
                         self._mdi = MdiPanel(actions)
                     with _place(9):
@@ -132,6 +135,7 @@ class MachinePage:
             await self._recovery.update()
             await self._recordings.update()
             await self._drives.update(machine.info)
+            await self._tables.update(machine.info)
 
     def _header(self, visitor: Visitor) -> None:
         with ui.header(elevated=True).classes("items-center justify-between no-wrap py-1 px-2 bg-slate-900"):

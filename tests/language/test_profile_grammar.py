@@ -110,6 +110,7 @@ def test_near_misses_cannot_be_derived_for_any_profile(profile: str) -> None:
         ("G64 P0.1 G82 X1 P0.5", set()),
         ("G64 P0.1 G64 P0.2", set()),
         ("G10 L20 P1 X0 Y0", {"cnc", "robot"}),
+        ("G10 L1 P3 Z75.2 R3", {"cnc"}),
         ("O1002 (BRACKET)", {"cnc", "robot", "printer"}),
         ("G1 U5", {"robot"}),
         ("M62 P0", {"printer"}),  # without effect there

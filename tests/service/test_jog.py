@@ -61,7 +61,7 @@ async def test_a_jog_leaves_work_zeros_and_units_as_they_are(cell: VirtualCell) 
     await cell.run("G20 G10 L2 P1 X1", axes=[0])
     await cell.ended(cell.service.program(await jog(cell, 0, 20.0)))
     assert cell.position(0) == pytest.approx(20 * MM, abs=1e-6)
-    assert cell.service.work_systems == {1: {0: pytest.approx(25.4 * MM)}}
+    assert cell.service.work_tables.systems == {1: {0: pytest.approx(25.4 * MM)}}
 
 
 async def test_steps_of_one_person_follow_each_other(cell: VirtualCell) -> None:

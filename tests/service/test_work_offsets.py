@@ -1,4 +1,4 @@
-"""Work coordinate systems outlive programs and the server."""
+"""Work coordinate systems and the tool table outlive programs and the server."""
 
 from __future__ import annotations
 
@@ -10,9 +10,10 @@ from mcserver.errors import ServiceError
 from mcserver.gcode.profiles.frame import Frame
 from mcserver.gcode.program_check import check_program
 from mcserver.gcode.semantics.interpreter import Interpreter
+from mcserver.machine.dialect_section import Cutter
 from mcserver.machine.machine_file import load_machine
 from mcserver.motion.canonical import MotionLine, RapidGroup
-from mcserver.planning.start_state import StartState
+from mcserver.planning.start_state import StartState, frame_changes
 from mcserver.planning.state_before import state_before
 from mcserver.service.work_offsets import WorkOffsets
 from mcserver.simulation.program_checker import check_text
@@ -88,3 +89,78 @@ def test_a_check_and_a_simulation_begin_in_the_systems_that_are_kept() -> None:
     assert check_program("G0 X60", MILL) == []
     assert simulate("G0 X60", MILL, start=shifted).report["diagnostics"][0]["code"] == "MC201"
     assert simulate("G0 X10", MILL, start=shifted).report["axes"]["0"]["position"] == pytest.approx(460.0)
+
+
+def after(*lines: str, frame: Frame | None = None) -> Frame:
+    interpreter = Interpreter(MILL, frame=frame)
+    for number, text in enumerate(lines, start=1):
+        interpreter.interpret_text(text, number)
+    assert interpreter.frame is not None
+    return interpreter.frame
+
+
+def test_g10_l1_sets_length_and_radius_of_a_tool_and_g43_takes_it() -> None:
+    frame = after("G10 L1 P3 Z75.2 R3", "G20 G10 L1 P7 Z1", "G10 L1 P7 R.5", "M30")
+    assert frame.cutters[3] == Cutter(pytest.approx(0.0752), pytest.approx(0.006))
+    assert frame.cutters[7] == Cutter(pytest.approx(0.0254), pytest.approx(0.0254))
+    assert target(Interpreter(MILL, frame=frame), "G43 H3 G0 Z10") == pytest.approx((0.0852,))
+    assert target(Interpreter(MILL, frame=frame), "G43 H1 G0 Z10") == pytest.approx((0.030,))
+
+
+def test_g10_l1_leaves_what_it_does_not_name_as_the_machine_file_has_it() -> None:
+    assert after("G10 L1 P2 R4").cutters == {2: Cutter(pytest.approx(0.0355), pytest.approx(0.008))}
+
+
+@pytest.mark.parametrize(
+    ("line", "code"),
+    [
+        ("G10 L1 Z5", "MC143"),
+        ("G10 L1 P0 Z5", "MC143"),
+        ("G10 L1 P1.5 Z5", "MC143"),
+        ("G10 L1 P9 R5", "MC143"),
+        ("G10 L1 P1", "MC118"),
+        ("G10 L1 P1 X5 Z5", "MC118"),
+        ("G10 L1 P1 Z5 R-1", "MC116"),
+        ("G10 L3 P1 Z5", "MC141"),
+    ],
+)
+def test_a_wrong_g10_l1_is_refused(line: str, code: str) -> None:
+    assert [each.code for each in check_program(line, MILL)] == [code]
+
+
+def test_who_changed_a_row_when_and_from_what_is_kept_over_a_restart(tmp_path: Path) -> None:
+    path, cutters = tmp_path / "offsets.json", {3: Cutter(0.01)}
+    kept = WorkOffsets(path, cutters)
+    kept.keep(Frame(systems={1: {0: 0.1}}), wall=1.0, client="hmi", program="p1", name="zero")
+    kept.keep(Frame(systems={1: {0: 0.2}}), wall=2.0, client="hmi", program="p1", name="zero")
+    kept.keep(
+        Frame(systems={1: {0: 0.2}}, cutters={3: Cutter(0.02, 0.006)}), wall=3.0, client="cam", program="p2"
+    )
+    again = WorkOffsets(path, cutters)
+    assert [(each.wall, each.client, each.row, each.before, each.after) for each in again.changes] == [
+        (2.0, "hmi", "G54", {}, {"0": 0.2}),
+        (3.0, "cam", "T3", {"length": 0.01, "diameter": 0.0}, {"length": 0.02, "diameter": 0.006}),
+    ]
+    assert again.frame() == kept.frame()
+    assert again.is_changed(3)
+
+
+def test_a_tool_counts_as_set_until_the_machine_file_says_otherwise(tmp_path: Path) -> None:
+    path = tmp_path / "offsets.json"
+    WorkOffsets(path, {3: Cutter(0.01)}).keep(Frame(cutters={3: Cutter(0.02), 4: Cutter(0.03)}))
+    edited = WorkOffsets(path, {3: Cutter(0.015)})
+    assert edited.cutters == {3: Cutter(0.015), 4: Cutter(0.03)}
+
+
+def test_changes_are_bounded(tmp_path: Path) -> None:
+    kept = WorkOffsets(tmp_path / "offsets.json")
+    for number in range(120):
+        kept.keep(Frame(systems={1: {0: float(number + 1)}}), program=f"p{number}")
+    assert len(kept.changes) == 100
+    assert kept.changes[-1].after == {"0": 120.0}
+
+
+def test_an_approval_names_a_tool_that_is_another_one() -> None:
+    before, now = (StartState.of(MILL, Frame(cutters={1: Cutter(length)})) for length in (0.02, 0.025))
+    assert frame_changes(MILL, None, before.frame) == []
+    assert frame_changes(MILL, before.frame, now.frame) == [("T1", "length", "5 mm")]

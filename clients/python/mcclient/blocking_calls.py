@@ -29,6 +29,7 @@ class BlockingCalls(Blocking[T]):
     home = waited(MachineCalls.home)
     reference = waited(MachineCalls.reference)
     reset = waited(MachineCalls.reset)
+    tables = waited(MachineCalls.tables)
     set_output = waited(MachineCalls.set_output)
     set_simulated_input = waited(MachineCalls.set_simulated_input)
     call_estop = waited(MachineCalls.call_estop)

@@ -313,6 +313,13 @@ class MachineCalls:
             )
         ).programs
 
+    async def tables(self, *, deadline_s: float = 5.0) -> wire.Tables:
+        """Tell the work offsets and tools that programs start with, and who changed them.
+
+        They are changed by programs: G10 L2, L20 and L1.
+        """
+        return await self._caller.ask(wire.Tables, "tables", {}, deadline_s)
+
     async def set_output(self, output: str, value: bool | float, *, deadline_s: float = 5.0) -> wire.SetReply:
         """Set an output by hand."""
         return await self._caller.ask(

@@ -1321,3 +1321,53 @@ class SubmitReply:
     done: int
     credit: int
     rejections: int = 0
+
+
+@dataclass(frozen=True, slots=True)
+class TableChange:
+    """Who changed a row of the tables; what one program does to one row in turn is one change.
+
+    Attributes:
+        wall: Unix time [s].
+        client: whose program it was.
+        program: its id.
+        name: of the program.
+        row: ``G54`` to ``G59.3``, or ``T3``.
+        before: by axis number, or ``length`` and ``diameter`` [m, rad; in messages mm, deg]; empty: the
+            row was not there.
+        after: by axis number, or ``length`` and ``diameter`` [m, rad; in messages mm, deg]; empty: the
+            row was not there.
+    """
+
+    wall: float
+    client: str
+    program: str
+    name: str
+    row: str
+    before: dict[str, float]
+    after: dict[str, float]
+
+
+@dataclass(frozen=True, slots=True)
+class ToolRow:
+    """A line of the tool table [mm], for G43; ``changed``: by G10 L1, not as the machine file has it."""
+
+    number: int
+    length: float
+    diameter: float
+    changed: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class Tables:
+    """What programs start with, and who changed it.
+
+    Attributes:
+        offsets: systems that were set; the others read zero at the machine's zero.
+        tools: in the order of their numbers; None: the machine's programs have no tool table.
+        changes: the newest first.
+    """
+
+    offsets: tuple[WorkOffset, ...]
+    tools: tuple[ToolRow, ...] | None
+    changes: tuple[TableChange, ...]

@@ -15,7 +15,7 @@ use crate::messages::{
     RecordingReadRequest, RecordingsReply, ReferenceRequest, RejectRequest, ResetRequest, RunArmedReply,
     RunArmedRequest, RunPreviewReply, RunPreviewRequest, RunRequestReply, RunRequestRequest, RunRequestStatus,
     RunRequestsReply, SdoReadRequest, SdoReply, SdoWriteRequest, SetInputRequest, SetOutputRequest, SetReply,
-    SimulateReply, SimulateRequest, StepRequest, SubmitReply, SubmitRequest, WithdrawRequest,
+    SimulateReply, SimulateRequest, StepRequest, SubmitReply, SubmitRequest, Tables, WithdrawRequest,
 };
 
 /// Every remote method of a machine (docs/wire/calls.md).
@@ -186,6 +186,15 @@ impl Machine {
     pub async fn reset(&self, axes: Option<&[u64]>) -> Result<Vec<String>> {
         let reply: Done = self.ask_within("reset", &ResetRequest { axes: axes.map(<[_]>::to_vec) }, 5).await?;
         Ok(reply.programs)
+    }
+
+    /// Tell the work offsets and tools that programs start with, and who changed them. They are changed by
+    /// programs: G10 L2, L20 and L1.
+    ///
+    /// # Errors
+    /// As [`Machine::refresh_info`].
+    pub async fn tables(&self) -> Result<Tables> {
+        self.ask_within("tables", &Nothing {}, 5).await
     }
 
     /// Set an output by hand.

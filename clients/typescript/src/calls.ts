@@ -58,6 +58,7 @@ import type {
   SimulateRequest,
   SubmitReply,
   SubmitRequest,
+  Tables,
 } from "./messages.js";
 
 /** How long a server may take for an answer [s], and whether a call may be sent again under any
@@ -82,6 +83,7 @@ export const METHODS: Readonly<Record<string, { deadlineS: number; repeatable: b
   home: { deadlineS: 5, repeatable: false },
   reference: { deadlineS: 5, repeatable: false },
   reset: { deadlineS: 5, repeatable: false },
+  tables: { deadlineS: 5, repeatable: true },
   set_output: { deadlineS: 5, repeatable: false },
   set_simulated_input: { deadlineS: 5, repeatable: false },
   estop: { deadlineS: 5, repeatable: true },
@@ -215,6 +217,14 @@ export abstract class MachineCalls {
   /** Clear a latched fault or emergency stop. Axes stay without energy until captured (G1010). */
   async reset(axes?: number[] | null): Promise<string[]> {
     return (await this.call<Done>("reset", { axes })).programs;
+  }
+
+  /**
+   * Tell the work offsets and tools that programs start with, and who changed them. They are changed by programs:
+   * G10 L2, L20 and L1.
+   */
+  tables(): Promise<Tables> {
+    return this.call("tables");
   }
 
   /** Set an output by hand. */

@@ -1170,6 +1170,38 @@ export interface Switched {
   unit?: string;
 }
 
+/** Who changed a row of the tables; what one program does to one row in turn is one change. */
+export interface TableChange {
+  /** Unix time [s]. */
+  wall: number;
+  /** whose program it was. */
+  client: string;
+  /** its id. */
+  program: string;
+  /** of the program. */
+  name: string;
+  /** `G54` to `G59.3`, or `T3`. */
+  row: string;
+  /** by axis number, or `length` and `diameter` [m, rad; in messages mm, deg]; empty: the row was not there. */
+  before: Record<string, number>;
+  /** by axis number, or `length` and `diameter` [m, rad; in messages mm, deg]; empty: the row was not there. */
+  after: Record<string, number>;
+}
+
+/** What programs start with, and who changed it. */
+export interface Tables {
+  /** systems that were set; the others read zero at the machine's zero. */
+  offsets: WorkOffset[];
+  /** in the order of their numbers; null: the machine's programs have no tool table. */
+  tools: ToolRow[] | null;
+  /** the newest first. */
+  changes: TableChange[];
+}
+
+/** The tables that programs start with. */
+export interface TablesRequest {
+}
+
 /** How to read `tele/batch`: its columns, its fields and how many cycles a message holds at most. */
 export interface TelemetryInfo {
   axes: number[];
@@ -1212,6 +1244,14 @@ export interface ToolPose {
   number: number;
   position: number[];
   orientation: number[];
+}
+
+/** A line of the tool table [mm], for G43; `changed`: by G10 L1, not as the machine file has it. */
+export interface ToolRow {
+  number: number;
+  length: number;
+  diameter: number;
+  changed?: boolean;
 }
 
 /** One move of the way, or what is switched on it. */

@@ -7,6 +7,7 @@ import math
 import msgspec
 
 from mcserver.gcode.profiles.codes import (
+    ACTING,
     DRILLING,
     IO_WORDS,
     PRINTER_STOPS,
@@ -16,7 +17,7 @@ from mcserver.gcode.profiles.codes import (
     TAKES_AXES,
 )
 from mcserver.gcode.profiles.drilling import drill
-from mcserver.gcode.profiles.frame import Offsets
+from mcserver.gcode.profiles.frame import LENGTH_AXIS, Offsets
 from mcserver.gcode.profiles.io_codes import read_io, read_mapped
 from mcserver.gcode.profiles.probing import read_probe_move
 from mcserver.gcode.semantics.block_state import BlockState
@@ -30,6 +31,7 @@ from mcserver.gcode.semantics.program_units import (
 from mcserver.gcode.semantics.rapids import rapid_group
 from mcserver.gcode.semantics.travel_limits import ROUNDING
 from mcserver.gcode.text.profile_words import Action, ProfileWord
+from mcserver.machine.dialect_section import Cutter
 from mcserver.motion.canonical import (
     Canonical,
     DwellGroup,
@@ -40,6 +42,9 @@ from mcserver.motion.canonical import (
     SpeedGroup,
 )
 from mcserver.units import AxisType
+
+# the greatest number of a tool, as of [[cutter]]
+MAX_CUTTER = 99999
 
 
 class Effects(msgspec.Struct):
@@ -211,14 +216,17 @@ def _set_system(block: BlockState, action: Action) -> None:
     """Set the origin of a work coordinate system: G10 L2 by itself, L20 by what the position reads then."""
     frame = block.frame
     kind = action.words["L"].value
+    if kind == 1.0 and "G43" in ACTING[block.setup.machine.dialect.profile]:
+        _set_cutter(block, action)
+        return
     chosen = action.words.get("P")
     number = frame.system if chosen is None or chosen.value == 0 else int(chosen.value)
     if kind not in (2.0, 20.0) or "R" in action.words:
         block.faults.add(
             "MC141",
-            "of G10 only L2 and L20 set something here, without a rotation R",
+            "of G10 only L1 (tools of a machining centre), L2 and L20 set something, without a rotation R",
             action.span,
-            "lengths of tools belong to the machine file: [[cutter]]",
+            "G10 L2 Pn sets a work coordinate system, G10 L1 Pn Z… R… a tool's length and radius",
         )
         return
     if chosen is not None and (chosen.value != int(chosen.value) or not 0 <= chosen.value <= 9):
@@ -240,34 +248,74 @@ def _set_system(block: BlockState, action: Action) -> None:
     block.frame = msgspec.structs.replace(frame, systems={**frame.systems, number: origin})
 
 
+def _set_cutter(block: BlockState, action: Action) -> None:
+    """Set a line of the tool table: P its number, Z its length, R its radius; what is left out stays."""
+    chosen, radius = action.words.get("P"), action.words.get("R")
+    if chosen is None or chosen.value != int(chosen.value) or not 1 <= chosen.value <= MAX_CUTTER:
+        place = action.span if chosen is None else chosen.span
+        block.faults.add(
+            "MC143", f"G10 L1 needs the number of a tool, 1 to {MAX_CUTTER}", place, "such as G10 L1 P3 Z75.2"
+        )
+        return
+    lengths = dict(_axis_values(block, action))
+    if lengths.keys() - {LENGTH_AXIS} or not (lengths or radius is not None):
+        block.faults.add(
+            "MC118", "G10 L1 takes Z, a length, and R, a radius", action.span, "such as G10 L1 P3 Z75.2 R3"
+        )
+        return
+    if radius is not None and radius.value < 0.0:
+        block.faults.add("MC116", f"R{radius.text} is below 0", radius.span, "give the tool's radius")
+        return
+    number = int(chosen.value)
+    table = _cutters(block)
+    cutter = table.get(number)
+    if cutter is None and not lengths:
+        _unknown_tool(block, number, chosen)
+        return
+    length = lengths.get(LENGTH_AXIS, 0.0 if cutter is None else cutter.length)
+    diameter = 0.0 if cutter is None else cutter.diameter
+    if radius is not None:
+        diameter = 2.0 * radius.value * axis_scale(AxisType.LINEAR, block.modal.inch)
+    changed = {**block.frame.cutters, number: Cutter(length, diameter)}
+    block.frame = msgspec.structs.replace(block.frame, cutters=changed)
+
+
+def _cutters(block: BlockState) -> dict[int, Cutter]:
+    """Return the tool table in force: of the machine file, and over it what G10 L1 set."""
+    return {**block.setup.machine.dialect.cutters, **block.frame.cutters}
+
+
 def _tool_length(block: BlockState, action: Action) -> None:
     frame = block.frame
     if action.code == "G49":
         block.frame = msgspec.structs.replace(frame, tool_length=0.0)
         return
-    cutters = block.setup.machine.dialect.cutters
+    cutters = _cutters(block)
     word = action.words.get("H")
     number = frame.tool if word is None else int(word.value)
     if number and number not in cutters:
         _unknown_tool(block, number, action if word is None else word)
-    block.frame = msgspec.structs.replace(frame, tool_length=cutters.get(number, 0.0))
+    block.frame = msgspec.structs.replace(
+        frame, tool_length=cutters[number].length if number in cutters else 0.0
+    )
 
 
 def _choose_tool(block: BlockState, action: Action) -> None:
     number = int(_value(block, action, "T", least=0.0))
-    cutters = block.setup.machine.dialect.cutters
+    cutters = _cutters(block)
     if cutters and number and number not in cutters:
         _unknown_tool(block, number, action.words["T"])
     block.frame = msgspec.structs.replace(block.frame, tool=number)
 
 
 def _unknown_tool(block: BlockState, number: int, word: ProfileWord | Action) -> None:
-    known = ", ".join(str(each) for each in sorted(block.setup.machine.dialect.cutters)) or "none"
+    known = ", ".join(str(each) for each in sorted(_cutters(block))) or "none"
     block.faults.add(
         "MC143",
         f"the tool table has no tool {number}: its length is not known",
         word.span,
-        f"add [[cutter]] with number = {number} and its length_mm to the machine file, which has {known}",
+        f"measure it and send G10 L1 P{number} Z… with its length, or add [[cutter]] to the machine file; "
+        f"there are {known}",
     )
 
 

@@ -7,6 +7,7 @@ from collections.abc import Mapping
 import msgspec
 
 from mcserver.gcode.profiles.codes import SYSTEM_NUMBERS
+from mcserver.machine.dialect_section import Cutter
 
 Offsets = Mapping[int, float]
 LENGTH_AXIS = 2  # a tool's length lies along Z
@@ -40,6 +41,7 @@ class Frame(msgspec.Struct, frozen=True):
 
     Attributes:
         system: 1 … 9, of G54 … G59.3. systems: origins of the work coordinate systems, axis → [m or rad].
+        cutters: of the tool table, by number, as G10 L1 set them; they go before the machine file's.
         g92: offsets of G92. g92_on: they count (G92.2 takes them out, G92.3 in). local: of G52.
         tool_length: of G43 [m]. tool: number of the last T. changed: number of the last M6.
         stored: positions of G28.1 (28) and G30.1 (30).
@@ -50,6 +52,7 @@ class Frame(msgspec.Struct, frozen=True):
 
     system: int = 1
     systems: Mapping[int, Offsets] = {}
+    cutters: Mapping[int, Cutter] = {}
     g92: Offsets = {}
     g92_on: bool = True
     local: Offsets = {}

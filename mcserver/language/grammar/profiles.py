@@ -20,6 +20,7 @@ from mcserver.gcode.profiles.codes import (
     SILENT,
     SYSTEM_NUMBERS,
 )
+from mcserver.gcode.profiles.frame import LENGTH_AXIS
 from mcserver.gcode.text.words import AXIS_LETTERS, INCREMENTAL_LETTERS
 from mcserver.language.grammar.expressions import (
     Chars,
@@ -171,6 +172,9 @@ def _special_blocks(machine: Machine) -> list[Expression]:
             )
         )
         blocks.append(Ref("store-code"))
+    if "G43" in acting and machine.axis(LENGTH_AXIS) is not None:
+        words = seq(Ref("system-code"), Ref("tool-kind"), Ref("tool-number"))
+        blocks.append(seq(words, Ref(f"axis-{LENGTH_AXIS}"), opt(Ref("tool-radius"))))
     if machine.dialect.probes:
         blocks.append(seq(Ref("before"), Ref("probe-code"), Ref("straight"), opt(Ref("feed"))))
     blocks += _io_blocks(machine)
@@ -244,6 +248,9 @@ def _tokens(machine: Machine) -> dict[str, Expression]:
         "times": word("L", whole(range(1, 100))),
         "system-code": _codes({"G10"}),
         "kind": word("L", whole((2, 20))),
+        "tool-kind": word("L", whole((1,))),
+        "tool-number": word("P", whole(range(1, 100))),
+        "tool-radius": word("R", Ref("unsigned")),
         "system": word("P", whole(range(10))),
         "store-code": _codes({"G28.1", "G30.1"}),
         "probe-code": _codes(PROBING),

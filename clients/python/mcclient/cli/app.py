@@ -46,6 +46,7 @@ COMMANDS: Mapping[str, str] = MappingProxyType(
         "continue": "go_on.continue_",
         "send": "send.send",
         "zero": "zero.zero",
+        "tables": "work_tables.tables",
         "console": "console.console",
         "hold": "operate.hold",
         "resume": "operate.resume",

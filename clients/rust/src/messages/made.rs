@@ -2478,6 +2478,43 @@ pub struct Switched {
     pub unit: String,
 }
 
+/// Who changed a row of the tables; what one program does to one row in turn is one change.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct TableChange {
+    /// Unix time \[s\].
+    pub wall: f64,
+    /// whose program it was.
+    pub client: String,
+    /// its id.
+    pub program: String,
+    /// of the program.
+    pub name: String,
+    /// `G54` to `G59.3`, or `T3`.
+    pub row: String,
+    /// by axis number, or `length` and `diameter` \[m, rad; in messages mm, deg\]; empty: the row was not
+    /// there.
+    pub before: BTreeMap<String, f64>,
+    /// by axis number, or `length` and `diameter` \[m, rad; in messages mm, deg\]; empty: the row was not
+    /// there.
+    pub after: BTreeMap<String, f64>,
+}
+
+/// What programs start with, and who changed it.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Tables {
+    /// systems that were set; the others read zero at the machine's zero.
+    pub offsets: Vec<WorkOffset>,
+    /// in the order of their numbers; none: the machine's programs have no tool table.
+    #[serde(deserialize_with = "Option::deserialize")]
+    pub tools: Option<Vec<ToolRow>>,
+    /// the newest first.
+    pub changes: Vec<TableChange>,
+}
+
+/// The tables that programs start with.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct TablesRequest {}
+
 /// How to read `tele/batch`: its columns, its fields and how many cycles a message holds at most.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct TelemetryInfo {
@@ -2527,6 +2564,16 @@ pub struct ToolPose {
     pub number: u64,
     pub position: Vec<f64>,
     pub orientation: Vec<f64>,
+}
+
+/// A line of the tool table \[mm\], for G43; `changed`: by G10 L1, not as the machine file has it.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct ToolRow {
+    pub number: u64,
+    pub length: f64,
+    pub diameter: f64,
+    #[serde(default)]
+    pub changed: bool,
 }
 
 /// One move of the way, or what is switched on it.

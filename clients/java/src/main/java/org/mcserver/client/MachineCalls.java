@@ -16,9 +16,9 @@ public abstract class MachineCalls {
 
     /** Calls that change nothing, or stop: they may be sent again under any circumstances. */
     static final Set<String> REPEATABLE = Set.of(
-            "info", "status", "programs", "events", "continuation", "hold", "abort", "estop", "check", "simulate",
-            "run_requests", "run_preview", "recordings", "recording_read", "model", "model_mesh", "drives",
-            "drives_scan", "sdo_read");
+            "info", "status", "programs", "events", "continuation", "hold", "abort", "tables", "estop", "check",
+            "simulate", "run_requests", "run_preview", "recordings", "recording_read", "model", "model_mesh",
+            "drives", "drives_scan", "sdo_read");
 
     /** How long a server may take for an answer. */
     static final Map<String, Duration> DEADLINES = Map.ofEntries(
@@ -41,6 +41,7 @@ public abstract class MachineCalls {
             Map.entry("home", Duration.ofSeconds(5)),
             Map.entry("reference", Duration.ofSeconds(5)),
             Map.entry("reset", Duration.ofSeconds(5)),
+            Map.entry("tables", Duration.ofSeconds(5)),
             Map.entry("set_output", Duration.ofSeconds(5)),
             Map.entry("set_simulated_input", Duration.ofSeconds(5)),
             Map.entry("estop", Duration.ofSeconds(5)),
@@ -168,6 +169,14 @@ public abstract class MachineCalls {
     /** Clear a latched fault or emergency stop. Axes stay without energy until captured (G1010). */
     public CompletableFuture<List<String>> reset(List<Long> axes) {
         return ask("reset", Wire.params(new Messages.ResetRequest(axes)), Messages.Done.class).thenApply(Messages.Done::programs);
+    }
+
+    /**
+     * Tell the work offsets and tools that programs start with, and who changed them. They are changed by
+     * programs: G10 L2, L20 and L1.
+     */
+    public CompletableFuture<Messages.Tables> tables() {
+        return ask("tables", Map.of(), Messages.Tables.class);
     }
 
     /** Set an output by hand. */

@@ -1555,6 +1555,33 @@ public final class Messages {
      */
     public record Switched(String name, double there, double now, @Sparse String unit) {}
 
+    /**
+     * Who changed a row of the tables; what one program does to one row in turn is one change.
+     * @param wall Unix time [s].
+     * @param client whose program it was.
+     * @param program its id.
+     * @param name of the program.
+     * @param row `G54` to `G59.3`, or `T3`.
+     * @param before by axis number, or `length` and `diameter` [m, rad; in messages mm, deg]; empty: the row was
+     *     not there.
+     * @param after by axis number, or `length` and `diameter` [m, rad; in messages mm, deg]; empty: the row was
+     *     not there.
+     */
+    public record TableChange(
+            double wall, String client, String program, String name, String row, Map<String, Double> before, Map<String,
+            Double> after) {}
+
+    /**
+     * What programs start with, and who changed it.
+     * @param offsets systems that were set; the others read zero at the machine's zero.
+     * @param tools in the order of their numbers; null: the machine's programs have no tool table.
+     * @param changes the newest first.
+     */
+    public record Tables(List<WorkOffset> offsets, @Nil List<ToolRow> tools, List<TableChange> changes) {}
+
+    /** The tables that programs start with. */
+    public record TablesRequest() {}
+
     /** How to read `tele/batch`: its columns, its fields and how many cycles a message holds at most. */
     public record TelemetryInfo(List<Long> axes, List<String> fields, long cyclesAMessage, double stateHz) {}
 
@@ -1572,6 +1599,9 @@ public final class Messages {
 
     /** Where a tool's frame is: `[x, y, z]` in mm, `[a, b, c]` in deg. */
     public record ToolPose(long number, List<Double> position, List<Double> orientation) {}
+
+    /** A line of the tool table [mm], for G43; `changed`: by G10 L1, not as the machine file has it. */
+    public record ToolRow(long number, double length, double diameter, @Sparse boolean changed) {}
 
     /**
      * One move of the way, or what is switched on it.

@@ -1,0 +1,56 @@
+"""The lines of G-code that change work offsets and tools, and that take a change back."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+
+from mcclient.types import TableChange
+
+SYSTEMS = ("G54", "G55", "G56", "G57", "G58", "G59", "G59.1", "G59.2", "G59.3")
+LETTERS = "XYZABC"
+
+
+def offset_line(system: str, origin: Mapping[str, float], *, shift: bool = False) -> str:
+    """Return the line that sets where a system reads zero.
+
+    Args:
+        system: such as ``G54``. origin: by axis number [mm, deg]; axes left out stay.
+        shift: by how much instead of where.
+    """
+    words = [f"{_axis(int(axis))}{_number(value)}" for axis, value in origin.items()]
+    return f"G21 G{91 if shift else 90} G10 L2 P{SYSTEMS.index(system) + 1} {' '.join(words)}"
+
+
+def tool_line(number: int, length: float, diameter: float) -> str:
+    """Return the line that sets a tool's length and diameter [mm]."""
+    return f"G21 G90 G10 L1 P{number} Z{_number(length)} R{_number(diameter / 2.0)}"
+
+
+def undo_line(change: TableChange) -> str | None:
+    """Return the line that takes a change back; None where a tool was not in the table before it."""
+    if change.row in SYSTEMS:
+        return offset_line(change.row, {**dict.fromkeys(change.after, 0.0), **change.before})
+    if not change.before:
+        return None
+    return tool_line(int(change.row[1:]), change.before["length"], change.before["diameter"])
+
+
+def change_text(change: TableChange) -> str:
+    """Return what a change did, such as ``G54: X 0 → 12.5``."""
+    parts = []
+    for name in {**change.before, **change.after}:
+        was, is_now = change.before.get(name), change.after.get(name)
+        if was != is_now:
+            shown = _axis(int(name)) if re.fullmatch("[0-9]+", name) else name
+            parts.append(f"{shown} {'–' if was is None else _number(was)} → {_number(is_now or 0.0)}")
+    return f"{change.row}: {', '.join(parts)}"
+
+
+def _axis(index: int) -> str:
+    return LETTERS[index] if index < len(LETTERS) else f"[{index}]"
+
+
+def _number(value: float) -> str:
+    text = f"{value:.6f}".rstrip("0").rstrip(".")
+    return "0" if text == "-0" else text

@@ -1,0 +1,247 @@
+"""Work offsets and tools as tables that people edit: each change is shown as the line that it is."""
+
+from __future__ import annotations
+
+import html
+import time
+
+from mcclient import Info, Machine, MotionError
+from mcclient.broken_off import WORK_OFFSET
+from mcclient.types import Tables
+from mcclient.work_tables import SYSTEMS, change_text, offset_line, tool_line, undo_line
+from nicegui import ui
+
+from mcserver.errors import McError
+from mcserver.web.actions import Actions, show_refusal
+from mcserver.web.dialogs import ask, named_dialog
+from mcserver.web.formatting import axis_name, position_text
+from mcserver.web.open_programs import refusal_of
+
+PERIOD_S = 1.0
+CHANGES_SHOWN = 12
+WHY = "tables are changed at rest"
+
+
+class TablesPanel:
+    """Hidden on machines whose programs have no work offsets."""
+
+    def __init__(self, actions: Actions) -> None:
+        self._actions = actions
+        self._tables: Tables | None = None
+        self._info: Info | None = None
+        self._content = ""
+        with ui.card().classes("mc-card") as self._card:
+            ui.html("<h2>Offsets and tools</h2>", sanitize=False)
+            self._rows = ui.html("", sanitize=False).classes("w-full overflow-x-auto")
+            self._rows.props('tabindex=0 role=region aria-label="Offsets and tools"')
+            with ui.element("div").classes("mc-buttons"):
+                offset = ui.button("Change an offset …", on_click=self._ask_offset).props("outline dense")
+                self._tool = ui.button("Change a tool …", on_click=self._ask_tool).props("outline dense")
+                self._undo = ui.button("Undo …", on_click=self._ask_undo).props("outline dense")
+            self._buttons = (offset, self._tool, self._undo)
+            self._waits_for = ui.label("").classes("text-sm").props("aria-live=polite")
+        self._card.set_visibility(False)
+
+    async def update(self, info: Info) -> None:
+        link = self._actions.link
+        machine, status = link.machine, link.status
+        self._card.set_visibility(link.has_work_offsets)
+        if machine is None or status is None or not link.has_work_offsets:
+            return
+        try:
+            self._tables = await link.answers.get("tables", PERIOD_S, machine.tables)
+        except MotionError as error:
+            self._show(f"<p>{html.escape(error.message)} [{error.code}]</p>")
+            return
+        self._info = info
+        self._show(tables_html(self._tables, info, link.row_names.names))
+        self._tool.set_visibility(self._tables.tools is not None)
+        refusal = refusal_of(status.programs, WHY)
+        self._waits_for.set_text(
+            "" if refusal is None else f"{refusal.message} [{refusal.code}]: {refusal.hint}"
+        )
+        for button in self._buttons:
+            button.set_enabled(refusal is None)
+        if refusal is None:
+            self._undo.set_enabled(bool(self._tables.changes))
+
+    def _show(self, content: str) -> None:
+        if content != self._content:
+            self._content = content
+            self._rows.set_content(content)
+
+    async def _send(self, what: str, line: str) -> bool:
+        async def send(machine: Machine) -> None:
+            refusal = refusal_of(await machine.programs(ended=False), WHY)
+            if refusal is not None:
+                raise refusal
+            async with machine.program(f"{WORK_OFFSET} by {self._actions.visitor.name}") as program:
+                await program.send(line)
+
+        done = await self._actions.do("open", what, send)
+        self._actions.link.answers.forget("tables")
+        return done
+
+    async def _ask_offset(self) -> None:
+        if not self._actions.allowed("open") or self._tables is None or self._info is None:
+            return
+        origins = {each.system: each.origin for each in self._tables.offsets}
+        names = self._actions.link.row_names.names
+        with named_dialog("Change a work offset") as dialog, ui.card().classes("mc-ask"):
+            ui.label("Where programs read zero. Nothing moves.")
+            system = ui.select(
+                {each: f"{each} {names.get(each, '')}".strip() for each in SYSTEMS},
+                value="G54",
+                label="System",
+            )
+            way = ui.select({False: "set to", True: "shift by"}, value=False, label="How")
+            with ui.element("div").classes("mc-buttons"):
+                fields = {
+                    str(axis.index): ui.number(
+                        f"{axis_name(axis.index)} [{axis.unit}]", format="%.4f"
+                    ).classes("w-28")
+                    for axis in self._info.axes
+                }
+            name = ui.input("Name", value=names.get("G54", "")).props("maxlength=60")
+            line = ui.label("").classes("font-mono break-all").props('aria-label="line to be sent"')
+
+            def fill() -> None:
+                origin = origins.get(system.value, {})
+                for axis, field in fields.items():
+                    field.set_value(0.0 if way.value else round(origin.get(axis, 0.0), 6))
+                name.set_value(names.get(system.value, ""))
+                write()
+
+            def write() -> None:
+                origin = origins.get(system.value, {})
+                changed = {
+                    axis: float(field.value)
+                    for axis, field in fields.items()
+                    if field.value is not None
+                    and abs(field.value - (0.0 if way.value else origin.get(axis, 0.0))) > 5e-7
+                }
+                line.set_text(offset_line(system.value, changed, shift=way.value) if changed else "")
+
+            for field in (system, way):
+                field.on_value_change(fill)
+            for number in fields.values():
+                number.on_value_change(write)
+            fill()
+            _buttons(dialog)
+        if await dialog:
+            await self._change(system.value, line.text, name.value)
+        dialog.delete()
+
+    async def _ask_tool(self) -> None:
+        if not self._actions.allowed("open") or self._tables is None:
+            return
+        tools = {each.number: each for each in self._tables.tools or ()}
+        names = self._actions.link.row_names.names
+        with named_dialog("Change a tool") as dialog, ui.card().classes("mc-ask"):
+            ui.label("Length for G43 and diameter. A G43 before does not see the change.")
+            number = ui.number("Tool", value=min(tools, default=1), min=1, max=99999, format="%d")
+            length = ui.number("Length [mm]", format="%.4f")
+            diameter = ui.number("Diameter [mm]", min=0.0, format="%.4f")
+            name = ui.input("Name").props("maxlength=60")
+            line = ui.label("").classes("font-mono break-all").props('aria-label="line to be sent"')
+
+            def fill() -> None:
+                tool = tools.get(int(number.value or 0))
+                length.set_value(None if tool is None else round(tool.length, 6))
+                diameter.set_value(0.0 if tool is None else round(tool.diameter, 6))
+                name.set_value(names.get(f"T{number.value or 0:g}", ""))
+                write()
+
+            def write() -> None:
+                known = number.value and length.value is not None and diameter.value is not None
+                tool = tools.get(int(number.value or 0))
+                same = (
+                    known
+                    and tool is not None
+                    and abs(tool.length - length.value) < 5e-7
+                    and abs(tool.diameter - diameter.value) < 5e-7
+                )
+                line.set_text(
+                    tool_line(int(number.value), length.value, diameter.value) if known and not same else ""
+                )
+
+            number.on_value_change(fill)
+            length.on_value_change(write)
+            diameter.on_value_change(write)
+            fill()
+            _buttons(dialog)
+        if await dialog and number.value:
+            await self._change(f"T{int(number.value)}", line.text, name.value)
+        dialog.delete()
+
+    async def _change(self, row: str, line: str, name: str) -> None:
+        """Send a line, where there is one, and keep the row's name."""
+        if line and not await self._send(f"{row}: {line}", line):
+            return
+        try:
+            self._actions.link.row_names.name(row, name or "")
+        except McError as error:
+            show_refusal(error.message, error.hint)
+            return
+        ui.notify(f"{row} is changed", position="top")
+
+    async def _ask_undo(self) -> None:
+        if not self._actions.allowed("open") or self._tables is None or not self._tables.changes:
+            return
+        last = self._tables.changes[0]
+        line = undo_line(last)
+        if line is None:
+            show_refusal(f"{last.row} was not in the table before", "change it, or leave it there")
+            return
+        if await ask(
+            f"Take the last change back? {change_text(last)}",
+            "Undo",
+            colour="warning",
+            details=lambda: ui.label(line).classes("font-mono break-all"),
+        ):
+            await self._send(f"undo {change_text(last)}", line)
+
+
+def _buttons(dialog: ui.dialog) -> None:
+    with ui.element("div").classes("mc-buttons"):
+        ui.button("Set", on_click=lambda: dialog.submit(True)).props("color=primary")
+        ui.button("Cancel", on_click=lambda: dialog.submit(False)).props("flat")
+
+
+def tables_html(tables: Tables, info: Info, names: dict[str, str]) -> str:
+    """Return systems, tools and the newest changes as HTML; what was never set or named is left out."""
+    origins = {each.system: each.origin for each in tables.offsets}
+    head = "".join(f"<th class=n>{axis_name(axis.index)} [{axis.unit}]</th>" for axis in info.axes)
+    rows = "".join(
+        f"<tr><td>{system}</td>"
+        + "".join(
+            f"<td class=n>{position_text(origins.get(system, {}).get(str(axis.index), 0.0))}</td>"
+            for axis in info.axes
+        )
+        + f"<td>{html.escape(names.get(system, ''))}</td></tr>"
+        for system in SYSTEMS
+        if system == SYSTEMS[0] or system in origins or system in names
+    )
+    parts = [
+        f'<table class="mc-positions"><thead><tr><th>System</th>{head}<th>Name</th></tr></thead>'
+        f"<tbody>{rows}</tbody></table>"
+    ]
+    if tables.tools:
+        rows = "".join(
+            f"<tr><td>T{tool.number}</td><td class=n>{position_text(tool.length)}</td>"
+            f"<td class=n>{position_text(tool.diameter)}</td>"
+            f"<td>{html.escape(names.get(f'T{tool.number}', ''))}</td></tr>"
+            for tool in tables.tools
+        )
+        parts.append(
+            '<table class="mc-positions"><thead><tr><th>Tool</th><th class=n>length [mm]</th>'
+            f"<th class=n>diameter [mm]</th><th>Name</th></tr></thead><tbody>{rows}</tbody></table>"
+        )
+    if tables.changes:
+        lines = "".join(
+            f"<div>{time.strftime('%d.%m. %H:%M:%S', time.localtime(each.wall))} "
+            f"<b>{html.escape(each.name or each.client)}</b> {html.escape(change_text(each))}</div>"
+            for each in tables.changes[:CHANGES_SHOWN]
+        )
+        parts.append(f'<p>Changes:</p><div class="text-sm">{lines}</div>')
+    return "".join(parts)

@@ -1,0 +1,98 @@
+"""The tables that people edit at a mill: work offsets and tools."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, Any
+
+import pytest
+from mcclient import sync
+
+from tests.browser.conftest import WIDE, PageProcess, choose, opened, page_of, playwright, serving
+from tests.browser.test_machine_page import wait_for
+from tests.e2e.servers import ServerProcess
+
+if TYPE_CHECKING:
+    from playwright.sync_api import Page
+else:
+    Page = Any
+
+expect = playwright.expect
+
+MILL = (
+    '[machine]\nname = "mill"\ncycle_hz = 250\n[dialect]\nprofile = "cnc"\n'
+    + "".join(
+        f'[[axis]]\nindex = {axis}\ntype = "linear"\nmax_velocity = 200.0\nmax_acceleration = 2000.0\n'
+        "min_position = -500.0\nmax_position = 500.0\n"
+        for axis in range(3)
+    )
+    + "[[cutter]]\nnumber = 3\nlength_mm = 40.0\ndiameter_mm = 6.0\n"
+)
+
+
+@pytest.fixture(scope="module")
+def mill(tmp_path_factory: pytest.TempPathFactory) -> Iterator[ServerProcess]:
+    folder = tmp_path_factory.mktemp("mill")
+    (folder / "mill.toml").write_text(MILL)
+    with serving(folder, str(folder / "mill.toml"), "mill") as made:
+        yield made
+
+
+@pytest.fixture(scope="module")
+def mill_site(mill: ServerProcess, tmp_path_factory: pytest.TempPathFactory) -> Iterator[PageProcess]:
+    with page_of(mill.endpoint, tmp_path_factory.mktemp("programs")) as made:
+        yield made
+
+
+@pytest.mark.parametrize(("width", "number"), [(360, 2), (768, 3), (WIDE["width"], 4)])
+def test_an_offset_is_set_named_and_taken_back_at_every_width(
+    page: Page, mill: ServerProcess, mill_site: PageProcess, width: int, number: int
+) -> None:
+    system = f"G{53 + number}"
+    page.set_viewport_size({"width": width, "height": 800})
+    opened(page, mill_site, "mill")
+    rows = page.get_by_role("region", name="Offsets and tools")
+    page.get_by_role("button", name="Change an offset …").click()
+    dialog = page.get_by_role("dialog", name="Change a work offset")
+    choose(page, dialog.get_by_label("System"), system)
+    dialog.get_by_label("X [mm]").fill(f"{width}")
+    dialog.get_by_label("Name").fill("vise")
+    expect(dialog.get_by_label("line to be sent")).to_have_text(f"G21 G90 G10 L2 P{number} X{width}")
+    assert page.evaluate("document.documentElement.scrollWidth") <= width
+    dialog.get_by_role("button", name="Set", exact=True).click()
+    expect(rows.get_by_role("row", name=f"{system} {width}.000 0.000 0.000 vise")).to_be_visible()
+    expect(rows.get_by_text(f"{system}: X – → {width}")).to_be_visible()
+    with sync.Machine.connect("mill", mill.endpoint) as machine:
+        (last, *_) = machine.tables().changes
+        assert (last.row, last.after, last.name) == (system, {"0": width}, "work offset by local")
+        page.get_by_role("button", name="Undo …").click()
+        page.get_by_role("dialog").get_by_role("button", name="Undo", exact=True).click()
+        wait_for(machine, page, lambda status: all(not each.origin.get("0") for each in status.work_offsets))
+
+
+def test_a_tool_is_measured_and_a_program_uses_it(
+    page: Page, mill: ServerProcess, mill_site: PageProcess
+) -> None:
+    opened(page, mill_site, "mill")
+    page.get_by_role("button", name="Change a tool …").press("Enter")
+    dialog = page.get_by_role("dialog", name="Change a tool")
+    expect(dialog.get_by_label("Length [mm]")).to_have_value("40.0000")
+    dialog.get_by_label("Length [mm]").fill("42.5")
+    expect(dialog.get_by_label("line to be sent")).to_have_text("G21 G90 G10 L1 P3 Z42.5 R3")
+    dialog.get_by_role("button", name="Set", exact=True).press("Enter")
+    rows = page.get_by_role("region", name="Offsets and tools")
+    expect(rows.get_by_role("row", name="T3 42.500 6.000")).to_be_visible()
+    with sync.Machine.connect("mill", mill.endpoint) as machine:
+        with machine.program() as program:
+            program.send("T3 M6")
+            program.send("G43 H3 G0 Z10")
+        assert machine.status().axes.setpoint[2] == pytest.approx(52.5)
+
+
+def test_nobody_changes_a_table_while_a_program_is_open(
+    page: Page, mill: ServerProcess, mill_site: PageProcess
+) -> None:
+    opened(page, mill_site, "mill")
+    with sync.Machine.connect("mill", mill.endpoint) as machine, machine.program("by another"):
+        expect(page.get_by_text("tables are changed at rest [MC512]")).to_be_visible()
+        expect(page.get_by_role("button", name="Change an offset …")).to_be_disabled()
