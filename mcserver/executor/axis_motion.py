@@ -5,10 +5,13 @@ from __future__ import annotations
 import enum
 from collections.abc import Mapping
 
+import numpy as np
+from numpy.typing import NDArray
 from ruckig import Trajectory
 
 from mcserver.executor.trajectories import MotionLimits, State
 
+Array = NDArray[np.float64]
 Followers = Mapping[int, tuple[float, float]]
 
 
@@ -18,6 +21,7 @@ class MotionKind(enum.Enum):
     POSITION = enum.auto()  # at its target
     SPEED = enum.auto()  # never: the speed is held
     HALT = enum.auto()  # at standstill
+    FOLLOW = enum.auto()  # whoever sets its state, cycle by cycle
 
 
 class Motion:
@@ -109,3 +113,27 @@ class Motion:
             return position + velocity * (elapsed - self.duration), velocity, 0.0
         position, velocity, acceleration = self.trajectory.at_time(max(elapsed, 0.0))
         return self.origin + position[0], velocity[0], acceleration[0]
+
+
+class FollowingMotion(Motion):
+    """An axis that follows streamed targets: its state is set from outside in every cycle.
+
+    Args:
+        state: shape (3,), position, velocity and acceleration after the latest cycle; not copied.
+    """
+
+    __slots__ = ("_state",)
+
+    def __init__(self, column: int, slot: int, limits: MotionLimits, state: Array) -> None:
+        super().__init__(column, slot, MotionKind.FOLLOW, Trajectory(1), 0.0, (0.0, 0.0), limits)
+        self._state = state
+
+    @property
+    def stands(self) -> bool:
+        """Whether it is at rest."""
+        return bool(self._state[1] == 0.0 and self._state[2] == 0.0)
+
+    def at(self, elapsed: float) -> State:  # noqa: ARG002
+        """Return the state after the latest cycle, the only one there is."""
+        position, velocity, acceleration = self._state.tolist()
+        return position, velocity, acceleration

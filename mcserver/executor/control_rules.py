@@ -22,9 +22,11 @@ from mcserver.executor.barriers import (
 )
 from mcserver.executor.entries import Control, ControlKind, EventKind
 from mcserver.executor.fault_codes import FaultCode
+from mcserver.executor.following import Follows
 from mcserver.executor.holding import hold_position
 from mcserver.executor.homing import Homes, Refers
 from mcserver.executor.probing import Probes
+from mcserver.executor.shm.feedback import SlotState
 from mcserver.executor.trajectories import TrajectoryError
 from mcserver.motion.canonical import AxisOperation, WaitMode
 
@@ -316,20 +318,38 @@ def _home(slot: ProgramSlot, control: Control, _left: float, waited: bool) -> Ba
     return Homes(cycle, control.axes, slot.index, lambda: slot.rapid_rate)
 
 
-def _probe(slot: ProgramSlot, control: Control, _left: float, waited: bool) -> Barrier | None:
+def _check_still(slot: ProgramSlot, axes: int) -> None:
+    """Raise where axes are not energized and at rest, or cannot follow setpoints."""
     cycle, bank = slot.cycle, slot.cycle.bank
-    if waited:
-        return None
-    _check_power(slot, control.axes)
-    _check_homed(slot, control.axes)
-    _check_follows_paths(slot, control.axes)
-    missing = control.axes & ~bank.energized
+    _check_power(slot, axes)
+    _check_homed(slot, axes)
+    _check_follows_paths(slot, axes)
+    missing = axes & ~bank.energized
     if missing:
         raise BarrierFault(FaultCode.NOT_ENERGIZED, bank.masks.columns(missing)[0])
-    busy = control.axes & (cycle.motions.mask | bank.speed | bank.torque_mode)
+    busy = axes & (cycle.motions.mask | bank.speed | bank.torque_mode)
     if busy:
         raise BarrierFault(FaultCode.AXIS_BUSY, bank.masks.columns(busy)[0])
-    return Probes(cycle, control, slot.index, lambda: slot.rapid_rate)
+
+
+def _probe(slot: ProgramSlot, control: Control, _left: float, waited: bool) -> Barrier | None:
+    if waited:
+        return None
+    _check_still(slot, control.axes)
+    return Probes(slot.cycle, control, slot.index, lambda: slot.rapid_rate)
+
+
+def _follow(slot: ProgramSlot, control: Control, _left: float, waited: bool) -> Barrier | None:
+    if waited:
+        return None
+    _check_still(slot, control.axes)
+
+    def lost(silence: float, counted: float) -> None:
+        slot.cycle.fault(FaultCode.TARGETS_LOST, slot.index, 0, -1, (silence, counted))
+        slot.stop(SlotState.STOPPED)
+
+    box = slot.ring.targets
+    return Follows(slot.cycle, control.axes, slot.index, box, lambda: slot.rapid_rate, lost)
 
 
 def _reference(slot: ProgramSlot, control: Control, _left: float, waited: bool) -> Barrier | None:
@@ -419,6 +439,7 @@ _RULES: Mapping[ControlKind, _Rule] = MappingProxyType(
         ControlKind.HOME: _home,
         ControlKind.REFERENCE: _reference,
         ControlKind.PROBE: _probe,
+        ControlKind.FOLLOW: _follow,
         ControlKind.PAYLOAD: _payload,
         ControlKind.PASSED: _passed,
     }

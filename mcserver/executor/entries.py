@@ -47,6 +47,7 @@ class ControlKind(enum.IntEnum):
     PAYLOAD = 23  # tools of ``operation`` are the chosen ones from u on: their payloads count in torques
     SETTLE = 14  # u stops here until the planner has read the positions (sync): acknowledged by ``token``
     OUTPUT = 15  # output ``channel`` is set to ``value``
+    FOLLOW = 25  # u stops here while ``axes`` follow streamed targets, until no more are to come
     INPUT = 16  # u stops here until input ``channel`` is as ``operation`` says (`WaitMode`), or ``seconds``
 
 

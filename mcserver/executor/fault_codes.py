@@ -73,6 +73,7 @@ class FaultCode(enum.IntEnum):
     ENVELOPE_TIP = 462
     ENVELOPE_TIME = 463
     ENVELOPE_COMMAND = 464
+    TARGETS_LOST = 465
 
 
 # Codes that are reported and stop no program.
@@ -84,6 +85,7 @@ WARNINGS = frozenset(
         FaultCode.BUS_BACK,
         FaultCode.INTERLOCK_HOLD,
         FaultCode.INTERLOCK_FREE,
+        FaultCode.TARGETS_LOST,
     }
 )
 
@@ -396,6 +398,11 @@ _TEXT: dict[int, tuple[str, str]] = {
         "the cycle stalled: drives got no setpoint for {seconds:.3f} s, and motion was ended where it was",
         "see where the axes stand before going on; find what held the computer up (mcserver doctor); "
         "setpoint_timeout_s in the machine file is what the drives bridge",
+    ),
+    FaultCode.TARGETS_LOST: (
+        "no targets came for {seconds:.3f} s, and the axes were stopped",
+        "servo mode goes on by opening it anew; see what keeps the client or the network, or let targets "
+        "count for longer",
     ),
     FaultCode.NO_TRAJECTORY: (
         "no motion of axis {axis} to its target keeps its limits",

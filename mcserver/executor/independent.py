@@ -15,7 +15,7 @@ from collections.abc import Mapping
 import numpy as np
 from ruckig import Trajectory
 
-from mcserver.executor.axis_motion import Motion, MotionKind
+from mcserver.executor.axis_motion import FollowingMotion, Motion, MotionKind
 from mcserver.executor.entries import Array
 from mcserver.executor.shm.feedback import FeedbackRow
 from mcserver.executor.trajectories import MotionLimits, State, TrajectoryError, TrajectorySolver
@@ -109,6 +109,12 @@ class IndependentMotions:
         self._guard(self._motions[column])
         self._pass(self._motions[column], left)
 
+    def follow(self, column: int, slot: int, state: Array) -> None:
+        """Give an axis at rest to whoever sets ``state`` (`FollowingMotion`) and the row's setpoints in every
+        cycle, until it is halted or dropped."""
+        self._motions[column] = FollowingMotion(column, slot, self._limits[column], state)
+        self._remask()
+
     def halt(self, column: int, slot: int, left: float = 0.0, *, jerk: bool = True) -> None:
         """To standstill as soon as the limits allow; without ``jerk`` at full deceleration at once."""
         motion = self._motions.get(column)
@@ -170,11 +176,11 @@ class IndependentMotions:
         return motion.at(motion.elapsed - left * self._cycle)
 
     def stands(self, slot: int) -> bool:
-        """Return whether all position motions of a slot stand in feed hold."""
+        """Return whether all position motions of a slot, and axes that follow targets, stand in feed hold."""
         return all(
-            motion.held
+            motion.stands if isinstance(motion, FollowingMotion) else motion.held
             for motion in self._motions.values()
-            if motion.slot == slot and motion.kind is MotionKind.POSITION
+            if motion.slot == slot and motion.kind in (MotionKind.POSITION, MotionKind.FOLLOW)
         )
 
     def end_left(self, mask: int) -> float:
@@ -243,6 +249,8 @@ class IndependentMotions:
         self._left.clear()
         self.limited.clear()
         for motion in tuple(self._motions.values()):
+            if motion.kind is MotionKind.FOLLOW:
+                continue
             if motion.kind is MotionKind.SPEED:
                 self._guard(motion)
             elif motion.kind is MotionKind.POSITION and rates[motion.slot] != motion.rate:

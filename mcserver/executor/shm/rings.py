@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mcserver.executor.entries import Array, Control, ControlKind
+from mcserver.executor.shm.target_box import TargetBox, target_box_size
 from mcserver.executor.stopping import StopTimes
 from mcserver.motion.geometry.row_torques import NUMBERS, stop_cycles
 from mcserver.motion.pieces import LineEdges, Rows
@@ -50,7 +51,7 @@ def scalar_view(array: NDArray[Any]) -> Any:
 def program_ring_size(rows: int, controls: int, axes: int, torques: int = 0) -> int:
     """Return the bytes that a ring takes."""
     words = _HEADER_WORDS + rows * (5 + 2 * axes + NUMBERS * torques) + controls * (_CONTROL.size // 8 + axes)
-    return 8 * words
+    return 8 * words + target_box_size(axes)
 
 
 class ProgramRing:
@@ -69,6 +70,7 @@ class ProgramRing:
             stop from there takes [cycles]; feed_scale: (rows,), the override at which they are played as they
             are; torque: (rows, 3, J), see `row_torques`, 0 where it is not known. Row number n of the program
             stands at n % rows. The reader's view.
+        targets: of a program whose axes follow a stream of them.
     """
 
     def __init__(
@@ -107,6 +109,7 @@ class ProgramRing:
         self.entry_u: Array = self._entry_words.view(np.float64)[:, _U]
         cells = self._buffer[self._offset : self._offset + controls * _CONTROL.size]
         self._control_words, self._control_numbers = cells.cast("q"), cells.cast("d")
+        self.targets = TargetBox(self._buffer[self._offset + len(cells) :], axes)
         self._stops = stops
         self._last_u = -1
         self._last_control_u = 0.0
@@ -127,6 +130,7 @@ class ProgramRing:
         self._last_u = -1
         self._last_control_u = 0.0
         self._counters[_TORQUE_STOP] = 0
+        self.targets.restart()
         return self._counters[_ROWS_WRITTEN], self._counters[_CONTROLS_WRITTEN]
 
     def row_room(self) -> int:
