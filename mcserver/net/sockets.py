@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import os
 import socket
+import stat
 from collections.abc import Collection
 
 
@@ -15,7 +16,11 @@ def port_of(locator: str) -> str:
 
 def shut_down(ports: Collection[str]) -> None:
     """Shut down the connections that have one of these ports on this side, so that the others notice."""
-    for name in os.listdir("/proc/self/fd"):
-        with contextlib.suppress(OSError), socket.socket(fileno=os.dup(int(name))) as found:
-            if found.family in (socket.AF_INET, socket.AF_INET6) and str(found.getsockname()[1]) in ports:
-                found.shutdown(socket.SHUT_RDWR)
+    for number in map(int, os.listdir("/proc/self/fd")):
+        with contextlib.suppress(OSError):
+            # a copy of what is no socket would stay open
+            if not stat.S_ISSOCK(os.fstat(number).st_mode):
+                continue
+            with socket.socket(fileno=os.dup(number)) as found:
+                if found.family in (socket.AF_INET, socket.AF_INET6) and str(found.getsockname()[1]) in ports:
+                    found.shutdown(socket.SHUT_RDWR)
