@@ -314,8 +314,8 @@ def _unknown_tool(block: BlockState, number: int, word: ProfileWord | Action) ->
         "MC143",
         f"the tool table has no tool {number}: its length is not known",
         word.span,
-        f"send G10 L1 P{number} Z… with its length, or add [[cutter]] with number = {number} to the machine file; "
-        f"there are {known}",
+        f"send G10 L1 P{number} Z… with its length, or add [[cutter]] with number = {number} to the machine "
+        f"file; there are {known}",
     )
 
 
