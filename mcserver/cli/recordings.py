@@ -1,15 +1,19 @@
-"""``mcserver recordings show | repair``: what is in a recording, and files that were cut off."""
+"""``mcserver recordings show | repair | export``: what is in a recording, files cut off, other programs."""
 
 from __future__ import annotations
 
+import enum
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, BinaryIO
 
 import typer
 
 from mcserver.cli.console import json_answer_on_error, narration, results, write_json
-from mcserver.cli.options import JsonOption
+from mcserver.cli.options import DEFAULT_MACHINE, JsonOption, MachineOption
+from mcserver.cli.output_file import check_output, write_atomically
+from mcserver.cli.recorded import open_recording
+from mcserver.cli.serving import require_packages
 from mcserver.errors import UsageFault
 
 FileArgument = Annotated[Path, typer.Argument(metavar="FILE", help="A recording.")]
@@ -17,14 +21,15 @@ FileArgument = Annotated[Path, typer.Argument(metavar="FILE", help="A recording.
 
 def build_app() -> typer.Typer:
     """The sub-commands about recordings."""
-    app = typer.Typer(help="Recordings: what is in them, and repair.", no_args_is_help=True)
+    app = typer.Typer(help="Recordings: what is in them, repair, export.", no_args_is_help=True)
 
     @app.callback()
     def root() -> None:
-        """Recordings: what is in them, and repair."""
+        """Recordings: what is in them, repair, export."""
 
     app.command("show")(show)
     app.command("repair")(repair)
+    app.command("export")(export)
     return app
 
 
@@ -90,3 +95,43 @@ def repair(
     seconds = (found.end_ns - found.start_ns) * 1e-9
     state = "it was whole" if found.whole else "its end was missing"
     narration().print(f"{target}: {found.messages} messages, {seconds:.3f} s; {state}")
+
+
+class Viewer(enum.Enum):
+    """Whose channels an export has; Rerun reads those of Foxglove."""
+
+    FOXGLOVE = "foxglove"
+
+
+def export(
+    file: FileArgument,
+    _to: Annotated[Viewer, typer.Option("--to", help="Whose channels to add.")] = Viewer.FOXGLOVE,
+    output: Annotated[
+        Path | None,
+        typer.Option("--output", "-o", metavar="FILE", help="Where to; default: beside it, …-foxglove.mcap."),
+    ] = None,
+    machine: MachineOption = DEFAULT_MACHINE,
+    rate: Annotated[
+        float, typer.Option("--rate", min=1.0, max=50.0, help="Frames and joints a second, at most.")
+    ] = 25.0,
+    json: JsonOption = False,
+) -> None:
+    """Copy a recording and add channels that Foxglove and Rerun show in space."""
+    target = output or file.with_name(f"{file.stem}-foxglove.mcap")
+    with json_answer_on_error(json):
+        require_packages("recordings export", "foxglove", ("foxglove_schemas_protobuf", "trimesh"))
+        from mcserver.foxglove import export as exporting
+
+        check_output(str(target), (".mcap",))
+        opened = open_recording(str(file), machine)
+        added = 0
+
+        def write(stream: BinaryIO) -> None:
+            nonlocal added
+            added = exporting.export(opened.run, opened.machine, opened.kinematics, file, stream, rate)
+
+        write_atomically(str(target), write)
+    if json:
+        write_json({"ok": True, "output": str(target), "added": added})
+        return
+    narration().print(f"{target}: {added} messages added")

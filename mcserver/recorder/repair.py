@@ -72,7 +72,9 @@ def repair(source: Path, target: Path) -> Repaired:
     temporary = target.with_name(f"{target.name}.{os.getpid()}.new")
     try:
         with source.open("rb") as stream, temporary.open("wb") as output:
-            found = _copy(stream, output)
+            writer = new_writer(output)
+            found = copy_whole(stream, writer)
+            writer.finish()
             os.fsync(output.fileno())
         os.replace(temporary, target)
     except BaseException:
@@ -81,9 +83,19 @@ def repair(source: Path, target: Path) -> Repaired:
     return found
 
 
-def _copy(stream: BinaryIO, output: BinaryIO) -> Repaired:
+def new_writer(output: BinaryIO) -> Writer:
+    """Begin a file."""
     writer = Writer(output, compression=CompressionType.ZSTD)
     writer.start(library="mcserver")
+    return writer
+
+
+def copy_whole(stream: BinaryIO, writer: Writer) -> Repaired:
+    """Copy what is whole of a file, and say what that was.
+
+    Raises:
+        UsageFault: MC581 it is no MCAP file. OSError.
+    """
     schemas: dict[int, int] = {0: 0}
     topics: dict[int, int] = {}
     count, start, end, whole = 0, 0, 0, False
@@ -109,7 +121,6 @@ def _copy(stream: BinaryIO, output: BinaryIO) -> Repaired:
             count += 1
         elif type(record).__name__ == "Footer":
             whole = True
-    writer.finish()
     return Repaired(count, start, end, whole)
 
 

@@ -11,6 +11,18 @@ BRIDGE: Colour = (196, 201, 208)
 CARRIAGE: Colour = (242, 140, 40)
 SPINDLE: Colour = (52, 60, 72)
 
+# of what the tip travels at most, where an axis hardly moves
+LEAST_SHARE = 0.3
+LEAST_SPACE = 1e-3
+
+
+def gantry_space(points: Array) -> tuple[Array, Array]:
+    """Return two corners (3,) of the space that points (N, 3) use, widened where it is flat [m]."""
+    low, high = points.min(axis=0), points.max(axis=0)
+    least = LEAST_SHARE * max(float((high - low).max()), LEAST_SPACE)
+    wider = np.maximum(0.5 * (least - (high - low)), 0.0)
+    return low - wider, high + wider
+
 
 def gantry_parts(low: Array, high: Array) -> tuple[Part, ...]:
     """Return rails along Y, a bridge along X, a carriage, and a quill along Z whose tip is its origin.

@@ -3,11 +3,22 @@
 from __future__ import annotations
 
 import enum
-from collections.abc import Sequence
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Protocol
 
 import numpy as np
 
 from mcserver.view.solids import Array
+from mcserver.view.urdf import Tree
+
+
+class Tool(Protocol):
+    """A tool of a machine file, or of a machine's answer: a frame of the URDF, and its chain's axes."""
+
+    @property
+    def frame(self) -> str: ...
+    @property
+    def axes(self) -> Sequence[int]: ...
 
 
 class Up(enum.Enum):
@@ -39,3 +50,16 @@ def up_of(wanted: Up, tips: Sequence[Array], hips: Sequence[Array]) -> Array:
         sign = float(np.sign(upwards[axis]))
     up: Array = sign * np.eye(3)[axis]
     return up
+
+
+def tree_up(tree: Tree, joints: Mapping[int, str], tools: Iterable[Tool], wanted: Up) -> Array:
+    """Return the unit vector that points up in a robot's root, shape (3,); ``joints``: names by axis."""
+    placed = tree.poses({})
+    hips_of = {joint.name: placed[joint.child][:3, 3] for joint in tree.joints if joint.child in placed}
+    tips, hips = [], []
+    for tool in tools:
+        first = joints.get(tool.axes[0], "") if tool.axes else ""
+        if tool.frame in placed and first in hips_of:
+            tips.append(placed[tool.frame][:3, 3])
+            hips.append(hips_of[first])
+    return up_of(wanted, tips, hips)

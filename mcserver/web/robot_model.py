@@ -7,9 +7,9 @@ import contextlib
 import json
 import math
 import shutil
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any
 from xml.etree.ElementTree import ParseError
 
 import numpy as np
@@ -18,20 +18,11 @@ from mcclient import Machine, MotionError
 from mcserver.view.gantry import gantry_parts
 from mcserver.view.robot import robot_parts
 from mcserver.view.solids import Array, Part, Solid
-from mcserver.view.stage import Up, up_of
-from mcserver.view.urdf import Joint, Tree, read_tree
+from mcserver.view.stage import Tool, Up, tree_up, up_of
+from mcserver.view.urdf import Joint, read_tree
 
 MM_PER_M = 1000.0
 MAX_MODEL_BYTES = 256 * 1024 * 1024
-
-
-class Tool(Protocol):
-    """A tool of a machine file, or of a machine's answer: a frame of the URDF, and its chain's axes."""
-
-    @property
-    def frame(self) -> str: ...
-    @property
-    def axes(self) -> Sequence[int]: ...
 
 
 async def fetch_model(machine: Machine, folder: Path) -> bytes:
@@ -97,7 +88,7 @@ def model_json(
     # parents come first
     names = [tree.root, *(joint.child for joint in tree.joints)]
     parts = [_part(shapes[name], by_child.get(name), axes) for name in names if name in shapes]
-    return _json(_up(tree, joints, tools, up), parts)
+    return _json(tree_up(tree, joints, tools, up), parts)
 
 
 def portal_json(axes: Iterable[int], low: Array, high: Array, up: Up = Up.AUTO) -> bytes:
@@ -156,15 +147,3 @@ def _solid(solid: Solid) -> dict[str, Any]:
         "vertices": base64.b64encode(vertices.tobytes()).decode(),
         "faces": base64.b64encode(faces.tobytes()).decode(),
     }
-
-
-def _up(tree: Tree, joints: Mapping[int, str], tools: Iterable[Tool], wanted: Up) -> Array:
-    placed = tree.poses({})
-    hips_of = {joint.name: placed[joint.child][:3, 3] for joint in tree.joints if joint.child in placed}
-    tips, hips = [], []
-    for tool in tools:
-        first = joints.get(tool.axes[0], "") if tool.axes else ""
-        if tool.frame in placed and first in hips_of:
-            tips.append(placed[tool.frame][:3, 3])
-            hips.append(hips_of[first])
-    return up_of(wanted, tips, hips)

@@ -13,6 +13,7 @@ from mcserver.doors.listening import LOOPBACK, Address, listen, serve_until_stop
 from mcserver.machine.machine_file import Machine
 from mcserver.net.model_methods import look
 from mcserver.units import AxisType
+from mcserver.view.gantry import gantry_space
 from mcserver.view.stage import Up
 from mcserver.web.frame import MAX_FRAME_BYTES, add_head, new_site, run_pages
 from mcserver.web.panels.replay import Player
@@ -20,8 +21,6 @@ from mcserver.web.replay_format import Replay
 from mcserver.web.robot_model import model_json, portal_json
 
 MM_PER_M = 1000.0
-# of a portal, of what its tip travels at most
-LEAST_SHARE = 0.3
 
 
 def model_of(machine: Machine, replay: Replay, up: Up) -> tuple[bytes, list[str]]:
@@ -40,10 +39,7 @@ def model_of(machine: Machine, replay: Replay, up: Up) -> tuple[bytes, list[str]
     axes = [axis.index for axis in machine.axes if axis.index < 3 and axis.type is AxisType.LINEAR]
     if not axes:
         return model_json("", {}, {}, (), up), []
-    points = np.array(replay.tips[0].points) / MM_PER_M
-    low, high = points.min(axis=0), points.max(axis=0)
-    narrow = np.maximum(0.5 * (LEAST_SHARE * max(float((high - low).max()), 1e-3) - (high - low)), 0.0)
-    return portal_json(axes, low - narrow, high + narrow, up), []
+    return portal_json(axes, *gantry_space(np.array(replay.tips[0].points) / MM_PER_M), up), []
 
 
 async def serve_view(name: str, replay: Replay, model: bytes, address: Address) -> None:

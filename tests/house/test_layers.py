@@ -27,7 +27,7 @@ LAYERS: tuple[tuple[str, ...], ...] = (
     ("recorder",),
     ("net", "plot", "doors"),
     ("view", "doctor", "security", "language", "fleet_sim"),
-    ("web",),
+    ("web", "foxglove"),
     ("gateway",),
     ("server", "contract"),
     ("cli",),

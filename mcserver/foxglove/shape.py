@@ -1,0 +1,189 @@
+"""A machine as frames and bodies: the robot of its URDF, or a portal, its tips, what it carries."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+from mckinematics.solver import MachineKinematics
+
+from mcserver.clearance.outlines import turned
+from mcserver.errors import ConfigurationError
+from mcserver.machine.clearance_section import (
+    Body,
+    BoxBody,
+    CapsuleBody,
+    Clearance,
+    CylinderBody,
+    MeshBody,
+    SphereBody,
+    Zone,
+)
+from mcserver.machine.machine_file import Machine
+from mcserver.machine.plausibility import axis_name
+from mcserver.net.model_methods import look
+from mcserver.units import MM, AxisType
+from mcserver.view.gantry import gantry_parts, gantry_space
+from mcserver.view.meshes import load_mesh
+from mcserver.view.robot import robot_parts
+from mcserver.view.solids import Array, Colour, Part, Solid, ball, box, capsule, cylinder
+from mcserver.view.stage import Up, tree_up
+from mcserver.view.urdf import Joint, Link, Tree, read_tree
+
+# frames: all others hang on the first one, which stands with Z up
+WORLD, PORTAL = "world", "machine"
+BODY: Colour = (150, 156, 165)
+ZONE: Colour = (170, 51, 119)
+
+
+class Shape(NamedTuple):
+    """What a machine looks like.
+
+    Attributes:
+        tree: its links, and frames of tips and carriages. up: shape (3,), which way of its root is up.
+        columns: of the axes, by the joint (or leader) that each moves. joints: names for people, by column.
+        parts, zones: solids in the frame of that name. urdf: text; empty: a portal.
+    """
+
+    tree: Tree
+    up: Array
+    columns: Mapping[str, int]
+    joints: Sequence[str]
+    parts: Sequence[Part]
+    zones: Sequence[Part]
+    urdf: str
+
+
+def shape_of(machine: Machine, kinematics: MachineKinematics | None, points: Array) -> Shape:
+    """Return a machine's shape.
+
+    Args:
+        points: shape (N, 3), where the axes 0, 1 and 2 have been, for the size of a portal [m].
+
+    Raises:
+        Refused: MC587 its URDF cannot be read. ConfigurationError: MC323 a body's mesh cannot be read.
+    """
+    names = [axis_name(axis.index) for axis in machine.axes]
+    columns = {_axis_key(axis.index): column for column, axis in enumerate(machine.axes)}
+    # None with tools: the URDF is on another computer
+    found, paths = look(machine) if kinematics is not None else (None, ())
+    if found is not None and found.urdf:
+        tree = read_tree(found.urdf)
+        named = {mesh.name: path for mesh, path in zip(found.meshes, paths, strict=True)}
+        parts = robot_parts(tree, {name: path for name, path in named.items() if path is not None})
+        driven = {int(axis): name for axis, name in found.joints.items()}
+        for axis, name in driven.items():
+            columns[name] = machine.column_of(axis)
+            names[machine.column_of(axis)] = name
+        up = tree_up(tree, driven, machine.tools, Up.AUTO)
+    else:
+        tree, parts = _portal(machine, points)
+        up = np.eye(3)[2]
+    extra = _tips(tree, machine)
+    zones: tuple[Part, ...] = ()
+    if machine.clearance is not None:
+        extra += _carriages(tree.root, machine.clearance)
+        parts += tuple(
+            _body_part(body, tree.root)
+            for body in machine.clearance.bodies
+            if body.link is None or body.link in tree.links
+        )
+        zones = tuple(_zone_part(zone, tree.root) for zone in machine.clearance.zones)
+    links = {joint.child: Link(joint.child, ()) for joint in extra}
+    whole = Tree(tree.root, {**tree.links, **links}, (*tree.joints, *extra))
+    return Shape(whole, up, columns, names, parts, zones, "" if found is None else found.urdf)
+
+
+def _axis_key(index: int) -> str:
+    return f"axis/{index}"
+
+
+def _portal(machine: Machine, points: Array) -> tuple[Tree, tuple[Part, ...]]:
+    """Return the frames Y, X and Z, one on the other, and the parts that hang on them."""
+    linear = {axis.index for axis in machine.axes if axis.type is AxisType.LINEAR} & {0, 1, 2}
+    frames = {"rails": PORTAL, "bridge": "Y", "carriage": "X", "quill": "Z"}
+    joints, parent = [], PORTAL
+    for child, axis in (("Y", 1), ("X", 0), ("Z", 2)):
+        kind = "prismatic" if axis in linear else "fixed"
+        joints.append(Joint(_axis_key(axis), kind, parent, child, np.eye(4), np.eye(3)[axis]))
+        parent = child
+    tree = Tree(PORTAL, {name: Link(name, ()) for name in frames.values()}, tuple(joints))
+    drawn = gantry_parts(*gantry_space(points)) if linear else ()
+    return tree, tuple(Part(frames[part.name], part.solids) for part in drawn)
+
+
+def _tips(tree: Tree, machine: Machine) -> tuple[Joint, ...]:
+    """Return the frames of the tools, such as T3; one that a joint names is that of the link behind it."""
+    behind = {joint.name: joint.child for joint in tree.joints}
+    found = []
+    for tool in machine.tools:
+        pose = np.eye(4)
+        pose[:3, 3] = tool.offset
+        parent = tool.frame if tool.frame in tree.links else behind.get(tool.frame, "")
+        if parent:
+            name = f"T{tool.number}"
+            found.append(Joint(name, "fixed", parent, name, pose, np.eye(3)[0]))
+    return tuple(found)
+
+
+def _carriages(root: str, clearance: Clearance) -> tuple[Joint, ...]:
+    """Return a chain of sliding frames for each way in which axes carry bodies."""
+    made: dict[str, Joint] = {}
+    for body in clearance.bodies:
+        parent, ratio = root, -1.0 if body.opposite else 1.0
+        for count, axis in enumerate(body.carried_by if body.link is None else (), start=1):
+            child = _carriage_name(body, count)
+            direction = np.eye(3)[clearance.letters[axis]]
+            leader = _axis_key(axis)
+            made.setdefault(
+                child, Joint(child, "prismatic", parent, child, np.eye(4), direction, leader, ratio)
+            )
+            parent = child
+    return tuple(made.values())
+
+
+def _carriage_name(body: Body, count: int) -> str:
+    words = "-".join(str(axis) for axis in body.carried_by[:count])
+    return f"carriage {words}{' opposite' if body.opposite else ''}"
+
+
+def _body_part(body: Body, root: str) -> Part:
+    carried = _carriage_name(body, len(body.carried_by)) if body.carried_by else root
+    pose = _pose(body)
+    return Part(body.link or carried, tuple(solid.moved(pose) for solid in _solids(body)))
+
+
+def _zone_part(zone: Zone, root: str) -> Part:
+    return Part(root, (box(np.array(zone.size_mm) * MM, ZONE).moved(_pose(zone)),))
+
+
+def _pose(placed: Body | Zone) -> Array:
+    pose = np.eye(4)
+    pose[:3, :3] = turned(placed.turned_deg)
+    pose[:3, 3] = np.array(placed.at_mm) * MM
+    return pose
+
+
+def _solids(body: Body) -> Sequence[Solid]:
+    match body:
+        case BoxBody():
+            return [box(np.array(body.size_mm) * MM, BODY)]
+        case CylinderBody():
+            return [cylinder(body.radius_mm * MM, body.length_mm * MM, BODY)]
+        case SphereBody():
+            return [ball(body.radius_mm * MM, BODY)]
+        case CapsuleBody():
+            half = np.array([0.0, 0.0, 0.5 * body.length_mm * MM])
+            return [capsule(-half, half, body.radius_mm * MM, BODY)]
+        case MeshBody():
+            try:
+                scale = np.diag([MM, MM, MM, 1.0])
+                return [solid.moved(scale) for solid in load_mesh(Path(body.file), BODY)]
+            except (OSError, ValueError) as error:
+                raise ConfigurationError(
+                    "MC323",
+                    f"the mesh {body.file!r} of {body.name!r} cannot be read: {error}",
+                    "give an STL, OBJ or DAE file, relative to the machine file",
+                ) from error
