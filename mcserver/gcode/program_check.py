@@ -9,7 +9,6 @@ import msgspec
 from mckinematics.pose import Kinematics
 
 from mcserver.errors import Diagnostic, ProgramRejected
-from mcserver.gcode.fast_path.kept_batches import KeptBatches
 from mcserver.gcode.profiles.codes import LATHE, SPINDLE
 from mcserver.gcode.profiles.frame import Frame
 from mcserver.gcode.semantics.interpreter import Interpreter
@@ -75,22 +74,19 @@ def check_lines(
     positions: Mapping[int, float] | None = None,
     lease: frozenset[int] | None = None,
     at_rest: bool = False,
-    kept: KeptBatches | None = None,
     frame: Frame | None = None,
 ) -> list[Diagnostic]:
     """Find the faults of a program as `check_program` does, however long it is: it is read line by line.
 
     Args:
         lines: without their ends. progress: called with the lines read about every `PROGRESS_STEP` lines,
-            and at the end. kept: keeps its batches for the run. frame: work offsets at the start;
-            None: the machine file's. The others as in `check_program`.
+            and at the end. frame: work offsets at the start; None: the machine file's. The others as in
+            `check_program`.
 
     Returns:
         The faults in reading order; behind `MOST_FAULTS` of them the check ends (MC158).
     """
-    interpreter = Interpreter(
-        machine, kinematics=kinematics, positions=positions, lease=lease, kept=kept, frame=frame
-    )
+    interpreter = Interpreter(machine, kinematics=kinematics, positions=positions, lease=lease, frame=frame)
     survey = _Survey(machine, at_rest)
     try:
         window = LineWindow(lines)

@@ -18,7 +18,6 @@ from mcserver.errors import Diagnostic, ProgramRejected
 from mcserver.executor.entries import EventKind, ExecutorEvent, MotionSink
 from mcserver.executor.fault_codes import WARNINGS
 from mcserver.executor.stopping import longest_stop, stopping_rows
-from mcserver.gcode.fast_path.kept_batches import KeptBatches
 from mcserver.gcode.notices import notice_of
 from mcserver.gcode.semantics.interpreter import Interpreter
 from mcserver.gcode.text.parser import ParsedLine
@@ -75,7 +74,6 @@ class Pipeline:
         lease: axes that the program may name; None: all.
         on_fault: effect of a faulty line.
         clock: for the time of inverse kinematics [s].
-        kept: batches of this very program, from a check of it.
         machine_coordinates: lines are in positions of the axes, as the reference has them.
         approach: lines in machine coordinates that run ahead of the first one, as line 0.
     """
@@ -91,7 +89,6 @@ class Pipeline:
         lease: frozenset[int] | None = None,
         on_fault: FaultRule = FaultRule.END,
         clock: Callable[[], float] = time.perf_counter,
-        kept: KeptBatches | None = None,
         machine_coordinates: bool = False,
         approach: Sequence[str] = (),
     ) -> None:
@@ -109,7 +106,6 @@ class Pipeline:
             lease=lease,
             modal=start.modal,
             frame=start.frame,
-            kept=kept,
             machine_coordinates=machine_coordinates or bool(approach),
         )
         self._approach = deque(approach)

@@ -19,7 +19,6 @@ from mcserver.executor.entries import EventKind, ExecutorEvent
 from mcserver.executor.fault_codes import WARNINGS, remedy_of
 from mcserver.executor.row_block import LineEvents
 from mcserver.executor.shm.feedback import AxisCondition, homed_of
-from mcserver.gcode.fast_path.kept_batches import KeptBatches
 from mcserver.gcode.profiles.frame import Frame
 from mcserver.gcode.program_check import check_lines
 from mcserver.gcode.text.source import LineSource, split_lines
@@ -153,15 +152,9 @@ def simulate_lines(
         times: takes the times of its lines; None: keeps all of them. checked: the program has no faults.
             The others as in `simulate`.
     """
-    kept = KeptBatches()
     start = start or StartState.of(machine)
     machine = machine_for(starting_at(machine, start.positions), start.homed, moves_unhomed=False)
-    faults = (
-        []
-        if checked
-        else check_lines(source(), machine, kinematics, kept=kept, frame=start.frame, lease=lease)
-    )
-    kept.filling = False
+    faults = [] if checked else check_lines(source(), machine, kinematics, frame=start.frame, lease=lease)
     if any(fault.severity == "error" for fault in faults):
         return Simulation(_rejected(machine, faults), 4)
     sampler = None
@@ -185,7 +178,6 @@ def simulate_lines(
         moments,
         clock,
         times,
-        kept,
         clearance,
     )
     found = run.run(faults)
@@ -230,7 +222,6 @@ class _Run:
         moments: CycleTaker | None,
         clock: Callable[[], float],
         times: LineTimes,
-        kept: KeptBatches,
         clearance: ClearanceMeter | None,
     ) -> None:
         self._machine = machine
@@ -251,7 +242,6 @@ class _Run:
             lease=lease,
             kinematics=kinematics,
             clock=clock,
-            kept=kept,
         )
         self._feed_length = 0.0
         self._end = 0.0

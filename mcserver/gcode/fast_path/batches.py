@@ -13,15 +13,12 @@ from collections.abc import Sequence
 
 from mcserver.gcode.fast_path.code_text import CodeText
 from mcserver.gcode.fast_path.interpreted_batch import MIN_LINES, InterpretedBatch
-from mcserver.gcode.fast_path.kept_batches import KeptBatches
 from mcserver.gcode.fast_path.path_batches import PathBatchInterpreter
 from mcserver.gcode.semantics.block_state import Setup
 from mcserver.gcode.semantics.commanded_state import CommandedState
 from mcserver.gcode.semantics.modal import ModalState
 
 MAX_LINES = 4096
-# fewer lines of those that the check has kept are read again, with what stands behind them
-_ENOUGH = 256
 _FIRST_WINDOW = 32
 _GROWTH = 4
 _MAX_BACKOFF = 64
@@ -33,15 +30,11 @@ class BatchInterpreter:
     The window grows with the batches found, so that short batches do not read the same lines again and again.
     After a failed attempt the next one waits, twice as long each time: one odd line between two batches costs
     little, and so does a program without batches.
-
-    Args:
-        kept: where the check of a program keeps its batches, and the run of it takes them from.
     """
 
-    __slots__ = ("_backoff", "_kept", "_paths", "_retry_at", "_window")
+    __slots__ = ("_backoff", "_paths", "_retry_at", "_window")
 
-    def __init__(self, setup: Setup, kept: KeptBatches | None = None) -> None:
-        self._kept = kept
+    def __init__(self, setup: Setup) -> None:
         self._paths = PathBatchInterpreter(setup)
         self._window = _FIRST_WINDOW
         self._backoff = 1
@@ -58,11 +51,9 @@ class BatchInterpreter:
         size = min(len(texts), self.window(number), most)
         if size < MIN_LINES:
             return None
-        found = self._taken(size, number, modal, commanded)
-        if found is None:
-            found = self._read(texts[:size], number, modal, commanded)
-            if found is not None and self._kept is not None:
-                self._kept.keep(found, modal, ended=found.taken < size)
+        found = None
+        if modal.tool is None and not modal.exact_next and not commanded.poses:
+            found = self._paths.interpret(CodeText.of(texts[:size]), number, modal, commanded)
         if found is None:
             if self._backoff > 1:
                 self._window = _FIRST_WINDOW
@@ -74,18 +65,3 @@ class BatchInterpreter:
         self._backoff = 1
         self._window = min(MAX_LINES, max(_FIRST_WINDOW, taken * (_GROWTH if taken == size else 2)))
         return found
-
-    def _taken(
-        self, size: int, number: int, modal: ModalState, commanded: CommandedState
-    ) -> InterpretedBatch | None:
-        """Take lines that the check of the program has interpreted."""
-        if self._kept is None:
-            return None
-        return self._kept.take(number, size, min(size, _ENOUGH), modal, commanded)
-
-    def _read(
-        self, texts: Sequence[str], number: int, modal: ModalState, commanded: CommandedState
-    ) -> InterpretedBatch | None:
-        if modal.tool is not None or modal.exact_next or commanded.poses:
-            return None
-        return self._paths.interpret(CodeText.of(texts), number, modal, commanded)

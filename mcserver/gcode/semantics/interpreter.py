@@ -9,7 +9,6 @@ from mckinematics.pose import Kinematics
 from mcserver.errors import Diagnostic
 from mcserver.gcode.fast_path.batches import MAX_LINES, BatchInterpreter
 from mcserver.gcode.fast_path.interpreted_batch import InterpretedBatch
-from mcserver.gcode.fast_path.kept_batches import KeptBatches
 from mcserver.gcode.profiles.codes import MOVING
 from mcserver.gcode.profiles.frame import Frame
 from mcserver.gcode.profiles.reader import reader_of
@@ -35,7 +34,6 @@ class Interpreter:
         lease: axes that the program may use; all by default.
         modal: state to start from, for a program that goes on from its middle.
         frame: work offsets to start from where ``modal`` is None (D-62).
-        kept: batches that the check of the same program keeps for its run.
         machine_coordinates: read lines as the reference has them, in positions of the axes whatever the
             machine's profile and ``frame`` say, until `begin_program`.
     """
@@ -49,7 +47,6 @@ class Interpreter:
         lease: frozenset[int] | None = None,
         modal: ModalState | None = None,
         frame: Frame | None = None,
-        kept: KeptBatches | None = None,
         machine_coordinates: bool = False,
     ) -> None:
         self._setup = set_up(machine, kinematics, lease)
@@ -65,7 +62,7 @@ class Interpreter:
         if machine_coordinates:
             self._modal = INITIAL
             self._parse = reader_of(Dialect(channels=machine.dialect.channels))
-        self._batches = BatchInterpreter(self._setup, kept)
+        self._batches = BatchInterpreter(self._setup)
 
     @property
     def modal(self) -> ModalState:
