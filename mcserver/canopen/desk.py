@@ -6,14 +6,16 @@ SDO requests or commands: where any is heard, before the first frame or later, n
 
 from __future__ import annotations
 
-import select
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 
+from mcserver.can.cob import GREATEST_NODE, LEAST_NODE
 from mcserver.can.open import open_port
+from mcserver.can.port import CanPort
 from mcserver.canopen.access import moves_by_sdo
+from mcserver.canopen.bus_frames import wait_for_frames
 from mcserver.canopen.canopen_errors import DriveError
 from mcserver.canopen.listening import Listening, refuse_other_masters, sign_of_master
 from mcserver.canopen.network import PortNetwork
@@ -26,8 +28,6 @@ from mcserver.errors import RuntimeFault
 
 # Five heartbeats of a server, whatever the machine file says of listening [s].
 LEAST_LISTEN_S = 0.25
-ROUND_S = 0.02
-AWAY_ROUND_S = 0.05
 STATUSWORD, STORE = 0x6041, 0x1010
 # "save" in the order of the wire (CiA 301, 7.5.2.13).
 SAVE = b"save"
@@ -160,6 +160,11 @@ class _Watch:
             )
 
 
+def for_masters(bus: str, port: CanPort) -> Listening:
+    """Listen for a master's frames alone: nodes that send process data by themselves are none."""
+    return Listening(bus, port, (), range(LEAST_NODE, GREATEST_NODE + 1))
+
+
 @contextmanager
 def at_desk(drive: DriveSettings) -> Iterator[Desk]:
     """Open the drive's bus, listen whether anybody else is its master, and give the drive's desk.
@@ -178,8 +183,7 @@ def at_desk(drive: DriveSettings) -> Iterator[Desk]:
             axis=drive.axis,
         )
     port = open_port(drive.address)
-    # nodes that send process data by themselves are no masters: their numbers count for commands alone
-    bus = Listening(drive.bus, port, (), range(1, 128))
+    bus = for_masters(drive.bus, port)
     try:
         refuse_other_masters([bus], max(LEAST_LISTEN_S, drive.listen_s))
     except BaseException as error:
@@ -204,11 +208,5 @@ def at_desk(drive: DriveSettings) -> Iterator[Desk]:
 
 def _receive(network: PortNetwork, stopping: threading.Event) -> None:
     while not stopping.is_set():
-        descriptor = network.fileno()
-        if descriptor < 0:
-            stopping.wait(AWAY_ROUND_S)
-        else:
-            waiting = select.poll()
-            waiting.register(descriptor, select.POLLIN)
-            waiting.poll(ROUND_S * 1000.0)
+        wait_for_frames(network, stopping.wait)
         network.receive()

@@ -20,6 +20,11 @@ _REGISTER = (
 )
 
 
+def register_text(register: int) -> str:
+    """The bits of 1001h: ``voltage, temperature``, or ``clear``."""
+    return ", ".join(name for bit, name in enumerate(_REGISTER) if register >> bit & 1) or "clear"
+
+
 @dataclass(frozen=True)
 class Emergency:
     """One emergency message.
@@ -40,9 +45,10 @@ class Emergency:
     @property
     def text(self) -> str:
         """``8611h following error (register: profile; 00 00 00 00 00)``."""
-        bits = ", ".join(name for bit, name in enumerate(_REGISTER) if self.register >> bit & 1)
         meaning = "no error any more" if self.cleared else emergency_text(self.code)
-        return f"{self.code:04X}h {meaning} (register: {bits or 'clear'}; {self.vendor.hex(' ')})"
+        return (
+            f"{self.code:04X}h {meaning} (register: {register_text(self.register)}; {self.vendor.hex(' ')})"
+        )
 
 
 def decode_emergency(payload: bytes) -> Emergency | None:

@@ -68,11 +68,9 @@ def compare(
         found = [dict(zip(titles, row, strict=True)) for row in rows]
         write_json({"ok": True, "same": not rows, "identity": reason, "differences": found})
     elif rows:
-        results().print(
-            table(
-                ("object", "name", left, right), [["–" if e is None else str(e) for e in row] for row in rows]
-            )
-        )
+        titled = [f"axis {side}" if side.isdecimal() else side for side in (left, right)]
+        cells = [["–" if cell is None else str(cell) for cell in row] for row in rows]
+        results().print(table(("object", "name", *titled), cells))
     if reason:
         narration().print(f"they are of different devices: {reason}")
     narration().print(f"{len(rows)} of {len({*one, *other})} parameters differ")

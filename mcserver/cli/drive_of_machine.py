@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Annotated
 
@@ -10,12 +10,16 @@ import typer
 from rich.table import Table
 from rich.text import Text
 
+from mcserver.can.pdo import ProcessData
+from mcserver.canopen.cycle_samples import Signal, signals_of
 from mcserver.canopen.dictionary import DeviceDictionary
 from mcserver.canopen.parameters import Parameter, find, parameters_of
+from mcserver.canopen.process_data import plan_process_data
+from mcserver.canopen.sdo_write import DriveDictionary
 from mcserver.canopen.service import dictionary_of
 from mcserver.canopen.settings import DriveSettings, settings_of
 from mcserver.errors import UsageFault
-from mcserver.machine.machine_file import load_machine
+from mcserver.machine.machine_file import Axis, Machine, load_machine
 
 AxisArgument = Annotated[int, typer.Argument(metavar="AXIS", min=0, help="Of the machine file.")]
 
@@ -25,12 +29,23 @@ class Described:
     """A drive of the machine file with its dictionary and its parameters."""
 
     settings: DriveSettings
+    axis: Axis
     dictionary: DeviceDictionary
     parameters: Sequence[Parameter]
 
     def find(self, text: str) -> Parameter:
         """By number or name; UsageFault: MC559."""
         return find(self.parameters, self.dictionary, text)
+
+    @property
+    def process_data(self) -> ProcessData:
+        """What the cycle exchanges with it; ConfigurationError: MC552."""
+        return plan_process_data(DriveDictionary(self.settings, self.dictionary)).process_data
+
+    @property
+    def signals(self) -> list[Signal]:
+        """What of it is on the bus in a cycle; ConfigurationError: MC552."""
+        return signals_of(self.axis, self.process_data, self.dictionary, self.settings.node_axis)
 
 
 def described(machine: str, axis: int) -> Described:
@@ -39,7 +54,8 @@ def described(machine: str, axis: int) -> Described:
     Raises:
         ConfigurationError: the machine file, MC008 the EDS. UsageFault: MC559 no CiA 402 drive there.
     """
-    drives = {drive.axis: drive for drive in drives_of(machine)}
+    loaded = load_machine(machine)
+    drives = {drive.axis: drive for drive in settings_of(loaded) if drive.kind == "cia402"}
     if axis not in drives:
         shown = ", ".join(f"{each.axis} (node {each.node} on {each.bus})" for each in drives.values())
         raise UsageFault(
@@ -47,8 +63,20 @@ def described(machine: str, axis: int) -> Described:
             f"axis {axis} has no CiA 402 drive in {machine}",
             f"axes with one: {shown}" if shown else "give a machine file by --machine",
         )
-    dictionary = dictionary_of(drives[axis])
-    return Described(drives[axis], dictionary, parameters_of(dictionary, drives[axis].node_axis))
+    return _described(loaded, drives[axis])
+
+
+def described_drives(machine: Machine) -> Iterator[Described]:
+    """Every CiA 402 drive of a machine, by axis; ConfigurationError: MC008 an EDS."""
+    for drive in settings_of(machine):
+        if drive.kind == "cia402":
+            yield _described(machine, drive)
+
+
+def _described(machine: Machine, drive: DriveSettings) -> Described:
+    dictionary = dictionary_of(drive)
+    axis = next(axis for axis in machine.axes if axis.index == drive.axis)
+    return Described(drive, axis, dictionary, parameters_of(dictionary, drive.node_axis))
 
 
 def drives_of(machine: str) -> list[DriveSettings]:

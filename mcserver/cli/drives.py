@@ -13,6 +13,7 @@ from mcserver.canopen.desk import Reading, at_desk
 from mcserver.canopen.parameters import Parameter, encode
 from mcserver.cli.console import json_answer_on_error, narration, results, write_json
 from mcserver.cli.drive_files import backup, compare, restore
+from mcserver.cli.drive_health import health
 from mcserver.cli.drive_of_machine import AxisArgument, as_json, described, drives_of, table
 from mcserver.cli.options import JsonOption, MachineOption
 
@@ -30,7 +31,7 @@ def build_app() -> typer.Typer:
     app.command("list")(list_drives)
     # -6 is a value
     app.command("write", context_settings={"ignore_unknown_options": True})(write)
-    for command in (search, read, save, backup, compare, restore):
+    for command in (search, read, save, backup, compare, restore, health):
         app.command(command.__name__)(command)
     return app
 

@@ -1,0 +1,44 @@
+"""Frames of a bus as they come, without sending any."""
+
+from __future__ import annotations
+
+import select
+import time
+from collections.abc import Callable, Iterator
+from typing import Protocol
+
+from mcserver.can.port import CanPort
+
+ROUND_S = 0.02
+# Without a connection to wait for, a port is asked so often whether it is back.
+AWAY_ROUND_S = 0.05
+
+
+class _Described(Protocol):
+    def fileno(self) -> int: ...
+
+
+def wait_for_frames(port: _Described, wait: Callable[[float], object] = time.sleep) -> None:
+    """Return once a frame may have come, within 20 ms; where the bus is away, after 50 ms."""
+    descriptor = port.fileno()
+    if descriptor < 0:
+        wait(AWAY_ROUND_S)
+        return
+    waiting = select.poll()
+    waiting.register(descriptor, select.POLLIN)
+    waiting.poll(ROUND_S * 1000.0)
+
+
+def frames_of(
+    port: CanPort, duration_s: float, clock: Callable[[], float] = time.monotonic
+) -> Iterator[tuple[float, int, bytes]]:
+    """Yield (time [s] since the begin, identifier, payload) of every frame that comes within a duration.
+
+    The times are those at which this process reads, milliseconds after the wire's.
+    """
+    began = clock()
+    while (now := clock() - began) < duration_s:
+        wait_for_frames(port)
+        now = clock() - began
+        for identifier, payload in port.drain():
+            yield now, identifier, bytes(payload)

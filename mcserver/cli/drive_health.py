@@ -1,0 +1,189 @@
+"""``mcserver drives health``: how the buses of a machine are, and what their drives remember."""
+
+from __future__ import annotations
+
+import time
+from typing import Annotated, Any
+
+import msgspec
+import numpy as np
+import typer
+from rich.text import Text
+
+from mcserver.can.open import open_port
+from mcserver.can.pdo import MappedPdo
+from mcserver.canopen.bus_frames import frames_of
+from mcserver.canopen.bus_health import BusCounts, BusListener
+from mcserver.canopen.cycle_samples import CycleSampler, Signal, following_error
+from mcserver.canopen.desk import at_desk, for_masters
+from mcserver.canopen.error_history import condition_of
+from mcserver.canopen.listening import sign_of_master
+from mcserver.canopen.settings import NO_AXIS, settings_of
+from mcserver.cli.console import json_answer_on_error, narration, results, write_json
+from mcserver.cli.drive_of_machine import described_drives, table
+from mcserver.cli.options import JsonOption, MachineOption
+from mcserver.errors import McError, UsageFault
+from mcserver.machine.machine_file import Machine, load_machine
+
+LONGEST_S = 3600.0
+# Cycles after which the greatest following errors are taken, so that memory stays bounded.
+BLOCK = 4096
+
+
+class BusReport(msgspec.Struct):
+    """One bus.
+
+    Attributes:
+        master: by what another master was noticed; empty: none was, and the drives were asked.
+        error_frames: errors and malformed packets that this computer's interface has seen. counts: see there.
+        following_errors: by axis, the greatest between setpoint and encoder on the bus [mm, deg].
+        drives: by axis, what the drives say of themselves.
+    """
+
+    bus: str
+    counts: BusCounts
+    master: str = ""
+    error_frames: int = 0
+    following_errors: dict[str, float] = {}
+    drives: dict[str, dict[str, Any]] = {}
+
+
+def health(
+    machine: MachineOption,
+    seconds: Annotated[float, typer.Option("--seconds", help="How long each bus is listened to.")] = 5.0,
+    json: JsonOption = False,
+) -> None:
+    """Listen on the buses beside a running server, or with none ask the drives too; report what is wrong."""
+    with json_answer_on_error(json):
+        if not 0.0 < seconds <= LONGEST_S:
+            raise UsageFault("MC017", f"--seconds {seconds:g} is no duration", f"give 0.1 to {LONGEST_S:g}")
+        described = load_machine(machine)
+        buses = {drive.bus for drive in settings_of(described)}
+        if not buses:
+            raise UsageFault(
+                "MC559", f"{machine} has no drive on a CAN bus", "give a machine file by --machine"
+            )
+        reports = [_report(described, bus, seconds) for bus in sorted(buses)]
+    if json:
+        write_json({"ok": True, "buses": reports})
+        return
+    for report in reports:
+        _show(report)
+
+
+def _report(machine: Machine, bus: str, seconds: float) -> BusReport:
+    settings = [drive for drive in settings_of(machine) if drive.bus == bus]
+    drives = [drive for drive in described_drives(machine) if drive.settings.bus == bus]
+    signals = [signal for drive in drives for signal in drive.signals]
+    data = {drive.settings.axis: drive.process_data for drive in drives}
+    nodes: dict[int, tuple[list[int], list[MappedPdo]]] = {}
+    for each in settings:
+        axes, tpdos = nodes.setdefault(each.node, ([], []))
+        if each.axis != NO_AXIS:
+            axes.append(each.axis)
+            tpdos += data[each.axis].tpdos if each.axis in data else ()
+    listener = BusListener(nodes, [pdo.cob_id for each in data.values() for pdo in each.rpdos])
+    sampler = CycleSampler(signals)
+    errors: dict[str, float] = {}
+    rows: list[list[float]] = []
+    port = open_port(settings[0].address)
+    master = ""
+    (bitrate,) = (each.bitrate for each in machine.buses if each.name == bus)
+    began = time.monotonic()
+    try:
+        commands = for_masters(bus, port)
+        for at_s, identifier, payload in frames_of(port, seconds):
+            listener.take(at_s, identifier, payload)
+            master = master or sign_of_master(identifier, commands)
+            row = sampler.take(identifier, payload)
+            if row is not None:
+                rows.append(row)
+                if len(rows) >= BLOCK:
+                    _note_errors(errors, rows, signals)
+                    # the last setpoint belongs to the next reading
+                    rows = rows[-1:]
+        _note_errors(errors, rows, signals)
+        counters = port.counters
+    finally:
+        port.close()
+    report = BusReport(
+        bus,
+        listener.report(time.monotonic() - began, bitrate),
+        master,
+        counters.errors + counters.malformed,
+        errors,
+    )
+    if not master:
+        for drive in drives:
+            try:
+                with at_desk(drive.settings) as desk:
+                    report.drives[str(drive.settings.axis)] = msgspec.to_builtins(condition_of(desk))
+            except McError as error:
+                report.drives[str(drive.settings.axis)] = {"error": f"{error.code}: {error.message}"}
+    return report
+
+
+def _note_errors(errors: dict[str, float], rows: list[list[float]], signals: list[Signal]) -> None:
+    if len(rows) < 2:
+        return
+    numbers = np.array(rows)
+    for axis in {signal.axis for signal in signals}:
+        columns = [at for at, signal in enumerate(signals) if signal.axis == axis]
+        found = following_error(numbers[:, columns], [signals[at] for at in columns])
+        if found is not None and np.isfinite(found).any():
+            greatest = float(np.nanmax(np.abs(found)))
+            errors[str(axis)] = max(errors.get(str(axis), 0.0), greatest)
+
+
+def _show(report: BusReport) -> None:
+    out, counts, errors = results(), report.counts, report.following_errors
+    out.print(
+        Text(
+            f"bus {report.bus}: {counts.frames} frames in {counts.duration_s:.1f} s, load {counts.load:.1%}, "
+            f"{report.error_frames} error frames"
+        )
+    )
+    if counts.syncs:
+        out.print(
+            Text(
+                f"  SYNC {counts.syncs / counts.duration_s:.1f} Hz, "
+                f"longest gap {counts.longest_sync_gap_s * 1e3:.1f} ms by this computer's clock"
+            )
+        )
+    else:
+        out.print(Text("  no SYNC: no cycle runs"))
+    rows = [
+        (
+            str(node.node),
+            ", ".join(map(str, node.axes)) or "–",
+            node.state or "no heartbeat",
+            f"{node.longest_gap_s * 1e3:.0f}",
+            str(node.readings),
+            str(node.late),
+            str(node.lost),
+            ", ".join(f"{errors[axis]:.4g}" for axis in map(str, node.axes) if axis in errors) or "–",
+        )
+        for node in counts.nodes
+    ]
+    titles = ("node", "axes", "state", "heartbeat gap [ms]", "readings", "late", "lost", "following error")
+    out.print(table(titles, rows))
+    for node in counts.nodes:
+        for text in node.emergencies:
+            out.print(Text(f"  node {node.node}: emergency {text}"))
+        if node.boot_ups:
+            out.print(Text(f"  node {node.node}: has started {node.boot_ups} times while it was listened to"))
+    for cob_id, count in counts.strangers.items():
+        out.print(Text(f"  {cob_id}: {count} frames that belong to no node of the machine file"))
+    for axis, said in report.drives.items():
+        if "error" in said:
+            out.print(Text(f"  axis {axis}: {said['error']}"))
+            continue
+        history = said["history"]
+        remembered = "no 1003h" if history is None else "; ".join(history) or "none"
+        out.print(
+            Text(f"  axis {axis}: {said['status']}; error register: {said['register']}; errors: {remembered}")
+        )
+    if report.master:
+        narration().print(
+            f"{report.bus}: {report.master} heard: another master is at work, nothing was asked"
+        )
