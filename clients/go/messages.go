@@ -231,6 +231,15 @@ type Ack struct {
 	Rejections int64 `msgpack:"rejections"`
 }
 
+// ArgumentInfo: A number that a button asks for, in the units of its text; `first` is shown first.
+type ArgumentInfo struct {
+	Name  string  `msgpack:"name" mc:"required"`
+	Low   float64 `msgpack:"low" mc:"required"`
+	High  float64 `msgpack:"high" mc:"required"`
+	First float64 `msgpack:"first" mc:"required"`
+	Unit  string  `msgpack:"unit" mc:"required"`
+}
+
 // ArmRequest: Arms a text once.
 type ArmRequest struct {
 	// Sha256: of the text, or at least its first 8 digits.
@@ -299,6 +308,18 @@ type BusScan struct {
 	Address     string        `msgpack:"address" mc:"required"`
 	Nodes       []ScannedNode `msgpack:"nodes" mc:"required"`
 	MachineFile string        `msgpack:"machine_file" mc:"required"`
+}
+
+// ButtonInfo: A program of the machine file that people start from a page.
+type ButtonInfo struct {
+	Name string `msgpack:"name" mc:"required"`
+	// Text: lines of G-code; `{name}` is the place of an argument.
+	Text string `msgpack:"text" mc:"required"`
+	// Role: the least that may press it, `operator` or `engineer`.
+	Role string `msgpack:"role" mc:"required"`
+	// Confirm: what has to be confirmed before it runs; empty: nothing.
+	Confirm   string         `msgpack:"confirm" mc:"required"`
+	Arguments []ArgumentInfo `msgpack:"arguments" mc:"required"`
 }
 
 // CheckReply: As `mcserver check --json`.
@@ -616,6 +637,8 @@ type Info struct {
 	Methods   []string      `msgpack:"methods" mc:"required"`
 	Inputs    []InputInfo   `msgpack:"inputs"`
 	Outputs   []OutputInfo  `msgpack:"outputs"`
+	// Buttons: programs of the machine file that operators start, numbers to be put into their places.
+	Buttons []ButtonInfo `msgpack:"buttons"`
 }
 
 // InfoRequest: What the machine and its service are: an `Info`.

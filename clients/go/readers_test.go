@@ -5,11 +5,13 @@ package mcclient
 // readers are of every message that a server sends.
 var readers = map[string]func([]byte) (any, error){
 	"Ack":              reader[Ack],
+	"ArgumentInfo":     reader[ArgumentInfo],
 	"AxesStatus":       reader[AxesStatus],
 	"AxisInfo":         reader[AxisInfo],
 	"AxisStart":        reader[AxisStart],
 	"AxisTravel":       reader[AxisTravel],
 	"BusScan":          reader[BusScan],
+	"ButtonInfo":       reader[ButtonInfo],
 	"CheckReply":       reader[CheckReply],
 	"ClearanceReport":  reader[ClearanceReport],
 	"CloseReply":       reader[CloseReply],

@@ -21,8 +21,9 @@ from mcserver.cli.console import (
 from mcserver.cli.exit_codes import ExitCode
 from mcserver.cli.options import JsonOption
 from mcserver.machine.bus_load import bus_loads
-from mcserver.machine.machine_file import BUILT_IN, Axis, Machine, builtin_text, load_machine
+from mcserver.machine.machine_file import BUILT_IN, Axis, Machine, builtin_text, load_machine, machine_text
 from mcserver.machine.plausibility import axis_name, find_doubts, find_tool_faults
+from mcserver.simulation.button_faults import find_button_faults
 from mcserver.units import AxisType
 
 
@@ -53,6 +54,7 @@ def check_machine(
         *find_drive_faults(machine),
         *find_doubts(machine),
         *find_clearance_faults(machine),
+        *(find_button_faults(machine, machine_text(file)) if machine.buttons else ()),
     ]
     errors = sum(each.severity == "error" for each in findings)
     if json:

@@ -19,6 +19,7 @@ from mckinematics.description import EARTH
 from mcserver.errors import ConfigurationError
 from mcserver.machine.bus_load import refuse_overload
 from mcserver.machine.bus_section import CanBusConfig, read_buses
+from mcserver.machine.button_section import Button, read_buttons
 from mcserver.machine.clearance_section import Clearance, read_clearance
 from mcserver.machine.dialect_section import Dialect, read_dialect
 from mcserver.machine.drive import CanDrive, Drive
@@ -104,6 +105,7 @@ class Machine(msgspec.Struct, frozen=True):
         recorder: how its cycles are recorded. recovery: the way to a line in a program's middle.
         gravity: in the URDF's base frame [m/s²].
         clearance: what must not touch what; None: nothing is said of it.
+        buttons: programs that operators start from the page.
         setpoint_timeout: longest time that drives bridge without a setpoint [s]; see `stall_limit_s`.
     """
 
@@ -129,6 +131,7 @@ class Machine(msgspec.Struct, frozen=True):
     recovery: Recovery | None = None
     setpoint_timeout: float = 0.05
     clearance: Clearance | None = None
+    buttons: tuple[Button, ...] = ()
 
     @property
     def cycle_s(self) -> float:
@@ -174,19 +177,29 @@ def load_machine(name_or_path: str) -> Machine:
             MC004 values that contradict each other, MC007 buses that the cycle does not fit, MC009 a bus's
             address.
     """
+    text = machine_text(name_or_path)
     if name_or_path in BUILT_IN:
-        text = builtin_text(name_or_path)
         return parse_machine(text, source=f"built-in {name_or_path}", folder=None)
     path = Path(name_or_path)
+    return parse_machine(text, source=str(path), folder=path.resolve().parent)
+
+
+def machine_text(name_or_path: str) -> str:
+    """Return the text of a built-in machine or of a TOML file.
+
+    Raises:
+        ConfigurationError: MC001 no such file.
+    """
+    if name_or_path in BUILT_IN:
+        return builtin_text(name_or_path)
     try:
-        text = path.read_text("utf-8")
+        return Path(name_or_path).read_text("utf-8")
     except (OSError, UnicodeDecodeError) as error:
         raise ConfigurationError(
             "MC001",
             f"the machine file {name_or_path!r} cannot be read: {error}",
             f"give a TOML file or one of {', '.join(BUILT_IN)}",
         ) from error
-    return parse_machine(text, source=str(path), folder=path.resolve().parent)
 
 
 def parse_machine(text: str, *, source: str = "machine file", folder: Path | None = None) -> Machine:
@@ -290,6 +303,7 @@ def _read_machine(raw: dict[str, Any], folder: Path | None, mistakes: Mistakes) 
         gravity=EARTH if kinematics is None else kinematics.gravity,
         recovery=read_recovery(file.get("recovery"), axes, mistakes) if sound else None,
         setpoint_timeout=section.setpoint_timeout_s,
+        buttons=read_buttons(file.get("button") or (), mistakes),
         clearance=read_clearance(
             file.get("clearance"),
             file.get("body") or (),

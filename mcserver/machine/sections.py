@@ -11,6 +11,7 @@ import msgspec
 from mckinematics.description import EARTH
 from msgspec import Meta
 
+from mcserver.machine.button_section import Button
 from mcserver.machine.clearance_section import Body, ClearanceSection, Zone
 from mcserver.machine.constraints import Limit, NotNegative, Positive
 from mcserver.machine.drive import Drive
@@ -183,3 +184,4 @@ class MachineFile(msgspec.Struct, frozen=True):
     clearance: ClearanceSection | None = None
     body: list[Body] = []
     zone: list[Zone] = []
+    button: list[Button] = []

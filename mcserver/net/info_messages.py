@@ -75,6 +75,32 @@ class OutputInfo(msgspec.Struct, frozen=True, omit_defaults=True):
     safe: float | None = None
 
 
+class ArgumentInfo(msgspec.Struct, frozen=True):
+    """A number that a button asks for, in the units of its text; ``first`` is shown first."""
+
+    name: str
+    low: float
+    high: float
+    first: float
+    unit: str
+
+
+class ButtonInfo(msgspec.Struct, frozen=True):
+    """A program of the machine file that people start from a page.
+
+    Attributes:
+        text: lines of G-code; ``{name}`` is the place of an argument.
+        role: the least that may press it, ``operator`` or ``engineer``.
+        confirm: what has to be confirmed before it runs; empty: nothing.
+    """
+
+    name: str
+    text: str
+    role: str
+    confirm: str
+    arguments: list[ArgumentInfo]
+
+
 class TelemetryInfo(msgspec.Struct, frozen=True):
     """How to read ``tele/batch``: its columns, its fields and how many cycles a message holds at most."""
 
@@ -103,6 +129,7 @@ class Info(msgspec.Struct, frozen=True):
         protocol: versions of this key space that the server speaks.
         instance: one start of the server; another one means that programs before it were interrupted.
         epoch: Unix time of executor time 0, by the clock as it goes now [s].
+        buttons: programs of the machine file that operators start, numbers to be put into their places.
     """
 
     machine: str
@@ -118,3 +145,4 @@ class Info(msgspec.Struct, frozen=True):
     methods: list[str]
     inputs: list[InputInfo] = []
     outputs: list[OutputInfo] = []
+    buttons: list[ButtonInfo] = []

@@ -16,7 +16,9 @@ from mcserver.machine.machine_file import Axis, Machine
 from mcserver.machine.machine_kinematics import build_kinematics
 from mcserver.net.answers import REMEMBERED_ANSWERS, REMEMBERED_S
 from mcserver.net.info_messages import (
+    ArgumentInfo,
     AxisInfo,
+    ButtonInfo,
     Info,
     InputInfo,
     LimitsInfo,
@@ -188,6 +190,16 @@ def machine_info(service: MachineService, methods: list[str]) -> Info:
             remembered_answers=REMEMBERED_ANSWERS,
             remembered_answer_s=REMEMBERED_S,
         ),
+        buttons=[
+            ButtonInfo(
+                each.name,
+                each.text,
+                each.role,
+                each.confirm,
+                [ArgumentInfo(one.name, one.low, one.high, one.first, one.unit) for one in each.argument],
+            )
+            for each in machine.buttons
+        ],
         methods=sorted(methods),
         inputs=[_input_info(each) for each in machine.inputs],
         outputs=[_output_info(each) for each in machine.outputs],

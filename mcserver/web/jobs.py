@@ -139,8 +139,7 @@ class JobQueue:
             ServiceError: MC061 it cannot be read.
             MotionError: MC062 the queue is full, or the program does not have the line.
         """
-        if len(self.waiting) >= MAX_WAITING:
-            raise MotionError("MC062", f"{MAX_WAITING} programs wait already", "let some of them run first")
+        self._refuse_more()
         job = Job(next(self._numbers), name, self._store.read(name), user, from_line, middle)
         if not 1 <= from_line <= len(job.lines):
             raise MotionError("MC062", f"{name} has no line {from_line}", f"it has {len(job.lines)} lines")
@@ -148,6 +147,21 @@ class JobQueue:
             job.take(report)
         self._append(job)
         return job
+
+    def add_text(self, name: str, text: str, user: str) -> Job:
+        """Queue a text that is no file.
+
+        Raises:
+            MotionError: MC062 the queue is full.
+        """
+        self._refuse_more()
+        job = Job(next(self._numbers), name, text, user, 1, WHOLE)
+        self._append(job)
+        return job
+
+    def _refuse_more(self) -> None:
+        if len(self.waiting) >= MAX_WAITING:
+            raise MotionError("MC062", f"{MAX_WAITING} programs wait already", "let some of them run first")
 
     def go_on(self, shown: Continuation, user: str, middle: Middle) -> Job:
         """Queue a program that goes on, from the server's journal and, behind that, from the stored file.

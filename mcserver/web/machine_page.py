@@ -15,6 +15,7 @@ from mcserver.web.link import MachineLink
 from mcserver.web.menu import add_menu
 from mcserver.web.open_programs import refusal_of
 from mcserver.web.panels.arming import ArmingPanel
+from mcserver.web.panels.buttons import ButtonsPanel
 from mcserver.web.panels.channels import ChannelsPanel
 from mcserver.web.panels.charts import ChartPanel
 from mcserver.web.panels.drives import DrivesPanel
@@ -75,6 +76,8 @@ class MachinePage:
                         self._arming = ArmingPanel(actions)
                     with _place(3):
                         self._controls()
+                    with _place(4):
+                        self._buttons = ButtonsPanel(actions)
                     with _place(6):
                         self._program = ProgramPanel(actions)
                     with _place(11):
@@ -219,6 +222,7 @@ class MachinePage:
         self._late.set_text(f"{status.late_cycles} late cycles")
         self._positions.update(machine.info)
         self._jog.update(machine.info)
+        self._buttons.update(machine.info)
         self._channels.update(status, machine.info)
         self._faults.update(status)
         self._override_label.set_text(f"Override {status.override:.0f} %")

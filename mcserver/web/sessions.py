@@ -9,7 +9,7 @@ from collections.abc import Callable
 from starlette.requests import HTTPConnection
 
 from mcserver.net.method_table import BY_NAME
-from mcserver.net.roles import Role
+from mcserver.net.roles import Role, Roles
 from mcserver.web.users import User, Users
 
 COOKIE = "mc_session"
@@ -35,7 +35,11 @@ class Visitor:
 
     def may(self, method: str) -> bool:
         """Whether the visitor may call a method now: a logout or a removed user ends it at once."""
-        return self._role_now() in BY_NAME[method].roles
+        return self.has(BY_NAME[method].roles)
+
+    def has(self, roles: Roles) -> bool:
+        """Whether the visitor has one of some roles now."""
+        return self._role_now() in roles
 
 
 class Sessions:

@@ -1,4 +1,4 @@
-"""The tables that people edit at a mill: work offsets and tools."""
+"""What people set up at a mill: work offsets, tools, and buttons of its own."""
 
 from __future__ import annotations
 
@@ -27,6 +27,20 @@ MILL = (
         for axis in range(3)
     )
     + "[[cutter]]\nnumber = 3\nlength_mm = 40.0\ndiameter_mm = 6.0\n"
+    + """[[button]]
+name = "park"
+text = '''
+G53 G0 Z{height}
+G53 G0 X0 Y0
+'''
+confirm = "the vise is empty"
+[[button.argument]]
+name = "height"
+low = 0
+high = 100
+default = 80
+unit = "mm"
+"""
 )
 
 
@@ -96,3 +110,29 @@ def test_nobody_changes_a_table_while_a_program_is_open(
     with sync.Machine.connect("mill", mill.endpoint) as machine, machine.program("by another"):
         expect(page.get_by_text("tables are changed at rest [MC512]")).to_be_visible()
         expect(page.get_by_role("button", name="Change an offset …")).to_be_disabled()
+
+
+@pytest.mark.parametrize("width", [360, 768, WIDE["width"]])
+def test_a_button_shows_its_program_and_runs_it_within_its_limits(
+    page: Page, mill: ServerProcess, mill_site: PageProcess, width: int
+) -> None:
+    page.set_viewport_size({"width": width, "height": 800})
+    opened(page, mill_site, "mill")
+    page.get_by_role("button", name="park …").press("Enter")
+    dialog = page.get_by_role("dialog", name="Run park")
+    run = dialog.get_by_role("button", name="Run", exact=True)
+    expect(dialog.get_by_label("Program text")).to_have_text("G53 G0 Z80\nG53 G0 X0 Y0")
+    expect(run).to_be_disabled()
+    dialog.get_by_role("checkbox", name="the vise is empty").check()
+    height = dialog.get_by_label("height [mm]")
+    height.fill("101")
+    expect(dialog.get_by_text("height: give a number from 0 to 100 mm")).to_be_visible()
+    expect(run).to_be_disabled()
+    height.fill("12.5")
+    assert page.evaluate("document.documentElement.scrollWidth") <= width
+    run.click()
+    with sync.Machine.connect("mill", mill.endpoint) as machine:
+        wait_for(machine, page, lambda status: abs(status.axes.position[2] - 12.5) < 0.05)
+        wait_for(machine, page, lambda status: all(each.ended_at for each in status.programs))
+        with machine.program() as program:
+            program.send("G53 G0 Z0")

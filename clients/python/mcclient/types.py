@@ -295,6 +295,17 @@ class Ack:
 
 
 @dataclass(frozen=True, slots=True)
+class ArgumentInfo:
+    """A number that a button asks for, in the units of its text; ``first`` is shown first."""
+
+    name: str
+    low: float
+    high: float
+    first: float
+    unit: str
+
+
+@dataclass(frozen=True, slots=True)
 class AxesStatus:
     """All axes, column-wise: every list has one entry for each of ``index``.
 
@@ -396,6 +407,23 @@ class BusScan:
     address: str
     nodes: tuple[ScannedNode, ...]
     machine_file: str
+
+
+@dataclass(frozen=True, slots=True)
+class ButtonInfo:
+    """A program of the machine file that people start from a page.
+
+    Attributes:
+        text: lines of G-code; ``{name}`` is the place of an argument.
+        role: the least that may press it, ``operator`` or ``engineer``.
+        confirm: what has to be confirmed before it runs; empty: nothing.
+    """
+
+    name: str
+    text: str
+    role: str
+    confirm: str
+    arguments: tuple[ArgumentInfo, ...]
 
 
 @dataclass(frozen=True, slots=True)
@@ -847,6 +875,7 @@ class Info:
         protocol: versions of this key space that the server speaks.
         instance: one start of the server; another one means that programs before it were interrupted.
         epoch: Unix time of executor time 0, by the clock as it goes now [s].
+        buttons: programs of the machine file that operators start, numbers to be put into their places.
     """
 
     machine: str
@@ -862,6 +891,7 @@ class Info:
     methods: tuple[str, ...]
     inputs: tuple[InputInfo, ...] = ()
     outputs: tuple[OutputInfo, ...] = ()
+    buttons: tuple[ButtonInfo, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)

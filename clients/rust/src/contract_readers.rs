@@ -7,11 +7,13 @@ use crate::messages;
 pub fn reader_of(message: &str) -> Option<Read> {
     Some(match message {
         "Ack" => reader::<messages::Ack>,
+        "ArgumentInfo" => reader::<messages::ArgumentInfo>,
         "AxesStatus" => reader::<messages::AxesStatus>,
         "AxisInfo" => reader::<messages::AxisInfo>,
         "AxisStart" => reader::<messages::AxisStart>,
         "AxisTravel" => reader::<messages::AxisTravel>,
         "BusScan" => reader::<messages::BusScan>,
+        "ButtonInfo" => reader::<messages::ButtonInfo>,
         "CheckReply" => reader::<messages::CheckReply>,
         "ClearanceReport" => reader::<messages::ClearanceReport>,
         "CloseReply" => reader::<messages::CloseReply>,

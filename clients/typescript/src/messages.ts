@@ -86,6 +86,15 @@ export interface Ack {
   rejections?: number;
 }
 
+/** A number that a button asks for, in the units of its text; `first` is shown first. */
+export interface ArgumentInfo {
+  name: string;
+  low: number;
+  high: number;
+  first: number;
+  unit: string;
+}
+
 /** Arms a text once. */
 export interface ArmRequest {
   /** of the text, or at least its first 8 digits. */
@@ -156,6 +165,18 @@ export interface BusScan {
   address: string;
   nodes: ScannedNode[];
   machine_file: string;
+}
+
+/** A program of the machine file that people start from a page. */
+export interface ButtonInfo {
+  name: string;
+  /** lines of G-code; `{name}` is the place of an argument. */
+  text: string;
+  /** the least that may press it, `operator` or `engineer`. */
+  role: string;
+  /** what has to be confirmed before it runs; empty: nothing. */
+  confirm: string;
+  arguments: ArgumentInfo[];
 }
 
 /** As `mcserver check --json`. */
@@ -476,6 +497,8 @@ export interface Info {
   methods: string[];
   inputs?: InputInfo[];
   outputs?: OutputInfo[];
+  /** programs of the machine file that operators start, numbers to be put into their places. */
+  buttons?: ButtonInfo[];
 }
 
 /** What the machine and its service are: an `Info`. */

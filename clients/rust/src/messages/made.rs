@@ -708,6 +708,16 @@ pub struct Ack {
     pub rejections: u64,
 }
 
+/// A number that a button asks for, in the units of its text; `first` is shown first.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct ArgumentInfo {
+    pub name: String,
+    pub low: f64,
+    pub high: f64,
+    pub first: f64,
+    pub unit: String,
+}
+
 /// Arms a text once.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct ArmRequest {
@@ -804,6 +814,19 @@ pub struct BusScan {
     pub address: String,
     pub nodes: Vec<ScannedNode>,
     pub machine_file: String,
+}
+
+/// A program of the machine file that people start from a page.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct ButtonInfo {
+    pub name: String,
+    /// lines of G-code; `{name}` is the place of an argument.
+    pub text: String,
+    /// the least that may press it, `operator` or `engineer`.
+    pub role: String,
+    /// what has to be confirmed before it runs; empty: nothing.
+    pub confirm: String,
+    pub arguments: Vec<ArgumentInfo>,
 }
 
 /// As `mcserver check --json`.
@@ -1319,6 +1342,9 @@ pub struct Info {
     pub inputs: Vec<InputInfo>,
     #[serde(default)]
     pub outputs: Vec<OutputInfo>,
+    /// programs of the machine file that operators start, numbers to be put into their places.
+    #[serde(default)]
+    pub buttons: Vec<ButtonInfo>,
 }
 
 /// What the machine and its service are: an `Info`.

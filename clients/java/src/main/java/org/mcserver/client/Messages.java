@@ -406,6 +406,9 @@ public final class Messages {
             String program, long accepted, long done, long credit, ProgramState state, @Sparse long rejected, @Sparse
             List<Diagnostic> diagnostics, @Sparse Fault fault, @Sparse long expected, @Sparse long rejections) {}
 
+    /** A number that a button asks for, in the units of its text; `first` is shown first. */
+    public record ArgumentInfo(String name, double low, double high, double first, String unit) {}
+
     /**
      * Arms a text once.
      * @param sha256 of the text, or at least its first 8 digits.
@@ -466,6 +469,14 @@ public final class Messages {
 
     /** Who is on one bus; `machine_file`: one to start from. */
     public record BusScan(String bus, String address, List<ScannedNode> nodes, String machineFile) {}
+
+    /**
+     * A program of the machine file that people start from a page.
+     * @param text lines of G-code; `{name}` is the place of an argument.
+     * @param role the least that may press it, `operator` or `engineer`.
+     * @param confirm what has to be confirmed before it runs; empty: nothing.
+     */
+    public record ButtonInfo(String name, String text, String role, String confirm, List<ArgumentInfo> arguments) {}
 
     /** As `mcserver check --json`. */
     public record CheckReply(boolean ok, List<Diagnostic> diagnostics) {}
@@ -797,11 +808,12 @@ public final class Messages {
      * @param protocol versions of this key space that the server speaks.
      * @param instance one start of the server; another one means that programs before it were interrupted.
      * @param epoch Unix time of executor time 0, by the clock as it goes now [s].
+     * @param buttons programs of the machine file that operators start, numbers to be put into their places.
      */
     public record Info(
             String machine, String server, List<Long> protocol, String instance, double epoch, double cycleS,
             List<AxisInfo> axes, List<ToolInfo> tools, TelemetryInfo telemetry, LimitsInfo limits, List<String> methods,
-            @Sparse List<InputInfo> inputs, @Sparse List<OutputInfo> outputs) {}
+            @Sparse List<InputInfo> inputs, @Sparse List<OutputInfo> outputs, @Sparse List<ButtonInfo> buttons) {}
 
     /** What the machine and its service are: an `Info`. */
     public record InfoRequest() {}

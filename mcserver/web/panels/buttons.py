@@ -1,0 +1,91 @@
+"""The machine file's own buttons: each shows its program before it runs, and runs it as any program."""
+
+from __future__ import annotations
+
+from functools import partial
+
+from mcclient import Info, MotionError
+from mcclient.types import ButtonInfo
+from nicegui import ui
+
+from mcserver.machine.button_section import filled
+from mcserver.net.roles import CONFIGURERS, MOVERS, roles_named
+from mcserver.web.actions import Actions, show_refusal
+from mcserver.web.dialogs import named_dialog
+
+
+class ButtonsPanel:
+    """Hidden on machines whose file has no ``[[button]]``."""
+
+    def __init__(self, actions: Actions) -> None:
+        self._actions = actions
+        self._shown: tuple[ButtonInfo, ...] = ()
+        with ui.card().classes("mc-card") as self._card:
+            ui.html("<h2>Buttons</h2>", sanitize=False)
+            self._buttons = ui.element("div").classes("mc-buttons")
+        self._card.set_visibility(False)
+
+    def update(self, info: Info) -> None:
+        if info.buttons == self._shown:
+            return
+        self._shown = info.buttons
+        self._card.set_visibility(bool(info.buttons))
+        self._buttons.clear()
+        with self._buttons:
+            for each in info.buttons:
+                ui.button(f"{each.name} …", on_click=partial(self._ask, each)).props("outline no-caps")
+
+    async def _ask(self, button: ButtonInfo) -> None:
+        if not self._may(button):
+            return
+        with named_dialog(f"Run {button.name}") as dialog, ui.card().classes("mc-ask"):
+            ui.label(button.name).classes("font-bold break-words")
+            fields = {
+                each.name: ui.number(
+                    f"{each.name} [{each.unit}]".removesuffix(" []"), value=each.first, format="%g"
+                ).props(f'hint="{each.low:g} … {each.high:g}"')
+                for each in button.arguments
+            }
+            text = ui.label("").classes("mc-program font-mono whitespace-pre-wrap break-all w-full")
+            text.props('aria-label="Program text" aria-live=polite')
+            agreed = ui.checkbox(button.confirm) if button.confirm else None
+            with ui.element("div").classes("mc-buttons"):
+                run = ui.button("Run", on_click=lambda: dialog.submit(text.text)).props("color=positive")
+                ui.button("Cancel", on_click=lambda: dialog.submit(None)).props("flat")
+
+            def show() -> None:
+                wrong = wrong_number(button, {name: field.value for name, field in fields.items()})
+                values = {name: float(field.value or 0.0) for name, field in fields.items()}
+                text.set_text(wrong or filled(button.text, values).strip("\n"))
+                run.set_enabled(not wrong and (agreed is None or bool(agreed.value)))
+
+            for field in fields.values():
+                field.on_value_change(show)
+            if agreed is not None:
+                agreed.on_value_change(show)
+            show()
+        chosen = await dialog
+        dialog.delete()
+        # the role may have been taken away while the dialog was open
+        if chosen is None or not self._may(button):
+            return
+        try:
+            self._actions.link.jobs.add_text(button.name, chosen, self._actions.visitor.name)
+        except MotionError as error:
+            show_refusal(error.message, error.hint)
+
+    def _may(self, button: ButtonInfo) -> bool:
+        roles = CONFIGURERS if button.role == "engineer" else MOVERS
+        if not self._actions.visitor.has(roles):
+            show_refusal(f"This needs the role {roles_named(roles)}", "log in as somebody who has it")
+            return False
+        return self._actions.allowed("open")
+
+
+def wrong_number(button: ButtonInfo, values: dict[str, float | None]) -> str:
+    """Return which number is missing or outside its limits; empty: all are right."""
+    for each in button.arguments:
+        value = values[each.name]
+        if value is None or not each.low <= value <= each.high:
+            return f"{each.name}: give a number from {each.low:g} to {each.high:g} {each.unit}".rstrip()
+    return ""
