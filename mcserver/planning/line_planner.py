@@ -42,6 +42,7 @@ from mcserver.motion.pieces import Activation, LineBound, LineEdges, Piece, Rows
 from mcserver.motion.planner import MotionPlanner
 from mcserver.motion.profile.setpoint_sampling import CYCLE_ROUNDING
 from mcserver.planning.beams import Beams, Power
+from mcserver.planning.clearance_guard import ClearanceGuard
 from mcserver.planning.motion_output import Output, then
 from mcserver.planning.payload_entries import PayloadEntries
 from mcserver.planning.planner_messages import PlannedLines, Report, ReportKind
@@ -67,6 +68,7 @@ class LinePlanner:
         positions: of the axes at the start, by axis number [m or rad].
         energized: axes that hold a position at the start.
         dynamics: torques of the tools' joints.
+        guard: holds the motion clear of bodies and zones.
 
     Attributes:
         motion: the lookahead window and where the plan ends.
@@ -89,13 +91,14 @@ class LinePlanner:
         positions: Mapping[int, float],
         energized: frozenset[int],
         dynamics: JointDynamics | None = None,
+        guard: ClearanceGuard | None = None,
     ) -> None:
         self._machine = machine
         self._width = len(machine.axes)
         self._columns = {axis.index: column for column, axis in enumerate(machine.axes)}
         start = np.array([positions[axis.index] for axis in machine.axes])
         self.motion = MotionPlanner(machine, start, dynamics)
-        self.output = Output(sink)
+        self.output = Output(sink, guard)
         self.source: Iterator[Piece | Control] | None = None
         self.canonical: deque[Canonical | PathBatch | InPosition] = deque()
         self._energized = set(energized)

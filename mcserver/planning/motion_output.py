@@ -9,9 +9,13 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from mcserver.executor.entries import Control, MotionSink
+from mcserver.executor.entries import Control, ControlKind, MotionSink
 from mcserver.motion.pieces import Deactivation, LineEdges, Piece, Rows
 from mcserver.motion.profile.setpoint_sampling import CYCLE_ROUNDING
+from mcserver.planning.clearance_guard import ClearanceGuard
+
+# The report that the executor has come to where nothing more is handed over; those of others are above 0.
+LAST_TOKEN = 0
 
 
 class Output:
@@ -22,16 +26,60 @@ class Output:
     go the entries up to the last of them, or as many rows as there is room for entries. ``last_u`` is where
     what has been handed over ends. The pipeline stops planning while anything waits here, so what waits is
     bounded by one piece of a plan.
+
+    Args:
+        guard: says how much may be handed over; None: all. Behind a contact nothing is taken any more, and
+            the executor reports `LAST_TOKEN` once it stands there.
     """
 
-    def __init__(self, sink: MotionSink) -> None:
+    def __init__(self, sink: MotionSink, guard: ClearanceGuard | None = None) -> None:
         self._sink = sink
+        self._guard = guard
+        # u of the last row that came here
+        self._row_u = -math.inf
         self._controls: deque[Control | LineEdges] = deque()
         self._waiting = 0
         self._rows: deque[Rows] = deque()
         self.last_u = 0.0
 
     def put(self, entry: Control | LineEdges | Rows) -> None:
+        guard = self._guard
+        if guard is not None:
+            if guard.contact is not None:
+                return
+            if isinstance(entry, Rows):
+                count = guard.admit_rows(entry)
+                if count < len(entry):
+                    self._end_before(entry, count)
+                    return
+                self._row_u = entry.first + len(entry) - 1
+            elif isinstance(entry, Control) and not guard.admit_control(entry):
+                self._queue(Control(ControlKind.SETTLE, entry.u, entry.line, token=LAST_TOKEN))
+                return
+        self._queue(entry)
+
+    def _end_before(self, rows: Rows, count: int) -> None:
+        """Take the first of some rows, and nothing of what comes behind them."""
+        begun = count > 0 or self._row_u == rows.first - 1
+        # a motion that does not begin leaves the entries before it
+        last = rows.first + count - 1 if begun else rows.first
+        kept, self._controls, self._waiting = self._controls, deque(), 0
+        end = self.last_u
+        for entry in kept:
+            if isinstance(entry, LineEdges):
+                entry = entry.part(slice(0, int(np.searchsorted(entry.u, last, "right"))))
+                end = max(end, float(entry.u[-1])) if len(entry) else end
+            elif entry.u > last or (not begun and entry.kind is ControlKind.BEGIN):
+                continue
+            else:
+                end = max(end, entry.u)
+            self._queue(entry)
+        line = int(rows.line[count])
+        self._queue(Control(ControlKind.SETTLE, last if begun else end, line, token=LAST_TOKEN))
+        if count:
+            self._queue(rows.part(0, count))
+
+    def _queue(self, entry: Control | LineEdges | Rows) -> None:
         if isinstance(entry, Rows):
             self._rows.append(entry)
         elif count := _count(entry):

@@ -15,7 +15,7 @@ from collections.abc import Callable, Sequence
 from mckinematics.pose import Kinematics
 
 from mcserver.errors import Diagnostic, ProgramRejected
-from mcserver.executor.entries import EventKind, ExecutorEvent, MotionSink
+from mcserver.executor.entries import Control, EventKind, ExecutorEvent, MotionSink
 from mcserver.executor.fault_codes import WARNINGS
 from mcserver.executor.stopping import longest_stop, stopping_rows
 from mcserver.gcode.notices import notice_of
@@ -24,8 +24,10 @@ from mcserver.gcode.text.parser import ParsedLine
 from mcserver.machine.machine_file import Machine
 from mcserver.motion.bound import PlanningError
 from mcserver.motion.pieces import Rows
+from mcserver.planning.clearance_guard import ClearanceGuard
 from mcserver.planning.line_buffer import LineBuffer
 from mcserver.planning.line_planner import LinePlanner
+from mcserver.planning.motion_output import LAST_TOKEN
 from mcserver.planning.planner_messages import PlannedLines, Report, ReportKind
 from mcserver.planning.solving_time import TimedKinematics
 from mcserver.planning.start_state import StartState
@@ -76,6 +78,7 @@ class Pipeline:
         clock: for the time of inverse kinematics [s].
         machine_coordinates: lines are in positions of the axes, as the reference has them.
         approach: lines in machine coordinates that run ahead of the first one, as line 0.
+        guard: holds the motion clear of bodies and zones. controls: all of a program that has no lines.
     """
 
     def __init__(
@@ -91,10 +94,13 @@ class Pipeline:
         clock: Callable[[], float] = time.perf_counter,
         machine_coordinates: bool = False,
         approach: Sequence[str] = (),
+        guard: ClearanceGuard | None = None,
+        controls: Sequence[Control] = (),
     ) -> None:
         self.lines = LineBuffer() if lines is None else lines
         dynamics = None if kinematics is None else kinematics.dynamics
-        self._plan = LinePlanner(machine, sink, start.positions, start.energized, dynamics)
+        self._plan = LinePlanner(machine, sink, start.positions, start.energized, dynamics, guard)
+        self._guard = guard
         self._sink = sink
         self._width = len(machine.axes)
         self._on_fault = on_fault
@@ -116,7 +122,9 @@ class Pipeline:
         self._longest_stop = longest_stop(machine)
         # read, but not interpreted before the executor has reported positions
         self._held: ParsedLine | None = None
-        self._phase = Phase.PLANNING
+        self._phase = Phase.FINISHED if controls else Phase.PLANNING
+        for control in controls:
+            self._plan.output.put(control)
         # a faulty line has ended the program
         self._broken = False
 
@@ -188,6 +196,13 @@ class Pipeline:
 
     def on_event(self, event: ExecutorEvent) -> None:
         """Take an event of this program's slot."""
+        if self._guard is not None:
+            self._guard.on_event(event)
+            contact = self._guard.contact
+            # with few rows left a motion at rest does not begin again
+            last = event.kind is EventKind.SETTLED and event.token == LAST_TOKEN
+            if contact is not None and (last or event.kind is EventKind.STARVED):
+                self._plan.reports.append(Report(ReportKind.CONTACT, contact.line, diagnostics=(contact,)))
         if event.kind is EventKind.SETTLED and event.token == self._plan.waiting_for:
             observed = self._plan.settled(event.values[: self._width])
             if observed:
@@ -216,6 +231,9 @@ class Pipeline:
         plan.motion.feed_scale = max(1.0, override)
         worked = plan.output.flush()
         if plan.output.blocked or self._phase is Phase.ABORTED:
+            return worked
+        if self._guard is not None and self._guard.contact is not None:
+            plan.source = None
             return worked
         if plan.source is not None:
             return self._draw() or worked

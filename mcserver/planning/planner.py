@@ -25,6 +25,7 @@ from mcserver.planning.planner_messages import (
     Begin,
     CloseProgram,
     Consumed,
+    ContactAhead,
     Dropped,
     DropProgram,
     ExecutorEvents,
@@ -83,8 +84,8 @@ class LinePipeline(Protocol):
 class PipelineMaker(Protocol):
     """`mcserver.planning.process.PipelineFactory`."""
 
-    def make(self, request: PipelineRequest, lines: LineBuffer, sink: MotionSink) -> LinePipeline:
-        """Make a program's pipeline."""
+    def make(self, request: PipelineRequest, lines: LineBuffer, sink: MotionSink, slot: int) -> LinePipeline:
+        """Make the pipeline of a program in an executor's slot."""
 
 
 class PlanPhase(enum.Enum):
@@ -189,7 +190,8 @@ class Planner:
         plan.begun = command.begun
         plan.lines.single_line = command.step
         try:
-            plan.pipeline = self._pipelines.make(command.request, plan.lines, self._port.sink(command.slot))
+            sink = self._port.sink(command.slot)
+            plan.pipeline = self._pipelines.make(command.request, plan.lines, sink, command.slot)
         except Exception as error:
             # a tool's model that does not fit is the machine file's mistake, all else the planner's
             self._fail(plan, str(error) if isinstance(error, McError) else f"{type(error).__name__}: {error}")
@@ -243,6 +245,8 @@ class Planner:
                 self._events.append(FrameChanged(plan.program, report.frame))
             if report.kind is ReportKind.MESSAGE:
                 self._events.append(ProgramMessage(plan.program, report.line, report.message))
+            if report.kind is ReportKind.CONTACT:
+                self._events.append(ContactAhead(plan.program, report.diagnostics[0]))
             if report.kind is ReportKind.REJECTED:
                 self._reject(plan, report.line, report.diagnostics)
 

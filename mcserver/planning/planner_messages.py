@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mcserver.errors import Diagnostic
-from mcserver.executor.entries import ExecutorEvent
+from mcserver.executor.entries import Control, ExecutorEvent
 from mcserver.gcode.profiles.frame import Frame
 from mcserver.machine.machine_file import Machine
 from mcserver.planning.start_state import StartState, StateBefore
@@ -43,6 +43,7 @@ class PipelineRequest(msgspec.Struct, frozen=True):
         unhomed: it may move axes that are not homed, slowly.
         machine_coordinates: its lines are in positions of the axes, as the reference has them: a jog.
         approach: lines in machine coordinates that bring the axes to where its first line starts.
+        controls: all of a program that has no lines, on a machine whose motion has to stay clear.
     """
 
     program: str
@@ -51,6 +52,7 @@ class PipelineRequest(msgspec.Struct, frozen=True):
     unhomed: bool = False
     machine_coordinates: bool = False
     approach: tuple[str, ...] = ()
+    controls: tuple[Control, ...] = ()
 
 
 class Begin(msgspec.Struct, frozen=True, tag=True):
@@ -117,6 +119,7 @@ class ReportKind(enum.Enum):
     BOUND = "bound"  # a limit has stretched the line: `bound_by`
     REJECTED = "rejected"  # a fault in the line; nothing of it moves, nothing after it is read
     FRAME = "frame"  # the line has set work offsets: `frame`
+    CONTACT = "contact"  # the executor stands before what would touch: the program has to be stopped
     MESSAGE = "message"  # the line says something to the operator: `message`
     FINISHED = "finished"  # all that was submitted has been handed over, the end of the program included
 
@@ -195,6 +198,13 @@ class LineRejected(msgspec.Struct, frozen=True, tag=True):
     final: bool
 
 
+class ContactAhead(msgspec.Struct, frozen=True, tag=True):
+    """What comes next would touch, as ``diagnostic`` says: the program stands there and has to be stopped."""
+
+    program: str
+    diagnostic: Diagnostic
+
+
 class Planned(msgspec.Struct, frozen=True, tag=True):
     """Lines now have a time; ``reports`` in order."""
 
@@ -232,6 +242,7 @@ class Dropped(msgspec.Struct, frozen=True, tag=True):
 PlannerEvent = (
     Consumed
     | LineRejected
+    | ContactAhead
     | FrameChanged
     | ProgramMessage
     | Planned

@@ -13,21 +13,24 @@ import signal
 import socket
 import sys
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import msgspec
 
 from mcserver.executor.entries import ExecutorEvent, MotionSink
+from mcserver.executor.shm.feedback import FeedbackState
 from mcserver.executor.shm.shared_memory import SharedParts, map_block
 from mcserver.executor.view import SlotView
 from mcserver.machine.machine_file import Machine
 from mcserver.machine.machine_kinematics import build_kinematics
 from mcserver.motion.warm_up import warm_up
+from mcserver.planning.clearance_guard import ClearanceGuards
 from mcserver.planning.line_buffer import LineBuffer
 from mcserver.planning.message_pipe import MessagePipe
 from mcserver.planning.pipeline import FaultRule, Pipeline
 from mcserver.planning.planner import Planner
 from mcserver.planning.planner_messages import PipelineRequest, PlannerCommand, PlannerStart
+from mcserver.planning.shared_space import SharedSpace
 from mcserver.planning.unhomed import machine_for
 from mcserver.processes import freeze_heap
 
@@ -67,17 +70,22 @@ class PipelineFactory:
 
     Args:
         machine: its axes and tools.
+        feedback: the executor's newest cycle.
 
     Raises:
-        ConfigurationError: the model of a tool does not fit.
+        ConfigurationError: the model of a tool, or the bodies, do not fit.
     """
 
-    def __init__(self, machine: Machine) -> None:
+    def __init__(self, machine: Machine, feedback: Callable[[], FeedbackState | None]) -> None:
         self._machine = machine
         self._kinematics = build_kinematics(machine)
+        self._guards: ClearanceGuards | None = None
+        if machine.clearance is not None:
+            self._guards = ClearanceGuards(machine, SharedSpace(machine, feedback))
 
-    def make(self, request: PipelineRequest, lines: LineBuffer, sink: MotionSink) -> Pipeline:
+    def make(self, request: PipelineRequest, lines: LineBuffer, sink: MotionSink, slot: int) -> Pipeline:
         """Make the pipeline of a program that begins now."""
+        guards = self._guards
         return Pipeline(
             machine_for(self._machine, request.start.homed, moves_unhomed=request.unhomed),
             sink,
@@ -88,6 +96,8 @@ class PipelineFactory:
             on_fault=FaultRule.RETRY,
             machine_coordinates=request.machine_coordinates,
             approach=request.approach,
+            guard=None if guards is None else guards.guard(request.program, slot, request.axes),
+            controls=request.controls,
         )
 
 
@@ -138,7 +148,8 @@ def main() -> int:
     warm_up()
     # it works ahead of the motion and can wait a moment; whoever calls the server is waiting now
     os.nice(NICE)
-    planner = Planner(SharedPlannerPort(parts), PipelineFactory(start.machine), time.monotonic)
+    pipelines = PipelineFactory(start.machine, parts.feedback.latest)
+    planner = Planner(SharedPlannerPort(parts), pipelines, time.monotonic)
     gc.collect()
     freeze_heap()
     pipe.send(msgspec.msgpack.encode([]))

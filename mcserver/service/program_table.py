@@ -11,6 +11,7 @@ from collections.abc import Callable, Sequence
 from functools import partial
 from typing import Any
 
+from mcserver.errors import Diagnostic
 from mcserver.executor.entries import EventKind, ExecutorEvent
 from mcserver.executor.fault_codes import WARNINGS, FaultCode
 from mcserver.gcode.semantics.modal import ModalState
@@ -19,6 +20,7 @@ from mcserver.planning.planner_messages import (
     Begin,
     CloseProgram,
     Consumed,
+    ContactAhead,
     Dropped,
     DropProgram,
     ExecutorEvents,
@@ -238,10 +240,10 @@ class ProgramTable:
                 ratio=program.override,
                 held=program.held,
                 unhomed=program.unhomed,
-                controls=program.controls,
+                controls=() if self._planned(program) else program.controls,
                 envelope=program.envelope,
             )
-            if not program.controls:
+            if self._planned(program):
                 request = PipelineRequest(
                     program.program,
                     grant.axes,
@@ -249,12 +251,18 @@ class ProgramTable:
                     program.unhomed,
                     machine_coordinates=program.by_hand,
                     approach=tuple(program.approach),
+                    controls=tuple(program.controls),
                 )
-                self.journal.program_begun(program.program, self.start_state())
+                if not program.controls:
+                    self.journal.program_begun(program.program, self.start_state())
                 self.planner.send(Begin(request, grant.slot, program.step, program.begun))
             program.modal = None
             self.enter(program, "held" if program.held else "running")
             self.publish("program.started", program)
+
+    def _planned(self, program: Program) -> bool:
+        """Return whether the planner has the program: where bodies may touch also one without lines."""
+        return not program.controls or self._machine.clearance is not None
 
     def _end(self, program: Program, state: ProgramState) -> None:
         """Give the axes of a program that is over to the next one; its end is said when it is journaled."""
@@ -273,7 +281,7 @@ class ProgramTable:
         self.planner.send(DropProgram(program.program))
         self.on_program_ended(program)
         # all of a program without a planner is in its slot already
-        self._start(self.leases.release(program.program, planned=not program.controls))
+        self._start(self.leases.release(program.program, planned=self._planned(program)))
 
     def _end_committed(self, program: Program, done: int, at: float) -> None:
         program.done = max(program.done, done)
@@ -359,6 +367,8 @@ class ProgramTable:
                     self._validated(program, event)
                 case LineRejected():
                     self._line_rejected(program, event)
+                case ContactAhead():
+                    self._contact_ahead(program, event.diagnostic)
 
     def _planner_failed(self, event: PlannerFailed) -> None:
         """Stop the program that the planner failed with, or all of them."""
@@ -378,6 +388,18 @@ class ProgramTable:
             # it puts nothing any more, and the next one knows none of them
             self._start(self.leases.forgotten(None))
             self._end_at_rest()
+
+    def _contact_ahead(self, program: Program, found: Diagnostic) -> None:
+        """Stop a program that stands before a contact."""
+        fault = Fault(
+            code=found.code,
+            message=found.message,
+            hint=found.hint,
+            program=program.program,
+            line=found.line,
+            t=self.time.now(),
+        )
+        self.stop(program, "faulted", fault.message, fault)
 
     def _end_at_rest(self) -> None:
         """End programs that are at rest after the planner's process has ended: the executor's event that says

@@ -315,7 +315,13 @@ class FakePipelines:
         nothing = frozenset[int]()
         return StateBefore(modal, start.positions, nothing, nothing, {}, {}, {}, ended=not axes)
 
-    def make(self, request: PipelineRequest, lines: LineBuffer, sink: MotionSink) -> FakePipeline:
+    def make(
+        self,
+        request: PipelineRequest,
+        lines: LineBuffer,
+        sink: MotionSink,
+        slot: int,  # noqa: ARG002
+    ) -> FakePipeline:
         if self.failure is not None:
             raise self.failure
         assert isinstance(sink, FakeSink)

@@ -257,7 +257,13 @@ class SimulatedPlanner:
         self._on_events([PlannerFailed("", "its process was ended by signal 9")])
         self._cell.later(self._turn, self._life)
 
-    def make(self, request: PipelineRequest, lines: LineBuffer, sink: MotionSink) -> SimulatedPipeline:
+    def make(
+        self,
+        request: PipelineRequest,
+        lines: LineBuffer,
+        sink: MotionSink,
+        slot: int,  # noqa: ARG002
+    ) -> SimulatedPipeline:
         assert isinstance(sink, FakeSink)
         return SimulatedPipeline(self._cell, request, lines, sink)
 

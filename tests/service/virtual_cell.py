@@ -83,7 +83,7 @@ class _Planning:
     def __init__(self, machine: Machine, executor: VirtualExecutor) -> None:
         self._machine = machine
         self._executor = executor
-        self._pipelines = PipelineFactory(machine)
+        self._pipelines = PipelineFactory(machine, lambda: executor.feedback)
 
     def planner(self, on_events: OnPlannerEvents) -> LoopPlanner:
         return LoopPlanner(Planner(self, self._pipelines, time.monotonic), on_events)

@@ -1,0 +1,269 @@
+"""Holds a program's motion clear of bodies and zones: judged before the executor gets it.
+
+Rows are judged on their way. Motion that the executor makes by itself (rapids, probing, homing, speeds,
+torques) is judged as all places where its axes may be on it, whatever holds, overrides and stops do to their
+times. The axes of other programs may be wherever they stand, and wherever what they have handed over still
+brings them.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mcserver.clearance.scene import Scene
+from mcserver.clearance.sweep import Contact, Sweep
+from mcserver.errors import Diagnostic
+from mcserver.executor.entries import Control, ControlKind, EventKind, ExecutorEvent
+from mcserver.machine.machine_file import Axis, Machine
+from mcserver.motion.canonical import AxisOperation
+from mcserver.motion.pieces import Rows
+from mcserver.planning.shared_space import Claim, Extent, Mask, SharedSpace, Tenant
+from mcserver.units import MM
+
+Array = NDArray[np.float64]
+
+# Rows whose places are noted together.
+NOTED_ROWS = 50
+_CAPTURE = list(AxisOperation).index(AxisOperation.CAPTURE)
+
+
+class ClearanceGuard:
+    """Judges what one program hands over, in order.
+
+    Args:
+        machine: has a clearance. space: of all programs. tenant: this one.
+
+    Attributes:
+        contact: where it would touch; nothing from there on is handed over. None: it stays clear.
+    """
+
+    def __init__(self, machine: Machine, sweep: Sweep, space: SharedSpace, tenant: Tenant) -> None:
+        self._machine = machine
+        self._sweep = sweep
+        self._space = space
+        self._tenant = tenant
+        space.enter(tenant)
+        self._floors: Array | None = None
+        self._now: Array = np.zeros(len(machine.axes))
+        # of columns that this program has moved: where its motion so far ends; and of those whose end is not
+        # known yet from where to where they may be
+        width = len(machine.axes)
+        self._known: Mask = np.zeros(width, np.bool_)
+        self._low: Array = np.zeros(width)
+        self._high: Array = np.zeros(width)
+        self._targets: dict[int, float] = {}
+        self._settling: Mask = self._known.copy()
+        self.contact: Diagnostic | None = None
+
+    def admit_rows(self, rows: Rows) -> int:
+        """Return how many of some rows may be handed over."""
+        extent = self._extent()
+        bits = np.arange(len(self._known), dtype=np.uint64)
+        driven = (rows.axes[:, None] >> bits & np.uint64(1)).astype(np.bool_)
+        moved: Mask = np.asarray(driven.any(axis=0))
+        way = np.vstack([0.5 * (extent.low + extent.high), rows.position])
+        # what a row does not drive stays where the row before left it
+        last = np.where(np.vstack([np.ones_like(moved), driven]), np.arange(len(way))[:, None], 0)
+        way = np.take_along_axis(way, np.maximum.accumulate(last, axis=0), axis=0)
+        half = np.where(moved, 0.0, 0.5 * (extent.high - extent.low))
+        contact = self._judge(way, half, moved)
+        count = len(rows) if contact is None else contact.step
+        if contact is not None:
+            self._touch(contact, int(rows.line[count]))
+        for first in range(0, count, NOTED_ROWS):
+            # with the place before them
+            part = way[first : min(first + NOTED_ROWS, count) + 1]
+            until = float(rows.first + first + len(part) - 2)
+            self._claim(Claim(moved, Extent(part.min(axis=0), part.max(axis=0)), until, alone=False))
+        if count:
+            self._put(moved, way[count], way[count])
+        return count
+
+    def admit_control(self, control: Control) -> bool:
+        """Return whether an entry may be handed over."""
+        kind = control.kind
+        columns = self._columns(control.axes)
+        if kind is ControlKind.WAIT:
+            self._arrive(columns, control.u)
+        elif kind is ControlKind.SETTLE:
+            self._settling = columns
+        elif kind is ControlKind.REFERENCE or (kind is ControlKind.AXIS and control.operation != _CAPTURE):
+            # wherever they are seen from then on
+            self._known &= ~columns
+        elif kind is ControlKind.END and control.values is not None:
+            end = np.array(control.values)
+            self._put(columns, end, end)
+        elif kind in (
+            ControlKind.RAPID,
+            ControlKind.PROBE,
+            ControlKind.SPEED,
+            ControlKind.TORQUE,
+            ControlKind.HOME,
+        ):
+            return self._admit_alone(control, columns)
+        return True
+
+    def on_event(self, event: ExecutorEvent) -> None:
+        """Take an event of the program's slot."""
+        if event.kind is EventKind.SETTLED:
+            at = np.array(event.values[: len(self._known)])
+            self._put(self._settling, at, at)
+        elif event.kind in (EventKind.FINISHED, EventKind.STOPPED):
+            self._tenant.ended = event.time
+
+    # ------------------------------------------------------------------ what the executor moves by itself
+
+    def _admit_alone(self, control: Control, columns: Mask) -> bool:
+        extent = self._extent()
+        low, high = extent.low.copy(), extent.high.copy()
+        ends = extent
+        if control.kind in (ControlKind.RAPID, ControlKind.PROBE):
+            target = np.array(control.values)
+            for column in np.flatnonzero(columns & (low != high)).tolist():
+                # it moves already, and may have to come back
+                overrun = _stopping_distance(self._machine.axes[column])
+                low[column] -= overrun
+                high[column] += overrun
+            low[columns] = np.minimum(low, target)[columns]
+            high[columns] = np.maximum(high, target)[columns]
+            ends = Extent(low, high)
+        elif control.kind is ControlKind.HOME:
+            ends = Extent(low.copy(), high.copy())
+            for column in np.flatnonzero(columns).tolist():
+                self._homing_extent(column, Extent(low, high), ends)
+        else:
+            for column in np.flatnonzero(columns).tolist():
+                low[column], high[column] = self._space.anywhere(column, float(low[column]))
+            ends = Extent(low, high)
+        swept = Extent(low, high)
+        if control.kind is ControlKind.PROBE:
+            # straight, and nowhere else
+            way = np.vstack([0.5 * (extent.low + extent.high)] * 2)
+            way[1, columns] = np.array(control.values)[columns]
+            half = np.where(columns, 0.0, 0.5 * (extent.high - extent.low))
+        else:
+            way = np.vstack([0.5 * (low + high)] * 2)
+            half = 0.5 * (high - low)
+        contact = self._judge(way, half, columns)
+        if contact is not None:
+            self._touch(contact, control.line)
+            return False
+        self._claim(Claim(columns, swept, control.u, alone=True))
+        self._put(columns, ends.low, ends.high)
+        if control.kind is ControlKind.RAPID and control.values is not None:
+            self._targets.update((each, control.values[each]) for each in np.flatnonzero(columns).tolist())
+        return True
+
+    def _homing_extent(self, column: int, swept: Extent, ends: Extent) -> None:
+        """Set from where to where an axis may be while it is homed, and behind that.
+
+        Args:
+            swept, ends: hold where it is.
+        """
+        axis = self._machine.axes[column]
+        homing = axis.homing
+        here = float(swept.low[column]), float(swept.high[column])
+        least, most = self._space.anywhere(column, here[0])
+        if homing is None or homing.method == "drive":
+            swept.low[column], swept.high[column] = min(here[0], least), max(here[1], most)
+            ends.low[column], ends.high[column] = swept.low[column], swept.high[column]
+            return
+        home = homing.position or 0.0
+        beyond = 2.0 * homing.back_off
+        rest = (home - beyond, home + beyond)
+        if homing.then_move_to is not None:
+            rest = (homing.then_move_to, homing.then_move_to)
+        # off a switch that is active, then towards it, within the axis's travel
+        far = sorted((-homing.direction * homing.release_travel, homing.direction * homing.travel))
+        low, high = max(least, here[0] + far[0]), min(most, here[1] + far[1])
+        swept.low[column] = min(low, here[0], home, rest[0]) - beyond
+        swept.high[column] = max(high, here[1], home, rest[1]) + beyond
+        ends.low[column], ends.high[column] = rest
+
+    def _arrive(self, columns: Mask, u: float) -> None:
+        """Note that columns have come to their targets where the program is at u."""
+        for column in np.flatnonzero(columns).tolist():
+            if column in self._targets:
+                self._low[column] = self._high[column] = self._targets.pop(column)
+        self._tenant.claims = [
+            claim._replace(alone=False, until=u) if not (claim.columns & ~columns).any() else claim
+            for claim in self._tenant.claims
+        ]
+
+    # ------------------------------------------------------------------ where columns are
+
+    def _extent(self) -> Extent:
+        """Return where columns may be when what comes now is played."""
+        extent, self._now = self._space.extent(self._tenant)
+        low, high = extent
+        low[self._known], high[self._known] = self._low[self._known], self._high[self._known]
+        return extent
+
+    def _put(self, columns: Mask, low: Array, high: Array) -> None:
+        self._low[columns], self._high[columns] = low[columns], high[columns]
+        self._known |= columns
+        for column in np.flatnonzero(columns).tolist():
+            self._targets.pop(column, None)
+
+    def _claim(self, claim: Claim) -> None:
+        self._tenant.claims.append(claim)
+
+    def _columns(self, mask: int) -> Mask:
+        return np.array([mask >> column & 1 for column in range(len(self._known))], np.bool_)
+
+    # ------------------------------------------------------------------ contacts
+
+    def _judge(self, way: Array, half: Array, moved: Mask) -> Contact | None:
+        self._floors = self._sweep.floors(self._now, self._floors)
+        return self._sweep.first_contact(way, half, moved, self._floors)
+
+    def _touch(self, contact: Contact, line: int) -> None:
+        scene = self._sweep.scene
+        pair = scene.pairs[contact.pair]
+        one, other = pair.names
+        other_program = self._space.mover(scene.levers[:, contact.pair] > 0.0, self._tenant)
+        clearance = self._machine.clearance
+        margin = 0.0 if clearance is None else clearance.margin / MM
+        distance = f"{max(0.0, contact.distance) / MM:.2f} mm, {margin:g} wanted"
+        if not contact.shown:
+            message = f"it cannot be shown that {one!r} stays clear of {other!r}"
+        elif pair.zone:
+            message = f"{one!r} would leave what the zone {other!r} leaves free"
+        else:
+            message = f"{one!r} would come too near to {other!r}: {distance}"
+        hint = "take another way; axes of one G00 each come in their own time: give each a line of its own"
+        if other_program is not None:
+            message += f", where {other_program} runs beside it"
+            hint = "let it wait until the other program has ended, or has left"
+        self.contact = Diagnostic(
+            code="MC321" if pair.zone else "MC320", message=message, line=line, hint=hint
+        )
+
+
+def _stopping_distance(axis: Axis) -> float:
+    """Return how far an axis may go on from its greatest speed until it stands, at the most [m or rad]."""
+    ramp = axis.max_velocity / axis.max_acceleration + axis.max_acceleration / axis.max_jerk
+    return axis.max_velocity * ramp
+
+
+class ClearanceGuards:
+    """Make the guards of one machine's programs, which see each other.
+
+    Args:
+        machine: has a clearance. space: its programs' motion.
+
+    Raises:
+        ConfigurationError: as `Scene`.
+    """
+
+    def __init__(self, machine: Machine, space: SharedSpace) -> None:
+        assert machine.clearance is not None
+        self._machine = machine
+        self._sweep = Sweep(Scene(machine), machine.clearance.margin)
+        self._space = space
+
+    def guard(self, program: str, slot: int, axes: frozenset[int]) -> ClearanceGuard:
+        """Return the guard of a program that begins now; ``axes``: its lease."""
+        lease = np.array([axis.index in axes for axis in self._machine.axes], np.bool_)
+        return ClearanceGuard(self._machine, self._sweep, self._space, Tenant(program, slot, lease))

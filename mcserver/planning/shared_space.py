@@ -1,0 +1,146 @@
+"""Where the axes of a machine may be while its programs run: where they are, and what is handed over.
+
+Each program's motion is noted before the executor gets it, and forgotten once the executor's feedback shows
+that it has passed. So whoever asks where other programs' axes may come is never told too little.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mcserver.executor.shm.feedback import AxisCondition, FeedbackState
+from mcserver.machine.machine_file import Machine
+from mcserver.units import AxisType
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+# A column without a limit may be anywhere; in numbers that distances can be computed with [m].
+ANYWHERE = 1e3
+MOVES = (AxisCondition.MOVING, AxisCondition.SPEED, AxisCondition.TORQUE, AxisCondition.STOPPING)
+
+
+class Extent(NamedTuple):
+    """From where to where each column may be, shapes (K,) [SI]."""
+
+    low: Array
+    high: Array
+
+
+class Claim(NamedTuple):
+    """Where motion that is handed over brings columns.
+
+    Attributes:
+        columns: that it moves, shape (K,). extent: where; read only there.
+        until: on the program's time axis [cycles]. alone: the columns move by themselves from there on, and
+            may go on when the program has ended.
+    """
+
+    columns: Mask
+    extent: Extent
+    until: float
+    alone: bool
+
+
+@dataclass(eq=False)
+class Tenant:
+    """A program that moves axes.
+
+    Attributes:
+        lease: columns that nobody else moves, shape (K,). claims: of its motion, in order.
+        ended: executor time of its end [s]; None: it runs.
+    """
+
+    program: str
+    slot: int
+    lease: Mask
+    claims: list[Claim] = field(default_factory=list)
+    ended: float | None = None
+
+
+class SharedSpace:
+    """All programs' motion on one machine.
+
+    Args:
+        feedback: the executor's newest cycle.
+    """
+
+    def __init__(self, machine: Machine, feedback: Callable[[], FeedbackState | None]) -> None:
+        self._feedback = feedback
+        self._tenants: list[Tenant] = []
+        self.travel = Extent(
+            np.array([axis.min_position for axis in machine.axes]),
+            np.array([axis.max_position for axis in machine.axes]),
+        )
+        self._turn = np.array(
+            [math.pi if axis.type is AxisType.ROTARY else ANYWHERE for axis in machine.axes]
+        )
+
+    def enter(self, tenant: Tenant) -> None:
+        """Begin a program; the one that was in its slot has ended."""
+        for each in self._tenants:
+            if each.slot == tenant.slot and each.ended is None:
+                each.ended = -math.inf
+        self._tenants.append(tenant)
+
+    def anywhere(self, column: int, here: float) -> tuple[float, float]:
+        """Return the travel of a column, or a turn about ``here`` where it has no limit [SI]."""
+        low, high, turn = self.travel.low[column], self.travel.high[column], self._turn[column]
+        return (
+            min(here, float(low)) if math.isfinite(low) else here - float(turn),
+            max(here, float(high)) if math.isfinite(high) else here + float(turn),
+        )
+
+    def extent(self, asking: Tenant) -> tuple[Extent, Array]:
+        """Return where columns may be now and by what is handed over, except by the asking program's own; and
+        where they are, shape (K,)."""
+        newest = self._feedback()
+        assert newest is not None
+        self._forget(newest)
+        low, high = newest.setpoint.copy(), newest.setpoint.copy()
+        known = np.zeros(len(low), np.bool_)
+        for tenant in self._tenants:
+            if tenant.ended is None:
+                known |= tenant.lease
+            if tenant is asking:
+                continue
+            for claim in tenant.claims:
+                at = claim.columns
+                known |= at
+                low[at] = np.minimum(low[at], claim.extent.low[at])
+                high[at] = np.maximum(high[at], claim.extent.high[at])
+        # what moves, and no program that is known here
+        for column in np.flatnonzero(np.isin(newest.condition, MOVES) & ~known).tolist():
+            low[column], high[column] = self.anywhere(column, float(newest.setpoint[column]))
+        return Extent(low, high), newest.setpoint
+
+    def mover(self, columns: Mask, asking: Tenant) -> str | None:
+        """Return another program that may move one of these columns; None: there is none."""
+        for tenant in self._tenants:
+            moves = tenant.lease if tenant.ended is None else np.zeros_like(columns)
+            for claim in tenant.claims:
+                moves = moves | claim.columns
+            if tenant is not asking and (moves & columns).any():
+                return tenant.program
+        return None
+
+    def _forget(self, newest: FeedbackState) -> None:
+        """Drop claims whose motion is over."""
+        moving = np.isin(newest.condition, MOVES)
+        for tenant in self._tenants:
+            slot = newest.slots[tenant.slot]
+            over = tenant.ended is not None and newest.time > tenant.ended
+            # a slot that is free shows the time axis of the program before
+            passed = -math.inf if slot.state.free or tenant.ended is not None else slot.u - 1.0
+            tenant.claims = [
+                claim
+                for claim in tenant.claims
+                if (claim.alone and (moving & claim.columns).any()) or not (over or passed > claim.until)
+            ]
+        self._tenants = [each for each in self._tenants if each.ended is None or each.claims]

@@ -1,0 +1,308 @@
+"""Programs, jogs and homing stop before their bodies touch, whatever is ordered meanwhile."""
+
+from __future__ import annotations
+
+import asyncio
+import random
+from collections.abc import AsyncIterator, Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from mcserver.clearance.scene import Scene
+from mcserver.machine.machine_file import Machine, parse_machine
+from mcserver.service.program import Program
+from mcserver.units import MM
+from tests.clearance.machines import MILL, TOOL, VISE, block, mill
+from tests.service.virtual_cell import VirtualCell
+
+Make = Callable[..., VirtualCell]
+Start = Callable[[Machine], VirtualCell]
+
+# face of the vise at X100, its top at Z40; the tool has a radius of 5 mm, the margin is 1 mm
+LAST_X, LAST_Z = 94.0, 41.0
+
+
+@pytest.fixture
+async def start(tmp_path: Path) -> AsyncIterator[Start]:
+    cells: list[VirtualCell] = []
+
+    def started(machine: Machine) -> VirtualCell:
+        cells.append(VirtualCell(machine, tmp_path))
+        return cells[-1]
+
+    yield started
+    for cell in cells:
+        await cell.stop()
+
+
+@pytest.fixture
+def make(start: Start) -> Make:
+    return lambda *more: start(mill(VISE, *more))
+
+
+def fault_of(program: Program) -> tuple[str, int]:
+    assert program.fault is not None, program.state
+    return program.fault.code, program.fault.line
+
+
+def place(cell: VirtualCell, axis: int) -> float:
+    return cell.position(axis) / MM
+
+
+async def test_a_program_stops_before_what_it_would_hit_and_names_line_and_bodies(make: Make) -> None:
+    cell = make()
+    program = await cell.run("G1010", "G1 Z20 F6000", "G1 X150", "G1 Z100")
+    assert (program.state, fault_of(program)) == ("faulted", ("MC320", 3))
+    assert program.fault is not None
+    assert "'tool'" in program.fault.message
+    assert "'vise'" in program.fault.message
+    assert program.fault.hint
+    assert program.done == 2
+    assert LAST_X - 0.3 <= place(cell, 0) <= LAST_X + 0.02
+
+
+async def test_a_line_that_is_clear_by_more_than_the_margin_runs(make: Make) -> None:
+    cell = make()
+    program = await cell.run("G1010", f"G1 Z{LAST_Z + 0.1} F6000", "G1 X300", "G0 X0")
+    assert (program.state, program.done) == ("finished", 4)
+
+
+async def test_a_rapid_into_the_vise_does_not_begin(make: Make) -> None:
+    cell = make()
+    program = await cell.run("G1010", "G0 Z20", "G0 X150")
+    assert (program.state, fault_of(program), program.done) == ("faulted", ("MC320", 3), 2)
+    assert (place(cell, 0), place(cell, 2)) == pytest.approx((0.0, 20.0))
+
+
+async def test_a_rapid_whose_axes_could_meet_the_vise_on_another_way_does_not_begin(make: Make) -> None:
+    cell = make()
+    program = await cell.run("G1010", "G0 X150 Z45", "G0 X300 Z20")
+    assert (program.state, fault_of(program)) == ("faulted", ("MC320", 3))
+    assert place(cell, 0) == pytest.approx(150.0)
+
+
+async def jog(cell: VirtualCell, axis: int, velocity: float, distance: float | None = None) -> Program:
+    program = await cell.jogging.jog(
+        "page", axis, distance=distance, velocity=velocity, hold_s=None if distance else 1e6, program_id=None
+    )
+    return await cell.ended(cell.service.program(program))
+
+
+async def test_a_held_jog_stops_at_the_margin_and_may_go_back(make: Make) -> None:
+    cell = make()
+    await cell.run("G1010", "G0 Z20")
+    program = await jog(cell, 0, 200.0)
+    assert (program.state, fault_of(program)) == ("faulted", ("MC320", 2))
+    assert LAST_X - 0.3 <= place(cell, 0) <= LAST_X + 0.02
+    here = place(cell, 0)
+    for _ in range(3):
+        assert (await jog(cell, 0, 5.0, distance=1.0)).state == "faulted"
+    assert here <= place(cell, 0) <= LAST_X + 0.02
+    back = await jog(cell, 0, 50.0, distance=-10.0)
+    assert (back.state, back.fault) == ("finished", None)
+
+
+async def test_a_step_that_would_hit_stops_at_the_margin(make: Make) -> None:
+    cell = make()
+    await cell.run("G1010", "G0 X150")
+    assert (await jog(cell, 2, 50.0, distance=-80.0)).state == "faulted"
+    assert LAST_Z - 0.02 <= place(cell, 2) <= LAST_Z + 0.3
+
+
+async def test_what_touches_already_may_come_apart_and_no_nearer(make: Make) -> None:
+    cell = make(block("lump", (0.0, 8.0, 130.0), 10.0))
+    assert (await cell.run("G1010", "G1 Y1 F600")).state == "faulted"
+    assert place(cell, 1) == pytest.approx(0.0, abs=0.01)
+    assert (await cell.run("G1010", "G1 Y-5 F600")).state == "finished"
+    assert (await cell.run("G1010", "G1 Y0 F600")).state == "faulted"
+    assert place(cell, 1) < -1.9
+
+
+async def test_a_line_into_a_zone_stops_before_it(make: Make) -> None:
+    zone = '[[zone]]\nname = "door"\nsize_mm = [20.0, 400.0, 400.0]\nat_mm = [-60.0, 0.0, 100.0]\n'
+    cell = make(zone)
+    program = await cell.run("G1010", "G1 X-100 F3000")
+    assert (program.state, fault_of(program)) == ("faulted", ("MC321", 2))
+    assert program.fault is not None
+    assert "'door'" in program.fault.message
+    assert place(cell, 0) == pytest.approx(-44.0, abs=0.3)
+
+
+async def test_lines_that_come_one_by_one_stop_too(make: Make) -> None:
+    cell = make()
+    program = await cell.service.open("test")
+    for number, line in enumerate(("G1010", "G1 Z20 F6000", "G1 X80", "G1 X150"), start=1):
+        await cell.service.lines.submit("test", program.program, number, [line])
+    assert fault_of(await cell.ended(program)) == ("MC320", 4)
+    assert program.done == 3
+    assert place(cell, 0) <= LAST_X + 0.02
+
+
+@pytest.mark.parametrize("lines", [("G1 X90 F12000", "G1 X150"), ("G1 X150 F12000",)])
+async def test_orders_on_the_way_do_not_let_it_pass(make: Make, lines: tuple[str, ...]) -> None:
+    cell = make()
+    await cell.run("G1010", "G0 Z20")
+    program = await cell.service.open("test")
+    await cell.service.lines.submit("test", program.program, 1, list(lines))
+    cell.service.lines.close("test", program.program)
+    for number, ratio in enumerate((0.3, 2.0, 0.05, 1.5, 2.0)):
+        await cell.until(lambda at=20.0 * number: place(cell, 0) > at or program.ended)  # type: ignore[misc]
+        cell.service.set_override(ratio, program.program)
+        cell.service.hold(program.program)
+        cell.service.resume(program.program)
+    cell.service.set_override(1.0, program.program)
+    await cell.ended(program)
+    assert program.state == "faulted"
+    assert LAST_X - 0.5 <= place(cell, 0) <= LAST_X + 0.02
+
+
+# a ram along X and a shuttle along Y, which meet where both are at 100
+SHARED = """
+[[body]]
+name = "ram"
+shape = "box"
+size_mm = [20.0, 20.0, 20.0]
+carried_by = [0]
+[[body]]
+name = "shuttle"
+shape = "box"
+size_mm = [20.0, 20.0, 20.0]
+at_mm = [100.0, -100.0, 0.0]
+carried_by = [1]
+"""
+
+
+def shared() -> Machine:
+    return parse_machine("\n".join((MILL, SHARED)))
+
+
+async def begin(cell: VirtualCell, axes: list[int], *lines: str) -> Program:
+    program = await cell.service.open("test", axes=axes)
+    await cell.service.lines.submit("test", program.program, 1, list(lines))
+    cell.service.lines.close("test", program.program)
+    return program
+
+
+class Watch:
+    """Looks at the setpoints of every cycle of a cell."""
+
+    def __init__(self, cell: VirtualCell) -> None:
+        self._cell = cell
+        self._rows: list[Any] = []
+        self._task = asyncio.ensure_future(self._run())
+
+    async def _run(self) -> None:
+        seen = 0
+        while True:
+            history = self._cell.executor.history
+            first, rows = history.since(seen)
+            assert first == seen
+            self._rows.append(history.block(rows, "setpoint").copy())
+            seen += len(rows)
+            await asyncio.sleep(0)
+
+    async def least(self, machine: Machine) -> float:
+        """End, and return the least distance of any pair in any cycle [mm]."""
+        await asyncio.sleep(0)
+        self._task.cancel()
+        scene = Scene(machine)
+        rows = np.concatenate(self._rows)
+        kept = np.append(True, np.diff(rows, axis=0).any(axis=1))
+        least = np.inf
+        for row in rows[kept]:
+            scene.place(row)
+            least = min(least, *(scene.distance(pair) for pair in range(len(scene.pairs))))
+        return float(least) / MM
+
+
+async def test_a_program_stops_before_the_axis_that_another_one_has_left_in_its_way(start: Start) -> None:
+    cell = start(shared())
+    assert (await cell.run("G1010 P1", "G1 Y100 F6000", axes=[1])).state == "finished"
+    program = await cell.run("G1010 P0", "G1 X200 F6000", axes=[0])
+    assert fault_of(program) == ("MC320", 2)
+    assert place(cell, 0) == pytest.approx(79.0, abs=0.3)
+
+
+async def test_the_later_of_two_programs_stops_before_the_other_and_names_it(start: Start) -> None:
+    cell = start(shared())
+    watch = Watch(cell)
+    # comes by for four seconds
+    other = await begin(cell, [1], "G1010 P1", "G1 Y85 F12000", "G1 Y115 F300", "G1 Y200 F12000")
+    await cell.until(lambda: place(cell, 1) > 86.0)
+    program = await cell.run("G1010 P0", "G1 X200 F6000", axes=[0])
+    assert fault_of(program) == ("MC320", 2)
+    assert program.fault is not None
+    assert other.program in program.fault.message
+    assert (await cell.ended(other)).state == "finished"
+    assert await watch.least(shared()) >= 0.98
+
+
+@pytest.mark.parametrize("seed", range(8))
+async def test_two_programs_never_touch(start: Start, seed: int) -> None:
+    draw = random.Random(seed)
+    cell = start(shared())
+    watch = Watch(cell)
+    programs = []
+    for axis, letter in enumerate("XY"):
+        lines = [f"G1010 P{axis}"]
+        for _ in range(12):
+            word = draw.choice(("G0", "G1", "G1", "G1020"))
+            lines.append(
+                f"{word} {letter}{draw.uniform(0.0, 200.0):.2f}"
+                + (f" F{draw.choice((600, 3000, 12000))}" if word == "G1" else "")
+            )
+        programs.append(await begin(cell, [axis], *lines))
+    ended = [await cell.ended(program) for program in programs]
+    await cell.until(lambda: not any(cell.executor.feedback.velocity))
+    for program in ended:
+        assert program.state == "finished" or fault_of(program)[0] == "MC320"
+    assert await watch.least(shared()) >= 0.98
+
+
+def homed(order: int, length: float) -> Machine:
+    """A mill whose tool stands in the midst of the table's posts, with switches at X-10 and Z210."""
+    text = '[machine]\nname = "mill"\n'
+    for index, (start, direction, first, switch) in enumerate(
+        (
+            (0.0, "negative", 1, "[-1000.0, -10.0]"),
+            (0.0, "negative", 9, ""),
+            (100.0, "positive", order, "[210.0, 1000.0]"),
+        )
+    ):
+        text += (
+            f'[[axis]]\nindex = {index}\ntype = "linear"\nmax_velocity = 200.0\nmax_acceleration = 2000.0\n'
+        )
+        text += "min_position = -20.0\nmax_position = 220.0\nmax_following_error = 5.0\n"
+        if switch:
+            text += f'[axis.homing]\nmethod = "switch"\nvelocity = 50.0\ndirection = "{direction}"\n'
+            text += f"order = {first}\n"
+            text += f"position = {-10.0 if direction == 'negative' else 210.0}\n"
+        text += f"[axis.drive]\ninitial_position = {start}\n" + (
+            f"home_switch = {switch}\n" if switch else ""
+        )
+    post = """
+[[body]]
+name = "post"
+shape = "box"
+size_mm = [10.0, 10.0, 200.0]
+at_mm = [-15.0, 0.0, 50.0]
+"""
+    return parse_machine("\n".join((text, TOOL.replace("length_mm = 60.0", f"length_mm = {length}"), post)))
+
+
+async def test_homing_that_would_sweep_a_post_does_not_begin(start: Start) -> None:
+    cell = start(homed(1, 60.0))
+    program = await cell.ended(await cell.homing.home("test", None))
+    assert fault_of(program)[0] == "MC320"
+    assert place(cell, 0) == pytest.approx(0.0, abs=0.01)
+    assert not any(cell.homed()[each] for each in (0, 2))
+
+
+async def test_an_axis_that_is_homed_first_lifts_the_tool_over_the_post(start: Start) -> None:
+    cell = start(homed(0, 60.0))
+    program = await cell.ended(await cell.homing.home("test", None))
+    assert (program.state, program.fault) == ("finished", None)
+    assert [event.axis for event in cell.events if event.kind == "axis.homed"] == [2, 0]
