@@ -11,7 +11,7 @@ import pytest
 from mcserver.can.cob import SYNC, Function, NmtState
 from mcserver.can.pdo import MappedObject, MappedPdo, ProcessData
 from mcserver.canopen.bus_health import BusCounts, BusListener
-from mcserver.canopen.cycle_samples import CycleSampler, following_error, signals_of
+from mcserver.canopen.cycle_samples import Array, CycleSampler, following_error, signals_of
 from mcserver.canopen.dictionary import generic_dictionary
 from mcserver.machine.bus_load import frame_bits
 from mcserver.machine.machine_file import load_machine
@@ -141,7 +141,7 @@ def row_of(target: int, reading: int) -> list[tuple[int, bytes]]:
     ]
 
 
-def rows_of(sampler: CycleSampler, frames: list[tuple[int, bytes]]) -> np.ndarray:  # type: ignore[type-arg]
+def rows_of(sampler: CycleSampler, frames: list[tuple[int, bytes]]) -> Array:
     found = [sampler.take(*frame) for frame in frames]
     return np.array([row for row in found if row is not None])
 
