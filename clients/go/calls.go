@@ -49,6 +49,7 @@ var deadlines = map[string]time.Duration{
 	"abort":               5 * time.Second,
 	"override":            5 * time.Second,
 	"jog":                 5 * time.Second,
+	"open_servo":          5 * time.Second,
 	"home":                5 * time.Second,
 	"reference":           5 * time.Second,
 	"reset":               5 * time.Second,
@@ -187,6 +188,12 @@ func (m *Machine) Jog(ctx context.Context, request JogRequest) (string, error) {
 		return "", err
 	}
 	return reply.Program, nil
+}
+
+// OpenServo: Let axes follow targets that this client streams. They are energized and leased until `close`, or
+// until no targets come in time.
+func (m *Machine) OpenServo(ctx context.Context, request ServoRequest) (*ServoReply, error) {
+	return callFor[ServoReply](ctx, m, "open_servo", paramsOf(request))
 }
 
 // Home: Let axes find their references. It goes on after the reply: the events `axis.homing`, `axis.homed` and

@@ -938,6 +938,8 @@ type ProgramStatus struct {
 	Pauses int64 `msgpack:"pauses"`
 	// Rejections: as in `Ack`; 0 in programs of an earlier start of the server.
 	Rejections int64 `msgpack:"rejections"`
+	// Servo: of a program in servo mode; nil: it is none.
+	Servo *ServoStatus `msgpack:"servo"`
 }
 
 // ProgramsReply: Newest first.
@@ -1215,6 +1217,45 @@ type SdoWriteRequest struct {
 	Bus      string   `msgpack:"bus"`
 	Type     *SdoType `msgpack:"type"`
 	Value    Value    `msgpack:"value" mc:"required"`
+}
+
+// ServoReply: The program that follows targets, put as `StreamTargets` on `in/{client}/{program}`; its axes in
+// order.
+type ServoReply struct {
+	Program string  `msgpack:"program" mc:"required"`
+	Axes    []int64 `msgpack:"axes" mc:"required"`
+}
+
+// ServoRequest: Leases axes for targets that the client streams, and energizes them.
+type ServoRequest struct {
+	// Axes: the axes to lease, all free now; nil: all of the machine.
+	Axes []int64 `msgpack:"axes"`
+	// Name: for people.
+	Name string `msgpack:"name"`
+}
+
+// ServoStatus: The targets of a program in servo mode, counted since it was opened.
+type ServoStatus struct {
+	// Taken: messages that count.
+	Taken int64 `msgpack:"taken" mc:"required"`
+	// Lost: numbers that never came, or came behind later ones.
+	Lost int64 `msgpack:"lost" mc:"required"`
+	// Late: came later than they count for.
+	Late int64 `msgpack:"late" mc:"required"`
+	// Doubled: of the newest number, or a lower one.
+	Doubled int64 `msgpack:"doubled" mc:"required"`
+	// Reordered: of the newest number, or a lower one.
+	Reordered int64 `msgpack:"reordered" mc:"required"`
+	// Jumped: too far from the point before, and not confirmed by the next one.
+	Jumped int64 `msgpack:"jumped" mc:"required"`
+	// Refused: not finite, or not of the program's axes.
+	Refused int64 `msgpack:"refused" mc:"required"`
+	// Clipped: of those taken, beyond an axis's travel.
+	Clipped int64 `msgpack:"clipped" mc:"required"`
+	// IntervalS: between messages, by the sender's clock.
+	IntervalS float64 `msgpack:"interval_s" mc:"required"`
+	// AgeS: of the newest one, beyond the quickest.
+	AgeS float64 `msgpack:"age_s" mc:"required"`
 }
 
 // SetInputRequest: Sets a simulated input by its name, as `SetOutputRequest`; its script ends.

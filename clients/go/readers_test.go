@@ -63,6 +63,8 @@ var readers = map[string]func([]byte) (any, error){
 	"RunRequestsReply": reader[RunRequestsReply],
 	"ScannedNode":      reader[ScannedNode],
 	"SdoReply":         reader[SdoReply],
+	"ServoReply":       reader[ServoReply],
+	"ServoStatus":      reader[ServoStatus],
 	"SetReply":         reader[SetReply],
 	"SimulateReply":    reader[SimulateReply],
 	"SimulatedPath":    reader[SimulatedPath],

@@ -49,7 +49,7 @@ def write(folder: Path) -> None:
 
 
 def _message(name: str, kind: type[msgspec.Struct]) -> str:
-    sent = name.endswith("Request") or name == "StreamLines"
+    sent = name.endswith("Request") or name in ("StreamLines", "StreamTargets")
     return _shown({**_vectors(name, kind, sent_by_clients=sent), "schema": f"schemas/{name}.json"})
 
 

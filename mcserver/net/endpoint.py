@@ -33,6 +33,8 @@ from mcserver.net.publishing import PublishingThread
 from mcserver.net.qos import ack_qos, emergency_stop_qos, event_qos
 from mcserver.net.replies import ReplySender
 from mcserver.net.rpc import RpcServer
+from mcserver.net.servo_messages import StreamTargets
+from mcserver.net.servo_methods import targets_in_si
 from mcserver.net.session import CLOSE_LIMIT_S, Publication, ZenohSession, is_zenoh_fault
 from mcserver.net.stop_copies import StopCopies
 from mcserver.net.telemetry import CycleTelemetry, StateTelemetry
@@ -40,6 +42,7 @@ from mcserver.recorder.views import RecordingAccess
 from mcserver.service.jog import Jogging
 from mcserver.service.reports import ENDED, Ack, Event
 from mcserver.service.service import MachineService
+from mcserver.service.servo import put_targets
 from mcserver.simulation.program_checker import ProgramChecker
 
 log = logging.getLogger(__name__)
@@ -121,6 +124,7 @@ class MachineEndpoint:
         self._loop = asyncio.get_running_loop()
         self._encode = msgspec.msgpack.Encoder().encode
         self._decode_lines = MessageDecoder(StreamLines)
+        self._decode_targets = MessageDecoder(StreamTargets)
         self._decode_stop = MessageDecoder(EstopRequest)
         self._refused = DefectLog(log)
         self._events: Publication
@@ -392,11 +396,17 @@ class MachineEndpoint:
             self._on_stray(service, sample)
             return
         client, program = stream
+        payload = sample.payload.to_bytes()
         try:
-            message = self._decode_lines(sample.payload.to_bytes())
-            owner = service.program(program).client
-            if owner != client:
-                raise ServiceError("MC504", f"{program} belongs to {owner}", "open a program of your own")
+            found = service.program(program)
+            if found.client != client:
+                raise ServiceError(
+                    "MC504", f"{program} belongs to {found.client}", "open a program of your own"
+                )
+            if found.targets is not None:
+                put_targets(service, found, targets_in_si(found, self._decode_targets(payload)))
+                return
+            message = self._decode_lines(payload)
         except ServiceError as error:
             if error.code != "MC503":
                 self._warn(service, error.code, f"in/{client}/{program}: {error.message}")

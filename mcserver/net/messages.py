@@ -59,6 +59,9 @@ from mcserver.service.reports import (
     ProgramStatus as ProgramStatus,
 )
 from mcserver.service.reports import (
+    ServoStatus as ServoStatus,
+)
+from mcserver.service.reports import (
     ToolPose as ToolPose,
 )
 from mcserver.service.reports import (

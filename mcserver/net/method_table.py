@@ -16,6 +16,7 @@ from mcserver.net import messages as wire
 from mcserver.net import model_messages as model
 from mcserver.net import recording_messages as recording
 from mcserver.net import recovery_messages as recovery
+from mcserver.net import servo_messages as servo
 from mcserver.net import table_messages as tables
 from mcserver.net import text_messages as text
 from mcserver.net.roles import ASKERS, CONFIGURERS, EVERYBODY, MOVERS, Role, Roles
@@ -168,6 +169,16 @@ METHODS: tuple[Method, ...] = (
         changes=True,
     ),
     Method("jog", wire.JogRequest, wire.JogReply, MOVERS, "Move one axis by hand.", changes=True, held=True),
+    Method(
+        "open_servo",
+        servo.ServoRequest,
+        servo.ServoReply,
+        MOVERS,
+        "Let axes follow targets that this client streams. They are energized and leased until ``close``, "
+        "or until no targets come in time.",
+        changes=True,
+        held=True,
+    ),
     Method(
         "home",
         wire.HomeRequest,

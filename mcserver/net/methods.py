@@ -20,6 +20,7 @@ from mcserver.net.model_methods import ModelMethods
 from mcserver.net.recording_methods import RecordingMethods
 from mcserver.net.recovery_methods import RecoveryMethods
 from mcserver.net.rpc import Handler
+from mcserver.net.servo_methods import ServoMethods
 from mcserver.net.status import EdgeUnits, machine_info, machine_status
 from mcserver.net.table_messages import Tables, TablesRequest
 from mcserver.net.text_forecast import TextForecast
@@ -32,6 +33,7 @@ from mcserver.service.homing import HomingService
 from mcserver.service.jog import Jogging
 from mcserver.service.program import Program
 from mcserver.service.service import MachineService
+from mcserver.service.servo import close_targets
 from mcserver.simulation.program_checker import ProgramChecker
 
 log = logging.getLogger(__name__)
@@ -67,6 +69,7 @@ def machine_methods(
             ),
             ModelMethods(service.machine),
             RecoveryMethods(service, forecast.begin, lambda *what: _record(service, *what)),
+            ServoMethods(service, lambda *what: _record(service, *what)),
         )
     )
 
@@ -124,6 +127,7 @@ class ProgramMethods:
 
     def close(self, client: str, request: wire.CloseRequest) -> Deferred[wire.CloseReply]:
         closed = self._service.lines.close(client, request.program, request.last)
+        close_targets(self._service, self._service.program(request.program))
         return closed.then(
             lambda program: wire.CloseReply(program.program, program.journaled, program.done, program.state)
         )

@@ -20,6 +20,7 @@ from mcserver.net import (
     model_messages,
     recording_messages,
     recovery_messages,
+    servo_messages,
     table_messages,
     text_messages,
 )
@@ -35,6 +36,7 @@ MODULES = (
     arming_messages,
     recording_messages,
     recovery_messages,
+    servo_messages,
     table_messages,
     model_messages,
     text_messages,

@@ -10,6 +10,8 @@ from mcserver.executor.entries import Control, MotionSink
 from mcserver.executor.envelope_bounds import Envelope
 from mcserver.executor.shm.feedback import LATE, TIME, Block, FeedbackRing, FeedbackState, homed_of
 from mcserver.executor.shm.mailbox import CommandMailbox
+from mcserver.executor.shm.rings import ProgramRing
+from mcserver.executor.shm.target_box import Targets
 from mcserver.executor.view import SlotView
 from mcserver.machine.machine_file import Machine
 from mcserver.service.motion_port import Cycles, Snapshot
@@ -53,6 +55,7 @@ class ExecutorFaces(Protocol):
         unhomed: bool = False,
         envelope: Envelope | None = None,
     ) -> MotionSink: ...
+    def sink(self, slot: int) -> ProgramRing: ...
     def beat(self) -> None: ...
     def stop(self) -> object: ...
 
@@ -90,6 +93,12 @@ class ExecutorPort:
         )
         for control in controls:
             sink.put_control(control)
+
+    def put_targets(self, slot: int, targets: Targets) -> None:
+        self._executor.sink(slot).targets.put(targets)
+
+    def close_targets(self, slot: int) -> None:
+        self._executor.sink(slot).targets.close()
 
     def beat(self) -> None:
         self._executor.beat()

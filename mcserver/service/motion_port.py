@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from mcserver.executor.entries import Control
 from mcserver.executor.envelope_bounds import Envelope
+from mcserver.executor.shm.target_box import Targets
 from mcserver.executor.view import SlotView
 from mcserver.service.reports import AxisState
 
@@ -83,6 +84,12 @@ class MotionPort(Protocol):
             ratio: the override. unhomed: the program may move axes that are not homed.
             controls: all of a program that needs no planner. envelope: what it has to stay within.
         """
+
+    def put_targets(self, slot: int, targets: Targets) -> None:
+        """Give the slot's axes, which follow targets, the newest ones."""
+
+    def close_targets(self, slot: int) -> None:
+        """Say that no more targets come."""
 
     def beat(self) -> None:
         """Say that the server is alive; without it motion stops."""

@@ -21,6 +21,7 @@ from mcserver.service.reports import (
     ProgramStatus,
     WireDiagnostic,
 )
+from mcserver.service.target_stream import TargetStream
 from mcserver.service.timeline import RunClock
 
 # messages of lines that are planned and not reached yet; a program that says more is no program
@@ -75,6 +76,8 @@ class Program:
         # all of a program that needs no planner; and whether it may move axes that are not homed
         self.controls: Sequence[Control] = ()
         self.unhomed = False
+        # what its client streams, in servo mode
+        self.targets: TargetStream | None = None
         # moved by hand: a jog, homing; in machine coordinates, at its own speed whatever the override
         self.by_hand = False
         # lines in machine coordinates that bring the axes to where its first line starts
@@ -189,6 +192,7 @@ class Program:
             diagnostics=self.diagnostics,
             rejections=self.epoch,
             resume_of=self.resume_of,
+            servo=None if self.targets is None else self.targets.status,
             opened_at=self.opened_at,
             ended_at=self.ended_at,
         )

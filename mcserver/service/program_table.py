@@ -488,6 +488,9 @@ class ProgramTable:
             where = {"program": fault.program, "line": fault.line, "axis": fault.axis}
             self.events.publish("warning", reason=fault.code, message=message, **where)
             self._interlock(event, fault)
+            if event.code == FaultCode.TARGETS_LOST and program is not None:
+                # the executor ends it
+                program.reason = f"{fault.code}: {fault.message}"
             return
         if event.code == FaultCode.INTERLOCK_STOP:
             if program is None:

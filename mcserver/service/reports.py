@@ -112,6 +112,29 @@ class Ack(msgspec.Struct, frozen=True, omit_defaults=True):
     rejections: int = 0
 
 
+class ServoStatus(msgspec.Struct, frozen=True):
+    """The targets of a program in servo mode, counted since it was opened.
+
+    Attributes:
+        taken: messages that count. lost: numbers that never came, or came behind later ones.
+        late: came later than they count for. doubled, reordered: of the newest number, or a lower one.
+        jumped: too far from the point before, and not confirmed by the next one.
+        refused: not finite, or not of the program's axes. clipped: of those taken, beyond an axis's travel.
+        interval_s: between messages, by the sender's clock. age_s: of the newest one, beyond the quickest.
+    """
+
+    taken: int
+    lost: int
+    late: int
+    doubled: int
+    reordered: int
+    jumped: int
+    refused: int
+    clipped: int
+    interval_s: float
+    age_s: float
+
+
 class ProgramStatus(msgspec.Struct, frozen=True, omit_defaults=True):
     """One program.
 
@@ -127,6 +150,7 @@ class ProgramStatus(msgspec.Struct, frozen=True, omit_defaults=True):
         pauses: how many of its lines to come wait for an operator, as far as simulated; `eta_s` is without
             these waits.
         rejections: as in `Ack`; 0 in programs of an earlier start of the server.
+        servo: of a program in servo mode; None: it is none.
         opened_at, ended_at: Unix time [s].
     """
 
@@ -155,6 +179,7 @@ class ProgramStatus(msgspec.Struct, frozen=True, omit_defaults=True):
     simulated: float = 1.0
     pauses: int = 0
     rejections: int = 0
+    servo: ServoStatus | None = None
 
 
 class AxesStatus(msgspec.Struct, frozen=True):

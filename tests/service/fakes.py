@@ -14,6 +14,7 @@ import numpy as np
 
 from mcserver.errors import Diagnostic, ProgramRejected
 from mcserver.executor.entries import EventKind, ExecutorEvent, MotionSink
+from mcserver.executor.shm.target_box import Targets
 from mcserver.executor.view import SlotView
 from mcserver.gcode.semantics.modal import ModalState
 from mcserver.machine.machine_file import Machine, parse_machine
@@ -115,6 +116,12 @@ class FakePort:
 
     def resume(self, slot: int) -> None:
         self.calls.append(("resume", slot))
+
+    def put_targets(self, slot: int, targets: Targets) -> None:
+        self.calls.append(("put_targets", slot, targets))
+
+    def close_targets(self, slot: int) -> None:
+        self.calls.append(("close_targets", slot))
 
     def end_pause(self, slot: int) -> None:
         self.calls.append(("end_pause", slot))

@@ -12,6 +12,7 @@ from mcserver.executor.entries import ExecutorEvent, MotionSink
 from mcserver.executor.envelope_bounds import Envelope
 from mcserver.executor.shm.feedback import FeedbackRing, FeedbackState
 from mcserver.executor.shm.mailbox import CommandMailbox
+from mcserver.executor.shm.rings import ProgramRing
 from mcserver.executor.view import SlotView
 from mcserver.machine.machine_file import Machine
 from mcserver.planning.planner import Planner
@@ -55,6 +56,9 @@ class _Faces:
     @property
     def history(self) -> FeedbackRing:
         return self._executor.history
+
+    def sink(self, slot: int) -> ProgramRing:
+        return self._executor.sink(slot)
 
     def open_slot(
         self,

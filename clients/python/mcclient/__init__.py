@@ -31,6 +31,7 @@ from mcclient.feed import Feed
 from mcclient.machine import Machine
 from mcclient.program import Line, Program, ProgramResult
 from mcclient.reports import Report
+from mcclient.servo import Servo
 from mcclient.telemetry import Samples
 from mcclient.types import (
     AxisInfo,
@@ -53,6 +54,7 @@ from mcclient.types import (
     ProgramStatus,
     ScannedNode,
     SdoReply,
+    ServoStatus,
     ToolInfo,
 )
 
@@ -96,6 +98,8 @@ __all__ = [
     "Samples",
     "ScannedNode",
     "SdoReply",
+    "Servo",
+    "ServoStatus",
     "SeveralMachines",
     "ToolInfo",
     "emergency_stop",

@@ -23,6 +23,7 @@ from mcclient.parts import read_parts
 from mcclient.presence import Presence
 from mcclient.program import Program
 from mcclient.reports import Report, open_reports
+from mcclient.servo import COUNTS_S, Servo
 from mcclient.starting import Starting
 from mcclient.stream import LineStream
 from mcclient.telemetry import InfoHolder, Samples, open_samples, open_states
@@ -323,6 +324,30 @@ class Machine(MachineCalls):
             max_line_length=self.info.limits.max_line_length,
             patience_s=self._patience_s,
         )
+
+    def servo(
+        self, axes: Sequence[int] | None = None, *, name: str = "", counts_s: float = COUNTS_S
+    ) -> Starting[Servo]:
+        """Lets axes follow targets: ``async with machine.servo([0, 1]) as servo``, then ``servo.send``.
+
+        They are energized and leased. At the end of the block they come to rest on the last targets; where
+        the block raises, at once.
+
+        Args:
+            axes: all free now; None: all of the machine.
+            name: for people.
+            counts_s: how long each message counts, up to 10 s: without a newer one by then the axes stop, and
+                the program ends.
+
+        Raises (when awaited or entered):
+            RequestRefused: MC512 an axis is leased, MC595 the machine has bodies and zones to look at.
+        """
+
+        async def opened() -> Servo:
+            reply = await self.open_servo(axes, name=name[:200])
+            return Servo(reply, link=self._link, keys=self._keys, calls=self, counts_s=counts_s)
+
+        return Starting(opened)
 
     # ------------------------------------------------------------ the operator's part
 

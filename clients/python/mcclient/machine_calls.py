@@ -281,6 +281,25 @@ class MachineCalls:
             )
         ).program
 
+    async def open_servo(
+        self, axes: Sequence[int] | None = None, *, name: str = "", deadline_s: float = 5.0
+    ) -> wire.ServoReply:
+        """Let axes follow targets that this client streams.
+
+        They are energized and leased until ``close``, or until no targets come in time.
+
+        Args:
+            axes: the axes to lease, all free now; None: all of the machine.
+            name: for people.
+        """
+        self._declare_token()
+        return await self._caller.ask(
+            wire.ServoReply,
+            "open_servo",
+            {"axes": None if axes is None else list(axes), "name": name},
+            deadline_s,
+        )
+
     async def home(self, axes: Sequence[int] | None = None, *, deadline_s: float = 5.0) -> wire.HomeReply:
         """Let axes find their references.
 

@@ -16,6 +16,7 @@ from typing import Any, Concatenate, Self
 
 from mcclient import machine as asynchronous
 from mcclient import program as asynchronous_program
+from mcclient import servo as asynchronous_servo
 from mcclient.blocking import Blocking, LoopThread, P, Stream, T, waited
 from mcclient.blocking_calls import BlockingCalls
 from mcclient.discovery import CONNECT_S
@@ -23,6 +24,7 @@ from mcclient.feed import Feed
 from mcclient.lines import from_thread
 from mcclient.machine import PATIENCE_S
 from mcclient.reports import Report
+from mcclient.servo import COUNTS_S
 from mcclient.types import Info, ProgramState
 
 
@@ -124,6 +126,27 @@ class Program(Blocking[asynchronous_program.Program]):
         return self._loop.run(self._inner.send_lines(from_thread(lines)))
 
 
+class Servo(Blocking[asynchronous_servo.Servo]):
+    """As `mcclient.Servo`."""
+
+    send = waited(asynchronous_servo.Servo.send)
+    status = waited(asynchronous_servo.Servo.status)
+    close = waited(asynchronous_servo.Servo.close)
+    abort = waited(asynchronous_servo.Servo.abort)
+    __exit__ = waited(asynchronous_servo.Servo.__aexit__)
+
+    def __enter__(self) -> Self:
+        return self
+
+    @property
+    def id(self) -> str:
+        return self._inner.id
+
+    @property
+    def axes(self) -> tuple[int, ...]:
+        return self._inner.axes
+
+
 class Machine(BlockingCalls[asynchronous.Machine]):
     """As `mcclient.Machine`."""
 
@@ -181,6 +204,16 @@ class Machine(BlockingCalls[asynchronous.Machine]):
 
     program = _opened(asynchronous.Machine.program)
     continue_program = _opened(asynchronous.Machine.continue_program)
+
+    def servo(
+        self, axes: Sequence[int] | None = None, *, name: str = "", counts_s: float = COUNTS_S
+    ) -> Servo:
+        """As `mcclient.Machine.servo`."""
+
+        async def opened() -> asynchronous_servo.Servo:
+            return await self._inner.servo(axes, name=name, counts_s=counts_s)
+
+        return Servo(self._loop, self._loop.run(opened()))
 
     refresh_info = waited(asynchronous.Machine.refresh_info)
     clients = waited(asynchronous.Machine.clients)

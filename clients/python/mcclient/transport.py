@@ -271,8 +271,13 @@ class Link:
         *,
         priority: zenoh.Priority = zenoh.Priority.DATA_HIGH,
         express: bool = False,
+        drop: bool = False,
     ) -> None:
-        """Send, blocking only the caller where the link is full; nobody hears of what the link loses."""
+        """Send, blocking only the caller where the link is full; nobody hears of what the link loses.
+
+        Args:
+            drop: where the link is full it is lost instead: the next one is newer.
+        """
 
         def send() -> None:
             try:
@@ -282,7 +287,9 @@ class Link:
                     encoding=ENCODING,
                     priority=priority,
                     express=express,
-                    congestion_control=zenoh.CongestionControl.BLOCK,
+                    congestion_control=zenoh.CongestionControl.DROP
+                    if drop
+                    else zenoh.CongestionControl.BLOCK,
                 )
             except zenoh.ZError as error:
                 log.debug("put %s: %s", key, error)

@@ -912,6 +912,35 @@ class JogReply:
 
 
 @dataclass(frozen=True, slots=True)
+class ServoStatus:
+    """The targets of a program in servo mode, counted since it was opened.
+
+    Attributes:
+        taken: messages that count.
+        lost: numbers that never came, or came behind later ones.
+        late: came later than they count for.
+        doubled: of the newest number, or a lower one.
+        reordered: of the newest number, or a lower one.
+        jumped: too far from the point before, and not confirmed by the next one.
+        refused: not finite, or not of the program's axes.
+        clipped: of those taken, beyond an axis's travel.
+        interval_s: between messages, by the sender's clock.
+        age_s: of the newest one, beyond the quickest.
+    """
+
+    taken: int
+    lost: int
+    late: int
+    doubled: int
+    reordered: int
+    jumped: int
+    refused: int
+    clipped: int
+    interval_s: float
+    age_s: float
+
+
+@dataclass(frozen=True, slots=True)
 class ProgramStatus:
     """One program.
 
@@ -929,6 +958,7 @@ class ProgramStatus:
         pauses: how many of its lines to come wait for an operator, as far as simulated; `eta_s` is
             without these waits.
         rejections: as in `Ack`; 0 in programs of an earlier start of the server.
+        servo: of a program in servo mode; None: it is none.
     """
 
     program: str
@@ -956,6 +986,7 @@ class ProgramStatus:
     simulated: float = 1.0
     pauses: int = 0
     rejections: int = 0
+    servo: ServoStatus | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -1281,6 +1312,16 @@ class SdoReply:
     type: SdoType
     value: Value
     raw: bytes
+
+
+@dataclass(frozen=True, slots=True)
+class ServoReply:
+    """The program that follows targets, put as `StreamTargets` on ``in/{client}/{program}``; its axes in
+    order.
+    """
+
+    program: str
+    axes: tuple[int, ...]
 
 
 @dataclass(frozen=True, slots=True)

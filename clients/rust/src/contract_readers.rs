@@ -65,6 +65,8 @@ pub fn reader_of(message: &str) -> Option<Read> {
         "RunRequestsReply" => reader::<messages::RunRequestsReply>,
         "ScannedNode" => reader::<messages::ScannedNode>,
         "SdoReply" => reader::<messages::SdoReply>,
+        "ServoReply" => reader::<messages::ServoReply>,
+        "ServoStatus" => reader::<messages::ServoStatus>,
         "SetReply" => reader::<messages::SetReply>,
         "SimulateReply" => reader::<messages::SimulateReply>,
         "SimulatedPath" => reader::<messages::SimulatedPath>,

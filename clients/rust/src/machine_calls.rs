@@ -14,8 +14,9 @@ use crate::messages::{
     PutTextRequest, RecordReply, RecordSaveRequest, RecordStartRequest, RecordStopRequest, RecordingPart,
     RecordingReadRequest, RecordingsReply, ReferenceRequest, RejectRequest, ResetRequest, RunArmedReply,
     RunArmedRequest, RunPreviewReply, RunPreviewRequest, RunRequestReply, RunRequestRequest, RunRequestStatus,
-    RunRequestsReply, SdoReadRequest, SdoReply, SdoWriteRequest, SetInputRequest, SetOutputRequest, SetReply,
-    SimulateReply, SimulateRequest, StepRequest, SubmitReply, SubmitRequest, Tables, WithdrawRequest,
+    RunRequestsReply, SdoReadRequest, SdoReply, SdoWriteRequest, ServoReply, ServoRequest, SetInputRequest,
+    SetOutputRequest, SetReply, SimulateReply, SimulateRequest, StepRequest, SubmitReply, SubmitRequest,
+    Tables, WithdrawRequest,
 };
 
 /// Every remote method of a machine (docs/wire/calls.md).
@@ -158,6 +159,16 @@ impl Machine {
         self.declare_token().await?;
         let reply: JogReply = self.ask_within("jog", request, 5).await?;
         Ok(reply.program)
+    }
+
+    /// Let axes follow targets that this client streams. They are energized and leased until `close`, or
+    /// until no targets come in time.
+    ///
+    /// # Errors
+    /// As [`Machine::refresh_info`].
+    pub async fn open_servo(&self, request: &ServoRequest) -> Result<ServoReply> {
+        self.declare_token().await?;
+        self.ask_within("open_servo", request, 5).await
     }
 
     /// Let axes find their references. It goes on after the reply: the events `axis.homing`, `axis.homed` and

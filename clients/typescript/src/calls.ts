@@ -51,6 +51,8 @@ import type {
   SdoReadRequest,
   SdoReply,
   SdoWriteRequest,
+  ServoReply,
+  ServoRequest,
   SetInputRequest,
   SetOutputRequest,
   SetReply,
@@ -80,6 +82,7 @@ export const METHODS: Readonly<Record<string, { deadlineS: number; repeatable: b
   abort: { deadlineS: 5, repeatable: true },
   override: { deadlineS: 5, repeatable: false },
   jog: { deadlineS: 5, repeatable: false },
+  open_servo: { deadlineS: 5, repeatable: false },
   home: { deadlineS: 5, repeatable: false },
   reference: { deadlineS: 5, repeatable: false },
   reset: { deadlineS: 5, repeatable: false },
@@ -199,6 +202,14 @@ export abstract class MachineCalls {
   /** Move one axis by hand. */
   async jog(request: JogRequest): Promise<string> {
     return (await this.call<JogReply>("jog", request)).program;
+  }
+
+  /**
+   * Let axes follow targets that this client streams. They are energized and leased until `close`, or until no
+   * targets come in time.
+   */
+  openServo(request: ServoRequest = {}): Promise<ServoReply> {
+    return this.call("open_servo", request);
   }
 
   /**

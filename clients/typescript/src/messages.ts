@@ -806,6 +806,8 @@ export interface ProgramStatus {
   pauses?: number;
   /** as in `Ack`; 0 in programs of an earlier start of the server. */
   rejections?: number;
+  /** of a program in servo mode; null: it is none. */
+  servo?: ServoStatus | null;
 }
 
 /** Newest first. */
@@ -1086,6 +1088,44 @@ export interface SdoWriteRequest {
   bus?: string | undefined;
   type?: SdoType | null | undefined;
   value: boolean | number | string;
+}
+
+/** The program that follows targets, put as `StreamTargets` on `in/{client}/{program}`; its axes in order. */
+export interface ServoReply {
+  program: string;
+  axes: number[];
+}
+
+/** Leases axes for targets that the client streams, and energizes them. */
+export interface ServoRequest {
+  /** the axes to lease, all free now; null: all of the machine. */
+  axes?: number[] | null | undefined;
+  /** for people. */
+  name?: string | undefined;
+}
+
+/** The targets of a program in servo mode, counted since it was opened. */
+export interface ServoStatus {
+  /** messages that count. */
+  taken: number;
+  /** numbers that never came, or came behind later ones. */
+  lost: number;
+  /** came later than they count for. */
+  late: number;
+  /** of the newest number, or a lower one. */
+  doubled: number;
+  /** of the newest number, or a lower one. */
+  reordered: number;
+  /** too far from the point before, and not confirmed by the next one. */
+  jumped: number;
+  /** not finite, or not of the program's axes. */
+  refused: number;
+  /** of those taken, beyond an axis's travel. */
+  clipped: number;
+  /** between messages, by the sender's clock. */
+  interval_s: number;
+  /** of the newest one, beyond the quickest. */
+  age_s: number;
 }
 
 /** Sets a simulated input by its name, as `SetOutputRequest`; its script ends. */

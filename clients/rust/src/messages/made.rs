@@ -1799,6 +1799,9 @@ pub struct ProgramStatus {
     /// as in `Ack`; 0 in programs of an earlier start of the server.
     #[serde(default)]
     pub rejections: u64,
+    /// of a program in servo mode; none: it is none.
+    #[serde(default)]
+    pub servo: Option<ServoStatus>,
 }
 
 fn program_status_simulated() -> f64 {
@@ -2325,6 +2328,64 @@ impl SdoWriteRequest {
             value,
         }
     }
+}
+
+/// The program that follows targets, put as `StreamTargets` on `in/{client}/{program}`; its axes in order.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct ServoReply {
+    pub program: String,
+    pub axes: Vec<u64>,
+}
+
+/// Leases axes for targets that the client streams, and energizes them.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct ServoRequest {
+    /// the axes to lease, all free now; none: all of the machine.
+    pub axes: Option<Vec<u64>>,
+    /// for people.
+    pub name: String,
+}
+
+impl ServoRequest {
+    /// All that may be left out is as the server has it.
+    #[must_use]
+    pub fn new() -> Self {
+        Self {
+            axes: None,
+            name: String::new(),
+        }
+    }
+}
+
+impl Default for ServoRequest {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+/// The targets of a program in servo mode, counted since it was opened.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct ServoStatus {
+    /// messages that count.
+    pub taken: u64,
+    /// numbers that never came, or came behind later ones.
+    pub lost: u64,
+    /// came later than they count for.
+    pub late: u64,
+    /// of the newest number, or a lower one.
+    pub doubled: u64,
+    /// of the newest number, or a lower one.
+    pub reordered: u64,
+    /// too far from the point before, and not confirmed by the next one.
+    pub jumped: u64,
+    /// not finite, or not of the program's axes.
+    pub refused: u64,
+    /// of those taken, beyond an axis's travel.
+    pub clipped: u64,
+    /// between messages, by the sender's clock.
+    pub interval_s: f64,
+    /// of the newest one, beyond the quickest.
+    pub age_s: f64,
 }
 
 /// Sets a simulated input by its name, as `SetOutputRequest`; its script ends.

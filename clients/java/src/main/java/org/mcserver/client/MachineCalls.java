@@ -38,6 +38,7 @@ public abstract class MachineCalls {
             Map.entry("abort", Duration.ofSeconds(5)),
             Map.entry("override", Duration.ofSeconds(5)),
             Map.entry("jog", Duration.ofSeconds(5)),
+            Map.entry("open_servo", Duration.ofSeconds(5)),
             Map.entry("home", Duration.ofSeconds(5)),
             Map.entry("reference", Duration.ofSeconds(5)),
             Map.entry("reset", Duration.ofSeconds(5)),
@@ -151,6 +152,14 @@ public abstract class MachineCalls {
     /** Move one axis by hand. */
     public CompletableFuture<String> jog(Messages.JogRequest request) {
         return ask("jog", Wire.params(request), Messages.JogReply.class).thenApply(Messages.JogReply::program);
+    }
+
+    /**
+     * Let axes follow targets that this client streams. They are energized and leased until `close`, or until no
+     * targets come in time.
+     */
+    public CompletableFuture<Messages.ServoReply> openServo(Messages.ServoRequest request) {
+        return ask("open_servo", Wire.params(request), Messages.ServoReply.class);
     }
 
     /**

@@ -1114,13 +1114,14 @@ public final class Messages {
      * @param pauses how many of its lines to come wait for an operator, as far as simulated; `eta_s` is without
      *     these waits.
      * @param rejections as in `Ack`; 0 in programs of an earlier start of the server.
+     * @param servo of a program in servo mode; null: it is none.
      */
     public record ProgramStatus(
             String program, ProgramState state, String client, String name, List<Long> axes, long startLine, long line,
             long accepted, long done, long credit, boolean closed, double override, double progress, double openedAt,
             @Sparse Double etaS, @Sparse Fault fault, @Sparse long rejected, @Sparse List<Diagnostic> diagnostics,
             @Sparse("null") String resumeOf, @Sparse Double endedAt, @Sparse Double durationS, @Sparse String notice,
-            @Sparse("1") double simulated, @Sparse long pauses, @Sparse long rejections) {}
+            @Sparse("1") double simulated, @Sparse long pauses, @Sparse long rejections, @Sparse ServoStatus servo) {}
 
     /** Newest first. */
     public record ProgramsReply(List<ProgramStatus> programs) {}
@@ -1464,6 +1465,48 @@ public final class Messages {
             return new SdoWriteRequest(index, subindex, axis, node, bus, type, value);
         }
     }
+
+    /** The program that follows targets, put as `StreamTargets` on `in/{client}/{program}`; its axes in order. */
+    public record ServoReply(String program, List<Long> axes) {}
+
+    /**
+     * Leases axes for targets that the client streams, and energizes them.
+     * @param axes the axes to lease, all free now; null: all of the machine.
+     * @param name for people.
+     */
+    public record ServoRequest(List<Long> axes, String name) {
+        /** All that may be left out as the server has it. */
+        public ServoRequest() {
+            this(null, "");
+        }
+
+        /** The same with another {@code axes}. */
+        public ServoRequest withAxes(List<Long> axes) {
+            return new ServoRequest(axes, name);
+        }
+
+        /** The same with another {@code name}. */
+        public ServoRequest withName(String name) {
+            return new ServoRequest(axes, name);
+        }
+    }
+
+    /**
+     * The targets of a program in servo mode, counted since it was opened.
+     * @param taken messages that count.
+     * @param lost numbers that never came, or came behind later ones.
+     * @param late came later than they count for.
+     * @param doubled of the newest number, or a lower one.
+     * @param reordered of the newest number, or a lower one.
+     * @param jumped too far from the point before, and not confirmed by the next one.
+     * @param refused not finite, or not of the program's axes.
+     * @param clipped of those taken, beyond an axis's travel.
+     * @param intervalS between messages, by the sender's clock.
+     * @param ageS of the newest one, beyond the quickest.
+     */
+    public record ServoStatus(
+            long taken, long lost, long late, long doubled, long reordered, long jumped, long refused, long clipped,
+            double intervalS, double ageS) {}
 
     /** Sets a simulated input by its name, as `SetOutputRequest`; its script ends. */
     public record SetInputRequest(String input, double value) {}

@@ -1,0 +1,148 @@
+"""Servo mode: targets that a client streams, followed by the machine's axes within their limits."""
+
+from __future__ import annotations
+
+import asyncio
+import time
+from typing import Any
+
+import numpy as np
+import zenoh
+from numpy.typing import ArrayLike
+
+from mcclient import endings
+from mcclient.endings import Extent
+from mcclient.errors import MotionError
+from mcclient.keys import Keys
+from mcclient.machine_calls import MachineCalls
+from mcclient.transport import Arrived, Link
+from mcclient.types import ENDED, Ack, ProgramStatus, ServoReply
+from mcclient.wire import decode, encode
+
+# How long a message counts where nothing else is said [s]: without a newer one by then the axes stop.
+COUNTS_S = 0.1
+ACKS_LIMIT = 16
+# between two looks whether it has ended, should the word of it have been lost [s]
+ASK_S = 0.25
+
+
+class Servo:
+    """Axes that follow what is sent, until the block ends.
+
+    Attributes:
+        id: of the program that follows. axes: its axes; rows of targets have one number for each, in this
+            order.
+    """
+
+    def __init__(
+        self, opened: ServoReply, *, link: Link, keys: Keys, calls: MachineCalls, counts_s: float
+    ) -> None:
+        self.id = opened.program
+        self.axes = opened.axes
+        self._link = link
+        self._key = keys.lines_in(opened.program)
+        self._calls = calls
+        self._counts_s = counts_s
+        self._seq = 0
+        self._ended = asyncio.Event()
+        self._last: Ack | None = None
+        self._acks = link.subscribe(keys.ack(opened.program), self._on_ack, limit=ACKS_LIMIT)
+
+    async def send(
+        self,
+        positions: ArrayLike | None = None,
+        velocities: ArrayLike | None = None,
+        *,
+        times: ArrayLike | None = None,
+        counts_s: float | None = None,
+    ) -> None:
+        """Sends where the axes are to be; it replaces what was sent before.
+
+        Args:
+            positions: shape (n,) [mm, deg]; without ``velocities`` the axes come to rest there, unless the
+                next ones lead on.
+            velocities: shape (n,) [mm/s, deg/s]: with positions, the axes pass there at them; alone, they go
+                on at them.
+            times: shape (m,), ascending [s from now]: the others are of shape (m, n), points at these times.
+            counts_s: how long it counts, as of `mcclient.Machine.servo`.
+
+        Raises:
+            ProgramAborted: the program has ended: nothing came in time, or somebody stopped it.
+            ProgramFaulted: a fault of the machine ended it.
+        """
+        self.check()
+        self._seq += 1
+        message = [
+            self._seq,
+            time.monotonic(),
+            self._counts_s if counts_s is None else counts_s,
+            _rows(positions),
+            _rows(velocities),
+            None if times is None else np.atleast_1d(np.asarray(times, np.float64)).tolist(),
+        ]
+        await self._link.put(
+            self._key, encode(message), priority=zenoh.Priority.INTERACTIVE_HIGH, express=True, drop=True
+        )
+
+    def check(self) -> None:
+        """Raises what has ended the program, if anything has."""
+        if self._last is not None and self._last.state in ENDED:
+            failure = self._failure(self._last)
+            if failure is not None:
+                raise failure
+
+    async def status(self) -> ProgramStatus:
+        """The program; ``servo`` of it counts what was late, lost or dropped."""
+        (found,) = await self._calls.programs(program=self.id)
+        return found
+
+    async def close(self) -> None:
+        """Lets the axes go on to the last targets, and returns once they stand there.
+
+        Where they are to go on at a speed they stop once the targets do not count any more. Raises as `send`.
+        """
+        await self._calls.close_program(self.id)
+        await self._until_ended()
+        self.check()
+
+    async def abort(self) -> None:
+        """Stops the axes within their limits now."""
+        await self._calls.abort(self.id)
+        await self._until_ended()
+
+    async def __aenter__(self) -> Servo:
+        return self
+
+    async def __aexit__(self, raised: type[BaseException] | None, *_: object) -> None:
+        if self._ended.is_set():
+            self._acks.close()
+            if raised is None:
+                self.check()
+        elif raised is None:
+            await self.close()
+        else:
+            await self.abort()
+
+    async def _until_ended(self) -> None:
+        """Return once the program has ended; an acknowledgement that is lost is asked for."""
+        while not self._ended.is_set():
+            try:
+                async with asyncio.timeout(ASK_S):
+                    await self._ended.wait()
+            except TimeoutError:
+                if (await self.status()).state in ENDED:
+                    break
+        self._acks.close()
+
+    def _on_ack(self, arrived: Arrived) -> None:
+        ack = decode(Ack, arrived.payload)
+        self._last = ack
+        if ack.state in ENDED:
+            self._ended.set()
+
+    def _failure(self, ack: Ack) -> MotionError | None:
+        return endings.ending(ack.state, Extent(self.id, 0, 0), ack.fault, ())
+
+
+def _rows(values: ArrayLike | None) -> Any:
+    return None if values is None else np.atleast_2d(np.asarray(values, np.float64)).tolist()

@@ -1,0 +1,55 @@
+"""Payloads of servo mode, as `mcserver.net.messages`."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import msgspec
+from msgspec import Meta
+
+from mcserver.executor.shm.target_box import POINTS
+from mcserver.net.messages import AxisIndex, Request
+
+Row = Annotated[list[float], Meta(max_length=64)]
+Rows = Annotated[list[Row], Meta(min_length=1, max_length=POINTS)]
+
+
+class ServoRequest(Request, frozen=True, kw_only=True):
+    """Leases axes for targets that the client streams, and energizes them.
+
+    Attributes:
+        axes: the axes to lease, all free now; None: all of the machine.
+        name: for people.
+    """
+
+    axes: list[AxisIndex] | None = None
+    name: Annotated[str, Meta(max_length=200)] = ""
+
+
+class ServoReply(msgspec.Struct, frozen=True):
+    """The program that follows targets, put as `StreamTargets` on ``in/{client}/{program}``; its axes in
+    order."""
+
+    program: str
+    axes: list[int]
+
+
+class StreamTargets(msgspec.Struct, frozen=True, array_like=True):
+    """Payload of ``in/{client}/{program}`` in servo mode, an array: ``[seq, sent, counts_s, positions,
+    velocities, times]``.
+
+    Attributes:
+        seq: grows by one with each message.
+        sent: when it was sent, by any clock of the sender's that does not step [s].
+        counts_s: how long it counts; without a newer one by then the axes stop and the program ends.
+        positions, velocities: one row for each point, one number for each of the program's axes [mm, deg, per
+            s]; at least one of the two.
+        times: of the points after ``sent``, ascending [s]; None: one point, for now.
+    """
+
+    seq: Annotated[int, Meta(ge=1, le=2**53)]
+    sent: float
+    counts_s: Annotated[float, Meta(gt=0.0, le=10.0)]
+    positions: Rows | None = None
+    velocities: Rows | None = None
+    times: Annotated[list[float], Meta(min_length=1, max_length=POINTS)] | None = None

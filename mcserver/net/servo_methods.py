@@ -1,0 +1,55 @@
+"""The remote method ``open_servo``, and the messages of targets that are streamed to it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mcserver.net import servo_messages as wire
+from mcserver.service import servo
+from mcserver.service.program import Program
+from mcserver.service.service import MachineService
+from mcserver.service.target_stream import TargetMessage
+
+Array = NDArray[np.float64]
+
+
+class ServoMethods:
+    """Binds the method to one machine's service.
+
+    Args:
+        record: keeps who did what: client, method, program, detail.
+    """
+
+    def __init__(self, service: MachineService, record: Callable[[str, str, str, str], None]) -> None:
+        self._service = service
+        self._record = record
+
+    async def open_servo(self, client: str, request: wire.ServoRequest) -> wire.ServoReply:
+        program = await servo.open_servo(self._service, client, request.axes, request.name)
+        shown = " ".join(str(axis) for axis in program.axes)
+        self._record(client, "open_servo", program.program, f"axis {shown}")
+        return wire.ServoReply(program.program, list(program.axes))
+
+
+def targets_in_si(program: Program, message: wire.StreamTargets) -> TargetMessage:
+    """Return a message of targets in SI; rows that do not fit each other as arrays that fit no axes."""
+    scale = np.ones(0) if program.targets is None else program.targets.si_per_unit
+    return TargetMessage(
+        message.seq,
+        message.sent,
+        message.counts_s,
+        _rows(message.positions, scale),
+        _rows(message.velocities, scale),
+        None if message.times is None else np.array(message.times, np.float64),
+    )
+
+
+def _rows(rows: Sequence[Sequence[float]] | None, scale: Array) -> Array | None:
+    if rows is None:
+        return None
+    if any(len(row) != len(scale) for row in rows):
+        return np.empty((0, 0))
+    return np.array(rows, np.float64) * scale

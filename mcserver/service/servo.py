@@ -1,0 +1,76 @@
+"""Servo mode: programs whose axes follow targets that their client streams, each with a lease on its axes."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from mcserver.errors import Refused
+from mcserver.executor.entries import Control, ControlKind
+from mcserver.motion.canonical import AxisOperation
+from mcserver.service.axes_of_requests import axes_of
+from mcserver.service.program import Program
+from mcserver.service.service import MachineService
+from mcserver.service.target_stream import TargetMessage, TargetStream
+
+_CAPTURE = list(AxisOperation).index(AxisOperation.CAPTURE)
+
+
+async def open_servo(
+    service: MachineService, client: str, axes: Sequence[int] | None, name: str = ""
+) -> Program:
+    """Lease axes, energize them, and let them follow.
+
+    Raises:
+        ServiceError: MC439 an axis whose drive follows no setpoints, MC507, MC512 an axis is leased, MC595
+            bodies and zones are not looked at while targets are followed; MC508, MC509, MC515, MC519.
+    """
+    machine = service.machine
+    if machine.clearance is not None:
+        raise Refused(
+            "MC595",
+            f"{machine.name} has [clearance], and bodies are not looked at while targets are followed",
+            "move by programs, which are; targets can be streamed to a machine without [clearance]",
+        )
+    chosen = axes_of(machine, axes)
+    for index in chosen:
+        service.refuse_leased(index)
+    columns = [machine.column_of(index) for index in chosen]
+    for column in columns:
+        if machine.axes[column].profiled:
+            raise Refused(
+                "MC439",
+                f"the drive of axis {machine.axes[column].index} goes to points on its own profiles",
+                "leave the axis out, or use a drive with csp or ip",
+                axis=machine.axes[column].index,
+            )
+    mask = sum(1 << column for column in columns)
+    program = await service.open(
+        client,
+        name=name or "servo mode",
+        axes=chosen,
+        controls=[
+            Control(ControlKind.AXIS, 0.0, 0, axes=mask, operation=_CAPTURE),
+            Control(ControlKind.FOLLOW, 0.0, 0, axes=mask),
+            Control(ControlKind.FINISH, 0.0, 0),
+        ],
+    )
+    if program.state == "queued":
+        service.abort(program.program, "its axes are in use")
+        raise Refused("MC512", "the axes are in use, or 8 programs run", "wait until one has ended")
+    program.targets = TargetStream([machine.axes[column] for column in columns], machine.cycle_s)
+    return program
+
+
+def put_targets(service: MachineService, program: Program, message: TargetMessage) -> None:
+    """Take a message of targets for a program in servo mode; what does not count is counted."""
+    if program.targets is None or program.slot is None or program.over:
+        return
+    targets = program.targets.take(message, service.port.snapshot().time)
+    if targets is not None:
+        service.port.put_targets(program.slot, targets)
+
+
+def close_targets(service: MachineService, program: Program) -> None:
+    """Let a program in servo mode go on to its last targets and end there; others are left alone."""
+    if program.targets is not None and program.slot is not None:
+        service.port.close_targets(program.slot)

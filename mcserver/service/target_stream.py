@@ -1,0 +1,203 @@
+"""Messages of targets as they come from a client: which of them count, and the curve that they ask for.
+
+A message counts once and in order; one that comes later than it counts for, by the sender's own clock, does
+not. A single point further off than its axis could have come since the last one counts once the next point
+confirms it. What is dropped is counted. The limits are kept elsewhere, whatever passes here
+(`mcserver.executor.following`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import msgspec
+import numpy as np
+from numpy.typing import NDArray
+
+from mcserver.executor.shm.target_box import POINTS, Targets
+from mcserver.machine.machine_file import Axis
+from mcserver.service.reports import ServoStatus
+
+Array = NDArray[np.float64]
+
+# Interval of a stream of which one message has come [s].
+FIRST_INTERVAL_S = 0.01
+# How fast the clocks of sender and server may drift apart [1].
+DRIFT = 1e-3
+# A point is too far off above this share of what the axis goes at its top speed.
+REACH = 2.0
+# The least share of an interval in which a target is reached, however late it comes.
+LEAST_SHARE = 0.5
+# Longest chunk [s].
+LONGEST_S = 60.0
+# Where an axis without limits of travel is asked to go at most [m or rad].
+FARTHEST = 1e6
+
+
+class TargetMessage(msgspec.Struct, frozen=True):
+    """A message of targets in SI.
+
+    Attributes:
+        seq, sent, counts_s: as of the wire.
+        positions, velocities: shape (m, n) [m or rad, per s].
+        times: shape (m,) after ``sent`` [s]; None: m is 1, and it is for now.
+    """
+
+    seq: int
+    sent: float
+    counts_s: float
+    positions: Array | None
+    velocities: Array | None
+    times: Array | None
+
+
+class TargetStream:
+    """The targets of one program.
+
+    Args:
+        axes: of the program, in order. cycle_s: the executor's cycle [s].
+
+    Attributes:
+        si_per_unit: of the axes, shape (n,). status: what has come, counted.
+    """
+
+    def __init__(self, axes: Sequence[Axis], cycle_s: float) -> None:
+        self._cycle_s = cycle_s
+        self._width = len(axes)
+        self.si_per_unit: Array = np.array([axis.type.si_per_unit for axis in axes])
+        self._low = np.maximum([axis.min_position for axis in axes], -FARTHEST)
+        self._high = np.minimum([axis.max_position for axis in axes], FARTHEST)
+        self._top = np.array([axis.max_velocity for axis in axes])
+        self._seq = 0
+        self._sent = 0.0
+        # the least difference between the server's clock and the sender's, and when it was brought forward
+        self._offset = np.inf
+        self._heard = 0.0
+        # the newest point that counts, and when it was sent
+        self._position: Array | None = None
+        self._placed = 0.0
+        # one that was too far off, until the next one confirms it
+        self._doubtful: Array | None = None
+        self.status = ServoStatus(0, 0, 0, 0, 0, 0, 0, 0, 0.0, 0.0)
+
+    def take(self, message: TargetMessage, now: float) -> Targets | None:
+        """Return the curve that a message asks for; None: it does not count, and is counted as what it is.
+
+        Args:
+            now: executor time at which it came [s].
+        """
+        status = self.status
+        if not self._is_sound(message):
+            self.status = _more(status, "refused")
+            return None
+        if message.seq <= self._seq:
+            self.status = _more(status, "doubled" if message.seq == self._seq else "reordered")
+            return None
+        missing = message.seq - self._seq - 1 if self._seq else 0
+        passed = message.sent - self._sent
+        interval = passed / (missing + 1) if self._seq and passed > 0.0 else FIRST_INTERVAL_S
+        self._seq, self._sent = message.seq, message.sent
+        self._offset = min(self._offset + DRIFT * (now - self._heard), now - message.sent)
+        self._heard = now
+        age = now - message.sent - self._offset
+        status = msgspec.structs.replace(status, lost=status.lost + missing, age_s=age)
+        if age > message.counts_s:
+            self.status = _more(status, "late")
+            return None
+        interval = min(max(interval, self._cycle_s), message.counts_s)
+        gap = min(max(message.sent - self._placed, interval), message.counts_s)
+        if message.times is None and self._is_doubtful(message.positions, gap):
+            self.status = _more(status, "jumped")
+            return None
+        status = msgspec.structs.replace(status, interval_s=interval)
+        if message.positions is not None and self._outside(message.positions):
+            status = _more(status, "clipped")
+        self.status = _more(status, "taken")
+        return self._curve(message, now, age, gap)
+
+    # ------------------------------------------------------------------ what counts
+
+    def _is_sound(self, message: TargetMessage) -> bool:
+        """Return whether all numbers are finite and rows fit the axes and the times."""
+        times = message.times
+        count = 1 if times is None else len(times)
+        given = [each for each in (message.positions, message.velocities) if each is not None]
+        shaped = all(each.shape == (count, self._width) for each in given) and given
+        if not shaped or not 0 < count <= POINTS or not np.isfinite(message.sent):
+            return False
+        if times is not None:
+            steps = np.diff(times, prepend=0.0)
+            if not (np.isfinite(times).all() and (steps[1:] > 0.0).all() and times[0] >= 0.0):
+                return False
+            if times[-1] > LONGEST_S:
+                return False
+        return all(np.isfinite(each).all() for each in given) and 0.0 < message.counts_s < np.inf
+
+    def _is_doubtful(self, positions: Array | None, gap: float) -> bool:
+        """Return whether a point is too far from the last one, and none before it was there either."""
+        if positions is None:
+            return False
+        point, reach = positions[0], REACH * self._top * gap
+        known = [each for each in (self._position, self._doubtful) if each is not None]
+        near = not known or any((np.abs(point - each) <= reach).all() for each in known)
+        self._doubtful = None if near else point
+        return not near
+
+    def _outside(self, positions: Array) -> bool:
+        return bool((positions < self._low).any() or (positions > self._high).any())
+
+    # ------------------------------------------------------------------ the curve
+
+    def _curve(self, message: TargetMessage, now: float, age: float, gap: float) -> Targets:
+        until, begun = now - age + message.counts_s, now - age
+        velocities, positions = message.velocities, message.positions
+        if velocities is not None:
+            velocities = np.clip(velocities, -self._top, self._top)
+        if positions is None:
+            assert velocities is not None
+            times, last = np.array([self.status.interval_s]), 0.0
+            if message.times is not None:
+                times, last = message.times, float(message.times[-1])
+            knots = _knots(begun + times, np.zeros_like(velocities), velocities)
+            return Targets(knots, now, until + last, by_velocity=True)
+        positions = np.clip(positions, self._low, self._high)
+        before, self._position = self._position, positions[-1]
+        self._placed = message.sent + (0.0 if message.times is None else float(message.times[-1]))
+        if message.times is not None:
+            slopes = _slopes(message.times, positions) if velocities is None else velocities
+            slopes = np.clip(slopes, -self._top, self._top)
+            knots = _knots(begun + message.times, positions, slopes)
+            return Targets(knots, now, until + float(message.times[-1]))
+        # where it is to be when the next one is to come, by the sender's clock; one that comes late is led to
+        # where it would be by then
+        interval = self.status.interval_s
+        late = max(age - (1.0 - LEAST_SHARE) * interval, 0.0)
+        at = begun + interval + late
+        if velocities is not None:
+            return Targets(_knots(np.array([at]), positions + late * velocities, velocities), now, until)
+        near = before is not None and bool((np.abs(positions[0] - before) <= REACH * self._top * gap).all())
+        if before is None or not near:
+            return Targets(_knots(np.array([at]), positions, np.zeros_like(positions)), now, until)
+        # a quadratic spline through the middles between points: it swings beyond none of them, and comes to
+        # rest on the last one where no more come
+        slope = np.clip((positions - before) / gap, -self._top, self._top)
+        rows = np.concatenate((0.5 * (positions + before), positions))
+        knots = _knots(np.array([at, at + gap]), rows, np.concatenate((slope, 0.0 * slope)))
+        return Targets(knots, now, until)
+
+
+def _knots(times: Array, positions: Array, velocities: Array) -> Array:
+    return np.column_stack((times, positions, velocities))
+
+
+def _slopes(times: Array, positions: Array) -> Array:
+    """Return velocities at points of a curve, of parabolas through three of them; at rest at the end."""
+    if len(times) < 2:
+        return np.zeros_like(positions)
+    slopes: Array = np.gradient(positions, times, axis=0)
+    slopes[-1] = 0.0
+    return slopes
+
+
+def _more(status: ServoStatus, name: str) -> ServoStatus:
+    return msgspec.structs.replace(status, **{name: getattr(status, name) + 1})

@@ -1,0 +1,117 @@
+"""Servo mode on a real server, by the SDK and by the wire: followed, refused, lost, left."""
+
+from __future__ import annotations
+
+import asyncio
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+from mcclient import Machine, ProgramAborted, RequestRefused, Servo
+from mcclient.sync import Machine as BlockingMachine
+
+from tests.e2e.servers import ROOT, ServerProcess, environment
+from tests.net.client import WireClient
+
+PERIOD_S = 0.02
+
+
+async def stream(servo: Servo, target: list[float], seconds: float) -> None:
+    """Send a target over and over."""
+    for _ in range(round(seconds / PERIOD_S)):
+        await servo.send(target)
+        await asyncio.sleep(PERIOD_S)
+
+
+async def position(machine: Machine, axis: int) -> float:
+    axes = (await machine.status()).axes
+    return axes.setpoint[axes.index.index(axis)]
+
+
+async def test_axes_follow_and_end_on_the_last_target(machine: Machine) -> None:
+    async with machine.servo([0, 1], counts_s=1.0) as servo:
+        assert servo.axes == (0, 1)
+        await stream(servo, [5.0, -3.0], 0.3)
+        status = (await servo.status()).servo
+    assert status is not None
+    assert status.taken > 0
+    assert [await position(machine, axis) for axis in (0, 1)] == pytest.approx([5.0, -3.0])
+
+
+async def test_a_chunk_of_points_is_followed(machine: Machine) -> None:
+    start = await position(machine, 2)
+    times = np.linspace(0.01, 0.5, 50)
+    async with machine.servo([2], counts_s=1.0) as servo:
+        await servo.send((start + 4.0 * times)[:, None], times=times)
+    assert await position(machine, 2) == pytest.approx(start + 2.0)
+
+
+async def test_silence_stops_the_axes_and_the_client_is_told(machine: Machine) -> None:
+    servo = await machine.servo([0], counts_s=0.3)
+    await stream(servo, [8.0], 0.2)
+    await asyncio.sleep(1.5)
+    with pytest.raises(ProgramAborted):
+        await servo.send([9.0])
+    (found,) = await machine.programs(program=servo.id)
+    assert found.state == "aborted"
+    async with machine.servo([0], counts_s=1.0) as again:
+        await stream(again, [2.0], 0.2)
+
+
+async def test_a_block_that_raises_stops_at_once(machine: Machine) -> None:
+    servo = await machine.servo([0], counts_s=5.0)
+    await stream(servo, [100.0], 0.1)
+    await servo.__aexit__(ZeroDivisionError)
+    (found,) = await machine.programs(program=servo.id)
+    assert found.state == "aborted"
+
+
+async def test_a_program_keeps_its_axes_to_itself(machine: Machine) -> None:
+    async with machine.program("mine", axes=[1]):
+        with pytest.raises(RequestRefused, match="mine") as refusal:
+            await machine.servo([0, 1])
+    assert refusal.value.code == "MC512"
+
+
+async def test_targets_of_another_client_move_nothing(machine: Machine, wire: WireClient) -> None:
+    start = await position(machine, 0)
+    async with machine.servo([0]) as servo:
+        for seq in range(1, 20):
+            wire.put(f"in/{wire.client}/{servo.id}", [seq, seq * 0.01, 1.0, [[50.0]], None, None])
+        await asyncio.sleep(0.2)
+        status = (await servo.status()).servo
+    assert status is not None
+    assert status.taken == 0
+    assert await position(machine, 0) == start
+
+
+async def test_garbage_is_counted_or_ignored_and_the_stream_goes_on(machine: Machine) -> None:
+    async with machine.servo([0, 1], counts_s=1.0) as servo:
+        await servo.send([float("nan"), 0.0])
+        await servo.send([1.0])
+        for payload in (b"", b"\xc1", b"\x93\x01\x02\x03", b"\xff" * 100):
+            await machine._link.put(servo._key, payload)
+        await stream(servo, [1.0, 1.0], 0.2)
+        status = (await servo.status()).servo
+    assert status is not None
+    # one of the last four is a message without rows
+    assert status.refused == 3
+    assert [await position(machine, axis) for axis in (0, 1)] == pytest.approx([1.0, 1.0])
+
+
+def test_callers_that_wait_stream_too(server: ServerProcess) -> None:
+    with (
+        BlockingMachine.connect(server.name, server.endpoint) as machine,
+        machine.servo([2], counts_s=1.0) as servo,
+    ):
+        servo.send([0.5], [0.0])
+    assert servo.axes == (2,)
+
+
+def test_the_example_follows_its_sine(server: ServerProcess) -> None:
+    command = [sys.executable, str(ROOT / "examples" / "servo_sine.py"), "--machine", server.name]
+    command += ["--connect", server.endpoint, "--axis", "3", "--seconds", "1.5", "--hz", "50"]
+    done = subprocess.run(command, capture_output=True, text=True, env=environment(), timeout=60, check=True)
+    at, target = (float(word.strip(",")) for word in done.stdout.splitlines()[-1].split() if "." in word)
+    assert at == pytest.approx(target, abs=0.01)

@@ -1,0 +1,166 @@
+"""Servo mode through the service, on a virtual executor: leases, the stream, its end, and who is refused."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import AsyncIterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from mcserver.errors import Refused
+from mcserver.machine.machine_file import parse_machine
+from mcserver.service.program import Program
+from mcserver.service.servo import close_targets, open_servo, put_targets
+from mcserver.service.target_stream import TargetMessage
+from tests.service.virtual_cell import VirtualCell
+
+AXIS = """[[axis]]
+index = {index}
+type = "linear"
+max_velocity = 200.0
+max_acceleration = 2000.0
+max_jerk = 40000.0
+min_position = -10.0
+max_position = 500.0
+[axis.drive]
+kind = "ideal"
+"""
+ARM = '[machine]\nname = "arm"\n' + "".join(AXIS.format(index=index) for index in range(3))
+
+
+@pytest.fixture
+async def cell(tmp_path: Path) -> AsyncIterator[VirtualCell]:
+    made = VirtualCell(parse_machine(ARM), tmp_path)
+    yield made
+    await made.stop()
+
+
+class Streamer:
+    """A client that sends a position every 10 ms of the cell's time."""
+
+    def __init__(self, cell: VirtualCell, program: Program) -> None:
+        self.cell, self.program = cell, program
+        self.seq = 0
+        self.next_s = 0.0
+
+    async def stream(self, position: list[float], seconds: float, *, counts_s: float = 1.0) -> None:
+        service = self.cell.service
+        begun = service.port.snapshot().time
+        while (now := service.port.snapshot().time) < begun + seconds and not self.program.over:
+            if now >= self.next_s:
+                self.seq += 1
+                self.next_s = now + 0.01
+                message = TargetMessage(self.seq, now, counts_s, np.array([position]), None, None)
+                put_targets(service, self.program, message)
+            await asyncio.sleep(0)
+
+
+async def opened(cell: VirtualCell, axes: list[int] | None = None) -> Streamer:
+    return Streamer(cell, await open_servo(cell.service, "policy", axes))
+
+
+async def test_targets_are_followed_and_a_close_ends_it_at_rest_there(cell: VirtualCell) -> None:
+    streamer = await opened(cell, [0, 1])
+    await streamer.stream([0.05, 0.02], 1.5)
+    close_targets(cell.service, streamer.program)
+    program = await cell.ended(streamer.program)
+    assert (program.state, program.fault) == ("finished", None)
+    assert [cell.position(axis) for axis in (0, 1, 2)] == pytest.approx([0.05, 0.02, 0.0])
+    status = program.status().servo
+    assert status is not None
+    assert status.taken == streamer.seq
+
+
+async def test_silence_aborts_the_program_says_why_and_needs_no_reset(cell: VirtualCell) -> None:
+    streamer = await opened(cell)
+    await streamer.stream([0.4, 0.0, 0.0], 0.3, counts_s=0.2)
+    program = await cell.ended(streamer.program)
+    assert program.state == "aborted"
+    assert program.reason.startswith("MC465")
+    assert any(event.kind == "warning" and event.reason == "MC465" for event in cell.events)
+    assert not cell.service.latch.faults
+    await streamer.stream([0.4, 0.0, 0.0], 0.1)
+    again = await opened(cell)
+    await again.stream([0.01, 0.0, 0.0], 0.2)
+    assert again.program.state == "running"
+
+
+async def test_a_program_s_axes_are_not_to_be_had_and_who_has_them_is_named(cell: VirtualCell) -> None:
+    await cell.service.open("mill", name="part 7", axes=[1])
+    with pytest.raises(Refused, match="part 7") as refusal:
+        await opened(cell, [0, 1])
+    assert (refusal.value.code, refusal.value.details["client"]) == ("MC512", "mill")
+    assert (await opened(cell, [0, 2])).program.state == "running"
+
+
+async def test_axes_in_servo_mode_are_refused_to_a_jog_and_a_program_waits_for_them(
+    cell: VirtualCell,
+) -> None:
+    streamer = await opened(cell, [0])
+    with pytest.raises(Refused, match="servo mode") as refusal:
+        await cell.jogging.jog("page", 0, distance=1.0, velocity=1.0, hold_s=None, program_id=None)
+    assert refusal.value.code == "MC512"
+    program = await cell.service.open("mill", axes=[0])
+    assert program.state == "queued"
+    close_targets(cell.service, streamer.program)
+    await cell.until(lambda: program.state == "running")
+
+
+async def test_lines_are_refused_in_servo_mode(cell: VirtualCell) -> None:
+    streamer = await opened(cell, [0])
+    with pytest.raises(Refused) as refusal:
+        await cell.service.lines.submit("policy", streamer.program.program, 1, ["G01 X1 F100"])
+    assert refusal.value.code == "MC510"
+
+
+async def test_a_client_that_is_gone_stops_at_once(cell: VirtualCell) -> None:
+    streamer = await opened(cell, [0])
+    await streamer.stream([0.4], 0.3)
+    cell.service.client_gone("policy")
+    assert (await cell.ended(streamer.program)).state == "aborted"
+
+
+async def test_hold_and_resume_are_those_of_a_program(cell: VirtualCell) -> None:
+    streamer = await opened(cell, [0])
+    await streamer.stream([0.4], 0.2)
+    cell.service.hold(None)
+    await streamer.stream([0.4], 0.5)
+    held = cell.position(0)
+    await streamer.stream([0.4], 0.2)
+    assert cell.position(0) == held
+    cell.service.resume(None)
+    await streamer.stream([0.4], 4.0)
+    assert cell.position(0) == pytest.approx(0.4)
+
+
+async def test_an_emergency_stop_ends_it_and_latches(cell: VirtualCell) -> None:
+    streamer = await opened(cell, [0])
+    await streamer.stream([0.4], 0.2)
+    cell.service.latch.emergency_stop("page", "")
+    program = await cell.ended(streamer.program)
+    assert program.state == "faulted"
+    with pytest.raises(Refused) as refusal:
+        await opened(cell, [0])
+    assert refusal.value.code == "MC509"
+
+
+async def test_an_override_slows_it_down(cell: VirtualCell) -> None:
+    streamer = await opened(cell, [0])
+    cell.service.set_override(0.1, streamer.program.program)
+    before, begun = cell.position(0), cell.service.port.snapshot().time
+    await streamer.stream([0.4], 1.0)
+    passed = cell.service.port.snapshot().time - begun
+    assert 0.0 < cell.position(0) - before <= 0.1 * 0.2 * passed + 1e-9
+
+
+async def test_a_machine_with_clearance_is_not_streamed_to(tmp_path: Path) -> None:
+    size = "size_mm = [10, 10, 10]\n"
+    post = f'[clearance]\n[[zone]]\nname = "post"\n{size}'
+    post += f'[[body]]\nname = "head"\nshape = "box"\ncarried_by = [0, 1, 2]\nat_mm = [0, 0, 50]\n{size}'
+    guarded = VirtualCell(parse_machine(ARM + post), tmp_path)
+    with pytest.raises(Refused) as refusal:
+        await opened(guarded, [0])
+    assert refusal.value.code == "MC595"
+    await guarded.stop()
