@@ -112,10 +112,10 @@ def _check_next(interpreter: Interpreter, window: LineWindow, survey: _Survey) -
         batch = interpreter.interpret_batch(window.peek(most), number)
         if batch is not None:
             for each in batch.values:
-                if isinstance(each, MotionLine):
-                    survey.value(each)
-                else:
+                if isinstance(each, PathBatch):
                     survey.batch(each)
+                else:
+                    survey.value(each)
             survey.without_effect(batch.without_effect)
             window.drop(batch.taken)
             return

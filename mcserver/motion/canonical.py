@@ -106,6 +106,49 @@ class MotionLine(msgspec.Struct, frozen=True):
     feed_length: float = 0.0
 
 
+class OutputSetting(msgspec.Struct, frozen=True):
+    """Set the machine's output of a column to a value in its unit.
+
+    Attributes:
+        scaled: of a laser: times the share that the speed is of the programmed one (D-77).
+    """
+
+    column: int
+    value: float
+    scaled: bool = False
+
+
+class OutputLine(msgspec.Struct, frozen=True):
+    """M62 to M65, M67, M68: set outputs.
+
+    Attributes:
+        with_motion: in the cycle in which the next motion begins (D-70); else where the motion before them
+            has ended (D-71).
+    """
+
+    line: int
+    settings: tuple[OutputSetting, ...]
+    with_motion: bool
+
+
+class SpeedOutputs(msgspec.Struct, frozen=True, eq=False):
+    """Outputs that S sets as the motion of its line begins (D-70, D-77).
+
+    Attributes:
+        outputs: column of each, and whether it is `OutputSetting.scaled`.
+        values: shape (n,), S of each line of a batch, NaN where it has none.
+    """
+
+    outputs: tuple[tuple[int, bool], ...]
+    values: Array
+
+    def settings(self, value: float) -> tuple[OutputSetting, ...]:
+        """Return the settings of an S; none where ``value`` is NaN."""
+        if math.isnan(value):
+            return ()
+        return tuple(OutputSetting(column, value, scaled) for column, scaled in self.outputs)
+
+
 class PathBatch(msgspec.Struct, frozen=True, eq=False):
     """Consecutive lines of one G01, G02 or G03 each, over whatever axes each names, in columns: the same as
     that many `MotionLine`, without an object a line.
@@ -121,6 +164,7 @@ class PathBatch(msgspec.Struct, frozen=True, eq=False):
         requested: shape (n,), T that the program asks for [s]: 60/F, or length/F.
         speeds: G94: path speeds, shape (n,) [m/s or rad/s]; None under G93, where T is ``requested``.
         exact_stop, tolerance: as of `MotionLine`, the same for all.
+        outputs: that S sets; None: no line has one that does.
     """
 
     lines: NDArray[np.int64]
@@ -136,6 +180,7 @@ class PathBatch(msgspec.Struct, frozen=True, eq=False):
     speeds: Array | None
     exact_stop: bool = False
     tolerance: float = 0.0
+    outputs: SpeedOutputs | None = None
 
     def __len__(self) -> int:
         return len(self.lines)
@@ -165,6 +210,7 @@ class PathBatch(msgspec.Struct, frozen=True, eq=False):
             None if self.speeds is None else self.speeds[at],
             self.exact_stop,
             self.tolerance,
+            None if self.outputs is None else SpeedOutputs(self.outputs.outputs, self.outputs.values[at]),
         )
 
     def first_beyond(self, axes: set[int]) -> tuple[int, tuple[int, ...]] | None:
@@ -204,6 +250,17 @@ class PathBatch(msgspec.Struct, frozen=True, eq=False):
             duration = requested if self.speeds is None else None
             group = FeedGroup((curve,), requested, duration, speeds[index])
             found.append(MotionLine(line, (group,), self.exact_stop, self.tolerance, travel))
+        return found
+
+    def values(self) -> list[MotionLine | OutputLine]:
+        """Return the lines as objects, each behind the outputs that its S sets."""
+        lines = self.motion_lines()
+        if self.outputs is None:
+            return [*lines]
+        found: list[MotionLine | OutputLine] = []
+        for each, speed in zip(lines, self.outputs.values.tolist(), strict=True):
+            settings = self.outputs.settings(speed)
+            found += [OutputLine(each.line, settings, with_motion=True), each] if settings else [each]
         return found
 
 
@@ -275,31 +332,6 @@ class WaitMode(enum.IntEnum):
     LOW = 4
 
 
-class OutputSetting(msgspec.Struct, frozen=True):
-    """Set the machine's output of a column to a value in its unit.
-
-    Attributes:
-        scaled: of a laser: times the share that the speed is of the programmed one (D-77).
-    """
-
-    column: int
-    value: float
-    scaled: bool = False
-
-
-class OutputLine(msgspec.Struct, frozen=True):
-    """M62 to M65, M67, M68: set outputs.
-
-    Attributes:
-        with_motion: in the cycle in which the next motion begins (D-70); else where the motion before them
-            has ended (D-71).
-    """
-
-    line: int
-    settings: tuple[OutputSetting, ...]
-    with_motion: bool
-
-
 class InputLine(msgspec.Struct, frozen=True):
     """M66: motion before it ends, then an input is read, or waited for up to ``timeout`` [s] (D-72)."""
 
@@ -329,13 +361,9 @@ def requested_of(line: MotionLine) -> float | None:
     return max(times) if times else None
 
 
-def moves_axes(line: object) -> bool:
-    """Return True if a line, or a batch of them, is motion for M62: one of G00 to G03, or G1020."""
-    if isinstance(line, PathBatch):
-        return True
-    return isinstance(line, MotionLine) and any(
-        isinstance(group, FeedGroup | RapidGroup) for group in line.groups
-    )
+def moves_axes(line: MotionLine) -> bool:
+    """Return True if a line is motion for M62: one of G00 to G03, or G1020."""
+    return any(isinstance(group, FeedGroup | RapidGroup) for group in line.groups)
 
 
 def may_flow(line: MotionLine) -> bool:

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
+from typing import NamedTuple
 
 import msgspec
+import numpy as np
 
 from mcserver.machine.machine_file import Machine
-from mcserver.motion.canonical import FeedGroup, MotionLine, OutputSetting
+from mcserver.motion.canonical import FeedGroup, MotionLine, OutputSetting, PathBatch
 from mcserver.units import AxisType
 
 
@@ -25,6 +27,13 @@ class Power(msgspec.Struct, frozen=True):
     speed: float = 0.0
 
 
+class _Path(NamedTuple):
+    """What a laser follows on a line: `Power.axes` and the speed that is asked for; inf: none is."""
+
+    axes: int
+    speed: float
+
+
 class Beams:
     """Lasers of one program, as it has set them."""
 
@@ -35,11 +44,6 @@ class Beams:
         self._set: dict[int, OutputSetting] = {}
         self._given: dict[int, Power] = {}
 
-    @property
-    def scaled(self) -> bool:
-        """Whether a laser is on whose power goes with the speed: it needs that of every line."""
-        return any(each.scaled and each.value != 0.0 for each in self._set.values())
-
     def take(self, settings: Iterable[OutputSetting]) -> dict[int, Power]:
         """Follow what the program sets at rest or with its next motion; return the values by column."""
         found = {each.column: Power(each.value) for each in settings}
@@ -49,28 +53,58 @@ class Beams:
                 self._given[each.column] = found[each.column]
         return found
 
-    def changes_with(self, line: object) -> Mapping[int, Power]:
+    def changes_with(self, line: MotionLine) -> Mapping[int, Power]:
         """Return the lasers whose power changes as a motion begins, besides what `take` has returned."""
+        return self._changes(self._path(line))
+
+    def along(self, batch: PathBatch) -> Iterator[tuple[int, dict[int, Power]]]:
+        """Yield lines of a batch as whose motion begins outputs change, with their values by column."""
+        outputs = batch.outputs
+        scaled = any(each.scaled and each.value != 0.0 for each in self._set.values())
+        if outputs is None and not scaled:
+            # what was dark in a rapid
+            changes = self._changes(None)
+            if changes:
+                yield batch.line, changes
+            return
+        linear = sum(self._bits[axis] for axis in self._linear)
+        axes = [
+            linear if self._linear.intersection(frame) else sum(self._bits[axis] for axis in frame)
+            for frame in batch.frames
+        ]
+        speeds = batch.speeds
+        if speeds is None:
+            speeds = np.divide(
+                batch.lengths,
+                batch.requested,
+                out=np.zeros(len(batch)),
+                where=batch.requested > 0.0,
+            )
+        words = np.full(len(batch), np.nan) if outputs is None else outputs.values
+        for line, frame, speed, word in zip(
+            batch.lines.tolist(), batch.frame.tolist(), speeds.tolist(), words.tolist(), strict=True
+        ):
+            taken = {} if outputs is None else self.take(outputs.settings(word))
+            changes = {**taken, **self._changes(_Path(axes[frame], speed))}
+            if changes:
+                yield line, changes
+
+    def _changes(self, path: _Path | None) -> dict[int, Power]:
         found: dict[int, Power] = {}
         for column, each in self._set.items():
-            power = self._power(each, line)
+            power = _power(each, path)
             if power != self._given[column]:
                 found[column] = self._given[column] = power
         return found
 
-    def _power(self, setting: OutputSetting, line: object) -> Power:
-        constant = Power(setting.value)
-        if setting.value == 0.0 or not isinstance(line, MotionLine):
-            return constant
+    def _path(self, line: MotionLine) -> _Path | None:
+        """Return the path of a line; None: what moves by itself is on none, the executor leaves it dark."""
         feeds = [each for each in line.groups if isinstance(each, FeedGroup)]
         if not feeds:
-            # what moves by itself is on no path: the executor leaves it dark
-            return constant
+            return None
         group = feeds[0]
         if math.isinf(group.requested):
-            return Power(0.0)
-        if not setting.scaled:
-            return constant
+            return _Path(0, math.inf)
         curve = group.curves[group.reference]
         speed = group.speed
         if speed is None:
@@ -79,4 +113,12 @@ class Beams:
         if axes & self._linear:
             # a corner is rounded by axes of the next line, too; another comma group is another path
             axes = self._linear.difference(*(each.axes for each in feeds[1:]))
-        return Power(setting.value, sum(self._bits[axis] for axis in axes), speed)
+        return _Path(sum(self._bits[axis] for axis in axes), speed)
+
+
+def _power(setting: OutputSetting, path: _Path | None) -> Power:
+    if setting.value == 0.0 or path is None:
+        return Power(setting.value)
+    if math.isinf(path.speed):
+        return Power(0.0)
+    return Power(setting.value, path.axes, path.speed) if setting.scaled else Power(setting.value)

@@ -202,9 +202,13 @@ class LinePlanner:
     def _put_edges(self, edges: LineEdges) -> None:
         """Put where lines begin and end, with what comes along at their beginnings."""
         passed = 0
-        known = [*self._at_start, *self._payloads.lines]
-        for index in np.flatnonzero(~edges.ends & np.isin(edges.line, known)).tolist() if known else ():
-            u, line = float(edges.u[index]), int(edges.line[index])
+        outputs, payloads = self._at_start, self._payloads.lines
+        lines = edges.line.tolist() if outputs or payloads else ()
+        noted = [index for index, line in enumerate(lines) if line in outputs or line in payloads]
+        for index in noted:
+            if edges.ends[index]:
+                continue
+            u, line = float(edges.u[index]), lines[index]
             self.output.put(edges.part(slice(passed, index)))
             for entry in self._payloads.at(u, line):
                 self.output.put(entry)
@@ -238,16 +242,17 @@ class LinePlanner:
             self.canonical.popleft()
             self._due.update(self.beams.take(line.settings))
             return True
-        if moves_axes(line):
-            due = {**self._due, **self.beams.changes_with(line)}
-            if due:
-                self._at_start[line.line] = due
-                self._due = {}
         if isinstance(line, PathBatch):
             self.canonical.popleft()
-            if not self._flow_on(line):
-                self.canonical.extendleft(reversed(line.motion_lines()))
+            if self._flow_on(line):
+                self._note_outputs(line.line, {})
+                for number, powers in self.beams.along(line):
+                    self._note_outputs(number, powers)
+            else:
+                self.canonical.extendleft(reversed(line.values()))
             return True
+        if isinstance(line, MotionLine) and moves_axes(line):
+            self._note_outputs(line.line, self.beams.changes_with(line))
         if isinstance(line, MotionLine) and may_flow(line):
             self.canonical.popleft()
             if self._flow(line):
@@ -279,6 +284,13 @@ class LinePlanner:
         elif isinstance(line, EndLine):
             self.last_line = line.line
         return True
+
+    def _note_outputs(self, line: int, powers: Mapping[int, Power]) -> None:
+        """Have outputs set as the motion of a line begins, with those that wait for the next motion."""
+        due = {**self._due, **powers}
+        if due:
+            self._at_start[line] = {**self._at_start.get(line, {}), **due}
+            self._due = {}
 
     def _set_now(self, line: OutputLine) -> None:
         """Set outputs where the motion before them has ended (D-71)."""

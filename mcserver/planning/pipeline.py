@@ -370,7 +370,7 @@ class Pipeline:
         """Take lines that are alike, in columns; False where the next ones are not."""
         first = self.lines.next_number
         window = min(self._interpreter.batch_window(first), RUN)
-        if window == 0 or self._plan.beams.scaled:
+        if window == 0:
             return False
         ahead = self.lines.run(window)
         found = self._interpreter.interpret_batch(ahead, first) if ahead else None

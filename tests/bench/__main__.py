@@ -18,6 +18,7 @@ from tests.bench.figures import Figure, NotAvailable
 
 SECTIONS = {
     "parsing": "parse and interpret",
+    "real_files": "files in the manner of ten posts, beside LinuxCNC",
     "planning": "parse … lookahead … setpoints",
     "squares": "a 100 mm square",
     "polylines": "polylines that stand for an arc",

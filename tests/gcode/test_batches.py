@@ -48,7 +48,7 @@ def by_batches(interpreter: Interpreter, texts: list[str]) -> tuple[list[Canonic
         found = interpreter.interpret_batch(texts[at:], at + 1)
         if found is not None:
             assert found.taken >= MIN_LINES
-            values += found.motion_lines()
+            values += found.line_values()
             at += found.taken
             continue
         try:
@@ -99,7 +99,7 @@ def test_a_check_finds_the_faults_that_single_lines_have(texts: list[str]) -> No
 @example(["", "", "X-"])
 @example(["", "; said", ""])
 def test_a_table_of_words_holds_what_the_scanner_reads(texts: list[str]) -> None:
-    table = WordReader(vocabulary_of(MACHINE.dialect)).read(CodeText.of(texts), 1)
+    table = WordReader(vocabulary_of(MACHINE)).read(CodeText.of(texts), 1)
     if table is None:
         return
     rows = dict(zip(table.lines.tolist(), range(len(table.lines)), strict=True))

@@ -27,7 +27,12 @@ KINDS = {
     "mill": 'profile = "cnc"\nletters = { U = 7 }',
     "straight": 'profile = "cnc"\nrapids = "straight"',
     "spindle": 'profile = "cnc"\nspindle_axis = 6',
+    "laser": 'profile = "cnc"\n[dialect.outputs]\nM3 = { beam = "S" }\nM4 = { beam = "S", air = true }\n'
+    'M5 = { beam = 0 }\n[[output]]\nnumber = 0\nname = "beam"\nkind = "analog"\nmax = 700.0\nlaser = true\n'
+    '[[output]]\nnumber = 1\nname = "air"',
     "printer": 'profile = "printer"\nletters = { E = 6 }',
+    "fan of a printer": 'profile = "printer"\n[dialect.outputs]\nM3 = { fan = "S" }\nM5 = { fan = 0 }\n'
+    '[[output]]\nnumber = 0\nname = "fan"\nkind = "analog"\nmax = 700.0',
     "no extruder": 'profile = "printer"',
     "robot": 'profile = "robot"',
     "letters": "letters = { E = 6 }",
@@ -35,7 +40,22 @@ KINDS = {
 WORDS = ("X", "Y", "Z", "A", "E", "U", "[6]", "[7]", "S", "F", "I", "J", "R", "H", "D", "x")
 SHAPES = ("X", "XY", "YX", "XYZ", "Z", "XE", "E", "XYE", "A", "XA", "U", "XU")
 STATES = (
-    *("G91", "G90", "M83", "M82", "G20", "G21", "G54", "G92 X5", "G55", "M3", "M5", "G93 F30", "G94 F500"),
+    *(
+        "G91",
+        "G90",
+        "M83",
+        "M82",
+        "G20",
+        "G21",
+        "G54",
+        "G92 X5",
+        "G55",
+        "M3",
+        "M4",
+        "M5",
+        "G93 F30",
+        "G94 F500",
+    ),
     *("G99", "G98", "G61", "G64 P0.1", "G17", "G18", "S500", "G4 P0.1", "G81 Z-1 R1 F100", "G80", "G28"),
 )
 
@@ -112,6 +132,7 @@ def test_a_check_says_the_same_of_both(texts: list[str], kind: str) -> None:
     ("kind", "lines"),
     [
         ("mill", [f"G1 X{at} S{at * 10}" for at in range(40)]),
+        ("laser", [f"{'G0' if at % 9 == 5 else 'G1'} X{at} S{at * 10}" for at in range(40)]),
         ("printer", [f"N{at}G1X{at}Y{at % 3}E{at / 10}F900" for at in range(40)]),
         ("no extruder", [f"{'G0' if at % 4 else 'G1'} X{at} E{at / 10}" for at in range(40)]),
         ("mill", [f"{'XYZ'[at % 3]}{at / 10} (said)" for at in range(40)]),
@@ -120,7 +141,7 @@ def test_a_check_says_the_same_of_both(texts: list[str], kind: str) -> None:
 )
 def test_lines_of_usual_posts_are_read_in_columns(kind: str, lines: list[str]) -> None:
     interpreter = Interpreter(machine_of(kind))
-    interpreter.interpret_text("G1 F600 X0", 1)
+    interpreter.interpret_text("G1 F600 X0 M4 S100", 1)
     found = interpreter.interpret_batch(lines, 2)
     assert found is not None
     assert found.taken == min(len(lines), interpreter.batch_window(2), 32)

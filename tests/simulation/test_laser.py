@@ -190,3 +190,25 @@ def test_a_start_in_the_midst_of_m4_is_refused_and_one_of_m3_is_asked_for() -> N
         before = state_before([*HEAD, f"{code} S500", "G1 X10", "G1 X20"], 4, described, start)
         needs = plan_approach(described, before, start, [0, 1, 2]).needs
         assert confirm in [each.confirm for each in needs if each.code == "MC593"]
+
+
+def one_by_one(*_: object) -> int:
+    """As if no lines could be read in columns."""
+    return 0
+
+
+@pytest.mark.parametrize("code", ["M3", "M4"])
+@pytest.mark.parametrize("mode", ["G94 F6000", "G93 F900", "G61"])
+def test_a_raster_in_columns_shines_as_one_line_by_line(
+    code: str, mode: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    lines = [f"{code} S300 {mode}", "G1 X1"]
+    for row in range(4):
+        ends = range(1, 30) if row % 2 else range(30, 1, -1)
+        lines += [f"G1 X{0.5 * at} S{100 * (at % 7)}" if at % 5 else f"X{0.5 * at}" for at in ends]
+        lines += [f"G0 Y{row}", f"F{3000 + 500 * row}", "G91", "G2 X2 I1 S50", "G90 G1"]
+        lines.append("M5" if row == 2 else code)
+    quick = columns(run(lines))
+    monkeypatch.setattr("mcserver.gcode.semantics.interpreter.Interpreter.batch_window", one_by_one)
+    for one, other in zip(quick, columns(run(lines)), strict=True):
+        np.testing.assert_array_equal(one, other)

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from mcserver.gcode.profiles.frame import Frame
 from mcserver.gcode.semantics.modal import Feed, ModalState, read_feed
 from mcserver.gcode.semantics.program_units import path_speed
-from mcserver.motion.canonical import MotionLine, PathBatch
+from mcserver.motion.canonical import MotionLine, OutputLine, PathBatch
 from mcserver.motion.geometry.curves import Array
 
 MIN_LINES = 6  # fewer lines are slower in columns than one by one
@@ -23,21 +23,21 @@ class InterpretedBatch(NamedTuple):
 
     Attributes:
         modal: state behind them.
-        values: in the order of the lines; rapids are `MotionLine`.
+        values: in the order of the lines; rapids are `MotionLine`, behind the outputs that their S sets.
         taken: count of lines, blank ones included.
         without_effect: by letter, the first line's number and how many lines have it.
     """
 
     modal: ModalState
-    values: Sequence[PathBatch | MotionLine]
+    values: Sequence[PathBatch | MotionLine | OutputLine]
     taken: int
     without_effect: Mapping[str, tuple[int, int]] = {}
 
-    def motion_lines(self) -> list[MotionLine]:
+    def line_values(self) -> list[MotionLine | OutputLine]:
         """Return the lines as objects."""
-        found: list[MotionLine] = []
+        found: list[MotionLine | OutputLine] = []
         for value in self.values:
-            found += [value] if isinstance(value, MotionLine) else value.motion_lines()
+            found += value.values() if isinstance(value, PathBatch) else [value]
         return found
 
 

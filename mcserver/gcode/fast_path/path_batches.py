@@ -31,7 +31,7 @@ from mcserver.gcode.semantics.feed_time import NO_TRAVEL, FeedBasis, feed_basis,
 from mcserver.gcode.semantics.modal import ModalState, smallest_feed
 from mcserver.gcode.semantics.program_units import length_scale, move_duration, turning_speed
 from mcserver.gcode.semantics.rapids import rapid_group
-from mcserver.motion.canonical import MotionLine, PathBatch
+from mcserver.motion.canonical import MotionLine, OutputLine, PathBatch, SpeedOutputs
 from mcserver.motion.geometry.curves import ArcCurve, Array
 
 Mask = NDArray[np.bool_]
@@ -75,12 +75,11 @@ class PathBatchInterpreter:
     __slots__ = ("_profile", "_reader", "_rows", "_setup", "_tolerance", "_vocabulary")
 
     def __init__(self, setup: Setup) -> None:
-        dialect = setup.machine.dialect
         self._setup = setup
         self._rows = axis_rows(setup)
-        self._profile = dialect.profile
+        self._profile = setup.machine.dialect.profile
         self._tolerance = setup.machine.path_tolerance
-        self._vocabulary = vocabulary_of(dialect)
+        self._vocabulary = vocabulary_of(setup.machine)
         self._reader = WordReader(self._vocabulary)
 
     def interpret(
@@ -134,11 +133,22 @@ class PathBatchInterpreter:
             centres[:count],
             sweeps[:count],
             *timing,
+            self._outputs(table, modal),
         )
         commanded.positions.update(zip(axes, points[count].tolist(), strict=True))
         after = state_after(modal, table.feeds, table.spindle, int(lines.motion[-1]))
         idle = {letter: (number + at, many) for letter, (at, many) in table.without_effect().items()}
         return InterpretedBatch(after, self._values(batch, lines, points, axes, modal), table.taken, idle)
+
+    def _following(self, modal: ModalState) -> tuple[tuple[int, bool], ...]:
+        """Return the outputs that follow S now."""
+        return () if modal.frame is None else self._vocabulary.outputs.get(modal.frame.direction, ())
+
+    def _outputs(self, table: WordTable, modal: ModalState) -> SpeedOutputs | None:
+        following = self._following(modal)
+        if table.spindle is None or not following:
+            return None
+        return SpeedOutputs(following, table.spindle)
 
     def _values(
         self,
@@ -147,19 +157,19 @@ class PathBatchInterpreter:
         points: Array,
         axes: tuple[int, ...],
         modal: ModalState,
-    ) -> Sequence[PathBatch | MotionLine]:
+    ) -> Sequence[PathBatch | MotionLine | OutputLine]:
         """Return the lines as one batch, or as several with the rapids between them."""
         rapids = np.flatnonzero(lines.motion == 0).tolist()
         if not rapids:
             return (batch,)
-        found: list[PathBatch | MotionLine] = []
+        found: list[PathBatch | MotionLine | OutputLine] = []
         before = 0
         for index in [*rapids, len(batch)]:
             between = index - before
             if between >= MIN_LINES:
                 found.append(batch.part(before, index))
             elif between:
-                found += batch.part(before, index).motion_lines()
+                found += batch.part(before, index).values()
             before = index + 1
             if index < len(batch):
                 kind = lines.kinds[int(lines.table.shape[index])].axes
@@ -167,10 +177,11 @@ class PathBatchInterpreter:
                     dict(zip(axes, points[row].tolist(), strict=True)) for row in (index, index + 1)
                 )
                 group = rapid_group(self._setup, modal, start, {axis: end[axis] for axis in kind})
-                tolerance = batch.tolerance
-                found.append(
-                    MotionLine(int(batch.lines[index]), (group,), exact_stop=True, tolerance=tolerance)
-                )
+                tolerance, line = batch.tolerance, int(batch.lines[index])
+                if batch.outputs is not None:
+                    settings = batch.outputs.settings(float(batch.outputs.values[index]))
+                    found += [OutputLine(line, settings, with_motion=True)] if settings else []
+                found.append(MotionLine(line, (group,), exact_stop=True, tolerance=tolerance))
         return found
 
     def _usable(self, table: WordTable, modal: ModalState, commanded: CommandedState) -> _Lines:
@@ -187,6 +198,11 @@ class PathBatchInterpreter:
         sound &= (numbers > 0.0) | (motion == 0)
         if table.spindle is not None:
             sound &= ~(table.spindle < 0.0)
+            for column, scaled in self._following(modal):
+                output = self._setup.machine.outputs[column]
+                refused = (table.spindle < output.low) | (table.spindle > output.high)
+                # the speed of axes is not that of a tool (MC159)
+                sound &= ~(refused | (table.spindle > 0.0) & (scaled and bool(self._setup.machine.tools)))
         count = leading(sound)
         used = np.flatnonzero(np.bincount(table.shape[:count])).tolist()
         known = {index: kind for index in used if (kind := kinds[index]) is not None}

@@ -5,8 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Final, NamedTuple
 
+from mcserver.gcode.profiles.io_codes import is_scaled, keeps_to_path
 from mcserver.gcode.text.words import INCREMENTAL_LETTERS, axis_letters
-from mcserver.machine.dialect_section import Dialect
+from mcserver.machine.machine_file import Machine
 
 OFFSETS: Final = "IJK"
 
@@ -18,7 +19,8 @@ class Vocabulary(NamedTuple):
         axes: letter → axis. codes: number of a motion code as written → the code that it means.
         feed_of_axes: F counts the axes by their words (D-30); else those of X Y Z first (D-66).
         idle: letters of words without effect on motion: S where nothing follows it, E without an extruder.
-        speed: S is kept in the frame.
+        speed: S is kept in the frame. outputs: by direction of the spindle, those that follow S with the
+            motion of its line: their columns, and whether each is scaled.
     """
 
     axes: Mapping[str, int]
@@ -26,10 +28,12 @@ class Vocabulary(NamedTuple):
     feed_of_axes: bool
     idle: str
     speed: bool
+    outputs: Mapping[int, tuple[tuple[int, bool], ...]]
 
 
-def vocabulary_of(dialect: Dialect) -> Vocabulary:
+def vocabulary_of(machine: Machine) -> Vocabulary:
     """Return the vocabulary of a machine's dialect."""
+    dialect = machine.dialect
     axes = {
         letter: axis
         for letter, axis in axis_letters(dialect).items()
@@ -38,14 +42,23 @@ def vocabulary_of(dialect: Dialect) -> Vocabulary:
     printer = dialect.profile == "printer"
     # printers move G0 and G1 alike (D-61)
     codes = {0: 1 if printer else 0, 1: 1, 2: 2, 3: 3}
-    followed = dialect.spindle is not None or any(
-        each.value is None for code in ("M3", "M4") for each in dialect.outputs.get(code, ())
-    )
-    speed = not (dialect.reference or followed or "S" in axes)
+    outputs = {
+        direction: tuple(
+            (each.column, is_scaled(machine.outputs[each.column], code))
+            for each in dialect.outputs.get(code, ())
+            if each.value is None
+        )
+        for direction, code in ((1, "M3"), (-1, "M4"))
+    }
+    followers = {column for each in outputs.values() for column, _ in each}
+    # others change at rest (D-73)
+    at_rest = any(not keeps_to_path(machine, machine.outputs[column]) for column in followers)
+    speed = not (dialect.reference or dialect.spindle is not None or at_rest or "S" in axes)
     return Vocabulary(
         axes,
         {(b"0" * zeros) + b"%d" % code: meant for code, meant in codes.items() for zeros in range(3)},
         dialect.reference,
-        ("S" if speed else "") + ("E" if printer and "E" not in axes else ""),
+        ("S" if speed and not followers else "") + ("E" if printer and "E" not in axes else ""),
         speed,
+        outputs,
     )

@@ -119,7 +119,7 @@ def pattern_of(letters: bytes, vocabulary: Vocabulary) -> Pattern | None:
     axes: dict[int, int] = {}
     offsets: dict[int, int] = {}
     idle = [ord(letter) for letter in vocabulary.idle]
-    others = dict.fromkeys((*b"RFG", *idle), -1)
+    others = dict.fromkeys((*b"RFG", *idle, *(b"S" if vocabulary.speed else b"")), -1)
     for place, letter in enumerate(letters):
         axis = axis_of(letter, vocabulary.axes)
         if letter == b"G"[0] and place > 0:

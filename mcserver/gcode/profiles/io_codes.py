@@ -7,6 +7,7 @@ from typing import Final
 from mcserver.gcode.semantics.block_state import BlockState
 from mcserver.gcode.text.profile_words import Action, ProfileWord
 from mcserver.machine.io_section import MAX_CHANNELS, Input, Output, find_channel
+from mcserver.machine.machine_file import Machine
 from mcserver.motion.canonical import InputLine, OutputLine, OutputSetting, WaitMode
 
 # The longest that M66 may wait [s].
@@ -44,8 +45,6 @@ def read_mapped(
         only_speed: only the outputs that follow S.
     """
     machine = block.setup.machine
-    # where printers' firmware keeps to the path, so does this
-    printer = machine.dialect.profile == "printer"
     found: dict[bool, list[OutputSetting]] = {False: [], True: []}
     for each in machine.dialect.outputs.get(code, ()):
         output = machine.outputs[each.column]
@@ -57,7 +56,7 @@ def read_mapped(
             if not output.low <= value <= output.high:
                 _refuse_value(block, action.words.get("S"), action, output, value)
                 continue
-        scaled = output.laser and not output.digital and code == "M4"
+        scaled = is_scaled(output, code)
         if scaled and value > 0.0 and machine.tools:
             block.faults.add(
                 "MC159",
@@ -65,12 +64,22 @@ def read_mapped(
                 action.span,
                 "use M3 on this machine: its power is the same at any speed",
             )
-        found[output.laser or printer].append(OutputSetting(each.column, value, scaled))
+        found[keeps_to_path(machine, output)].append(OutputSetting(each.column, value, scaled))
     return [
         OutputLine(block.parsed.number, tuple(settings), with_motion=with_motion)
         for with_motion, settings in found.items()
         if settings
     ]
+
+
+def is_scaled(output: Output, code: str) -> bool:
+    """Return whether a code of the spindle makes an output's value go with the speed (D-77)."""
+    return output.laser and not output.digital and code == "M4"
+
+
+def keeps_to_path(machine: Machine, output: Output) -> bool:
+    """Return whether codes set an output with the next motion: lasers, and where printers' firmware does."""
+    return output.laser or machine.dialect.profile == "printer"
 
 
 def _column(
