@@ -9,6 +9,7 @@ from foxglove_schemas_protobuf.JointState_pb2 import JointState
 from foxglove_schemas_protobuf.JointStates_pb2 import JointStates
 from foxglove_schemas_protobuf.Quaternion_pb2 import Quaternion
 from foxglove_schemas_protobuf.Vector3_pb2 import Vector3
+from google.protobuf.timestamp_pb2 import Timestamp
 from mckinematics.rotation import rotation_matrices
 from scipy.spatial.transform import Rotation
 
@@ -37,7 +38,7 @@ def moving_frames(shape: Shape, times_ns: list[int], positions: Array) -> list[b
     for row, time_ns in enumerate(times_ns):
         stamp = timestamp(time_ns)
         transforms = [
-            _transform(parent, child, place[row], turn[row], stamp)
+            transform(parent, child, place[row], turn[row], stamp)
             for (parent, child), (place, turn) in zip(names, placed, strict=True)
         ]
         messages.append(FrameTransforms(transforms=transforms).SerializeToString())
@@ -47,11 +48,11 @@ def moving_frames(shape: Shape, times_ns: list[int], positions: Array) -> list[b
 def standing_frames(shape: Shape, time_ns: int) -> bytes:
     """Write ``foxglove.FrameTransforms`` of what no axis moves, and of the root in a world with Z up."""
     stamp = timestamp(time_ns)
-    found = [_transform(WORLD, shape.tree.root, np.zeros(3), _turn_to_z(shape.up), stamp)]
+    found = [transform(WORLD, shape.tree.root, np.zeros(3), _turn_to_z(shape.up), stamp)]
     for joint in shape.tree.joints:
         if not _moves(shape, joint):
             place, turns = _transforms(joint, np.full(1, joint.offset if joint.leader else 0.0))
-            found.append(_transform(joint.parent, joint.child, place[0], turns[0], stamp))
+            found.append(transform(joint.parent, joint.child, place[0], turns[0], stamp))
     written: bytes = FrameTransforms(transforms=found).SerializeToString()
     return written
 
@@ -102,7 +103,8 @@ def _turn_to_z(up: Array) -> Array:
     return unit
 
 
-def _transform(parent: str, child: str, place: Array, turn: Array, stamp: object) -> FrameTransform:
+def transform(parent: str, child: str, place: Array, turn: Array, stamp: Timestamp) -> FrameTransform:
+    """Return a child frame in its parent: place (3,) [m], unit quaternion x, y, z, w."""
     x, y, z = place.tolist()
     qx, qy, qz, qw = turn.tolist()
     return FrameTransform(

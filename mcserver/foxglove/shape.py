@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Container, Iterable, Mapping, Sequence
 from pathlib import Path
+from types import MappingProxyType
 from typing import NamedTuple
 
 import numpy as np
@@ -29,7 +30,7 @@ from mcserver.view.gantry import gantry_parts, gantry_space
 from mcserver.view.meshes import load_mesh
 from mcserver.view.robot import robot_parts
 from mcserver.view.solids import Array, Colour, Part, Solid, ball, box, capsule, cylinder
-from mcserver.view.stage import Up, tree_up
+from mcserver.view.stage import Tool, Up, tree_up
 from mcserver.view.urdf import Joint, Link, Tree, read_tree
 
 # frames: all others hang on the first one, which stands with Z up
@@ -56,53 +57,76 @@ class Shape(NamedTuple):
     urdf: str
 
 
+class Looks(NamedTuple):
+    """What a machine says of its looks: its URDF, joints by axis, files of meshes by their names there."""
+
+    urdf: str = ""
+    joints: Mapping[int, str] = MappingProxyType({})
+    meshes: Mapping[str, Path] = MappingProxyType({})
+
+
 def shape_of(machine: Machine, kinematics: MachineKinematics | None, points: Array) -> Shape:
-    """Return a machine's shape.
+    """Return a machine's shape, with its tools' tips and the bodies of its clearance.
 
     Args:
+        kinematics: None with tools: the URDF is on another computer.
         points: shape (N, 3), where the axes 0, 1 and 2 have been, for the size of a portal [m].
 
     Raises:
         Refused: MC587 its URDF cannot be read. ConfigurationError: MC323 a body's mesh cannot be read.
     """
-    names = [axis_name(axis.index) for axis in machine.axes]
-    columns = {_axis_key(axis.index): column for column, axis in enumerate(machine.axes)}
-    # None with tools: the URDF is on another computer
-    found, paths = look(machine) if kinematics is not None else (None, ())
-    if found is not None and found.urdf:
-        tree = read_tree(found.urdf)
+    looks = Looks()
+    if kinematics is not None:
+        found, paths = look(machine)
         named = {mesh.name: path for mesh, path in zip(found.meshes, paths, strict=True)}
-        parts = robot_parts(tree, {name: path for name, path in named.items() if path is not None})
-        driven = {int(axis): name for axis, name in found.joints.items()}
-        for axis, name in driven.items():
-            columns[name] = machine.column_of(axis)
-            names[machine.column_of(axis)] = name
-        up = tree_up(tree, driven, machine.tools, Up.AUTO)
-    else:
-        tree, parts = _portal(machine, points)
-        up = np.eye(3)[2]
-    extra = _tips(tree, machine)
-    zones: tuple[Part, ...] = ()
-    if machine.clearance is not None:
-        extra += _carriages(tree.root, machine.clearance)
-        parts += tuple(
-            _body_part(body, tree.root)
-            for body in machine.clearance.bodies
-            if body.link is None or body.link in tree.links
+        looks = Looks(
+            found.urdf,
+            {int(axis): name for axis, name in found.joints.items()},
+            {name: path for name, path in named.items() if path is not None},
         )
-        zones = tuple(_zone_part(zone, tree.root) for zone in machine.clearance.zones)
+    linear = {axis.index: axis.type is AxisType.LINEAR for axis in machine.axes}
+    shape = bare_shape(linear, looks, machine.tools, points)
+    extra = _tips(shape.tree, machine)
+    parts, zones, root = list(shape.parts), [], shape.tree.root
+    if machine.clearance is not None:
+        extra += _carriages(root, machine.clearance)
+        parts += [
+            _body_part(body, root)
+            for body in machine.clearance.bodies
+            if body.link is None or body.link in shape.tree.links
+        ]
+        zones = [_zone_part(zone, root) for zone in machine.clearance.zones]
     links = {joint.child: Link(joint.child, ()) for joint in extra}
-    whole = Tree(tree.root, {**tree.links, **links}, (*tree.joints, *extra))
-    return Shape(whole, up, columns, names, parts, zones, "" if found is None else found.urdf)
+    tree = Tree(root, {**shape.tree.links, **links}, (*shape.tree.joints, *extra))
+    return shape._replace(tree=tree, parts=parts, zones=zones)
+
+
+def bare_shape(linear: Mapping[int, bool], looks: Looks, tools: Iterable[Tool], points: Array) -> Shape:
+    """Return the shape of a machine of which only this is known; `points` as in `shape_of`.
+
+    Args:
+        linear: by axis index, in the order of the columns; the others are rotary.
+    """
+    names = [axis_name(index) for index in linear]
+    columns = {_axis_key(index): column for column, index in enumerate(linear)}
+    if not looks.urdf:
+        tree, parts = _portal({index for index in (0, 1, 2) if linear.get(index)}, points)
+        return Shape(tree, np.eye(3)[2], columns, names, parts, (), "")
+    tree = read_tree(looks.urdf)
+    for column, index in enumerate(linear):
+        if index in looks.joints:
+            names[column] = looks.joints[index]
+            columns[names[column]] = column
+    up = tree_up(tree, looks.joints, tools, Up.AUTO)
+    return Shape(tree, up, columns, names, robot_parts(tree, looks.meshes), (), looks.urdf)
 
 
 def _axis_key(index: int) -> str:
     return f"axis/{index}"
 
 
-def _portal(machine: Machine, points: Array) -> tuple[Tree, tuple[Part, ...]]:
+def _portal(linear: Container[int], points: Array) -> tuple[Tree, tuple[Part, ...]]:
     """Return the frames Y, X and Z, one on the other, and the parts that hang on them."""
-    linear = {axis.index for axis in machine.axes if axis.type is AxisType.LINEAR} & {0, 1, 2}
     frames = {"rails": PORTAL, "bridge": "Y", "carriage": "X", "quill": "Z"}
     joints, parent = [], PORTAL
     for child, axis in (("Y", 1), ("X", 0), ("Z", 2)):

@@ -55,6 +55,7 @@ async def serve(options: GatewayOptions) -> None:
     sessions = Sessions(tokens, options.connect, options.config_file, frozenset(options.origins))
     http = HttpSessions(sessions, options.connect, options.config_file)
     app = build_app(sessions, http, local=tokens is None)
+    add_foxglove(app, sessions, options)
     listener = listen(options.address.host, options.address.port)
     await serve_until_stopped(
         app,
@@ -66,6 +67,21 @@ async def serve(options: GatewayOptions) -> None:
         # who does not read its replies is not read from for long
         max_waiting_frames=4,
     )
+
+
+def add_foxglove(app: FastAPI, sessions: Sessions, options: GatewayOptions) -> None:
+    """Add ``/v1/foxglove/{machine}``, where the extra that it needs is installed."""
+    try:
+        from mcserver.gateway.foxglove import Viewers
+    except ModuleNotFoundError as error:
+        if error.name != "foxglove_schemas_protobuf":
+            raise
+        return
+    viewers = Viewers(sessions, options.connect, options.config_file)
+
+    @app.websocket("/v1/foxglove/{machine}")
+    async def show(socket: WebSocket, machine: str) -> None:
+        await viewers.serve(socket, machine)
 
 
 def build_app(sessions: Sessions, http: HttpSessions, *, local: bool) -> FastAPI:

@@ -28,6 +28,8 @@ BAD_FRAME, FORBIDDEN, TOO_MANY, TAKEN_OVER, NO_SERVER, SLOW = 4000, 4003, 4008, 
 CLOSE_S = 2.0
 # what clients say that close on purpose; a link that breaks is reported as one closed without a code
 NORMAL_CLOSURE = 1000
+# what its subprotocols begin with
+FOXGLOVE = "foxglove."
 
 
 class Sessions:
@@ -75,18 +77,31 @@ class Sessions:
             *(session.close() for session in self._sessions.values()), *self._ending, return_exceptions=True
         )
 
-    async def serve(self, socket: WebSocket) -> None:
-        """One connection, from its handshake to its end."""
+    async def let_in(self, socket: WebSocket, protocols: tuple[str, ...]) -> Principal | None:
+        """Accept a connection in the first of the subprotocols that it offers.
+
+        Returns:
+            Who it is; None: it is closed, since it offers none of them, or lacks a token or the right origin.
+        """
         offered = _offered(socket)
+        protocol = next((each for each in protocols if each in offered), None)
         origin = socket.headers.get("origin")
-        if frames.SUBPROTOCOL not in offered or (origin is not None and origin not in self._origins):
-            await _close(socket, FORBIDDEN, "subprotocol mc.v1 is needed, and an origin that is allowed")
-            return
+        if protocol is None or (origin is not None and origin not in self._origins):
+            said = f"subprotocol {protocols[0]} is needed, and an origin that is allowed"
+            await close_socket(socket, FORBIDDEN, said)
+            return None
         principal = self.principal(token_of(socket))
         if principal is None:
-            await _close(socket, FORBIDDEN, "a token is needed")
+            await close_socket(socket, FORBIDDEN, "a token is needed")
+            return None
+        await socket.accept(protocol)
+        return principal
+
+    async def serve(self, socket: WebSocket) -> None:
+        """One connection, from its handshake to its end."""
+        principal = await self.let_in(socket, (frames.SUBPROTOCOL,))
+        if principal is None:
             return
-        await socket.accept(frames.SUBPROTOCOL)
         try:
             session, resumed = await self._session(
                 socket.query_params.get("session", ""),
@@ -94,7 +109,7 @@ class Sessions:
                 principal,
             )
         except MotionError as error:
-            await _close(socket, NO_SERVER if error.code == "MC530" else TOO_MANY, error.message[:120])
+            await close_socket(socket, NO_SERVER if error.code == "MC530" else TOO_MANY, error.message[:120])
             return
         connection = Connection(socket, session)
         session.connection = connection
@@ -205,12 +220,12 @@ class Connection:
             outcomes = await asyncio.gather(*tasks, return_exceptions=True)
             self._idle.set()
         if self._taken_up.is_set():
-            await _close(self._socket, TAKEN_OVER, "taken up by another connection")
+            await close_socket(self._socket, TAKEN_OVER, "taken up by another connection")
         for outcome in outcomes:
             if isinstance(outcome, SlowReader):
-                await _close(self._socket, SLOW, "the replies are not read")
+                await close_socket(self._socket, SLOW, "the replies are not read")
             elif isinstance(outcome, _BadFrame):
-                await _close(self._socket, BAD_FRAME, str(outcome)[:120])
+                await close_socket(self._socket, BAD_FRAME, str(outcome)[:120])
             elif isinstance(outcome, Exception) and not isinstance(outcome, WebSocketDisconnect):
                 log.debug("a connection ended: %s", outcome)
 
@@ -245,7 +260,7 @@ class _BadFrame(Exception):
     """What came is no frame; the connection ends with its reason."""
 
 
-async def _close(socket: WebSocket, code: int, reason: str) -> None:
+async def close_socket(socket: WebSocket, code: int, reason: str) -> None:
     """Close a connection; one that is gone, or takes nothing, is left to its transport."""
     try:
         await asyncio.wait_for(socket.close(code, reason), CLOSE_S)
@@ -259,8 +274,11 @@ def token_of(connection: HTTPConnection) -> str:
     scheme, _, token = connection.headers.get("authorization", "").partition(" ")
     if scheme.lower() == "bearer":
         return token.strip()
+    # a Foxglove viewer has its address alone to give one
+    address = any(each.startswith(FOXGLOVE) for each in offered) and connection.query_params.get("token")
     return next(
-        (each[len(frames.TOKEN_PREFIX) :] for each in offered if each.startswith(frames.TOKEN_PREFIX)), ""
+        (each[len(frames.TOKEN_PREFIX) :] for each in offered if each.startswith(frames.TOKEN_PREFIX)),
+        address or "",
     )
 
 

@@ -14,6 +14,7 @@ from xml.etree.ElementTree import ParseError
 
 import numpy as np
 from mcclient import Machine, MotionError
+from mcclient.types import ModelReply
 
 from mcserver.view.gantry import gantry_parts
 from mcserver.view.robot import robot_parts
@@ -44,17 +45,11 @@ async def fetch_model(machine: Machine, folder: Path) -> bytes:
     kept = folder / f"{digest}.json"
     with contextlib.suppress(OSError):
         return kept.read_bytes()
-    meshes: dict[str, Path] = {}
     work = folder / "meshes"
     try:
         shutil.rmtree(folder, ignore_errors=True)
         work.mkdir(parents=True, exist_ok=True)
-        if sum(mesh.size for mesh in found.meshes) <= MAX_MODEL_BYTES:
-            for number, mesh in enumerate(found.meshes):
-                if mesh.size:
-                    path = work / f"{number}{Path(mesh.name).suffix.lower()}"
-                    path.write_bytes(await machine.read_mesh(number))
-                    meshes[mesh.name] = path
+        meshes = await fetch_meshes(machine, found, work)
         joints = {int(axis): name for axis, name in found.joints.items()}
         content = model_json(found.urdf, joints, meshes, machine.info.tools)
         kept.write_bytes(content)
@@ -65,6 +60,22 @@ async def fetch_model(machine: Machine, folder: Path) -> bytes:
     finally:
         shutil.rmtree(work, ignore_errors=True)
     return content
+
+
+async def fetch_meshes(machine: Machine, found: ModelReply, folder: Path) -> dict[str, Path]:
+    """Take a model's meshes over into a folder; return them by the names that the URDF has for them.
+
+    Raises:
+        MotionError: the machine does not answer. OSError.
+    """
+    meshes: dict[str, Path] = {}
+    if sum(mesh.size for mesh in found.meshes) <= MAX_MODEL_BYTES:
+        for number, mesh in enumerate(found.meshes):
+            if mesh.size:
+                path = folder / f"{number}{Path(mesh.name).suffix.lower()}"
+                path.write_bytes(await machine.read_mesh(number))
+                meshes[mesh.name] = path
+    return meshes
 
 
 def model_json(
