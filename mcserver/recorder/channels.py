@@ -163,7 +163,7 @@ def _json_schema(message: type[msgspec.Struct]) -> bytes:
 def _protobuf_schema() -> bytes:
     condition = _enumeration("AxisCondition", AxisCondition)
     state = _enumeration("ProgramState", SlotState)
-    cycle = _message("Cycle", cycle_fields(axes=1, slots=1))
+    cycle = message_descriptor("Cycle", cycle_fields(axes=1, slots=1))
     for field, kind in (
         ("condition", condition),
         ("program_state", state),
@@ -181,13 +181,14 @@ def _protobuf_schema() -> bytes:
         package="mcserver",
         syntax="proto3",
         enum_type=[condition, state],
-        message_type=[cycle, _message("ToolPose", pose_fields())],
+        message_type=[cycle, message_descriptor("ToolPose", pose_fields())],
     )
     described_set: bytes = FileDescriptorSet(file=[file]).SerializeToString()
     return described_set
 
 
-def _message(name: str, fields: Sequence[Field]) -> DescriptorProto:
+def message_descriptor(name: str, fields: Sequence[Field]) -> DescriptorProto:
+    """Describe a message of these fields for a file's schema."""
     types = {
         Kind.UINT64: FieldDescriptorProto.TYPE_FIXED64,
         Kind.DOUBLE: FieldDescriptorProto.TYPE_DOUBLE,

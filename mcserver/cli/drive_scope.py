@@ -1,0 +1,145 @@
+"""``mcserver drives scope``: what is on the bus of one axis in every cycle, around a trigger."""
+
+from __future__ import annotations
+
+import importlib.util
+import math
+import time
+from typing import Annotated
+
+import numpy as np
+import typer
+
+from mcserver.can.cob import SYNC
+from mcserver.can.open import open_port
+from mcserver.canopen.bus_frames import frames_of
+from mcserver.canopen.scope import Scope, read_trigger
+from mcserver.cli.console import json_answer_on_error, narration, results, write_json
+from mcserver.cli.drive_of_machine import AxisArgument, Described, described, table
+from mcserver.cli.options import JsonOption, MachineOption
+from mcserver.cli.output_file import check_output, write_atomically
+from mcserver.errors import ConfigurationError, RuntimeFault, UsageFault
+from mcserver.machine.machine_file import load_machine
+
+LONGEST_S = 600.0
+# Without a SYNC for so long no cycle runs.
+NO_SYNC_S = 2.0
+
+
+def scope(
+    axis: AxisArgument,
+    machine: MachineOption,
+    output: Annotated[str, typer.Option("--output", "-o", metavar="FILE.mcap", help="Where to.")],
+    seconds: Annotated[float, typer.Option("--seconds", help="How much is kept.")] = 2.0,
+    trigger: Annotated[
+        str, typer.Option("--trigger", metavar="'NAME > LEVEL'", help="Without one: at once.")
+    ] = "",
+    level: Annotated[
+        bool, typer.Option("--level", help="Fire also where the level is met from the begin on.")
+    ] = False,
+    before: Annotated[
+        float | None, typer.Option("--before", help="Seconds kept before the trigger; default: a quarter.")
+    ] = None,
+    timeout: Annotated[float, typer.Option("--timeout", help="How long the trigger may take [s].")] = 60.0,
+    plot: Annotated[str, typer.Option("--plot", metavar="FILE.png", help="Draw it too.")] = "",
+    json: JsonOption = False,
+) -> None:
+    """Record every mapped object of an axis beside a running server, cycle by cycle; nothing is sent."""
+    with json_answer_on_error(json):
+        check_output(output, (".mcap",))
+        if plot:
+            check_output(plot, (".png",))
+            if importlib.util.find_spec("matplotlib") is None:
+                raise ConfigurationError("MC016", "pictures need matplotlib", "pip install 'mcserver[plot]'")
+        lead = (0.25 * seconds if trigger else 0.0) if before is None else before
+        if not (0.0 < seconds <= LONGEST_S and 0.0 <= lead < seconds and 0.0 < timeout < math.inf):
+            raise UsageFault(
+                "MC017",
+                f"{seconds:g} s with {lead:g} s before the trigger, which may take {timeout:g} s, cannot be",
+                f"give --seconds up to {LONGEST_S:g}, and --before less than that",
+            )
+        drive = described(machine, axis)
+        described_machine = load_machine(machine)
+        cycle_s = described_machine.cycle_s
+        fires = read_trigger(trigger, drive.signals, edge=not level) if trigger else None
+        recorder = Scope(
+            drive.signals, cycle_s, max(2, round(seconds / cycle_s)), round(lead / cycle_s), fires
+        )
+        ended_unix, missing = _record(drive, recorder, timeout, seconds, cycle_s)
+        trace = recorder.trace()
+        at_trigger = ended_unix - float(trace.time_s[-1])
+        from mcserver.recorder.scope_file import write_scope
+
+        write_atomically(
+            output, lambda stream: write_scope(stream, trace, described_machine.name, at_trigger)
+        )
+        if plot:
+            from mcserver.plot.scope_picture import draw_scope
+
+            title = f"{described_machine.name}: axis {axis}" + (f", {trigger}" if trigger else "")
+            write_atomically(plot, lambda stream: draw_scope(trace, stream, title))
+    rows = []
+    for at, name in enumerate(trace.names):
+        known = trace.values[np.isfinite(trace.values[:, at]), at]
+        lowest, highest = (float(known.min()), float(known.max())) if known.size else (math.nan, math.nan)
+        rows.append(
+            (trace.objects[at], name, trace.units[at], lowest, highest, len(trace.time_s) - known.size)
+        )
+    if json:
+        titles = ("object", "name", "unit", "least", "greatest", "cycles_without")
+        shown = [
+            {key: None if value != value else value for key, value in zip(titles, row, strict=True)}
+            for row in rows
+        ]
+        write_json({"ok": True, "cycles": len(trace.time_s), "cycles_missing": missing, "signals": shown})
+    else:
+        cells = [
+            (place, name, unit, f"{low:.6g}", f"{high:.6g}", str(without))
+            for place, name, unit, low, high, without in rows
+        ]
+        results().print(table(("object", "name", "unit", "least", "greatest", "cycles without"), cells))
+    narration().print(f"{output}: {len(trace.time_s)} cycles" + (f", {plot}" if plot else ""))
+    if missing:
+        narration().print(
+            f"warning: the bus had {missing} SYNCs fewer than cycle_hz says; times count SYNCs",
+            style="yellow",
+        )
+
+
+def _record(
+    drive: Described, recorder: Scope, timeout_s: float, seconds: float, cycle_s: float
+) -> tuple[float, int]:
+    """Feed a scope until it has everything; return Unix time then [s], and how many SYNCs were too few.
+
+    Raises:
+        RuntimeFault: MC424 the bus; MC569 no SYNC, or the trigger did not come.
+    """
+    axis, bus = drive.settings.axis, drive.settings.bus
+    port = open_port(drive.settings.address)
+    try:
+        if not any(identifier == SYNC for _, identifier, _ in frames_of(port, NO_SYNC_S)):
+            raise RuntimeFault(
+                "MC569",
+                f"bus {bus}: no SYNC came within {NO_SYNC_S:g} s: no cycle runs",
+                "start the server: mcserver run",
+                axis=axis,
+            )
+        began = math.nan
+        for at_s, identifier, payload in frames_of(port, timeout_s + seconds):
+            done = recorder.take(identifier, payload)
+            if recorder.rows == 1 and identifier == SYNC:
+                began = at_s
+            if done:
+                fewer = round((at_s - began) / cycle_s) - (recorder.rows - 1)
+                return time.time(), fewer if fewer > max(2, 0.02 * recorder.rows) else 0
+            if not recorder.triggered and at_s > timeout_s:
+                break
+    finally:
+        port.close()
+    what = "the cycle ended" if recorder.triggered else f"the trigger did not come within {timeout_s:g} s"
+    raise RuntimeFault(
+        "MC569",
+        f"axis {axis}: {what}; {recorder.rows} cycles were seen",
+        "another level, or a longer --timeout; --level fires where the level is met already",
+        axis=axis,
+    )
