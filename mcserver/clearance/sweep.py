@@ -9,6 +9,7 @@ need not come everywhere together, a contact may be found that would not come.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -22,8 +23,9 @@ Array = NDArray[np.float64]
 FINEST = 1e-5
 # A distance of bodies that touch already may fall by this, which is the noise of distances [m].
 NOISE = 2e-6
-# Distances computed for one question; then what has not been shown is counted as a contact.
-MOST_DISTANCES = 20_000
+# Sets that are halved for one question, and more for each step; then what is not shown counts as a contact.
+MOST_HALVED = 5_000
+MORE_A_STEP = 50
 
 
 class Contact(NamedTuple):
@@ -51,6 +53,9 @@ class Sweep:
         self.scene = scene
         self._margin = margin - FINEST
         self._left = 0
+        # of each pair the distance that was computed last, and where the axes were
+        self._distance = np.full(len(scene.pairs), -np.inf)
+        self._at = np.zeros(scene.levers.T.shape)
 
     def floors(self, positions: Array, before: Array | None = None) -> Array:
         """Return how near each pair may come, shape (P,) [m]: the margin; what is nearer already may
@@ -78,20 +83,20 @@ class Sweep:
                 off it to both sides, shape (K,). moved: columns whose pairs are judged, shape (K,).
             floors: how near each pair may come, shape (P,) [m].
         """
-        self._left = MOST_DISTANCES
+        self._left = MOST_HALVED + MORE_A_STEP * len(way)
         levers = self.scene.levers
-        pairs = np.flatnonzero(levers[moved].any(axis=0)).tolist()
-        if not pairs:
-            return None
         total = np.zeros((len(way), levers.shape[1]))
         np.cumsum(np.abs(np.diff(way, axis=0)) @ levers, axis=0, out=total[1:])
         blur = half @ levers
+        # no nearer at the start than by all that the axes have moved since
+        least = self._distance - (np.abs(way[0] - self._at) * levers.T).sum(axis=1)
+        near = levers[moved].any(axis=0) & (least - blur - total[-1] < floors)
+        pairs = np.flatnonzero(near).tolist()
+        self._look(pairs, way[0])
         found: Contact | None = None
         end = len(way) - 1
-        self.scene.place(way[0])
-        starts = {pair: self.scene.distance(pair) for pair in pairs}
         for pair in pairs:
-            at, distance = 0, starts[pair]
+            at, distance = 0, float(self._distance[pair])
             while True:
                 spare = distance - blur[pair] - floors[pair]
                 # steps up to there are shown clear
@@ -100,16 +105,23 @@ class Sweep:
                     step = max(step, int(np.searchsorted(total[:, pair], total[at, pair] + spare, "right")))
                 if step > end:
                     break
-                near = self._near(pair, way[step - 1], way[step], half, float(floors[pair]))
-                if near is not None:
-                    found = Contact(pair, step - 1, *near)
+                touch = self._near(pair, way[step - 1], way[step], half, float(floors[pair]))
+                if touch is not None:
+                    found = Contact(pair, step - 1, *touch)
                     # another one counts only before it
                     end = step - 1
                     break
                 at = step
-                self.scene.place(way[at])
-                distance = self.scene.distance(pair)
+                self._look([pair], way[at])
+                distance = float(self._distance[pair])
         return found
+
+    def _look(self, pairs: Sequence[int], positions: Array) -> None:
+        """Compute the distances of some pairs where the axes are."""
+        if pairs:
+            self.scene.place(positions)
+        for pair in pairs:
+            self._distance[pair], self._at[pair] = self.scene.distance(pair), positions
 
     def _near(
         self, pair: int, before: Array, after: Array, half: Array, floor: float

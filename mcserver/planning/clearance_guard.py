@@ -70,7 +70,7 @@ class ClearanceGuard:
         contact = self._judge(way, half, moved)
         count = len(rows) if contact is None else contact.step
         if contact is not None:
-            self._touch(contact, int(rows.line[count]))
+            self._touch(contact, int(rows.line[count]), "take another way")
         for first in range(0, count, NOTED_ROWS):
             # with the place before them
             part = way[first : min(first + NOTED_ROWS, count) + 1]
@@ -147,7 +147,12 @@ class ClearanceGuard:
             half = 0.5 * (high - low)
         contact = self._judge(way, half, columns)
         if contact is not None:
-            self._touch(contact, control.line)
+            hint = "take another way"
+            if control.kind is ControlKind.RAPID:
+                hint = "its axes each come in their own time: give each a G00 of its own, or use G01"
+            elif control.kind is ControlKind.HOME:
+                hint = "home the axis that lifts the tool first, by a lower order, or jog clear of it"
+            self._touch(contact, control.line, hint)
             return False
         self._claim(Claim(columns, swept, control.u, alone=True))
         self._put(columns, ends.low, ends.high)
@@ -218,7 +223,7 @@ class ClearanceGuard:
         self._floors = self._sweep.floors(self._now, self._floors)
         return self._sweep.first_contact(way, half, moved, self._floors)
 
-    def _touch(self, contact: Contact, line: int) -> None:
+    def _touch(self, contact: Contact, line: int, hint: str) -> None:
         scene = self._sweep.scene
         pair = scene.pairs[contact.pair]
         one, other = pair.names
@@ -232,10 +237,9 @@ class ClearanceGuard:
             message = f"{one!r} would leave what the zone {other!r} leaves free"
         else:
             message = f"{one!r} would come too near to {other!r}: {distance}"
-        hint = "take another way; axes of one G00 each come in their own time: give each a line of its own"
         if other_program is not None:
             message += f", where {other_program} runs beside it"
-            hint = "let it wait until the other program has ended, or has left"
+            hint = "let one wait until the other has ended or left, such as by M66"
         self.contact = Diagnostic(
             code="MC321" if pair.zone else "MC320", message=message, line=line, hint=hint
         )

@@ -14,6 +14,7 @@ import pytest
 from mcserver.clearance.scene import Scene
 from mcserver.machine.machine_file import Machine, parse_machine
 from mcserver.service.program import Program
+from mcserver.simulation.simulation import simulate
 from mcserver.units import MM
 from tests.clearance.machines import MILL, TOOL, VISE, block, mill
 from tests.service.virtual_cell import VirtualCell
@@ -306,3 +307,54 @@ async def test_an_axis_that_is_homed_first_lifts_the_tool_over_the_post(start: S
     program = await cell.ended(await cell.homing.home("test", None))
     assert (program.state, program.fault) == ("finished", None)
     assert [event.axis for event in cell.events if event.kind == "axis.homed"] == [2, 0]
+
+
+@pytest.mark.parametrize("seed", range(10))
+async def test_feed_lines_stop_at_the_line_of_the_simulation_or_run_as_it_does(make: Make, seed: int) -> None:
+    draw = random.Random(seed)
+    lines = ["G1010"]
+    for _ in range(6):
+        x, y, z = draw.uniform(0.0, 300.0), draw.uniform(-60.0, 60.0), draw.uniform(30.0, 100.0)
+        lines.append(f"G1 X{x:.2f} Y{y:.2f} Z{z:.2f} F{draw.choice((2000, 12000))}")
+    found = simulate("\n".join(lines), mill(VISE))
+    expected = [("MC320", each["line"]) for each in found.report["diagnostics"]][:1]
+    cell = make()
+    watch = Watch(cell)
+    program = await cell.run(*lines)
+    assert [fault_of(program)] == expected if expected else program.state == "finished"
+    assert await watch.least(mill(VISE)) >= 0.98
+
+
+@pytest.mark.parametrize("seed", range(6))
+async def test_whatever_a_program_and_its_operator_do_nothing_touches(make: Make, seed: int) -> None:
+    draw = random.Random(100 + seed)
+    cell = make()
+    watch = Watch(cell)
+    for _ in range(4):
+        lines = ["G1010"]
+        for _ in range(5):
+            words = [
+                f"{letter}{draw.uniform(0.0, 200.0):.2f}" for letter in draw.sample("XYZ", draw.randint(1, 3))
+            ]
+            code = draw.choice(("G0", "G1020", "G1 F12000", "G1 F3000"))
+            lines.append(f"{code} {' '.join(words)}")
+        program = await begin(cell, [0, 1, 2], *lines)
+        for _ in range(6):
+            await asyncio.sleep(draw.uniform(0.0, 0.02))
+            if program.over:
+                break
+            if draw.random() < 0.5:
+                cell.service.set_override(draw.choice((0.2, 1.0, 1.7)), program.program)
+            elif program.held:
+                cell.service.resume(program.program)
+            else:
+                cell.service.hold(program.program)
+        if program.held and not program.over:
+            cell.service.resume(program.program)
+        if draw.random() < 0.3 and not program.over:
+            cell.service.abort(program.program, "enough")
+        await cell.ended(program)
+        if program.fault is not None:
+            assert fault_of(program)[0] == "MC320"
+    await cell.until(lambda: not any(cell.executor.feedback.velocity))
+    assert await watch.least(mill(VISE)) >= 0.98
