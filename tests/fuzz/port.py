@@ -37,7 +37,7 @@ LOOK_EVERY = 25
 OPEN_AT_ONCE = 200
 PROGRAM = ["G1010 P0", *["G01 X5 F3000", "G01 X0"] * 5000]
 FAILURES = ("Traceback", "MC516", "MC019")
-PANIC, DEAF = "panicked", "MC525"
+PANIC, DEAF, STALLED = "panicked", "MC525", "MC459"
 # of the built-in machine's linear axes [mm/s, mm/s²]; positions come as float32 [mm]
 VELOCITY, ACCELERATION, ROUNDING = 1000.0, 10_000.0, 1e-5
 
@@ -89,7 +89,7 @@ class Machine:
         self._numbers = iter(range(1, 1 << 40))
         self._program = ""
         self._axis: Setpoints | None = None
-        self.held = 0
+        self.held = self.stalled = 0
         self.longest_s = 0.0
         self.processes = (server.pid, *server.executors())
 
@@ -119,6 +119,15 @@ class Machine:
         try:
             if self._axis is None:
                 self._axis = self._watched_axis()
+            status = self.ask("status")
+            if status["faults"] and all(each["code"] == STALLED for each in status["faults"]):
+                # beside other work the executor may get no core: it has said so, and stopped
+                self.stalled += 1
+                self.ask("reset")
+                self._program = ""
+                return ""
+            if status["state"] != "ready":
+                return f"the machine is in {status['state']}: {status['faults']}"
             if not self._program:
                 self._program = self.ask("open", axes=[0], on_disconnect="finish")["program"]
                 self.ask("submit", program=self._program, first=1, lines=PROGRAM)
@@ -132,11 +141,8 @@ class Machine:
                 self._program = ""
             elif program["state"] not in ("running", "waiting"):
                 return f"the program is {program['state']}"
-            status = self.ask("status")
         except TimeoutError as error:
             return f"{error}\n{''.join(self.server.said[-400:])}"
-        if status["state"] != "ready":
-            return f"the machine is in {status['state']}"
         if (self.server.pid, *self.server.executors()) != self.processes:
             return "a process was replaced"
         return self._axis.wrong() or self._failure()
@@ -156,7 +162,8 @@ class Machine:
         assert self._axis is not None
         return (
             f"Zenoh panicked {said.count(PANIC)} times, {said.count(DEAF)} other sessions were opened, "
-            f"the program was held {self.held} times, an answer took {self.longest_s:.1f} s at most; "
+            f"the program was held {self.held} times, the executor had no core {self.stalled} times, "
+            f"an answer took {self.longest_s:.1f} s at most; "
             f"{self._axis.cycles} cycles, at most "
             f"{self._axis.worst_velocity:.1f} mm/s and {self._axis.worst_acceleration:.0f} mm/s²"
         )
