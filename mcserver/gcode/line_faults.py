@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from types import MappingProxyType
+
+import msgspec
 
 from mcserver.errors import Diagnostic, Edit, ProgramRejected, Severity
 
 Span = tuple[int, int]
+# the line of the text that a computed line comes from, and what gives the columns there
+Origin = tuple[int, Callable[[Span], Span]]
 
 # the title of each code is the first line of a rendered diagnostic; the message gives the values
 TITLES: Mapping[str, str] = MappingProxyType(
@@ -62,6 +66,15 @@ TITLES: Mapping[str, str] = MappingProxyType(
         "MC157": "there is no code",
         "MC158": "too many faults",
         "MC159": "M4 does not go with a tool's speed",
+        "MC160": "the expression cannot be read",
+        "MC161": "the O-words do not fit together",
+        "MC162": "there is no such parameter",
+        "MC163": "the expression has no value",
+        "MC164": "the program computes too much",
+        "MC165": "there is no such subprogram",
+        "MC166": "measured values are assumed",
+        "MC167": "the line stands in a block of O-words",
+        "MC168": "a measured value is not known",
         "MC155": "the probing move cannot be made",
         "MC153": "words of two codes would be mixed up",
         "MC201": "the move leaves the axis's travel",
@@ -78,10 +91,11 @@ TITLES: Mapping[str, str] = MappingProxyType(
 class FaultList:
     """The diagnostics of one line, in the order in which they were reported."""
 
-    __slots__ = ("found", "line")
+    __slots__ = ("found", "line", "origin")
 
-    def __init__(self, line: int) -> None:
+    def __init__(self, line: int, origin: Origin | None = None) -> None:
         self.line = line
+        self.origin = origin
         self.found: list[Diagnostic] = []
 
     def add(
@@ -118,8 +132,16 @@ class FaultList:
         )
 
     def in_reading_order(self) -> tuple[Diagnostic, ...]:
-        """Return the diagnostics by column."""
-        return tuple(sorted(self.found, key=lambda fault: (fault.column, fault.end_column)))
+        """Return the diagnostics by column, of a computed line at their places in the text."""
+        found = self.found
+        if self.origin is not None:
+            line, columns = self.origin
+            placed = ((fault, *columns((fault.column, fault.end_column))) for fault in found)
+            found = [
+                msgspec.structs.replace(fault, line=line, column=first, end_column=last, edit=None)
+                for fault, first, last in placed
+            ]
+        return tuple(sorted(found, key=lambda fault: (fault.column, fault.end_column)))
 
     def raise_if_any(self) -> None:
         """Reject the line if it has a fault.

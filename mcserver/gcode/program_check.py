@@ -9,10 +9,13 @@ import msgspec
 from mckinematics.pose import Kinematics
 
 from mcserver.errors import Diagnostic, ProgramRejected
+from mcserver.gcode.computing.expansion import Expansion, warnings_of
+from mcserver.gcode.computing.machine_values import Source
 from mcserver.gcode.profiles.codes import LATHE, SPINDLE
 from mcserver.gcode.profiles.frame import Frame
 from mcserver.gcode.semantics.interpreter import Interpreter
 from mcserver.gcode.text.line_window import BLOCK, LineWindow
+from mcserver.gcode.text.parser import ParsedLine
 from mcserver.gcode.text.profile_words import ProfileWords
 from mcserver.gcode.text.source import split_lines
 from mcserver.machine.dialect_section import CodeOutput
@@ -91,23 +94,30 @@ def check_lines(
     try:
         window = LineWindow(lines)
         survey.empty = len(window.first) < BLOCK and not any(map(_code, window.first))
+        expansion = Expansion(interpreter, Source.ASSUMED)
         while not window.ended and not interpreter.ended and survey.room:
             before = window.done
-            _check_next(interpreter, window, survey)
+            _check_next(interpreter, expansion, window, survey)
             if progress is not None and window.done // PROGRESS_STEP > before // PROGRESS_STEP:
                 progress(window.done)
     except ProgramRejected as rejected:
         # bytes that are no text, or a line that no machine takes: what the others say would be guesses
         return list(rejected.diagnostics)
+    if not interpreter.ended:
+        try:
+            expansion.close()
+        except ProgramRejected as rejected:
+            survey.faults(rejected.diagnostics)
+    survey.faults(warnings_of(expansion.assumed))
     if progress is not None:
         progress(window.done)
     return survey.diagnostics(window.done)
 
 
-def _check_next(interpreter: Interpreter, window: LineWindow, survey: _Survey) -> None:
-    """Check the next line, or as many as can be read in columns."""
+def _check_next(interpreter: Interpreter, expansion: Expansion, window: LineWindow, survey: _Survey) -> None:
+    """Check the next line with all that it runs, or as many lines as can be read in columns."""
     number = window.done + 1
-    most = interpreter.batch_window(number)
+    most = interpreter.batch_window(number) if expansion.idle else 0
     if most:
         batch = interpreter.interpret_batch(window.peek(most), number)
         if batch is not None:
@@ -119,13 +129,29 @@ def _check_next(interpreter: Interpreter, window: LineWindow, survey: _Survey) -
             survey.without_effect(batch.without_effect)
             window.drop(batch.taken)
             return
-    parsed = interpreter.parse(window.peek(1)[0], number)
+    text = window.peek(1)[0]
     window.drop(1)
+    try:
+        expansion.take(text, number)
+    except ProgramRejected as rejected:
+        survey.faults(rejected.diagnostics)
+    while expansion.running and not interpreter.ended and survey.room:
+        try:
+            parsed = expansion.next()
+        except ProgramRejected as rejected:
+            survey.faults(rejected.diagnostics)
+            continue
+        if isinstance(parsed, ParsedLine):
+            _check_line(interpreter, expansion, parsed, survey)
+
+
+def _check_line(interpreter: Interpreter, expansion: Expansion, parsed: ParsedLine, survey: _Survey) -> None:
     capture = interpreter.capture_before(parsed)
     if capture is not None:
         survey.value(capture)
     faults, values = interpreter.check_line(parsed)
-    survey.faults(faults)
+    expansion.interpreted(values)
+    survey.faults(faults if parsed.origin is None else survey.unsaid(faults))
     if parsed.profile is not None:
         survey.profile_words(parsed.profile, parsed.number)
     for value in values:
@@ -149,6 +175,8 @@ class _Survey:
         # by message: index of its first fault, and how many lines have it
         self._refusals: dict[str, tuple[int, int]] = {}
         self._turning = False
+        # code, line and column of faults of computed lines
+        self._places: set[tuple[str, int, int]] = set()
         # whether M3 or M4 has switched on an output that follows S; first line and count of changes of S then
         self._beam = False
         self._beam_changes = (0, 0)
@@ -160,6 +188,16 @@ class _Survey:
         # the last T, and line and tool of the first M6
         self._tool = 0
         self._first_tool: tuple[int, int] | None = None
+
+    def unsaid(self, faults: Iterable[Diagnostic]) -> list[Diagnostic]:
+        """Return the faults of a computed line that it did not have before: a loop runs it many times."""
+        found = []
+        for fault in faults:
+            place = fault.code, fault.line, fault.column
+            if place not in self._places:
+                self._places.add(place)
+                found.append(fault)
+        return found
 
     @property
     def room(self) -> bool:

@@ -71,6 +71,11 @@ class Dialect(msgspec.Struct, frozen=True):
         return self.profile == "reference"
 
     @property
+    def computes(self) -> bool:
+        """Return True if programs may hold expressions, parameters and O-words (D-80)."""
+        return self.profile == "cnc"
+
+    @property
     def strict(self) -> bool:
         """Return True if programs are read as the reference has it and no other way."""
         widened = self.letters or self.ignore or self.spindle is not None or self.channels or self.probes

@@ -18,6 +18,8 @@ from mcserver.errors import Diagnostic, ProgramRejected
 from mcserver.executor.entries import Control, EventKind, ExecutorEvent, MotionSink
 from mcserver.executor.fault_codes import WARNINGS
 from mcserver.executor.stopping import longest_stop, stopping_rows
+from mcserver.gcode.computing.expansion import Expansion
+from mcserver.gcode.computing.machine_values import Unsettled
 from mcserver.gcode.notices import notice_of
 from mcserver.gcode.semantics.interpreter import Interpreter
 from mcserver.gcode.text.parser import ParsedLine
@@ -114,6 +116,8 @@ class Pipeline:
             frame=start.frame,
             machine_coordinates=machine_coordinates or bool(approach),
         )
+        self._expansion = Expansion(self._interpreter)
+        self._columns = [axis.index for axis in machine.axes]
         self._approach = deque(approach)
         self._machine_coordinates = machine_coordinates
         self._printer = machine.dialect.profile == "printer"
@@ -207,6 +211,11 @@ class Pipeline:
             observed = self._plan.settled(event.values[: self._width])
             if observed:
                 self._interpreter.sync_positions(observed)
+        elif event.kind is EventKind.PROBED:
+            place = dict(zip(self._columns, event.values, strict=True))
+            self._expansion.measured.probed(place, tripped=event.token == 1)
+        elif event.kind is EventKind.INPUT:
+            self._expansion.measured.input_read(event.values[0])
         elif event.kind is EventKind.PAUSED:
             self._plan.pause_u = None
         elif event.kind is EventKind.STOPPED or (
@@ -273,7 +282,7 @@ class Pipeline:
     @property
     def _more(self) -> bool:
         """Whether lines wait that could flow into the motion under way."""
-        return bool(self.lines.ready or self._plan.canonical)
+        return bool(self.lines.ready or self._plan.canonical or self._expansion.running)
 
     def _hurry(self, lead: float) -> bool:
         """Return whether motion has to be handed over now."""
@@ -324,10 +333,11 @@ class Pipeline:
             # nobody can correct it, and the program must not begin from anywhere else
             raise rejected
         plan.reports.append(Report(ReportKind.REJECTED, line, diagnostics=rejected.diagnostics))
+        # what a block of O-words has done until here is not all of it
+        plan.last_line = (self._expansion.head or line) - 1
         self._end_of_text()
         self._broken = True
         plan.canonical.clear()
-        plan.last_line = line - 1
         plan.drop_outputs()
         self._held = None
         plan.flush = plan.motion.pending > 0
@@ -342,7 +352,7 @@ class Pipeline:
                 if not plan.step():
                     return True
                 worked = True
-            elif self._held is not None or self.lines.ready:
+            elif self._held is not None or self._expansion.running or self.lines.ready:
                 if not self._interpret():
                     return True
                 worked = True
@@ -351,7 +361,9 @@ class Pipeline:
             busy = plan.motion.full or plan.flush or plan.waiting_for is not None
             if busy or plan.source is not None or plan.output.blocked:
                 return True
-        if not plan.canonical and not self.lines and self._held is None and self.lines.closed:
+        running = self._held is not None or self._expansion.running
+        if not plan.canonical and not self.lines and not running and self.lines.closed:
+            self._expansion.close()
             if plan.motion.pending:
                 plan.flush = True
                 return True
@@ -360,7 +372,7 @@ class Pipeline:
             plan.output.flush()
             plan.reports.append(Report(ReportKind.FINISHED, plan.last_line))
             return True
-        idle = not (plan.canonical or self._held or plan.motion.pending or self.lines.ready)
+        idle = not (plan.canonical or running or plan.motion.pending or self.lines.ready)
         if idle and plan.pass_lines(plan.last_line):
             plan.output.flush()
             return True
@@ -388,13 +400,16 @@ class Pipeline:
             return self._interpret_next()
         except ProgramRejected as rejected:
             faulty = rejected.diagnostics[0].line
-            if self.lines.closed or self._on_fault is FaultRule.END or faulty == APPROACH_LINE:
+            begun = self._expansion.in_block
+            if self.lines.closed or self._on_fault is FaultRule.END or faulty == APPROACH_LINE or begun:
                 raise
             # neither modal state nor motion has changed: the program goes on with the same number
             self._plan.reports.append(Report(ReportKind.REJECTED, faulty, diagnostics=rejected.diagnostics))
             self.lines.clear()
             self._held = None
-            self._plan.last_line = faulty - 1
+            if not self._expansion.head:
+                self._expansion.drop()
+            self._plan.last_line = (self._expansion.head or faulty) - 1
             return False
 
     def _interpret_next(self) -> bool:
@@ -403,12 +418,13 @@ class Pipeline:
             self._held = self._interpreter.parse(self._approach.popleft(), APPROACH_LINE)
         if self._held is None and not self._machine_coordinates:
             self._interpreter.begin_program()
-        if self._held is None and self._take_run():
+        if self._held is None and self._expansion.idle and self._take_run():
             return True
         if self._held is None:
-            number, text = self.lines.take()
-            plan.last_line = number
-            self._held = self._interpreter.parse(text, number)
+            expanded = self._expand()
+            if not isinstance(expanded, ParsedLine):
+                return expanded
+            self._held = expanded
         parsed = self._held
         capture = self._interpreter.capture_before(parsed)
         if capture is not None:
@@ -418,15 +434,10 @@ class Pipeline:
         if unknown:
             # one capture makes all its axes unknown: asked for together, later lines need not stop for
             # the others
-            unknown |= plan.captured
-            if plan.motion.pending:
-                plan.flush = True
-                return False
-            plan.pass_lines(parsed.number - 1)
-            plan.settle(unknown)
-            return False
+            return self._settle(unknown | plan.captured, parsed.number)
         self._held = None
         values = self._interpreter.interpret(parsed)
+        self._expansion.interpreted(values)
         plan.canonical.extend(values)
         message = notice_of(parsed.text, values, printer=self._printer)
         if message is not None:
@@ -439,6 +450,34 @@ class Pipeline:
             self._end_of_text()
         return True
 
+    def _expand(self) -> ParsedLine | bool:
+        """Return the next plain line; True where there was none in this piece of work, False where the
+        motion before has to end first.
+        """
+        plan, expansion = self._plan, self._expansion
+        if not expansion.running:
+            number, text = self.lines.take()
+            plan.last_line = number if expansion.idle else expansion.head - 1
+            expansion.take(text, number)
+            if expansion.head:
+                plan.last_line = expansion.head - 1
+        found = expansion.next()
+        if expansion.idle:
+            plan.last_line = max(plan.last_line, expansion.through)
+        if isinstance(found, Unsettled):
+            return self._settle(found.axes | plan.captured, expansion.head or expansion.through)
+        # a long computation goes on in the next piece of work
+        return not expansion.running if found is None else found
+
+    def _settle(self, axes: frozenset[int] | set[int], line: int) -> bool:
+        """Ask for positions of axes, for a line that needs them, when the motion before it has ended."""
+        if self._plan.motion.pending:
+            self._plan.flush = True
+            return False
+        self._plan.pass_lines(line - 1)
+        self._plan.settle(frozenset(axes))
+        return False
+
     def _note_frame(self, line: int) -> None:
         """Report the work offsets where they have changed."""
         frame = self._interpreter.frame
@@ -450,3 +489,4 @@ class Pipeline:
     def _end_of_text(self) -> None:
         self.lines.closed = True
         self.lines.clear()
+        self._expansion.drop()

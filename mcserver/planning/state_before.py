@@ -5,10 +5,14 @@ from __future__ import annotations
 from collections.abc import Iterable
 from itertools import islice
 
+import msgspec
 from mckinematics.pose import Kinematics
 
+from mcserver.gcode.computing.expansion import Expansion
+from mcserver.gcode.computing.machine_values import Source
 from mcserver.gcode.semantics.interpreter import Interpreter
 from mcserver.gcode.text.line_window import LineWindow
+from mcserver.gcode.text.parser import ParsedLine
 from mcserver.machine.machine_file import Machine
 from mcserver.motion.canonical import (
     AxisLine,
@@ -100,16 +104,18 @@ def state_before(
         origin: the machine as the program began. lease: its axes; None: all.
 
     Raises:
-        ProgramRejected: a line before it has a fault.
+        ProgramRejected: a line before it has a fault; MC167 the line stands in a block of O-words; MC168 a
+            line before it went by what was measured.
     """
     interpreter = Interpreter(
         machine, kinematics=kinematics, positions=origin.positions, lease=lease, frame=origin.frame
     )
     effects = _Effects(origin)
     window = LineWindow(islice(lines, number - 1))
+    expansion = Expansion(interpreter, Source.NOWHERE)
     while not window.ended and not interpreter.ended:
         at = window.done + 1
-        most = interpreter.batch_window(at)
+        most = interpreter.batch_window(at) if expansion.idle else 0
         incremental = interpreter.modal.incremental
         run = interpreter.interpret_batch(window.peek(most), at) if most else None
         if run is not None:
@@ -117,15 +123,24 @@ def state_before(
                 effects.take(line, incremental=incremental or run.modal.incremental)
             window.drop(run.taken)
             continue
-        parsed = interpreter.parse(window.peek(1)[0], at)
+        expansion.take(window.peek(1)[0], at)
         window.drop(1)
-        capture = interpreter.capture_before(parsed)
-        if capture is not None:
-            effects.take(capture, incremental=False)
-        for value in interpreter.interpret(parsed):
-            effects.take(value, incremental=interpreter.modal.incremental)
+        while expansion.running and not interpreter.ended:
+            parsed = expansion.next()
+            if not isinstance(parsed, ParsedLine):
+                continue
+            capture = interpreter.capture_before(parsed)
+            if capture is not None:
+                effects.take(capture, incremental=False)
+            values = interpreter.interpret(parsed)
+            expansion.interpreted(values)
+            for value in values:
+                effects.take(value, incremental=interpreter.modal.incremental)
+    modal = interpreter.modal
+    if not interpreter.ended:
+        modal = msgspec.structs.replace(modal, computed=expansion.kept())
     return StateBefore(
-        modal=interpreter.modal,
+        modal=modal,
         positions=interpreter.positions,
         unknown=frozenset(effects.unknown),
         energized=frozenset(effects.energized),

@@ -141,7 +141,7 @@ def test_a_dwell_is_milliseconds_on_a_printer_and_seconds_on_a_mill() -> None:
 
 def test_expressions_and_o_words_are_refused_once_for_the_file() -> None:
     text = "#1 = 5\nG1 X[#1+2] F100\no100 sub\no100 endsub\n" * 20
-    (fault,) = errors(text, "cnc")
+    (fault,) = errors(text, "printer")
     assert (fault.code, fault.line) == ("MC140", 1)
 
 

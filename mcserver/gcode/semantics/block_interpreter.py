@@ -311,6 +311,6 @@ class BlockInterpreter:
 
 def faults_of(block: BlockState) -> FaultList:
     """Collect all faults of a line, those of its text first."""
-    faults = FaultList(block.parsed.number)
+    faults = FaultList(block.parsed.number, block.parsed.origin)
     faults.found = [*block.parsed.faults, *block.faults.found]
     return faults

@@ -85,7 +85,7 @@ class BlockState:
         self.parsed = parsed
         self.modal = modal
         self.commanded = commanded.copy()
-        self.faults = FaultList(parsed.number)
+        self.faults = FaultList(parsed.number, parsed.origin)
         self.moved: dict[int, Command] = {}
         self.exact_stop = False
         self.tolerance = 0.0

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Container, Mapping, Sequence
 
 from mckinematics.pose import Kinematics
 
@@ -79,6 +79,26 @@ class Interpreter:
         if self._program is not None:
             self._modal, self._program = self._program, None
             self._parse = reader_of(self._setup.machine.dialect)
+
+    @property
+    def machine(self) -> Machine:
+        """Return the machine whose programs are read."""
+        return self._setup.machine
+
+    @property
+    def computes(self) -> bool:
+        """Whether lines may hold expressions, parameters and O-words (D-80): not on the way to the first."""
+        return self._program is None and self._setup.machine.dialect.computes
+
+    @property
+    def unsynced(self) -> Container[int]:
+        """Axes whose commanded position is only known once the encoder has been read."""
+        return self._commanded.unsynced
+
+    def guess_positions(self) -> None:
+        """Let positions be guesses, behind a line that could not be computed. For checks only."""
+        for axis in self._commanded.positions:
+            self._commanded.mark_guessed(axis)
 
     @property
     def positions(self) -> Mapping[int, float]:

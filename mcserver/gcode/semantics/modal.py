@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import msgspec
 
+from mcserver.gcode.computing.parameters import Kept
 from mcserver.gcode.profiles.codes import LEAST_FEED_UNDER_G99
 from mcserver.gcode.profiles.frame import Frame
 from mcserver.gcode.semantics.program_units import length_scale, path_speed
@@ -37,6 +38,7 @@ class ModalState(msgspec.Struct, frozen=True):
         frame: work offsets and spindle of the profiles (D-62); None in the reference's dialect.
         shift: the program's zero in axis positions, axis → [m or rad], as the frame gives it; None: no shift.
         relative: axes whose words are increments under G90 too (M83).
+        computed: parameters and subprograms of the lines before, where a program starts in its middle.
         carried: tools chosen so far, each once, the last one last: their payloads stay after G1050 (D-55).
     """
 
@@ -54,6 +56,7 @@ class ModalState(msgspec.Struct, frozen=True):
     shift: dict[int, float] | None = None
     relative: tuple[int, ...] = ()
     carried: tuple[int, ...] = ()
+    computed: Kept | None = None
 
 
 INITIAL = ModalState()

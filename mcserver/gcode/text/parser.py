@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from mcserver.errors import Diagnostic, Edit
-from mcserver.gcode.line_faults import FaultList, Span
+from mcserver.gcode.line_faults import FaultList, Origin, Span
 from mcserver.gcode.text.command_table import CommandSpec
 from mcserver.gcode.text.grammar import group_commands
 from mcserver.gcode.text.profile_words import ProfileWords
@@ -21,15 +21,18 @@ class ParsedLine:
         text: as written.
         faults: its faults of text and grammar; empty from `parse_line`.
         profile: what it says besides, on machines whose dialect has more than the reference.
+        origin: of a line that was computed: the line of the text that it comes from, and where columns stand
+            there; None: it stands in the text as it is.
     """
 
-    __slots__ = ("_groups", "_scan", "_spans", "faults", "number", "profile", "text")
+    __slots__ = ("_groups", "_scan", "_spans", "faults", "number", "origin", "profile", "text")
 
     def __init__(self, number: int, text: str, scanned: Scan) -> None:
         self.number = number
         self.text = text
         self.faults: tuple[Diagnostic, ...] = ()
         self.profile: ProfileWords | None = None
+        self.origin: Origin | None = None
         self._scan = scanned
         self._spans: list[Span] | None = scanned.spans
         self._groups: tuple[Group, ...] | None = None

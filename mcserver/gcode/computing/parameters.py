@@ -1,0 +1,105 @@
+"""The parameters of a program: numbered, local and global ones, and those that its subprograms were given."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import msgspec
+
+from mcserver.gcode.computing.expressions import ComputingError
+from mcserver.gcode.line_faults import Span
+
+# these belong to a subprogram, with its named ones
+LOCAL = 30
+# names that one program may give
+MOST_NAMES = 10_000
+# those of LinuxCNC that the machine has or measures: programs read them
+_OF_THE_MACHINE = range(5061, 5603)
+
+
+class Scope:
+    """The parameters of one call: #1 to #30 and the names without underscore."""
+
+    __slots__ = ("named", "numbered")
+
+    def __init__(self, arguments: tuple[float, ...] = ()) -> None:
+        self.numbered = [0.0, *arguments, *[0.0] * (LOCAL - len(arguments))]
+        self.named: dict[str, float] = {}
+
+
+class Kept(msgspec.Struct, frozen=True):
+    """Parameters and subprograms of a program at one of its lines, from which it can go on.
+
+    Attributes:
+        numbered: parameters that are not 0. local: names of the main program. named: global names.
+        subprograms: texts of their lines, each with its number.
+    """
+
+    numbered: Mapping[int, float] = {}
+    local: Mapping[str, float] = {}
+    named: Mapping[str, float] = {}
+    subprograms: Mapping[int, str] = {}
+
+
+class ParameterTable:
+    """Parameters that a program sets itself (D-81).
+
+    Attributes:
+        scopes: of the main program and of the calls under way.
+    """
+
+    def __init__(self, kept: Kept) -> None:
+        self.scopes = [Scope()]
+        self._numbered = {number: value for number, value in kept.numbered.items() if number > LOCAL}
+        self._named = dict(kept.named)
+        self.scopes[0].named.update(kept.local)
+        for number, value in kept.numbered.items():
+            if number <= LOCAL:
+                self.scopes[0].numbered[number] = value
+
+    def kept(self) -> Kept:
+        """Return what the main program has."""
+        main = self.scopes[0]
+        local = {number: value for number, value in enumerate(main.numbered) if value}
+        return Kept({**self._numbered, **local}, dict(main.named), dict(self._named))
+
+    def numbered(self, number: int) -> float:
+        """Return a numbered parameter; one that was never set is 0."""
+        if number <= LOCAL:
+            return self.scopes[-1].numbered[number]
+        return self._numbered.get(number, 0.0)
+
+    def named(self, name: str) -> float | None:
+        """Return a named parameter; None: there is none."""
+        return (self._named if name.startswith("_") else self.scopes[-1].named).get(name)
+
+    def set_numbered(self, number: int, value: float) -> None:
+        """Set a numbered parameter; 0: one whose number could not be computed."""
+        if number <= LOCAL:
+            self.scopes[-1].numbered[number] = value
+        else:
+            self._numbered[number] = value
+
+    def set_named(self, name: str, value: float, span: Span = (1, 2)) -> None:
+        """Set a named parameter; one whose name begins with ``_`` is global.
+
+        Raises:
+            ComputingError: MC164 there are too many.
+        """
+        names = self._named if name.startswith("_") else self.scopes[-1].named
+        if name not in names and len(names) >= MOST_NAMES:
+            raise ComputingError("MC164", f"the program has more than {MOST_NAMES} names", span)
+        names[name] = value
+
+
+def check_own(number: int, span: Span) -> None:
+    """Refuse to set what is the machine's.
+
+    Raises:
+        ComputingError: MC162.
+    """
+    if number in _OF_THE_MACHINE:
+        hint = "G10 L2, G92 and G28.1 set offsets and stored positions" if number < 5400 else ""
+        raise ComputingError(
+            "MC162", f"#{number} is read, not set: the machine has it", span, hint or "use another parameter"
+        )

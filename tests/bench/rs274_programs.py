@@ -1,0 +1,345 @@
+"""Random programs that compute, read here and by LinuxCNC's rs274: differences of their moves are printed.
+
+``python -m tests.bench.rs274_programs [PROGRAMS] [SEED]``, with rs274 on the PATH or in the variable RS274
+(Debian: linuxcnc-uspace). Compared are ends and centres of moves, and whether a program is refused.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+import shutil
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+from random import Random
+
+from mcserver.errors import ProgramRejected
+from mcserver.gcode.computing.expansion import Expansion
+from mcserver.gcode.semantics.interpreter import Interpreter
+from mcserver.gcode.text.parser import ParsedLine
+from mcserver.machine.machine_file import Machine, parse_machine
+from mcserver.motion.canonical import Canonical, FeedGroup, MotionLine, RapidGroup
+from mcserver.motion.geometry.curves import ArcCurve
+from mcserver.units import MM
+
+# rs274 prints so many decimals [mm]
+_ROUNDING = 1.5e-4
+_SIGNS = re.findall(r"\S+", "+ - * / + - * ** MOD EQ NE GT GE LT LE AND OR XOR")
+_FUNCTIONS = re.findall(r"\S+", "ABS FIX FUP ROUND SIN COS TAN SQRT ATAN EXP ACOS ASIN LN EXISTS")
+Move = tuple[float, ...]
+_AXES = "".join(
+    f'[[axis]]\nindex = {index}\ntype = "linear"\nmax_velocity = 1e3\nmax_acceleration = 1e4\n'
+    for index in range(3)
+)
+MACHINE = parse_machine(f'[machine]\nname = "mill"\n[dialect]\nprofile = "cnc"\n{_AXES}')
+
+
+class Writer:
+    """Write one random program."""
+
+    def __init__(self, seed: int) -> None:
+        self._random = Random(seed)
+        self._lines: list[str] = []
+        self._label = 100
+        self._names = ["alpha", "beta", "_gamma"]
+        self._subs: list[tuple[str, int]] = []
+        # a break that skips lines makes rs274 end the next do loop at once
+        self._breaks = self._random.random() < 0.5
+        # rs274 computes the values of O-words that it skips: these have to be sound
+        self._sound = False
+
+    def program(self) -> str:
+        """Return the text."""
+        self._lines = ["G21 G90 G17 G94 F1000"]
+        self._lines += [f"#{number}={self._number()}" for number in range(1, 6)]
+        self._lines += [f"#<{name}>={self._number()}" for name in self._names]
+        for index in range(self._random.randrange(3)):
+            self._sub(index)
+        for _ in range(self._random.randint(3, 9)):
+            self._statement(0)
+        # the longest line that rs274 reads
+        self._lines = [line for line in self._lines if len(line) < 250 or line[0] == "o"]
+        return "\n".join([*self._lines, "M2", ""])
+
+    def _number(self) -> str:
+        return f"{self._random.uniform(-20, 20):.{self._random.randrange(4)}f}"
+
+    def _parameter(self) -> str:
+        pick = self._random.random()
+        if pick < 0.6:
+            return f"#{self._random.randint(1, 6)}"
+        if pick < 0.9:
+            return f"#<{self._random.choice(self._names)}>"
+        return self._random.choice(["#5420", "#5421", "#5422", "#<_x>", "#[2+1]", "#<_feed>", "#5220"])
+
+    def _value(self, deep: int = 0) -> str:
+        pick = self._random.random()
+        if deep > 2 or pick < 0.3:
+            return self._random.choice([self._number(), self._parameter(), f"-{self._parameter()}"])
+        if pick < 0.65:
+            inner = self._value(deep + 1)
+            for _ in range(self._random.randint(1, 3)):
+                sign = self._random.choice(
+                    [
+                        "+",
+                        "-",
+                        "*",
+                        "/",
+                        "+",
+                        "-",
+                        "*",
+                        "**",
+                        "MOD",
+                        "EQ",
+                        "NE",
+                        "GT",
+                        "GE",
+                        "LT",
+                        "LE",
+                        "AND",
+                        "OR",
+                        "XOR",
+                    ]
+                )
+                number = self._random.choice(["2", "3", "1.5", "-7", "0.25"])
+                second = self._value(deep + 1) if sign not in ("/", "MOD", "**") else number
+                second = "2" if sign == "**" else second
+                if self._random.random() < 0.01 and not self._sound:
+                    second = self._value(deep + 1)
+                inner += f" {sign} {second}"
+            return f"[{inner}]"
+        name = self._random.choice(
+            [
+                "ABS",
+                "FIX",
+                "FUP",
+                "ROUND",
+                "SIN",
+                "COS",
+                "TAN",
+                "SQRT",
+                "ATAN",
+                "EXP",
+                "ACOS",
+                "ASIN",
+                "LN",
+                "EXISTS",
+            ]
+        )
+        inner = self._value(deep + 1)
+        if name == "ATAN":
+            return f"ATAN[{inner}]/[{self._value(deep + 1)}]"
+        if name == "EXISTS":
+            return f"EXISTS[#<{self._random.choice([*self._names, 'nobody'])}>]"
+        safe = {
+            "SQRT": f"ABS[{inner}]",
+            "EXP": f"{inner} MOD 5",
+            "ACOS": f"SIN[{inner}]",
+            "ASIN": f"COS[{inner}]",
+            "LN": f"ABS[{inner}]+1",
+            "TAN": f"{inner} MOD 60",
+        }
+        sound = self._sound or self._random.random() < 0.97
+        return f"{name}[{safe.get(name, inner) if sound else inner}]"
+
+    def _sound_value(self) -> str:
+        self._sound = True
+        value = self._value(2)
+        self._sound = False
+        return value
+
+    def _place(self) -> str:
+        return f"[[{self._value(1)}] MOD 100]"
+
+    def _statement(self, deep: int, loop: str = "") -> None:
+        pick = self._random.random()
+        if pick < 0.4 or deep > 3:
+            self._move()
+        elif pick < 0.6:
+            self._lines.append(
+                f"{self._random.choice(['#1', '#2', '#3', '#<alpha>', '#<_gamma>'])}={self._place()}"
+            )
+        elif pick < 0.7:
+            self._if(deep, loop)
+        elif pick < 0.9:
+            self._loop(deep, loop)
+        elif pick < 0.95 and loop and deep and self._breaks:
+            self._lines.append(f"o{loop} {self._random.choice(['break', 'continue'])}")
+        elif self._subs:
+            name, count = self._random.choice(self._subs)
+            arguments = " ".join(f"[{self._value(2)}]" for _ in range(self._random.randint(0, count)))
+            self._lines += [f"o{name} call {arguments}", "#4=#<_value>"]
+        else:
+            self._lines.append("G91 G0 X1 Y#1" if self._random.random() < 0.5 else "G90")
+
+    def _move(self) -> None:
+        words = [f"{letter}{self._place()}" for letter in "XYZ" if self._random.random() < 0.6] or ["X1"]
+        also = f" #2={self._number()}" if self._random.random() < 0.2 else ""
+        self._random.shuffle(words)
+        if self._random.random() < 0.15:
+            self._lines.append(
+                f"G90 G{self._random.choice('23')} I[ABS[{self._value(2)} MOD 9]+1] J[#1 MOD 7]"
+            )
+        else:
+            self._lines.append(f"{self._random.choice(['G0', 'G1', 'g01'])} {' '.join(words)}{also}")
+
+    def _body(self, deep: int, loop: str = "") -> None:
+        for _ in range(self._random.randint(1, 3)):
+            self._statement(deep + 1, loop)
+
+    def _if(self, deep: int, loop: str) -> None:
+        label = self._new()
+        self._lines.append(f"o{label} if [{self._value(1)}]")
+        self._body(deep, loop)
+        for _ in range(self._random.randrange(2)):
+            self._lines.append(f"o{label} elseif [{self._sound_value()}]")
+            self._body(deep, loop)
+        if self._random.random() < 0.5:
+            self._lines.append(f"o{label} else")
+            self._body(deep, loop)
+        self._lines.append(f"o{label} endif")
+
+    def _loop(self, deep: int, outer: str) -> None:
+        label, counter = self._new(), f"#{20 + deep}"
+        kind = self._random.choice(["while", "repeat"] if self._breaks else ["while", "do", "repeat"])
+        self._lines.append(f"{counter}=0")
+        condition = f"[{counter} LT {self._random.randint(0, 4)}]"
+        opening = {
+            "while": f"while {condition}",
+            "do": "do",
+            "repeat": f"repeat [{self._random.randint(0, 4)}]",
+        }
+        self._lines += [f"o{label} {opening[kind]}", f"{counter}=[{counter}+1]"]
+        # rs274 knows no break in repeat
+        self._body(deep, {"while": label, "repeat": outer}.get(kind, ""))
+        self._lines.append(f"o{label} {'while ' + condition if kind == 'do' else 'end' + kind}")
+
+    def _sub(self, index: int) -> None:
+        name, count = (f"<sub{index}>", 4) if self._random.random() < 0.5 else (str(10 + index), 3)
+        names, self._names = self._names, ["_gamma"]
+        self._lines.append(f"o{name} sub")
+        self._body(2)
+        if self._random.random() < 0.3:
+            self._lines.append(f"o{name} return [{self._sound_value()}]")
+        self._lines.append(
+            f"o{name} endsub" + (f" [{self._sound_value()}]" if self._random.random() < 0.5 else "")
+        )
+        self._names = names
+        self._subs.append((name, count))
+
+    def _new(self) -> str:
+        self._label += 1
+        return str(self._label)
+
+
+def moves_here(text: str, machine: Machine = MACHINE) -> tuple[list[Move], str]:
+    """Return ends (and centres) of the moves [mm], and the fault that ends them, if any."""
+    interpreter = Interpreter(machine)
+    expansion = Expansion(interpreter)
+    place = [0.0, 0.0, 0.0]
+    found: list[Move] = []
+    try:
+        for number, line in enumerate(text.splitlines(), start=1):
+            expansion.take(line, number)
+            while expansion.running and not interpreter.ended:
+                parsed = expansion.next()
+                if isinstance(parsed, ParsedLine):
+                    for value in interpreter.interpret(parsed):
+                        _follow(value, place, found)
+            if interpreter.ended:
+                break
+        else:
+            expansion.close()
+    except ProgramRejected as rejected:
+        fault = rejected.diagnostics[0]
+        return found, f"{fault.code} line {fault.line}: {fault.message}"
+    return found, ""
+
+
+def _follow(value: Canonical, place: list[float], found: list[Move]) -> None:
+    if not isinstance(value, MotionLine):
+        return
+    for group in value.groups:
+        centre: Move = ()
+        if isinstance(group, RapidGroup):
+            ends = dict(zip(group.axes, group.targets, strict=True))
+        elif isinstance(group, FeedGroup):
+            curve = group.curves[0]
+            ends = dict(zip(curve.axes, curve.end, strict=True))
+            if isinstance(curve, ArcCurve):
+                centre = tuple(each / MM for each in curve.centre)
+        else:
+            continue
+        for axis, end in ends.items():
+            place[axis] = end / MM
+        found.append((*place, *centre))
+
+
+def moves_of_rs274(text: str, rs274: str) -> tuple[list[Move], str]:
+    """Return what LinuxCNC makes of it."""
+    with tempfile.TemporaryDirectory() as folder:
+        program = Path(folder, "program.ngc")
+        program.write_text(text)
+        Path(folder, "tools").touch()
+        command = [rs274, "-t", "tools", "-v", "variables", "-g", "program.ngc", "moves"]
+        try:
+            done = subprocess.run(
+                command, cwd=folder, capture_output=True, text=True, timeout=20, check=False
+            )
+        except subprocess.TimeoutExpired:
+            return [], "no end"
+        output = Path(folder, "moves").read_text() if Path(folder, "moves").exists() else ""
+    found: list[Move] = []
+    for kind, numbers in re.findall(r"(STRAIGHT_TRAVERSE|STRAIGHT_FEED|ARC_FEED)\(([^)]*)\)", output):
+        values = [float(each) for each in numbers.split(",")]
+        if kind == "ARC_FEED":
+            found.append((values[0], values[1], values[5], values[2], values[3]))
+        else:
+            found.append(tuple(values[:3]))
+    said = [line for line in done.stderr.splitlines() if line.strip() and "updating variable" not in line]
+    refused = "" if "PROGRAM_END" in output else " ".join(said[-3:]) or "no end"
+    return found, refused.replace("executing", "").strip() or ("" if "PROGRAM_END" in output else "refused")
+
+
+def _apart(here: float, there: float) -> bool:
+    # places are computed MOD 100: rounding may make 100 of 0
+    return abs((here - there + 50.0) % 100.0 - 50.0) > _ROUNDING
+
+
+def differences(here: list[Move], there: list[Move]) -> str:
+    """Name the first difference; empty: there is none."""
+    for index, (mine, theirs) in enumerate(zip(here, there, strict=False)):
+        if len(mine) != len(theirs) or any(abs(a - b) > _ROUNDING for a, b in zip(mine, theirs, strict=True)):
+            return f"move {index + 1}: {mine} here, {theirs} of rs274"
+    if len(here) != len(there):
+        return f"{len(here)} moves here, {len(there)} of rs274"
+    return ""
+
+
+def main(count: int = 200, seed: int = 1) -> int:
+    """Compare programs; return how many differ."""
+    rs274 = os.environ.get("RS274") or shutil.which("rs274")
+    if rs274 is None:
+        print("no rs274 on the PATH, nor in the variable RS274", file=sys.stderr)
+        return 0
+    differing = refused = moves = 0
+    for each in range(seed, seed + count):
+        text = Writer(each).program()
+        here, fault = moves_here(text)
+        there, error = moves_of_rs274(text, rs274)
+        moves += len(here)
+        refused += bool(fault and error)
+        what = differences(here, there)
+        if bool(fault) != bool(error):
+            what = f"{what}; here: {fault or 'accepted'}; rs274: {error or 'accepted'}"
+        if what:
+            differing += 1
+            print(f"seed {each}: {what}")
+    print(f"{count} programs, {moves} moves, {refused} refused by both, {differing} differ")
+    return differing
+
+
+if __name__ == "__main__":
+    sys.exit(bool(main(*(int(each) for each in sys.argv[1:3]))))
