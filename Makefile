@@ -128,7 +128,7 @@ fuzz: $(VENV)/.for-development  ## random inputs for all that takes bytes; make 
 schedules: $(VENV)/.for-development  ## runs of the simulated cell; make schedules ARGS="--first 5000 --count 1000" (default: 20 000)
 	@$(BIN)/python -m tests.bench.schedules $(ARGS)
 
-laws: $(VENV)/.for-development  ## laws of motion on random programs; make laws ARGS="--first 0 --count 1000 --orders" (default: 10 000)
+laws: $(VENV)/.for-development  ## laws of motion on random programs; make laws ARGS="--first 0 --count 1000 --orders", or --servo (default: 10 000)
 	@$(BIN)/python -m tests.bench.motion_laws $(ARGS)
 
 pictures: $(VENV)/.for-development  ## draw the pictures of the documentation anew, by the product itself
@@ -137,6 +137,7 @@ pictures: $(VENV)/.for-development  ## draw the pictures of the documentation an
 	$(BIN)/mcserver plot examples/clearance.gcode --machine examples/post-and-door.toml --no-limits \
 		--output docs/images/clearance.png || [ $$? = 1 ]  # it ends in a contact
 	$(BIN)/mcserver plot examples/robot-dog.gcode --machine robot-dog --no-limits --output docs/images/dog.png
+	$(BIN)/python -m tests.bench.servo_picture docs/images/servo.png
 	$(BIN)/python -m tests.browser.picture docs/images
 	$(BIN)/python -m tests.motion.picture docs/images/chords.png docs/images/stretches.png
 

@@ -114,6 +114,8 @@ class Follows:
             # overwritten meanwhile: the next cycle reads what has come
             return
         self._seen = count
+        if not np.isfinite(newest.knots).all():
+            return
         self._newest = newest
         at, cycle_s, knots = self._at, self._cycle.cycle_s, newest.knots
         ahead = knots[knots[:, 0] > at + AHEAD * cycle_s]
@@ -121,8 +123,10 @@ class Follows:
             ahead = knots[-1:].copy()
             axes = len(self._columns)
             passed = at + NEXT * cycle_s - ahead[0, 0]
-            ahead[0, 0] += passed
-            ahead[0, 1 : 1 + axes] += passed * ahead[0, 1 + axes :]
+            with np.errstate(over="ignore"):
+                # what is beyond all numbers stops the axes
+                ahead[0, 0] += passed
+                ahead[0, 1 : 1 + axes] += passed * ahead[0, 1 + axes :]
         self._knots[0, 0] = at
         self._knots[0, 1:] = self._reference[:, :ACCELERATION].T.ravel()
         self._knots[1 : 1 + len(ahead)] = ahead

@@ -29,6 +29,7 @@ SECTIONS = {
     "hold": "feed hold",
     "override": "an override above 100 %",
     "executor_cycle": "the cycle's body",
+    "servo": "servo mode beside Ruckig",
     "can_cycle": "an exchange with CAN drives",
     "canopen_boot": "eight CANopen drives, from nothing to operational",
     "wake_up": "waking up once a millisecond",

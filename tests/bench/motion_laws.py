@@ -8,7 +8,8 @@ order, and the end; a T is not ended sooner than it says, and later only with a 
 planned for 100 % or for more. ``--wide`` draws from `tests.bench.wide_programs`, ``--timed`` chains of timed
 lines from `tests.bench.timed_programs`, ``--text`` programs as text from `tests.bench.text_programs`,
 ``--tools`` those of an arm's tool from `tests.bench.tool_programs`; these two are simulated, or with
-``--orders`` played beside the planner. Seeds that break a law are printed; each replays alone.
+``--orders`` played beside the planner. ``--servo`` draws hostile streams of targets from
+`tests.bench.servo_streams`. Seeds that break a law are printed; each replays alone.
 """
 
 from __future__ import annotations
@@ -27,6 +28,7 @@ from mcserver.machine.machine_file import Machine
 from mcserver.motion.bound import PlanningError
 from mcserver.motion.canonical import FeedGroup
 from mcserver.motion.geometry.curves import Array
+from tests.bench.servo_streams import broken_laws_of_streams
 from tests.bench.text_laws import broken_laws_of_text
 from tests.bench.timed_programs import many_commits, timed_moves
 from tests.bench.tool_programs import broken_laws_of_tools
@@ -62,6 +64,7 @@ from tests.motion.support import (
     plan,
 )
 
+Judge = Callable[[int], tuple[list[str], int, int]]
 Draw = Callable[[int], tuple[Machine, list[Move], list[Commit]]]
 
 REPORT_S = 60.0
@@ -290,7 +293,7 @@ def judge(seed: int, draw: Draw, *, orders: bool) -> tuple[list[str], int, int]:
     return broken, len(moves), len(motion.position)
 
 
-def run(first: int, count: int, judged: Callable[[int], tuple[list[str], int, int]]) -> int:
+def run(first: int, count: int, judged: Judge) -> int:
     """Run the seeds; return how many break a law."""
     started = reported = time.monotonic()
     failed = lines = rows = 0
@@ -308,7 +311,9 @@ def run(first: int, count: int, judged: Callable[[int], tuple[list[str], int, in
         if now - reported >= REPORT_S:
             reported = now
             print(f"{now - started:7.0f} s  {seed + 1 - first} programs, {failed} failed", flush=True)
-    print(f"{count} programs from seed {first}, {lines} lines, {rows} cycles: {failed} break a law")
+    print(
+        f"{count} programs from seed {first}, {lines} lines or messages, {rows} cycles: {failed} break a law"
+    )
     return failed
 
 
@@ -322,8 +327,12 @@ def main() -> int:
     options.add_argument("--timed", action="store_true")
     options.add_argument("--text", action="store_true")
     options.add_argument("--tools", action="store_true")
+    options.add_argument("--servo", action="store_true")
     chosen = options.parse_args()
-    if chosen.tools:
+    judged: Judge
+    if chosen.servo:
+        judged = broken_laws_of_streams
+    elif chosen.tools:
         judged = functools.partial(broken_laws_of_tools, orders=chosen.orders)
     elif chosen.text:
         judged = functools.partial(broken_laws_of_text, orders=chosen.orders)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 
+import msgspec
 import numpy as np
 import pytest
 
@@ -11,6 +12,8 @@ from mcserver.executor.entries import ControlKind, EventKind
 from mcserver.executor.fault_codes import FaultCode
 from mcserver.executor.shm.feedback import SlotState
 from mcserver.executor.shm.target_box import POINTS, Targets
+from mcserver.machine.machine_file import Machine
+from tests.bench.servo_streams import broken_laws_of_streams
 from tests.executor.rig import CYCLE_S, Array, Rig, machine
 
 COUNTS_S = 0.05
@@ -39,9 +42,9 @@ class Stream:
         self.box.put(Targets(np.array([knot]), now, now + counts_s, by_velocity))
 
 
-def following(**keys: float) -> tuple[Rig, Stream]:
+def following(made: Machine | None = None, **keys: float) -> tuple[Rig, Stream]:
     """A rig whose two axes follow, energized and at rest."""
-    rig = Rig(machine(**{"jerk": 200000.0, **keys}))  # type: ignore[arg-type]
+    rig = Rig(made or machine(**{"jerk": 200000.0, **keys}))  # type: ignore[arg-type]
     rig.program.capture()
     rig.program.control(ControlKind.FOLLOW, axes=3)
     rig.program.finish()
@@ -120,7 +123,7 @@ def test_velocities_alone_are_followed_and_a_later_position_goes_on_from_there()
 def test_targets_beyond_travel_end_on_it() -> None:
     rig, stream = following(travel=100.0)
     for _ in range(100):
-        stream.put([1e300, -math.inf], [1e300, 5.0])
+        stream.put([1e300, -1e300], [1e300, 5.0])
         rig.step(10)
     assert rig.setpoint[:, 0].max() <= 0.1
     assert rig.setpoint[-1, 0] == pytest.approx(0.1, abs=1e-9)
@@ -278,6 +281,11 @@ def test_a_chunk_is_played_at_its_times_and_the_next_one_takes_over_anywhere() -
     assert worst(rig) <= 1.0 + 1e-6
 
 
+@pytest.mark.parametrize("seed", [0, 5, 6, 10, 11])
+def test_a_hostile_stream_keeps_every_limit(seed: int) -> None:
+    assert broken_laws_of_streams(seed)[0] == []
+
+
 def test_the_greatest_chunk_fits_and_a_garbled_box_moves_nothing() -> None:
     rig, stream = following()
     now = rig.executor.feedback.time
@@ -299,3 +307,31 @@ def test_missed_cycles_delay_motion_and_never_make_it_jump() -> None:
         if turn % 9 == 5:
             rig.executor.miss(11)
     assert worst(rig) <= 1.0 + 1e-6
+
+
+def test_a_stall_ends_it_where_the_axes_stand() -> None:
+    rig, stream = following()
+    for _ in range(20):
+        stream.put([0.5, 0.5])
+        rig.step(10)
+    before = rig.setpoint[-1].tolist()
+    rig.executor.miss(100)
+    stream.put([0.5, 0.5])
+    rig.step(50)
+    assert state(rig) is SlotState.FAULTED
+    assert FaultCode.CYCLE_STALLED in {fault.code for fault in rig.of(EventKind.FAULT)}
+    assert rig.setpoint[-1].tolist() == before
+
+
+def test_an_axis_energized_outside_its_travel_may_come_back_and_goes_no_further() -> None:
+    wide = machine(jerk=200000.0, drive_keys="initial_position = 150.0")
+    axes = tuple(msgspec.structs.replace(axis, max_position=0.1) for axis in wide.axes)
+    rig, stream = following(msgspec.structs.replace(wide, axes=axes))
+    for _ in range(60):
+        stream.put([0.3, 0.3])
+        rig.step(10)
+    for _ in range(60):
+        stream.put([0.0, 0.0])
+        rig.step(10)
+    assert rig.setpoint[-1] == pytest.approx([0.0, 0.0])
+    assert rig.setpoint.max() <= 0.15 + 1e-12

@@ -1,0 +1,223 @@
+"""Hostile streams of targets: ``make laws ARGS="--servo --first 0 --count 1000"``.
+
+Each seed is a machine of 2, 6 or 64 axes with limits of its own and a client that streams whatever there is:
+positions, velocities, chunks; jumps, NaN, infinities, numbers beyond all bounds; messages lost, doubled, out
+of order and in bursts, clocks that stand and jump, garbage straight in the executor's box; silences after
+which servo mode is opened again; holds, overrides, aborts and missed cycles. Judged from outside, on the
+setpoints of every cycle: velocity, acceleration, jerk and travel of every axis.
+"""
+
+from __future__ import annotations
+
+import math
+import random
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mcserver.executor.entries import Control, ControlKind
+from mcserver.executor.shm.target_box import POINTS, Targets
+from mcserver.machine.machine_file import Machine, parse_machine
+from mcserver.motion.canonical import AxisOperation
+from mcserver.service.target_stream import TargetMessage, TargetStream
+from mcserver.simulation.virtual_executor import VirtualExecutor
+
+Array = NDArray[np.float64]
+
+CYCLES = 1000
+# Rounding of positions over the cycle's length cubed, and of limits.
+SLACK = 1.0 + 1e-5
+WIDTHS = (2, 2, 2, 2, 2, 2, 6, 6, 6, 64)
+CAPTURE = list(AxisOperation).index(AxisOperation.CAPTURE)
+# What is no place: in all of them a client's arithmetic has gone wrong.
+WRONG = (math.nan, math.inf, -math.inf, 1e300, -1e300, 1e9, 5e-324)
+
+
+def machine_of(chance: random.Random) -> Machine:
+    """Axes as slow as a crane or as quick as a wafer stage, some without limits of jerk or travel."""
+    text = '[machine]\nname = "streamed"\n'
+    for index in range(chance.choice(WIDTHS)):
+        velocity = 10.0 ** chance.uniform(1.0, 3.5)
+        acceleration = velocity * 10.0 ** chance.uniform(0.0, 1.7)
+        text += f'[[axis]]\nindex = {index}\ntype = "{chance.choice(("linear", "rotary"))}"\n'
+        text += f"max_velocity = {velocity}\nmax_acceleration = {acceleration}\n"
+        if chance.random() < 0.9:
+            text += f"max_jerk = {acceleration * 10.0 ** chance.uniform(0.3, 2.5)}\n"
+        if chance.random() < 0.8:
+            reach = velocity * 10.0 ** chance.uniform(-2.0, 0.5)
+            text += f"min_position = {-reach}\nmax_position = {reach * chance.uniform(0.01, 1.0)}\n"
+        text += '[axis.drive]\nkind = "ideal"\n'
+    return parse_machine(text)
+
+
+class Client:
+    """Streams to one program, badly.
+
+    Attributes:
+        sent: messages.
+    """
+
+    def __init__(self, chance: random.Random, machine: Machine) -> None:
+        self._chance = chance
+        self._machine = machine
+        self._numbers = np.random.default_rng(chance.getrandbits(32))
+        self._top = np.array([axis.max_velocity for axis in machine.axes])
+        self._period = chance.choice((1, 2, 5, 10, 10, 33, 100))
+        self._rough = chance.choice((0.0, 0.0, 0.05, 0.3))
+        self._turn = chance.uniform(0.5, 30.0)
+        self._reach = self._top * 10.0 ** chance.uniform(-3.0, 0.5)
+        self._place = np.zeros(len(machine.axes))
+        self._held: list[TargetMessage] = []
+        self._clock = chance.uniform(-1e6, 1e6)
+        self._silent = 0
+        self.stream = TargetStream(machine.axes, machine.cycle_s)
+        self.seq = 0
+        self.sent = 0
+
+    def messages(self, cycle: int) -> list[TargetMessage]:
+        """Return what comes in this cycle."""
+        chance = self._chance
+        if self._silent > 0:
+            self._silent -= 1
+            return []
+        if cycle % self._period:
+            return []
+        message = self._message(cycle)
+        if chance.random() >= self._rough:
+            return [message]
+        match chance.randrange(8):
+            case 0:
+                return []
+            case 1:
+                return [message] * chance.randint(2, 5)
+            case 2:
+                self._held.append(message)
+                return []
+            case 3:
+                burst, self._held = [*self._held, message], []
+                chance.shuffle(burst)
+                return burst
+            case 4:
+                self._silent = chance.choice((5, 60, 300))
+                return [message]
+            case 5:
+                self._clock += chance.choice((-1e3, -0.05, 0.05, 1e3, -cycle * 1e-3))
+            case 6:
+                self.seq += chance.choice((1, 10, -3, 2**40))
+        return [message]
+
+    def garbage(self, now: float) -> Targets:
+        """Return what nobody has looked at."""
+        count = self._chance.choice((1, 2, POINTS))
+        knots = self._numbers.normal(
+            0.0, 10.0 ** self._chance.uniform(-3, 6), (count, 1 + 2 * len(self._top))
+        )
+        knots[:, 0] = now + np.sort(knots[:, 0]) if self._chance.random() < 0.5 else knots[:, 0]
+        self._spoil(knots)
+        until = self._chance.choice((now + 0.1, now + 0.1, math.nan, math.inf, -1.0))
+        return Targets(knots, now, until, by_velocity=self._chance.random() < 0.3)
+
+    def _message(self, cycle: int) -> TargetMessage:
+        chance, width = self._chance, len(self._top)
+        self.seq += 1
+        self.sent += 1
+        t = cycle * self._machine.cycle_s
+        times = None
+        at = np.array([t])
+        if chance.random() < 0.1:
+            times = np.cumsum(self._numbers.uniform(1e-3, 0.03, chance.choice((2, 10, 100))))
+            at = t + times
+        angle = self._turn * at[:, None] + np.arange(width)
+        positions: Array = self._place + self._reach * np.sin(angle)
+        velocities: Array = self._turn * self._reach * np.cos(angle)
+        if chance.random() < self._rough:
+            self._place = self._reach * self._numbers.normal(0.0, 3.0, width)
+        for rows in (positions, velocities):
+            if chance.random() < 0.3 * self._rough:
+                self._spoil(rows)
+        kind = chance.randrange(5)
+        return TargetMessage(
+            self.seq,
+            self._clock + t,
+            chance.choice((0.02, 0.1, 0.1, 1.0)),
+            None if kind == 0 else positions,
+            None if kind in (1, 2) else velocities,
+            times,
+        )
+
+    def _spoil(self, rows: Array) -> None:
+        for _ in range(self._chance.randint(1, 3)):
+            at = tuple(self._chance.randrange(size) for size in rows.shape)
+            rows[at] = self._chance.choice(WRONG)
+
+
+def play(seed: int) -> tuple[Machine, Array, int]:
+    """Return the machine of a seed, its setpoints at every cycle, shape (n, K), and the messages sent."""
+    chance = random.Random(seed)
+    machine = machine_of(chance)
+    setpoints = np.zeros((CYCLES, len(machine.axes)))
+    executor = VirtualExecutor(machine)
+    everything = (1 << len(machine.axes)) - 1
+    client, sent = Client(chance, machine), 0
+    straight_in = chance.choice((0.0, 0.0, 0.02))
+    orders = chance.choice((0.0, 0.0, 0.01))
+    box = executor.sink(0).targets
+    for cycle in range(CYCLES):
+        if cycle == 0 or (not executor.executor._slots[0].running and chance.random() < 0.05):
+            ring = executor.open_slot(0)
+            for kind in (ControlKind.AXIS, ControlKind.FOLLOW, ControlKind.FINISH):
+                ring.put_control(Control(kind, 0.0, 0, axes=everything, operation=CAPTURE))
+            sent += client.sent
+            client = Client(chance, machine)
+            executor.step()
+            setpoints[cycle] = executor.executor.row.setpoint
+            continue
+        now = executor.executor.time
+        for message in client.messages(cycle):
+            targets = client.stream.take(message, now)
+            if targets is not None:
+                box.put(targets)
+        if chance.random() < straight_in:
+            box.put(client.garbage(now))
+        if chance.random() < orders:
+            _order(chance, executor)
+        executor.step()
+        setpoints[cycle] = executor.executor.row.setpoint
+    executor.close()
+    return machine, setpoints, sent + client.sent
+
+
+def _order(chance: random.Random, executor: VirtualExecutor) -> None:
+    mailbox = executor.mailbox
+    match chance.randrange(6):
+        case 0:
+            mailbox.set_hold(True, 0)
+        case 1 | 2:
+            mailbox.resume(0)
+        case 3:
+            mailbox.set_override(chance.choice((0.0, 0.1, 0.5, 1.0, 2.0)), 0)
+        case 4:
+            executor.miss(chance.randint(1, 30))
+        case 5:
+            mailbox.abort(0) if chance.random() < 0.2 else executor.sink(0).targets.close()
+
+
+def broken_laws_of_streams(seed: int) -> tuple[list[str], int, int]:
+    """Name the laws that the stream of a seed breaks; and return its messages and cycles."""
+    machine, setpoints, messages = play(seed)
+    broken = []
+    rested = np.concatenate((np.repeat(setpoints[:1], 3, axis=0), setpoints))
+    for order, name in enumerate(("velocity", "acceleration", "jerk"), start=1):
+        limit = np.array([getattr(axis, f"max_{name}") for axis in machine.axes])
+        # positions are rounded to a last digit
+        rounding = 8.0 * np.spacing(np.abs(setpoints).max(axis=0)) / machine.cycle_s**order
+        found = np.abs(np.diff(rested, order, axis=0)).max(axis=0) / machine.cycle_s**order
+        worst = float(((found - rounding) / limit).max())
+        if not worst <= SLACK:
+            broken.append(f"{name} {worst:.9g} of its limit")
+    low = np.array([axis.min_position for axis in machine.axes])
+    high = np.array([axis.max_position for axis in machine.axes])
+    beyond = float(np.maximum(low - setpoints, setpoints - high).max())
+    if not beyond <= 1e-9:
+        broken.append(f"travel by {beyond:.3g}")
+    return broken, messages, len(setpoints)
