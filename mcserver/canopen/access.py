@@ -39,8 +39,8 @@ _BY_FILE = "what it holds follows from the machine file; change it there and sta
 
 
 def moves_by_sdo(index: int) -> bool:
-    """Whether an object, of any axis of a node, commands motion or energy."""
-    return of_first_axis(index) in _CYCLIC
+    """Whether an object, of any axis of a node, commands motion, energy or, by 60FEh, a brake."""
+    return of_first_axis(index) in _CYCLIC | {0x60FE}
 
 
 def refusal_of_write(index: int, node: Node) -> tuple[str, str] | None:

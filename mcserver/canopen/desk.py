@@ -96,8 +96,8 @@ class Desk:
         raw = encode(parameter, value)
         if moves_by_sdo(parameter.index):
             raise self._refusal(
-                f"{parameter.title} is not written: it commands motion",
-                "move the axis by a program, or by jog",
+                f"{parameter.title} is not written: it commands motion, or a brake",
+                "move the axis by a program, or by jog; outputs are switched by programs",
             )
         if parameter.index in STORING:
             raise self._refusal(
@@ -160,9 +160,12 @@ class _Watch:
             )
 
 
-def for_masters(bus: str, port: CanPort) -> Listening:
-    """Listen for a master's frames alone: nodes that send process data by themselves are none."""
-    return Listening(bus, port, (), range(LEAST_NODE, GREATEST_NODE + 1))
+def for_masters(drive: DriveSettings, port: CanPort) -> Listening:
+    """Listen on a drive's bus for a master's frames alone.
+
+    Nodes that send process data by themselves are none, nor is a producer of SYNC by agreement.
+    """
+    return Listening(drive.bus, port, (), range(LEAST_NODE, GREATEST_NODE + 1), drive.foreign_sync)
 
 
 @contextmanager
@@ -183,7 +186,7 @@ def at_desk(drive: DriveSettings) -> Iterator[Desk]:
             axis=drive.axis,
         )
     port = open_port(drive.address)
-    bus = for_masters(drive.bus, port)
+    bus = for_masters(drive, port)
     try:
         refuse_other_masters([bus], max(LEAST_LISTEN_S, drive.listen_s))
     except BaseException as error:

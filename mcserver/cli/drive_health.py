@@ -91,7 +91,7 @@ def _report(machine: Machine, bus: str, seconds: float) -> BusReport:
     (bitrate,) = (each.bitrate for each in machine.buses if each.name == bus)
     began = time.monotonic()
     try:
-        commands = for_masters(bus, port)
+        commands = for_masters(settings[0], port)
         for at_s, identifier, payload in frames_of(port, seconds):
             listener.take(at_s, identifier, payload)
             master = master or sign_of_master(identifier, commands)

@@ -121,7 +121,7 @@ def _master_of(drive: Described) -> str:
     """By what another master is noticed on a drive's bus; empty: none is heard."""
     port = open_port(drive.settings.address)
     try:
-        bus = for_masters(drive.settings.bus, port)
+        bus = for_masters(drive.settings, port)
         heard = frames_of(port, max(LEAST_LISTEN_S, drive.settings.listen_s))
         return next(filter(None, (sign_of_master(identifier, bus) for _, identifier, _ in heard)), "")
     finally:

@@ -17,6 +17,8 @@ from canopen.objectdictionary.eds import import_eds
 from mcserver.drive_sim.sdo_abort import Abort, SdoAbort
 
 EDS = "cia402.eds"
+# Store all parameters, by the signature "save" (CiA 301, 7.5.2.13).
+STORE, SAVE = (0x1010, 1), int.from_bytes(b"save", "little")
 # CiA 301, table 44: the types of the simulated drive.
 FORMATS: Mapping[int, str] = MappingProxyType({2: "b", 3: "h", 4: "i", 5: "B", 6: "H", 7: "I"})
 # Called before a value is taken; raises SdoAbort where it cannot be.
@@ -62,6 +64,9 @@ class ObjectStore:
         objects, entries = _described(text, node)
         self._objects = objects
         self._entries = {(each.index, each.subindex): dataclasses.replace(each) for each in entries}
+        storing = self._entries.get(STORE)
+        if storing is not None:
+            storing.check, storing.action = _check_signature, self._keep
         self.reset()
 
     def entry(self, index: int, subindex: int = 0) -> Entry:
@@ -78,6 +83,14 @@ class ObjectStore:
         if found is None:
             raise SdoAbort(Abort.NO_SUBINDEX if index in self._objects else Abort.NO_OBJECT)
         return found
+
+    def _keep(self, _signature: int) -> None:
+        """Store what a master has written: a reset brings that back from now on."""
+        storing = self._entries[STORE]
+        storing.value, storing.written = storing.default, False
+        for entry in self._entries.values():
+            if entry.written:
+                entry.default = entry.value
 
     def reset(self, first: int = 0, last: int = 0xFFFF) -> None:
         """Default values for the objects first … last, as after switching on."""
@@ -119,6 +132,11 @@ class ObjectStore:
         entry.written = True
         if entry.action is not None:
             entry.action(value)
+
+
+def _check_signature(value: int) -> None:
+    if value != SAVE:
+        raise SdoAbort(Abort.NOT_STORED)
 
 
 @functools.lru_cache(maxsize=32)

@@ -208,7 +208,7 @@ def test_a_value_that_the_eds_does_not_allow_opens_no_bus(
     assert said in refused["diagnostics"][0]["message"]
 
 
-@pytest.mark.parametrize("name", ["6040", "6060", "target position", "60FF", "1010:1", "1011:1"])
+@pytest.mark.parametrize("name", ["6040", "6060", "target position", "60FF", "60FE:1", "1010:1", "1011:1"])
 def test_what_commands_motion_or_stores_is_not_written(
     file: str, make_drives: Make, capsys: pytest.CaptureFixture[str], name: str
 ) -> None:
@@ -259,6 +259,16 @@ def test_process_data_of_a_drive_are_no_master(file: str, make_drives: Make) -> 
     finally:
         stopping.set()
         thread.join()
+
+
+def test_sync_by_agreement_is_no_master(tmp_path: Path, hub: RunningHub, make_drives: Make) -> None:
+    drives = make_drives(3)
+    file = Path(machine_file(tmp_path, hub))
+    file.write_text(file.read_text().replace('name = "left"', 'name = "left"\nsync = "foreign"'))
+    with at_desk(settings_of(load_machine(str(file)))[0]) as desk:
+        drives.send(SYNC, b"")
+        assert desk.read_number(0x1000) is not None
+        assert desk.read_number(0x1000) is not None
 
 
 def test_a_master_that_comes_ends_the_desk(file: str, make_drives: Make) -> None:

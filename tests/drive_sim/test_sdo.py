@@ -106,3 +106,25 @@ def test_a_stopped_node_answers_no_sdo(bench: Bench) -> None:
     bench.nmt(NmtCommand.STOP)
     bench.receive(Function.SDO_REQUEST + NODE, struct.pack("<BHB4x", 0x40, 0x1000, 0))
     assert bench.taken(Function.SDO_RESPONSE + NODE) == []
+
+
+def test_what_was_stored_outlasts_a_reset_and_the_rest_does_not(bench: Bench) -> None:
+    bench.write(0x6065, 0, "I", 1234)
+    bench.write(0x1010, 1, "I", int.from_bytes(b"save", "little"))
+    bench.write(0x605A, 0, "h", 6)
+    before = bench.read(0x1010, 1, "I")
+    bench.nmt(NmtCommand.RESET_NODE)
+    bench.wait(0.1)
+    assert bench.read(0x6065, 0, "I") == 1234
+    assert bench.read(0x605A, 0, "h") == 2
+    assert (before, bench.read(0x1010, 1, "I")) == (1, 1)
+
+
+def test_a_store_without_its_signature_is_refused(bench: Bench) -> None:
+    bench.write(0x6065, 0, "I", 1234)
+    with pytest.raises(Aborted) as caught:
+        bench.write(0x1010, 1, "I", 1)
+    assert caught.value.args == (0x0800_0020,)
+    bench.nmt(NmtCommand.RESET_NODE)
+    bench.wait(0.1)
+    assert bench.read(0x6065, 0, "I") != 1234
