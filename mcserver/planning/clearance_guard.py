@@ -8,6 +8,9 @@ brings them.
 
 from __future__ import annotations
 
+import math
+from collections import deque
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -54,6 +57,9 @@ class ClearanceGuard:
         self._high: Array = np.zeros(width)
         self._targets: dict[int, float] = {}
         self._settling: Mask = self._known.copy()
+        # how many claims have been made, and how many before each mark that the executor has not come to
+        self._claims = 0
+        self._marks: deque[int] = deque()
         self.contact: Diagnostic | None = None
 
     def admit_rows(self, rows: Rows) -> int:
@@ -75,7 +81,7 @@ class ClearanceGuard:
             # with the place before them
             part = way[first : min(first + NOTED_ROWS, count) + 1]
             until = float(rows.first + first + len(part) - 2)
-            self._claim(Claim(moved, Extent(part.min(axis=0), part.max(axis=0)), until, alone=False))
+            self._claim(moved, Extent(part.min(axis=0), part.max(axis=0)), until, alone=False)
         if count:
             self._put(moved, way[count], way[count])
         return count
@@ -86,6 +92,8 @@ class ClearanceGuard:
         columns = self._columns(control.axes)
         if kind is ControlKind.WAIT:
             self._arrive(columns, control.u)
+        elif kind is ControlKind.PASSED:
+            self._marks.append(self._claims)
         elif kind is ControlKind.SETTLE:
             self._settling = columns
         elif kind is ControlKind.REFERENCE or (kind is ControlKind.AXIS and control.operation != _CAPTURE):
@@ -99,6 +107,7 @@ class ClearanceGuard:
             ControlKind.PROBE,
             ControlKind.SPEED,
             ControlKind.TORQUE,
+            ControlKind.FOLLOW,
             ControlKind.HOME,
         ):
             return self._admit_alone(control, columns)
@@ -107,8 +116,11 @@ class ClearanceGuard:
     def on_event(self, event: ExecutorEvent) -> None:
         """Take an event of the program's slot."""
         if event.kind is EventKind.SETTLED:
+            # nothing has been planned behind it: what stands may have been moved by others since
             at = np.array(event.values[: len(self._known)])
-            self._put(self._settling, at, at)
+            self._put(self._settling | (self._known & (self._low == self._high)), at, at)
+        elif event.kind is EventKind.PASSED and self._marks:
+            self._pass(self._marks.popleft())
         elif event.kind in (EventKind.FINISHED, EventKind.STOPPED):
             self._tenant.ended = event.time
 
@@ -154,7 +166,7 @@ class ClearanceGuard:
                 hint = "home the axis that lifts the tool first, by a lower order, or jog clear of it"
             self._touch(contact, control.line, hint)
             return False
-        self._claim(Claim(columns, swept, control.u, alone=True))
+        self._claim(columns, swept, control.u, alone=True)
         self._put(columns, ends.low, ends.high)
         if control.kind is ControlKind.RAPID and control.values is not None:
             self._targets.update((each, control.values[each]) for each in np.flatnonzero(columns).tolist())
@@ -186,6 +198,14 @@ class ClearanceGuard:
         swept.high[column] = max(high, here[1], home, rest[1]) + beyond
         ends.low[column], ends.high[column] = rest
 
+    def _pass(self, number: int) -> None:
+        """Note that all motion up to a claim is over, but what goes on by itself."""
+        self._tenant.claims = [
+            claim._replace(until=-math.inf) if claim.number <= number else claim
+            for claim in self._tenant.claims
+            if claim.alone or claim.number > number
+        ]
+
     def _arrive(self, columns: Mask, u: float) -> None:
         """Note that columns have come to their targets where the program is at u."""
         for column in np.flatnonzero(columns).tolist():
@@ -211,8 +231,9 @@ class ClearanceGuard:
         for column in np.flatnonzero(columns).tolist():
             self._targets.pop(column, None)
 
-    def _claim(self, claim: Claim) -> None:
-        self._tenant.claims.append(claim)
+    def _claim(self, columns: Mask, extent: Extent, until: float, *, alone: bool) -> None:
+        self._claims += 1
+        self._tenant.claims.append(Claim(columns, extent, until, alone, self._claims))
 
     def _columns(self, mask: int) -> Mask:
         return np.array([mask >> column & 1 for column in range(len(self._known))], np.bool_)

@@ -40,12 +40,14 @@ class Claim(NamedTuple):
         columns: that it moves, shape (K,). extent: where; read only there.
         until: on the program's time axis [cycles]. alone: the columns move by themselves from there on, and
             may go on when the program has ended.
+        number: counts the program's claims.
     """
 
     columns: Mask
     extent: Extent
     until: float
     alone: bool
+    number: int
 
 
 @dataclass(eq=False)

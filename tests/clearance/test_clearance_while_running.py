@@ -358,3 +358,27 @@ async def test_whatever_a_program_and_its_operator_do_nothing_touches(make: Make
             assert fault_of(program)[0] == "MC320"
     await cell.until(lambda: not any(cell.executor.feedback.velocity))
     assert await watch.least(mill(VISE)) >= 0.98
+
+
+@pytest.mark.parametrize("last", ["G0 Y20", "G1 Y20 F12000", "G1020 Y20"])
+async def test_a_program_that_has_nothing_more_for_now_is_where_it_stands(start: Start, last: str) -> None:
+    cell = start(shared())
+    open_still = await cell.service.open("test", axes=[1])
+    await cell.service.lines.submit("test", open_still.program, 1, ["G1010 P1", "G0 Y200", last])
+    await cell.until(lambda: open_still.done == 3 and not any(cell.executor.feedback.velocity))
+    assert (await cell.run("G1010 P0", "G1 X200 F6000", axes=[0])).state == "finished"
+    cell.service.abort(open_still.program, "enough")
+
+
+async def test_a_rapid_under_way_has_all_of_its_way_for_itself(start: Start) -> None:
+    cell = start(shared())
+    other = await begin(cell, [1], "G1010 P1", "G0 Y200")
+    await cell.until(lambda: place(cell, 1) > 5.0)
+    cell.service.hold(other.program)
+    program = await cell.run("G1010 P0", "G0 X200", axes=[0])
+    assert program.fault is not None
+    assert other.program in program.fault.message
+    assert "M66" in program.fault.hint
+    cell.service.resume(other.program)
+    assert (await cell.ended(other)).state == "finished"
+    assert (await cell.run("G1010 P0", "G0 X200", axes=[0])).state == "finished"
