@@ -1382,7 +1382,9 @@ type TableChange struct {
 type Tables struct {
 	// Offsets: systems that were set; the others read zero at the machine's zero.
 	Offsets []WorkOffset `msgpack:"offsets" mc:"required"`
-	// Tools: in the order of their numbers; nil: the machine's programs have no tool table.
+	// ToolTable: whether the machine's programs have one: G43 and G10 L1 exist.
+	ToolTable bool `msgpack:"tool_table" mc:"required"`
+	// Tools: in the order of their numbers.
 	Tools []ToolRow `msgpack:"tools" mc:"required"`
 	// Changes: the newest first.
 	Changes []TableChange `msgpack:"changes" mc:"required"`

@@ -236,8 +236,8 @@ class ProgramMethods:
 
     def tables(self, _client: str, _request: TablesRequest) -> Tables:
         machine = self._service.machine
-        tools = "G43" in ACTING[machine.dialect.profile] and machine.axis(LENGTH_AXIS) is not None
-        return self._units.tables(self._service.work_tables, tools=tools)
+        tool_table = "G43" in ACTING[machine.dialect.profile] and machine.axis(LENGTH_AXIS) is not None
+        return self._units.tables(self._service.work_tables, tool_table=tool_table)
 
     def info(self, _client: str, _request: wire.InfoRequest) -> Info:
         return machine_info(self._service, [method.name for method in METHODS])

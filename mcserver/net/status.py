@@ -93,8 +93,8 @@ class EdgeUnits:
                 found.append(WorkOffset(name, origin))
         return found
 
-    def tables(self, kept: WorkOffsets, *, tools: bool) -> Tables:
-        """Return what programs start with, and its changes, in mm and deg; ``tools``: they have a table."""
+    def tables(self, kept: WorkOffsets, *, tool_table: bool) -> Tables:
+        """Return what programs start with, and its changes, in mm and deg."""
         scale = {str(axis): scale for axis, scale in zip(self.index, self.scale, strict=True)}
         scale |= {"length": 1.0 / MM, "diameter": 1.0 / MM}
 
@@ -109,7 +109,7 @@ class EdgeUnits:
             msgspec.structs.replace(each, before=shown(each.before), after=shown(each.after))
             for each in reversed(kept.changes)
         ]
-        return Tables(self.work_offsets(kept.systems), rows if tools else None, changes)
+        return Tables(self.work_offsets(kept.systems), tool_table, rows if tool_table else [], changes)
 
     def rows(self, cycles: Cycles) -> NDArray[np.float32]:
         """Telemetry of some cycles: shape (n, K, 4), the fields of `TELEMETRY_FIELDS`."""

@@ -1435,10 +1435,12 @@ class Tables:
 
     Attributes:
         offsets: systems that were set; the others read zero at the machine's zero.
-        tools: in the order of their numbers; None: the machine's programs have no tool table.
+        tool_table: whether the machine's programs have one: G43 and G10 L1 exist.
+        tools: in the order of their numbers.
         changes: the newest first.
     """
 
     offsets: tuple[WorkOffset, ...]
-    tools: tuple[ToolRow, ...] | None
+    tool_table: bool
+    tools: tuple[ToolRow, ...]
     changes: tuple[TableChange, ...]

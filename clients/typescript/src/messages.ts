@@ -1255,8 +1255,10 @@ export interface TableChange {
 export interface Tables {
   /** systems that were set; the others read zero at the machine's zero. */
   offsets: WorkOffset[];
-  /** in the order of their numbers; null: the machine's programs have no tool table. */
-  tools: ToolRow[] | null;
+  /** whether the machine's programs have one: G43 and G10 L1 exist. */
+  tool_table: boolean;
+  /** in the order of their numbers. */
+  tools: ToolRow[];
   /** the newest first. */
   changes: TableChange[];
 }

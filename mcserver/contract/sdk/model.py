@@ -194,7 +194,12 @@ def _message(kind: type[msgspec.Struct], names: dict[frozenset[str], Words]) -> 
         if each.name != "request"
     )
     name = TYPE_NAMES.get(kind.__name__, kind.__name__)
-    return Message(kind.__name__, name, summary, fields, kind.__name__.endswith("Request"))
+    sent = kind.__name__.endswith("Request")
+    for each in fields:
+        # Go and Java have one value for "no list" and "an empty list"
+        if not sent and isinstance(each.type, Maybe) and isinstance(each.type.inner, ListOf | MapOf):
+            raise NotImplementedError(f"{name}.{each.name}: say in a field of its own that there is none")
+    return Message(kind.__name__, name, summary, fields, sent)
 
 
 def _default(field: inspect.Field) -> Any:

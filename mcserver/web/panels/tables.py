@@ -55,7 +55,7 @@ class TablesPanel:
             return
         self._info = info
         self._show(tables_html(self._tables, info, link.row_names.names))
-        self._tool.set_visibility(self._tables.tools is not None)
+        self._tool.set_visibility(self._tables.tool_table)
         refusal = refusal_of(status.programs, WHY)
         self._waits_for.set_text(
             "" if refusal is None else f"{refusal.message} [{refusal.code}]: {refusal.hint}"
@@ -135,7 +135,7 @@ class TablesPanel:
     async def _ask_tool(self) -> None:
         if not self._actions.allowed("open") or self._tables is None:
             return
-        tools = {each.number: each for each in self._tables.tools or ()}
+        tools = {each.number: each for each in self._tables.tools}
         names = self._actions.link.row_names.names
         with named_dialog("Change a tool") as dialog, ui.card().classes("mc-ask"):
             ui.label("Length for G43 and diameter. A G43 before does not see the change.")

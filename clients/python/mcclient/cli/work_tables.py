@@ -28,7 +28,7 @@ def tables(target: Target, json: JsonOption = False) -> None:
         rows.add_column(title, no_wrap=True)
     for each in found.offsets:
         rows.add_row(each.system, offset_line(each.system, each.origin))
-    for tool in found.tools or ():
+    for tool in found.tools:
         line = tool_line(tool.number, tool.length, tool.diameter)
         rows.add_row(f"T{tool.number}", line, "set by G10 L1" if tool.changed else "as the machine file")
     results().print(rows)

@@ -2591,9 +2591,10 @@ pub struct TableChange {
 pub struct Tables {
     /// systems that were set; the others read zero at the machine's zero.
     pub offsets: Vec<WorkOffset>,
-    /// in the order of their numbers; none: the machine's programs have no tool table.
-    #[serde(deserialize_with = "Option::deserialize")]
-    pub tools: Option<Vec<ToolRow>>,
+    /// whether the machine's programs have one: G43 and G10 L1 exist.
+    pub tool_table: bool,
+    /// in the order of their numbers.
+    pub tools: Vec<ToolRow>,
     /// the newest first.
     pub changes: Vec<TableChange>,
 }

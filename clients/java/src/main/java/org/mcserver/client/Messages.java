@@ -1629,10 +1629,12 @@ public final class Messages {
     /**
      * What programs start with, and who changed it.
      * @param offsets systems that were set; the others read zero at the machine's zero.
-     * @param tools in the order of their numbers; null: the machine's programs have no tool table.
+     * @param toolTable whether the machine's programs have one: G43 and G10 L1 exist.
+     * @param tools in the order of their numbers.
      * @param changes the newest first.
      */
-    public record Tables(List<WorkOffset> offsets, @Nil List<ToolRow> tools, List<TableChange> changes) {}
+    public record Tables(
+            List<WorkOffset> offsets, boolean toolTable, List<ToolRow> tools, List<TableChange> changes) {}
 
     /** The tables that programs start with. */
     public record TablesRequest() {}
