@@ -22,7 +22,7 @@ export PIP_NO_INPUT := 1
 # each process of a test would read every source anew
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: sdks build-sdks help demo dog test test-clients test-all test-computing test-computing-beside test-clocked test-clocked-alone socketcan socketcan-long faults soak fire fuzz schedules laws lint format bench pictures clean
+.PHONY: sdks build-sdks help demo dog test test-clients test-all test-computing test-computing-beside test-clocked test-clocked-alone socketcan socketcan-long faults soak fire fuzz schedules laws lint format docs bench pictures clean
 
 help:  ## this list
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*##/\t/' | expand -t 16
@@ -102,12 +102,16 @@ sdks: $(VENV)/.for-development build-sdks  ## build the SDKs of other languages 
 faults: $(VENV)/.for-development  ## each fault of a CAN drive in a moving group: what happened, in cycles
 	@$(BIN)/python -m tests.e2e_can.faults $(ARGS)
 
-lint: $(VENV)/.for-development  ## ruff (rules and format) and mypy --strict
+lint: $(VENV)/.for-development  ## ruff (rules and format), mypy --strict, links of the pages
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
 	$(BIN)/mypy examples/demo.py
-	$(BIN)/mypy -p deploy.qemu
+	$(BIN)/mypy -p deploy.qemu -p deploy.site
+	$(MAKE) --no-print-directory docs
+
+docs: $(VENV)/.for-development  ## the pages as a site with a search, in out/site; make docs ARGS=--serve shows it while one writes
+	@$(BIN)/python -m deploy.site $(ARGS)
 
 format: $(VENV)/.for-development  ## rewrite the sources in the one format
 	$(BIN)/ruff check --fix .

@@ -1,10 +1,10 @@
 """Client of the open motion server.
 
-::
-
-    async with Machine.connect() as machine:
-        async with machine.program() as program:
-            await program.send("G01 X10 F600")
+```python
+async with Machine.connect() as machine:
+    async with machine.program() as program:
+        await program.send("G01 X10 F600")
+```
 
 `mcclient.sync` has the same without ``async``; docs/sdk.md is the guide; `mcclient.errors` draws the error
 tree.
