@@ -55,6 +55,7 @@ COMMANDS: Mapping[str, str] = MappingProxyType(
         "history": "history.history",
         "scan": "scan.scan",
         "gateway": "gateway.gateway",
+        "mtconnect": "mtconnect.mtconnect",
         "examples": "examples.examples",
         "doctor": "doctor.doctor",
         "drive-sim": "drive_sim.drive_sim",

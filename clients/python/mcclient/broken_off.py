@@ -23,12 +23,12 @@ def broken_off(programs: Sequence[ProgramStatus], *, lines_left: bool = False) -
     """
     if any(program.state not in ENDED for program in programs):
         return None
-    ran = [each for each in programs if each.accepted > 0 and not _by_hand(each.name)]
+    ran = [each for each in programs if each.accepted > 0 and not is_by_hand(each.name)]
     newest = max(ran, key=lambda each: each.opened_at, default=None)
     if newest is None or newest.state not in BROKEN_OFF or (lines_left and newest.done >= newest.accepted):
         return None
     return newest
 
 
-def _by_hand(name: str) -> bool:
+def is_by_hand(name: str) -> bool:
     return name in (ENERGIZE, MANUAL_INPUT, WORK_OFFSET) or name.startswith(_MOVES_OF_AXES)

@@ -13,7 +13,7 @@ from mcclient.errors import MotionError
 from mcclient.keys import ALL_MACHINES, Keys, machine_of_call, server_of
 from mcclient.presence import Presence
 from mcclient.transport import Link, endpoints_of, user_of
-from mcclient.types import EventsReply, MachineStatus
+from mcclient.types import EventsReply, Info, MachineStatus
 from mcclient.wire import decode
 
 ORDER_S = 3.0
@@ -95,6 +95,15 @@ class FleetLink:
         caller = Caller(self._link, Keys(machine, self._client), Presence(machine, self._live))
         reply = await caller.call("events", {"since": since, "limit": limit}, deadline_s=ORDER_S)
         return decode(EventsReply, reply)
+
+    async def info(self, machine: str) -> Info:
+        """What one machine is: its axes, tools, inputs and outputs.
+
+        Raises:
+            MotionError: it does not answer, or refuses.
+        """
+        caller = Caller(self._link, Keys(machine, self._client), Presence(machine, self._live))
+        return decode(Info, await caller.call("info", deadline_s=ORDER_S))
 
     async def order(self, machine: str, method: str) -> None:
         """``hold``, ``resume`` or ``abort`` for every program of one machine.
