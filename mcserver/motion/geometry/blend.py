@@ -15,11 +15,10 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from mcserver.motion.geometry.curves import Array, PolynomialCurve, SampledCurve
+from mcserver.motion.geometry.curves import POLYNOMIAL_SAMPLES, Array, PolynomialCurve
 from mcserver.motion.geometry.segment import NO_TRAVEL, AxisLimits, Segment, columns_of
-from mcserver.motion.geometry.spline_curve import SplineCurve
 from mcserver.motion.kernels.junctions import length_of
-from mcserver.motion.kernels.polynomials import SAMPLES, polynomial_samples, power_basis, restrict_polynomial
+from mcserver.motion.kernels.polynomials import polynomial_samples, power_basis, restrict_polynomial
 from mcserver.motion.kernels.straight_corner import (
     Corner,
     best_blend_distance,
@@ -35,7 +34,7 @@ SHARE = 0.49
 REVERSAL = -0.95
 # A tool's speed between two samples of a blend passes that at both by less than this share.
 BETWEEN_SAMPLES = 1.001
-_S = np.linspace(0.0, 1.0, SAMPLES)
+_S = np.linspace(0.0, 1.0, POLYNOMIAL_SAMPLES)
 
 
 @dataclass(frozen=True)
@@ -100,19 +99,15 @@ def blend(
 
 def can_be_rounded(segment: Segment) -> bool:
     """Return whether a segment's corners may be rounded: lines, arcs, tool paths with known rates."""
-    return not any(
-        isinstance(curve, PolynomialCurve | SplineCurve)
-        or (isinstance(curve, SampledCurve) and curve.tool_rates is None)
-        for curve in segment.curves
-    )
+    return all(curve.roundable for curve in segment.curves)
 
 
 def may_be_passed_in_time(segment: Segment) -> bool:
     """Return whether a stop at a segment's ends may be passed by ramps that overlap: lines and arcs under
     G94; tool paths keep near their pose, G93 lines their time.
     """
-    return segment.duration is None and not any(
-        isinstance(curve, SampledCurve | PolynomialCurve | SplineCurve) for curve in segment.curves
+    return segment.duration is None and all(
+        curve.roundable and curve.tool_rates is None for curve in segment.curves
     )
 
 
@@ -130,7 +125,7 @@ def corner_metric(before: Segment, after: Segment, per_axis: Array) -> Array:
     rows: list[Array] = []
     for segment, end in ((before, 1), (after, 0)):
         for curve, columns in zip(segment.curves, segment.columns, strict=True):
-            if not isinstance(curve, SampledCurve) or curve.tool_rates is None or not own[columns].all():
+            if curve.tool_rates is None or not own[columns].all():
                 continue
             own[columns] = False
             of_tool = curve.tool_rates(curve.position(np.array([float(end)])))[0]
@@ -162,7 +157,7 @@ def _moves_tool(before: Segment, after: Segment) -> NDArray[np.bool_]:
     moves = np.zeros(len(before.base), np.bool_)
     for segment in (before, after):
         for curve, columns in zip(segment.curves, segment.columns, strict=True):
-            if isinstance(curve, SampledCurve):
+            if curve.tool_rates is not None:
                 moves[columns] = True
     return moves
 
@@ -327,8 +322,8 @@ def _half(power: Array, low: float, columns: NDArray[np.intp], side: _Side) -> S
     """
     part = np.empty_like(power)
     restrict_polynomial(power, low, 0.5, part)
-    rows = np.zeros((SAMPLES, 5 * power.shape[1] + 2))
-    speeds = np.empty(SAMPLES)
+    rows = np.zeros((POLYNOMIAL_SAMPLES, 5 * power.shape[1] + 2))
+    speeds = np.empty(POLYNOMIAL_SAMPLES)
     polynomial_samples(part, 1.0, rows, speeds)
     if speeds.min() <= 1e-3 * speeds.max():
         return None
@@ -341,7 +336,7 @@ def _half(power: Array, low: float, columns: NDArray[np.intp], side: _Side) -> S
     curve = PolynomialCurve(
         axes=tuple(columns.tolist()),
         coefficients=part[:, columns],
-        length=float(np.trapezoid(speeds, dx=1.0 / (SAMPLES - 1))),
+        length=float(np.trapezoid(speeds, dx=1.0 / (POLYNOMIAL_SAMPLES - 1))),
     )
     return msgspec.structs.replace(
         side.segment,
@@ -362,6 +357,7 @@ def _half(power: Array, low: float, columns: NDArray[np.intp], side: _Side) -> S
         closes=True,
         straight=False,
         tolerance=0.0,
+        arc=None,
     )
 
 
@@ -376,7 +372,7 @@ def _keep_feed_of_tool(half: Segment, line: Segment, end: int) -> None:
         half: is changed. end: of the line that the blend is at, 0 or 1.
     """
     for curve, columns in zip(line.curves, line.columns, strict=True):
-        if not isinstance(curve, SampledCurve) or curve.tool_rates is None:
+        if curve.tool_rates is None:
             continue
         if line.feed_columns[0] not in columns:
             continue

@@ -8,45 +8,102 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from typing import Protocol
+from typing import ClassVar
 
 import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
+from mcserver.units import TURN
+
 Array = NDArray[np.float64]
+# Positions of axes, shape (n, K) → shape (n, 3 or 6, K): rates of a tool's point [m] and of its turn [rad].
+ToolRates = Callable[[Array], Array]
+
+# Samples of a curve of unknown shape, and of a whole turn of an arc: 128 points miss an extreme by 0.03 %.
+TURN_SAMPLES = 129
+# Samples of a polynomial.
+POLYNOMIAL_SAMPLES = 33
+_ENDS = np.array([0.0, 1.0])
 
 
-class Curve(Protocol):
-    """A path over ``axes`` (axis numbers, in the order of the columns)."""
+class Curve(msgspec.Struct, frozen=True):
+    """A path over ``axes`` (axis numbers, in the order of the columns), K of them.
+
+    Attributes:
+        straight: whether dp/ds is constant.
+    """
+
+    straight: ClassVar[bool] = False
+
+    axes: tuple[int, ...]
 
     @property
-    def axes(self) -> tuple[int, ...]: ...
+    def roundable(self) -> bool:
+        """Whether the corners at its ends may be rounded."""
+        return False
+
+    @property
+    def tool_rates(self) -> ToolRates | None:
+        """Jacobian of the tool that it moves; None: it moves none, or one whose corners stay."""
+        return None
 
     @property
     def length(self) -> float:
         """Length of the programmed path (D-30): m for linear axes and tools, rad for rotary ones."""
+        return 0.0
+
+    @property
+    def max_path_rate(self) -> float:
+        """Greatest path speed by s [m or rad]."""
+        return self.length
 
     def position(self, s: Array) -> Array:
-        """Positions, shape (len(s), len(axes)) [m or rad]."""
+        """Positions, shape (len(s), K) [m or rad]."""
+        raise NotImplementedError
 
     def derivatives(self, s: Array) -> tuple[Array, Array, Array]:
-        """dp/ds, d²p/ds², d³p/ds³, each of shape (len(s), len(axes))."""
+        """dp/ds, d²p/ds², d³p/ds³, each of shape (len(s), K)."""
+        raise NotImplementedError
+
+    def samples(self) -> Array:
+        """Shares s at which the axes' limits are looked at, from 0, evenly spaced."""
+        return np.linspace(0.0, 1.0, TURN_SAMPLES)
 
     def bounds(self) -> tuple[Array, Array]:
-        """Return the least and greatest position of each axis on the whole curve, shape (len(axes),) each."""
+        """Return the least and greatest position of each axis on the whole curve, shape (K,) each."""
+        return span_of(self.position(self.samples()))
+
+    def ends(self) -> Array:
+        """Positions at s = 0 and 1, shape (2, K)."""
+        return self.position(_ENDS)
+
+    @property
+    def arc(self) -> Array | None:
+        """What `mcserver.motion.kernels.arc_segments` needs of an arc, behind its columns; None: no arc."""
+        return None
+
+    @property
+    def power(self) -> Array | None:
+        """Coefficients of a polynomial in s, shape (n+1, K), constant first; None: it is none."""
+        return None
 
 
-class LineCurve(msgspec.Struct, frozen=True):
+class LineCurve(Curve, frozen=True):
     """A straight line in joint space; an axis that is named but does not travel stays in ``axes``.
 
     ``length`` is given by whoever knows the axes' types (D-30); it has no influence on the shape.
     """
 
-    axes: tuple[int, ...]
+    straight: ClassVar[bool] = True
+
     start: tuple[float, ...]
     end: tuple[float, ...]
     length: float = 0.0
+
+    @property
+    def roundable(self) -> bool:
+        return True
 
     def position(self, s: Array) -> Array:
         start = np.asarray(self.start)
@@ -61,13 +118,14 @@ class LineCurve(msgspec.Struct, frozen=True):
         first: Array = np.broadcast_to(travel, (len(s), len(self.axes))).copy()
         return first, np.zeros_like(first), np.zeros_like(first)
 
-    def bounds(self) -> tuple[Array, Array]:
-        start = np.asarray(self.start)
-        end = np.asarray(self.end)
-        return np.minimum(start, end), np.maximum(start, end)
+    def samples(self) -> Array:
+        return _ENDS
+
+    def ends(self) -> Array:
+        return np.array((self.start, self.end))
 
 
-class ArcCurve(msgspec.Struct, frozen=True):
+class ArcCurve(Curve, frozen=True):
     """A circular arc, helix or spiral of D-22.
 
     The first two of ``axes`` are the plane's axes (first, second) in right-handed order seen from the
@@ -81,12 +139,15 @@ class ArcCurve(msgspec.Struct, frozen=True):
         length: arc length in the plane, or helix length with the further axes [m].
     """
 
-    axes: tuple[int, ...]
     start: tuple[float, ...]
     end: tuple[float, ...]
     centre: tuple[float, float]
     sweep: float
     length: float
+
+    @property
+    def roundable(self) -> bool:
+        return True
 
     @property
     def start_angle(self) -> float:
@@ -100,6 +161,26 @@ class ArcCurve(msgspec.Struct, frozen=True):
     @property
     def end_radius(self) -> float:
         return math.hypot(self.end[0] - self.centre[0], self.end[1] - self.centre[1])
+
+    @property
+    def max_path_rate(self) -> float:
+        radius = self.start_radius
+        known = (self.length, self.sweep, radius, self.end_radius - radius)
+        return float(max_path_rates(*(np.array(value) for value in known)))
+
+    def samples(self) -> Array:
+        count = int(samples_of_arcs(np.array(self.sweep)))
+        return np.linspace(0.0, min(1.0, TURN / max(abs(self.sweep), TURN)), count)
+
+    def ends(self) -> Array:
+        return np.array((self.start, self.end))
+
+    @property
+    def arc(self) -> Array:
+        radius = self.start_radius
+        growth = self.end_radius - radius
+        count = float(samples_of_arcs(np.array(self.sweep)))
+        return np.array([*self.centre, self.start_angle, self.sweep, radius, growth, count])
 
     def position(self, s: Array) -> Array:
         s = np.asarray(s, dtype=float)
@@ -160,7 +241,7 @@ class ArcCurve(msgspec.Struct, frozen=True):
         return low, high
 
 
-class SampledCurve(msgspec.Struct, frozen=True):
+class SampledCurve(Curve, frozen=True):
     """A joint path as a cubic spline over knots of s: what inverse kinematics gives for a tool's path.
 
     Attributes:
@@ -168,15 +249,16 @@ class SampledCurve(msgspec.Struct, frozen=True):
         knots: shape (M,), increasing from 0 to 1.
         coefficients: shape (4, M-1, K), highest power first, in (s - knots[i]) (as scipy's PPoly).
         length: of the tool's path [m], or the angle of a pure rotation [rad].
-        tool_rates: positions of the axes, shape (n, K) → shape (n, 3 or 6, K): rates of the tool's point [m]
-            and of its turn [rad] by those of the axes; None where they are not known: its corners stay.
     """
 
-    axes: tuple[int, ...]
     knots: Array
     coefficients: Array
     length: float
-    tool_rates: Callable[[Array], Array] | None = None
+    tool_rates: ToolRates | None = None
+
+    @property
+    def roundable(self) -> bool:
+        return self.tool_rates is not None
 
     def _cell(self, s: Array) -> tuple[Array, NDArray[np.intp]]:
         cell = np.clip(np.searchsorted(self.knots, s, side="right") - 1, 0, len(self.knots) - 2)
@@ -193,12 +275,15 @@ class SampledCurve(msgspec.Struct, frozen=True):
         c3, c2, c1, _ = self.coefficients[:, cell]
         return (3.0 * c3 * x + 2.0 * c2) * x + c1, 6.0 * c3 * x + 2.0 * c2, 6.0 * c3
 
+    def samples(self) -> Array:
+        return np.linspace(0.0, 1.0, 4 * (len(self.knots) - 1) + 1)
+
     def bounds(self) -> tuple[Array, Array]:
         fine = np.unique(np.concatenate([np.linspace(0.0, 1.0, 257), self.knots]))
         return span_of(self.position(fine))
 
 
-class PolynomialCurve(msgspec.Struct, frozen=True):
+class PolynomialCurve(Curve, frozen=True):
     """A polynomial of degree n in s: what rounds a corner.
 
     Attributes:
@@ -207,7 +292,6 @@ class PolynomialCurve(msgspec.Struct, frozen=True):
         length: measured along the curve [m or rad].
     """
 
-    axes: tuple[int, ...]
     coefficients: Array
     length: float
 
@@ -219,6 +303,13 @@ class PolynomialCurve(msgspec.Struct, frozen=True):
         second = _derivative(first)
         return _horner(first, s), _horner(second, s), _horner(_derivative(second), s)
 
+    @property
+    def power(self) -> Array:
+        return self.coefficients
+
+    def samples(self) -> Array:
+        return np.linspace(0.0, 1.0, POLYNOMIAL_SAMPLES)
+
     def bounds(self) -> tuple[Array, Array]:
         return span_of(self.position(np.linspace(0.0, 1.0, 65)))
 
@@ -228,6 +319,27 @@ def span_of(points: Array) -> tuple[Array, Array]:
     low: Array = points.min(axis=0)
     high: Array = points.max(axis=0)
     return low, high
+
+
+def samples_of_arcs(sweeps: Array) -> Array:
+    """Return at how many places of arcs their limits are looked at, shape (n,).
+
+    Derivatives of a circle repeat after one turn.
+    """
+    share: Array = np.minimum(np.abs(sweeps), TURN) / TURN
+    return np.minimum(float(TURN_SAMPLES), 3.0 + np.floor(128.0 * share))
+
+
+def max_path_rates(lengths: Array, sweeps: Array, radii: Array, growths: Array) -> Array:
+    """Return the greatest path speeds of arcs by s, which a change of radius makes more than their lengths,
+    shape (n,) [m].
+
+    Args:
+        lengths, sweeps: as of `ArcCurve`. radii, growths: at the start, and what they grow by.
+    """
+    widest = np.abs(growths) * (radii + 0.5 * growths) + 0.25 * growths * growths
+    rates: Array = np.sqrt(lengths * lengths + sweeps * sweeps * widest)
+    return rates
 
 
 def _horner(coefficients: Array, s: Array) -> Array:

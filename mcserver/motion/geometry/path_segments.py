@@ -8,11 +8,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mcserver.motion.canonical import PathBatch
-from mcserver.motion.geometry.curves import ArcCurve, Array
+from mcserver.motion.geometry.curves import ArcCurve, Array, max_path_rates, samples_of_arcs
 from mcserver.motion.geometry.plan_columns import bits_of
 from mcserver.motion.geometry.run_feeds import RunFeeds
 from mcserver.motion.geometry.run_segments import RunSegments
-from mcserver.motion.geometry.segment import NO_TRAVEL, fed_length_of_arcs, samples_of_arc
+from mcserver.motion.geometry.segment import NO_TRAVEL
 from mcserver.motion.kernels.arc_segments import ARC
 
 
@@ -72,7 +72,7 @@ class PathSegments:
         if not scales.min() > NO_TRAVEL:
             return None
         lengths = run.lengths.copy()
-        lengths[curved] = fed_length_of_arcs(lengths[curved], *arcs[curved, 5:8].T)
+        lengths[curved] = max_path_rates(lengths[curved], *arcs[curved, 5:8].T)
         feeds = RunFeeds.of(run, lengths, feed_scale)
         masks = tuple(bits_of(each) for each in columns)
         counted = tuple(each[linear[each]] if linear[each].any() else each for each in columns)
@@ -134,7 +134,7 @@ def _arcs(
     x1, y1 = (points[curved[:, None] + 1, planes] - centres).T
     angles, radii = np.arctan2(y0, x0), np.hypot(x0, y0)
     growths = np.hypot(x1, y1) - radii
-    arcs = np.column_stack((planes, centres, angles, sweeps, radii, growths, samples_of_arc(sweeps)))
+    arcs = np.column_stack((planes, centres, angles, sweeps, radii, growths, samples_of_arcs(sweeps)))
     ends = np.empty((4, len(curved), 2))
     for at, (angle, radius) in enumerate(((angles, radii), (angles + sweeps, radii + growths))):
         cos, sin = np.cos(angle), np.sin(angle)

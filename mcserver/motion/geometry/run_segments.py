@@ -82,7 +82,7 @@ class RunSegments:
             feed_columns=self.feed_columns[int(self.frame[index])],
             tolerance=self.tolerance,
             feed_scale=feeds.scale,
-            arc_row=arc,
+            arc=arc,
         )
 
     def columns(self, first: int, behind: int) -> PathColumns:

@@ -14,9 +14,9 @@ from numpy.typing import NDArray
 from mcserver.machine.machine_file import Machine
 from mcserver.motion.bound import Bound
 from mcserver.motion.canonical import FeedGroup
-from mcserver.motion.geometry.curves import ArcCurve, Array, Curve, LineCurve
+from mcserver.motion.geometry.curves import Array, Curve
 from mcserver.motion.geometry.torque_limits import TorqueLimits
-from mcserver.units import MM, TURN, AxisType
+from mcserver.units import MM, AxisType
 
 _NOWHERE = np.zeros(0)
 _NO_COLUMNS = np.zeros(0, np.intp)
@@ -117,8 +117,7 @@ class Segment(msgspec.Struct, eq=False, gc=False):
         active: mask of all columns that the run has moved up to this segment.
         opens, closes: whether the line's time begins or ends with this segment.
         straight: whether all its curves are lines.
-        arc_row: what `mcserver.motion.kernels.arc_segments` needs of one that is made as a single arc; see
-            `arc`.
+        arc: what `mcserver.motion.kernels.arc_segments` needs of a single arc; None: it is something else.
         carried: tools that were chosen before it, which says what payload there is.
         tolerance: how far the corner at its start may be rounded [m]. corner: what the last plan found for a
             stop there.
@@ -150,12 +149,7 @@ class Segment(msgspec.Struct, eq=False, gc=False):
     corner: KnownBlend | None = None
     carried: tuple[int, ...] = ()
     feed_scale: float = 1.0
-    arc_row: Array | None = None
-
-    @property
-    def arc(self) -> Array | None:
-        """The row of an arc; None if the segment is no single arc, or something else in the place of one."""
-        return self.arc_row if self.curves and isinstance(self.curves[0], ArcCurve) else None
+    arc: Array | None = None
 
     @property
     def only_feed_columns(self) -> bool:
@@ -240,50 +234,7 @@ class Segment(msgspec.Struct, eq=False, gc=False):
         return result
 
 
-def samples_of_arc(sweep: Array) -> Array:
-    """Return at how many places of arcs their limits are looked at, shape (n,).
-
-    Derivatives of a circle repeat after one turn: 128 points a turn miss an extreme by 0.03 %.
-    """
-    share: Array = np.minimum(np.abs(sweep), TURN) / TURN
-    return np.minimum(129.0, 3.0 + np.floor(128.0 * share))
-
-
-def fed_length_of_arcs(lengths: Array, sweeps: Array, radii: Array, growths: Array) -> Array:
-    """Return the greatest path speeds of arcs by s, which a change of radius makes more than their lengths,
-    shape (n,) [m].
-
-    Args:
-        lengths, sweeps: as of `ArcCurve`. radii, growths: at the start, and what they grow by.
-    """
-    widest = np.abs(growths) * (radii + 0.5 * growths) + 0.25 * growths * growths
-    fed: Array = np.sqrt(lengths * lengths + sweeps * sweeps * widest)
-    return fed
-
-
-def _fed_length(curve: Curve) -> float:
-    """Return the greatest path speed of a curve by s [m or rad]."""
-    if not isinstance(curve, ArcCurve):
-        return curve.length
-    radius = curve.start_radius
-    known = (curve.length, curve.sweep, radius, curve.end_radius - radius)
-    return float(fed_length_of_arcs(*(np.array(value) for value in known)))
-
-
-def _arc_of(group: FeedGroup, columns: tuple[NDArray[np.intp], ...]) -> Array | None:
-    """Return `Segment.arc` of a feed group."""
-    curve = group.curves[0]
-    if len(group.curves) > 1 or not isinstance(curve, ArcCurve):
-        return None
-    first, second = columns[0][:2].tolist()
-    radius = curve.start_radius
-    growth = curve.end_radius - radius
-    count = float(samples_of_arc(np.array(curve.sweep)))
-    return np.array([first, second, *curve.centre, curve.start_angle, curve.sweep, radius, growth, count])
-
-
 _ENDS = np.array([0.0, 1.0])
-_END = _ENDS[1:]
 
 
 def segment_of(
@@ -306,15 +257,10 @@ def segment_of(
     for curve, where in zip(group.curves, columns, strict=True):
         for axis in curve.axes:
             mask |= 1 << slots[axis]
-        if isinstance(curve, LineCurve):
-            displacement = np.subtract(curve.end, curve.start)
-            first[where] = displacement
-            last[where] = displacement
-        else:
-            straight = False
-            slope, bend, _ = curve.derivatives(_ENDS)
-            first[where], last[where] = slope
-            d2q_start[where], d2q_end[where] = bend
+        straight = straight and curve.straight
+        slope, bend, _ = curve.derivatives(_ENDS)
+        first[where], last[where] = slope
+        d2q_start[where], d2q_end[where] = bend
     scale = math.sqrt(float(first @ first))
     feed = feed_speed = math.inf
     feed_columns = columns[group.reference]
@@ -322,12 +268,13 @@ def segment_of(
         feed_columns = feed_columns[linear[feed_columns]]
     if group.speed is not None:
         feed_speed = group.speed
-        length = _fed_length(group.curves[group.reference])
+        length = group.curves[group.reference].max_path_rate
         feed = (
             group.speed / length
             if length > NO_TRAVEL
             else (1.0 / group.requested if group.requested > 0.0 else math.inf)
         )
+    arc = group.curves[0].arc
     segment = Segment(
         line=line,
         curves=group.curves,
@@ -345,7 +292,7 @@ def segment_of(
         feed_speed=feed_speed,
         feed_columns=feed_columns,
         carried=group.carried,
-        arc_row=_arc_of(group, columns),
+        arc=None if arc is None or len(columns) > 1 else np.concatenate((columns[0][:2], arc)),
     )
     return segment if feed_scale == 1.0 else segment.at_feed_scale(feed_scale)
 
@@ -354,13 +301,9 @@ def anchor(segment: Segment, position: Array) -> None:
     """Anchor a segment at the commanded position, and advance ``position`` (K,) to its end."""
     segment.base = position.copy()
     for curve, columns in zip(segment.curves, segment.columns, strict=True):
-        if isinstance(curve, LineCurve):
-            segment.base[columns] = curve.start
-            position[columns] = curve.end
-        else:
-            if segment.arc is not None:
-                segment.base[columns] = curve.position(_ENDS[:1])[0]
-            position[columns] = curve.position(_END)[0]
+        start, position[columns] = curve.ends()
+        if curve.straight or segment.arc is not None:
+            segment.base[columns] = start
     if segment.straight or segment.arc is not None:
         segment.end = position.copy()
 

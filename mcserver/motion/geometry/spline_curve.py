@@ -5,11 +5,10 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from mcserver.motion.geometry.curves import Array, span_of
+from mcserver.motion.geometry.curves import Array, Curve
 from mcserver.motion.geometry.segment import Segment
 from mcserver.motion.kernels.spline_samples import SAMPLES_A_SPAN, spline_at
 
@@ -35,18 +34,16 @@ class Spline:
         return found
 
 
-class SplineCurve(msgspec.Struct, frozen=True, eq=False):
+class SplineCurve(Curve, frozen=True, eq=False):
     """The part of a spline between two parameters; s is the share of it that has been passed.
 
     Attributes:
-        axes: machine columns, K of them. low, high: parameters at s = 0 and 1. length: not measured.
+        axes: machine columns, K of them. low, high: parameters at s = 0 and 1.
     """
 
-    axes: tuple[int, ...]
     spline: Spline
     low: float
     high: float
-    length: float = 0.0
 
     def position(self, s: Array) -> Array:
         places: Array = self.spline.at(self._t(s))[0]
@@ -59,9 +56,6 @@ class SplineCurve(msgspec.Struct, frozen=True, eq=False):
         found = self.spline.at(self._t(s))
         span = self.high - self.low
         return found[1] * span, found[2] * span**2, found[3] * span**3
-
-    def bounds(self) -> tuple[Array, Array]:
-        return span_of(self.position(self.samples()))
 
     def samples(self) -> Array:
         """Shares at which limits are looked at, from 0 to 1."""

@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mcserver.motion.geometry.blend import chord_error_of, may_be_passed_in_time, sample_programmed_path
-from mcserver.motion.geometry.curves import Array, span_of
+from mcserver.motion.geometry.curves import Array, Curve
 from mcserver.motion.geometry.segment import AxisLimits, KnownBlend, Segment, columns_of
 from mcserver.motion.kernels.corner_trajectory import SAMPLES, evaluate_trajectories, path_deviation_of
 from mcserver.motion.kernels.junctions import length_of
@@ -42,19 +42,16 @@ CHORDS = 0.99
 ROUNDING = 1e-9
 
 
-@dataclass(frozen=True)
-class TimeDomainCurve:
+class TimeDomainCurve(Curve, frozen=True, eq=False):
     """Trajectories of K axes by time; s is the share of their duration that has passed.
 
     Attributes:
         axes: machine columns. duration: [s]. phases: of each axis, with constant jerk: when they begin,
-            position, velocity, acceleration and jerk then, shape (K, n, 5). length: not measured.
+            position, velocity, acceleration and jerk then, shape (K, n, 5).
     """
 
-    axes: tuple[int, ...]
     duration: float
     phases: Array
-    length: float = 0.0
 
     def position(self, s: Array) -> Array:
         return self._at(s)[0]
@@ -62,9 +59,6 @@ class TimeDomainCurve:
     def derivatives(self, s: Array) -> tuple[Array, Array, Array]:
         _, first, second, third = self._at(s)
         return first * self.duration, second * self.duration**2, third * self.duration**3
-
-    def bounds(self) -> tuple[Array, Array]:
-        return span_of(self.position(np.linspace(0.0, 1.0, SAMPLES)))
 
     def _at(self, s: Array) -> tuple[Array, Array, Array, Array]:
         """Return position and its derivatives by time, shape (len(s), K)."""
@@ -385,6 +379,7 @@ def _corner(
             closes=not opens,
             straight=False,
             tolerance=0.0,
+            arc=None,
         )
 
     return TimeDomainBlend(

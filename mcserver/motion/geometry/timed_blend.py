@@ -12,7 +12,6 @@ import math
 import msgspec
 
 from mcserver.motion.geometry.blend import Blend, blend
-from mcserver.motion.geometry.curves import SampledCurve
 from mcserver.motion.geometry.segment import AxisLimits, Segment
 from mcserver.motion.lookahead.lookahead import Lookahead
 
@@ -29,7 +28,7 @@ def as_feed_line(segment: Segment) -> Segment:
     if segment.duration is None:
         return segment
     feed = (segment.finish - segment.begin) / segment.duration
-    of_tool = [feed * curve.length for curve in segment.curves if isinstance(curve, SampledCurve)]
+    of_tool = [feed * curve.length for curve in segment.curves if curve.tool_rates is not None]
     speed = min(of_tool, default=segment.feed_speed)
     return msgspec.structs.replace(segment, duration=None, feed=feed, feed_speed=speed)
 

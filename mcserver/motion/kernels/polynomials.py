@@ -8,8 +8,6 @@ from mcserver.motion.geometry.curves import Array
 from mcserver.motion.kernels.compiled import compiled
 from mcserver.motion.kernels.sample_limits import CURVATURE_SHARE, JERK_SHARE, TINY
 
-# Places at which a polynomial is sampled.
-SAMPLES = 33
 # What limits speed, as `limit_of` numbers it.
 KINDS = ("velocity", "acceleration", "jerk")
 

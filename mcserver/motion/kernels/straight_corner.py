@@ -14,13 +14,12 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from mcserver.motion.geometry.curves import Array
+from mcserver.motion.geometry.curves import POLYNOMIAL_SAMPLES, Array
 from mcserver.motion.kernels.compiled import compiled
 from mcserver.motion.kernels.junctions import junction_vmax_of, length_of, line_sample
 from mcserver.motion.kernels.knots import SOLVED, find_knots
 from mcserver.motion.kernels.parts import is_split, straight_limits, vertex_zone_length
 from mcserver.motion.kernels.polynomials import (
-    SAMPLES,
     limit_of,
     polynomial_samples,
     power_basis,
@@ -105,11 +104,11 @@ def distance_from_corner(t1: Array, t2: Array, power: Array, weights: Array) -> 
         weights: of each column in that distance, shape (K,).
     """
     width = len(t1)
-    blend = np.empty((SAMPLES, width))
-    lines = np.zeros((SAMPLES, width))
-    half = SAMPLES // 2
-    for i in range(SAMPLES):
-        s, share = i / (SAMPLES - 1), (i - half) / half
+    blend = np.empty((POLYNOMIAL_SAMPLES, width))
+    lines = np.zeros((POLYNOMIAL_SAMPLES, width))
+    half = POLYNOMIAL_SAMPLES // 2
+    for i in range(POLYNOMIAL_SAMPLES):
+        s, share = i / (POLYNOMIAL_SAMPLES - 1), (i - half) / half
         for k in range(width):
             value = power[5, k]
             for row in range(4, -1, -1):
@@ -213,26 +212,26 @@ def blend_time(corner: Corner, left: float, right: float, entry: float, power: A
     """
     last, first, limits, feeds = corner.last, corner.first, corner.limits, corner.feeds
     width = len(last)
-    rows = np.zeros((2 + 2 * SAMPLES, 5 * width + 2))
+    rows = np.zeros((2 + 2 * POLYNOMIAL_SAMPLES, 5 * width + 2))
     segment_vmax = np.empty(4)
     limit, _ = line_sample(last, length_of(last), limits, rows[:1])
     segment_vmax[0] = min(limit, feeds[0])
-    limit, _ = line_sample(first, length_of(first), limits, rows[1 + 2 * SAMPLES :])
+    limit, _ = line_sample(first, length_of(first), limits, rows[1 + 2 * POLYNOMIAL_SAMPLES :])
     segment_vmax[3] = min(limit, feeds[1])
     part = np.empty((6, width))
-    speeds = np.empty(SAMPLES)
+    speeds = np.empty(POLYNOMIAL_SAMPLES)
     restrict_polynomial(power, 0.0, 0.5, part)
     # along σ, which goes on where the halves meet
     scale = length_of(part[1])
     for half in range(2):
         restrict_polynomial(power, 0.5 * half, 0.5, part)
-        where = slice(1 + half * SAMPLES, 1 + (half + 1) * SAMPLES)
+        where = slice(1 + half * POLYNOMIAL_SAMPLES, 1 + (half + 1) * POLYNOMIAL_SAMPLES)
         polynomial_samples(part, scale, rows[where], speeds)
         limit, _, _ = limit_of(rows[where], limits)
         segment_vmax[1 + half] = min(limit, feeds[half] * scale / speeds.max())
     edges = np.cumsum(np.array([0.0, left, scale, scale, right]))
     junction_vmax = np.full(5, math.inf)
-    offset = np.array([0, 1, 1 + SAMPLES, 1 + 2 * SAMPLES, 2 + 2 * SAMPLES])
+    offset = np.array([0, 1, 1 + POLYNOMIAL_SAMPLES, 1 + 2 * POLYNOMIAL_SAMPLES, 2 + 2 * POLYNOMIAL_SAMPLES])
     top = min(segment_vmax[1], segment_vmax[2])
     return run_time(rows, offset, edges, junction_vmax, segment_vmax, corner, entry), top
 

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from mcserver.motion.bound import Bound, PlanningError
 from mcserver.motion.canonical import SAME_TIME, FeedGroup
-from mcserver.motion.geometry.curves import Array, SampledCurve
+from mcserver.motion.geometry.curves import Array
 from mcserver.motion.geometry.segment import NO_TRAVEL, AxisLimits, Segment, anchor, columns_of, segment_of
 from mcserver.motion.lookahead.lookahead import Lookahead
 from mcserver.motion.lookahead.planned_run import PlannedRun
@@ -162,7 +162,7 @@ class _Path:
         except PlanningError:
             return None
         least = segment.extent / float(window.table.columns.segment_vmax[0])
-        if axes.limits.joint_tolerance is not None and any(isinstance(c, SampledCurve) for c in group.curves):
+        if axes.limits.joint_tolerance is not None and any(c.tool_rates for c in group.curves):
             # a corner within the joints' tolerance may be cut by more than that at the tool
             least = 0.0
         in_metres = bool(axes.linear[segment.feed_columns].all())
@@ -174,7 +174,7 @@ class _Path:
         if curve.length <= NO_TRAVEL:
             return 0.0
         # a degree counts as a millimetre
-        metres = self.in_metres and not isinstance(curve, SampledCurve)
+        metres = self.in_metres and curve.tool_rates is None
         rounded = ROUNDED * tolerance * (1.0 if metres else math.radians(1.0) / MM)
         return LEAST * self.least * max(0.0, 1.0 - rounded / curve.length)
 

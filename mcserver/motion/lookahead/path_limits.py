@@ -15,12 +15,12 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from mcserver.motion.geometry.curves import Array, LineCurve, PolynomialCurve, SampledCurve
-from mcserver.motion.geometry.segment import AxisLimits, Segment, samples_of_arc
-from mcserver.motion.geometry.spline_curve import SplineCurve
+from mcserver.motion.geometry.curves import POLYNOMIAL_SAMPLES, Array
+from mcserver.motion.geometry.segment import AxisLimits, Segment
+from mcserver.motion.geometry.spline_curve import spline_part
 from mcserver.motion.kernels.arc_segments import arc_samples
 from mcserver.motion.kernels.junctions import junction_vmax_of, line_sample
-from mcserver.motion.kernels.polynomials import KINDS, SAMPLES, limit_of, polynomial_samples
+from mcserver.motion.kernels.polynomials import KINDS, limit_of, polynomial_samples
 from mcserver.motion.kernels.ramp_kernels import MAX_TABLE_ROWS
 from mcserver.motion.kernels.sample_limits import Run, make_limit_table, min_limits, run_of
 from mcserver.motion.lookahead.torque_samples import torque_places, vertex_torques, widen, with_torques
@@ -62,60 +62,42 @@ def samples_of(segment: Segment, limits: AxisLimits) -> tuple[Array, SpeedLimit]
     """Return the samples of one segment in its coordinate σ = s·scale, and the greatest constant speed on
     them.
     """
-    if limits.torque is None:
-        return _samples_of_axes(segment, limits)
     width = len(limits.velocity)
-    if isinstance(segment.curves[0], SplineCurve):
+    if limits.torque is None:
+        if segment.straight:
+            rows = np.zeros((1, 5 * width + 2))
+            velocity, column = line_sample(segment.first, segment.scale, limits.rows, rows)
+            return rows, SpeedLimit(velocity, column, "velocity")
+        if segment.arc is not None:
+            rows = np.zeros((int(segment.arc[-1]), 5 * width + 2))
+            velocity, column, kind = arc_samples(segment.arc, segment.first, segment.scale, limits.rows, rows)
+            return rows, SpeedLimit(velocity, column, KINDS[kind])
+        own = segment.curves[0].power
+        if own is not None:
+            power = np.zeros((len(own), width))
+            power[:, segment.columns[0]] = own
+            rows = np.zeros((POLYNOMIAL_SAMPLES, 5 * width + 2))
+            polynomial_samples(power, segment.scale, rows, np.empty(POLYNOMIAL_SAMPLES))
+            return rows, speed_limit(rows, limits)
+        s = _places(segment)
+    elif spline_part(segment) is not None:
         s = segment.curves[0].samples()
     else:
-        s = torque_places(segment, len(_samples_of_axes(segment, limits)[0]), limits.torque)
-    derivatives = segment.derivatives(s, width)
-    rows = sample_rows(*(each / segment.scale ** (1 + order) for order, each in enumerate(derivatives)))
-    rows = with_torques(segment, s, rows, limits.torque)
-    return rows, speed_limit(rows, limits)
-
-
-def _samples_of_axes(segment: Segment, limits: AxisLimits) -> tuple[Array, SpeedLimit]:
-    """Return what `samples_of` does for a machine without torque limits."""
-    width = len(limits.velocity)
-    if segment.straight:
-        rows = np.zeros((1, 5 * width + 2))
-        velocity, column = line_sample(segment.first, segment.scale, limits.rows, rows)
-        return rows, SpeedLimit(velocity, column, "velocity")
-    if isinstance(segment.curves[0], PolynomialCurve):
-        power = np.zeros((len(segment.curves[0].coefficients), width))
-        power[:, segment.columns[0]] = segment.curves[0].coefficients
-        rows = np.zeros((SAMPLES, 5 * width + 2))
-        polynomial_samples(power, segment.scale, rows, np.empty(SAMPLES))
-        return rows, speed_limit(rows, limits)
-    if isinstance(segment.curves[0], SplineCurve):
-        slope, bend, twist = segment.derivatives(segment.curves[0].samples(), width)
-        scale = segment.scale
-        rows = sample_rows(slope / scale, bend / scale**2, twist / scale**3)
-        return rows, speed_limit(rows, limits)
-    if segment.arc is not None:
-        rows = np.zeros((int(segment.arc[-1]), 5 * width + 2))
-        velocity, column, kind = arc_samples(segment.arc, segment.first, segment.scale, limits.rows, rows)
-        return rows, SpeedLimit(velocity, column, KINDS[kind])
-    count = 2
-    for curve in segment.curves:
-        if isinstance(curve, SampledCurve):
-            count = max(count, 4 * (len(curve.knots) - 1) + 1)
-        elif isinstance(curve, PolynomialCurve):
-            count = max(count, SAMPLES)
-        elif not isinstance(curve, LineCurve):
-            sweep = np.array(getattr(curve, "sweep", 2.0 * math.pi))
-            count = max(count, int(samples_of_arc(sweep)))
-    s = np.linspace(0.0, 1.0, count)
-    sweeps = [abs(getattr(curve, "sweep", 0.0)) for curve in segment.curves]
-    if max(sweeps) > 2.0 * math.pi and not any(
-        isinstance(curve, SampledCurve | PolynomialCurve) for curve in segment.curves
-    ):
-        s = s * (2.0 * math.pi / max(sweeps))
-    dq, d2q, d3q = segment.derivatives(s, width)
+        s = torque_places(segment, 1 if segment.straight else len(_places(segment)), limits.torque)
     scale = segment.scale
-    rows = sample_rows(dq / scale, d2q / scale**2, d3q / scale**3)
+    rows = sample_rows(*(each / scale**order for order, each in enumerate(segment.derivatives(s, width), 1)))
+    if limits.torque is not None:
+        rows = with_torques(segment, s, rows, limits.torque)
     return rows, speed_limit(rows, limits)
+
+
+def _places(segment: Segment) -> Array:
+    """Return the shares s at which the limits of a segment are looked at: those of its curve, or as many of
+    the whole of several that are bent.
+    """
+    places = [curve.samples() for curve in segment.curves if not curve.straight]
+    most = max(places, key=len)
+    return most if len(places) == 1 else np.linspace(0.0, 1.0, len(most))
 
 
 def speed_limit(rows: Array, limits: AxisLimits) -> SpeedLimit:
@@ -185,7 +167,7 @@ def junction(before: Segment, after: Segment, limits: AxisLimits) -> Junction:
     Where a tolerance is given the jerk limit holds at the vertex as well: the tolerance is there to round it;
     and at the end of a curve, whose tangent need not be that of the line that it stands for.
     """
-    of_curve = bool(before.curves) and isinstance(before.curves[0], SplineCurve)
+    of_curve = spline_part(before) is not None
     samples = np.zeros((2, 5 * len(before.last) + 2))
     speed, scale = junction_vmax_of(
         before.last,
