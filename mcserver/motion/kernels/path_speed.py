@@ -10,6 +10,7 @@ What comes out is checked on its own, as phases of constant jerk in time, before
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -44,6 +45,29 @@ SETTLED = 1e-4
 WHOLE_TURNS = 129
 # A path is not solved again where its time is within this of that at its greatest speeds.
 WORTH = 1.005
+
+
+class _Nodes(NamedTuple):
+    """Nodes of a path, and what bounds b there.
+
+    Attributes:
+        places: along σ, shape (m,). demand: what their surroundings ask for at the worst, |q'|, |q''|,
+            |q'''| and steps of q'', shape (m, 4, K). cap: the greatest b, shape (m,).
+        limits: of the axes, shape (3, K). room: share of those of speed, acceleration and jerk that each node
+            may take, shape (m, 3). step_jerk: jerk that a step of acceleration within a cycle looks like at
+            the cycle rate, see `free_at` [1/s].
+        first, second: weights of b at the nodes before, at and after each one in b' and b'', and what does
+            not depend on b, shape (m, 4).
+    """
+
+    places: Array
+    demand: Array
+    cap: Array
+    limits: Array
+    room: Array
+    step_jerk: float
+    first: Array
+    second: Array
 
 
 @compiled
@@ -114,8 +138,7 @@ def _gather(
 
 @compiled
 def _stencils(nodes: Array, steepness: tuple[float, float], first: Array, second: Array) -> None:
-    """Write the weights of b at the nodes before, at and after each one in b' and b'', and what does not
-    depend on b, shape (m, 4).
+    """Write `_Nodes.first` and ``second``.
 
     Args:
         steepness: b' at both ends, which is given.
@@ -145,20 +168,9 @@ def _derivative(weights: Array, b: Array, i: int) -> float:
 
 
 @compiled
-def _merit(
-    b: Array,
-    nodes: Array,
-    demand: Array,
-    cap: Array,
-    limits: Array,
-    room: Array,
-    step_jerk: float,
-    first: Array,
-    second: Array,
-    ease: float,
-    weight: float,
-) -> tuple[float, float]:
+def _merit(b: Array, nodes: _Nodes, ease: float, weight: float) -> tuple[float, float]:
     """Return the time with its barrier, infinite beyond a limit, and the greatest share of a limit."""
+    places, demand, cap, limits, room, step_jerk, first, second = nodes
     total, worst = 0.0, 0.0
     last = len(b) - 1
     width = limits.shape[1]
@@ -167,7 +179,7 @@ def _merit(
             return math.inf, math.inf
         root = math.sqrt(b[i])
         if i > 0:
-            total += 2.0 * (nodes[i] - nodes[i - 1]) / (root + math.sqrt(b[i - 1]))
+            total += 2.0 * (places[i] - places[i - 1]) / (root + math.sqrt(b[i - 1]))
         slope, bend = abs(_derivative(first, b, i)), abs(_derivative(second, b, i))
         product = 1.0
         if 0 < i < last:
@@ -225,22 +237,9 @@ def _add_barrier(
 
 
 @compiled
-def _model(
-    b: Array,
-    nodes: Array,
-    demand: Array,
-    cap: Array,
-    limits: Array,
-    room: Array,
-    step_jerk: float,
-    first: Array,
-    second: Array,
-    ease: float,
-    weight: float,
-    gradient: Array,
-    band: Array,
-) -> None:
+def _model(b: Array, nodes: _Nodes, ease: float, weight: float, gradient: Array, band: Array) -> None:
     """Write gradient (m,) and curvature (m, 3), three diagonals of it, of what `_merit` returns."""
+    places, demand, cap, limits, room, step_jerk, first, second = nodes
     gradient[:] = 0.0
     band[:] = 0.0
     last = len(b) - 1
@@ -249,7 +248,7 @@ def _model(
         root = math.sqrt(b[i])
         if 0 < i < last:
             # the time about a node, to the first order dσ/√b
-            apart = 0.5 * (nodes[i + 1] - nodes[i - 1])
+            apart = 0.5 * (places[i + 1] - places[i - 1])
             gradient[i] -= 0.5 * apart / (b[i] * root)
             band[i, 0] += 0.75 * apart / (b[i] * b[i] * root)
             _add_barrier(i, ease - b[i] / cap[i], weight, 0.0, 1.0 / cap[i], 0.0, gradient, band)
@@ -323,34 +322,20 @@ def _solve_band(band: Array, right: Array) -> bool:
 
 
 @compiled
-def _minimize(
-    b: Array,
-    nodes: Array,
-    demand: Array,
-    cap: Array,
-    limits: Array,
-    room: Array,
-    step_jerk: float,
-    first: Array,
-    second: Array,
-) -> bool:
-    """Change b to the quickest within the limits; return False where none was found.
-
-    Args:
-        room: share of the limits of speed, acceleration and jerk that each node may take, shape (m, 3).
-    """
-    count, width = len(b), limits.shape[1]
+def _minimize(b: Array, nodes: _Nodes) -> bool:
+    """Change b to the quickest within the limits; return False where none was found."""
+    count, width = len(b), nodes.limits.shape[1]
     gradient, band = np.empty(count), np.empty((count, 3))
     trial = b.copy()
     huge = 1e30
-    merit, worst = _merit(b, nodes, demand, cap, limits, room, step_jerk, first, second, huge, 0.0)
+    merit, worst = _merit(b, nodes, huge, 0.0)
     share = merit / (count * (6 * width + 1))
     ease = max(1.0, EASE * worst)
     weight = FIRST_WEIGHT
     for step in range(MOST_STEPS):
-        merit, _ = _merit(b, nodes, demand, cap, limits, room, step_jerk, first, second, ease, weight * share)
         barrier = weight * share
-        _model(b, nodes, demand, cap, limits, room, step_jerk, first, second, ease, barrier, gradient, band)
+        merit, _ = _merit(b, nodes, ease, barrier)
+        _model(b, nodes, ease, barrier, gradient, band)
         if not _solve_band(band, gradient):
             return False
         length, moved = 1.0, 0.0
@@ -359,9 +344,7 @@ def _minimize(
             for i in range(1, count - 1):
                 trial[i] = b[i] - length * gradient[i]
                 moved = max(moved, abs(trial[i] - b[i]) / b[i])
-            now, most = _merit(
-                trial, nodes, demand, cap, limits, room, step_jerk, first, second, ease, weight * share
-            )
+            now, most = _merit(trial, nodes, ease, barrier)
             if now < merit:
                 b[:] = trial
                 worst = most
@@ -420,17 +403,17 @@ def quicker_phases(
         return nothing, False
     first, second = np.empty((count, 4)), np.empty((count, 4))
     _stencils(nodes, (2.0 * accelerations[0], 2.0 * accelerations[1]), first, second)
-    # a step of acceleration within a cycle looks like this jerk at the cycle rate, see `free_at`
     step_jerk = 0.75 / run.cycle
     phases, lower = np.empty((count - 1, PHASE)), np.empty(count)
     over, room = np.empty((count - 1, 3)), np.ones((count, 3))
+    bounded = _Nodes(nodes, demand, lower, run.limits, room, step_jerk, first, second)
     b = speeds * speeds
     for _ in range(TIGHTENED):
         for i in range(count):
             # an end may be at its greatest speed: what is kept off it begins little by little
             part = min(1.0, (min(i, count - 1 - i) / MARGIN_NODES) ** 2)
             lower[i] = cap[i] * (1.0 - (1.0 - (NODE_SPEED * room[i, 0]) ** 2) * part)
-        found = _minimize(b, nodes, demand, lower, run.limits, room, step_jerk, first, second)
+        found = _minimize(b, bounded)
         if not found or not to_phases(nodes, b, accelerations, phases) or not phases[:, 0].sum() < time:
             break
         if not exceed_limits(phases, demand, cap, fed, run.limits, step_jerk, over):
