@@ -22,11 +22,11 @@ Action = Callable[[Machine], Awaitable[object]]
 
 
 def show_refusal(message: str, hint: str = "") -> None:
-    """A sentence and its remedy, until it is closed."""
+    """A sentence and its remedy, until it is closed. Below: above are the buttons that stop, on a phone."""
     ui.notify(
         message + (f" — {page_hint(hint)}" if hint else ""),
         type="negative",
-        position="top",
+        position="bottom",
         close_button="close",
         timeout=8000,
     )
@@ -76,4 +76,4 @@ class Actions:
         reason = f"by {self.visitor.name} on the page"
         # whoever has the button before them may press it: a login that has just ended does not matter
         if await self._carry_out("emergency stop", lambda machine: machine.estop(reason)):
-            ui.notify("emergency stop confirmed", type="warning", position="top")
+            ui.notify("emergency stop confirmed", type="warning", position="bottom")

@@ -140,7 +140,7 @@ class FleetPage:
             failures = await self._fleet.order(order, names)
             for name, message in failures.items():
                 show_refusal(f"{name}: {message}")
-            ui.notify(f"{len(names) - len(failures)} of {len(names)} machines: {order}", position="top")
+            ui.notify(f"{len(names) - len(failures)} of {len(names)} machines: {order}", position="bottom")
 
 
 def group_of(name: str) -> str:

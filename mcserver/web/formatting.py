@@ -6,11 +6,12 @@ import html
 import re
 from collections.abc import Sequence
 
-from mcclient import AxisInfo, MachineStatus, ProgramStatus
+from mcclient import AxisInfo, Diagnostic, MachineStatus, ProgramStatus
 from mcclient.types import ENDED
 
 LETTERS = "XYZABC"
 CONTEXT_LINES = 6
+DIAGNOSTICS_SHOWN = 50
 
 
 def axis_name(index: int) -> str:
@@ -111,6 +112,25 @@ def program_excerpt(lines: Sequence[str], now: int, faulty: dict[int, str]) -> s
     return f'<pre class="mc-program" tabindex="0" aria-label="Program text">{"".join(rows)}</pre>'
 
 
+def diagnostics_html(diagnostics: Sequence[Diagnostic], head: str = "") -> str:
+    """HTML of what was found in a program: in the colour of a fault where one is among it.
+
+    Args:
+        head: stands above, as HTML.
+    """
+    if not diagnostics:
+        return ""
+    rows = [
+        f"<li>{'' if each.severity == 'error' else 'warning, '}line {each.line}, column {each.column}: "
+        f"{html.escape(each.message)} [{each.code}]"
+        + (f"<br>= {html.escape(page_hint(each.hint))}" if each.hint else "")
+        + "</li>"
+        for each in diagnostics[:DIAGNOSTICS_SHOWN]
+    ]
+    kind = "mc-faults" if any(each.severity == "error" for each in diagnostics) else "mc-warnings"
+    return f'<div class="{kind}">{head}<ul>{"".join(rows)}</ul></div>'
+
+
 # what the page has in the place of a command
 _COMMANDS = {
     "home": "press Home in the card Homing",
@@ -122,6 +142,7 @@ _COMMANDS = {
     "continue": "press Continue",
 }
 _COMMAND = re.compile(
+    r"(?:machine\.continue_program\([^)]*\), or )?"
     r"mcctl (home|reference|reset|resume|zero|run|continue)(?: (?:--[a-z-]+|[A-Z][A-Z0-9=.-]*|\[\d+\]))*"
 )
 

@@ -79,7 +79,7 @@ class MachinePage:
                     with _place(4):
                         self._buttons = ButtonsPanel(actions)
                     with _place(6):
-                        self._program = ProgramPanel(actions)
+                        self._program = ProgramPanel(actions, self._recovery)
                     with _place(11):
                         self._recordings = RecordingsPanel(actions)
                 with ui.element("div").classes("mc-column"):

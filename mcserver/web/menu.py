@@ -41,6 +41,6 @@ async def _ask_for_messages() -> None:
     except TimeoutError:
         return
     if answer == "granted":
-        ui.notify("this browser says when a program is done or in alarm", position="top")
+        ui.notify("this browser says when a program is done or in alarm", position="bottom")
     else:
         show_refusal("The browser shows no messages", "allow them for this page in its settings")

@@ -177,6 +177,10 @@ def test_the_emergency_stop_is_confirmed_shown_before_all_else_and_reset(
     assert machine.status().state == "estop"
     wait_for(machine, page, stands)
     expect(page.get_by_text("long.gcode · failed").first).to_be_visible()
+    # where it was, and the way back that stands above it
+    expect(page.locator(".mc-program .now").first).to_contain_text(f"G01 X{far} F2000")
+    back = "To go on: remove the cause, then Continue at line 2, or run it again."
+    expect(page.get_by_text(back)).to_be_visible()
     page.get_by_role("button", name="Reset").click()
     expect(page.get_by_role("status")).to_have_text("ready")
     # the stop has emptied the queue: what is started now runs

@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import pytest
-from mcclient import MachineStatus, ProgramStatus
-from mcclient.types import AxesStatus
+from mcclient import Diagnostic, MachineStatus, ProgramStatus
+from mcclient.types import AxesStatus, Severity
 
 from mcserver.web.formatting import (
     banner,
     channel_text,
     clock_text,
     current_program,
+    diagnostics_html,
     page_hint,
     position_text,
     program_excerpt,
@@ -99,3 +100,19 @@ def test_remedies_name_the_page_s_buttons_and_no_commands() -> None:
         "set them back (use Zero or Set in the card Position), or run it"
     )
     assert page_hint("jog there") == "jog there"
+    assert page_hint("once it is clear, machine.continue_program('6b-4'), or mcctl continue") == (
+        "once it is clear, press Continue"
+    )
+
+
+def test_warnings_alone_are_shown_as_warnings_and_with_a_fault_each_says_which_it_is() -> None:
+    warning = Diagnostic("MC139", "nearly a circle", 2, hint="mcctl zero", severity=Severity.WARNING)
+    fault = Diagnostic("MC104", "<b>", 3)
+    alone = diagnostics_html((warning,))
+    assert 'class="mc-warnings"' in alone
+    assert "warning, line 2" in alone
+    assert "use Zero or Set in the card Position" in alone
+    both = diagnostics_html((warning, fault))
+    assert 'class="mc-faults"' in both
+    assert "<b>" not in both
+    assert diagnostics_html(()) == ""

@@ -12,7 +12,7 @@ from nicegui import ui
 from mcserver.errors import McError
 from mcserver.web.actions import Actions, show_refusal
 from mcserver.web.dialogs import named_dialog
-from mcserver.web.formatting import axis_name, clock_text, program_excerpt
+from mcserver.web.formatting import axis_name, clock_text, diagnostics_html, program_excerpt
 from mcserver.web.jobs import PATH_POINTS, path_from_line
 from mcserver.web.panels.picture import tips_of
 from mcserver.web.space import Space
@@ -28,7 +28,7 @@ async def show_dry_run(
     """Simulate a stored program from where the axes are, and show it with a button that runs it."""
     if not actions.allowed("simulate"):
         return
-    waiting = ui.notification(f"{name} is being simulated", spinner=True, timeout=None, position="top")
+    waiting = ui.notification(f"{name} is being simulated", spinner=True, timeout=None, position="bottom")
     try:
         text = actions.link.store.read(name)
         machine = actions.link.connected()
@@ -71,15 +71,9 @@ async def show_dry_run(
 def report_html(text: str, report: SimulateReply, from_line: int = 1) -> str:
     """Return the report of a simulation as HTML: its time, the axes' travel, faults and slow lines."""
     faults = report.diagnostics
-    shown = "".join(
-        f"<li>line {each.line}: {html.escape(each.message)} [{each.code}]"
-        + (f"<br>= {html.escape(each.hint)}" if each.hint else "")
-        + "</li>"
-        for each in faults[:20]
-    )
-    listed = f'<div class="mc-faults"><ul>{shown}</ul></div>' if shown else ""
+    listed = diagnostics_html(faults)
     if not report.ok:
-        faulty = {each.line: each.message for each in faults}
+        faulty = {each.line: each.message for each in faults if each.severity == "error"}
         return listed + program_excerpt(text.split("\n"), min(faulty, default=1), faulty)
     whole = " for the whole program" if from_line > 1 else ""
     length = f"{report.feed_length_mm:.1f} mm at feed rates"

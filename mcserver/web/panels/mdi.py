@@ -10,6 +10,7 @@ from nicegui import ui
 
 from mcserver.gcode.text.command_table import COMMANDS
 from mcserver.web.actions import Actions
+from mcserver.web.formatting import page_hint
 from mcserver.web.open_programs import refusal_of
 
 HISTORY = 50
@@ -66,7 +67,7 @@ class MdiPanel:
             self._show(f"{html.escape(line)}   done")
 
     def _show_refusal(self, line: str, message: str, hint: str) -> None:
-        remedy = f"\n= {html.escape(hint)}" if hint else ""
+        remedy = f"\n= {html.escape(page_hint(hint))}" if hint else ""
         self._show(f'{html.escape(line)}\n<span class="text-negative">{html.escape(message)}</span>{remedy}')
 
     def _show(self, content: str) -> None:

@@ -89,7 +89,7 @@ class PositionsPanel:
 
         where = "the work coordinate system in force" if system == 0 else system_name(system)
         if await self._actions.do("open", f"{axis} reads {value:g} in {where}", send):
-            ui.notify(f"{axis} reads {value:g} here now", position="top")
+            ui.notify(f"{axis} reads {value:g} here now", position="bottom")
 
     async def _ask(self) -> None:
         if not self._actions.allowed("open"):

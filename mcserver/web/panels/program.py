@@ -11,19 +11,31 @@ from nicegui import events, ui
 from mcserver.errors import McError
 from mcserver.web.actions import Actions, show_refusal
 from mcserver.web.dialogs import ask
-from mcserver.web.formatting import current_program, is_live, page_hint, program_excerpt, remaining_text
+from mcserver.web.formatting import (
+    current_program,
+    diagnostics_html,
+    is_live,
+    page_hint,
+    program_excerpt,
+    remaining_text,
+)
 from mcserver.web.jobs import WHOLE, Job, JobState, Middle
 from mcserver.web.panels.dry_run import show_dry_run
 from mcserver.web.panels.queue import QueuePanel
-from mcserver.web.panels.run_from import ask_run_from
+from mcserver.web.panels.run_from import RecoveryPanel, ask_run_from
 from mcserver.web.store import MAX_PROGRAM_BYTES
 
 
 class ProgramPanel:
-    """Shows one program; starts, queues, checks and removes the kept ones."""
+    """Shows one program; starts, queues, checks and removes the kept ones.
 
-    def __init__(self, actions: Actions) -> None:
+    Args:
+        recovery: the card that goes on with what was broken off.
+    """
+
+    def __init__(self, actions: Actions, recovery: RecoveryPanel) -> None:
         self._actions = actions
+        self._recovery = recovery
         self._shown: tuple[object, ...] = ()
         self._listed: tuple[str, ...] = ()
         with ui.card().classes("mc-card"):
@@ -105,17 +117,20 @@ class ProgramPanel:
         return None if since and program is not None and program.opened_at > (job.started_at or 0.0) else job
 
     def _show_ended(self, job: Job) -> None:
-        if self._shown == ("ended", job.number):
+        broken = self._recovery.program
+        at = broken.done + 1 if broken is not None and broken.program == job.program else None
+        if self._shown == ("ended", job.number, at):
             return
-        self._shown = ("ended", job.number)
+        self._shown = ("ended", job.number, at)
         self._title.set_text(f"{job.name} · {job.state.value}")
         self._bar.set_value(0.0)
         self._times.set_text("")
         faulty = {each.line: each.message for each in job.diagnostics if each.severity == "error"}
         remedy = f"<br>= {html.escape(page_hint(job.hint))}" if job.hint else ""
-        back = "correct the file and upload it again" if faulty else "remove the cause, then run it again"
+        again = "run it again" if at is None else f"Continue at line {at}, or run it again"
+        back = "correct the file and upload it again" if faulty else f"remove the cause, then {again}"
         said = f"<p><b>{html.escape(job.message)}</b>{remedy}<br>To go on: {back}.</p>"
-        excerpt = program_excerpt(job.lines, min(faulty, default=1), faulty) if job.lines else ""
+        excerpt = program_excerpt(job.lines, min(faulty, default=at or 0), faulty) if job.lines else ""
         self._text.set_content(f'<div class="mc-faults" role="alert">{said}</div>{excerpt}')
 
     def _update_store(self) -> None:
@@ -158,18 +173,10 @@ class ProgramPanel:
         if not found.diagnostics:
             self._report.set_content(f"<p>{html.escape(name)}: no faults</p>")
             return
-        rows = [
-            f"<li>{'' if each.severity == 'error' else 'warning, '}line {each.line}, column {each.column}: "
-            f"{html.escape(each.message)} [{each.code}]"
-            + (f"<br>= {html.escape(each.hint)}" if each.hint else "")
-            + "</li>"
-            for each in found.diagnostics[:50]
-        ]
         faulty = {each.line: each.message for each in found.diagnostics if each.severity == "error"}
         excerpt = program_excerpt(text.split("\n"), min(faulty), faulty) if faulty else ""
-        kind = "mc-faults" if faulty else "mc-warnings"
         self._report.set_content(
-            f'<div class="{kind}"><p>{html.escape(name)}:</p><ul>{"".join(rows)}</ul></div>{excerpt}'
+            diagnostics_html(found.diagnostics, f"<p>{html.escape(name)}:</p>") + excerpt
         )
 
     def _queue(self, report: SimulateReply | None = None, middle: Middle = WHOLE) -> None:

@@ -103,7 +103,7 @@ class RecordingsPanel:
 
     async def _save(self) -> None:
         if await self._do("record_save", "save the black box", lambda machine: machine.record_save()):
-            ui.notify("the black box is saved", position="top")
+            ui.notify("the black box is saved", position="bottom")
 
     async def _do(self, method: str, name: str, action: Action) -> bool:
         done = await self._actions.do(method, name, action)

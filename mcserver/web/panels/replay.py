@@ -26,7 +26,7 @@ LEAST_TRAVEL = 1e-3
 
 async def show_replay(link: MachineLink, name: str) -> None:
     """Open a recording in a dialog; what is wrong with it is shown instead."""
-    waiting = ui.notification(f"{name} is being read", spinner=True, timeout=None, position="top")
+    waiting = ui.notification(f"{name} is being read", spinner=True, timeout=None, position="bottom")
     try:
         path = await link.recorded.replay(link.connected(), name)
         replay = msgspec.json.decode(path.read_bytes(), type=Replay)

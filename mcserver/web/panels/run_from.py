@@ -125,11 +125,15 @@ def continuation_html(shown: Continuation) -> str:
 
 
 class RecoveryPanel:
-    """A card while the newest program was broken off: what is certain, and the button to go on."""
+    """A card while the newest program was broken off: what is certain, and the button to go on.
+
+    Attributes:
+        program: that was broken off; None: none was.
+    """
 
     def __init__(self, actions: Actions) -> None:
         self._actions = actions
-        self._program: ProgramStatus | None = None
+        self.program: ProgramStatus | None = None
         self._card = ui.card().classes("mc-card").props('role=region aria-label="Broken off"')
         with self._card:
             self._said = ui.label("").classes("w-full font-bold break-words")
@@ -151,9 +155,9 @@ class RecoveryPanel:
 
     def _show(self, program: ProgramStatus | None) -> None:
         self._card.set_visibility(program is not None)
-        if program is None or program == self._program:
+        shown, self.program = self.program, program
+        if program is None or program == shown:
             return
-        self._program = program
         name = program.name or program.program
         self._said.set_text(f"{name} was {program.state} at line {program.done + 1}")
         self._certain.set_text(
@@ -162,7 +166,7 @@ class RecoveryPanel:
         self._button.set_text(f"Continue at line {program.done + 1}…")
 
     async def _go_on(self) -> None:
-        program = self._program
+        program = self.program
         if program is None or not self._actions.allowed("continue_program"):
             return
         answer = await ask_to_go_on(self._actions, program)

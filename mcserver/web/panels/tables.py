@@ -183,7 +183,7 @@ class TablesPanel:
         except McError as error:
             show_refusal(error.message, error.hint)
             return
-        ui.notify(f"{row} is changed", position="top")
+        ui.notify(f"{row} is changed", position="bottom")
 
     async def _ask_undo(self) -> None:
         if not self._actions.allowed("open") or self._tables is None or not self._tables.changes:
