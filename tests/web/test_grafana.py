@@ -1,4 +1,4 @@
-"""The example dashboard names metrics that there are."""
+"""The example dashboard and the alerts name metrics that there are."""
 
 from __future__ import annotations
 
@@ -6,13 +6,16 @@ import json
 import re
 from pathlib import Path
 
+import yaml
 from mcclient.types import AxesStatus, MachineStatus, ProgramStatus
 
 from mcserver.web.fleet import Fleet, Seen
 from mcserver.web.metrics import metrics_text
 from tests.wire_values import wire_value
 
-DASHBOARD = Path(__file__).parents[2] / "deploy" / "grafana" / "machines.json"
+DEPLOY = Path(__file__).parents[2] / "deploy"
+DASHBOARD = DEPLOY / "grafana" / "machines.json"
+ALERTS = DEPLOY / "prometheus" / "alerts.yml"
 
 
 def exported(tmp_path: Path) -> dict[str, set[str]]:
@@ -64,3 +67,17 @@ def test_every_metric_and_label_of_the_dashboard_exists(tmp_path: Path) -> None:
 def test_every_metric_that_is_exported_is_on_the_dashboard(tmp_path: Path) -> None:
     text = DASHBOARD.read_text("utf-8")
     assert [name for name in exported(tmp_path) if name not in text] == []
+
+
+def test_every_metric_and_label_of_the_alerts_exists(tmp_path: Path) -> None:
+    known = exported(tmp_path)
+    (group,) = yaml.safe_load(ALERTS.read_text("utf-8"))["groups"]
+    assert len({rule["alert"] for rule in group["rules"]}) == len(group["rules"]) == 8
+    for rule in group["rules"]:
+        used = re.findall(r"(mc_\w+)(?:\{([^}]*)\})?", rule["expr"])
+        assert used
+        for name, matchers in used:
+            assert set(re.findall(r'(\w+)=~?"', matchers)) <= known[name], rule
+        named = re.findall(r"\$labels\.(\w+)", rule["annotations"]["summary"])
+        assert set(named) <= {"machine"}
+        assert rule["annotations"]["remedy"]
