@@ -13,10 +13,10 @@ import msgspec
 import numpy as np
 
 from mcserver.motion.bound import PlanningError
-from mcserver.motion.geometry.blend_choice import best_blend
 from mcserver.motion.geometry.path_segments import PathSegments
 from mcserver.motion.geometry.segment import AxisLimits, Segment
 from mcserver.motion.geometry.segment_list import SegmentList
+from mcserver.motion.lookahead.blend_choice import best_blend
 from mcserver.motion.lookahead.feed_scale import is_under_way
 from mcserver.motion.lookahead.lookahead import Lookahead
 from mcserver.motion.lookahead.planned_run import PlannedRun

@@ -28,10 +28,10 @@ from mcserver.motion.lookahead.feed_scale import plan_at_feed_scale
 from mcserver.motion.lookahead.leading_group import CommaLine, Companions, MachineAxes, comma_line
 from mcserver.motion.lookahead.parallel_groups import plan_parallel, sample_parallel
 from mcserver.motion.lookahead.planned_run import PlannedRun
+from mcserver.motion.lookahead.setpoint_sampling import CYCLE_ROUNDING, whole_cycle
+from mcserver.motion.lookahead.torque_of_rows import TorqueOfRows
 from mcserver.motion.pieces import Deactivation, Piece
 from mcserver.motion.planned_window import PlannedWindow
-from mcserver.motion.profile.setpoint_sampling import CYCLE_ROUNDING, whole_cycle
-from mcserver.motion.profile.torque_of_rows import TorqueOfRows
 from mcserver.motion.run_output import RunOutput
 from mcserver.units import AxisType
 

@@ -13,9 +13,9 @@ from numpy.typing import NDArray
 from mcserver.motion.geometry.path_columns import PathColumns
 from mcserver.motion.lookahead.companion_motions import CompanionMotions
 from mcserver.motion.lookahead.planned_run import PlannedRun
+from mcserver.motion.lookahead.setpoint_sampling import CYCLE_ROUNDING, first_row, sample
+from mcserver.motion.lookahead.torque_of_rows import TorqueOfRows
 from mcserver.motion.pieces import PIECE, Activation, LineBound, LineEdges, Piece
-from mcserver.motion.profile.setpoint_sampling import CYCLE_ROUNDING, first_row, sample
-from mcserver.motion.profile.torque_of_rows import TorqueOfRows
 
 T = TypeVar("T", bound=np.generic)
 _ALL = (1 << 64) - 1

@@ -25,7 +25,6 @@ from mcserver.motion.compiling import (
     start_warm_up,
 )
 from mcserver.motion.geometry.blend import straight_blend
-from mcserver.motion.geometry.blend_choice import HANDLE, TOLERANCE_SHARES, best_blend
 from mcserver.motion.geometry.curves import ArcCurve, Array, Curve, LineCurve
 from mcserver.motion.geometry.path_segments import PathSegments
 from mcserver.motion.geometry.segment import AxisLimits, Segment, anchor, segment_of
@@ -38,8 +37,9 @@ from mcserver.motion.kernels.rate_search import warm_up_playback
 from mcserver.motion.kernels.sample_limits import run_of
 from mcserver.motion.kernels.servo_loop import follow_cycles
 from mcserver.motion.kernels.timed_moves import timing_of_group
+from mcserver.motion.lookahead.blend_choice import HANDLE, TOLERANCE_SHARES, best_blend
 from mcserver.motion.lookahead.lookahead import Lookahead
-from mcserver.motion.profile.setpoint_sampling import sample
+from mcserver.motion.lookahead.setpoint_sampling import sample
 from mcserver.motion.smoothing.chord_smoothing import ChordSmoother, SmoothRun
 
 _SLOTS = {0: 0, 1: 1}

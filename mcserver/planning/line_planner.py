@@ -38,9 +38,9 @@ from mcserver.motion.canonical import (
 )
 from mcserver.motion.lookahead.leading_group import Companions
 from mcserver.motion.lookahead.parallel_groups import last_bound
+from mcserver.motion.lookahead.setpoint_sampling import CYCLE_ROUNDING
 from mcserver.motion.pieces import Activation, LineBound, LineEdges, Piece, Rows
 from mcserver.motion.planner import MotionPlanner
-from mcserver.motion.profile.setpoint_sampling import CYCLE_ROUNDING
 from mcserver.planning.beams import Beams, Power
 from mcserver.planning.clearance_guard import ClearanceGuard
 from mcserver.planning.motion_output import Output, then

@@ -10,8 +10,8 @@ from collections.abc import Iterator
 import numpy as np
 
 from mcserver.executor.entries import Control, ControlKind, MotionSink
+from mcserver.motion.lookahead.setpoint_sampling import CYCLE_ROUNDING
 from mcserver.motion.pieces import Deactivation, LineEdges, Piece, Rows
-from mcserver.motion.profile.setpoint_sampling import CYCLE_ROUNDING
 from mcserver.planning.clearance_guard import ClearanceGuard
 
 # The report that the executor has come to where nothing more is handed over; those of others are above 0.

@@ -34,6 +34,8 @@ LAYERS: tuple[tuple[str, ...], ...] = (
     ("__main__", "__init__"),
 )
 HEIGHT = {package: height for height, layer in enumerate(LAYERS) for package in layer}
+# The folders of `mcserver.motion` likewise; those of one line may use each other.
+MOTION_LAYERS = (("geometry", "kernels"), ("limits", "smoothing"), ("profile",), ("lookahead",))
 
 
 def sources() -> list[Path]:
@@ -87,6 +89,19 @@ def test_every_package_has_a_layer() -> None:
 
 def test_imports_point_down_only() -> None:
     assert [each for file in sources() for each in violations(file)] == []
+
+
+def test_imports_between_the_folders_of_motion_point_down_only() -> None:
+    height = {folder: at for at, layer in enumerate(MOTION_LAYERS) for folder in layer}
+    files = list((ROOT / "mcserver" / "motion").glob("*/*.py"))
+    assert {file.parent.name for file in files} == set(height)
+    found = []
+    for file in files:
+        for line, module in imports(file):
+            used = module.split(".")[2:3]
+            if module.startswith("mcserver.motion.") and height.get(*used, -1) > height[file.parent.name]:
+                found.append(f"{file.relative_to(ROOT)}:{line}: {module}")
+    assert found == []
 
 
 @pytest.mark.parametrize(

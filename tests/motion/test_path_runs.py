@@ -16,9 +16,9 @@ from mcserver.machine.machine_file import Machine
 from mcserver.motion.canonical import FeedGroup, MotionLine, PathBatch
 from mcserver.motion.geometry.curves import ArcCurve, Curve
 from mcserver.motion.geometry.segment import anchor, segment_of
+from mcserver.motion.lookahead.setpoint_sampling import sample
 from mcserver.motion.pieces import Piece
 from mcserver.motion.planner import MotionPlanner
-from mcserver.motion.profile.setpoint_sampling import sample
 from tests.motion.measure import farthest_from_path
 from tests.motion.support import Move, alike, collect
 from tests.motion.test_laws import law

@@ -21,7 +21,7 @@ from mcserver.motion.kernels.ramp_kernels import (
     reachable_speed,
 )
 from mcserver.motion.kernels.timed_moves import EARLY, KEPT, LATE, moves_in_time
-from mcserver.motion.lookahead.path_limits import AccelerationLimit, RunLimits, sample_rows
+from mcserver.motion.limits.path_limits import AccelerationLimit, RunLimits, sample_rows
 from mcserver.motion.profile.velocity_profile import Phases, join_phases
 from tests.motion.measure import rest_to_rest
 from tests.motion.support import alike

@@ -11,9 +11,9 @@ import pytest
 from mcserver.machine.machine_file import Machine
 from mcserver.motion.canonical import FeedGroup
 from mcserver.motion.geometry.segment import AxisLimits, anchor, segment_of
-from mcserver.motion.geometry.time_domain_corner import is_time_domain
 from mcserver.motion.lookahead.lookahead import Lookahead
 from mcserver.motion.lookahead.planned_run import PlannedRun
+from mcserver.motion.lookahead.time_domain_corner import is_time_domain
 from tests.motion.measure import (
     ACCELERATION_SLACK,
     JERK_SLACK,

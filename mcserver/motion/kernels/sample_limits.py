@@ -2,7 +2,7 @@
 
 A sample is one row of 5 K + 2 numbers for K columns: |q'|, |q''|, |q'''|, a vertex's |Δq'|, |Δq''| where the
 bend steps, then the spacing of vertices ℓ and a speed that is not passed there (see
-`mcserver.motion.lookahead.path_limits`). Limits are an array (3, K): velocity, acceleration and jerk.
+`mcserver.motion.limits.path_limits`). Limits are an array (3, K): velocity, acceleration and jerk.
 """
 
 from __future__ import annotations

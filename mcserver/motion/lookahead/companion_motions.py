@@ -14,8 +14,8 @@ from mcserver.motion.geometry.segment import Segment, columns_of
 from mcserver.motion.lookahead.leading_group import Companions
 from mcserver.motion.lookahead.lookahead import Lookahead
 from mcserver.motion.lookahead.planned_run import PlannedRun
+from mcserver.motion.lookahead.setpoint_sampling import CYCLE_ROUNDING, first_row, sample
 from mcserver.motion.pieces import Rows
-from mcserver.motion.profile.setpoint_sampling import CYCLE_ROUNDING, first_row, sample
 
 # By how much a companion may end after its line through rounding [s].
 ROUNDING_S = 1e-7

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from mcserver.motion.bound import PlanningError
+from mcserver.motion.limits.segment_table import SegmentTable
 from mcserver.motion.lookahead.lookahead import Lookahead
 from mcserver.motion.lookahead.planned_run import PlannedRun
-from mcserver.motion.lookahead.segment_table import SegmentTable
 
 # What rounding may add to a speed.
 SPEED_ROUNDING = 1e-9

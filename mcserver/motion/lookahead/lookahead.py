@@ -20,7 +20,6 @@ from mcserver.motion.geometry.curves import Array
 from mcserver.motion.geometry.path_segments import PathSegments
 from mcserver.motion.geometry.segment import AxisLimits, Segment
 from mcserver.motion.geometry.segment_list import SegmentList
-from mcserver.motion.geometry.time_domain_corner import Stop, TimeDomainBlend, TimeDomainBlends
 from mcserver.motion.kernels.arc_segments import append_path_junctions
 from mcserver.motion.kernels.groups import START, Groups, Segments, group_segments
 from mcserver.motion.kernels.junctions import PrecedingEnd, length_of
@@ -29,17 +28,18 @@ from mcserver.motion.kernels.ramp_kernels import reachable_speed
 from mcserver.motion.kernels.rest_vertices import slow_vertices
 from mcserver.motion.kernels.sample_limits import limit_junctions
 from mcserver.motion.kernels.spline_samples import PartSamples, scale_samples
-from mcserver.motion.lookahead.missed_times import MOST_STOPS, late_groups, none_early, released, with_stops
-from mcserver.motion.lookahead.path_limits import (
+from mcserver.motion.limits.path_limits import (
     Junction,
     RunLimits,
     SpeedLimit,
     junction,
     samples_of,
 )
+from mcserver.motion.limits.segment_table import SegmentTable, empty_columns
+from mcserver.motion.limits.torque_samples import spline_with_torques
+from mcserver.motion.lookahead.missed_times import MOST_STOPS, late_groups, none_early, released, with_stops
 from mcserver.motion.lookahead.planned_run import PlannedRun
-from mcserver.motion.lookahead.segment_table import SegmentTable, empty_columns
-from mcserver.motion.lookahead.torque_samples import spline_with_torques
+from mcserver.motion.lookahead.time_domain_corner import Stop, TimeDomainBlend, TimeDomainBlends
 from mcserver.motion.profile.faster_stretches import quicker_stretches
 from mcserver.motion.profile.profile_solver import KnotSolver, Solution
 from mcserver.motion.profile.velocity_profile import Phases, join_phases

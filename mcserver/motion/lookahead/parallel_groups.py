@@ -14,8 +14,8 @@ from mcserver.motion.geometry.segment import AxisLimits, Segment, columns_of
 from mcserver.motion.geometry.torque_limits import TorqueLimits
 from mcserver.motion.lookahead.lookahead import Lookahead
 from mcserver.motion.lookahead.planned_run import PlannedRun
+from mcserver.motion.lookahead.setpoint_sampling import first_row, sample
 from mcserver.motion.pieces import PIECE, Activation, Deactivation, Piece, Rows
-from mcserver.motion.profile.setpoint_sampling import first_row, sample
 
 # Shares of the torque limits that groups beside each other are planned with, one after the other, and places
 # at which their torques are looked at.

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from mcserver.motion.bound import Bound
 from mcserver.motion.geometry.curves import Array
 from mcserver.motion.geometry.segment_list import SegmentList
-from mcserver.motion.geometry.time_domain_corner import TimeDomainBlend, is_time_domain
+from mcserver.motion.lookahead.time_domain_corner import TimeDomainBlend, is_time_domain
 from mcserver.motion.profile.velocity_profile import Phases, join_phases
 
 # What rounding makes of a moment at most: it is one with the end of a segment that is so near [s].

@@ -19,8 +19,8 @@ from mcserver.motion.geometry.curves import Array
 from mcserver.motion.kernels.groups import Groups
 from mcserver.motion.kernels.knots import SOLVED, find_knots
 from mcserver.motion.kernels.timed_moves import EARLY, KEPT, LATE, timing_of_group
-from mcserver.motion.lookahead.path_limits import RunLimits
-from mcserver.motion.lookahead.segment_table import SegmentTable
+from mcserver.motion.limits.path_limits import RunLimits
+from mcserver.motion.limits.segment_table import SegmentTable
 from mcserver.motion.profile.velocity_profile import join_phases
 
 # Shares of the greatest speed at an end of a late segment that are tried for it, and halvings between the

@@ -23,7 +23,7 @@ from mcserver.motion.kernels.junctions import junction_vmax_of, line_sample
 from mcserver.motion.kernels.polynomials import KINDS, limit_of, polynomial_samples
 from mcserver.motion.kernels.ramp_kernels import MAX_TABLE_ROWS
 from mcserver.motion.kernels.sample_limits import Run, make_limit_table, min_limits, run_of
-from mcserver.motion.lookahead.torque_samples import torque_places, vertex_torques, widen, with_torques
+from mcserver.motion.limits.torque_samples import torque_places, vertex_torques, widen, with_torques
 
 
 @dataclass(frozen=True)

@@ -17,8 +17,8 @@ from mcserver.motion.geometry.segment_list import SegmentList
 from mcserver.motion.geometry.spline_curve import spline_part
 from mcserver.motion.kernels.groups import SegmentColumns, Segments
 from mcserver.motion.kernels.polynomials import KINDS
-from mcserver.motion.lookahead.growable_array import GrowableArray
-from mcserver.motion.lookahead.path_limits import SpeedLimit
+from mcserver.motion.limits.growable_array import GrowableArray
+from mcserver.motion.limits.path_limits import SpeedLimit
 
 # Greatest speeds of a curve's parts are lowered to steps of this ratio: those of one feed rate differ by
 # traces, and each of these would be a knot of its own.

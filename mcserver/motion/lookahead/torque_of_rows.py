@@ -12,8 +12,8 @@ from mcserver.motion.geometry.curves import Array
 from mcserver.motion.geometry.row_torques import NUMBERS, stop_cycles
 from mcserver.motion.geometry.torque_limits import TorqueLimits
 from mcserver.motion.lookahead.planned_run import PlannedRun
+from mcserver.motion.lookahead.setpoint_sampling import CYCLE_ROUNDING
 from mcserver.motion.pieces import Piece, Rows
-from mcserver.motion.profile.setpoint_sampling import CYCLE_ROUNDING
 
 
 class TorqueOfRows:

@@ -10,9 +10,9 @@ from mcserver.motion.bound import PlanningError
 from mcserver.motion.geometry.blend import Blend, blend, joint_weights, straight_blend
 from mcserver.motion.geometry.curves import Array
 from mcserver.motion.geometry.segment import AxisLimits, Segment
-from mcserver.motion.geometry.timed_blend import as_feed_line, keep_times, steady_blend
 from mcserver.motion.kernels.straight_corner import BETTER, FASTER, is_worthwhile
 from mcserver.motion.lookahead.lookahead import Lookahead
+from mcserver.motion.lookahead.timed_blend import as_feed_line, keep_times, steady_blend
 
 # Shape, and shares of the tolerance that are tried for a rounded corner: what is left of it is for rows that
 # fall beside the nearest place.
