@@ -6,7 +6,7 @@ import time
 from collections.abc import Callable, Collection
 from dataclasses import dataclass, field
 from itertools import islice
-from typing import Any
+from typing import Any, TypedDict, Unpack
 
 import numpy as np
 from mckinematics.pose import Kinematics
@@ -86,22 +86,10 @@ class Simulation:
         return self.times.all_marks(self.report["duration_s"], self.last_line)
 
 
-def simulate(
-    text: str,
-    machine: Machine,
-    *,
-    start: StartState | None = None,
-    lease: frozenset[int] | None = None,
-    kinematics: Kinematics | None = None,
-    progress: Callable[[float, int], None] | None = None,
-    record: bool = False,
-    path_points: int = 0,
-    clock: Callable[[], float] = time.perf_counter,
-    moments: CycleTaker | None = None,
-) -> Simulation:
-    """Check the program, then run it.
+class Conditions(TypedDict, total=False):
+    """What a program is simulated under, and what is kept of it.
 
-    Args:
+    Attributes:
         start: all that it starts from besides text and machine; None: a machine that nobody has used.
         lease: axes that it may use; None: all.
         progress: called now and then with the simulated time [s] and the line that runs.
@@ -109,23 +97,26 @@ def simulate(
         path_points: so many at most are in the report's ``path``; 0: it has none.
         clock: what ``planning_s`` is measured with [s].
         moments: keeps setpoints of all axes, evenly in time.
+    """
+
+    start: StartState | None
+    lease: frozenset[int] | None
+    kinematics: Kinematics | None
+    progress: Callable[[float, int], None] | None
+    record: bool
+    path_points: int
+    clock: Callable[[], float]
+    moments: CycleTaker | None
+
+
+def simulate(text: str, machine: Machine, **given: Unpack[Conditions]) -> Simulation:
+    """Check the program, then run it.
 
     Returns:
         The report; a program with faults is rejected as a whole and nothing of it is simulated.
     """
     lines = split_lines(text)
-    found = simulate_lines(
-        lambda: iter(lines),
-        machine,
-        start=start,
-        lease=lease,
-        kinematics=kinematics,
-        progress=progress,
-        record=record,
-        path_points=path_points,
-        clock=clock,
-        moments=moments,
-    )
+    found = simulate_lines(lambda: iter(lines), machine, **given)
     found.report["lines"] = list(found.times.rows())
     return found
 
@@ -134,52 +125,32 @@ def simulate_lines(
     source: LineSource,
     machine: Machine,
     *,
-    start: StartState | None = None,
-    lease: frozenset[int] | None = None,
-    kinematics: Kinematics | None = None,
-    progress: Callable[[float, int], None] | None = None,
-    record: bool = False,
-    path_points: int = 0,
-    clock: Callable[[], float] = time.perf_counter,
-    moments: CycleTaker | None = None,
     times: LineTimes | None = None,
     checked: bool = False,
+    **given: Unpack[Conditions],
 ) -> Simulation:
     """Check a program, then run it, as `simulate` does, however long it is: it is read line by line.
 
     Args:
         source: is read twice, and a third time where a line of it fails.
         times: takes the times of its lines; None: keeps all of them. checked: the program has no faults.
-            The others as in `simulate`.
     """
-    start = start or StartState.of(machine)
+    kinematics = given.get("kinematics")
+    start = given.get("start") or StartState.of(machine)
     machine = machine_for(starting_at(machine, start.positions), start.homed, moves_unhomed=False)
-    faults = [] if checked else check_lines(source(), machine, kinematics, frame=start.frame, lease=lease)
+    if not checked:
+        faults = check_lines(source(), machine, kinematics, frame=start.frame, lease=given.get("lease"))
+    else:
+        faults = []
     if any(fault.severity == "error" for fault in faults):
         return Simulation(_rejected(machine, faults), 4)
     sampler = None
-    if path_points:
+    if path_points := given.get("path_points", 0):
         solver = kinematics if isinstance(kinematics, MachineKinematics) else None
         sampler = PathSampler(machine, ToolPoses(machine, solver), path_points)
     if times is None:
         times = LineTimes(planning=bool(machine.tools))
-    clearance = None
-    if machine.clearance is not None:
-        clearance = ClearanceMeter(machine, np.array([axis.initial_position for axis in machine.axes]))
-    run = _Run(
-        source,
-        machine,
-        start,
-        lease,
-        kinematics,
-        progress,
-        record,
-        sampler,
-        moments,
-        clock,
-        times,
-        clearance,
-    )
+    run = _Run(source, machine, {**given, "start": start}, sampler, times)
     found = run.run(faults)
     if sampler is not None:
         found.report["path"] = sampler.path()
@@ -213,24 +184,18 @@ class _Run:
         self,
         source: LineSource,
         machine: Machine,
-        start: StartState,
-        lease: frozenset[int] | None,
-        kinematics: Kinematics | None,
-        progress: Callable[[float, int], None] | None,
-        record: bool,
+        given: Conditions,
         sampler: PathSampler | None,
-        moments: CycleTaker | None,
-        clock: Callable[[], float],
         times: LineTimes,
-        clearance: ClearanceMeter | None,
     ) -> None:
+        start = given["start"] or StartState.of(machine)
         self._machine = machine
         self._input_names = [each.name for each in machine.inputs]
         self._source = source
         self._coming = source()
         self._read = 0
         self._times = times
-        self._progress = progress
+        self._progress = given.get("progress")
         self._executor = VirtualExecutor(machine)
         self._executor.bring_to(start)
         mask = (1 << len(machine.axes)) - 1
@@ -239,17 +204,21 @@ class _Run:
             machine,
             self._executor.sink(SLOT),
             start=start,
-            lease=lease,
-            kinematics=kinematics,
-            clock=clock,
+            lease=given.get("lease"),
+            kinematics=given.get("kinematics"),
+            clock=given.get("clock", time.perf_counter),
         )
         self._feed_length = 0.0
         self._end = 0.0
         self._finished = False
         self._faults: list[Diagnostic] = []
         row = self._executor.executor.row
-        self._recorder = Recorder(machine, record, (row.inputs, row.outputs), sampler, moments, clearance)
-        self._clearance = clearance
+        self._clearance: ClearanceMeter | None = None
+        if machine.clearance is not None:
+            positions = np.array([axis.initial_position for axis in machine.axes])
+            self._clearance = ClearanceMeter(machine, positions)
+        channels, keep, moments = (row.inputs, row.outputs), given.get("record", False), given.get("moments")
+        self._recorder = Recorder(machine, keep, channels, sampler, moments, self._clearance)
         self._executor.recorder = self._recorder
         self._seen_u = -1.0
         # where the program's words read zero, by the name of the system
