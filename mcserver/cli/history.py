@@ -11,15 +11,15 @@ import typer
 
 from mcserver.cli.console import narration
 from mcserver.cli.options import ConnectOption, ZenohConfigOption
-from mcserver.cli.serving import require_packages
+from mcserver.cli.serving import require_packages, say_lost
 
 if TYPE_CHECKING:
     from mcclient.fleet import FleetLink
 
+    from mcserver.web.fleet_events import FleetEvents
     from mcserver.web.history import HistoryFolder
 
 EVENTS_PERIOD_S = 1.0
-RETRY_S = 2.0
 
 
 def history(
@@ -48,32 +48,23 @@ def history(
 
 
 async def _run(kept: HistoryFolder, connect: tuple[str, ...], zenoh: Path | None, states_hz: float) -> None:
-    from mcclient import MotionError
-    from mcclient.fleet import FleetLink
+    from mcclient.fleet import keep_link
+
+    from mcserver.web.fleet_events import FleetEvents
 
     stop_on_terminate()
-    while True:
-        try:
-            link = await FleetLink.open(connect or None, config_file=zenoh)
-        except MotionError as error:
-            narration().print(f"{error.message}; trying again")
-            await asyncio.sleep(RETRY_S)
-            continue
-        try:
-            await _collect(kept, link, states_hz)
-        except MotionError as error:
-            narration().print(f"{error.message}; connecting again")
-        finally:
-            await link.close()
-        await asyncio.sleep(RETRY_S)
+    events = FleetEvents(history=True)
+
+    async def watch(link: FleetLink) -> None:
+        await _collect(kept, link, events, states_hz)
+
+    await keep_link(watch, say_lost, connect=connect, config_file=zenoh)
 
 
-async def _collect(kept: HistoryFolder, link: FleetLink, states_hz: float) -> None:
+async def _collect(kept: HistoryFolder, link: FleetLink, events: FleetEvents, states_hz: float) -> None:
     """Ask all machines again and again; with one query for the states of all."""
-    from mcserver.web.fleet_events import FleetEvents
     from mcserver.web.history import event_rows, state_row
 
-    events = FleetEvents(link, history=True)
     period_s = 1.0 / states_hz if states_hz else EVENTS_PERIOD_S
     asked_at = float("-inf")
     while True:
@@ -83,7 +74,7 @@ async def _collect(kept: HistoryFolder, link: FleetLink, states_hz: float) -> No
             kept.append(state_row(name, status) for name, status in found.items())
         if begun - asked_at >= EVENTS_PERIOD_S:
             asked_at = begun
-            for name, event in await events.poll(EVENTS_PERIOD_S):
+            for name, event in await events.poll(link, EVENTS_PERIOD_S):
                 kept.append(event_rows(name, event))
         await asyncio.sleep(max(0.0, period_s - (time.monotonic() - begun)))
 

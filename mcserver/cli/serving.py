@@ -11,6 +11,8 @@ from mcserver.errors import ConfigurationError
 if TYPE_CHECKING:
     from collections.abc import Callable
 
+    from mcclient import MotionError
+
     from mcserver.net.roles import Role
 
 
@@ -41,6 +43,11 @@ def role_of(name: str, code: str) -> Role:
         return Role(name)
     except ValueError:
         raise ConfigurationError(code, f"there is no role {name!r}", roles_named(EVERYBODY)) from None
+
+
+def say_lost(error: MotionError) -> None:
+    """Say that a process which watches all machines has lost them for now."""
+    narration().print(f"{error.message}; trying again")
 
 
 def announcing(served: str, *, json: bool) -> Callable[[str], None]:

@@ -12,13 +12,14 @@ import typer
 
 from mcserver.cli.console import narration
 from mcserver.cli.options import ConnectOption, ZenohConfigOption
-from mcserver.cli.serving import require_packages
+from mcserver.cli.serving import require_packages, say_lost
 
 if TYPE_CHECKING:
+    from mcclient.fleet import FleetLink
+
     from mcserver.web.webhooks import Hook
 
 PERIOD_S = 0.5
-RETRY_S = 2.0
 
 
 def webhooks(
@@ -42,8 +43,7 @@ def webhooks(
 
 async def _run(hooks: list[Hook], connect: tuple[str, ...], zenoh: Path | None) -> None:
     import httpx
-    from mcclient import MotionError
-    from mcclient.fleet import FleetLink
+    from mcclient.fleet import keep_link
 
     from mcserver.web.fleet_events import FleetEvents
     from mcserver.web.webhooks import Receiver
@@ -52,22 +52,15 @@ async def _run(hooks: list[Hook], connect: tuple[str, ...], zenoh: Path | None) 
         receivers = [Receiver(hook, client, time.time) for hook in hooks]
         for receiver in receivers:
             group.create_task(receiver.run())
-        while True:
-            try:
-                link = await FleetLink.open(connect or None, config_file=zenoh)
-            except MotionError as error:
-                narration().print(f"{error.message}; trying again")
-                await asyncio.sleep(RETRY_S)
-                continue
-            events = FleetEvents(link, history=False)
-            try:
-                while True:
-                    for machine, event in await events.poll(PERIOD_S):
-                        for receiver in receivers:
-                            receiver.take(machine, event)
-                    await asyncio.sleep(PERIOD_S)
-            except MotionError as error:
-                narration().print(f"{error.message}; connecting again")
-            finally:
-                await link.close()
-            await asyncio.sleep(RETRY_S)
+
+        # one for all links: what happens while there is none is told by the next one
+        events = FleetEvents(history=False)
+
+        async def watch(link: FleetLink) -> None:
+            while True:
+                for machine, event in await events.poll(link, PERIOD_S):
+                    for receiver in receivers:
+                        receiver.take(machine, event)
+                await asyncio.sleep(PERIOD_S)
+
+        await keep_link(watch, say_lost, connect=connect, config_file=zenoh)

@@ -13,7 +13,7 @@ from pathlib import Path
 
 import msgspec
 from mcclient import MotionError
-from mcclient.fleet import FleetLink
+from mcclient.fleet import FleetLink, keep_link
 from starlette.applications import Starlette
 from starlette.middleware import Middleware
 from starlette.middleware.trustedhost import TrustedHostMiddleware
@@ -27,7 +27,6 @@ from mcserver.mtconnect.agent import Agent, Refusal, interval_of
 
 log = logging.getLogger(__name__)
 
-RETRY_S = 2.0
 ANSWER_S = 1.0
 XML = "text/xml"
 
@@ -75,20 +74,18 @@ async def serve(options: AgentOptions) -> None:
 
 async def collect(agent: Agent, options: AgentOptions) -> None:
     """Ask all machines for their states, again and again, until it is cancelled."""
-    while True:
-        try:
-            link = await FleetLink.open(options.connect or None, config_file=options.config_file)
-            try:
-                while True:
-                    await _look(agent, link)
-                    await asyncio.sleep(1.0 / options.rate_hz)
-            finally:
-                await link.close()
-        except MotionError as error:
-            log.info("%s; trying again", error.message)
-            for name in agent.devices:
-                agent.see(name, None)
-        await asyncio.sleep(RETRY_S)
+
+    async def watch(link: FleetLink) -> None:
+        while True:
+            await _look(agent, link)
+            await asyncio.sleep(1.0 / options.rate_hz)
+
+    def lost(error: MotionError) -> None:
+        log.info("%s; trying again", error.message)
+        for name in agent.devices:
+            agent.see(name, None)
+
+    await keep_link(watch, lost, connect=options.connect, config_file=options.config_file)
 
 
 async def _look(agent: Agent, link: FleetLink) -> None:

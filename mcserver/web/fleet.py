@@ -9,7 +9,7 @@ from collections import OrderedDict
 from pathlib import Path
 
 from mcclient import MachineStatus, MotionError
-from mcclient.fleet import FleetLink
+from mcclient.fleet import FleetLink, keep_link
 
 from mcserver.web.link import MachineLink
 from mcserver.web.store import ProgramStore
@@ -17,7 +17,6 @@ from mcserver.web.store import ProgramStore
 log = logging.getLogger(__name__)
 
 PERIOD_S = 1.0
-RETRY_S = 2.0
 # an offline machine stays in the table this long
 REMEMBERED_S = 24 * 3600.0
 # connected at a time; each is a Zenoh session. Those that nobody looks at give their place up
@@ -135,22 +134,20 @@ class Fleet:
         await asyncio.gather(*ending, *self._closing, return_exceptions=True)
 
     async def _run(self) -> None:
-        while True:
-            try:
-                link = await FleetLink.open(self._connect or None, config_file=self._config_file)
-            except MotionError as error:
-                self.failure = error.message
-                await asyncio.sleep(RETRY_S)
-                continue
-            self.failure, self._link = "", link
-            try:
-                while True:
-                    await self._look(link)
-                    self.release_unused()
-                    await asyncio.sleep(PERIOD_S)
-            finally:
-                self._link = None
-                await link.close()
+        def lost(error: MotionError) -> None:
+            self.failure = error.message
+
+        await keep_link(self._watch, lost, connect=self._connect, config_file=self._config_file)
+
+    async def _watch(self, link: FleetLink) -> None:
+        self.failure, self._link = "", link
+        try:
+            while True:
+                await self._look(link)
+                self.release_unused()
+                await asyncio.sleep(PERIOD_S)
+        finally:
+            self._link = None
 
     async def _look(self, link: FleetLink) -> None:
         now = time.monotonic()

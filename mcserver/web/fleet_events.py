@@ -25,32 +25,30 @@ class EventSource(Protocol):
 
 
 class FleetEvents:
-    """Where each machine's events have been read to.
+    """Where each machine's events have been read to, over one link after another.
 
     Args:
-        link: to the machines.
         history: begin with what a server still has, not with what happens from now on.
     """
 
-    def __init__(self, link: EventSource, *, history: bool) -> None:
-        self._link = link
+    def __init__(self, *, history: bool) -> None:
         self._history = history
         self._next: dict[str, tuple[str, int]] = {}
         self._first_look = True
 
-    async def poll(self, timeout_s: float) -> list[tuple[str, Event]]:
+    async def poll(self, link: EventSource, timeout_s: float) -> list[tuple[str, Event]]:
         """Machine and event of all that is new, each machine's in order.
 
         Raises:
             MotionError: the network cannot be asked.
         """
-        names = await self._link.find(timeout_s=timeout_s)
+        names = await link.find(timeout_s=timeout_s)
         room = asyncio.Semaphore(AT_ONCE)
 
         async def ask(name: str) -> list[tuple[str, Event]]:
             async with room:
                 try:
-                    return [(name, event) for event in await self._new_of(name)]
+                    return [(name, event) for event in await self._new_of(link, name)]
                 except MotionError as error:
                     log.info("%s: %s", name, error.message)
                     return []
@@ -59,18 +57,18 @@ class FleetEvents:
         self._first_look = False
         return found
 
-    async def _new_of(self, name: str) -> list[Event]:
+    async def _new_of(self, link: EventSource, name: str) -> list[Event]:
         known = self._next.get(name)
         if known is None and self._first_look and not self._history:
-            page = await self._link.events(name, BEYOND)
+            page = await link.events(name, BEYOND)
             self._next[name] = (page.instance, page.newest + 1)
             return []
         # a machine that comes later is new from its first event on
         instance, since = known or ("", 0)
-        page = await self._link.events(name, since)
+        page = await link.events(name, since)
         if page.instance != instance and known is not None:
             # another start of its server counts from 1
-            page = await self._link.events(name, 0)
+            page = await link.events(name, 0)
         if not page.events:
             self._next[name] = (page.instance, max(since, 1) if page.instance == instance else 1)
             return []

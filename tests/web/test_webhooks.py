@@ -196,28 +196,38 @@ class FakeFleet:
 async def test_events_are_read_once_from_where_one_came_in() -> None:
     fleet = FakeFleet()
     fleet.happen("a", "i1", 1, 2, 3)
-    events = FleetEvents(fleet, history=False)
-    assert await events.poll(1.0) == []
+    events = FleetEvents(history=False)
+    assert await events.poll(fleet, 1.0) == []
     fleet.happen("a", "i1", 4)
     fleet.happen("b", "j1", 1)
-    assert [(name, event.seq) for name, event in await events.poll(1.0)] == [("a", 4), ("b", 1)]
-    assert await events.poll(1.0) == []
+    assert [(name, event.seq) for name, event in await events.poll(fleet, 1.0)] == [("a", 4), ("b", 1)]
+    assert await events.poll(fleet, 1.0) == []
+
+
+async def test_what_happens_while_there_is_no_link_is_read_by_the_next_one() -> None:
+    fleet, events = FakeFleet(), FleetEvents(history=False)
+    fleet.happen("a", "i1", 1)
+    assert await events.poll(fleet, 1.0) == []
+    fleet.happen("a", "i1", 2)
+    another = FakeFleet()
+    another.machines = fleet.machines
+    assert [event.seq for _, event in await events.poll(another, 1.0)] == [2]
 
 
 async def test_another_start_of_a_server_counts_anew() -> None:
     fleet = FakeFleet()
     fleet.happen("a", "i1", 1, 2, 3)
-    events = FleetEvents(fleet, history=True)
-    assert len(await events.poll(1.0)) == 3
+    events = FleetEvents(history=True)
+    assert len(await events.poll(fleet, 1.0)) == 3
     fleet.happen("a", "i2", 1)
-    assert [event.instance for _, event in await events.poll(1.0)] == ["i2"]
+    assert [event.instance for _, event in await events.poll(fleet, 1.0)] == ["i2"]
     fleet.happen("a", "i2", 2)
-    assert [event.seq for _, event in await events.poll(1.0)] == [2]
+    assert [event.seq for _, event in await events.poll(fleet, 1.0)] == [2]
 
 
 async def test_a_machine_that_does_not_answer_holds_up_nobody() -> None:
     fleet = FakeFleet()
     fleet.happen("a", "i1", 1)
     fleet.machines["mute"] = ("k", [])
-    events = FleetEvents(fleet, history=True)
-    assert [name for name, _ in await events.poll(1.0)] == ["a"]
+    events = FleetEvents(history=True)
+    assert [name for name, _ in await events.poll(fleet, 1.0)] == ["a"]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Sequence
+from collections.abc import Awaitable, Callable, Sequence
 from pathlib import Path
 from typing import Self
 
@@ -17,6 +17,7 @@ from mcclient.types import EventsReply, Info, MachineStatus
 from mcclient.wire import decode
 
 ORDER_S = 3.0
+RETRY_S = 2.0
 
 
 class FleetLink:
@@ -116,3 +117,28 @@ class FleetLink:
 
     async def close(self) -> None:
         await self._link.close()
+
+
+async def keep_link(
+    use: Callable[[FleetLink], Awaitable[None]],
+    lost: Callable[[MotionError], None],
+    *,
+    connect: Sequence[str] = (),
+    config_file: Path | None = None,
+) -> None:
+    """Use a link to all machines, and another one whenever that breaks, until it is cancelled.
+
+    Args:
+        use: ends by a `MotionError` where the network cannot be asked. lost: is told of each.
+        connect: endpoints; empty: this computer. config_file: a Zenoh configuration.
+    """
+    while True:
+        try:
+            link = await FleetLink.open(connect or None, config_file=config_file)
+            try:
+                await use(link)
+            finally:
+                await link.close()
+        except MotionError as error:
+            lost(error)
+        await asyncio.sleep(RETRY_S)
