@@ -37,6 +37,12 @@ from mcserver.units import MM
 
 Array = NDArray[np.float64]
 
+# Size of a mesh file that is read at all, in some seconds [bytes].
+MOST_BYTES = 16 << 20
+# Corners of a mesh whose hull is computed: some seconds, where all of them are on it.
+MOST_CORNERS = 100_000
+# A mesh whose corners are off their middle plane by less than this, all together, has no hull [m].
+THINNEST = 1e-6
 # A lever that has no bound (a sliding joint without limits in front of it) counts as this long [m].
 LONGEST_LEVER = 1e4
 
@@ -169,16 +175,32 @@ class Scene:
             fresh = {each.parentFrame for each in found.geometryObjects} - described
             for each in found.geometryObjects:
                 if each.parentFrame in fresh:
-                    each.geometry = self._solid(each.geometry)
+                    name = str(self._model.frames[each.parentFrame].name)
+                    each.geometry = self._solid(each.geometry, name)
                     number = self._geometry.addGeometryObject(each)
-                    self._names[number] = str(self._model.frames[each.parentFrame].name)
+                    self._names[number] = name
                     self._links.add(number)
             described |= fresh
 
-    def _solid(self, geometry: Any) -> Any:
-        """Return a mesh's convex hull; any other shape as it is."""
+    def _solid(self, geometry: Any, name: str) -> Any:
+        """Return a mesh's convex hull; any other shape as it is.
+
+        Raises:
+            ConfigurationError: MC323 the mesh of the body of this name has no hull.
+        """
         if not isinstance(geometry, self._coal.BVHModelBase):
             return geometry
+        corners = np.asarray(geometry.vertices())
+        hint = "correct the mesh, or give a box, cylinder or capsule instead"
+        if len(corners) > MOST_CORNERS:
+            hint = f"simplify it to {MOST_CORNERS} at the most"
+            raise ConfigurationError("MC323", f"the mesh of {name!r} has {len(corners)} corners", hint)
+        if not np.isfinite(corners).all():
+            raise ConfigurationError("MC323", f"the mesh of {name!r} has corners that are no numbers", hint)
+        # how thick it is along its three main directions
+        spread = np.linalg.svd(corners - corners.mean(axis=0), compute_uv=False)
+        if len(spread) < 3 or spread[-1] < THINNEST:
+            raise ConfigurationError("MC323", f"the mesh of {name!r} is flat, and has no hull", hint)
         geometry.buildConvexHull(True, "Qt")
         return geometry.convex
 
@@ -225,14 +247,23 @@ class Scene:
             case SphereBody():
                 return coal.Sphere(body.radius_mm * MM)
             case MeshBody():
-                try:
-                    return self._solid(coal.MeshLoader().load(body.file, np.full(3, MM)))
-                except (ValueError, RuntimeError) as error:
+                file = Path(body.file)
+                if file.is_file() and file.stat().st_size > MOST_BYTES:
                     raise ConfigurationError(
                         "MC323",
-                        f"the mesh {body.file!r} of {body.name!r} cannot be read: {error}",
+                        f"the mesh {body.file!r} of {body.name!r} has more than {MOST_BYTES >> 20} MiB",
+                        f"simplify it to {MOST_CORNERS} corners at the most",
+                    )
+                try:
+                    mesh = coal.MeshLoader().load(body.file, np.full(3, MM))
+                except (ValueError, RuntimeError) as error:
+                    reason = "cannot be read" if file.is_file() else "cannot be read: it is not there"
+                    raise ConfigurationError(
+                        "MC323",
+                        f"the mesh {body.file!r} of {body.name!r} {reason}",
                         "give an STL, OBJ or DAE file, relative to the machine file",
                     ) from error
+                return self._solid(mesh, body.name)
 
     def _add_zone(self, zone: Zone) -> None:
         placement = self._pose(zone.at_mm, zone.turned_deg)

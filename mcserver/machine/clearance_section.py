@@ -16,8 +16,9 @@ from mcserver.units import AxisType
 if TYPE_CHECKING:
     from mcserver.machine.machine_file import Axis
 
-Length = Annotated[float, Meta(gt=0.0, description="give mm above 0")]
-Place = tuple[float, float, float]
+Length = Annotated[float, Meta(gt=0.0, le=1e6, description="give mm above 0, at the most 1e6")]
+Number = Annotated[float, Meta(ge=-1e6, le=1e6, description="give a number up to 1e6")]
+Place = tuple[Number, Number, Number]
 AxisIndex = Annotated[int, Meta(ge=0, le=63, description="an axis of this file")]
 # How many bodies and zones a machine file may name, each.
 MOST_BODIES = 200

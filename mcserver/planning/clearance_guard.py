@@ -21,7 +21,7 @@ from mcserver.executor.entries import Control, ControlKind, EventKind, ExecutorE
 from mcserver.machine.machine_file import Axis, Machine
 from mcserver.motion.canonical import AxisOperation
 from mcserver.motion.pieces import Rows
-from mcserver.planning.shared_space import Claim, Extent, Mask, SharedSpace, Tenant
+from mcserver.planning.shared_space import Extent, Mask, SharedSpace, Tenant
 from mcserver.units import MM
 
 Array = NDArray[np.float64]
@@ -55,6 +55,8 @@ class ClearanceGuard:
         self._known: Mask = np.zeros(width, np.bool_)
         self._low: Array = np.zeros(width)
         self._high: Array = np.zeros(width)
+        # columns that were let go after that: they may be pushed from there
+        self._loose: Mask = self._known.copy()
         self._targets: dict[int, float] = {}
         self._settling: Mask = self._known.copy()
         # how many claims have been made, and how many before each mark that the executor has not come to
@@ -96,9 +98,10 @@ class ClearanceGuard:
             self._marks.append(self._claims)
         elif kind is ControlKind.SETTLE:
             self._settling = columns
-        elif kind is ControlKind.REFERENCE or (kind is ControlKind.AXIS and control.operation != _CAPTURE):
-            # wherever they are seen from then on
-            self._known &= ~columns
+        elif kind is ControlKind.AXIS and control.operation == _CAPTURE:
+            self._loose &= ~columns
+        elif kind in (ControlKind.REFERENCE, ControlKind.AXIS):
+            self._loose |= columns
         elif kind is ControlKind.END and control.values is not None:
             end = np.array(control.values)
             self._put(columns, end, end)
@@ -117,8 +120,9 @@ class ClearanceGuard:
         """Take an event of the program's slot."""
         if event.kind is EventKind.SETTLED:
             # nothing has been planned behind it: what stands may have been moved by others since
-            at = np.array(event.values[: len(self._known)])
+            at, loose = np.array(event.values[: len(self._known)]), self._loose & ~self._settling
             self._put(self._settling | (self._known & (self._low == self._high)), at, at)
+            self._loose = loose
         elif event.kind is EventKind.PASSED and self._marks:
             self._pass(self._marks.popleft())
         elif event.kind in (EventKind.FINISHED, EventKind.STOPPED):
@@ -223,17 +227,20 @@ class ClearanceGuard:
         extent, self._now = self._space.extent(self._tenant)
         low, high = extent
         low[self._known], high[self._known] = self._low[self._known], self._high[self._known]
+        low[self._loose] = np.minimum(low, self._now)[self._loose]
+        high[self._loose] = np.maximum(high, self._now)[self._loose]
         return extent
 
     def _put(self, columns: Mask, low: Array, high: Array) -> None:
         self._low[columns], self._high[columns] = low[columns], high[columns]
         self._known |= columns
+        self._loose &= ~columns
         for column in np.flatnonzero(columns).tolist():
             self._targets.pop(column, None)
 
     def _claim(self, columns: Mask, extent: Extent, until: float, *, alone: bool) -> None:
         self._claims += 1
-        self._tenant.claims.append(Claim(columns, extent, until, alone, self._claims))
+        self._tenant.claim(columns, extent, until, self._claims, alone=alone)
 
     def _columns(self, mask: int) -> Mask:
         return np.array([mask >> column & 1 for column in range(len(self._known))], np.bool_)

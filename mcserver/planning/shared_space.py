@@ -55,7 +55,8 @@ class Tenant:
     """A program that moves axes.
 
     Attributes:
-        lease: columns that nobody else moves, shape (K,). claims: of its motion, in order.
+        lease: columns that nobody else moves, shape (K,). moved: those of them that it has moved itself; the
+            others may still be under way from before. claims: of its motion, in order.
         ended: executor time of its end [s]; None: it runs.
     """
 
@@ -64,6 +65,15 @@ class Tenant:
     lease: Mask
     claims: list[Claim] = field(default_factory=list)
     ended: float | None = None
+    moved: Mask = field(init=False)
+
+    def __post_init__(self) -> None:
+        self.moved = np.zeros_like(self.lease)
+
+    def claim(self, columns: Mask, extent: Extent, until: float, number: int, *, alone: bool) -> None:
+        """Note motion that is about to be handed over."""
+        self.moved |= columns
+        self.claims.append(Claim(columns, extent, until, alone, number))
 
 
 class SharedSpace:
@@ -109,7 +119,7 @@ class SharedSpace:
         known = np.zeros(len(low), np.bool_)
         for tenant in self._tenants:
             if tenant.ended is None:
-                known |= tenant.lease
+                known |= tenant.moved
             if tenant is asking:
                 continue
             for claim in tenant.claims:

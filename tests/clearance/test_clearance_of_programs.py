@@ -10,8 +10,10 @@ from typing import Any
 import numpy as np
 import pytest
 
+from mcserver.clearance import scene
 from mcserver.clearance.meter import FAR, MOST_SHOWN, RESOLUTION, SHARE, ClearanceMeter
 from mcserver.clearance.scene import Scene
+from mcserver.errors import ConfigurationError
 from mcserver.machine.machine_file import Machine
 from mcserver.machine.machine_kinematics import build_kinematics
 from mcserver.simulation.simulation import simulate
@@ -237,3 +239,61 @@ def test_a_mesh_counts_as_its_convex_hull(tmp_path: Path) -> None:
     assert found.report["ok"]
     assert least(found, "tool", "wedge") == pytest.approx(10.0, rel=0.8)
     assert not run("G1010\nG1 X110 F6000\nG1 Z20\n", mill(body)).report["ok"]
+
+
+def mesh_of(path: Path, triangles: Any) -> str:
+    """A body of a binary STL of triangles, shape (n, 3, 3) [mm]."""
+    found = np.zeros(len(triangles), [("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
+    found["corners"] = triangles
+    path.write_bytes(bytes(80) + len(triangles).to_bytes(4, "little") + found.tobytes())
+    return f'[[body]]\nname = "lump"\nshape = "mesh"\nfile = "{path}"\n'
+
+
+FLAT = [[(0, 0, 0), (10, 0, 0), (0, 10, 0)], [(10, 0, 0), (10, 10, 0), (0, 10, 0)]]
+SOLID = [
+    [(0, 0, 0), (0, 9, 0), (9, 0, 0)],
+    [(0, 0, 0), (9, 0, 0), (0, 0, 9)],
+    [(9, 0, 0), (0, 9, 0), (0, 0, 9)],
+    [(0, 0, 0), (0, 0, 9), (0, 9, 0)],
+]
+
+
+@pytest.mark.parametrize(
+    ("triangles", "message"),
+    [
+        (FLAT, "flat"),
+        (FLAT[:1], "flat"),
+        ([[(0, 0, 0)] * 3] * 4, "read"),
+        (np.array(SOLID) * np.nan, "no numbers"),
+        (np.where(np.arange(36).reshape(4, 3, 3) == 17, np.nan, SOLID), "no numbers"),
+        (np.where(np.arange(36).reshape(4, 3, 3) == 17, np.inf, SOLID), "no numbers"),
+    ],
+)
+def test_a_mesh_without_a_hull_is_refused(triangles: Any, message: str, tmp_path: Path) -> None:
+    with pytest.raises(ConfigurationError, match=message) as raised:
+        Scene(mill(mesh_of(tmp_path / "lump.stl", triangles)))
+    assert raised.value.code == "MC323"
+    assert "lump" in raised.value.message
+    assert "\n" not in raised.value.message
+
+
+def test_a_mesh_that_is_too_fine_is_refused_before_it_is_read(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    body = mesh_of(tmp_path / "lump.stl", SOLID)
+    Scene(mill(body))
+    monkeypatch.setattr(scene, "MOST_CORNERS", 3)
+    with pytest.raises(ConfigurationError, match="has 4 corners"):
+        Scene(mill(body))
+    monkeypatch.setattr(scene, "MOST_BYTES", 100)
+    with pytest.raises(ConfigurationError, match="MiB"):
+        Scene(mill(body))
+
+
+@pytest.mark.parametrize("value", ["nan", "inf", "1e300"])
+@pytest.mark.parametrize("key", ["at_mm", "turned_deg", "size_mm"])
+def test_places_and_sizes_are_numbers_of_a_machine(key: str, value: str) -> None:
+    keys = {"at_mm": "[0.0, 0.0, 0.0]", "size_mm": "[1.0, 1.0, 1.0]", key: f"[1.0, {value}, 1.0]"}
+    with pytest.raises(ConfigurationError) as raised:
+        mill('[[body]]\nname = "a"\nshape = "box"\n' + "\n".join(map(" = ".join, keys.items())))
+    assert raised.value.code == "MC003"

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import random
-from collections.abc import AsyncIterator, Callable
+from collections.abc import AsyncIterator, Callable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -12,15 +12,21 @@ import numpy as np
 import pytest
 
 from mcserver.clearance.scene import Scene
+from mcserver.executor.entries import Control, ControlKind
 from mcserver.machine.machine_file import Machine, parse_machine
+from mcserver.motion.canonical import AxisOperation
+from mcserver.motion.pieces import Rows
+from mcserver.planning.clearance_guard import ClearanceGuards
+from mcserver.planning.shared_space import SharedSpace
 from mcserver.service.program import Program
 from mcserver.simulation.simulation import simulate
+from mcserver.simulation.virtual_executor import VirtualExecutor
 from mcserver.units import MM
 from tests.clearance.machines import MILL, TOOL, VISE, block, mill
 from tests.service.virtual_cell import VirtualCell
 
 Make = Callable[..., VirtualCell]
-Start = Callable[[Machine], VirtualCell]
+Start = Callable[..., VirtualCell]
 
 # face of the vise at X100, its top at Z40; the tool has a radius of 5 mm, the margin is 1 mm
 LAST_X, LAST_Z = 94.0, 41.0
@@ -30,8 +36,8 @@ LAST_X, LAST_Z = 94.0, 41.0
 async def start(tmp_path: Path) -> AsyncIterator[Start]:
     cells: list[VirtualCell] = []
 
-    def started(machine: Machine) -> VirtualCell:
-        cells.append(VirtualCell(machine, tmp_path))
+    def started(machine: Machine, cycles_a_turn: int = 50) -> VirtualCell:
+        cells.append(VirtualCell(machine, tmp_path, cycles_a_turn=cycles_a_turn))
         return cells[-1]
 
     yield started
@@ -158,6 +164,45 @@ async def test_orders_on_the_way_do_not_let_it_pass(make: Make, lines: tuple[str
     await cell.ended(program)
     assert program.state == "faulted"
     assert LAST_X - 0.5 <= place(cell, 0) <= LAST_X + 0.02
+
+
+def straight(first: int, line: int, column: int, way: Sequence[float]) -> Rows:
+    """Rows of one axis from place to place [mm]."""
+    position = np.zeros((len(way), 3))
+    position[:, column] = np.array(way) * MM
+    driven = np.full(len(way), 1 << column, np.uint64)
+    return Rows(first, position, np.zeros_like(position), driven, np.full(len(way), line))
+
+
+@pytest.mark.parametrize("operation", [each for each in AxisOperation if each is not AxisOperation.CAPTURE])
+def test_an_axis_that_is_let_go_counts_where_its_motion_ends(operation: AxisOperation) -> None:
+    executor = VirtualExecutor(mill(VISE))
+    executor.step()
+    guards = ClearanceGuards(executor.machine, SharedSpace(executor.machine, lambda: executor.feedback))
+    guard = guards.guard("one", 0, frozenset((0, 1, 2)))
+    # nothing of it is played yet
+    assert guard.admit_rows(straight(1, 1, 2, np.linspace(100.0, 43.0, 50).tolist())) == 50
+    assert guard.admit_rows(straight(51, 2, 0, np.linspace(0.0, 100.0, 50).tolist())) == 50
+    assert guard.admit_control(
+        Control(ControlKind.AXIS, 101.0, 3, axes=1, operation=list(AxisOperation).index(operation))
+    )
+    assert guard.admit_rows(straight(102, 4, 2, np.linspace(43.0, 38.0, 50).tolist())) < 50
+    assert guard.contact is not None
+    assert guard.contact.line == 4
+
+
+def test_an_axis_that_moves_since_before_the_planner_may_be_anywhere_on_its_way() -> None:
+    executor = VirtualExecutor(mill(VISE))
+    executor.step()
+    sink = executor.open_slot(0, 0b111)
+    sink.put_control(Control(ControlKind.RAPID, 0.0, 1, axes=1, values=(100.0 * MM, 0.0, 0.0)))
+    sink.put_control(Control(ControlKind.FINISH, 0.0, 1))
+    executor.step(50)
+    assert executor.feedback.setpoint[0] < 10.0 * MM
+    # it was started anew, and knows nothing of the rapid
+    guards = ClearanceGuards(executor.machine, SharedSpace(executor.machine, lambda: executor.feedback))
+    guard = guards.guard("two", 1, frozenset((0, 1, 2)))
+    assert guard.admit_rows(straight(1, 2, 2, np.linspace(100.0, 30.0, 50).tolist())) < 50
 
 
 # a ram along X and a shuttle along Y, which meet where both are at 100

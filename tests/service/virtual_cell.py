@@ -112,6 +112,9 @@ class _Planning:
 class VirtualCell:
     """One start of a server; a second one on the same folder is a restart.
 
+    Args:
+        cycles_a_turn: that pass while the planner does a piece of work.
+
     Attributes:
         events: as published.
     """
@@ -122,7 +125,9 @@ class VirtualCell:
         folder: Path,
         instance: str = "cell",
         connect: Callable[[Path], JournalConnection] = open_journal,
+        cycles_a_turn: int = CYCLES_A_TURN,
     ) -> None:
+        self._cycles_a_turn = cycles_a_turn
         journal = folder / "journal.db"
         references = References(references_file(journal), machine).holding
         self.executor = VirtualExecutor(machine, homed=False, references=references)
@@ -144,7 +149,7 @@ class VirtualCell:
 
     async def _run(self) -> None:
         while True:
-            self.executor.step(CYCLES_A_TURN)
+            self.executor.step(self._cycles_a_turn)
             await asyncio.sleep(0)
 
     async def until(self, done: Callable[[], bool]) -> None:
