@@ -91,16 +91,25 @@ class Follows:
         now = self._cycle.time
         if self._box.count != self._seen:
             self._take()
-        newest = self._newest
+        newest, closing = self._newest, self._box.closing
         lost = newest is not None and not now <= newest.until
+        if closing and self._rests:
+            # nobody is to speak any more, and the way is known to its end
+            lost = False
         self._step(now, 0.0 if newest is None or lost else self._rate())
-        if lost and newest is not None and not self._box.closing:
+        if lost and newest is not None and not closing:
             # the stop goes on from the first cycle of it
             self._lost(now - newest.stamp, newest.until - newest.stamp)
-        elif self._box.closing and self._ends(lost=lost):
+        elif closing and self._ends(lost=lost):
             self._cycle.motions.drop(self._axes)
             return left
         return None
+
+    @property
+    def _rests(self) -> bool:
+        """Whether the newest targets end at rest."""
+        newest, first = self._newest, 1 + len(self._columns)
+        return newest is not None and not newest.by_velocity and not newest.knots[-1, first:].any()
 
     def after(self, held: bool) -> bool:  # noqa: ARG002
         """Return False: targets pass by time alone."""

@@ -50,6 +50,8 @@ async def open_servo(
         axes=chosen,
         controls=[
             Control(ControlKind.AXIS, 0.0, 0, axes=mask, operation=_CAPTURE),
+            # one that coasts, or on which an ended program has left a speed, comes to rest first
+            Control(ControlKind.HALT_AXES, 0.0, 0, axes=mask),
             Control(ControlKind.FOLLOW, 0.0, 0, axes=mask),
             Control(ControlKind.FINISH, 0.0, 0),
         ],

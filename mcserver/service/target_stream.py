@@ -139,7 +139,9 @@ class TargetStream:
             return False
         point, reach = positions[0], REACH * self._top * gap
         known = [each for each in (self._position, self._doubtful) if each is not None]
-        near = not known or any((np.abs(point - each) <= reach).all() for each in known)
+        with np.errstate(over="ignore"):
+            # what is further than all numbers is not near
+            near = not known or any((np.abs(point - each) <= reach).all() for each in known)
         self._doubtful = None if near else point
         return not near
 

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import math
 import random
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -36,6 +37,7 @@ WRONG = (math.nan, math.inf, -math.inf, 1e300, -1e300, 1e9, 5e-324)
 def machine_of(chance: random.Random) -> Machine:
     """Axes as slow as a crane or as quick as a wafer stage, some without limits of jerk or travel."""
     text = '[machine]\nname = "streamed"\n'
+    kind = chance.choice(("ideal", "ideal", "ideal", "simulated"))
     for index in range(chance.choice(WIDTHS)):
         velocity = 10.0 ** chance.uniform(1.0, 3.5)
         acceleration = velocity * 10.0 ** chance.uniform(0.0, 1.7)
@@ -46,7 +48,7 @@ def machine_of(chance: random.Random) -> Machine:
         if chance.random() < 0.8:
             reach = velocity * 10.0 ** chance.uniform(-2.0, 0.5)
             text += f"min_position = {-reach}\nmax_position = {reach * chance.uniform(0.01, 1.0)}\n"
-        text += '[axis.drive]\nkind = "ideal"\n'
+        text += f'[axis.drive]\nkind = "{kind}"\n'
     return parse_machine(text)
 
 
@@ -151,40 +153,56 @@ class Client:
             rows[at] = self._chance.choice(WRONG)
 
 
-def play(seed: int) -> tuple[Machine, Array, int]:
-    """Return the machine of a seed, its setpoints at every cycle, shape (n, K), and the messages sent."""
+class Played(NamedTuple):
+    """What the executor did.
+
+    Attributes:
+        setpoints, velocities: as handed to the drives in each cycle, shape (n, K).
+        shares: of the axes' speed that orders left in each cycle, shape (n,). messages: sent.
+    """
+
+    machine: Machine
+    setpoints: Array
+    velocities: Array
+    shares: Array
+    messages: int
+
+
+def play(seed: int) -> Played:
+    """Stream to the machine of a seed."""
     chance = random.Random(seed)
     machine = machine_of(chance)
     setpoints = np.zeros((CYCLES, len(machine.axes)))
+    velocities, shares = np.zeros_like(setpoints), np.ones(CYCLES)
     executor = VirtualExecutor(machine)
+    slot, row = executor.executor._slots[0], executor.executor.row
     everything = (1 << len(machine.axes)) - 1
     client, sent = Client(chance, machine), 0
     straight_in = chance.choice((0.0, 0.0, 0.02))
     orders = chance.choice((0.0, 0.0, 0.01))
     box = executor.sink(0).targets
     for cycle in range(CYCLES):
-        if cycle == 0 or (not executor.executor._slots[0].running and chance.random() < 0.05):
+        if cycle == 0 or (not slot.running and chance.random() < 0.05):
             ring = executor.open_slot(0)
-            for kind in (ControlKind.AXIS, ControlKind.FOLLOW, ControlKind.FINISH):
+            for kind in (ControlKind.AXIS, ControlKind.HALT_AXES, ControlKind.FOLLOW, ControlKind.FINISH):
                 ring.put_control(Control(kind, 0.0, 0, axes=everything, operation=CAPTURE))
             sent += client.sent
             client = Client(chance, machine)
-            executor.step()
-            setpoints[cycle] = executor.executor.row.setpoint
-            continue
-        now = executor.executor.time
-        for message in client.messages(cycle):
-            targets = client.stream.take(message, now)
-            if targets is not None:
-                box.put(targets)
-        if chance.random() < straight_in:
-            box.put(client.garbage(now))
-        if chance.random() < orders:
-            _order(chance, executor)
+        else:
+            now = executor.executor.time
+            for message in client.messages(cycle):
+                targets = client.stream.take(message, now)
+                if targets is not None:
+                    box.put(targets)
+            if chance.random() < straight_in:
+                box.put(client.garbage(now))
+            if chance.random() < orders:
+                _order(chance, executor)
         executor.step()
-        setpoints[cycle] = executor.executor.row.setpoint
+        setpoints[cycle], velocities[cycle] = row.setpoint, row.velocity
+        shares[cycle] = slot.rapid_rate
     executor.close()
-    return machine, setpoints, sent + client.sent
+    return Played(machine, setpoints, velocities, shares, sent + client.sent)
 
 
 def _order(chance: random.Random, executor: VirtualExecutor) -> None:
@@ -204,7 +222,8 @@ def _order(chance: random.Random, executor: VirtualExecutor) -> None:
 
 def broken_laws_of_streams(seed: int) -> tuple[list[str], int, int]:
     """Name the laws that the stream of a seed breaks; and return its messages and cycles."""
-    machine, setpoints, messages = play(seed)
+    played = play(seed)
+    machine, setpoints = played.machine, played.setpoints
     broken = []
     rested = np.concatenate((np.repeat(setpoints[:1], 3, axis=0), setpoints))
     for order, name in enumerate(("velocity", "acceleration", "jerk"), start=1):
@@ -220,4 +239,29 @@ def broken_laws_of_streams(seed: int) -> tuple[list[str], int, int]:
     beyond = float(np.maximum(low - setpoints, setpoints - high).max())
     if not beyond <= 1e-9:
         broken.append(f"travel by {beyond:.3g}")
-    return broken, messages, len(setpoints)
+    return broken + _broken_by_velocities(played), played.messages, len(setpoints)
+
+
+def _broken_by_velocities(played: Played) -> list[str]:
+    """Judge the velocities handed to the drives: what the positions do, and no more than orders leave."""
+    cycle_s, axes = played.machine.cycle_s, played.machine.axes
+    broken = []
+    moved = np.diff(played.setpoints, axis=0) / cycle_s
+    rounding = 8.0 * np.spacing(np.abs(played.setpoints).max(axis=0)) / cycle_s
+    for column, axis in enumerate(axes):
+        # at the end of a cycle it is that of the middle, but for half a cycle at the greatest acceleration
+        apart = np.abs(played.velocities[1:, column] - moved[:, column]) - rounding[column]
+        worst = float(apart.max()) / (0.5 * axis.max_acceleration * cycle_s)
+        if not worst <= SLACK:
+            broken.append(f"velocity of axis {axis.index} is not that of its positions: {worst:.9g} of a cycle")
+        # from the greatest acceleration: taken back first
+        stop_s = axis.max_velocity / axis.max_acceleration + 2.0 * axis.max_acceleration / axis.max_jerk
+        behind = math.ceil(stop_s / cycle_s) + 2
+        if behind >= len(moved):
+            continue
+        left = np.lib.stride_tricks.sliding_window_view(played.shares, behind).max(axis=1)
+        speed = np.abs(moved[behind - 2 :, column]) - rounding[column]
+        worst = float((speed - SLACK * left * axis.max_velocity).max())
+        if not worst <= 1e-9 * axis.max_velocity:
+            broken.append(f"axis {axis.index} is faster by {worst:.3g} m/s than orders leave it")
+    return broken

@@ -335,3 +335,25 @@ def test_an_axis_energized_outside_its_travel_may_come_back_and_goes_no_further(
         rig.step(10)
     assert rig.setpoint[-1] == pytest.approx([0.0, 0.0])
     assert rig.setpoint.max() <= 0.15 + 1e-12
+
+
+def test_closed_far_from_the_last_targets_it_ends_on_them_and_not_where_they_stop_counting() -> None:
+    rig, stream = following()
+    stream.put([0.5, 0.0])
+    stream.box.close()
+    rig.run_until(EventKind.FINISHED)
+    assert rig.setpoint[-1].tolist() == [0.5, 0.0]
+    assert worst(rig) <= 1.0 + 1e-6
+
+
+def test_closed_in_a_hold_it_ends_once_a_resume_has_let_it_arrive() -> None:
+    rig, stream = following()
+    stream.put([0.5, 0.0])
+    rig.step(20)
+    rig.executor.mailbox.set_hold(True, 0)
+    stream.box.close()
+    rig.step(500)
+    assert state(rig) is SlotState.HELD
+    rig.executor.mailbox.resume(0)
+    rig.run_until(EventKind.FINISHED)
+    assert rig.setpoint[-1].tolist() == [0.5, 0.0]

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from mcserver.errors import Refused
+from mcserver.executor.entries import Control, ControlKind
 from mcserver.machine.machine_file import parse_machine
 from mcserver.service.program import Program
 from mcserver.service.servo import close_targets, open_servo, put_targets
@@ -153,6 +154,44 @@ async def test_an_override_slows_it_down(cell: VirtualCell) -> None:
     await streamer.stream([0.4], 1.0)
     passed = cell.service.port.snapshot().time - begun
     assert 0.0 < cell.position(0) - before <= 0.1 * 0.2 * passed + 1e-9
+
+
+async def test_an_axis_that_holds_a_speed_comes_to_rest_before_it_follows(cell: VirtualCell) -> None:
+    speed = [
+        Control(ControlKind.SPEED, 0.0, 0, axes=1, values=(0.1, 0.0, 0.0)),
+        Control(ControlKind.FINISH, 0.0, 0),
+    ]
+    spinning = await cell.service.open("mill", axes=[0], controls=speed)
+    await cell.ended(spinning)
+    await cell.until(lambda: cell.position(0) > 0.02)
+    streamer = await opened(cell, [0])
+    await streamer.stream([0.05], 2.0)
+    close_targets(cell.service, streamer.program)
+    program = await cell.ended(streamer.program)
+    assert (program.state, program.fault) == ("finished", None)
+    assert cell.position(0) == pytest.approx(0.05)
+
+
+async def test_a_program_moves_an_axis_from_where_servo_mode_left_it(cell: VirtualCell) -> None:
+    streamer = await opened(cell, [0])
+    await streamer.stream([0.0501234], 1.0)
+    close_targets(cell.service, streamer.program)
+    await cell.ended(streamer.program)
+    program = await cell.service.open("mill", axes=[0])
+    await cell.service.lines.submit("mill", program.program, 1, ["G90", "G01 X60 F3000", "M02"])
+    ended = await cell.ended(program)
+    assert (ended.state, ended.fault) == ("finished", None)
+    assert cell.position(0) == pytest.approx(0.06)
+
+
+async def test_numbers_at_the_end_of_all_numbers_are_counted_and_warn_of_nothing(cell: VirtualCell) -> None:
+    streamer = await opened(cell, [0])
+    for seq, position in enumerate((1.7e308, -1.7e308, 1.7e308, 0.0), start=1):
+        message = TargetMessage(seq, seq * 0.01, 1.0, np.array([[position]]), None, None)
+        put_targets(cell.service, streamer.program, message)
+    status = streamer.program.status().servo
+    assert status is not None
+    assert (status.taken + status.jumped, status.refused) == (4, 0)
 
 
 async def test_a_machine_with_clearance_is_not_streamed_to(tmp_path: Path) -> None:
