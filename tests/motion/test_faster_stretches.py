@@ -76,8 +76,8 @@ def assert_kept(motion: Motion, speed: float) -> None:
 
 def only_knots(*arguments: object, **_stops: bool) -> Stretches:
     phases, knots, first = arguments[4:7]
-    sealed = np.zeros(len(phases), np.bool_)  # type: ignore[arg-type]
-    return Stretches(phases, sealed, knots, first)  # type: ignore[arg-type]
+    uncut = np.zeros(len(phases), np.bool_)  # type: ignore[arg-type]
+    return Stretches(phases, uncut, knots, first)  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize(

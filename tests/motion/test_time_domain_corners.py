@@ -1,4 +1,4 @@
-"""Corners that the axes pass in a time of their own: quicker than a stop, within tolerance and limits."""
+"""Time-domain blends of corners: quicker than a stop, within tolerance and limits."""
 
 from __future__ import annotations
 

@@ -24,7 +24,7 @@ def commit_moment(plan: PlannedRun, want: float) -> float:
     """Return a time with zero acceleration at or after ``want`` [s], before the stop begins; 0 without one.
 
     From there a plan goes on as well with other segments behind: what is left of a stretch that is solved as
-    a whole, of a line with a T, or before a corner in a time of its own would be slower than the whole.
+    a whole, of a line with a T, or before a time-domain blend would be slower than the whole.
     """
     return _moment(plan, want, at_peaks=False)
 
@@ -76,7 +76,7 @@ def turn_moment(plan: PlannedRun, want: float, until: float) -> float:
         if plan.timed[index] or jerk == 0.0 or a * (a + jerk * (end - start)) >= 0.0:
             continue
         moment = start - a / jerk
-        # at a phase's end but for rounding there may be a corner in a time of its own, with another speed
+        # at a phase's end but for rounding a time-domain blend may stand, with another speed
         inside = end - moment > LEAST_PHASE_S and want <= moment < until and phases.state(moment)[1] > least
         if inside and not plan.held[plan.segment_at(moment)]:
             return moment
@@ -93,10 +93,10 @@ def _moment(plan: PlannedRun, want: float, *, at_peaks: bool, inside_timed: bool
     index = int(np.clip(np.searchsorted(phases.start, moment, side="right") - 1, 0, len(phases.start) - 1))
     while index < len(phases.start):
         constant = abs(phases.acceleration[index]) <= trace and phases.jerk[index] == 0.0
-        # where two corners in a time of their own meet, no time is left between them, and the plan would
+        # where two time-domain blends meet, no time is left between them, and the plan would
         # go on with the second one's speed
         lasts = phases.end_of(index) - moment > LEAST_PHASE_S
-        free = lasts and not plan.timed[index] and not phases.sealed[index]
+        free = lasts and not plan.timed[index] and not phases.uncut[index]
         if free and constant and phases.velocity[index] > 0.0:
             break
         if free and moment == phases.start[index] and _is_knot(phases, index, trace):
@@ -132,39 +132,39 @@ def _stop_begins(plan: PlannedRun, *, inside_timed: bool) -> float:
         return float(plan.times[-2])
     phases = plan.phases
     index = len(phases.start)
-    if phases.sealed[-1]:
+    if phases.uncut[-1]:
         # the stop is the end of a stretch
-        while index > 0 and phases.sealed[index - 1]:
+        while index > 0 and phases.uncut[index - 1]:
             index -= 1
         return last_steady(plan, float(phases.start[index - 1])) if index > 1 else 0.0
     # rounding leaves traces of acceleration where it should be zero
     trace = 1e-6 * float(np.abs(phases.acceleration).max())
     while index > 0:
         a, j = phases.acceleration[index - 1], phases.jerk[index - 1]
-        if phases.sealed[index - 1] or not (a < -trace or (abs(a) <= trace and j < 0.0)):
+        if phases.uncut[index - 1] or not (a < -trace or (abs(a) <= trace and j < 0.0)):
             break
         index -= 1
     if index == 0 or index == len(phases.start):
         return 0.0
     moment = float(phases.start[index])
     if plan.timed[index]:
-        # a corner in a time of its own begins the stop, with a speed that is not the path's
+        # a time-domain blend begins the stop, with a speed that is not the path's
         moment = max(moment - LEAST_PHASE_S, 0.0)
     return _outside_timed(plan, moment, moment, inside_timed=inside_timed)
 
 
 def _is_knot(phases: Phases, index: int, trace: float) -> bool:
     """Return whether a phase begins at an end of a stretch that is not to be cut, with speed and no
-    acceleration: behind a rest, or what of one a corner in a time of its own has left, it has none or some.
+    acceleration: behind a rest, or what a time-domain blend has left of one, it has none or some.
     """
     if abs(phases.acceleration[index]) > trace or not phases.velocity[index] > 0.0:
         return False
-    sealed = phases.sealed
-    return bool((index > 0 and sealed[index - 1]) or (index + 1 < len(sealed) and sealed[index + 1]))
+    uncut = phases.uncut
+    return bool((index > 0 and uncut[index - 1]) or (index + 1 < len(uncut) and uncut[index + 1]))
 
 
 def _is_peak(plan: PlannedRun, index: int, trace: float) -> bool:
-    """Return whether a phase begins with speed and no acceleration, away from corners in a time of their own:
+    """Return whether a phase begins with speed and no acceleration, away from time-domain blends:
     where two of them meet, the speed between them is that of neither.
     """
     phases = plan.phases
@@ -178,7 +178,7 @@ def last_steady(plan: PlannedRun, until: float) -> float:
     phases = plan.phases
     trace = 1e-6 * float(np.abs(phases.acceleration).max())
     steady = (np.abs(phases.acceleration) <= trace) & ~plan.timed & (phases.velocity > 0.0)
-    steady &= ~phases.sealed & (np.diff(phases.start, append=phases.duration) > LEAST_PHASE_S)
+    steady &= ~phases.uncut & (np.diff(phases.start, append=phases.duration) > LEAST_PHASE_S)
     steady &= phases.start <= until
     if not steady.any():
         return 0.0
@@ -188,13 +188,13 @@ def last_steady(plan: PlannedRun, until: float) -> float:
         return _before_timed(plan, start)
     ends = phases.end_of(index)
     if plan.timed[index + 1 : index + 2].any():
-        # a corner in a time of its own begins there, with a speed that is not the path's
+        # a time-domain blend begins there, with a speed that is not the path's
         ends = max(ends - LEAST_PHASE_S, start)
     return _before_timed(plan, min(until, ends))
 
 
 def _before_timed(plan: PlannedRun, moment: float) -> float:
-    """Return a time, or where the line begins that it lies in, if that has a time of its own [s].
+    """Return a time, or where the line begins that it lies in, if that has a T of its own [s].
 
     Such a line is not cut inside: what is left of it would ask for all of its T.
     """

@@ -43,7 +43,7 @@ def plan_at_feed_scale(window: Lookahead, scale: float) -> PlannedRun | None:
 
 
 def is_under_way(table: SegmentTable) -> bool:
-    """Return whether the first segment is what is left of a line with a time of its own: at the speed that
+    """Return whether the first segment is what is left of a line with a T of its own: at the speed that
     is there it may have no slower profile than for the T that it has.
     """
     first = table.segments[0]

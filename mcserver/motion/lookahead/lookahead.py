@@ -312,7 +312,7 @@ class Lookahead:
         if solution.early:
             solution = none_early(solver, solution, junction_vmax, attempt)
         knots, first = solution.knots, solution.first
-        rows, sealed = solution.phases, None
+        rows, uncut = solution.phases, None
         if not self.table.timed.any():
             feeds = segments.columns.feed
             quicker = quicker_stretches(
@@ -326,8 +326,8 @@ class Lookahead:
                 segments.passed > 0.0,
                 stops=self.stop_is_last,
             )
-            rows, sealed, knots, first = quicker.phases, quicker.sealed, quicker.knots, quicker.first
-        phases = join_phases(rows, float(groups.edges[-1]), sealed)
+            rows, uncut, knots, first = quicker.phases, quicker.uncut, quicker.knots, quicker.first
+        phases = join_phases(rows, float(groups.edges[-1]), uncut)
         times = phases.time_at(groups.bounds)
         # at knots the velocity profile's own times are exact; where the motion rests, positions tell time
         # poorly

@@ -26,7 +26,7 @@ class PlannedRun:
 
     Attributes:
         segments: in order. window_index: the segment of the window that each belongs to, shape (n,): a corner
-            that is passed in a time of its own is two more, one for each line.
+            that is passed by a time-domain blend is two more, one for each line.
         bounds: σ at their starts and at the end, shape (n+1,).
         phases: σ over time. timed: which of them are such corners: no moment inside has a speed and no
             acceleration.
@@ -107,10 +107,10 @@ class PlannedRun:
             held=self.held[index:],
         )
 
-    def _sealed(self, low: float, high: float) -> NDArray[np.bool_]:
+    def _uncut(self, low: float, high: float) -> NDArray[np.bool_]:
         """Return which phases between two times [s] are not to be cut."""
         first, last = self.phases.span(low, high)
-        return self.phases.sealed[first:last]
+        return self.phases.uncut[first:last]
 
     def with_corners(self, stops: list[int], corners: list[TimeDomainBlend]) -> PlannedRun:
         """Return the run with blends in place of stops.
@@ -137,14 +137,14 @@ class PlannedRun:
         segments = SegmentList()
         bound_by: list[Bound | None] = []
         parts: list[Array] = []
-        sealed: list[NDArray[np.bool_]] = []
+        uncut: list[NDArray[np.bool_]] = []
         low, since = 0, 0.0
         for stop, corner in zip(stops, corners, strict=True):
             segments.extend(self.segments[low:stop])
             segments.extend(corner.parts)
             bound_by += [*self.bound_by[low:stop], None, None]
             parts += [self.phases.between(since, corner.leave), corner.phase]
-            sealed += [self._sealed(since, corner.leave), np.zeros(len(corner.phase), np.bool_)]
+            uncut += [self._uncut(since, corner.leave), np.zeros(len(corner.phase), np.bool_)]
             low, since = stop, corner.join
         segments.extend(self.segments[low:])
         for stop, corner in zip((at + 2 * np.arange(len(at))).tolist(), corners, strict=True):
@@ -153,8 +153,8 @@ class PlannedRun:
             )
             segments[stop + 2] = msgspec.structs.replace(segments[stop + 2], begin=corner.join_s, opens=False)
         parts.append(self.phases.between(since, self.phases.duration))
-        sealed.append(self._sealed(since, self.phases.duration))
-        phases = join_phases(np.concatenate(parts), self.phases.end, np.concatenate(sealed))
+        uncut.append(self._uncut(since, self.phases.duration))
+        phases = join_phases(np.concatenate(parts), self.phases.end, np.concatenate(uncut))
         timed = np.concatenate([np.full(len(part), bool(i % 2)) for i, part in enumerate(parts)])
         # the same sums as in the velocity profile: a cut at the end of a corner is at the start of what
         # follows

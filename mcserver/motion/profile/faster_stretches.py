@@ -39,13 +39,13 @@ class Stretches:
     """A velocity profile, with its stretches driven quicker.
 
     Attributes:
-        phases: rows of `mcserver.motion.kernels.phases`. sealed: those at whose start, or inside of which,
+        phases: rows of `mcserver.motion.kernels.phases`. uncut: those at whose start, or inside of which,
             the profile is not to be cut, shape (n,). knots, first: the knots that are left, and the first
             phase behind each.
     """
 
     phases: Array
-    sealed: NDArray[np.bool_]
+    uncut: NDArray[np.bool_]
     knots: NDArray[np.intp]
     first: NDArray[np.intp]
 
@@ -94,7 +94,7 @@ def quicker_stretches(
         stops,
     )
     parts: list[Array] = []
-    seals: list[NDArray[np.bool_]] = []
+    uncut_parts: list[NDArray[np.bool_]] = []
     left: list[NDArray[np.intp]] = []
     starts: list[NDArray[np.intp]] = []
     count = index = failures = 0
@@ -110,23 +110,23 @@ def quicker_stretches(
             longest = 0.4 * float(known.moments[last] - known.moments[index])
             last = known.stretch_end(index, longest)
         if len(found):
-            rows, seal = found, np.ones(len(found), np.bool_)
-            seal[0] = False
+            rows, uncut = found, np.ones(len(found), np.bool_)
+            uncut[0] = False
             kept, failures = slice(index, index + 1), 0
         else:
             rows = phases[first[index] : first[last]]
-            seal = np.zeros(len(rows), np.bool_)
+            uncut = np.zeros(len(rows), np.bool_)
             kept = slice(index, last)
         left.append(knots[kept])
         starts.append(first[kept] - first[index] + count)
         parts.append(rows)
-        seals.append(seal)
+        uncut_parts.append(uncut)
         count += len(rows)
         index = last
     left.append(knots[-1:])
     starts.append(np.array([count]))
     return Stretches(
-        np.concatenate(parts), np.concatenate(seals), np.concatenate(left), np.concatenate(starts)
+        np.concatenate(parts), np.concatenate(uncut_parts), np.concatenate(left), np.concatenate(starts)
     )
 
 

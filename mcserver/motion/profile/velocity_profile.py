@@ -24,7 +24,7 @@ class Phases:
         duration: total duration [s].
         position, velocity, acceleration, jerk: at the beginning of each phase, shape (n,).
         end: position at the end of the last phase; beyond it the coordinate stays there.
-        sealed: phases at whose start, and inside of which, the profile is not cut, shape (n,).
+        uncut: phases at whose start, and inside of which, the profile is not cut, shape (n,).
     """
 
     start: Array
@@ -34,7 +34,7 @@ class Phases:
     acceleration: Array
     jerk: Array
     end: float
-    sealed: NDArray[np.bool_]
+    uncut: NDArray[np.bool_]
 
     @cached_property
     def rows(self) -> Array:
@@ -89,7 +89,7 @@ class Phases:
             acceleration=acceleration,
             jerk=self.jerk[index:],
             end=self.end - here,
-            sealed=self.sealed[index:],
+            uncut=self.uncut[index:],
         )
 
     def at(self, time: Array) -> tuple[Array, Array]:
@@ -111,9 +111,9 @@ class Phases:
         return times
 
 
-def join_phases(rows: Array, end: float, sealed: NDArray[np.bool_] | None = None) -> Phases:
+def join_phases(rows: Array, end: float, uncut: NDArray[np.bool_] | None = None) -> Phases:
     """Return the velocity profile of consecutive phases, shape (n, `PHASE`), that ends at the coordinate
-    ``end``; ``sealed`` as of `Phases`, by default none.
+    ``end``; ``uncut`` as of `Phases`, by default none.
     """
     until = np.cumsum(rows[:, 0])
     return Phases(
@@ -124,5 +124,5 @@ def join_phases(rows: Array, end: float, sealed: NDArray[np.bool_] | None = None
         acceleration=rows[:, 3].copy(),
         jerk=rows[:, 4].copy(),
         end=end,
-        sealed=np.zeros(len(rows), np.bool_) if sealed is None else sealed,
+        uncut=np.zeros(len(rows), np.bool_) if uncut is None else uncut,
     )
