@@ -259,6 +259,21 @@ def speed_over_feed(motion: Motion) -> float:
     return worst
 
 
+def assert_kept(motion: Motion, tolerance: float) -> None:
+    """Every limit at every cycle, vertices included, F, and the tolerance in both directions [m]."""
+    axes = motion.machine.axes
+    assert velocity_ratio(motion) <= VELOCITY_SLACK
+    assert row_velocity_ratio(motion) <= VELOCITY_SLACK
+    assert acceleration_ratio(motion) <= ACCELERATION_SLACK
+    if all(math.isfinite(axis.max_jerk) for axis in axes):
+        assert jerk_ratio(motion) <= JERK_SLACK
+    assert speed_over_feed(motion) <= VELOCITY_SLACK
+    assert farthest_from_path(motion) <= tolerance
+    # between two rows the path bows
+    fastest = max(axis.max_acceleration for axis in axes if axis.type is AxisType.LINEAR)
+    assert path_missed_by(motion) <= tolerance + fastest * motion.cycle**2 / 4.0
+
+
 def rest_to_rest(distance: float, velocity: float, acceleration: float, jerk: float) -> float:
     """Least time over a distance from rest to rest under three limits, by bisection on the peak speed [s]."""
 

@@ -14,18 +14,7 @@ from mcserver.motion.geometry.segment import AxisLimits, anchor, segment_of
 from mcserver.motion.lookahead.lookahead import Lookahead
 from mcserver.motion.lookahead.planned_run import PlannedRun
 from mcserver.motion.lookahead.time_domain_corner import is_time_domain
-from tests.motion.measure import (
-    ACCELERATION_SLACK,
-    JERK_SLACK,
-    VELOCITY_SLACK,
-    acceleration_ratio,
-    farthest_from_path,
-    jerk_ratio,
-    path_missed_by,
-    row_velocity_ratio,
-    speed_over_feed,
-    velocity_ratio,
-)
+from tests.motion.measure import VELOCITY_SLACK, assert_kept, farthest_from_path, speed_over_feed
 from tests.motion.support import (
     AxisSpec,
     Commit,
@@ -59,19 +48,6 @@ def both(machine: Machine, lines: Sequence[FeedGroup], tolerance: float) -> tupl
     """With a stop at every corner, and with this tolerance [m]."""
     stopping = plan(machine, [Move(group, from_rest=True) for group in lines])
     return stopping, plan(machine, [Move(group, tolerance=tolerance) for group in lines])
-
-
-def assert_kept(motion: Motion, tolerance: float) -> None:
-    """All limits everywhere, also about the vertices, and the tolerance in both directions."""
-    assert velocity_ratio(motion) <= VELOCITY_SLACK
-    assert row_velocity_ratio(motion) <= VELOCITY_SLACK
-    assert acceleration_ratio(motion) <= ACCELERATION_SLACK
-    if all(math.isfinite(axis.max_jerk) for axis in motion.machine.axes):
-        assert jerk_ratio(motion) <= JERK_SLACK
-    assert speed_over_feed(motion) <= VELOCITY_SLACK
-    assert farthest_from_path(motion) <= tolerance
-    # between two rows the path bows
-    assert path_missed_by(motion) <= tolerance + motion.cycle**2 / 4.0
 
 
 @pytest.mark.parametrize("corners", [3, 4, 6])

@@ -14,17 +14,8 @@ from mcserver.machine.machine_file import Machine, load_machine
 from mcserver.machine.machine_kinematics import build_kinematics
 from mcserver.motion.canonical import FeedGroup
 from mcserver.simulation.simulation import simulate
-from tests.motion.measure import (
-    ACCELERATION_SLACK,
-    JERK_SLACK,
-    VELOCITY_SLACK,
-    acceleration_ratio,
-    farthest_from_path,
-    jerk_ratio,
-    path_missed_by,
-    velocity_ratio,
-)
-from tests.motion.support import Commit, Motion, Move, alike, at_speed, in_time, line_curve, plan
+from tests.motion.measure import assert_kept
+from tests.motion.support import Commit, Move, alike, at_speed, in_time, line_curve, plan
 from tests.motion.test_laws import law
 
 TOLERANCE = 1e-4
@@ -41,20 +32,12 @@ def chain(machine: Machine, turns: list[float], times: list[float], length: floa
     return groups
 
 
-def assert_kept(motion: Motion) -> None:
-    assert velocity_ratio(motion) <= VELOCITY_SLACK
-    assert acceleration_ratio(motion) <= ACCELERATION_SLACK
-    assert jerk_ratio(motion) <= JERK_SLACK
-    assert farthest_from_path(motion) <= TOLERANCE
-    assert path_missed_by(motion) <= TOLERANCE + 1e-6
-
-
 @pytest.mark.parametrize("angle", [0.5, 6.0, 12.0, 40.0])
 def test_a_bend_of_a_timed_chain_is_passed_with_speed_and_each_line_keeps_its_time(angle: float) -> None:
     machine = alike(2, jerk=50_000.0)
     groups = chain(machine, [0.0, angle, -angle, angle, angle], [0.5] * 5, 0.05)
     motion = plan(machine, [Move(group, tolerance=TOLERANCE) for group in groups])
-    assert_kept(motion)
+    assert_kept(motion, TOLERANCE)
     for line in range(1, 6):
         assert motion.took(line) == pytest.approx(0.5, abs=1e-9)
     speed = np.linalg.norm(np.diff(motion.position, axis=0), axis=1) / motion.cycle
@@ -71,7 +54,7 @@ def test_timed_chords_of_a_circle_are_one_curve_without_a_ripple_of_speed() -> N
         for number, (a, b) in enumerate(itertools.pairwise(points))
     ]
     motion = plan(machine, [Move(group, tolerance=TOLERANCE) for group in groups])
-    assert_kept(motion)
+    assert_kept(motion, TOLERANCE)
     for line in range(8, 72):
         assert motion.took(line) == pytest.approx(0.02, abs=1e-6)
     speed = np.linalg.norm(np.diff(motion.position, axis=0), axis=1) / motion.cycle
@@ -95,7 +78,7 @@ def test_rounding_never_makes_a_timed_chain_later_than_its_stops_do(data: st.Dat
     groups = chain(machine, turns, times, data.draw(st.sampled_from([0.002, 0.02, 0.05])))
     commits = [Commit(after, 50.0) for after in range(1, count) if data.draw(st.booleans())]
     rounded = plan(machine, [Move(group, tolerance=TOLERANCE) for group in groups], commits=commits)
-    assert_kept(rounded)
+    assert_kept(rounded, TOLERANCE)
     stopping = plan(machine, [Move(group, from_rest=True) for group in groups])
     assert rounded.duration <= stopping.duration * most
 
@@ -106,7 +89,7 @@ def test_a_timed_line_between_lines_with_a_speed_is_rounded_at_both_ends() -> No
     curves = [line_curve(machine, (0, 1), a, b) for a, b in itertools.pairwise(points)]
     groups = [at_speed(0.1, curves[0]), in_time(1.0, curves[1]), at_speed(0.1, curves[2])]
     motion = plan(machine, [Move(group, tolerance=TOLERANCE) for group in groups])
-    assert_kept(motion)
+    assert_kept(motion, TOLERANCE)
     assert motion.took(2) == pytest.approx(1.0, abs=1e-9)
     speed = np.linalg.norm(np.diff(motion.position, axis=0), axis=1) / motion.cycle
     assert min(speed[round(motion.ends[line]) - 1] for line in (1, 2)) > 0.05
@@ -118,7 +101,7 @@ def test_short_timed_lines_flow_from_rest_as_feed_lines_do() -> None:
     points = 0.02 * np.stack([np.sin(angles), 1.0 - np.cos(angles)], axis=1)
     lines = [line_curve(machine, (0, 1), a.tolist(), b.tolist()) for a, b in itertools.pairwise(points)]
     timed = plan(machine, [Move(in_time(line.length / 0.08, line), tolerance=TOLERANCE) for line in lines])
-    assert_kept(timed)
+    assert_kept(timed, TOLERANCE)
     fed = plan(machine, [Move(at_speed(0.08, line), tolerance=TOLERANCE) for line in lines])
     assert timed.duration <= 1.05 * fed.duration
     # those of the ramps alone are late
@@ -129,7 +112,7 @@ def test_a_line_whose_time_is_too_short_does_not_stop_the_flow() -> None:
     machine = alike(2, velocity=100.0, jerk=50_000.0)
     groups = chain(machine, [0.0] * 9, [0.25, 0.25, 0.25, 0.25, 0.1, 0.25, 0.25, 0.25, 0.25], 0.02)
     motion = plan(machine, [Move(group, tolerance=TOLERANCE) for group in groups])
-    assert_kept(motion)
+    assert_kept(motion, TOLERANCE)
     # at 100 mm/s all along, but for the way to it
     assert 0.2 <= motion.took(5) <= 0.206
     assert set(motion.bounds) <= {1, 5, 9}

@@ -20,18 +20,7 @@ from mcserver.motion.geometry.segment_list import SegmentList
 from mcserver.motion.pieces import Piece
 from mcserver.motion.planner import MotionPlanner
 from mcserver.motion.smoothing.chord_smoothing import ChordSmoother, SmoothRun
-from tests.motion.measure import (
-    ACCELERATION_SLACK,
-    JERK_SLACK,
-    VELOCITY_SLACK,
-    acceleration_ratio,
-    farthest_from_path,
-    jerk_ratio,
-    path_missed_by,
-    row_velocity_ratio,
-    speed_over_feed,
-    velocity_ratio,
-)
+from tests.motion.measure import assert_kept, farthest_from_path
 from tests.motion.support import (
     AxisSpec,
     Commit,
@@ -65,20 +54,6 @@ def rounded(
     moves = [Move(group, tolerance=tolerance) for group in polyline(machine, points.tolist(), speed)]
     start = np.pad(points[0], (0, len(machine.axes) - points.shape[1]))
     return plan(machine, moves, start=start, commits=commits)
-
-
-def assert_kept(motion: Motion, tolerance: float) -> None:
-    """Every limit at every cycle, vertices included, F, and the tolerance in both directions."""
-    assert velocity_ratio(motion) <= VELOCITY_SLACK
-    assert row_velocity_ratio(motion) <= VELOCITY_SLACK
-    assert acceleration_ratio(motion) <= ACCELERATION_SLACK
-    if all(math.isfinite(axis.max_jerk) for axis in motion.machine.axes):
-        assert jerk_ratio(motion) <= JERK_SLACK
-    assert speed_over_feed(motion) <= VELOCITY_SLACK
-    assert farthest_from_path(motion) <= tolerance
-    fastest = max(axis.max_acceleration for axis in motion.machine.axes)
-    bow = math.sqrt(len(motion.machine.axes)) * fastest * motion.cycle**2 / 4.0
-    assert path_missed_by(motion) <= tolerance + bow
 
 
 @pytest.mark.parametrize(
