@@ -39,6 +39,7 @@ GROUPS = {
         "gateway",
         "language/test_agents.py",
         "language/test_agents_http.py",
+        "mqtt/test_broker.py",
         "net",
         "packaging",
         "planning/test_planner_process.py",

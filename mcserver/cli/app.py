@@ -56,6 +56,7 @@ COMMANDS: Mapping[str, str] = MappingProxyType(
         "scan": "scan.scan",
         "gateway": "gateway.gateway",
         "mtconnect": "mtconnect.mtconnect",
+        "mqtt": "mqtt.mqtt",
         "examples": "examples.examples",
         "doctor": "doctor.doctor",
         "drive-sim": "drive_sim.drive_sim",

@@ -28,7 +28,7 @@ LAYERS: tuple[tuple[str, ...], ...] = (
     ("net", "plot", "doors"),
     ("view", "doctor", "security", "language", "fleet_sim"),
     ("web", "foxglove"),
-    ("gateway", "mtconnect"),
+    ("gateway", "mqtt", "mtconnect"),
     ("server", "contract"),
     ("cli",),
     ("__main__", "__init__"),

@@ -1,0 +1,98 @@
+"""``mcserver mqtt``: states of all machines for an MQTT broker."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import os
+import time
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+from urllib.parse import urlsplit
+
+import typer
+
+from mcserver.cli.console import narration
+from mcserver.cli.history import stop_on_terminate
+from mcserver.cli.options import ConnectOption, ZenohConfigOption
+from mcserver.cli.serving import require_packages
+from mcserver.errors import ConfigurationError
+
+if TYPE_CHECKING:
+    from mcserver.mqtt.bridge import Broker
+    from mcserver.mqtt.publishers import Publisher
+
+PORTS = {"mqtt": 1883, "mqtts": 8883}
+PASSWORD = "MC_MQTT_PASSWORD"
+
+
+def mqtt(
+    broker: Annotated[
+        str, typer.Argument(metavar="URL", help="mqtt://[USER@]HOST[:PORT], or mqtts:// for TLS.")
+    ],
+    connect: ConnectOption = None,
+    zenoh: ZenohConfigOption = None,
+    prefix: Annotated[str, typer.Option("--prefix", help="First level of the plain topics.")] = "mcserver",
+    sparkplug: Annotated[
+        str | None,
+        typer.Option("--sparkplug", metavar="GROUP/NODE", help="Sparkplug B in place of plain topics."),
+    ] = None,
+    rate: Annotated[
+        float, typer.Option("--rate", min=0.1, max=20.0, help="Looks a second at each machine.")
+    ] = 1.0,
+    authority: Annotated[
+        Path | None, typer.Option("--authority", metavar="PEM", help="Who signed the broker's certificate.")
+    ] = None,
+) -> None:
+    """Publish the states of all machines to an MQTT broker, until Ctrl-C; $MC_MQTT_PASSWORD is the user's."""
+    require_packages("mqtt", "mqtt", ("aiomqtt", "mcclient"))
+    from mcserver.mqtt.bridge import Bridge
+    from mcserver.mqtt.publishers import PlainTopics, SparkplugNode
+
+    found = _broker_at(broker, authority)
+    publisher: Publisher
+    if sparkplug is None:
+        publisher = PlainTopics(_levels(prefix, 1)[0])
+    else:
+        group, node = _levels(sparkplug, 2)
+        publisher = SparkplugNode(group, node, time.time)
+    narration().print(f"MQTT: {found.host}:{found.port} (Ctrl-C ends)")
+
+    async def run() -> None:
+        stop_on_terminate()
+        await Bridge(publisher, 1.0 / rate).run(found, tuple(connect or ()), zenoh)
+
+    with contextlib.suppress(KeyboardInterrupt, asyncio.CancelledError):
+        asyncio.run(run())
+
+
+def _broker_at(address: str, authority: Path | None) -> Broker:
+    """Return the broker of an address.
+
+    Raises:
+        ConfigurationError: MC078 it is none, or has a password in it, which others would see.
+    """
+    from mcserver.mqtt.bridge import Broker
+
+    with contextlib.suppress(ValueError):
+        url = urlsplit(address)
+        port = url.port or PORTS.get(url.scheme)
+        if url.hostname and port and url.scheme in PORTS and url.password is None and not url.path.strip("/"):
+            secret = os.environ.get(PASSWORD)
+            return Broker(url.hostname, port, url.scheme == "mqtts", authority, url.username, secret)
+    raise ConfigurationError(
+        "MC078",
+        "the broker's address cannot be read, or has a password in it",
+        f"mqtt://USER@HOST:PORT or mqtts://USER@HOST:PORT; the password stands in ${PASSWORD}",
+    )
+
+
+def _levels(text: str, count: int) -> list[str]:
+    levels = text.split("/")
+    if len(levels) != count or not all(levels) or any(letter in text for letter in "+#\0"):
+        raise ConfigurationError(
+            "MC078",
+            f"{text!r} cannot be {'a level' if count == 1 else 'GROUP/NODE'} of topics",
+            "names without + # and further /",
+        )
+    return levels

@@ -1,0 +1,147 @@
+"""The bridge's process: states of all machines to a broker, again whenever it or the machines were away."""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+import ssl
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+
+import aiomqtt
+import msgspec
+from mcclient import MotionError
+from mcclient.fleet import FleetLink, keep_link
+
+from mcserver.mqtt.metrics import Value, metrics_of
+from mcserver.mqtt.publishers import Message, Publisher
+
+log = logging.getLogger(__name__)
+
+ANSWER_S = 1.0
+RETRY_S = 2.0
+SEND_S = 10.0
+# between two births that the other side asks for
+REBIRTH_S = 1.0
+
+
+class Broker(msgspec.Struct, frozen=True):
+    """Where the broker is. ``tls``: with the system's authorities, or those of ``authority``."""
+
+    host: str
+    port: int
+    tls: bool = False
+    authority: Path | None = None
+    user: str | None = None
+    password: str | None = None
+
+
+class Bridge:
+    """Values of the machines as they were last seen, and the connection to the broker while there is one."""
+
+    def __init__(self, publisher: Publisher, period_s: float) -> None:
+        self._publisher = publisher
+        self._period_s = period_s
+        self._machines: dict[str, dict[str, Value]] = {}
+        self._client: aiomqtt.Client | None = None
+        self._broken = asyncio.Event()
+        # a state and a birth are not sent in between each other
+        self._order = asyncio.Lock()
+
+    async def run(self, broker: Broker, connect: tuple[str, ...], config_file: Path | None) -> None:
+        """Run until it is cancelled."""
+        async with asyncio.TaskGroup() as group:
+            group.create_task(self.keep_connected(broker))
+            group.create_task(keep_link(self._watch, self._lost, connect=connect, config_file=config_file))
+
+    async def see(self, states: Mapping[str, Mapping[str, Value]]) -> None:
+        """Publish what is other than before."""
+        async with self._order:
+            for machine in [name for name in self._machines if name not in states]:
+                del self._machines[machine]
+                await self._send(self._publisher.gone(machine))
+            for machine, values in states.items():
+                before = self._machines.get(machine)
+                self._machines[machine] = dict(values)
+                if before is None:
+                    await self._send(self._publisher.appeared(machine, values))
+                    continue
+                changed = {name: value for name, value in values.items() if before.get(name) != value}
+                if changed and self._client is None:
+                    self._publisher.missed(machine, changed)
+                elif changed:
+                    await self._send(self._publisher.changed(machine, changed))
+
+    async def _watch(self, link: FleetLink) -> None:
+        while True:
+            states = await link.states(timeout_s=ANSWER_S)
+            await self.see({name: metrics_of(status) for name, status in states.items()})
+            await asyncio.sleep(self._period_s)
+
+    def _lost(self, error: MotionError) -> None:
+        log.info("%s; trying again", error.message)
+
+    async def _send(self, messages: Iterable[Message]) -> None:
+        client = self._client
+        if client is None:
+            return
+        try:
+            for each in messages:
+                await client.publish(each.topic, each.payload, each.qos, each.retain, timeout=SEND_S)
+        except aiomqtt.MqttError as error:
+            # what is not sent is said at the beginning of the next connection
+            log.info("the broker does not take messages: %s", error)
+            self._client = None
+            self._broken.set()
+
+    async def keep_connected(self, broker: Broker) -> None:
+        while True:
+            will = self._publisher.will()
+            client = aiomqtt.Client(
+                broker.host,
+                broker.port,
+                username=broker.user,
+                password=broker.password,
+                will=aiomqtt.Will(will.topic, will.payload, will.qos, will.retain),
+                tls_context=ssl.create_default_context(cafile=broker.authority) if broker.tls else None,
+                max_queued_incoming_messages=16,
+                max_queued_outgoing_messages=1000,
+            )
+            try:
+                async with client:
+                    await self._serve(client)
+            except aiomqtt.MqttError as error:
+                log.info("no broker at %s:%d: %s; trying again", broker.host, broker.port, error)
+            self._client = None
+            await asyncio.sleep(RETRY_S)
+
+    async def _serve(self, client: aiomqtt.Client) -> None:
+        """Publish over a connection until it breaks."""
+        self._broken.clear()
+        if self._publisher.commands:
+            await client.subscribe(self._publisher.commands)
+        await self._begin(client)
+        ending = [asyncio.ensure_future(self._obey(client)), asyncio.ensure_future(self._broken.wait())]
+        try:
+            ended, _ = await asyncio.wait(ending, return_when=asyncio.FIRST_COMPLETED)
+            for task in ended:
+                task.result()
+        finally:
+            for task in ending:
+                task.cancel()
+            async with self._order:
+                if self._client is not None:
+                    await self._send([self._publisher.end()])
+                self._client = None
+
+    async def _obey(self, client: aiomqtt.Client) -> None:
+        async for message in client.messages:
+            payload = message.payload
+            if isinstance(payload, bytes) and self._publisher.asks_for_rebirth(payload):
+                await self._begin(client)
+                await asyncio.sleep(REBIRTH_S)
+
+    async def _begin(self, client: aiomqtt.Client) -> None:
+        async with self._order:
+            self._client = client
+            await self._send(self._publisher.begin(self._machines))
