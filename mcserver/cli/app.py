@@ -22,6 +22,7 @@ from mckinematics.errors import KinematicsError
 
 from mcserver.cli.console import narration, show_error
 from mcserver.cli.exit_codes import ExitCode, OutOfResources, OutputFault, exit_code_of
+from mcserver.cli.terminal_console import run_app
 from mcserver.errors import McError
 from mcserver.machine.machine_kinematics import as_configuration_error
 from mcserver.terminal import LogFormatter
@@ -151,8 +152,9 @@ def _run(arguments: list[str] | None, app: typer.Typer | None) -> int:
     code: object = 0
     words = sys.argv[1:] if arguments is None else arguments
     called = words[0] if words and (words[0] in COMMANDS or words[0] in GROUPS) else None
+    name = "mcserver" if app is None else app.info.name
     try:
-        (app or build_app(called))(args=arguments, prog_name="mcserver" if app is None else app.info.name)
+        code = run_app(app or build_app(called), arguments, name)
     except SystemExit as done:
         code = done.code
     if sys.stdout is not None:

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from typing import Any
 
+import typer
 from rich.console import Console, ConsoleOptions, RenderableType
 from rich.segment import Segment
 from rich.text import Span, Text
+from typer.rich_utils import rich_format_error
 
 from mcserver.terminal import shown, visible
 
@@ -40,3 +42,27 @@ def _visible(text: Text) -> Text:
     whole = text.blank_copy("".join(pieces))
     whole.spans = [Span(at[span.start], at[min(span.end, len(pieces))], span.style) for span in text.spans]
     return whole
+
+
+def run_app(app: typer.Typer, arguments: Sequence[str] | None, name: str | None) -> int:
+    """Run a command line and return its exit code; words that it does not take are shown as text.
+
+    Args:
+        arguments: None: those of the process. name: of the command, for its usage.
+    """
+    try:
+        code = app(args=arguments, prog_name=name, standalone_mode=False)
+    except typer.Abort:
+        TerminalConsole(stderr=True).print("Aborted.")
+        return 1
+    except Exception as error:
+        # typer has its own copy of click, whose errors of usage are told by what they can do
+        if not hasattr(error, "format_message") or not hasattr(error, "exit_code"):
+            raise
+        shown_error: Any = error
+        for words in ("message", "ui_filename"):
+            if isinstance(said := getattr(error, words, None), str):
+                setattr(error, words, visible(said))
+        rich_format_error(shown_error)
+        return int(shown_error.exit_code)
+    return code if isinstance(code, int) else 0

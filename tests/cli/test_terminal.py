@@ -7,17 +7,20 @@ import json
 import logging
 import sys
 import unicodedata
+from collections.abc import Callable
 
 import mcclient.cli.output as mcctl_output
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from mcclient.cli.app import run_command_line as run_mcctl
 from rich.console import Group
 from rich.table import Table
 from rich.text import Text
 
 import mcserver.cli.console as mcserver_console
 from mcserver import terminal as mcserver
+from mcserver.cli.app import run_command_line as run_mcserver
 from mcserver.cli.console import NarrationHandler
 from mcserver.cli.terminal_console import TerminalConsole
 
@@ -55,6 +58,19 @@ def test_whatever_is_printed_makes_one_line_of_its_own(terminal: bool) -> None:
         assert obeyed(to.getvalue()) == []
         assert to.getvalue().count("\n") == lines
         assert "[bold]x[/bold] :smiley:" in to.getvalue()
+
+
+@pytest.mark.parametrize("run", [run_mcserver, run_mcctl])
+@pytest.mark.parametrize(
+    "words",
+    [[ATTACK], ["check", "a", ATTACK], ["doctor", ATTACK], ["status", ATTACK], ["status", f"--{ATTACK}"]],
+)
+def test_words_that_a_command_does_not_take_are_shown_as_text(
+    run: Callable[[list[str]], int], words: list[str], capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert run(words) == 2
+    said = capsys.readouterr()
+    assert obeyed(said.out + said.err) == []
 
 
 def test_styles_stay_on_their_words() -> None:

@@ -18,6 +18,7 @@ import typer
 
 from mcclient.cli.options import with_target
 from mcclient.cli.output import exit_code_of, say, show_error
+from mcclient.cli.terminal import run_app
 from mcclient.cli.visible import LogFormatter
 from mcclient.errors import MotionError
 
@@ -123,7 +124,7 @@ def run_command_line(arguments: list[str] | None = None) -> int:
     words = sys.argv[1:] if arguments is None else arguments
     called = words[0] if words and (words[0] in COMMANDS or words[0] in GROUPS) else None
     try:
-        build_app(called)(args=arguments, prog_name="mcctl")
+        return _flushed(run_app(build_app(called), arguments, "mcctl"))
     except SystemExit as done:
         return _flushed(done.code if isinstance(done.code, int) else int(done.code is not None))
     except MotionError as error:
@@ -137,7 +138,6 @@ def run_command_line(arguments: list[str] | None = None) -> int:
     except OSError as error:
         say(f"error[MC015]: the operating system refused: {error}", "bold red")
         return FAILED
-    return 0
 
 
 def _flushed(code: int) -> int:
