@@ -103,6 +103,7 @@ class ProgramMethods:
             confirmed=Confirmed(request.way, request.outputs),
         )
         self._forecast.begin(request.sha256)
+        await self._service.recorded(program)
         return wire.OpenReply(
             program=program.program,
             state=program.state,

@@ -58,6 +58,7 @@ class RecoveryMethods:
         )
         self._forecast(program.sha256)
         self._record(client, "continue_program", program.program, f"line {program.start_line}")
+        await self._service.recorded(program)
         return wire.ContinueReply(
             program=program.program,
             state=program.state,

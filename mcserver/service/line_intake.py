@@ -93,7 +93,7 @@ class LineIntake:
             self._table.acks.acknowledge(program, program.queue.expected if gap else 0)
 
     def close(self, client: str, program_id: str, last: int | None = None) -> Deferred[Program]:
-        """Take no more lines; the result comes once those accepted are journaled.
+        """Take no more lines; the result comes once the journal has those accepted, and that they are all.
 
         Args:
             last: close only if lines through this number are there.
@@ -109,12 +109,18 @@ class LineIntake:
                 f"send lines from {program.queue.expected} on first",
                 **_numbers(program),
             )
-        through = program.queue.accepted
         if not program.over:
-            self._check_journal(program, through)
+            self._check_journal(program, program.queue.accepted)
         self._table.close(program)
+        if program.over:
+            result: Deferred[Program] = Deferred()
+            result.resolve(program)
+            return result
+        return self.recorded(program)
+
+    def recorded(self, program: Program) -> Deferred[Program]:
+        """Return the program once the journal has what has become of it so far, or MC519."""
         result: Deferred[Program] = Deferred()
-        verdict: Deferred[Verdict] = Deferred()
 
         def answer(value: Verdict | None, _error: Exception | None) -> None:
             if value is Verdict.NOT_JOURNALED:
@@ -122,11 +128,7 @@ class LineIntake:
             else:
                 result.resolve(program)
 
-        verdict.listen(answer)
-        if program.over or program.journaled >= through:
-            verdict.resolve(Verdict.TAKEN)
-        else:
-            program.wait_for(through, verdict, validated=False)
+        self._table.recorded(program).listen(answer)
         return result
 
     def _take(

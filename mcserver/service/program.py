@@ -120,6 +120,8 @@ class Program:
         self._ended_status: ProgramStatus | None = None
         self._waiting: deque[tuple[int, Deferred[Verdict]]] = deque()
         self._waiting_for_journal: deque[tuple[int, Deferred[Verdict]]] = deque()
+        # of those that wait for more than lines: its opening, its close
+        self._waiting_for_records: deque[Deferred[Verdict]] = deque()
 
     @property
     def ended(self) -> bool:
@@ -210,6 +212,12 @@ class Program:
         (self._waiting if validated else self._waiting_for_journal).append((through, verdict))
         self.settle()
 
+    def wait_for_record(self, verdict: Deferred[Verdict]) -> None:
+        """Keep ``verdict`` until the journal gives it, or cannot be written."""
+        while self._waiting_for_records and self._waiting_for_records[0].done:
+            self._waiting_for_records.popleft()
+        self._waiting_for_records.append(verdict)
+
     def settle(self) -> None:
         """Answer those whose lines are journaled and, where the program runs, validated."""
         through = self.journaled
@@ -239,6 +247,8 @@ class Program:
 
     def dismiss_unjournaled(self) -> None:
         """Answer those whose lines cannot be journaled now; the numbers stay taken."""
+        while self._waiting_for_records:
+            self._waiting_for_records.popleft().resolve(Verdict.NOT_JOURNALED)
         for waiting in (self._waiting, self._waiting_for_journal):
             # numbers grow, but a repeated message waits for older ones
             kept = [each for each in waiting if each[0] <= self.journaled]

@@ -40,6 +40,7 @@ from mcserver.planning.planner_messages import (
 from mcserver.planning.start_state import StartState
 from mcserver.service.acknowledgements import AckSender
 from mcserver.service.axis_reports import AxisReports
+from mcserver.service.deferred import Deferred
 from mcserver.service.disk_watch import DiskWatch
 from mcserver.service.event_log import EventLog
 from mcserver.service.fault_latch import FaultLatch, fault_of
@@ -200,6 +201,16 @@ class ProgramTable:
     def _close_planned(self, program: Program) -> None:
         if not program.over:
             self.planner.send(CloseProgram(program.program))
+
+    def recorded(self, program: Program) -> Deferred[Verdict]:
+        """Return what tells once the journal has all that has become of a program so far."""
+        verdict: Deferred[Verdict] = Deferred()
+        if self.journal_failure:
+            verdict.resolve(Verdict.NOT_JOURNALED)
+        else:
+            program.wait_for_record(verdict)
+            self.journal.after(partial(verdict.resolve, Verdict.TAKEN))
+        return verdict
 
     def stop(self, program: Program, as_state: ProgramState, reason: str, fault: Fault | None = None) -> None:
         """Stop along the path; the program ends ``as_state`` once it is at rest."""

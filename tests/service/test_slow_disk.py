@@ -13,7 +13,7 @@ from typing import Any
 import pytest
 
 from mcserver.service.journal_file import open_journal
-from mcserver.service.journal_reader import read_programs
+from mcserver.service.journal_reader import read_programs, read_recorded
 from mcserver.service.line_queue import LineQueue
 from mcserver.service.program import Program
 from mcserver.service.progress_reports import LINES, ProgressReports
@@ -106,6 +106,36 @@ async def test_a_hold_and_a_stop_wait_for_no_disk(cell: VirtualCell, disk: Stall
     # the machine can be used again, whatever the disk does
     service.reset(None)
     assert service.latch.state == "ready"
+
+
+async def test_a_program_is_said_to_be_open_once_it_can_be_found_after_a_kill(
+    cell: VirtualCell, disk: StallingDisk
+) -> None:
+    disk.goes_on.clear()
+    program = await cell.service.open("test", axes=[0])
+    said = cell.service.recorded(program)
+    await cell.until(lambda: program.state == "running")
+    assert not said.done
+    disk.goes_on.set()
+    await cell.until(lambda: said.done)
+    (kept,) = read_programs(cell.service.options.journal, limit=1, program=program.program)
+    assert kept.program == program.program
+
+
+async def test_a_text_is_said_to_be_whole_once_the_journal_has_it(
+    cell: VirtualCell, disk: StallingDisk
+) -> None:
+    program = await cell.service.open("test", axes=[0])
+    await cell.service.lines.submit("test", program.program, 1, ["G04 P9"], judge=False)
+    disk.goes_on.clear()
+    closed = cell.service.lines.close("test", program.program, 1)
+    turns = iter(range(20))
+    await cell.until(lambda: next(turns, None) is None)
+    assert not closed.done
+    disk.goes_on.set()
+    await cell.until(lambda: closed.done)
+    kept = read_recorded(cell.service.options.journal, program.program)
+    assert kept.whole
 
 
 async def test_lines_are_taken_while_a_sync_lasts(cell: VirtualCell, monkeypatch: pytest.MonkeyPatch) -> None:
