@@ -830,6 +830,9 @@ type OpenRequest struct {
 	Hold bool `msgpack:"hold"`
 	// Sha256: of the whole text; its times, of `simulate` or `put_text`, are those of the program.
 	Sha256 string `msgpack:"sha256"`
+	// AtPause: run now, also on axes of a program that stands at a pause, such as to set zero with a new tool;
+	// refused (MC512) where it would have to wait. Without it a program waits for the other's end.
+	AtPause bool `msgpack:"at_pause"`
 	// Way: of a start in the middle, as in `ContinueRequest`.
 	Way bool `msgpack:"way"`
 	// Outputs: of a start in the middle, as in `ContinueRequest`.

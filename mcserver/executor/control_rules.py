@@ -27,6 +27,7 @@ from mcserver.executor.holding import hold_position
 from mcserver.executor.homing import Homes, Refers
 from mcserver.executor.probing import Probes
 from mcserver.executor.shm.feedback import SlotState
+from mcserver.executor.shm.mailbox import signed
 from mcserver.executor.trajectories import TrajectoryError
 from mcserver.motion.canonical import AxisOperation, WaitMode
 
@@ -301,7 +302,8 @@ def _halt(slot: ProgramSlot, control: Control, left: float, waited: bool) -> Bar
 def _pause(slot: ProgramSlot, control: Control, left: float, waited: bool) -> Barrier | None:
     if waited or slot.orders is None:
         return None
-    slot.cycle.emit(EventKind.PAUSED, slot.index, control.line, left)
+    lent = signed(slot.lend())
+    slot.cycle.emit(EventKind.PAUSED, slot.index, control.line, left, token=lent)
     return Paused(slot.orders.confirm)
 
 

@@ -139,7 +139,8 @@ class ExecutorEvent(msgspec.Struct, frozen=True, gc=False):
         time: executor time [s], not rounded to the cycle.
         code: for FAULT: the stable code (number behind MC).
         axis: for FAULT: axis number, else -1.
-        token: for SETTLED, HOMING and PROBED; for INPUT: column of the input.
+        token: for SETTLED, HOMING and PROBED; for INPUT: column of the input; for PAUSED: mask of the columns
+            that others may move until it is confirmed.
         values: for SETTLED: (setpoints (K,), encoder positions (K,)); for FAULT: (value, limit); for INPUT:
             (value, seconds that were waited).
     """

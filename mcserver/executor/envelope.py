@@ -84,6 +84,10 @@ class _Tip:
         joints = np.where(driven, ring.position[row, self._columns], setpoint[self._columns])
         return first + at, self._outside(tip_positions(self._steps, self._turning, joints[None])[0].tolist())
 
+    def lose(self) -> None:
+        """Forget where the tip was: the cycle to come is the first one."""
+        self._before = None
+
     def _outside(self, tip: list[float]) -> float:
         """Return how far a place is outside [m]."""
         low, high = self._box
@@ -238,6 +242,10 @@ class EnvelopeGuard:
             else:
                 breach = self._outside(column, line, float(row.setpoint[column]))
         for tip in self._tips:
+            if slot.lends:
+                # at a pause others may move its joints
+                tip.lose()
+                continue
             excess, went = tip.step(row.setpoint)
             if excess > 0.0 or went > factor * tip.speed * cycle.cycle_s:
                 breach = breach or Breach(FaultCode.ENVELOPE_TIP, -1, line, excess, tip.tool)

@@ -363,11 +363,7 @@ class Executor:
         for slot in self._slots:
             orders = mailbox.slot_orders(slot.index)
             if orders.generation != slot.generation:
-                taken = 0
-                for other in self._slots:
-                    if other.running:
-                        taken |= other.axes
-                if slot.running or taken & orders.axes or orders.axes & ~self.bank.all:
+                if slot.running or self._owned() & orders.axes or orders.axes & ~self.bank.all:
                     slot.refuse(orders)
                 else:
                     slot.open(orders)
@@ -378,7 +374,7 @@ class Executor:
                 if slot not in self._used:
                     self._used.append(slot)
             if slot.running:
-                slot.obey(orders, machine)
+                slot.obey(orders, machine, self._owned() & ~slot.axes)
         if machine.stop != self._stop_seen:
             self._stop_seen = machine.stop
             self._stop(SlotState.STOPPED)

@@ -41,7 +41,8 @@ class ProgramSlot:
     """One slot and the program in it.
 
     Attributes:
-        index: of the slot. axes: mask of the columns that the program may move.
+        index: of the slot. axes: mask of the columns that the program may move; at a pause only of those that
+            move by themselves, the others are for whoever is to move them meanwhile.
         u: on the program's time axis [cycles]. running: a program is played, or being stopped.
         line: of the line under way, 0 for none. shown_line: the line that set this cycle's row.
     """
@@ -126,8 +127,8 @@ class ProgramSlot:
         self.cycle.fault(FaultCode.SLOT_REFUSED, self.index, 0)
         self.cycle.emit(EventKind.STOPPED, self.index, 0)
 
-    def obey(self, orders: SlotOrders, machine: MachineOrders) -> None:
-        """Take the newest orders for this generation."""
+    def obey(self, orders: SlotOrders, machine: MachineOrders, others: int) -> None:
+        """Take the newest orders for this generation; ``others``: mask of the columns of other programs."""
         seen = self.orders
         self.orders = orders
         self._hold = orders.hold or machine.hold
@@ -142,8 +143,24 @@ class ProgramSlot:
         if orders.abort != (seen.abort if seen else 0):
             self.stop(SlotState.STOPPED)
         barrier = self.barrier
-        if isinstance(barrier, Paused) and orders.confirm != barrier.seen:
+        if isinstance(barrier, Paused) and orders.confirm != barrier.seen and not barrier.passed:
+            if orders.axes & ~self.axes & others:
+                self.fault(FaultCode.SLOT_REFUSED, self.line)
+                return
             barrier.passed = True
+            self.axes = orders.axes
+
+    @property
+    def lends(self) -> bool:
+        """Whether others may move some of the program's columns now."""
+        return isinstance(self.barrier, Paused) and not self.barrier.passed
+
+    def lend(self) -> int:
+        """Let others move the columns that are at rest, until the pause is confirmed; return their mask."""
+        bank, moving = self.cycle.bank, self.cycle.motions.mask | self.playback.active
+        lent = self.axes & ~(moving | bank.speed | bank.torque_mode)
+        self.axes &= ~lent
+        return lent
 
     @property
     def override(self) -> float:

@@ -131,6 +131,8 @@ class OpenRequest(Request, frozen=True, kw_only=True):
         step: single line mode: a line starts only when ``step`` asks for it.
         hold: begin held; ``resume`` starts it.
         sha256: of the whole text; its times, of ``simulate`` or ``put_text``, are those of the program.
+        at_pause: run now, also on axes of a program that stands at a pause, such as to set zero with a new
+            tool; refused (MC512) where it would have to wait. Without it a program waits for the other's end.
         way, outputs: of a start in the middle, as in `ContinueRequest`.
     """
 
@@ -144,6 +146,7 @@ class OpenRequest(Request, frozen=True, kw_only=True):
     step: bool = False
     hold: bool = False
     sha256: Sha256 | None = None
+    at_pause: bool = False
     way: bool = False
     outputs: Outputs | None = None
 

@@ -7,7 +7,7 @@ import logging
 import msgspec
 
 from mcserver.canopen.views import DriveAccess, SdoTarget, SdoValue
-from mcserver.errors import ServiceError
+from mcserver.errors import Refused, ServiceError
 from mcserver.gcode.profiles.codes import ACTING
 from mcserver.gcode.profiles.frame import LENGTH_AXIS
 from mcserver.net import drive_messages as drive_wire
@@ -100,8 +100,14 @@ class ProgramMethods:
             step=request.step,
             hold=request.hold,
             sha256=request.sha256,
+            at_pause=request.at_pause,
             confirmed=Confirmed(request.way, request.outputs),
         )
+        if request.at_pause and program.state == "queued":
+            self._service.abort(program.program, "its axes are in use")
+            for axis in program.axes:
+                self._service.refuse_leased(axis, at_pause=True)
+            raise Refused("MC512", "8 programs run", "wait until one has ended")
         self._forecast.begin(request.sha256)
         await self._service.recorded(program)
         return wire.OpenReply(

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import math
 from collections import deque
+from collections.abc import Mapping
 
 import numpy as np
 from numpy.typing import NDArray
@@ -116,6 +117,15 @@ class ClearanceGuard:
             return self._admit_alone(control, columns)
         return True
 
+    def stand(self, positions: Mapping[int, float]) -> None:
+        """Note that others have moved axes, by number, to where they stand now [m or rad]."""
+        at = np.zeros(len(self._known))
+        columns = np.zeros(len(self._known), np.bool_)
+        for axis, position in positions.items():
+            column = self._machine.column_of(axis)
+            at[column], columns[column] = position, True
+        self._put(columns, at, at)
+
     def on_event(self, event: ExecutorEvent) -> None:
         """Take an event of the program's slot."""
         if event.kind is EventKind.SETTLED:
@@ -125,6 +135,9 @@ class ClearanceGuard:
             self._loose = loose
         elif event.kind is EventKind.PASSED and self._marks:
             self._pass(self._marks.popleft())
+        elif event.kind is EventKind.PAUSED:
+            # nothing is handed over beyond a pause
+            self._pass(self._claims)
         elif event.kind in (EventKind.FINISHED, EventKind.STOPPED):
             self._tenant.ended = event.time
 

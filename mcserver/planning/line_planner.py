@@ -79,6 +79,7 @@ class LinePlanner:
         waiting_for: token of the positions that the executor was asked for; None: of none.
         reports: about the lines, for `Pipeline.take_reports`.
         flush: the window has to be closed before anything else is planned.
+        pausing: a pause has been put that has not ended: nothing behind it is read.
         last_line: number of the last line that was read.
         beams: its lasers.
         pause_u: where the next M00 or M01 stands on the time axis [cycles]; None: nowhere.
@@ -114,6 +115,7 @@ class LinePlanner:
         self.waiting_for: int | None = None
         self.reports: deque[Report | PlannedLines] = deque()
         self.flush = False
+        self.pausing = False
         self.last_line = 0
         self._passed = 0
         self.pause_u: float | None = None
@@ -182,6 +184,12 @@ class LinePlanner:
         for axis, position in observed.items():
             self.motion.position[self._columns[axis]] = position
         return observed
+
+    def end_pause(self, positions: Mapping[int, float]) -> None:
+        """Go on behind a pause; ``positions``: of axes that others have moved [m or rad]."""
+        self.pausing = False
+        for axis, position in positions.items():
+            self.motion.position[self._columns[axis]] = position
 
     def put(self, piece: Piece | Control) -> None:
         """Turn a piece of the plan into rows, control entries and reports."""
@@ -276,6 +284,7 @@ class LinePlanner:
         elif isinstance(line, PauseLine):
             self.motion.to_whole_cycle()
             self.pause_u = self.motion.u
+            self.pausing = True
             self.control(ControlKind.PAUSE, line.line)
         elif isinstance(line, OutputLine):
             self._set_now(line)

@@ -21,10 +21,11 @@ from mcserver.executor.stopping import longest_stop, stopping_rows
 from mcserver.gcode.computing.expansion import Expansion
 from mcserver.gcode.computing.machine_values import Unsettled
 from mcserver.gcode.notices import notice_of
-from mcserver.gcode.semantics.interpreter import Interpreter
+from mcserver.gcode.semantics.interpreter import Interpreter, without_pause
 from mcserver.gcode.text.parser import ParsedLine
 from mcserver.machine.machine_file import Machine
 from mcserver.motion.bound import PlanningError
+from mcserver.motion.canonical import Canonical
 from mcserver.motion.pieces import Rows
 from mcserver.planning.clearance_guard import ClearanceGuard
 from mcserver.planning.line_buffer import LineBuffer
@@ -32,7 +33,7 @@ from mcserver.planning.line_planner import LinePlanner
 from mcserver.planning.motion_output import LAST_TOKEN
 from mcserver.planning.planner_messages import PlannedLines, Report, ReportKind
 from mcserver.planning.solving_time import TimedKinematics
-from mcserver.planning.start_state import StartState
+from mcserver.planning.start_state import PauseEnd, StartState
 
 # The horizon: motion is handed over where the executor has less ahead than the first, up to the second, each
 # beyond the rows that a stop needs; and at the least so far ahead [cycles]. A planner that is late by less
@@ -124,8 +125,10 @@ class Pipeline:
         self._frame = self._interpreter.frame
         # of the axes at their greatest speeds
         self._longest_stop = longest_stop(machine)
-        # read, but not interpreted before the executor has reported positions
+        # read, but not interpreted before the executor has reported positions, or a pause has ended
         self._held: ParsedLine | None = None
+        # the line whose pause comes before all else of it, once that has been put
+        self._paused: ParsedLine | None = None
         self._phase = Phase.FINISHED if controls else Phase.PLANNING
         for control in controls:
             self._plan.output.put(control)
@@ -223,6 +226,20 @@ class Pipeline:
         ):
             self.abort()
 
+    def end_pause(self, end: PauseEnd) -> None:
+        """Go on behind the pause at which the program stands, from where the axes stand now.
+
+        Nothing behind it has been interpreted, so that the work offsets and tools of now count there.
+        """
+        if not self._plan.pausing:
+            return
+        self._plan.end_pause(end.positions)
+        self._interpreter.end_pause(end.positions, end.frame)
+        # whoever changed them has said so
+        self._frame = self._interpreter.frame
+        if self._guard is not None:
+            self._guard.stand(end.positions)
+
     # ------------------------------------------------------------------ work
 
     def pump(self, u: float | None = None, override: float = 1.0) -> bool:
@@ -255,7 +272,7 @@ class Pipeline:
             due = False
         if (due or (lead is not None and self._hurry(lead))) and self._hand_over(u, lead):
             return True
-        if plan.flush or plan.waiting_for is not None or plan.motion.full:
+        if plan.flush or plan.waiting_for is not None or plan.pausing or plan.motion.full:
             return worked
         try:
             return self._read() or worked
@@ -358,7 +375,7 @@ class Pipeline:
                 worked = True
             else:
                 break
-            busy = plan.motion.full or plan.flush or plan.waiting_for is not None
+            busy = plan.motion.full or plan.flush or plan.waiting_for is not None or plan.pausing
             if busy or plan.source is not None or plan.output.blocked:
                 return True
         running = self._held is not None or self._expansion.running
@@ -435,13 +452,23 @@ class Pipeline:
             # one capture makes all its axes unknown: asked for together, later lines need not stop for
             # the others
             return self._settle(unknown | plan.captured, parsed.number)
+        values: Sequence[Canonical]
+        if parsed is not self._paused:
+            values = self._interpreter.pause_before(parsed)
+            if values:
+                # what follows in the line is interpreted when the pause has ended
+                self._paused = parsed
+                plan.canonical.extend(values)
+                self._say(parsed, values)
+                return True
         self._held = None
         values = self._interpreter.interpret(parsed)
         self._expansion.interpreted(values)
+        if parsed is self._paused:
+            values = without_pause(values)
+        else:
+            self._say(parsed, values)
         plan.canonical.extend(values)
-        message = notice_of(parsed.text, values, printer=self._printer)
-        if message is not None:
-            plan.reports.append(Report(ReportKind.MESSAGE, parsed.number, message=message))
         planning_s = 0.0 if self._solving is None else self._solving.take()
         if planning_s > 0.0:
             plan.reports.append(Report(ReportKind.SOLVED, parsed.number, planning_s=planning_s))
@@ -449,6 +476,12 @@ class Pipeline:
         if self._interpreter.ended:
             self._end_of_text()
         return True
+
+    def _say(self, parsed: ParsedLine, values: Sequence[Canonical]) -> None:
+        """Report what a line says to the operator."""
+        message = notice_of(parsed.text, values, printer=self._printer)
+        if message is not None:
+            self._plan.reports.append(Report(ReportKind.MESSAGE, parsed.number, message=message))
 
     def _expand(self) -> ParsedLine | bool:
         """Return the next plain line; True where there was none in this piece of work, False where the

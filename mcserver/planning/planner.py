@@ -28,6 +28,7 @@ from mcserver.planning.planner_messages import (
     ContactAhead,
     Dropped,
     DropProgram,
+    EndPause,
     ExecutorEvents,
     FrameChanged,
     HaltProgram,
@@ -44,6 +45,7 @@ from mcserver.planning.planner_messages import (
     StepLine,
     Validated,
 )
+from mcserver.planning.start_state import PauseEnd
 
 log = logging.getLogger(__name__)
 
@@ -78,6 +80,7 @@ class LinePipeline(Protocol):
     def planned_end_u(self) -> float: ...
     def pump(self, u: float | None = None, override: float = 1.0) -> bool: ...
     def on_event(self, event: ExecutorEvent) -> None: ...
+    def end_pause(self, end: PauseEnd) -> None: ...
     def take_reports(self) -> Sequence[Report]: ...
 
 
@@ -165,6 +168,10 @@ class Planner:
                     self._plans[command.program].halt()
             case StepLine():
                 self._plan(command.program).lines.step()
+            case EndPause():
+                plan = self._plans.get(command.program, _Plan(command.program))
+                if plan.pipeline is not None and plan.phase is PlanPhase.PLANNING:
+                    plan.pipeline.end_pause(command.end)
 
     def turn(self) -> Sequence[PlannerEvent]:
         """Take the executor's events and let every pipeline do a piece of work; what happened, in order."""

@@ -15,7 +15,7 @@ from mcserver.errors import Diagnostic
 from mcserver.executor.entries import Control, ExecutorEvent
 from mcserver.gcode.profiles.frame import Frame
 from mcserver.machine.machine_file import Machine
-from mcserver.planning.start_state import StartState, StateBefore
+from mcserver.planning.start_state import PauseEnd, StartState, StateBefore
 
 
 class PlannerStart(msgspec.Struct, frozen=True):
@@ -93,6 +93,13 @@ class StepLine(msgspec.Struct, frozen=True, tag=True):
     program: str
 
 
+class EndPause(msgspec.Struct, frozen=True, tag=True):
+    """Go on behind a pause, from where the axes stand now."""
+
+    program: str
+    end: PauseEnd
+
+
 class HaltProgram(msgspec.Struct, frozen=True, tag=True):
     """Plan no further: the executor is stopping the program."""
 
@@ -105,7 +112,7 @@ class DropProgram(msgspec.Struct, frozen=True, tag=True):
     program: str
 
 
-PlannerCommand = Begin | Lines | CloseProgram | StepLine | HaltProgram | DropProgram
+PlannerCommand = Begin | Lines | CloseProgram | StepLine | EndPause | HaltProgram | DropProgram
 
 
 # ---------------------------------------------------------------- events

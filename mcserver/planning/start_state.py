@@ -20,6 +20,23 @@ from mcserver.machine.machine_file import Machine
 from mcserver.units import MM
 
 
+class PauseEnd(msgspec.Struct, frozen=True):
+    """What others have changed while a program stood at a pause.
+
+    Attributes:
+        positions: of the axes that stand elsewhere since, by number [m or rad].
+        frame: work offsets and tools of then; None: they are those of before.
+        line: of the pause. nth: how often the program has paused at this line until then, from 1.
+        over: the pause has ended; else the program stood at it still, ahead of all that its line does.
+    """
+
+    positions: Mapping[int, float] = {}
+    frame: Frame | None = None
+    line: int = 0
+    nth: int = 0
+    over: bool = True
+
+
 class StartState(msgspec.Struct, frozen=True):
     """Where a program starts.
 
@@ -31,6 +48,7 @@ class StartState(msgspec.Struct, frozen=True):
         frame: work offsets; None: none were ever set.
         modal: state behind the lines before its first; None: a program's own beginning.
         inputs, outputs: values in the order of the machine's.
+        pauses: of a program that began so and was recorded: what others changed at its pauses, in order.
     """
 
     positions: Mapping[int, float]
@@ -41,6 +59,7 @@ class StartState(msgspec.Struct, frozen=True):
     modal: ModalState | None = None
     inputs: tuple[float, ...] = ()
     outputs: tuple[float, ...] = ()
+    pauses: tuple[PauseEnd, ...] = ()
 
     @classmethod
     def of(cls, machine: Machine, frame: Frame | None = None) -> StartState:

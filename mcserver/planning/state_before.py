@@ -10,7 +10,7 @@ from mckinematics.pose import Kinematics
 
 from mcserver.gcode.computing.expansion import Expansion
 from mcserver.gcode.computing.machine_values import Source
-from mcserver.gcode.semantics.interpreter import Interpreter
+from mcserver.gcode.semantics.interpreter import Interpreter, without_pause
 from mcserver.gcode.text.line_window import LineWindow
 from mcserver.gcode.text.parser import ParsedLine
 from mcserver.machine.machine_file import Machine
@@ -23,11 +23,37 @@ from mcserver.motion.canonical import (
     MotionLine,
     OutputLine,
     PathBatch,
+    PauseLine,
     ProbeLine,
     SpeedGroup,
     TorqueGroup,
 )
-from mcserver.planning.start_state import StartState, StateBefore
+from mcserver.planning.start_state import PauseEnd, StartState, StateBefore
+
+
+class _Pauses:
+    """What others have changed at the pauses of a program, counted as lines are read."""
+
+    def __init__(self, interpreter: Interpreter, ends: Iterable[PauseEnd]) -> None:
+        self._interpreter = interpreter
+        self._ends = {(each.line, each.nth): each for each in ends}
+        self._line, self._nth = 0, 0
+
+    def passed(self, values: Iterable[Canonical]) -> None:
+        """Go on behind the pauses among some values."""
+        for value in values:
+            if isinstance(value, PauseLine):
+                self._nth = self._nth + 1 if value.line == self._line else 1
+                self._line = value.line
+                end = self._ends.get((self._line, self._nth))
+                if end is not None and end.over:
+                    self._interpreter.end_pause(end.positions, end.frame)
+
+    def stood_at(self, line: int) -> None:
+        """Take what was changed while the program stood at a pause ahead of a line, and went no further."""
+        for end in self._ends.values():
+            if end.line == line and not end.over:
+                self._interpreter.end_pause(end.positions, end.frame)
 
 
 class _Effects:
@@ -111,6 +137,7 @@ def state_before(
         machine, kinematics=kinematics, positions=origin.positions, lease=lease, frame=origin.frame
     )
     effects = _Effects(origin)
+    pauses = _Pauses(interpreter, origin.pauses)
     window = LineWindow(islice(lines, number - 1))
     expansion = Expansion(interpreter, Source.NOWHERE)
     while not window.ended and not interpreter.ended:
@@ -132,10 +159,14 @@ def state_before(
             capture = interpreter.capture_before(parsed)
             if capture is not None:
                 effects.take(capture, incremental=False)
+            pause = interpreter.pause_before(parsed)
+            pauses.passed(pause)
             values = interpreter.interpret(parsed)
             expansion.interpreted(values)
+            pauses.passed(without_pause(values) if pause else values)
             for value in values:
                 effects.take(value, incremental=interpreter.modal.incremental)
+    pauses.stood_at(number)
     modal = interpreter.modal
     if not interpreter.ended:
         modal = msgspec.structs.replace(modal, computed=expansion.kept())

@@ -118,4 +118,4 @@ class HomingService:
 
     def _check_free(self, axes: Sequence[int]) -> None:
         for axis in axes:
-            self._service.refuse_leased(axis)
+            self._service.refuse_leased(axis, at_pause=True)

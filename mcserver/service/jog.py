@@ -80,6 +80,7 @@ class Jogging:
             axes=[axis_index],
             unhomed=True,
             by_hand=True,
+            at_pause=True,
         )
         self._open[program.program] = axis_index, by
         try:
@@ -94,12 +95,12 @@ class Jogging:
 
     def _refuse_taken(self, client: str, by: str, axis: int, *, step: bool) -> None:
         """Refuse a jog of an axis that anything moves but earlier steps of the same person."""
-        holder = self._service.holder(axis)
+        holder = self._service.holder(axis, at_pause=True)
         if holder is None:
             return
         own = holder.client == client and self._open.get(holder.program) == (axis, by)
         if not own or not (step or holder.state == "ending"):
-            self._service.refuse_leased(axis)
+            self._service.refuse_leased(axis, at_pause=True)
         if sum(jog == (axis, by) for jog in self._open.values()) >= STEPS:
             raise Refused("MC508", f"{STEPS} steps of axis {axis} wait", "let some of them end", limit=STEPS)
 

@@ -9,6 +9,7 @@ from enum import IntEnum
 from mcserver.executor.entries import Control
 from mcserver.executor.envelope_bounds import Envelope
 from mcserver.gcode.semantics.modal import ModalState
+from mcserver.planning.start_state import StartState
 from mcserver.service.deferred import Deferred
 from mcserver.service.line_queue import LineQueue
 from mcserver.service.progress import LineProgress
@@ -78,6 +79,11 @@ class Program:
         self.unhomed = False
         # what its client streams, in servo mode
         self.targets: TargetStream | None = None
+        # the machine as it began, or as the one did that it goes on with, and what others changed at its
+        # pauses; None: it has not begun
+        self.origin: StartState | None = None
+        # it may have axes of a program that stands at a pause
+        self.at_pause = False
         # moved by hand: a jog, homing; in machine coordinates, at its own speed whatever the override
         self.by_hand = False
         # lines in machine coordinates that bring the axes to where its first line starts

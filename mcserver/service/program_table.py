@@ -23,6 +23,7 @@ from mcserver.planning.planner_messages import (
     ContactAhead,
     Dropped,
     DropProgram,
+    EndPause,
     ExecutorEvents,
     FrameChanged,
     HaltProgram,
@@ -50,6 +51,7 @@ from mcserver.service.journal_repair import JournalLock, prepare_journal
 from mcserver.service.leases import Grant, LeaseTable
 from mcserver.service.line_queue import Taken
 from mcserver.service.motion_port import MotionPort
+from mcserver.service.pauses import Pauses
 from mcserver.service.program import Program, Verdict
 from mcserver.service.progress_reports import ProgressReports
 from mcserver.service.references import References, references_file
@@ -77,6 +79,7 @@ class ProgramTable:
         faults: latched until a reset. time: of this start.
         offsets: work coordinate systems and tools, which outlive programs and the server.
         references: of axes, which outlive the server. axis_reports: of homing and probing.
+        pauses: of programs.
         journal_damage: of the journal as it was found at this start; None: it is sound.
         journal_failure: why the journal cannot be written now; empty: it can.
     """
@@ -124,6 +127,7 @@ class ProgramTable:
         )
         self.references = References(references_file(options.journal), machine)
         self.axis_reports = AxisReports(machine.axes, self.references, self.events)
+        self.pauses = Pauses(machine, self.leases, self.programs, self.journal, self.start_state)
         self.disk = DiskWatch(self._loop, self.journal, self.events, options.clock)
         self.planner = planner(self._planner_events)
         # called for a stop that the executor has latched by itself
@@ -172,7 +176,7 @@ class ProgramTable:
             assert isinstance(taken, Taken)
             command = Lines(program.program, program.epoch, taken.first, taken.lines)
             self.journal.after(partial(self._lines_committed, program, command))
-        self._start(self.leases.request(program.program, program.axes))
+        self._start(self.leases.request(program.program, program.axes, at_pause=program.at_pause))
 
     def lines(self, program: Program, first: int, lines: Sequence[str]) -> None:
         """Give lines that the program's queue has taken to the journal, and from there to the planner."""
@@ -229,6 +233,14 @@ class ProgramTable:
         self.port.abort(program.slot)
         self.acks.acknowledge(program)
 
+    def end_pause(self, program: Program) -> None:
+        """Let a program go on behind its pause; `Pauses.refuse_lent` comes before."""
+        if program.slot is None:
+            return
+        self.planner.send(EndPause(program.program, self.pauses.end(program)))
+        self.port.end_pause(program.slot)
+        program.paused = False
+
     def enter(self, program: Program, state: ProgramState) -> None:
         """Change the state of a program that has not ended and is not being stopped."""
         if not program.over and program.state != "ending":
@@ -265,7 +277,8 @@ class ProgramTable:
                     controls=tuple(program.controls),
                 )
                 if not program.controls:
-                    self.journal.program_begun(program.program, self.start_state())
+                    program.origin = program.origin or self.start_state()
+                    self.journal.program_begun(program.program, program.origin)
                 self.planner.send(Begin(request, grant.slot, program.step, program.begun))
             program.modal = None
             self.enter(program, "held" if program.held else "running")
@@ -290,6 +303,7 @@ class ProgramTable:
         committed = partial(self._end_committed, program, done, at)
         self.journal.program_ended(program.program, state, done, program.fault, at, committed)
         self.planner.send(DropProgram(program.program))
+        self.pauses.forget(program)
         self.on_program_ended(program)
         # all of a program without a planner is in its slot already
         self._start(self.leases.release(program.program, planned=self._planned(program)))
@@ -368,6 +382,7 @@ class ProgramTable:
                         program=program.program,
                         name=program.name,
                     )
+                    self.pauses.offsets_changed()
                     if self.offsets.failure:
                         self.events.publish("warning", reason="MC529", message=self.offsets.failure)
                 case ProgramMessage():
@@ -483,6 +498,8 @@ class ProgramTable:
         elif event.kind is EventKind.PAUSED:
             self._say(program, event.line)
             program.paused = True
+            if program.state != "ending":
+                self.pauses.began(program, event.line, event.token)
             self.enter(program, "paused")
             self.publish("program.paused", program, line=event.line, message=program.notice)
         elif event.kind is EventKind.FINISHED:

@@ -215,6 +215,7 @@ class MachineService:
         controls: Sequence[Control] = (),
         sha256: str | None = None,
         by_hand: bool = False,
+        at_pause: bool = False,
         override_limit: float = math.inf,
         envelope: Envelope | None = None,
         confirmed: Confirmed = NOTHING_CONFIRMED,
@@ -227,6 +228,8 @@ class MachineService:
             unhomed: it may move axes that are not homed. controls: all of a program that needs no planner.
             sha256: of its whole text, so that a simulation of the text tells how long it takes.
             by_hand: a jog or a search: in machine coordinates, and no override applies.
+            at_pause: it may have axes of a program that stands at a pause; without ``axes`` all but those
+                that such a program keeps.
             override_limit: the greatest override. envelope: what an approved run has to stay within.
             confirmed: what a person has agreed to of the way to ``start_line``.
             known: lines from ``start_line`` on that are taken as if the client had sent them.
@@ -240,6 +243,8 @@ class MachineService:
         if self._table.journal_failure:
             raise self.lines.unjournaled()
         wanted = axes_of(self.machine, axes)
+        if at_pause and axes is None:
+            wanted = self._table.pauses.without_kept(wanted)
         self._check_limits(client)
         approach: Approach | None = None
         modal: ModalState | None = None
@@ -277,11 +282,14 @@ class MachineService:
         program.controls = tuple(controls)
         program.closed = bool(controls)
         program.by_hand = by_hand
+        program.at_pause = at_pause
         program.envelope, program.override_limit = envelope, override_limit
         program.override = 1.0 if by_hand else min(self.override, override_limit)
         if approach is not None:
             program.approach = approach.lines_with_outputs if confirmed.outputs == "set" else approach.lines
             program.notice = f"on the way to line {start_line}" if approach.way else ""
+            # its lines from 1 on are those of the program that it goes on with
+            program.origin = start.origin
         self._table.add(program, before, known)
         if approach is not None and program.state == "queued":
             self.abort(program.program, "the axes are in use")
@@ -359,12 +367,12 @@ class MachineService:
         """Open a program of control entries, which needs no planner, and queue it for its axes.
 
         Args:
-            controls: all of it; the last one is its end.
+            controls: all of it; the last one is its end. It may have axes of a program at a pause.
 
         Raises:
             ServiceError: as `open`.
         """
-        return await self.open(client, name=name, axes=axes, controls=controls, by_hand=True)
+        return await self.open(client, name=name, axes=axes, controls=controls, by_hand=True, at_pause=True)
 
     def step(self, client: str, program_id: str) -> Program:
         """Let the next line of a program in single line mode start."""
@@ -399,7 +407,8 @@ class MachineService:
         A program that is held at a pause waits on there: whoever ends a hold has not changed the tool.
 
         Raises:
-            ServiceError: MC443 an input holds the programs; MC503, MC509, MC515, MC517.
+            ServiceError: MC443 an input holds the programs; MC512 axes of a program at a pause are in use, or
+                MC460 outside of its envelope; MC503, MC509, MC515, MC517.
         """
         self._ready()
         self.channels.refuse_interlocked(self.channels.holding(), "resume")
@@ -409,12 +418,14 @@ class MachineService:
             if program.held or program.paused
         ]
         for program in chosen:
+            if not program.held:
+                self._table.pauses.refuse_lent(program)
+        for program in chosen:
             held, program.held = program.held, False
             if program.slot is not None and held:
                 self.port.resume(program.slot)
-            elif program.slot is not None:
-                self.port.end_pause(program.slot)
-                program.paused = False
+            else:
+                self._table.end_pause(program)
             if program.slot is not None:
                 self._table.enter(program, "paused" if program.paused else "running")
             self._table.publish("program.resumed", program)
@@ -512,18 +523,21 @@ class MachineService:
         homed = self.port.snapshot().homed
         return not homed or homed[self.machine.column_of(axis)]
 
-    def holder(self, axis: int) -> Program | None:
-        """The program that may move ``axis`` now."""
-        name = self._table.leases.holder(axis)
+    def holder(self, axis: int, *, at_pause: bool = False) -> Program | None:
+        """The program that has ``axis``; ``at_pause``: leave out one that stands at a pause and lends it."""
+        name = self._table.leases.holder(axis, at_pause=at_pause)
         return None if name is None else self._table.programs[name]
 
-    def refuse_leased(self, axis: int) -> None:
+    def refuse_leased(self, axis: int, *, at_pause: bool = False) -> None:
         """Refuse what needs an axis that a program has.
+
+        Args:
+            at_pause: of one that stands at a pause it may be had.
 
         Raises:
             ServiceError: MC512.
         """
-        holder = self.holder(axis)
+        holder = self.holder(axis, at_pause=at_pause)
         if holder is not None:
             raise Refused(
                 "MC512",

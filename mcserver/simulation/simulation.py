@@ -26,7 +26,7 @@ from mcserver.machine.machine_file import Machine
 from mcserver.planning.line_marks import LineMarks
 from mcserver.planning.pipeline import Pipeline
 from mcserver.planning.planner_messages import PlannedLines, ReportKind
-from mcserver.planning.start_state import StartState
+from mcserver.planning.start_state import PauseEnd, StartState
 from mcserver.planning.unhomed import machine_for
 from mcserver.simulation.line_times import LineTimes
 from mcserver.simulation.path_sampler import PathSampler
@@ -334,6 +334,7 @@ class _Run:
         elif event.kind is EventKind.PAUSED:
             self._times.paused(event.line)
             self._executor.mailbox.end_pause(SLOT)
+            self._pipeline.end_pause(PauseEnd())
         elif event.kind is EventKind.FAULT:
             message, hint = remedy_of(event.code, event.axis, event.values, self._input_names)
             self._faults.append(

@@ -191,7 +191,7 @@ class MachinePage:
             refusal = refusal_of(await machine.programs(ended=False), WHY)
             if refusal is not None:
                 raise refusal
-            async with machine.program(ENERGIZE) as program:
+            async with machine.program(ENERGIZE, at_pause=True) as program:
                 await program.send("G1010")
 
         await self._actions.do("open", "energize", capture)

@@ -10,12 +10,14 @@ from mcserver.web.formatting import is_live
 
 
 def refusal_of(programs: Sequence[ProgramStatus], why: str) -> MotionError | None:
-    """Return the refusal (MC512) where a program is open; None where none is.
+    """Return the refusal (MC512) where a program is open; None where none is, or it stands at a pause.
 
     Args:
         why: what speaks against it, such as ``zero is set where the axes stand``.
     """
-    program = next((each for each in programs if is_live(each)), None)
+    # what waits for the axes of another one waits on
+    standing = ("paused", "queued")
+    program = next((each for each in programs if is_live(each) and each.state not in standing), None)
     if program is None:
         return None
     return MotionError(

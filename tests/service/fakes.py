@@ -27,7 +27,7 @@ from mcserver.planning.planner_messages import (
     Report,
     ReportKind,
 )
-from mcserver.planning.start_state import StartState, StateBefore
+from mcserver.planning.start_state import PauseEnd, StartState, StateBefore
 from mcserver.service.journal import Journal
 from mcserver.service.motion_port import Cycles, Snapshot
 from mcserver.service.reports import AxisState
@@ -265,6 +265,9 @@ class FakePipeline:
 
     def on_event(self, event: ExecutorEvent) -> None:
         assert event.program == self._slot
+
+    def end_pause(self, end: PauseEnd) -> None:
+        """No pause is waited for here."""
 
     def take_reports(self) -> list[Report]:
         reports, self._reports = self._reports, []

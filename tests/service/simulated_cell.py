@@ -33,7 +33,7 @@ from mcserver.planning.planner_messages import (
     Report,
     ReportKind,
 )
-from mcserver.planning.start_state import StartState, StateBefore
+from mcserver.planning.start_state import PauseEnd, StartState, StateBefore
 from mcserver.service.journal_file import open_journal
 from mcserver.service.motion_port import Snapshot
 from mcserver.service.reports import Ack, Event
@@ -218,6 +218,9 @@ class SimulatedPipeline:
 
     def on_event(self, event: ExecutorEvent) -> None:
         self._ended |= event.kind is EventKind.STOPPED
+
+    def end_pause(self, end: PauseEnd) -> None:
+        """No pause is waited for here."""
 
     def take_reports(self) -> list[Report]:
         reports, self._reports = self._reports, []

@@ -221,6 +221,7 @@ class Machine(MachineCalls):
         hold: bool = False,
         text: str | None = None,
         sha256: str | None = None,
+        at_pause: bool = False,
         way: bool = False,
         outputs: OutputsWord | None = None,
     ) -> Starting[Program]:
@@ -242,6 +243,8 @@ class Machine(MachineCalls):
             text: all of it, if known: once `simulate` was called with it, before or after, the program's
                 status tells how long it takes. It has to be sent all the same.
             sha256: of all of it, instead of ``text``; for one that `put_text` hands over, before or after.
+            at_pause: run now, also on axes of a program that stands at a pause, such as to set zero with a
+                new tool; refused (MC512) where it would have to wait.
             way, outputs: as of `continue_program`.
         """
         known = sha256 if text is None else self.hash_of(text)
@@ -258,6 +261,7 @@ class Machine(MachineCalls):
                     step=step,
                     hold=hold,
                     sha256=known,
+                    at_pause=at_pause,
                     way=way,
                     outputs=outputs,
                 )

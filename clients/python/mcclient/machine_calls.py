@@ -68,6 +68,7 @@ class MachineCalls:
         step: bool = False,
         hold: bool = False,
         sha256: str | None = None,
+        at_pause: bool = False,
         way: bool = False,
         outputs: wire.OutputsWord | None = None,
         deadline_s: float = 5.0,
@@ -87,6 +88,9 @@ class MachineCalls:
             step: single line mode: a line starts only when ``step`` asks for it.
             hold: begin held; ``resume`` starts it.
             sha256: of the whole text; its times, of ``simulate`` or ``put_text``, are those of the program.
+            at_pause: run now, also on axes of a program that stands at a pause, such as to set zero with a
+                new tool; refused (MC512) where it would have to wait. Without it a program waits for the
+                other's end.
             way: of a start in the middle, as in `ContinueRequest`.
             outputs: of a start in the middle, as in `ContinueRequest`.
         """
@@ -105,6 +109,7 @@ class MachineCalls:
                 "step": step,
                 "hold": hold,
                 "sha256": sha256,
+                "at_pause": at_pause,
                 "way": way,
                 "outputs": outputs,
             },

@@ -699,6 +699,11 @@ export interface OpenRequest {
   hold?: boolean | undefined;
   /** of the whole text; its times, of `simulate` or `put_text`, are those of the program. */
   sha256?: string | null | undefined;
+  /**
+   * run now, also on axes of a program that stands at a pause, such as to set zero with a new tool; refused
+   * (MC512) where it would have to wait. Without it a program waits for the other's end.
+   */
+  at_pause?: boolean | undefined;
   /** of a start in the middle, as in `ContinueRequest`. */
   way?: boolean | undefined;
   /** of a start in the middle, as in `ContinueRequest`. */

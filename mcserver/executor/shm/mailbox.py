@@ -78,7 +78,8 @@ def mailbox_size(slots: int = SLOTS, inputs: int = 0, outputs: int = 0) -> int:
     return 8 * (_HEAD + slots * _SLOT + (inputs + outputs) * _CHANNEL) + slots * _ENVELOPE_BYTES
 
 
-def _signed(mask: int) -> int:
+def signed(mask: int) -> int:
+    """Return a mask of up to 64 columns as the signed number of the same bits."""
     return mask - (1 << 64) if mask >= 1 << 63 else mask
 
 
@@ -169,7 +170,7 @@ class CommandMailbox:
             first = self._envelopes_at + slot * _ENVELOPE_BYTES
             self._buffer[first : first + len(bounds)] = bounds
             words[at + _S_ENVELOPE] = len(bounds)
-            words[at + _S_AXES] = _signed(axes_mask)
+            words[at + _S_AXES] = signed(axes_mask)
             words[at + _S_ROWS], words[at + _S_CONTROLS] = base
             words[at + _S_HOLD] = int(hold)
             words[at + _S_UNHOMED] = int(unhomed)
@@ -217,7 +218,7 @@ class CommandMailbox:
         """Clear the emergency stop and the latched faults of the columns in ``mask``, unless a stop comes
         before the executor has done so."""
         with self._lock:
-            self._words[_RESET_MASK] = _signed(mask)
+            self._words[_RESET_MASK] = signed(mask)
             self._words[_RESET_ESTOP] = self._words[_ESTOP]
             self._words[_RESET] += 1
             self._words[_CHANGES] += 1

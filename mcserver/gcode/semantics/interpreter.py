@@ -9,19 +9,20 @@ from mckinematics.pose import Kinematics
 from mcserver.errors import Diagnostic
 from mcserver.gcode.fast_path.batches import MAX_LINES, BatchInterpreter
 from mcserver.gcode.fast_path.interpreted_batch import InterpretedBatch
-from mcserver.gcode.profiles.codes import MOVING
+from mcserver.gcode.profiles.codes import MOVING, PRINTER_STOPS
 from mcserver.gcode.profiles.frame import Frame
 from mcserver.gcode.profiles.reader import reader_of
 from mcserver.gcode.semantics.block_interpreter import BlockInterpreter, faults_of
 from mcserver.gcode.semantics.block_state import BlockState, set_up
 from mcserver.gcode.semantics.commanded_state import CommandedState
-from mcserver.gcode.semantics.modal import INITIAL, ModalState, initial_modal
+from mcserver.gcode.semantics.modal import INITIAL, ModalState, initial_modal, with_tables
 from mcserver.gcode.semantics.position_sync import find_axes_to_sync
+from mcserver.gcode.text.command_table import Kind
 from mcserver.gcode.text.parser import ParsedLine
 from mcserver.gcode.text.words import Word
 from mcserver.machine.dialect_section import Dialect
 from mcserver.machine.machine_file import Machine
-from mcserver.motion.canonical import AxisLine, AxisOperation, Canonical
+from mcserver.motion.canonical import AxisLine, AxisOperation, Canonical, OutputLine, PauseLine
 
 
 class Interpreter:
@@ -146,6 +147,39 @@ class Interpreter:
         self._commanded.invalidate(axes)
         return AxisLine(parsed.number, AxisOperation.CAPTURE, axes)
 
+    def pause_before(self, parsed: ParsedLine) -> list[Canonical]:
+        """Return the pause that comes ahead of all motion of this line, such as a tool change; empty: none.
+
+        What follows it in the line has to be interpreted when the pause has ended, without the pause
+        (`without_pause`). The state stays as it is.
+
+        Raises:
+            ProgramRejected: with every fault of the line.
+        """
+        if self._ended or self._program is not None or not _may_pause(parsed):
+            return []
+        interpreted = self._read(parsed)
+        faults_of(interpreted.block).raise_if_any()
+        for value in interpreted.values:
+            if isinstance(value, PauseLine):
+                return [value]
+            if not isinstance(value, OutputLine):
+                break
+        return []
+
+    def end_pause(self, positions: Mapping[int, float], frame: Frame | None) -> None:
+        """Go on behind a pause.
+
+        Args:
+            positions: of axes that were moved meanwhile, by number [m or rad]: bases of increments and starts
+                of paths. frame: with work offsets and tools that were changed; None: they were not.
+        """
+        self._commanded.invalidate(positions)
+        self.sync_positions(positions)
+        if frame is not None:
+            self._modal = with_tables(self._modal, self._setup.machine, frame)
+            self._frame = self._modal.frame or self._frame
+
     def batch_window(self, number: int) -> int:
         """Return how many lines from line ``number`` on `interpret_batch` would read; 0: no attempt now.
 
@@ -245,6 +279,25 @@ class Interpreter:
                 commanded.starts.pop(axis, None)
             else:
                 commanded.starts[axis] = position
+
+
+def without_pause(values: Sequence[Canonical]) -> list[Canonical]:
+    """Return the values of a line without the pause that has ended."""
+    pause = next((value for value in values if isinstance(value, PauseLine)), None)
+    return [value for value in values if value is not pause]
+
+
+def _may_pause(parsed: ParsedLine) -> bool:
+    """Return True if the line holds a code that can pause the program."""
+    if parsed.profile is not None and any(
+        action.code == "M6" or PRINTER_STOPS.get(action.code) for action in parsed.profile.actions
+    ):
+        return True
+    return any(
+        command.spec is not None and command.spec.kind is Kind.PROGRAM
+        for group in parsed.groups
+        for command in group
+    )
 
 
 def _moves(parsed: ParsedLine) -> bool:

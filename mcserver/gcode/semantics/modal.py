@@ -78,6 +78,15 @@ def initial_modal(machine: Machine, frame: Frame | None = None) -> ModalState:
     return msgspec.structs.replace(start, frame=frame, shift=frame.shift())
 
 
+def with_tables(modal: ModalState, machine: Machine, frame: Frame) -> ModalState:
+    """Return the state with work coordinate systems and tools of ``frame``; all else stays."""
+    start = initial_modal(machine, frame).frame
+    if start is None:
+        return modal
+    kept = msgspec.structs.replace(modal.frame or start, systems=frame.systems, cutters=frame.cutters)
+    return msgspec.structs.replace(modal, frame=kept, shift=kept.shift())
+
+
 def smallest_feed(modal: ModalState) -> float:
     """Return the least F that is read, as written.
 
@@ -124,4 +133,13 @@ def apply_setting(code: int, modal: ModalState, tolerance: float | None = None) 
     raise ValueError(f"G{code} is not a modal code")
 
 
-__all__ = ["INITIAL", "Feed", "ModalState", "apply_setting", "initial_modal", "read_feed", "smallest_feed"]
+__all__ = [
+    "INITIAL",
+    "Feed",
+    "ModalState",
+    "apply_setting",
+    "initial_modal",
+    "read_feed",
+    "smallest_feed",
+    "with_tables",
+]

@@ -78,5 +78,5 @@ async def _run_line(machine: Machine, line: str) -> None:
     refusal = refusal_of(await machine.programs(ended=False), WHY)
     if refusal is not None:
         raise refusal
-    async with machine.program(MANUAL_INPUT) as program:
+    async with machine.program(MANUAL_INPUT, at_pause=True) as program:
         await program.send(line)

@@ -84,7 +84,9 @@ class PositionsPanel:
             refusal = refusal_of(await machine.programs(ended=False), WHY)
             if refusal is not None:
                 raise refusal
-            async with machine.program(f"{WORK_OFFSET} by {self._actions.visitor.name}") as program:
+            async with machine.program(
+                f"{WORK_OFFSET} by {self._actions.visitor.name}", at_pause=True
+            ) as program:
                 await program.send(f"G21 G90 G10 L20 P{system} {axis}{value:.6f}")
 
         where = "the work coordinate system in force" if system == 0 else system_name(system)

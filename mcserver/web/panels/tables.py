@@ -75,7 +75,9 @@ class TablesPanel:
             refusal = refusal_of(await machine.programs(ended=False), WHY)
             if refusal is not None:
                 raise refusal
-            async with machine.program(f"{WORK_OFFSET} by {self._actions.visitor.name}") as program:
+            async with machine.program(
+                f"{WORK_OFFSET} by {self._actions.visitor.name}", at_pause=True
+            ) as program:
                 await program.send(line)
 
         done = await self._actions.do("open", what, send)

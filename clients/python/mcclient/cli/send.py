@@ -21,6 +21,12 @@ def send(
     target: Target,
     lines: Annotated[list[str], typer.Argument(metavar="LINE...", help="Lines of G-code, each in quotes.")],
     axes: AxesOption = None,
+    at_pause: Annotated[
+        bool,
+        typer.Option(
+            "--at-pause", help="Run now, also while a program stands at a pause or tool change; never wait."
+        ),
+    ] = False,
     wait: Annotated[bool, typer.Option("--wait/--no-wait", help="Wait for the motion's end.")] = True,
     json: JsonOption = False,
 ) -> None:
@@ -30,7 +36,10 @@ def send(
     async def work() -> dict[str, Any] | ProgramRejected:
         async with target.open() as one:
             program = await one.program(
-                "mcctl send", parse_axes(axes), on_disconnect="stop" if wait else "finish"
+                "mcctl send",
+                parse_axes(axes),
+                on_disconnect="stop" if wait else "finish",
+                at_pause=at_pause,
             )
             try:
                 for text in texts:

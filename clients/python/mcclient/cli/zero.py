@@ -81,6 +81,9 @@ def zero(
         async with target.open() as one:
             # it would wait for the axes, and set where they are when they come free
             for program in await one.programs(ended=False):
+                if program.state in ("paused", "queued"):
+                    # at a pause the axes stand, and what waits for them waits on
+                    continue
                 raise RequestRefused(
                     "MC512",
                     f"{program.program} of {program.client} is {program.state}: "
@@ -93,4 +96,4 @@ def zero(
         found = asyncio.run(look())
         if probe:
             line = probed_line(axes, system, found)
-    send(target, [line], json=json)
+    send(target, [line], at_pause=True, json=json)

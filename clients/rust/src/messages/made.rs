@@ -1606,6 +1606,9 @@ pub struct OpenRequest {
     pub hold: bool,
     /// of the whole text; its times, of `simulate` or `put_text`, are those of the program.
     pub sha256: Option<String>,
+    /// run now, also on axes of a program that stands at a pause, such as to set zero with a new tool;
+    /// refused (MC512) where it would have to wait. Without it a program waits for the other's end.
+    pub at_pause: bool,
     /// of a start in the middle, as in `ContinueRequest`.
     pub way: bool,
     /// of a start in the middle, as in `ContinueRequest`.
@@ -1627,6 +1630,7 @@ impl OpenRequest {
             step: false,
             hold: false,
             sha256: None,
+            at_pause: false,
             way: false,
             outputs: None,
         }

@@ -976,75 +976,82 @@ public final class Messages {
      * @param step single line mode: a line starts only when `step` asks for it.
      * @param hold begin held; `resume` starts it.
      * @param sha256 of the whole text; its times, of `simulate` or `put_text`, are those of the program.
+     * @param atPause run now, also on axes of a program that stands at a pause, such as to set zero with a new
+     *     tool; refused (MC512) where it would have to wait. Without it a program waits for the other's end.
      * @param way of a start in the middle, as in `ContinueRequest`.
      * @param outputs of a start in the middle, as in `ContinueRequest`.
      */
     public record OpenRequest(
             String name, List<Long> axes, OnDisconnect onDisconnect, double graceS, long startLine, List<String> before,
-            String resumeOf, boolean step, boolean hold, String sha256, boolean way, Outputs outputs) {
+            String resumeOf, boolean step, boolean hold, String sha256, boolean atPause, boolean way, Outputs outputs) {
         /** All that may be left out as the server has it. */
         public OpenRequest() {
-            this("", null, OnDisconnect.STOP, 10.0, 1, List.of(), null, false, false, null, false, null);
+            this("", null, OnDisconnect.STOP, 10.0, 1, List.of(), null, false, false, null, false, false, null);
         }
 
         /** The same with another {@code name}. */
         public OpenRequest withName(String name) {
-            return new OpenRequest(name, axes, onDisconnect, graceS, startLine, before, resumeOf, step, hold, sha256, way, outputs);
+            return new OpenRequest(name, axes, onDisconnect, graceS, startLine, before, resumeOf, step, hold, sha256, atPause, way, outputs);
         }
 
         /** The same with another {@code axes}. */
         public OpenRequest withAxes(List<Long> axes) {
-            return new OpenRequest(name, axes, onDisconnect, graceS, startLine, before, resumeOf, step, hold, sha256, way, outputs);
+            return new OpenRequest(name, axes, onDisconnect, graceS, startLine, before, resumeOf, step, hold, sha256, atPause, way, outputs);
         }
 
         /** The same with another {@code onDisconnect}. */
         public OpenRequest withOnDisconnect(OnDisconnect onDisconnect) {
-            return new OpenRequest(name, axes, onDisconnect, graceS, startLine, before, resumeOf, step, hold, sha256, way, outputs);
+            return new OpenRequest(name, axes, onDisconnect, graceS, startLine, before, resumeOf, step, hold, sha256, atPause, way, outputs);
         }
 
         /** The same with another {@code graceS}. */
         public OpenRequest withGraceS(double graceS) {
-            return new OpenRequest(name, axes, onDisconnect, graceS, startLine, before, resumeOf, step, hold, sha256, way, outputs);
+            return new OpenRequest(name, axes, onDisconnect, graceS, startLine, before, resumeOf, step, hold, sha256, atPause, way, outputs);
         }
 
         /** The same with another {@code startLine}. */
         public OpenRequest withStartLine(long startLine) {
-            return new OpenRequest(name, axes, onDisconnect, graceS, startLine, before, resumeOf, step, hold, sha256, way, outputs);
+            return new OpenRequest(name, axes, onDisconnect, graceS, startLine, before, resumeOf, step, hold, sha256, atPause, way, outputs);
         }
 
         /** The same with another {@code before}. */
         public OpenRequest withBefore(List<String> before) {
-            return new OpenRequest(name, axes, onDisconnect, graceS, startLine, before, resumeOf, step, hold, sha256, way, outputs);
+            return new OpenRequest(name, axes, onDisconnect, graceS, startLine, before, resumeOf, step, hold, sha256, atPause, way, outputs);
         }
 
         /** The same with another {@code resumeOf}. */
         public OpenRequest withResumeOf(String resumeOf) {
-            return new OpenRequest(name, axes, onDisconnect, graceS, startLine, before, resumeOf, step, hold, sha256, way, outputs);
+            return new OpenRequest(name, axes, onDisconnect, graceS, startLine, before, resumeOf, step, hold, sha256, atPause, way, outputs);
         }
 
         /** The same with another {@code step}. */
         public OpenRequest withStep(boolean step) {
-            return new OpenRequest(name, axes, onDisconnect, graceS, startLine, before, resumeOf, step, hold, sha256, way, outputs);
+            return new OpenRequest(name, axes, onDisconnect, graceS, startLine, before, resumeOf, step, hold, sha256, atPause, way, outputs);
         }
 
         /** The same with another {@code hold}. */
         public OpenRequest withHold(boolean hold) {
-            return new OpenRequest(name, axes, onDisconnect, graceS, startLine, before, resumeOf, step, hold, sha256, way, outputs);
+            return new OpenRequest(name, axes, onDisconnect, graceS, startLine, before, resumeOf, step, hold, sha256, atPause, way, outputs);
         }
 
         /** The same with another {@code sha256}. */
         public OpenRequest withSha256(String sha256) {
-            return new OpenRequest(name, axes, onDisconnect, graceS, startLine, before, resumeOf, step, hold, sha256, way, outputs);
+            return new OpenRequest(name, axes, onDisconnect, graceS, startLine, before, resumeOf, step, hold, sha256, atPause, way, outputs);
+        }
+
+        /** The same with another {@code atPause}. */
+        public OpenRequest withAtPause(boolean atPause) {
+            return new OpenRequest(name, axes, onDisconnect, graceS, startLine, before, resumeOf, step, hold, sha256, atPause, way, outputs);
         }
 
         /** The same with another {@code way}. */
         public OpenRequest withWay(boolean way) {
-            return new OpenRequest(name, axes, onDisconnect, graceS, startLine, before, resumeOf, step, hold, sha256, way, outputs);
+            return new OpenRequest(name, axes, onDisconnect, graceS, startLine, before, resumeOf, step, hold, sha256, atPause, way, outputs);
         }
 
         /** The same with another {@code outputs}. */
         public OpenRequest withOutputs(Outputs outputs) {
-            return new OpenRequest(name, axes, onDisconnect, graceS, startLine, before, resumeOf, step, hold, sha256, way, outputs);
+            return new OpenRequest(name, axes, onDisconnect, graceS, startLine, before, resumeOf, step, hold, sha256, atPause, way, outputs);
         }
     }
 
