@@ -119,6 +119,34 @@ def test_zero_is_not_set_behind_a_program_that_has_the_axes(
     assert (done.returncode, "MC512" in done.stderr) == (1, True), done.stderr
 
 
+def test_a_jog_moves_all_of_its_distance(mcctl: Mcctl, target: tuple[str, ...]) -> None:
+    def at() -> float:
+        return float(json.loads(mcctl("status", "--json", *target).stdout)["axes"]["position"][1])
+
+    before = at()
+    done = mcctl("jog", "Y", "4", *target)
+    assert done.returncode == 0, done.stderr
+    assert at() == pytest.approx(before + 4.0, abs=0.05)
+
+
+def test_at_a_pause_the_axes_are_jogged_and_the_program_goes_on_from_there(
+    mcctl: Mcctl, target: tuple[str, ...], server: ServerProcess
+) -> None:
+    with (
+        sync.Machine.connect(server.name, server.endpoint) as machine,
+        machine.program("change") as program,
+    ):
+        program.send_lines(["G1010", "G94 F30000 G01 X10 Y10", "M00 (fit tool 2)", "G91 G01 X5"])
+        while program.state != "paused":
+            program.status()
+        jogged = mcctl("jog", "Y", "3", *target)
+        asked = mcctl("send", "--at-pause", "G94 F6000 G91 G01 X2", *target)
+        resumed = mcctl("resume", *target)
+    assert (jogged.returncode, asked.returncode, resumed.returncode) == (0, 0, 0), asked.stderr
+    places = json.loads(mcctl("status", "--json", *target).stdout)["axes"]["position"]
+    assert places[:2] == pytest.approx([17.0, 13.0], abs=0.05)
+
+
 def test_list_names_the_machine(mcctl: Mcctl, server: ServerProcess) -> None:
     done = mcctl("list", "--connect", server.endpoint)
     assert done.returncode == 0, done.stderr

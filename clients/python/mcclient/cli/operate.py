@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 from collections.abc import Awaitable, Callable, Sequence
 from typing import Annotated, Any
 
@@ -20,6 +21,9 @@ from mcclient.errors import RequestRefused
 from mcclient.estop import emergency_stop
 from mcclient.machine import Machine
 from mcclient.transport import endpoints_of
+
+# Between two looks whether a jog has ended [s].
+JOG_LOOK_S = 0.05
 
 AxesOption = Annotated[
     list[int] | None, typer.Option("--axis", "-a", metavar="N", help="One axis; repeatable. Default: all.")
@@ -131,7 +135,7 @@ def jog(
     ] = False,
     json: JsonOption = False,
 ) -> None:
-    """Move one axis by hand: mcctl jog X 5, mcctl jog 7 -0.5, mcctl jog Z --keys."""
+    """Move one axis by hand: mcctl jog X 5, mcctl jog 7 -0.5, mcctl jog Z --keys. Ctrl-C stops it."""
 
     async def act(one: Machine) -> dict[str, Any]:
         found = axis_of(axis, one.info)
@@ -141,6 +145,7 @@ def jog(
         axes = (await one.status()).axes
         homed = dict(zip(axes.index, axes.homed, strict=False)).get(found.index, True)
         program = await one.jog(found.index, distance, velocity=velocity)
+        await _ended_jog(one, program)
         return {
             "program": program,
             "axis": found.index,
@@ -167,6 +172,23 @@ def jog(
                 "such as: mcctl jog X 5, mcctl jog X --keys",
             )
     _order(target, json, act, sentence)
+
+
+async def _ended_jog(one: Machine, program: str) -> None:
+    """Wait for the end of a jog: with its client it would be stopped.
+
+    Raises:
+        RequestRefused: it was stopped, or failed.
+    """
+    while True:
+        found = next((each for each in await one.programs() if each.program == program), None)
+        if found is None or found.state == "finished":
+            return
+        if found.fault is not None:
+            raise RequestRefused(found.fault.code, found.fault.message, found.fault.hint)
+        if found.ended_at is not None:
+            raise RequestRefused("MC506", f"the jog was stopped: {found.state}", "see mcctl status")
+        await asyncio.sleep(JOG_LOOK_S)
 
 
 def reset(target: Target, axes: AxesOption = None, json: JsonOption = False) -> None:
