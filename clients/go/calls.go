@@ -21,6 +21,7 @@ var repeatable = map[string]bool{
 	"check":          true,
 	"simulate":       true,
 	"run_requests":   true,
+	"run_approvals":  true,
 	"run_preview":    true,
 	"recordings":     true,
 	"recording_read": true,
@@ -62,6 +63,7 @@ var deadlines = map[string]time.Duration{
 	"put_text":            60 * time.Second,
 	"request_run":         300 * time.Second,
 	"run_requests":        5 * time.Second,
+	"run_approvals":       5 * time.Second,
 	"run_preview":         5 * time.Second,
 	"arm":                 5 * time.Second,
 	"reject":              5 * time.Second,
@@ -269,6 +271,15 @@ func (m *Machine) RequestRun(ctx context.Context, request RunRequestRequest) (*R
 // RunRequests: List what waits for an operator, is armed, or was started lately.
 func (m *Machine) RunRequests(ctx context.Context) ([]RunRequestStatus, error) {
 	reply, err := callFor[RunRequestsReply](ctx, m, "run_requests", nil)
+	if err != nil {
+		return nil, err
+	}
+	return reply.Requests, nil
+}
+
+// RunApprovals: List the runs whose envelope was approved for a while.
+func (m *Machine) RunApprovals(ctx context.Context) ([]RunRequestStatus, error) {
+	reply, err := callFor[RunRequestsReply](ctx, m, "run_approvals", nil)
 	if err != nil {
 		return nil, err
 	}

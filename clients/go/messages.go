@@ -250,6 +250,9 @@ type ArmRequest struct {
 	Override *float64 `msgpack:"override"`
 	// Number: of the request that was looked at: one that was made anew since is not armed; nil: any.
 	Number *int64 `msgpack:"number"`
+	// StandingS: for so long whatever else the same client asks for, and stays inside of the envelope of this run,
+	// is armed as it is asked for; 0: only this run, once.
+	StandingS float64 `msgpack:"standing_s"`
 }
 
 // AxesStatus: All axes, column-wise: every list has one entry for each of `index`.
@@ -1061,7 +1064,8 @@ type ReferenceRequest struct {
 	Positions map[string]float64 `msgpack:"positions" mc:"required"`
 }
 
-// RejectRequest: Says no to a run; who asked for it is shown the reason.
+// RejectRequest: Says no to a run; who asked for it is shown the reason. An approval for a while that was given
+// with it ends.
 type RejectRequest struct {
 	// Sha256: of the text, or at least its first 8 digits.
 	Sha256 string `msgpack:"sha256" mc:"required"`
@@ -1074,6 +1078,9 @@ type RejectRequest struct {
 type ResetRequest struct {
 	Axes []int64 `msgpack:"axes"`
 }
+
+// RunApprovalsRequest: Runs whose envelope was approved for a while (`standing_s`), each with `remaining_s` of it.
+type RunApprovalsRequest struct{}
 
 // RunArmedReply: The program that was started.
 type RunArmedReply struct {
@@ -1153,6 +1160,10 @@ type RunRequestStatus struct {
 	Digest string `msgpack:"digest"`
 	// Changed: what of that is no longer as it was, a sentence each; while there is any it cannot start.
 	Changed []string `msgpack:"changed"`
+	// Approval: hash of the approval for a while that has armed it, inside of whose envelope it stays.
+	Approval string `msgpack:"approval"`
+	// Beyond: what of it is outside of the one that its client has, a sentence each.
+	Beyond []string `msgpack:"beyond"`
 }
 
 // RunRequestsReply: The oldest first.

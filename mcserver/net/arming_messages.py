@@ -8,7 +8,16 @@ import msgspec
 from msgspec import Meta
 
 from mcserver.net.messages import AxisIndex, Grace, Request
-from mcserver.service.arming import LEAST_HASH, MAX_ARMED_S, MAX_REASON, MAX_TEXT, Extent, RunPath, ToolExtent
+from mcserver.service.arming import (
+    LEAST_HASH,
+    MAX_ARMED_S,
+    MAX_REASON,
+    MAX_STANDING_S,
+    MAX_TEXT,
+    Extent,
+    RunPath,
+    ToolExtent,
+)
 from mcserver.service.arming import ToolPath as ToolPath
 from mcserver.service.reports import WireDiagnostic
 
@@ -45,6 +54,10 @@ class RunRequestsRequest(Request, frozen=True, kw_only=True):
     """What waits for an operator, is armed, or was started lately."""
 
 
+class RunApprovalsRequest(Request, frozen=True, kw_only=True):
+    """Runs whose envelope was approved for a while (``standing_s``), each with ``remaining_s`` of it."""
+
+
 class RunPreviewRequest(Request, frozen=True, kw_only=True):
     """What an operator looks at before arming: the text and its simulated path.
 
@@ -63,16 +76,20 @@ class ArmRequest(Request, frozen=True, kw_only=True):
         seconds: how long it may be started.
         override: the greatest feed override [%].
         number: of the request that was looked at: one that was made anew since is not armed; None: any.
+        standing_s: for so long whatever else the same client asks for, and stays inside of the envelope of
+            this run, is armed as it is asked for; 0: only this run, once.
     """
 
     sha256: TextHash
     seconds: Annotated[float, Meta(gt=0.0, le=MAX_ARMED_S)] = 60.0
     override: Annotated[float, Meta(gt=0.0, le=200.0)] = 100.0
     number: Annotated[int, Meta(ge=0)] | None = None
+    standing_s: Annotated[float, Meta(ge=0.0, le=MAX_STANDING_S)] = 0.0
 
 
 class RejectRequest(Request, frozen=True, kw_only=True):
-    """Says no to a run; who asked for it is shown the reason.
+    """Says no to a run; who asked for it is shown the reason. An approval for a while that was given with it
+    ends.
 
     Attributes:
         sha256: of the text, or at least its first 8 digits. number: as of `ArmRequest`.
@@ -102,6 +119,8 @@ class RunRequestStatus(msgspec.Struct, frozen=True):
         changed: what of that is no longer as it was, a sentence each; while there is any it cannot start.
         operator: who armed or rejected it. reason: why it was rejected.
         number: another one each time that the run is asked for, even with the same text.
+        approval: hash of the approval for a while that has armed it, inside of whose envelope it stays.
+        beyond: what of it is outside of the one that its client has, a sentence each.
     """
 
     sha256: str
@@ -120,6 +139,8 @@ class RunRequestStatus(msgspec.Struct, frozen=True):
     tools: list[ToolExtent] = []
     digest: str = ""
     changed: list[str] = []
+    approval: str = ""
+    beyond: list[str] = []
 
 
 class RunRequestReply(msgspec.Struct, frozen=True):

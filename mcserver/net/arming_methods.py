@@ -1,4 +1,4 @@
-"""The remote methods ``request_run``, ``withdraw``, ``run_preview``, ``arm``, ``reject``, ``run_armed``."""
+"""The remote methods of runs that a person has to approve: ``request_run``, ``arm``, ``run_armed``, others."""
 
 from __future__ import annotations
 
@@ -85,15 +85,24 @@ class ArmingMethods:
                 effects=seen.effects,
                 tools=tools_of(seen.envelope),
                 digest=self._basis.digest(request.text, axes, start),
+                outputs=seen.outputs,
             )
         )
+        self._forget_armings()
+        kept = self._arming.arm_within(kept, self._basis.beyond)
         self._service.foresee(kept.sha256, seen.marks)
         self._publish("run.requested", client, kept)
+        if kept.approval:
+            self._publish("run.armed", kept.operator, kept)
         return wire.RunRequestReply(True, found, self._status(kept))
 
     def run_requests(self, _client: str, _request: wire.RunRequestsRequest) -> wire.RunRequestsReply:
         self._forget_armings()
         return wire.RunRequestsReply([self._status(each) for each in self._arming.requests()])
+
+    def run_approvals(self, _client: str, _request: wire.RunApprovalsRequest) -> wire.RunRequestsReply:
+        self._forget_armings()
+        return wire.RunRequestsReply([self._status(each, rests=False) for each in self._arming.approvals()])
 
     def run_preview(self, _client: str, request: wire.RunPreviewRequest) -> wire.RunPreviewReply:
         self._forget_armings()
@@ -108,6 +117,7 @@ class ArmingMethods:
             seconds=request.seconds,
             override=request.override / 100.0,
             number=request.number,
+            standing=request.standing_s,
             changes=self._changes_now(),
         )
         self._publish("run.armed", client, armed)
@@ -198,7 +208,7 @@ class ArmingMethods:
                 "leave G1040 and G1030 of such axes out, or let an operator run it: mcctl run",
             )
 
-    def _status(self, run: RunRequest) -> wire.RunRequestStatus:
+    def _status(self, run: RunRequest, *, rests: bool = True) -> wire.RunRequestStatus:
         return wire.RunRequestStatus(
             sha256=run.sha256,
             client=run.client,
@@ -215,7 +225,9 @@ class ArmingMethods:
             effects=list(run.effects),
             tools=list(run.tools),
             digest=run.digest,
-            changed=self._changes_now()(run) if run.state in OPEN else [],
+            changed=self._changes_now()(run) if rests and run.state in OPEN else [],
+            approval=run.approval,
+            beyond=list(run.beyond),
         )
 
     def _publish(self, kind: Any, client: str, run: RunRequest, program: str | None = None) -> None:
@@ -223,4 +235,6 @@ class ArmingMethods:
         message = f"{run.sha256[:12]}: axes {axes}, {run.duration_s:.3f} s"
         if run.reason:
             message += f"; {run.reason}"
+        if run.approval:
+            message += f"; inside of {run.approval[:12]}, approved for a while by {run.operator}"
         self._service.record_command(client, kind, program, message)

@@ -276,6 +276,13 @@ METHODS: tuple[Method, ...] = (
         "List what waits for an operator, is armed, or was started lately.",
     ),
     Method(
+        "run_approvals",
+        arming.RunApprovalsRequest,
+        arming.RunRequestsReply,
+        EVERYBODY,
+        "List the runs whose envelope was approved for a while.",
+    ),
+    Method(
         "run_preview",
         arming.RunPreviewRequest,
         arming.RunPreviewReply,

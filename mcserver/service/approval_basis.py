@@ -5,12 +5,15 @@ from __future__ import annotations
 import hashlib
 from importlib import metadata
 
-from mcserver.executor.envelope_bounds import POSITION_TOLERANCES, Envelope, enforced
+from mcserver.executor.envelope_bounds import POSITION_TOLERANCES, TIP_TOLERANCE, Envelope, enforced
 from mcserver.machine.machine_digest import canonical_bytes, machine_digest
 from mcserver.machine.machine_file import Machine
-from mcserver.planning.start_state import StartState, changes_between
+from mcserver.planning.start_state import StartState, axis_word, changes_between
 from mcserver.service.arming import Extent, RunRequest, ToolExtent
 from mcserver.units import MM
+
+# Two simulations of the same motion differ in speeds and times by less than this share.
+SAME = 1e-3
 
 
 class ApprovalBasis:
@@ -35,6 +38,47 @@ class ApprovalBasis:
         return changes_between(
             self._machine, run.start, now, axes=run.axes, inputs=run.inputs, tolerance=self._tolerance
         )
+
+    def beyond(self, approval: RunRequest, run: RunRequest) -> list[str]:
+        """Name what of a run is outside of what was approved for a while; nothing: it stays inside."""
+        within, asked = approval.envelope, run.envelope
+        if within is None or asked is None:
+            return ["it has no envelope"]
+        found = []
+        for column, axis in enumerate(self._machine.axes):
+            if axis.index not in run.axes:
+                continue
+            word, unit, aside = axis_word(self._machine, axis.index), axis.type, self._tolerance[axis.index]
+            low, high, speed = (each[column] for each in (asked.low, asked.high, asked.speed))
+            if axis.index not in approval.axes:
+                found.append(f"it may move {word}")
+                continue
+            if (asked.turning & ~within.turning) >> column & 1:
+                found.append(f"it turns {word} at a speed")
+            for place in (low, high):
+                if not within.low[column] - aside <= place <= within.high[column] + aside:
+                    found.append(f"{word} goes to {place / unit.si_per_unit:.3f} {unit.unit}")
+            if speed > (1.0 + SAME) * within.speed[column]:
+                found.append(f"{word} moves at {speed / unit.si_per_unit:.1f} {unit.unit}/s")
+        tips = {tip.tool: tip for tip in within.tips}
+        for tip in asked.tips:
+            seen = tips.get(tip.tool)
+            inside = seen is not None and all(
+                least - TIP_TOLERANCE <= low and high <= most + TIP_TOLERANCE
+                for low, high, least, most in zip(tip.low, tip.high, seen.low, seen.high, strict=True)
+            )
+            if seen is None or not inside:
+                found.append(f"the tip of tool {tip.tool} leaves its box")
+            elif tip.speed > (1.0 + SAME) * seen.speed:
+                found.append(f"the tip of tool {tip.tool} moves at {tip.speed / MM:.1f} mm/s")
+        for channel, (low, high), (least, most) in zip(
+            self._machine.outputs, run.outputs, approval.outputs, strict=True
+        ):
+            if low < least or high > most:
+                found.append(f'it sets the output "{channel.name}"')
+        if asked.seconds > (1.0 + SAME) * within.seconds:
+            found.append(f"it lasts {asked.seconds:.1f} s")
+        return found + [f"it {effect}" for effect in run.effects if effect not in approval.effects]
 
     def envelope(self, run: RunRequest, now: StartState) -> Envelope | None:
         """Return what the executor holds a run within that begins now."""

@@ -25,6 +25,8 @@ CLIENT_REQUESTS = 4
 MAX_TEXT = 256 * 1024  # characters
 WAIT_S = 3600.0  # a request that nobody arms is forgotten after this time
 MAX_ARMED_S = 3600.0
+MAX_STANDING_S = 3600.0  # an approval for a while ends after this time
+WITHIN_S = 60.0  # a run inside of such an approval may be started so long
 SHOWN_REJECTED_S = 600.0  # a rejection is kept so long for who asked
 LEAST_HASH = 8  # hexadecimal digits that name a text
 MOST_NAMED = 8  # changes that a refusal names
@@ -105,6 +107,9 @@ class RunRequest(msgspec.Struct, frozen=True):
         until: end of the wait, or of the arming [s of the clock].
         override: the greatest feed override that the operator allows, 1 as programmed.
         operator: who armed it, or rejected it. reason: why it was rejected.
+        outputs: of each output the least and the greatest value.
+        approval: hash of the approval for a while that has armed it. beyond: what of it is outside of the one
+            that its client has, in words.
     """
 
     client: str
@@ -127,10 +132,15 @@ class RunRequest(msgspec.Struct, frozen=True):
     tools: tuple[ToolExtent, ...] = ()
     digest: str = ""
     reason: str = ""
+    outputs: tuple[tuple[float, float], ...] = ()
+    approval: str = ""
+    beyond: tuple[str, ...] = ()
 
 
 # names what is no longer as it was when a run was simulated
 Changes = Callable[[RunRequest], list[str]]
+# names what of a run, the second one, is outside of an approval
+Beyond = Callable[[RunRequest, RunRequest], list[str]]
 
 
 def hash_of(text: str) -> str:
@@ -153,12 +163,42 @@ class Arming:
     def __init__(self, clock: Callable[[], float]) -> None:
         self._clock = clock
         self._requests: dict[str, RunRequest] = {}
+        # what operators have approved for a while, as they have looked at it, by hash; until: its end
+        self._approvals: dict[str, RunRequest] = {}
         self._numbers = itertools.count(1)
 
     def requests(self) -> list[RunRequest]:
         """Return what waits, is armed, or was started lately; the oldest first."""
         self._forget()
         return list(self._requests.values())
+
+    def approvals(self) -> list[RunRequest]:
+        """Return what operators have approved for a while; the oldest first."""
+        self._forget()
+        return list(self._approvals.values())
+
+    def arm_within(self, request: RunRequest, beyond: Beyond) -> RunRequest:
+        """Arm a request that stays inside of what an operator has approved for a while to its client; else
+        note what is outside."""
+        self._forget()
+        outside: list[str] = []
+        for approval in self._approvals.values():
+            if approval.client != request.client:
+                continue
+            outside = beyond(approval, request)
+            if not outside:
+                request = msgspec.structs.replace(
+                    request,
+                    state=RunState.ARMED,
+                    operator=approval.operator,
+                    override=approval.override,
+                    until=min(self._clock() + WITHIN_S, approval.until),
+                    approval=approval.sha256,
+                )
+                break
+        request = msgspec.structs.replace(request, beyond=tuple(outside[:MOST_NAMED]))
+        self._requests[request.sha256] = request
+        return request
 
     def check_room(self, client: str, text: str) -> None:
         """Refuse a request that cannot be kept.
@@ -193,6 +233,8 @@ class Arming:
             override=1.0,
             operator="",
             reason="",
+            approval="",
+            beyond=(),
             number=next(self._numbers),
         )
         self._requests[wanted.sha256] = kept
@@ -217,6 +259,7 @@ class Arming:
         seconds: float,
         override: float,
         number: int | None = None,
+        standing: float = 0.0,
         changes: Changes = lambda _run: [],
     ) -> RunRequest:
         """Allow a text to be started once.
@@ -226,12 +269,12 @@ class Arming:
             seconds: how long it may be started.
             override: the greatest feed override, 1 as programmed.
             number: of the request that the operator has looked at; None: whichever waits.
+            standing: how long whatever else its client asks for, and stays inside of it, is armed too [s].
             changes: names what is no longer as it was when the simulation began.
 
         Raises:
             ServiceError: MC570 nothing waits with this hash, or it was asked for anew; MC572 what it rests on
-                has changed; MC575 who asked may
-            not arm.
+                has changed; MC574 too many approvals; MC575 who asked may not arm.
         """
         self._forget()
         request = _only([each for each in self._matching(sha256) if each.state is RunState.WAITING], sha256)
@@ -239,6 +282,10 @@ class Arming:
         if user_of(request.client) == user_of(operator):
             raise Refused("MC575", "who asks for a run may not arm it", "another person has to look at it")
         _refuse_changed(changes(request))
+        others = [each for sha, each in self._approvals.items() if sha != request.sha256]
+        full = sum(each.client == request.client for each in others) >= CLIENT_REQUESTS
+        if standing > 0.0 and (full or len(others) >= MAX_REQUESTS):
+            raise Refused("MC574", "there are too many approvals for a while", "end one: mcctl arm --reject")
         armed = msgspec.structs.replace(
             request,
             state=RunState.ARMED,
@@ -247,15 +294,19 @@ class Arming:
             until=self._clock() + min(seconds, MAX_ARMED_S),
         )
         self._requests[request.sha256] = armed
+        if standing > 0.0:
+            until = self._clock() + min(standing, MAX_STANDING_S)
+            self._approvals[request.sha256] = msgspec.structs.replace(armed, until=until)
         return armed
 
     def reject(self, operator: str, sha256: str, reason: str, *, number: int | None = None) -> RunRequest:
-        """Say no to a request that has not been started; who asked finds the reason in it for a while.
+        """Say no to a request that has not been started; who asked finds the reason in it for a while. An
+        approval for a while that was given with it ends.
 
         Raises:
             ServiceError: MC570 nothing waits with this hash, or it was asked for anew.
         """
-        request = self._undecided(sha256, number)
+        request = self._end_approval(sha256) or self._undecided(sha256, number)
         rejected = msgspec.structs.replace(
             request,
             state=RunState.REJECTED,
@@ -275,18 +326,33 @@ class Arming:
         request = self._undecided(sha256, None)
         if user_of(request.client) != user_of(client):
             raise Refused("MC573", "another client asked for this run", "an operator rejects it")
+        self._end_approval(request.sha256)
         del self._requests[request.sha256]
         return request
+
+    def _end_approval(self, sha256: str) -> RunRequest | None:
+        """End an approval for a while; what it has armed waits for an operator again."""
+        found = [
+            sha for sha in self._approvals if len(sha256) >= LEAST_HASH and sha.startswith(sha256.lower())
+        ]
+        if len(found) != 1:
+            return None
+        for sha, request in self._requests.items():
+            if request.state is RunState.ARMED and request.approval == found[0]:
+                self._requests[sha] = msgspec.structs.replace(request, state=RunState.WAITING)
+        return self._approvals.pop(found[0])
 
     def client_gone(self, client: str) -> list[RunRequest]:
         """Forget the requests of a client that is no longer alive; return those that could have started."""
         gone = [each for each in self._requests.values() if each.client == client]
         for each in gone:
             del self._requests[each.sha256]
+        self._approvals = {sha: each for sha, each in self._approvals.items() if each.client != client}
         return [each for each in gone if each.state in OPEN]
 
     def disarm(self) -> None:
-        """Take every arming back, as after an emergency stop."""
+        """Take every arming back, and every approval for a while, as after an emergency stop."""
+        self._approvals.clear()
         for sha, request in self._requests.items():
             if request.state is RunState.ARMED:
                 self._requests[sha] = msgspec.structs.replace(request, state=RunState.WAITING)
@@ -351,8 +417,9 @@ class Arming:
     def _forget(self) -> None:
         """Drop what is over: an arming that ran out leaves nothing that could still be started."""
         now = self._clock()
-        for sha in [sha for sha, request in self._requests.items() if now >= request.until]:
-            del self._requests[sha]
+        for kept in (self._requests, self._approvals):
+            for sha in [sha for sha, request in kept.items() if now >= request.until]:
+                del kept[sha]
 
 
 def _refuse_changed(changed: list[str]) -> None:

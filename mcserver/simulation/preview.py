@@ -20,7 +20,7 @@ class Preview(msgspec.Struct, frozen=True):
         gives it.
         marks: of its times. envelope: without tolerances. All three None for a text with faults.
         effects: what it leaves changed, in sentences for people. inputs: columns of those that it reads.
-        pushed: axes that it commands a torque.
+        pushed: axes that it commands a torque. outputs: of each output the least and the greatest value.
     """
 
     report: dict[str, Any]
@@ -30,6 +30,7 @@ class Preview(msgspec.Struct, frozen=True):
     effects: tuple[str, ...] = ()
     inputs: frozenset[int] = frozenset()
     pushed: frozenset[int] = frozenset()
+    outputs: tuple[tuple[float, float], ...] = ()
 
 
 class _Both:
@@ -77,6 +78,7 @@ def preview(text: str, machine: Machine, start: StartState, axes: tuple[int, ...
         effects=tuple(effects_of(machine, start, found.end)),
         inputs=found.inputs_read,
         pushed=found.pushed,
+        outputs=found.outputs,
     )
 
 

@@ -63,7 +63,7 @@ class Recorder:
 
     Attributes:
         line: line of the newest cycle. low, high, last: least, greatest and newest setpoints, shape
-        (K,) [SI].
+        (K,) [SI]. outputs_low, outputs_high: least and greatest value of each output, shape (O,).
     """
 
     def __init__(
@@ -88,6 +88,8 @@ class Recorder:
         self._width = len(machine.axes)
         nothing = np.zeros(0)
         self._inputs, self._outputs = (nothing, nothing) if channels is None else channels
+        self.outputs_low: Array = self._outputs.copy()
+        self.outputs_high: Array = self._outputs.copy()
         self._columns = 2 + 2 * self._width + len(self._inputs) + len(self._outputs)
         self._blocks: list[Array] = []
         self._fill = _BLOCK
@@ -97,6 +99,7 @@ class Recorder:
         np.maximum(self.high, setpoint, out=self.high)
         self.last[:] = setpoint
         self.line = line
+        self._look_at_outputs()
         if self._sampler is not None:
             self._sampler.add(np.array([line]), setpoint[None])
         if self._moments is not None:
@@ -118,12 +121,18 @@ class Recorder:
         row[at + len(self._inputs) :] = self._outputs
         self._fill += 1
 
+    def _look_at_outputs(self) -> None:
+        if len(self._outputs):
+            np.minimum(self.outputs_low, self._outputs, out=self.outputs_low)
+            np.maximum(self.outputs_high, self._outputs, out=self.outputs_high)
+
     def block(self, times: Array, lines: NDArray[np.int64], setpoint: Array, actual: Array) -> None:
         """Record cycles in one go: times and lines (n,), setpoints and encoder readings (n, K)."""
         np.minimum(self.low, setpoint.min(axis=0), out=self.low)
         np.maximum(self.high, setpoint.max(axis=0), out=self.high)
         self.last[:] = setpoint[-1]
         self.line = int(lines[-1])
+        self._look_at_outputs()
         if self._sampler is not None:
             self._sampler.add(lines, setpoint)
         if self._moments is not None:

@@ -67,6 +67,7 @@ class Simulation:
         end: the state that it leaves behind; None: nothing was run.
         inputs_read: columns of inputs that it reads.
         turned, pushed: numbers of the axes that it commands a speed or a torque.
+        outputs: of each output the least and the greatest value.
     """
 
     report: dict[str, Any]
@@ -78,6 +79,7 @@ class Simulation:
     inputs_read: frozenset[int] = frozenset()
     turned: frozenset[int] = frozenset()
     pushed: frozenset[int] = frozenset()
+    outputs: tuple[tuple[float, float], ...] = ()
     times: LineTimes = field(default_factory=LineTimes)
     last_line: int = 0
 
@@ -254,6 +256,9 @@ class _Run:
             frozenset(self._inputs_read),
             self._powered(DriveMode.VELOCITY),
             self._powered(DriveMode.TORQUE),
+            tuple(
+                zip(self._recorder.outputs_low.tolist(), self._recorder.outputs_high.tolist(), strict=True)
+            ),
             self._times,
             self._read,
         )

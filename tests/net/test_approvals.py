@@ -463,3 +463,107 @@ def test_every_field_of_the_start_counts_in_the_digest_and_in_what_has_changed()
     assert basis.digest(TEXT + " ", (0,), start) != basis.digest(TEXT, (0,), start)
     faster = parse_machine(MILL.replace("max_velocity = 500.0", "max_velocity = 501.0"))
     assert ApprovalBasis(faster).digest(TEXT, (0,), start) != basis.digest(TEXT, (0,), start)
+
+
+# ------------------------------------------------------------------ an envelope for a while
+
+
+async def approve(site: Site, text: str = TEXT, standing_s: float = 3600.0, override: float = 100.0) -> str:
+    """Arm a run, and whatever stays inside of it for a while."""
+    run = await site.ask(text)
+    request = wire.ArmRequest(sha256=run.sha256, override=override, number=run.number, standing_s=standing_s)
+    return site.arming.arm(ANNA, request).sha256
+
+
+def approvals(site: Site) -> list[wire.RunRequestStatus]:
+    return site.arming.run_approvals(ANNA, wire.RunApprovalsRequest()).requests
+
+
+async def test_what_stays_inside_of_an_approved_envelope_runs_without_another_look(site: Site) -> None:
+    approved = await approve(site, override=50.0)
+    assert (await site.run()).state == "finished"
+    # another text, the same again, and from elsewhere
+    for text in ("G1 X30 F3000", "G1 X10 F6000\nG1 X20", TEXT, TEXT):
+        run = await site.ask(text)
+        assert (run.state, run.operator, run.approval, run.beyond) == ("armed", ANNA, approved, [])
+        program = await site.run(text)
+        assert (program.state, program.override) == ("finished", 0.5)
+    (left,) = approvals(site)
+    assert (left.sha256, left.client) == (approved, BOT)
+    assert 0.0 < left.remaining_s <= 3600.0
+    assert site.extent() == pytest.approx((0.0, 50.0), abs=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("text", "beyond"),
+    [
+        ("G1 X50.2 F6000\nG1 X0", "X goes to 50.200 mm"),
+        ("G1 X-0.2 F6000\nG1 X0", "X goes to -0.200 mm"),
+        ("G1 X50 F6100\nG1 X0", "X moves at 101"),
+        ("G0 X50", "X moves at"),
+        ("G1 X10 Y1 F6000", "it may move Y"),
+        ("G1 X50 F6000\nG1 X0\nG4 P1", "it lasts"),
+        ("M64 P0\nG1 X50 F6000\nM65 P0", 'it sets the output "clamp"'),
+        (f"{SHIFT}\nG1 X-290 F6000", "it moves G54 X"),
+    ],
+)
+async def test_what_leaves_an_approved_envelope_waits_for_the_person(
+    site: Site, text: str, beyond: str
+) -> None:
+    await approve(site)
+    assert (await site.run()).state == "finished"
+    run = await site.ask(text)
+    assert (run.state, run.approval) == ("waiting", "")
+    assert any(beyond in each for each in run.beyond), run.beyond
+    with pytest.raises(ServiceError, match="MC571"):
+        await site.start(text)
+
+
+async def test_an_approval_for_a_while_is_in_machine_coordinates(site: Site) -> None:
+    await approve(site)
+    assert (await site.run()).state == "finished"
+    await site.by_hand("G10 L2 P1 X300")
+    assert (await site.ask(TEXT)).state == "waiting"
+    assert (await site.ask("G1 X-290 F3000")).state == "armed"
+
+
+async def test_an_approval_for_a_while_is_of_one_client(site: Site) -> None:
+    await approve(site)
+    assert (await site.run()).state == "finished"
+    assert (await site.ask("G1 X30 F3000", client="bot.agent-2")).state == "waiting"
+    assert (await site.ask("G1 X31 F3000", client="eve.agent-1")).state == "waiting"
+
+
+@pytest.mark.parametrize("end", ["estop", "reject", "withdraw", "gone"])
+async def test_an_approval_for_a_while_ends_with(site: Site, end: str) -> None:
+    sha = await approve(site)
+    inside = "G1 X30 F3000"
+    assert (await site.ask(inside)).state == "armed"
+    if end == "estop":
+        site.cell.service.latch.emergency_stop(ANNA, "")
+        site.cell.service.reset(None)
+    elif end == "reject":
+        site.arming.reject(ANNA, wire.RejectRequest(sha256=sha[:12], reason="enough"))
+    elif end == "withdraw":
+        site.arming.withdraw(BOT, wire.WithdrawRequest(sha256=sha))
+    else:
+        site.arming._client_gone(BOT)
+    assert approvals(site) == []
+    with pytest.raises(ServiceError, match="MC571"):
+        await site.start(inside)
+    assert (await site.ask(inside)).state == "waiting"
+
+
+async def test_an_approval_for_a_while_is_not_given_to_oneself(site: Site) -> None:
+    run = await site.ask()
+    with pytest.raises(ServiceError, match="MC575"):
+        site.arming.arm("bot.mcctl-1", wire.ArmRequest(sha256=run.sha256, standing_s=60.0))
+    assert approvals(site) == []
+
+
+async def test_a_run_inside_of_an_approval_does_not_start_from_another_state(site: Site) -> None:
+    await approve(site)
+    assert (await site.run()).state == "finished"
+    assert (await site.ask("G1 X30 F3000")).state == "armed"
+    await site.by_hand("G1 X200 F6000")
+    assert "X" in await site.refusal("G1 X30 F3000")

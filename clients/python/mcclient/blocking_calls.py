@@ -39,6 +39,7 @@ class BlockingCalls(Blocking[T]):
     put_text_part = waited(MachineCalls.put_text_part)
     request_run = waited(MachineCalls.request_run)
     run_requests = waited(MachineCalls.run_requests)
+    run_approvals = waited(MachineCalls.run_approvals)
     run_preview = waited(MachineCalls.run_preview)
     arm = waited(MachineCalls.arm)
     reject = waited(MachineCalls.reject)

@@ -473,6 +473,10 @@ class MachineCalls:
         """List what waits for an operator, is armed, or was started lately."""
         return (await self._caller.ask(wire.RunRequestsReply, "run_requests", {}, deadline_s)).requests
 
+    async def run_approvals(self, *, deadline_s: float = 5.0) -> tuple[wire.RunRequestStatus, ...]:
+        """List the runs whose envelope was approved for a while."""
+        return (await self._caller.ask(wire.RunRequestsReply, "run_approvals", {}, deadline_s)).requests
+
     async def run_preview(self, sha256: str, *, deadline_s: float = 5.0) -> wire.RunPreviewReply:
         """Show what an operator looks at before arming: the text and its simulated path.
 
@@ -488,6 +492,7 @@ class MachineCalls:
         *,
         override: float = 100.0,
         number: int | None = None,
+        standing_s: float = 0.0,
         deadline_s: float = 5.0,
     ) -> wire.RunRequestStatus:
         """Allow a requested run to be started once.
@@ -497,11 +502,19 @@ class MachineCalls:
             seconds: how long it may be started.
             override: the greatest feed override [%].
             number: of the request that was looked at: one that was made anew since is not armed; None: any.
+            standing_s: for so long whatever else the same client asks for, and stays inside of the envelope
+                of this run, is armed as it is asked for; 0: only this run, once.
         """
         return await self._caller.ask(
             wire.RunRequestStatus,
             "arm",
-            {"sha256": sha256, "seconds": seconds, "override": override, "number": number},
+            {
+                "sha256": sha256,
+                "seconds": seconds,
+                "override": override,
+                "number": number,
+                "standing_s": standing_s,
+            },
             deadline_s,
         )
 

@@ -1249,6 +1249,8 @@ class RunRequestStatus:
         tools: extents of the tools' tips.
         digest: SHA-256 of all that the simulation read.
         changed: what of that is no longer as it was, a sentence each; while there is any it cannot start.
+        approval: hash of the approval for a while that has armed it, inside of whose envelope it stays.
+        beyond: what of it is outside of the one that its client has, a sentence each.
     """
 
     sha256: str
@@ -1267,6 +1269,8 @@ class RunRequestStatus:
     tools: tuple[ToolExtent, ...] = ()
     digest: str = ""
     changed: tuple[str, ...] = ()
+    approval: str = ""
+    beyond: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)

@@ -276,6 +276,15 @@ impl Machine {
         Ok(reply.requests)
     }
 
+    /// List the runs whose envelope was approved for a while.
+    ///
+    /// # Errors
+    /// As [`Machine::refresh_info`].
+    pub async fn run_approvals(&self) -> Result<Vec<RunRequestStatus>> {
+        let reply: RunRequestsReply = self.ask_within("run_approvals", &Nothing {}, 5).await?;
+        Ok(reply.requests)
+    }
+
     /// Show what an operator looks at before arming: the text and its simulated path.
     ///
     /// # Errors

@@ -95,6 +95,7 @@ export const METHODS: Readonly<Record<string, { deadlineS: number; repeatable: b
   put_text: { deadlineS: 60, repeatable: false },
   request_run: { deadlineS: 300, repeatable: false },
   run_requests: { deadlineS: 5, repeatable: true },
+  run_approvals: { deadlineS: 5, repeatable: true },
   run_preview: { deadlineS: 5, repeatable: true },
   arm: { deadlineS: 5, repeatable: false },
   reject: { deadlineS: 5, repeatable: false },
@@ -279,6 +280,11 @@ export abstract class MachineCalls {
   /** List what waits for an operator, is armed, or was started lately. */
   async runRequests(): Promise<RunRequestStatus[]> {
     return (await this.call<RunRequestsReply>("run_requests")).requests;
+  }
+
+  /** List the runs whose envelope was approved for a while. */
+  async runApprovals(): Promise<RunRequestStatus[]> {
+    return (await this.call<RunRequestsReply>("run_approvals")).requests;
   }
 
   /** Show what an operator looks at before arming: the text and its simulated path. */

@@ -105,6 +105,11 @@ export interface ArmRequest {
   override?: number | undefined;
   /** of the request that was looked at: one that was made anew since is not armed; null: any. */
   number?: number | null | undefined;
+  /**
+   * for so long whatever else the same client asks for, and stays inside of the envelope of this run, is armed as
+   * it is asked for; 0: only this run, once.
+   */
+  standing_s?: number | undefined;
 }
 
 /** All axes, column-wise: every list has one entry for each of `index`. */
@@ -931,7 +936,7 @@ export interface ReferenceRequest {
   positions: Record<string, number>;
 }
 
-/** Says no to a run; who asked for it is shown the reason. */
+/** Says no to a run; who asked for it is shown the reason. An approval for a while that was given with it ends. */
 export interface RejectRequest {
   /** of the text, or at least its first 8 digits. */
   sha256: string;
@@ -943,6 +948,10 @@ export interface RejectRequest {
 /** Clears a latched fault or emergency stop; axes stay without energy until captured (G1010). */
 export interface ResetRequest {
   axes?: number[] | null | undefined;
+}
+
+/** Runs whose envelope was approved for a while (`standing_s`), each with `remaining_s` of it. */
+export interface RunApprovalsRequest {
 }
 
 /** The program that was started. */
@@ -1023,6 +1032,10 @@ export interface RunRequestStatus {
   digest?: string;
   /** what of that is no longer as it was, a sentence each; while there is any it cannot start. */
   changed?: string[];
+  /** hash of the approval for a while that has armed it, inside of whose envelope it stays. */
+  approval?: string;
+  /** what of it is outside of the one that its client has, a sentence each. */
+  beyond?: string[];
 }
 
 /** The oldest first. */

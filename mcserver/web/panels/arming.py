@@ -14,6 +14,7 @@ from mcserver.web.formatting import axis_name, clock_text, position_text
 from mcserver.web.run_requests import RunToArm
 
 SECONDS = {30: "30 s", 60: "1 min", 300: "5 min", 1800: "30 min"}
+STANDING = {0: "this run", 900: "and for 15 min", 3600: "and for 1 h"}
 OVERRIDES = {10: "10 %", 25: "25 %", 50: "50 %", 75: "75 %", 100: "100 %"}
 
 
@@ -64,9 +65,11 @@ class ArmingPanel:
             with ui.row().classes("w-full items-center gap-2"):
                 seconds = ui.select(SECONDS, value=60, label="Within").classes("min-w-24")
                 override = ui.select(OVERRIDES, value=100, label="Override up to").classes("min-w-28")
-                arm = ui.button("Arm once", on_click=partial(self._arm, each, seconds, override)).props(
-                    "color=warning"
-                )
+                # all that stays inside of this run's envelope
+                standing = ui.select(STANDING, value=0, label="Approve").classes("min-w-32")
+                arm = ui.button(
+                    "Arm once", on_click=partial(self._arm, each, seconds, override, standing)
+                ).props("color=warning")
                 reason = ui.input(
                     "Reason", validation={"at most 500 characters": lambda said: len(said) <= 500}
                 )
@@ -82,7 +85,9 @@ class ArmingPanel:
             lambda machine: machine.reject(run["sha256"], said, number=run["number"]),
         )
 
-    async def _arm(self, each: RunToArm, seconds: ui.select, override: ui.select) -> None:
+    async def _arm(
+        self, each: RunToArm, seconds: ui.select, override: ui.select, standing: ui.select
+    ) -> None:
         run = each.run
         await self._actions.do(
             "arm",
@@ -93,6 +98,7 @@ class ArmingPanel:
                 seconds=float(seconds.value),
                 override=float(override.value),
                 number=run["number"],
+                standing_s=float(standing.value),
             ),
         )
 
@@ -159,7 +165,9 @@ def _state_text(each: RunToArm) -> str:
     if changed:
         return f"cannot start as it was simulated: {'; '.join(changed)}. It has to be asked for again"
     if run["state"] == "waiting":
-        return f"waits for an operator, for another {left}"
+        beyond = run.get("beyond", [])
+        outside = f". Outside of what is approved for a while: {'; '.join(beyond)}" if beyond else ""
+        return f"waits for an operator, for another {left}{outside}"
     if run["state"] == "armed":
         return f"armed by {run['operator']} up to {run['override']:g} %: may be started once within {left}"
     if run["state"] == "rejected":

@@ -36,6 +36,16 @@ def arm(
     override: Annotated[
         float, typer.Option("--override", min=1.0, max=200.0, help="The greatest feed override, in percent.")
     ] = 100.0,
+    standing: Annotated[
+        float,
+        typer.Option(
+            "--standing",
+            min=0.0,
+            max=3600.0,
+            metavar="SECONDS",
+            help="For so long, whatever else its client asks for inside of this envelope is armed too.",
+        ),
+    ] = 0.0,
     show: Annotated[bool, typer.Option("--show", help="Print its text and extents; arm nothing.")] = False,
     reject: Annotated[
         str | None, typer.Option("--reject", metavar="REASON", help="Say no, and why; who asked reads it.")
@@ -53,10 +63,13 @@ def arm(
     Every run that waits is drawn as it was simulated, in a file that is named.
     """
 
+    approved: list[dict[str, Any]] = []
+
     async def look() -> tuple[str, list[dict[str, Any]]]:
         async with target.open() as one:
             folder = pictures or default_folder() / one.name
             wanted = msgspec.to_builtins(await one.run_requests())
+            approved.extend(msgspec.to_builtins(await one.run_approvals()))
             if pictures is None:
                 forget_others(folder, wanted)
             if sha256 is not None:
@@ -67,7 +80,11 @@ def arm(
         async with target.open() as one:
             if reject is not None:
                 return _plain(await one.reject(sha256 or "", reject, number=number))
-            return _plain(await one.arm(sha256 or "", seconds=seconds, override=override, number=number))
+            return _plain(
+                await one.arm(
+                    sha256 or "", seconds=seconds, override=override, number=number, standing_s=standing
+                )
+            )
 
     async def take_back() -> list[dict[str, Any]]:
         async with target.open() as one:
@@ -85,21 +102,29 @@ def arm(
         return
     if sha256 is None or show:
         if json:
-            write_json({"ok": True, "machine": name, "requests": found})
-        elif not found:
+            write_json({"ok": True, "machine": name, "requests": found, "approvals": approved})
+        elif not found and not approved:
             say(f"{name}: nothing waits for an operator")
         elif show:
             for each in found:
                 print_run(each)
         else:
-            results().print(requests_table(found))
+            for each in approved:
+                left, limit = math.ceil(each["remaining_s"]), f"{each['override']:g} %"
+                say(
+                    f"{name}: {each['client']} may run what stays inside of {each['sha256'][:SHOWN_HASH]} "
+                    f"for another {left} s, up to {limit} (by {each['operator']}; --reject ends it)"
+                )
+            if found:
+                results().print(requests_table(found))
         return
     seen = [
         each for each in found if each["state"] == WAITS or (reject is not None and each["state"] == ARMED)
     ]
     if len(seen) == 1 and reject is None and not json and not yes and sys.stdin.isatty():
         print_run(seen[0])
-        if not typer.confirm(f"Arm it once, for {seconds:g} s, with at most {override:g} %?", err=True):
+        more = f" And for {standing:g} s all that stays inside of it?" if standing else ""
+        if not typer.confirm(f"Arm it once, for {seconds:g} s, with at most {override:g} %?{more}", err=True):
             say("nothing is armed")
             raise typer.Exit(1)
     # what was looked at, and nothing that was asked for in its place since
@@ -184,6 +209,8 @@ def print_run(run: dict[str, Any]) -> None:
         console.print(Text(f"  {extent}"))
     for effect in run.get("effects", []):
         console.print(Text(f"  afterwards, for every later program, it {effect}"))
+    for each in run.get("beyond", []):
+        console.print(Text(f"  outside of what is approved for a while: {each}"))
     for change in run.get("changed", []):
         console.print(Text(f"  cannot start as it was simulated: {change}"))
     console.print(Text(f"  lasts {run['duration_s']:.3f} s"))

@@ -730,6 +730,9 @@ pub struct ArmRequest {
     pub override_percent: f64,
     /// of the request that was looked at: one that was made anew since is not armed; none: any.
     pub number: Option<u64>,
+    /// for so long whatever else the same client asks for, and stays inside of the envelope of this run, is
+    /// armed as it is asked for; 0: only this run, once.
+    pub standing_s: f64,
 }
 
 impl ArmRequest {
@@ -741,6 +744,7 @@ impl ArmRequest {
             seconds: 60.0,
             override_percent: 100.0,
             number: None,
+            standing_s: 0.0,
         }
     }
 }
@@ -2045,7 +2049,8 @@ impl ReferenceRequest {
     }
 }
 
-/// Says no to a run; who asked for it is shown the reason.
+/// Says no to a run; who asked for it is shown the reason. An approval for a while that was given with it
+/// ends.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct RejectRequest {
     /// of the text, or at least its first 8 digits.
@@ -2088,6 +2093,10 @@ impl Default for ResetRequest {
         Self::new()
     }
 }
+
+/// Runs whose envelope was approved for a while (`standing_s`), each with `remaining_s` of it.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct RunApprovalsRequest {}
 
 /// The program that was started.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -2217,6 +2226,12 @@ pub struct RunRequestStatus {
     /// what of that is no longer as it was, a sentence each; while there is any it cannot start.
     #[serde(default)]
     pub changed: Vec<String>,
+    /// hash of the approval for a while that has armed it, inside of whose envelope it stays.
+    #[serde(default)]
+    pub approval: String,
+    /// what of it is outside of the one that its client has, a sentence each.
+    #[serde(default)]
+    pub beyond: Vec<String>,
 }
 
 /// The oldest first.

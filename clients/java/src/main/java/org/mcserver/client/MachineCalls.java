@@ -17,8 +17,8 @@ public abstract class MachineCalls {
     /** Calls that change nothing, or stop: they may be sent again under any circumstances. */
     static final Set<String> REPEATABLE = Set.of(
             "info", "status", "programs", "events", "continuation", "hold", "abort", "tables", "estop", "check",
-            "simulate", "run_requests", "run_preview", "recordings", "recording_read", "model", "model_mesh",
-            "drives", "drives_scan", "sdo_read");
+            "simulate", "run_requests", "run_approvals", "run_preview", "recordings", "recording_read", "model",
+            "model_mesh", "drives", "drives_scan", "sdo_read");
 
     /** How long a server may take for an answer. */
     static final Map<String, Duration> DEADLINES = Map.ofEntries(
@@ -51,6 +51,7 @@ public abstract class MachineCalls {
             Map.entry("put_text", Duration.ofSeconds(60)),
             Map.entry("request_run", Duration.ofSeconds(300)),
             Map.entry("run_requests", Duration.ofSeconds(5)),
+            Map.entry("run_approvals", Duration.ofSeconds(5)),
             Map.entry("run_preview", Duration.ofSeconds(5)),
             Map.entry("arm", Duration.ofSeconds(5)),
             Map.entry("reject", Duration.ofSeconds(5)),
@@ -229,6 +230,11 @@ public abstract class MachineCalls {
     /** List what waits for an operator, is armed, or was started lately. */
     public CompletableFuture<List<Messages.RunRequestStatus>> runRequests() {
         return ask("run_requests", Map.of(), Messages.RunRequestsReply.class).thenApply(Messages.RunRequestsReply::requests);
+    }
+
+    /** List the runs whose envelope was approved for a while. */
+    public CompletableFuture<List<Messages.RunRequestStatus>> runApprovals() {
+        return ask("run_approvals", Map.of(), Messages.RunRequestsReply.class).thenApply(Messages.RunRequestsReply::requests);
     }
 
     /**

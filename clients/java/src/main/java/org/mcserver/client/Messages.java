@@ -415,26 +415,33 @@ public final class Messages {
      * @param seconds how long it may be started.
      * @param override the greatest feed override [%].
      * @param number of the request that was looked at: one that was made anew since is not armed; null: any.
+     * @param standingS for so long whatever else the same client asks for, and stays inside of the envelope of
+     *     this run, is armed as it is asked for; 0: only this run, once.
      */
-    public record ArmRequest(String sha256, double seconds, double override, Long number) {
+    public record ArmRequest(String sha256, double seconds, double override, Long number, double standingS) {
         /** All that may be left out as the server has it. */
         public ArmRequest(String sha256) {
-            this(sha256, 60.0, 100.0, null);
+            this(sha256, 60.0, 100.0, null, 0.0);
         }
 
         /** The same with another {@code seconds}. */
         public ArmRequest withSeconds(double seconds) {
-            return new ArmRequest(sha256, seconds, override, number);
+            return new ArmRequest(sha256, seconds, override, number, standingS);
         }
 
         /** The same with another {@code override}. */
         public ArmRequest withOverride(double override) {
-            return new ArmRequest(sha256, seconds, override, number);
+            return new ArmRequest(sha256, seconds, override, number, standingS);
         }
 
         /** The same with another {@code number}. */
         public ArmRequest withNumber(Long number) {
-            return new ArmRequest(sha256, seconds, override, number);
+            return new ArmRequest(sha256, seconds, override, number, standingS);
+        }
+
+        /** The same with another {@code standingS}. */
+        public ArmRequest withStandingS(double standingS) {
+            return new ArmRequest(sha256, seconds, override, number, standingS);
         }
     }
 
@@ -1268,7 +1275,7 @@ public final class Messages {
     public record ReferenceRequest(Map<String, Double> positions) {}
 
     /**
-     * Says no to a run; who asked for it is shown the reason.
+     * Says no to a run; who asked for it is shown the reason. An approval for a while that was given with it ends.
      * @param sha256 of the text, or at least its first 8 digits.
      * @param number as of `ArmRequest`.
      */
@@ -1296,6 +1303,9 @@ public final class Messages {
             this(null);
         }
     }
+
+    /** Runs whose envelope was approved for a while (`standing_s`), each with `remaining_s` of it. */
+    public record RunApprovalsRequest() {}
 
     /** The program that was started. */
     public record RunArmedReply(String program, double override) {}
@@ -1368,12 +1378,14 @@ public final class Messages {
      * @param tools extents of the tools' tips.
      * @param digest SHA-256 of all that the simulation read.
      * @param changed what of that is no longer as it was, a sentence each; while there is any it cannot start.
+     * @param approval hash of the approval for a while that has armed it, inside of whose envelope it stays.
+     * @param beyond what of it is outside of the one that its client has, a sentence each.
      */
     public record RunRequestStatus(
             String sha256, String client, String name, RunState state, List<Long> axes, double durationS, List<Extent>
             extents, double remainingS, double override, String operator, @Sparse long number, @Sparse String reason,
             @Sparse List<String> effects, @Sparse List<ToolExtent> tools, @Sparse String digest, @Sparse List<String>
-            changed) {}
+            changed, @Sparse String approval, @Sparse List<String> beyond) {}
 
     /** The oldest first. */
     public record RunRequestsReply(List<RunRequestStatus> requests) {}
