@@ -1,4 +1,4 @@
-"""The files of `clients/contract`: one a message, frames of the gateway, rows of samples, sequences."""
+"""The files of `clients/contract`: messages, frames, rows of samples, sequences of lines and of targets."""
 
 from __future__ import annotations
 
@@ -9,12 +9,20 @@ from typing import Any
 import msgspec
 
 from mcserver.contract.sequences import sequences
+from mcserver.contract.targets import target_sequences
 from mcserver.contract.telemetry import telemetry
 from mcserver.contract.vectors import defaults, garbage, later_words, refusals, vectors
 from mcserver.gateway import frames
 from mcserver.net.schemas import message_types
 
-FRAMES_TO_THE_GATEWAY = (frames.Call, frames.Subscribe, frames.Unsubscribe, frames.Estop, frames.Machines)
+FRAMES_TO_THE_GATEWAY = (
+    frames.Call,
+    frames.Subscribe,
+    frames.Unsubscribe,
+    frames.Estop,
+    frames.Machines,
+    frames.Targets,
+)
 FRAMES_TO_THE_CLIENT = (frames.Hello, frames.Reply, frames.Message)
 
 
@@ -31,7 +39,8 @@ def contract() -> dict[str, str]:
         files[f"frames/{kind.__name__}.json"] = _shown(_vectors(kind.__name__, kind, sent_by_clients=sent))
     files["garbage.json"] = _shown({"refused": garbage()})
     files["telemetry.json"] = _shown(telemetry())
-    files |= {f"sequences/{each['name'].replace(' ', '-')}.json": _shown(each) for each in sequences()}
+    for folder, made in (("sequences", sequences()), ("targets", target_sequences())):
+        files |= {f"{folder}/{each['name'].replace(' ', '-')}.json": _shown(each) for each in made}
     return files
 
 

@@ -53,8 +53,8 @@ class Script:
         # rejections that the client has heard of, and the number that one it has not heard of gives back
         self._heard = 0
         self._unheard = 0
-        self.program = _program(PROGRAM, start_line, room)
-        self._note("open", _message(OpenReply(**_opened(self.program))))
+        self.program = program_of(PROGRAM, start_line, room)
+        self._note("open", shown_message(OpenReply(**_opened(self.program))))
 
     def sequence(self) -> dict[str, Any]:
         return {**self._head, "steps": self._steps}
@@ -141,7 +141,7 @@ class Script:
 
     def _refuse(self) -> None:
         numbers = {**self._numbers(), "expected": self.program.queue.expected}
-        self._answer(_error(RejectedLines(self.program.diagnostics, **numbers)))
+        self._answer(error_message(RejectedLines(self.program.diagnostics, **numbers)))
 
     def runs(self, through: int) -> None:
         """The planner has taken lines and they have run; an acknowledgement says so."""
@@ -150,7 +150,7 @@ class Script:
 
     def ack(self, expected: int = 0) -> None:
         """An acknowledgement comes by itself."""
-        self._note("ack", _message(self.program.ack(expected)))
+        self._note("ack", shown_message(self.program.ack(expected)))
         self._hear()
 
     def keep_ack(self) -> Ack:
@@ -159,7 +159,7 @@ class Script:
 
     def late_ack(self, ack: Ack) -> None:
         """An acknowledgement comes that is older than what the client knows."""
-        self._note("ack", _message(ack))
+        self._note("ack", shown_message(ack))
 
     def foreign_ack(self, accepted: int, credit: int) -> None:
         """An acknowledgement with numbers that are not the server's now."""
@@ -189,7 +189,7 @@ class Script:
 
     def asked(self) -> None:
         """The client, in doubt or on a new connection, asks `programs`."""
-        self._note("asked", _message(self.program.status()))
+        self._note("asked", shown_message(self.program.status()))
         self._hear()
 
     def asked_after_restart(self) -> None:
@@ -200,11 +200,11 @@ class Script:
         """Another program goes on with this one, of which the journal has all lines that were accepted."""
         former = self.program.journaled
         self._heard = self._unheard = 0
-        self.program = _program("c7d0-1", line, former + 100)
+        self.program = program_of("c7d0-1", line, former + 100)
         self.program.queue.take(line, [self._given[number] for number in range(line, former + 1)])
         self.program.journaled, self.program.closed, self._next = former, whole, former + 1
         reply = ContinueReply(**_opened(self.program), line=line, resume_of=PROGRAM, whole=whole)
-        self._note("continues", _message(reply))
+        self._note("continues", shown_message(reply))
 
     # ------------------------------------------------------------ the server's bookkeeping
 
@@ -213,7 +213,7 @@ class Script:
         first, lines, rejections = self._messages.pop(0)
         program = self.program
         if rejections != program.epoch:
-            return _error(
+            return error_message(
                 Refused(
                     "MC505",
                     f"lines from {first} on were given when {rejections} lines had been rejected, now it is"
@@ -224,7 +224,7 @@ class Script:
             )
         if first + len(lines) - 1 > program.queue.accepted:
             if not program.takes_lines:
-                return _error(
+                return error_message(
                     Refused(
                         "MC510",
                         f"{program.program} takes no more lines: {program.state}",
@@ -236,18 +236,18 @@ class Script:
             taken = program.queue.take(first, lines)
             program.journaled = program.queue.accepted
             if isinstance(taken, Gap):
-                return _error(
+                return error_message(
                     Refused(
                         "MC505",
                         f"line {taken.expected} is the next one expected, not {first}",
                         f"send lines from {taken.expected} on",
                         **self._numbers(),
                     )
-                ) | {"ack": _message(program.ack(taken.expected))}
+                ) | {"ack": shown_message(program.ack(taken.expected))}
             if taken.lines:
                 program.rejected, program.diagnostics = 0, []
         return {
-            "reply": _message(
+            "reply": shown_message(
                 SubmitReply(program.program, program.journaled, program.done, program.credit, program.epoch)
             )
         }
@@ -280,11 +280,13 @@ class Script:
     def _close_reply(self) -> dict[str, Any]:
         program = self.program
         return {
-            "reply": _message(CloseReply(program.program, program.journaled, program.done, program.state))
+            "reply": shown_message(
+                CloseReply(program.program, program.journaled, program.done, program.state)
+            )
         }
 
     def _answer(self, reply: dict[str, Any]) -> None:
-        self._note("answer", {"ack": _message(self.program.ack()), **reply})
+        self._note("answer", {"ack": shown_message(self.program.ack()), **reply})
         self._hear()
 
     def _note(self, what: str, value: object) -> None:
@@ -296,7 +298,8 @@ def lines(count: int, *, start: int = 1) -> Sequence[str]:
     return [f"G01 X{number}" for number in range(start, start + count)]
 
 
-def _program(name: str, start_line: int, room: int) -> Program:
+def program_of(name: str, start_line: int, room: int) -> Program:
+    """Return a program of the contract's client that runs, with room for lines."""
     program = Program(
         name,
         client=CLIENT,
@@ -324,9 +327,11 @@ def _opened(program: Program) -> dict[str, Any]:
     }
 
 
-def _error(error: BaseException) -> dict[str, Any]:
-    return {"refused": _message(msgspec.msgpack.decode(encode_error(error), type=ErrorReply))}
+def error_message(error: BaseException) -> dict[str, Any]:
+    """Return the step of a refusal."""
+    return {"refused": shown_message(msgspec.msgpack.decode(encode_error(error), type=ErrorReply))}
 
 
-def _message(value: msgspec.Struct) -> dict[str, Any]:
+def shown_message(value: msgspec.Struct) -> dict[str, Any]:
+    """Return a message as the files of the contract show it."""
     return {"bytes": msgspec.msgpack.encode(value).hex(), "value": plain(value)}

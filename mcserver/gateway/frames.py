@@ -67,7 +67,18 @@ class Machines(msgspec.Struct, frozen=True, tag_field="op", tag="machines"):
     id: Id
 
 
-Request = Call | Subscribe | Unsubscribe | Estop | Machines
+class Targets(msgspec.Struct, frozen=True, tag_field="op", tag="targets"):
+    """Targets of a program in servo mode, the message `StreamTargets`; without an answer.
+
+    What cannot be sent now is dropped: the next one is newer, and the server counts what is missing.
+    """
+
+    machine: Name
+    program: Annotated[str, Meta(max_length=80)]
+    message: msgspec.Raw
+
+
+Request = Call | Subscribe | Unsubscribe | Estop | Machines | Targets
 
 
 class Hello(msgspec.Struct, frozen=True, tag_field="op", tag="hello"):

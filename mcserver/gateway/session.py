@@ -14,11 +14,12 @@ import math
 import secrets
 import time
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Coroutine
 from pathlib import Path
 from typing import Any
 
 import msgspec
+import zenoh
 from mcclient.calls import ATTEMPT_S, Caller
 from mcclient.discovery import machines, new_client_id
 from mcclient.errors import MotionError, RequestRefused
@@ -30,7 +31,7 @@ from mcclient.transport import Arrived, Link, Subscription, endpoints_of
 from mcserver.gateway import frames
 from mcserver.gateway.tokens import Principal
 from mcserver.net.method_table import BY_NAME, PROMPT_S
-from mcserver.net.roles import roles_named
+from mcserver.net.roles import MOVERS, roles_named
 
 log = logging.getLogger(__name__)
 
@@ -46,6 +47,9 @@ CALLS_A_SECOND = 200.0
 CALLS_AT_ONCE = 400.0
 CALLS_UNDER_WAY = 64
 STOPS_UNDER_WAY = 16
+# messages of targets, apart from calls; what is more is dropped, as on a link that is full
+TARGETS_A_SECOND = 2000.0
+TARGETS_AT_ONCE = 400.0
 SUBSCRIPTIONS = 64
 MACHINES = 16
 # of messages that wait for a slow reader; the oldest of a topic that may be lost goes first
@@ -136,15 +140,16 @@ class Outbox:
 
 
 class Budget:
-    """A token bucket: `CALLS_A_SECOND` in the long run, `CALLS_AT_ONCE` in a burst."""
+    """A token bucket: so many a second in the long run, so many at once in a burst."""
 
-    def __init__(self) -> None:
-        self._tokens = CALLS_AT_ONCE
+    def __init__(self, a_second: float, at_once: float) -> None:
+        self._a_second, self._at_once = a_second, at_once
+        self._tokens = at_once
         self._at = time.monotonic()
 
     def take(self) -> bool:
         now = time.monotonic()
-        self._tokens = min(CALLS_AT_ONCE, self._tokens + (now - self._at) * CALLS_A_SECOND)
+        self._tokens = min(self._at_once, self._tokens + (now - self._at) * self._a_second)
         self._at = now
         if self._tokens < 1.0:
             return False
@@ -186,7 +191,8 @@ class GatewaySession:
         self._link = link
         self._peers: dict[str, Peer] = {}
         self._subscriptions: dict[int, Subscription] = {}
-        self._budget = Budget()
+        self._budget = Budget(CALLS_A_SECOND, CALLS_AT_ONCE)
+        self._targets_budget = Budget(TARGETS_A_SECOND, TARGETS_AT_ONCE)
         self._tasks: set[asyncio.Task[None]] = set()
         link.believe(lambda source: any(peer.presence.is_server(source) for peer in self._peers.values()))
 
@@ -245,14 +251,35 @@ class GatewaySession:
         if isinstance(request, frames.Unsubscribe):
             self._unsubscribe(request.id)
             return
+        if isinstance(request, frames.Targets):
+            if self._targets_budget.take():
+                self._track(self._put_targets(request))
+            return
         try:
             self.admit(len(self._tasks), stop=isinstance(request, frames.Estop))
         except RequestRefused as refusal:
             self._refuse(request.id, refusal)
             return
-        task = asyncio.ensure_future(self._answer(request))
+        self._track(self._answer(request))
+
+    def _track(self, work: Coroutine[Any, Any, None]) -> None:
+        """Carry on beside the connection, until the session ends."""
+        task = asyncio.ensure_future(work)
         self._tasks.add(task)
         task.add_done_callback(self._tasks.discard)
+
+    async def _put_targets(self, request: frames.Targets) -> None:
+        # whoever opened the program has called this machine before
+        peer = self._peers.get(request.machine)
+        if peer is None or not is_name(request.program) or self.principal.role not in MOVERS:
+            return
+        await self._link.put(
+            peer.keys.lines_in(request.program),
+            bytes(request.message),
+            priority=zenoh.Priority.INTERACTIVE_HIGH,
+            express=True,
+            drop=True,
+        )
 
     def admit(self, under_way: int, *, stop: bool = False) -> None:
         """See whether one more call may be made; emergency stops have places of their own.

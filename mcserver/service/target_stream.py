@@ -69,6 +69,8 @@ class TargetStream:
         self._high = np.minimum([axis.max_position for axis in axes], FARTHEST)
         self._top = np.array([axis.max_velocity for axis in axes])
         self._seq = 0
+        # messages since then that were refused
+        self._unsound = 0
         self._sent = 0.0
         # the least difference between the server's clock and the sender's, and when it was brought forward
         self._offset = np.inf
@@ -88,12 +90,15 @@ class TargetStream:
         """
         status = self.status
         if not self._is_sound(message):
+            self._unsound += 1
             self.status = _more(status, "refused")
             return None
         if message.seq <= self._seq:
             self.status = _more(status, "doubled" if message.seq == self._seq else "reordered")
             return None
-        missing = message.seq - self._seq - 1 if self._seq else 0
+        # what was refused has come
+        missing = max(message.seq - self._seq - 1 - self._unsound, 0) if self._seq else 0
+        self._unsound = 0
         passed = message.sent - self._sent
         interval = passed / (missing + 1) if self._seq and passed > 0.0 else FIRST_INTERVAL_S
         self._seq, self._sent = message.seq, message.sent

@@ -253,9 +253,7 @@ def _broken_by_velocities(played: Played) -> list[str]:
         apart = np.abs(played.velocities[1:, column] - moved[:, column]) - rounding[column]
         worst = float(apart.max()) / (0.5 * axis.max_acceleration * cycle_s)
         if not worst <= SLACK:
-            broken.append(
-                f"velocity of axis {axis.index} is not that of its positions: {worst:.9g} of a cycle"
-            )
+            broken.append(f"velocity of axis {axis.index} is not that of its positions: {worst:.9g}")
         # from the greatest acceleration: taken back first
         stop_s = axis.max_velocity / axis.max_acceleration + 2.0 * axis.max_acceleration / axis.max_jerk
         behind = math.ceil(stop_s / cycle_s) + 2

@@ -48,6 +48,11 @@ class Client:
         assert reply["ok"], reply["error"]
         return reply["value"]
 
+    async def put_targets(self, program: str, message: Any) -> None:
+        """A frame without an answer."""
+        frame = {"op": "targets", "machine": "cell", "program": program, "message": message}
+        await self.socket.send(msgpack.packb(frame))
+
     async def message(self, wanted: Any) -> Any:
         """The first message of a subscription that fits."""
         while True:
@@ -225,3 +230,48 @@ async def test_a_reader_that_stalls_costs_itself_alone(
             )
         for _ in range(50):
             assert (await client.call("status"))["state"] == "ready"
+
+
+async def test_targets_are_streamed_at_100_hz_and_followed(client: Client) -> None:
+    opened = await client.call("open_servo", axes=[0, 2])
+    program = opened["program"]
+    await client.ask("subscribe", machine="cell", topic=f"ack/{program}")
+    for seq in range(1, 41):
+        message = [seq, seq * 0.01, 1.0, [[0.1 * seq, -0.05 * seq]], None, None]
+        await client.put_targets(program, message)
+        await asyncio.sleep(0.01)
+    (found,) = (await client.call("programs", program=program))["programs"]
+    assert (found["servo"]["taken"], found["servo"]["lost"]) == (40, 0)
+    await client.call("close", program=program)
+    await client.message(lambda ack: ack["state"] == "finished")
+    axes = (await client.call("status"))["axes"]
+    assert [axes["setpoint"][index] for index in (0, 2)] == pytest.approx([4.0, -2.0])
+
+
+async def test_targets_that_are_none_or_of_no_program_move_nothing(
+    client: Client,
+) -> None:
+    opened = await client.call("open_servo", axes=[1])
+    before = (await client.call("status"))["axes"]["setpoint"][1]
+    for program, message in (
+        (opened["program"], {"no": "targets"}),
+        (opened["program"], [1, 0.0, 1.0, [[50.0, 50.0]], None, None]),
+        ("no-such-program", [1, 0.0, 1.0, [[50.0]], None, None]),
+        ("*", [1, 0.0, 1.0, [[50.0]], None, None]),
+    ):
+        await client.put_targets(program, message)
+    await client.socket.send(
+        msgpack.packb({"op": "targets", "machine": "nowhere", "program": "p", "message": [1]})
+    )
+    await client.call("close", program=opened["program"])
+    assert (await client.call("status"))["axes"]["setpoint"][1] == before
+
+
+async def test_a_flood_of_targets_keeps_no_call_out(client: Client) -> None:
+    opened = await client.call("open_servo", axes=[1])
+    program = opened["program"]
+    for seq in range(1, 10_001):
+        await client.put_targets(program, [seq, seq * 1e-3, 1.0, [[0.0]], None, None])
+    (found,) = (await client.call("programs", program=program))["programs"]
+    assert 0 < found["servo"]["taken"] < 10_000
+    await client.call("abort", program=program)

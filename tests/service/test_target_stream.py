@@ -193,3 +193,11 @@ def test_velocities_alone_are_followed_as_such() -> None:
     assert targets is not None
     assert targets.by_velocity
     assert targets.knots[0, 3:].tolist() == [0.1, 0.2]
+
+
+def test_what_is_refused_has_come_and_is_not_lost() -> None:
+    sender = Sender()
+    sender.send([[0.0, 0.0]], sent=0.0)
+    sender.send([[0.0]], sent=0.01)
+    sender.send([[0.0, 0.0]], sent=0.03, seq=4)
+    assert counted(sender) == {"refused": 1, "lost": 1}

@@ -1,0 +1,184 @@
+"""What a client's servo mode has to get right, as scripted exchanges: targets out, acknowledgements in.
+
+The counts are those of the service's own filter of targets.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import msgspec
+
+from mcserver.contract.script import error_message, program_of, shown_message
+from mcserver.errors import Refused
+from mcserver.machine.machine_file import load_machine
+from mcserver.net.servo_messages import ServoReply, StreamTargets
+from mcserver.net.servo_methods import targets_in_si
+from mcserver.service.reports import ProgramState
+from mcserver.service.target_stream import TargetStream
+
+PROGRAM = "b4c1-1"
+AXES = (0, 1)
+PERIOD_S = 0.01
+COUNTED = ("taken", "lost", "doubled", "reordered", "late", "jumped", "refused", "clipped")
+Rows = Sequence[Sequence[float]]
+
+
+def target_sequences() -> list[dict[str, Any]]:
+    """All of them, in the order in which one reads them."""
+    made = (_targets(), _chunk(), _loss(), _refused(), _refused_targets(), _end(), _silence())
+    return [script.sequence() for script in made]
+
+
+class TargetScript:
+    """Notes the steps of one sequence.
+
+    Args:
+        name: of the sequence, which is its file's name too. why: what a client has to get right.
+        opened: the server lets the axes follow.
+    """
+
+    def __init__(self, name: str, why: str, *, opened: bool = True) -> None:
+        self._head = {"name": name, "why": why}
+        self._steps: list[dict[str, Any]] = []
+        self._seq = 0
+        self._sent = 83.412
+        self.program = program_of(PROGRAM, 1, 100)
+        machine = load_machine("cartesian")
+        self.program.targets = TargetStream(machine.axes[: len(AXES)], machine.cycle_s)
+        if opened:
+            self._note("servo", shown_message(ServoReply(PROGRAM, list(AXES))))
+
+    def sequence(self) -> dict[str, Any]:
+        return {**self._head, "steps": self._steps}
+
+    def give(
+        self,
+        positions: Rows | None = None,
+        velocities: Rows | None = None,
+        times: Sequence[float] | None = None,
+        *,
+        counts_s: float = 0.1,
+        lost: bool = False,
+    ) -> None:
+        """The application gives targets, and the client puts them; ``lost``: they do not arrive."""
+        self._given(positions, velocities, times, counts_s)
+        self._seq += 1
+        payload = [self._seq, self._sent, counts_s, positions, velocities, times]
+        self._note("puts", payload)
+        if lost:
+            self._note("lost", "the message")
+        else:
+            message = msgspec.convert(payload, StreamTargets)
+            assert self.program.targets is not None
+            self.program.targets.take(targets_in_si(self.program, message), self._sent)
+        self._sent = round(self._sent + PERIOD_S, 3)
+
+    def give_in_vain(self, positions: Rows, code: str) -> None:
+        """The application gives targets once the program has ended: nothing goes out."""
+        self._given(positions, None, None, 0.1)
+        self._note("fails", {"code": code})
+
+    def refuses(self, refusal: Refused) -> None:
+        """The server does not let the axes follow."""
+        self._steps.append(error_message(refusal))
+        self._note("fails", {"code": refusal.code})
+
+    def ends(self, state: ProgramState) -> None:
+        """The program ends; the acknowledgement says how."""
+        self.program.state = state
+        self._note("ack", shown_message(self.program.ack()))
+        self._note("knows", {"state": state})
+
+    def asked(self) -> None:
+        """The client asks `programs`, and shows what the server has counted."""
+        status = self.program.status()
+        assert status.servo is not None
+        self._note("asked", shown_message(status))
+        self._note("counts", {name: getattr(status.servo, name) for name in COUNTED})
+
+    def _given(
+        self, positions: Rows | None, velocities: Rows | None, times: Sequence[float] | None, counts_s: float
+    ) -> None:
+        self._note(
+            "targets",
+            {
+                "sent": self._sent,
+                "counts_s": counts_s,
+                "positions": positions,
+                "velocities": velocities,
+                "times": times,
+            },
+        )
+
+    def _note(self, what: str, value: object) -> None:
+        self._steps.append({what: value})
+
+
+def _targets() -> TargetScript:
+    script = TargetScript("targets", "messages are numbered from 1")
+    script.give([[12.5, 3.0]])
+    script.give([[12.9, 3.0]], [[40.0, 0.0]])
+    script.give(None, [[-0.5, 1e-9]], counts_s=0.25)
+    script.asked()
+    return script
+
+
+def _chunk() -> TargetScript:
+    script = TargetScript("chunk", "points with times go as one message, which replaces the one before")
+    times = [0.0, 0.02, 0.04]
+    script.give([[0.0, 0.0], [0.1, 0.2], [0.2, 0.4]], None, times)
+    script.give([[0.1, 0.2], [0.2, 0.4], [0.3, 0.5]], [[5.0, 10.0], [5.0, 7.5], [0.0, 0.0]], times)
+    script.asked()
+    return script
+
+
+def _loss() -> TargetScript:
+    script = TargetScript("loss", "nothing is sent again: the next message is newer, and the server counts")
+    script.give([[1.0, 1.0]])
+    script.give([[1.1, 1.0]], lost=True)
+    script.give([[1.2, 1.0]], lost=True)
+    script.give([[1.3, 1.0]])
+    script.asked()
+    return script
+
+
+def _refused() -> TargetScript:
+    script = TargetScript(
+        "refused", "servo mode that is refused is an error, and there is no program", opened=False
+    )
+    script.refuses(
+        Refused(
+            "MC512", "axis 1 is leased by part 7 of mill", "wait until it has ended", axis=1, client="mill"
+        )
+    )
+    return script
+
+
+def _refused_targets() -> TargetScript:
+    script = TargetScript("refused targets", "targets that do not fit the axes are counted; the rest goes on")
+    script.give([[1.0, 1.0]])
+    script.give([[1.0, 1.0, 1.0]])
+    script.give([[1.0, 1.0]], None, [0.01, 0.02])
+    script.give([[1.0, 1.1]])
+    script.asked()
+    return script
+
+
+def _end() -> TargetScript:
+    script = TargetScript("end", "once closed and arrived the program has finished, and takes no targets")
+    script.give([[2.0, 2.0]])
+    script.ends("finished")
+    script.give_in_vain([[3.0, 3.0]], "MC536")
+    return script
+
+
+def _silence() -> TargetScript:
+    script = TargetScript(
+        "silence", "a program that was stopped, as for want of targets, says so at the next ones"
+    )
+    script.give([[2.0, 2.0]])
+    script.ends("aborted")
+    script.give_in_vain([[3.0, 3.0]], "MC535")
+    return script
