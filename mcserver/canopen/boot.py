@@ -4,20 +4,14 @@ from __future__ import annotations
 
 import threading
 import time
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 from mcserver.can.cob import NMT, NmtCommand, NmtState
-from mcserver.canopen.abort_codes import ABSENT, OUT_OF_RANGE, UNMAPPABLE
-from mcserver.canopen.canopen_errors import DriveError, Stopped, object_text
-from mcserver.canopen.configuration import mode_refusal
+from mcserver.canopen.canopen_errors import DriveError, Stopped
 from mcserver.canopen.lss import LssOutcome, assign_node_number, identity_text
 from mcserver.canopen.network import PortNetwork
-from mcserver.canopen.node import Identity, Node
-from mcserver.canopen.profiles import CIA_401, CIA_402, device_text
+from mcserver.canopen.node import Node
 from mcserver.canopen.sdo import NodeSdo
-from mcserver.canopen.sdo_write import SdoWrite
-from mcserver.canopen.settings import DriveSettings
 from mcserver.drives.cia402.state import STATE_BITS, STATE_OF_BITS, Controlword, PowerState
 
 # A reset is repeated after this time, then after twice as long, and so on: a slow drive must not be reset
@@ -60,7 +54,7 @@ class NodeBoot:
             self._give_number(node)
         before = node.boot_ups
         while True:
-            self._check_stopping()
+            self.check_stopping()
             if node.settings.has_profile:
                 self._command(node, NmtCommand.RESET_COMMUNICATION)
             patience_end = min(deadline, time.monotonic() + patience)
@@ -83,10 +77,10 @@ class NodeBoot:
             return
         limit = node.silence_limit_s or FIRST_PATIENCE_S
         for command in (NmtCommand.ENTER_PRE_OPERATIONAL, NmtCommand.RESET_COMMUNICATION):
-            self._check_stopping()
+            self.check_stopping()
             self._command(node, command)
             node.wait(lambda: node.nmt is not NmtState.STOPPED or self._stopping.is_set(), limit)
-            self._check_stopping()
+            self.check_stopping()
             if node.nmt is not NmtState.STOPPED:
                 return
             try:
@@ -103,47 +97,6 @@ class NodeBoot:
             axis=node.settings.axis,
         )
 
-    def configure(self, node: Node, sdo: NodeSdo, writes: Sequence[SdoWrite]) -> None:
-        """Check who it is, and write its configuration.
-
-        Raises:
-            DriveError: MC551 it is another device, MC553, MC554. Stopped.
-        """
-        node.identity = self._identify(node, sdo)
-        if node.settings.kind == "cia402":
-            for axis in node.axes:
-                self._check_mode(axis.settings, sdo)
-        remarks: list[str] = []
-        dropped: set[str] = set()
-        for write in writes:
-            self._check_stopping()
-            if write.spare_pdo in dropped:
-                continue
-            try:
-                self._write(node, sdo, write)
-            except DriveError as error:
-                code = error.details.get("abort_code")
-                if write.spare_pdo and code in UNMAPPABLE:
-                    dropped.add(write.spare_pdo)
-                    remarks.append(f"{write.spare_pdo} is not used: {error.message}")
-                elif write.optional and code in ABSENT:
-                    place = object_text(write.index, write.subindex)
-                    remarks.append(f"{place} is not there: no {write.what}")
-                elif write.doubt and error.code == "MC551":
-                    remarks.append(f"{object_text(write.index, write.subindex)}: {write.doubt}")
-                elif write.instead and code in OUT_OF_RANGE:
-                    remarks.append(self._write_instead(sdo, write))
-                else:
-                    raise DriveError(
-                        error.code,
-                        f"{error.message} ({write.what})",
-                        write.remedy if write.remedy and code in OUT_OF_RANGE else error.hint,
-                        axis=node.settings.axis,
-                        **error.details,
-                    ) from None
-        node.dropped = frozenset(dropped)
-        node.remarks = tuple(remarks)
-
     def start(self, node: Node) -> None:
         """NMT start, and the heartbeat that confirms it.
 
@@ -159,11 +112,11 @@ class NodeBoot:
         deadline = time.monotonic() + max(self._times.start_s, 2.0 * limit)
         remarks: list[str] = []
         while time.monotonic() < deadline:
-            self._check_stopping()
+            self.check_stopping()
             node.nmt = None
             self._command(node, NmtCommand.START)
             node.wait(lambda: self._is_operational(node), min(limit, deadline - time.monotonic()))
-            self._check_stopping()
+            self.check_stopping()
             if node.nmt is NmtState.OPERATIONAL:
                 node.remarks += tuple(dict.fromkeys(remarks))
                 return
@@ -218,65 +171,10 @@ class NodeBoot:
             found.append(f"{shown} by SDO (6040h)")
         return found
 
-    def _write(self, node: Node, sdo: NodeSdo, write: SdoWrite) -> None:
-        if write.unless is None and not write.verify:
-            sdo.download(write.index, write.subindex, write.payload)
-            return
-        held = sdo.upload(write.index, write.subindex)
-        if write.unless is not None:
-            if held != write.unless:
-                sdo.download(write.index, write.subindex, write.payload)
-        elif held != write.payload:
-            found, said = (int.from_bytes(value, "little") for value in (held, write.payload))
-            raise DriveError(
-                "MC551",
-                f"{node.settings.name}: {object_text(write.index, write.subindex)} holds 0x{found:X}, "
-                f"the EDS says 0x{said:X}",
-                "another firmware, or a mapping that was changed: take the EDS of this firmware, or bring "
-                "the drive back to its defaults",
-                axis=node.settings.axis,
-            )
-
-    def _write_instead(self, sdo: NodeSdo, write: SdoWrite) -> str:
-        """Write what serves nearly as well; return what was written, in words.
-
-        Raises:
-            DriveError: MC553 for another reason than the value, MC554.
-        """
-        place = object_text(write.index, write.subindex)
-        wanted = int.from_bytes(write.payload, "little")
-        for payload in write.instead:
-            try:
-                sdo.download(write.index, write.subindex, payload)
-            except DriveError as error:
-                if error.details.get("abort_code") not in OUT_OF_RANGE:
-                    raise
-                continue
-            taken = int.from_bytes(payload, "little")
-            return f"{place} does not take {wanted} ({write.what}): it has {taken} now"
-        return f"{place} takes no value that is of use: no {write.what}"
-
-    def _check_mode(self, settings: DriveSettings, sdo: NodeSdo) -> None:
-        """Compare the mode with what the drive itself says that it has (6502h)."""
-        try:
-            supported = int.from_bytes(sdo.upload(0x6502 + settings.offset, 0), "little")
-        except DriveError as error:
-            if error.details.get("abort_code") is not None:
-                return
-            raise
-        refusal = mode_refusal(settings, supported) if supported else None
-        if refusal is not None:
-            raise DriveError(
-                "MC551",
-                f"{settings.name}: {object_text(0x6502 + settings.offset, 0)}: {refusal[0]}",
-                refusal[1],
-                axis=settings.axis,
-            )
-
     def _give_number(self, node: Node) -> None:
         identity = node.settings.lss
         assert identity is not None
-        outcome = assign_node_number(self._network, identity, node.settings.node, self._check_stopping)
+        outcome = assign_node_number(self._network, identity, node.settings.node, self.check_stopping)
         if outcome is not LssOutcome.REFUSED:
             # one that nobody answers to may have its number already
             return
@@ -304,7 +202,7 @@ class NodeBoot:
             return node.boot_ups != boot_ups_before
 
         if node.wait(heard, max(0.0, until - time.monotonic())):
-            self._check_stopping()
+            self.check_stopping()
             return True
         if not node.settings.has_profile:
             return False
@@ -314,47 +212,12 @@ class NodeBoot:
             return False
         return True
 
-    def _identify(self, node: Node, sdo: NodeSdo) -> Identity:
-        settings = node.settings
-        device_type = int.from_bytes(sdo.upload(0x1000, 0)[:4], "little")
-        what, profile = ("an I/O node", CIA_401) if settings.kind == "cia401" else ("a drive", CIA_402)
-        if device_type & 0xFFFF != profile:
-            raise DriveError(
-                "MC551",
-                f"{settings.name}: it is {device_text(device_type)}, not {what} (CiA {profile}); "
-                f"1000h = 0x{device_type:08X}",
-                "check the node number, or the drive's configured profile",
-                axis=settings.axis,
-            )
-        vendor, product = (self._identity_entry(sdo, subindex) for subindex in (1, 2))
-        for subindex, what, wanted, found in (
-            (1, "vendor_id", settings.vendor_id, vendor),
-            (2, "product_code", settings.product_code, product),
-        ):
-            if wanted and found != wanted:
-                shown = "nothing" if found is None else f"0x{found:08X}"
-                raise DriveError(
-                    "MC551",
-                    f"{settings.name}: {object_text(0x1018, subindex)} says {shown}, the machine file "
-                    f"{what} = 0x{wanted:08X}",
-                    "another drive has this node number, or the machine file is not of this machine",
-                    axis=settings.axis,
-                )
-        return Identity(device_type, vendor, product)
-
-    def _identity_entry(self, sdo: NodeSdo, subindex: int) -> int | None:
-        try:
-            return int.from_bytes(sdo.upload(0x1018, subindex)[:4], "little")
-        except DriveError as error:
-            if error.details.get("abort_code") in ABSENT:
-                return None
-            raise
-
     def _command(self, node: Node, command: NmtCommand) -> None:
         # a lost command is repeated by whoever waits for its effect
         self._network.try_send(NMT, bytes((command, node.settings.node)))
 
-    def _check_stopping(self) -> None:
+    def check_stopping(self) -> None:
+        """Raise `Stopped` once the server stops."""
         if self._stopping.is_set():
             raise Stopped
 

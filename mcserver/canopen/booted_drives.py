@@ -84,6 +84,11 @@ async def booted(
     """
     drives = CanDrives(asyncio.get_running_loop())
     drives.machine = machine
+    if any(bus.kind == "ethercat" for bus in machine.buses):
+        # these drives are booted by the process of the cycle, the one master of their bus
+        from mcserver.canopen.coe import agreed_on_ethercat
+
+        drives.machine = machine = agreed_on_ethercat(machine)
     if not uses_can(machine):
         yield drives
         return

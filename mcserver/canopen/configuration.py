@@ -97,11 +97,7 @@ def configure(
         ConfigurationError: MC552 the drive has no place for what has to be written.
     """
     known = DriveDictionary(drive, dictionary)
-    supported = known.default(0x6502 + drive.offset)
-    if supported:
-        refusal = mode_refusal(drive, supported)
-        if refusal is not None:
-            raise known.no_place(0x6502 + drive.offset, 0, *refusal)
+    _refuse_mode(drive, known)
     writer = _Writer(drive, known)
     planned = plan_process_data(known)
     first = drive.node_axis == 0
@@ -113,6 +109,24 @@ def configure(
         *writer.profile(cycle_s),
         *writer.extra(),
     ], planned
+
+
+def application_writes(drive: DriveSettings, cycle_s: float, known: DriveDictionary) -> list[SdoWrite]:
+    """List what is written of a drive's application, whatever bus it is on, in order.
+
+    Raises:
+        ConfigurationError: MC552 the drive has no place for it.
+    """
+    _refuse_mode(drive, known)
+    writer = _Writer(drive, known)
+    return [*writer.dcf(cycle_s), *writer.profile(cycle_s), *writer.extra()]
+
+
+def _refuse_mode(drive: DriveSettings, known: DriveDictionary) -> None:
+    supported = known.default(0x6502 + drive.offset)
+    refusal = mode_refusal(drive, supported) if supported else None
+    if refusal is not None:
+        raise known.no_place(0x6502 + drive.offset, 0, *refusal)
 
 
 def mode_refusal(drive: DriveSettings, supported: int) -> tuple[str, str] | None:

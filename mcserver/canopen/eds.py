@@ -12,8 +12,9 @@ from typing import Any
 
 from canopen.objectdictionary import ODArray, ODRecord, ODVariable, datatypes
 
-from mcserver.canopen.dictionary import DeviceDictionary
+from mcserver.canopen.dictionary import DeviceDictionary, generic_dictionary
 from mcserver.canopen.eds_text import MAX_BYTES, Section, decode, fault, number_of, sections_of
+from mcserver.canopen.settings import DriveSettings
 from mcserver.errors import ConfigurationError
 
 # Object codes (CiA 301, table 42).
@@ -64,6 +65,15 @@ def load_description(path: str | Path, node: int) -> Description:
             "check `eds` in the machine file; relative paths start from the machine file's folder",
         ) from error
     return parse_description(decode(raw), node, source)
+
+
+def dictionary_of(drive: DriveSettings) -> DeviceDictionary:
+    """Return the objects of a drive's EDS; without one the standard's.
+
+    Raises:
+        ConfigurationError: MC008.
+    """
+    return load_description(drive.eds, drive.node).dictionary if drive.eds else generic_dictionary(drive.node)
 
 
 def parse_description(text: str, node: int, source: str = "EDS") -> Description:

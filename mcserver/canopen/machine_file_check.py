@@ -11,6 +11,7 @@ from canopen.objectdictionary import ODVariable
 
 from mcserver.can.pdo_layout import Mode
 from mcserver.canopen.canopen_errors import object_text
+from mcserver.canopen.coe import configure_coe
 from mcserver.canopen.configuration import configuration_writes
 from mcserver.canopen.dictionary import generic_dictionary
 from mcserver.canopen.eds import Description, load_description
@@ -40,7 +41,10 @@ def check_drives(machine: Machine) -> list[Diagnostic]:
                 if drive.eds
                 else Description(generic_dictionary(drive.node))
             )
-            writes = configuration_writes(drive, machine.cycle_s, described.dictionary, MASTER)
+            if drive.fieldbus == "ethercat":
+                writes = configure_coe(drive, machine.cycle_s)[0]
+            else:
+                writes = configuration_writes(drive, machine.cycle_s, described.dictionary, MASTER)
         except ConfigurationError as error:
             found.append(Diagnostic(code=error.code, message=error.message, hint=error.hint, axis=drive.axis))
             continue
@@ -83,6 +87,8 @@ def _doubts(drive: DriveSettings, described: Description) -> list[Diagnostic]:
                 "take the DCF of this node, if its values are not those of every drive",
             )
         )
+    if drive.fieldbus == "ethercat":
+        return doubts
     if described.dictionary.get_variable(0x1400, 5) is None:
         watched = described.dictionary.get_variable(0x1016, 1) is not None
         doubts.append(

@@ -48,7 +48,7 @@ STATUSWORD = MappedObject(0x6041, 0, 16)
 MODE_DISPLAY = MappedObject(0x6061, 0, 8)
 POSITION = MappedObject(0x6064, 0, 32)
 TORQUE = MappedObject(0x6077, 0, 16)
-_TARGETS = {
+TARGETS = {
     Mode.CYCLIC_POSITION: TARGET_POSITION,
     Mode.CYCLIC_VELOCITY: TARGET_VELOCITY,
     Mode.INTERPOLATED_POSITION: INTERPOLATED,
@@ -135,7 +135,7 @@ class _Plan:
     # ------------------------------------------------------------ what is wanted
 
     def required_rpdo_objects(self) -> tuple[MappedObject, ...]:
-        required = [CONTROLWORD, _TARGETS[Mode(self._drive.mode)]]
+        required = [CONTROLWORD, TARGETS[Mode(self._drive.mode)]]
         required += [TORQUE_OFFSET] if self._drive.torque_offset else []
         required += [DIGITAL_OUTPUTS] if self._drive.outputs else []
         return tuple(self._of_axis(mapped) for mapped in required)
@@ -145,7 +145,7 @@ class _Plan:
         return tuple(self._of_axis(mapped) for mapped in required)
 
     def wanted_rpdos(self) -> list[_Wanted]:
-        target, own = self._target(), _TARGETS[Mode(self._drive.mode)]
+        target, own = self._target(), TARGETS[Mode(self._drive.mode)]
         mode = [MODE] if self._can_map(MODE) else []
         wanted = [_Wanted((CONTROLWORD, *mode, target), 1)]
         if self._drive.torque_offset:
@@ -198,7 +198,7 @@ class _Plan:
         if mode in _CLOSED_HERE and self._can_map(MODE) and self._can_map(TARGET_POSITION):
             # the position is for information; a drive that has it gets the usual mapping
             return TARGET_POSITION
-        return _TARGETS[mode]
+        return TARGETS[mode]
 
     def _monitored(self, index: int, subindex: int) -> MappedObject:
         variable = self._dictionary.must_have(index, subindex)

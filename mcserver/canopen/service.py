@@ -14,8 +14,8 @@ from mcserver.can.open import open_port
 from mcserver.can.port import CanPort
 from mcserver.canopen.canopen_errors import DriveError, Stopped
 from mcserver.canopen.configuration import configure
-from mcserver.canopen.dictionary import DeviceDictionary, generic_dictionary
-from mcserver.canopen.eds import load_description
+from mcserver.canopen.dictionary import DeviceDictionary
+from mcserver.canopen.eds import dictionary_of
 from mcserver.canopen.io_nodes import configure_io
 from mcserver.canopen.listening import MASTER, Listening, refuse_other_masters
 from mcserver.canopen.node import Node, NodeAxis
@@ -31,15 +31,6 @@ OnProgress = Callable[[str], None]
 SUPERVISION_S = 0.2
 BOOT_ROUND_S = 0.1
 PROGRESS_S = 2.0
-
-
-def dictionary_of(drive: DriveSettings) -> DeviceDictionary:
-    """The drive's EDS, or the standard's objects.
-
-    Raises:
-        ConfigurationError: MC008.
-    """
-    return load_description(drive.eds, drive.node).dictionary if drive.eds else generic_dictionary(drive.node)
 
 
 class CanopenService:
@@ -76,7 +67,7 @@ class CanopenService:
             Stopped: ``stopping`` said so.
         """
         times = times or ServiceTimes()
-        drives = settings_of(machine)
+        drives = [drive for drive in settings_of(machine) if drive.fieldbus == "can"]
         dictionaries = {drive.axis: dictionary_of(drive) for drive in drives if drive.kind == "cia402"}
         plans: dict[str, list[NodeAxis]] = {}
         for drive in drives:
@@ -129,9 +120,9 @@ class CanopenService:
         }
         axes = [
             msgspec.structs.replace(
-                axis, drive=msgspec.structs.replace(axis.drive, process_data=data.get(axis.index))
+                axis, drive=msgspec.structs.replace(axis.drive, process_data=data[axis.index])
             )
-            if isinstance(axis.drive, Cia402Drive)
+            if isinstance(axis.drive, Cia402Drive) and axis.index in data
             else axis
             for axis in machine.axes
         ]

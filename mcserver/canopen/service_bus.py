@@ -22,6 +22,7 @@ from mcserver.canopen.drive_events import CanopenEvent, CanopenEventKind
 from mcserver.canopen.listening import MASTER
 from mcserver.canopen.network import PortNetwork
 from mcserver.canopen.node import Node, NodeAxis, Phase
+from mcserver.canopen.node_configuration import configure_node
 from mcserver.canopen.sdo import NodeSdo
 from mcserver.canopen.settings import NO_AXIS, SdoTimes
 from mcserver.errors import McError
@@ -286,7 +287,8 @@ class CanopenBus:
         for left in range(CONFIGURATIONS - 1, -1, -1):
             boot_ups = node.boot_ups
             try:
-                self._boot.configure(node, node.sdo, [write for axis in node.axes for write in axis.writes])
+                writes = [write for axis in node.axes for write in axis.writes]
+                configure_node(node, node.sdo, writes, self._boot.check_stopping)
                 self._boot.start(node)
             except DriveError:
                 if node.boot_ups == boot_ups or not left:

@@ -8,7 +8,7 @@ from mcserver.can.pdo_layout import Mode
 from mcserver.drives.cia402.drive import Cia402Drive
 from mcserver.drives.cia402.scaling import homing_objects, profile_objects, scaling_objects
 from mcserver.drives.streamed import StreamedDrive
-from mcserver.machine.bus_section import CanBusConfig
+from mcserver.machine.bus_section import BusConfig
 from mcserver.machine.drive import CanDrive
 from mcserver.machine.io_process_data import HEARTBEAT_MS, nodes_on
 from mcserver.machine.machine_file import Axis, Machine
@@ -64,6 +64,8 @@ class DriveSettings:
             "cst" its greatest torque.
         inputs: 60FDh is read in the cycle. outputs: bits of 60FEh that are written.
         streamed: what reads its telemetry, of a drive without a profile.
+        fieldbus: kind of its bus; on EtherCAT ``node`` is its position, counted from 1, and ``address`` the
+            network interface. distributed_clocks: it acts at SYNC0 where it can.
     """
 
     axis: int
@@ -95,6 +97,8 @@ class DriveSettings:
     inputs: bool = False
     outputs: int = 0
     streamed: StreamedDrive | None = None
+    fieldbus: str = "can"
+    distributed_clocks: bool = False
 
     @property
     def offset(self) -> int:
@@ -108,7 +112,9 @@ class DriveSettings:
 
     @property
     def name(self) -> str:
-        """For messages: ``axis 2, node 3 on can0``."""
+        """For messages: ``axis 2, node 3 on can0``, ``axis 2, position 3 on eth1``."""
+        if self.fieldbus == "ethercat":
+            return f"axis {self.axis}, position {self.node - 1} on {self.bus}"
         if self.kind == "cia401":
             return f"the I/O node {self.node} on {self.bus}"
         return f"axis {self.axis}, node {self.node} on {self.bus}"
@@ -116,17 +122,19 @@ class DriveSettings:
 
 def uses_can(machine: Machine) -> bool:
     """Whether any axis has a drive on a CAN bus, or any input or output is on one."""
-    drives = any(isinstance(axis.drive, CanDrive) for axis in machine.axes)
+    drives = any(
+        isinstance(axis.drive, CanDrive) and machine.bus_of(axis).kind == "can" for axis in machine.axes
+    )
     return drives or any(nodes_on(machine, bus.name) for bus in machine.buses)
 
 
 def settings_of(machine: Machine) -> list[DriveSettings]:
-    """All drives on CAN buses, by axis, and behind them the nodes with inputs and outputs."""
+    """All drives on buses, by axis, and behind them the nodes with inputs and outputs."""
     drives = [_of_axis(machine, axis) for axis in machine.axes if isinstance(axis.drive, CanDrive)]
     return drives + [_of_io(bus, node) for bus in machine.buses for node in nodes_on(machine, bus.name)]
 
 
-def _of_io(bus: CanBusConfig, node: int) -> DriveSettings:
+def _of_io(bus: BusConfig, node: int) -> DriveSettings:
     return DriveSettings(
         axis=NO_AXIS,
         kind="cia401",
@@ -154,6 +162,8 @@ def _of_axis(machine: Machine, axis: Axis) -> DriveSettings:
         listen_s=bus.listen_ms / 1e3,
         appear_s=bus.appear_timeout_s,
         foreign_sync=bus.sync == "foreign",
+        fieldbus=bus.kind,
+        distributed_clocks=bus.kind == "ethercat" and bus.distributed_clocks,
     )
     if isinstance(drive, StreamedDrive):
         return replace(settings, streamed=drive)

@@ -13,10 +13,10 @@ from rich.text import Text
 from mcserver.can.pdo import ProcessData
 from mcserver.canopen.cycle_samples import Signal, signals_of
 from mcserver.canopen.dictionary import DeviceDictionary
+from mcserver.canopen.eds import dictionary_of
 from mcserver.canopen.parameters import Parameter, find, parameters_of
 from mcserver.canopen.process_data import plan_process_data
 from mcserver.canopen.sdo_write import DriveDictionary
-from mcserver.canopen.service import dictionary_of
 from mcserver.canopen.settings import DriveSettings, settings_of
 from mcserver.errors import UsageFault
 from mcserver.machine.machine_file import Axis, Machine, load_machine

@@ -24,7 +24,7 @@ from mcserver.machine.io_process_data import nodes_on
 from mcserver.machine.machine_file import Machine, load_machine
 
 if TYPE_CHECKING:
-    from mcserver.drive_sim.simulation import SimulatedBusSegment
+    from mcserver.drive_sim.simulation import Segment
 
 HUB_START_S = 20.0
 
@@ -67,16 +67,23 @@ def drive_sim(
             "--realtime", metavar="P", min=0, max=99, help="SCHED_FIFO priority of drives and hub; 0: none."
         ),
     ] = 0,
+    interface: Annotated[
+        str,
+        typer.Option(
+            "--interface", metavar="IF", help="Where the master of an EtherCAT bus is connected: not its own."
+        ),
+    ] = "",
     wait: Annotated[
         float,
         typer.Option("--wait", min=0.0, max=600.0, help="Wait so long [s] for buses that are not there."),
     ] = 5.0,
 ) -> None:
-    """Simulate the drives of a machine's CAN buses, until Ctrl-C or SIGTERM."""
+    """Simulate the drives of a machine's CAN and EtherCAT buses, until Ctrl-C or SIGTERM."""
     described = load_machine(machine)
     hub_address = _address(hub, "--hub")
     control_address = _address(control, "--control")
     _check_choice(described, bus or (), node or ())
+    _check_interface(described, bus or (), interface)
     try:
         from mcserver.drive_sim.from_machine import Choice, build_buses
     except ImportError as error:
@@ -85,7 +92,7 @@ def drive_sim(
         ) from error
     if realtime:
         _take_priority(realtime)
-    choice = Choice(tuple(bus or ()), tuple(node or ()), energize_ms * 1e-3, random_start)
+    choice = Choice(tuple(bus or ()), tuple(node or ()), energize_ms * 1e-3, random_start, interface)
     with _hub(hub_address) as where:
         try:
             segments = build_buses(described, choice, wait_s=wait)
@@ -100,7 +107,7 @@ def drive_sim(
     narration().print(f"{described.name}: simulated drives stopped")
 
 
-def _serve(segments: list[SimulatedBusSegment], control_address: tuple[str, int] | None, hub: str) -> None:
+def _serve(segments: Sequence[Segment], control_address: tuple[str, int] | None, hub: str) -> None:
     from mcserver.drive_sim.control import ControlServer
     from mcserver.drive_sim.simulation import DriveSimulation
 
@@ -153,6 +160,24 @@ def _check_choice(machine: Machine, buses: Sequence[str], nodes: Sequence[int]) 
         if number not in there_are:
             there = ", ".join(str(each) for each in there_are)
             raise UsageFault("MC541", f"--node {number}: the machine has no such node", f"there are {there}")
+
+
+def _check_interface(machine: Machine, buses: Sequence[str], interface: str) -> None:
+    """Refuse EtherCAT buses without an interface of their own for the simulation."""
+    lines = [
+        bus
+        for bus in machine.buses
+        if bus.kind == "ethercat" and (not buses or bus.name in buses or bus.address in buses)
+    ]
+    if len(lines) > 1:
+        names = ", ".join(bus.name for bus in lines)
+        raise UsageFault("MC541", f"{names}: one EtherCAT bus a process", "choose one by --bus")
+    if bool(lines) != bool(interface) or any(bus.address == interface for bus in lines):
+        raise UsageFault(
+            "MC541",
+            f"--interface {interface!r} is not where a master of EtherCAT is connected",
+            "give the other end of the cable: ip link add ec0 type veth peer name ec1 makes both",
+        )
 
 
 def _take_priority(priority: int) -> None:

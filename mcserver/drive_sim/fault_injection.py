@@ -34,9 +34,15 @@ FAULTS: Mapping[str, Mapping[str, tuple[float, float, float | None]]] = MappingP
         "ignore_setpoints": {},
         "reverse_torque": {},
         "inputs": {"bits": (0, 0xFFFFFFFF, None)},
+        "unplug": {},
+        "safe_op": {"code": (1, 0xFFFF, 0x1B)},
+        "frame_loss": {"frames": (1, MAX_SYNCS, 1)},
         "clear": {},
     }
 )
+# Faults that drives on one kind of bus have, and others do not.
+OF_CAN = frozenset({"late_tpdo", "short_tpdo", "heartbeat_stop"})
+OF_ETHERCAT = frozenset({"unplug", "safe_op", "frame_loss"})
 
 
 class BadRequest(Exception):

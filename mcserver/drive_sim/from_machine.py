@@ -11,11 +11,15 @@ from importlib import import_module
 from mcserver.can.open import open_port
 from mcserver.can.port import CanPort
 from mcserver.drive_sim.cia401_node import Cia401Node
+from mcserver.drive_sim.cia402_node import Identity
+from mcserver.drive_sim.ethercat.drive import EthercatDrive
+from mcserver.drive_sim.ethercat.segment import EthercatLine, EthercatSegment
 from mcserver.drive_sim.motor import Hardware
-from mcserver.drive_sim.simulation import Node, SimulatedBusSegment
+from mcserver.drive_sim.simulation import CanNode, Segment, SimulatedBusSegment
+from mcserver.drives.cia402.drive import cia402_drive
 from mcserver.drives.servo_model import DEFAULT_FRICTION, OVERSPEED
 from mcserver.errors import RuntimeFault
-from mcserver.machine.bus_section import CanBusConfig
+from mcserver.machine.bus_section import BusConfig
 from mcserver.machine.drive import CanDrive
 from mcserver.machine.io_process_data import nodes_on, objects_of
 from mcserver.machine.machine_file import Axis, Machine
@@ -34,6 +38,7 @@ class Choice:
 
     Attributes:
         buses: names or addresses; none: all. nodes: none: all.
+        interface: where a master of EtherCAT is connected.
         energize_s: see `Cia402Node`. seed: of random starting positions; None: those of the machine file.
     """
 
@@ -41,9 +46,10 @@ class Choice:
     nodes: Collection[int] = ()
     energize_s: float = 0.02
     seed: int | None = None
+    interface: str = ""
 
 
-def simulated_axes(machine: Machine, choice: Choice) -> list[tuple[CanBusConfig, Axis]]:
+def simulated_axes(machine: Machine, choice: Choice) -> list[tuple[BusConfig, Axis]]:
     """The axes whose drives are to be simulated, with their buses."""
     found = []
     for axis in machine.axes:
@@ -57,7 +63,7 @@ def simulated_axes(machine: Machine, choice: Choice) -> list[tuple[CanBusConfig,
     return found
 
 
-def simulated_io(machine: Machine, bus: CanBusConfig, choice: Choice) -> list[int]:
+def simulated_io(machine: Machine, bus: BusConfig, choice: Choice) -> list[int]:
     """The nodes with inputs and outputs on a bus that are to be simulated."""
     if choice.buses and bus.name not in choice.buses and bus.address not in choice.buses:
         return []
@@ -69,7 +75,7 @@ def build_buses(
     choice: Choice,
     wait_s: float = 0.0,
     opener: Callable[[str], CanPort] = open_port,
-) -> list[SimulatedBusSegment]:
+) -> list[Segment]:
     """Open the buses and put the drives on them, switched off.
 
     Args:
@@ -79,15 +85,21 @@ def build_buses(
         RuntimeFault: MC424 a bus cannot be opened.
     """
     segments: dict[str, SimulatedBusSegment] = {}
+    lines: dict[str, EthercatSegment] = {}
     chance = random.Random(choice.seed)
     deadline = time.monotonic() + wait_s
     try:
         for bus, axis in simulated_axes(machine, choice):
+            position = start_turns(axis, None if choice.seed is None else chance)
+            if bus.kind == "ethercat":
+                if bus.name not in lines:
+                    lines[bus.name] = EthercatSegment(bus.name, EthercatLine(choice.interface))
+                lines[bus.name].nodes.append(_ethercat_drive(axis, position, choice.energize_s))
+                continue
             segment = segments.get(bus.name)
             if segment is None:
                 port = _open(bus.address, deadline, opener)
                 segment = segments[bus.name] = SimulatedBusSegment(bus.name, port)
-            position = start_turns(axis, None if choice.seed is None else chance)
             segment.nodes.append(build_node(machine, axis, segment.transmit, position, choice.energize_s))
         for bus in machine.buses:
             for number in simulated_io(machine, bus, choice):
@@ -98,10 +110,22 @@ def build_buses(
                 inputs, outputs = objects_of(machine, bus.name, number)
                 segment.nodes.append(Cia401Node(number, segment.transmit, inputs, outputs))
     except RuntimeFault:
-        for segment in segments.values():
-            segment.port.close()
+        for opened in _all(segments, lines):
+            opened.port.close()
         raise
-    return list(segments.values())
+    for line in lines.values():
+        line.nodes.sort(key=lambda drive: drive.node)
+    return _all(segments, lines)
+
+
+def _all(segments: dict[str, SimulatedBusSegment], lines: dict[str, EthercatSegment]) -> list[Segment]:
+    return [*segments.values(), *lines.values()]
+
+
+def _ethercat_drive(axis: Axis, position: float, energize_s: float) -> EthercatDrive:
+    drive = cia402_drive(axis)
+    identity = Identity(drive.vendor_id, drive.product_code, 1000 + axis.index)
+    return EthercatDrive(drive.node, hardware_of(axis), position, identity, energize_s, time.monotonic)
 
 
 def build_node(
@@ -110,9 +134,9 @@ def build_node(
     transmit: Callable[[int, bytes], None],
     position: float,
     energize_s: float = 0.02,
-) -> Node:
+) -> CanNode:
     """Return the drive of one axis, its motor at ``position`` [turn]: of the module with its kind's name."""
-    made: Node = import_module(f"mcserver.drive_sim.{axis.drive.kind}_node").simulated_node(
+    made: CanNode = import_module(f"mcserver.drive_sim.{axis.drive.kind}_node").simulated_node(
         machine, axis, transmit, hardware_of(axis), position, energize_s
     )
     return made

@@ -6,9 +6,9 @@ import math
 import select
 import time
 from collections.abc import Callable, Mapping, Sequence
-from typing import Protocol
+from typing import Any, Protocol
 
-from mcserver.can.port import CanPort, Frame
+from mcserver.can.port import CanPort, Frame, PortCounters
 from mcserver.drive_sim.fault_injection import BadRequest
 
 # A bus that is away is asked so often whether it has come back [s].
@@ -19,11 +19,15 @@ FRAMES_BETWEEN_POLLS = 32
 
 
 class Node(Protocol):
-    """A simulated drive; `Cia402Node` and `ServosilaNode`."""
+    """A simulated drive, or a node with inputs and outputs."""
 
-    node: int
-    wake: float
-    routes: int
+    @property
+    def node(self) -> int:
+        """Its number."""
+
+    @property
+    def wake(self) -> float:
+        """When it wants to be polled next."""
 
     @property
     def booted(self) -> bool:
@@ -31,15 +35,55 @@ class Node(Protocol):
 
     def switch_on(self, now: float) -> None: ...
 
-    def identifiers(self) -> set[int]: ...
-
-    def receive(self, identifier: int, payload: bytes, now: float) -> None: ...
-
     def poll(self, now: float) -> None: ...
 
     def request(self, fault: str, request: Mapping[str, object], now: float) -> None: ...
 
     def describe(self) -> dict[str, object]: ...
+
+
+class CanNode(Node, Protocol):
+    """One on a CAN bus; `Cia402Node`, `Cia401Node` and `ServosilaNode`."""
+
+    @property
+    def routes(self) -> int:
+        """Goes up when its identifiers have changed."""
+
+    def identifiers(self) -> set[int]: ...
+
+    def receive(self, identifier: int, payload: bytes, now: float) -> None: ...
+
+
+class SegmentPort(Protocol):
+    """What the loop waits for on a bus."""
+
+    @property
+    def counters(self) -> PortCounters: ...
+
+    def fileno(self) -> int: ...
+
+    def drain(self) -> list[Any]: ...
+
+    def close(self) -> None: ...
+
+
+class Segment(Protocol):
+    """The nodes of one bus; `SimulatedBusSegment`, `mcserver.drive_sim.ethercat.segment.EthercatSegment`."""
+
+    @property
+    def name(self) -> str: ...
+
+    @property
+    def port(self) -> SegmentPort: ...
+
+    @property
+    def nodes(self) -> Sequence[Node]:
+        """In the order of the machine's axes."""
+
+    @property
+    def wake(self) -> float: ...
+
+    def serve(self, frames: Sequence[Any]) -> None: ...
 
 
 class SimulatedBusSegment:
@@ -53,8 +97,8 @@ class SimulatedBusSegment:
         self.name = name
         self._clock = clock
         self.port = port
-        self.nodes: list[Node] = []
-        self._listeners: dict[int, list[Node]] = {}
+        self.nodes: list[CanNode] = []
+        self._listeners: dict[int, list[CanNode]] = {}
         self._routes = -1
 
     def transmit(self, identifier: int, payload: bytes) -> None:
@@ -70,7 +114,7 @@ class SimulatedBusSegment:
         """Give frames to the nodes that listen to them."""
         if sum(node.routes for node in self.nodes) != self._routes:
             self._reroute()
-        nothing: list[Node] = []
+        nothing: list[CanNode] = []
         for identifier, payload in frames:
             for node in self._listeners.get(identifier, nothing):
                 node.receive(identifier, payload, now)
@@ -110,7 +154,7 @@ class RequestSource(Protocol):
 class DriveSimulation:
     """All buses of a process; `run` until `stop`."""
 
-    def __init__(self, buses: Sequence[SimulatedBusSegment]) -> None:
+    def __init__(self, buses: Sequence[Segment]) -> None:
         self.buses = tuple(buses)
         self._stopping = False
 
@@ -186,7 +230,7 @@ class DriveSimulation:
             node.request(fault, request, now)
         return {"ok": True}
 
-    def _nodes(self, request: Mapping[str, object]) -> list[tuple[SimulatedBusSegment, Node]]:
+    def _nodes(self, request: Mapping[str, object]) -> list[tuple[Segment, Node]]:
         number, name = request.get("node"), request.get("bus")
         everyone = [(bus, node) for bus in self.buses for node in bus.nodes]
         found = [

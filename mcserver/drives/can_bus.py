@@ -1,4 +1,6 @@
-"""One CAN bus of drives: CiA 402 axes in step with SYNC, and axes that stream telemetry beside them.
+"""One bus of drives: CiA 402 axes in step with SYNC, and axes that stream telemetry beside them.
+
+On EtherCAT the port has a process image in the place of frames, and SYNC is what sends it.
 
 An exchange drains what has come (the latest value wins), looks at its age, steps the states, and sends:
 RPDOs, then SYNC last, which lets every drive act on its RPDO and sample its TPDO at one moment. Nothing is
@@ -26,7 +28,7 @@ from mcserver.drives.io_nodes import Array, IoNodes
 from mcserver.drives.node_watch import NodeWatch, bus_back
 from mcserver.drives.streamed import StreamedAxis, StreamedDrive
 from mcserver.errors import RuntimeFault
-from mcserver.machine.bus_section import CanBusConfig
+from mcserver.machine.bus_section import BusConfig
 from mcserver.machine.drive import CanDrive
 from mcserver.machine.machine_file import Machine
 
@@ -47,24 +49,26 @@ class CanBus:
         bus: of the machine. columns: of the machine, ascending; all with drives on this bus.
         opener: from an address to a port; called by `boot`.
         wait: lets a time pass [s], while the bus is booted and closed.
+        delay_cycles: of a reading behind its setpoint, of a drive that follows without error.
 
     Attributes:
         port: None before `boot`.
     """
 
     follows_exactly = False
-    delay_cycles = DELAY_CYCLES
 
     def __init__(
         self,
         machine: Machine,
-        bus: CanBusConfig,
+        bus: BusConfig,
         columns: Sequence[int],
         *,
         opener: Opener = open_port,
         wait: Callable[[float], None] = time.sleep,
+        delay_cycles: int = DELAY_CYCLES,
     ) -> None:
         self.config = bus
+        self.delay_cycles = delay_cycles
         self.port: CanPort | None = None
         self._opener = opener
         self._wait = wait
@@ -76,7 +80,8 @@ class CanBus:
         self._feedback.fresh[:] = False
         servo = [index for index, axis in enumerate(axes) if isinstance(axis.drive, Cia402Drive)]
         self._limit = bus.silence_cycles
-        self._servo = Cia402Axes([axes[index] for index in servo], servo, self._cycle) if servo else None
+        own_axes = [axes[index] for index in servo]
+        self._servo = Cia402Axes(own_axes, servo, self._cycle, delay_cycles) if servo else None
         # on a bus with another producer of SYNC the drives act at its SYNC
         self._sends_sync = self._servo is not None and bus.sync == "own"
         self._watch: NodeWatch | None = None

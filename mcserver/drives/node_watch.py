@@ -49,6 +49,7 @@ class NodeWatch:
         self._patience = [
             max(1, round(HEARTBEAT_PATIENCE * drive.heartbeat_ms / 1e3 / cycle_s)) for drive in drives
         ]
+        self._beating = [drive.heartbeat_ms > 0 for drive in drives]
         self._rules = [EmergencyRule.of(drive.stop_on, drive.warn_on) for drive in drives]
         self._watched = [False] * len(axes)
         self._beats = [0] * len(axes)
@@ -108,7 +109,7 @@ class NodeWatch:
                 return
             state = payload[0] & 0x7F
             self._beats[index] = self._cycle
-            self._watched[index] = True
+            self._watched[index] = self._beating[index]
             if state == NmtState.BOOT_UP:
                 self._states[index] = state
                 self._reported[index] = NO_ERROR

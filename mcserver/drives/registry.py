@@ -3,18 +3,26 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from types import MappingProxyType
 
+from mcserver.can.port import CanPort
 from mcserver.drives.bus import DriveBus
 from mcserver.drives.can_bus import CanBus
+from mcserver.drives.cia402.loops import DELAY_CYCLES
 from mcserver.drives.ideal import IdealBus
 from mcserver.drives.simulated import SimulatedBus
 from mcserver.errors import ConfigurationError
+from mcserver.machine.bus_section import BusConfig
 from mcserver.machine.drive import CanDrive, Drive, IdealDrive
 from mcserver.machine.io_process_data import nodes_on
 from mcserver.machine.machine_file import Axis, Machine
 
 BusFactory = Callable[[Machine, Sequence[Axis], Sequence[int]], list[DriveBus]]
+# From a machine and one of its buses to a port on it.
+BusOpener = Callable[[Machine, BusConfig], CanPort]
+# The frame takes along what was sampled a cycle before, so that a reading is one more cycle behind.
+ETHERCAT_DELAY_CYCLES = DELAY_CYCLES + 1
 
 
 def _ideal(_machine: Machine, axes: Sequence[Axis], columns: Sequence[int]) -> list[DriveBus]:
@@ -25,18 +33,57 @@ def _simulated(machine: Machine, axes: Sequence[Axis], columns: Sequence[int]) -
     return [SimulatedBus(axes, columns, machine.cycle_s)]
 
 
-def _on_can(machine: Machine, axes: Sequence[Axis], columns: Sequence[int]) -> list[DriveBus]:
+def on_buses(openers: Mapping[str, BusOpener] = MappingProxyType({})) -> BusFactory:
+    """Return what makes the buses of a machine file.
+
+    Args:
+        openers: by kind of a bus that is no CAN bus.
+    """
+
+    def make(machine: Machine, axes: Sequence[Axis], columns: Sequence[int]) -> list[DriveBus]:
+        return _on_buses(machine, axes, columns, openers)
+
+    return make
+
+
+def _on_buses(
+    machine: Machine, axes: Sequence[Axis], columns: Sequence[int], openers: Mapping[str, BusOpener]
+) -> list[DriveBus]:
     on: dict[str, list[int]] = {bus.name: [] for bus in machine.buses}
     for axis, column in zip(axes, columns, strict=True):
         on[machine.bus_of(axis).name].append(column)
     # those without drives may have inputs and outputs
     wanted = [bus for bus in machine.buses if on[bus.name] or nodes_on(machine, bus.name)]
-    return [CanBus(machine, bus, on[bus.name]) for bus in wanted]
+    made: list[DriveBus] = []
+    for bus in wanted:
+        if bus.kind == "can":
+            made.append(CanBus(machine, bus, on[bus.name]))
+            continue
+        made.append(
+            CanBus(
+                machine,
+                bus,
+                on[bus.name],
+                opener=partial(_opened, openers.get(bus.kind), machine, bus),
+                delay_cycles=ETHERCAT_DELAY_CYCLES,
+            )
+        )
+    return made
+
+
+def _opened(opener: BusOpener | None, machine: Machine, bus: BusConfig, _address: str) -> CanPort:
+    if opener is None:
+        raise ConfigurationError(
+            "MC006",
+            f"bus {bus.name} is of kind {bus.kind!r}, which is driven by the executor's process alone",
+            "run it by `mcserver run`",
+        )
+    return opener(machine, bus)
 
 
 # Type of drive → what makes its buses; a drive has the one of its nearest type.
 BUS_FACTORIES: Mapping[type[Drive], BusFactory] = MappingProxyType(
-    {Drive: _simulated, IdealDrive: _ideal, CanDrive: _on_can}
+    {Drive: _simulated, IdealDrive: _ideal, CanDrive: on_buses()}
 )
 # The same on a virtual clock, where there is no hardware: drives on a bus are simulated.
 VIRTUAL_FACTORIES: Mapping[type[Drive], BusFactory] = MappingProxyType(

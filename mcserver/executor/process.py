@@ -11,12 +11,12 @@ import os
 import signal
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Protocol
 
 import msgspec
 
-from mcserver.drives.registry import create_buses
+from mcserver.drives.registry import BUS_FACTORIES, BusFactory, create_buses, on_buses
 from mcserver.errors import McError
 from mcserver.executor.executor import Executor
 from mcserver.executor.fault_codes import FaultCode
@@ -24,6 +24,8 @@ from mcserver.executor.process_start import ExitCode, ProcessState, Start
 from mcserver.executor.realtime import MonotonicClock, lock_memory, take_realtime_priority
 from mcserver.executor.shm.mailbox import CommandMailbox
 from mcserver.executor.shm.shared_memory import SharedParts, map_block
+from mcserver.machine.drive import CanDrive, Drive
+from mcserver.machine.machine_file import Machine
 from mcserver.motion.kernels.rate_search import warm_up_playback
 from mcserver.terminal import visible
 
@@ -122,6 +124,15 @@ def run_loop(
             return result
 
 
+def _factories(machine: Machine) -> Mapping[type[Drive], BusFactory]:
+    """Return what makes the machine's buses; only a machine with EtherCAT imports what that needs."""
+    if all(bus.kind != "ethercat" for bus in machine.buses):
+        return BUS_FACTORIES
+    from mcserver.ethercat.open import open_ethercat
+
+    return {**BUS_FACTORIES, CanDrive: on_buses({"ethercat": open_ethercat})}
+
+
 def main() -> int:
     """Run the process; return its exit code."""
     start = msgspec.msgpack.decode(sys.stdin.buffer.read(), type=Start)
@@ -135,7 +146,7 @@ def main() -> int:
     # before drives are switched on, and long before a cycle must not wait
     warm_up_playback()
     try:
-        buses = create_buses(machine)
+        buses = create_buses(machine, _factories(machine))
         executor = Executor(
             machine,
             buses,

@@ -19,7 +19,7 @@ from mcserver.machine.drive import COMMAND_TIMEOUT_CYCLES, CanDrive
 from mcserver.machine.io_process_data import HEARTBEAT_MS, io_process_data, nodes_on
 
 if TYPE_CHECKING:
-    from mcserver.machine.bus_section import CanBusConfig
+    from mcserver.machine.bus_section import BusConfig
     from mcserver.machine.machine_file import Axis, Machine
 
 # Share of a bus that the cycle may take: SDO, EMCY and repetitions need the rest.
@@ -162,6 +162,8 @@ def bus_loads(machine: Machine) -> tuple[BusLoad, ...]:
     """The load of each bus that a drive of the machine is on."""
     loads = []
     for bus in machine.buses:
+        if bus.kind != "can":
+            continue
         axes = [
             axis
             for axis in machine.axes
@@ -174,7 +176,7 @@ def bus_loads(machine: Machine) -> tuple[BusLoad, ...]:
 
 
 def load_of(
-    bus: CanBusConfig,
+    bus: BusConfig,
     axes: list[Axis],
     cycle_hz: float,
     nodes: Sequence[ProcessData] = (),

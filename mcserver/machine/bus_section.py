@@ -1,4 +1,4 @@
-"""``[[bus]]`` of the machine file: the CAN buses, and which drives are where on them."""
+"""``[[bus]]`` of the machine file: CAN and EtherCAT, and which drives are where on them."""
 
 from __future__ import annotations
 
@@ -15,11 +15,12 @@ from mcserver.machine.sections import BusSection
 from mcserver.machine.toml_positions import Path
 
 
-class CanBusConfig(msgspec.Struct, frozen=True):
-    """One CAN bus.
+class BusConfig(msgspec.Struct, frozen=True):
+    """One bus.
 
     Attributes:
-        name: as drives name it. address: see `mcserver.can.address`. bitrate: [bit/s].
+        name: as drives name it. address: see `mcserver.can.address`, of EtherCAT the network interface.
+        bitrate: [bit/s]. distributed_clocks: slaves of EtherCAT that have them act at SYNC0.
         silence_cycles: so many cycles without an answer are a fault of the drive.
         sync: who sends SYNC; "foreign": another one on the bus. listen_ms: for another master, before
             anything is sent [ms]. appear_timeout_s: of a node, from its first reset on.
@@ -32,23 +33,37 @@ class CanBusConfig(msgspec.Struct, frozen=True):
     sync: Literal["own", "foreign"] = "own"
     listen_ms: int = 250
     appear_timeout_s: float = 10.0
+    kind: Literal["can", "ethercat"] = "can"
+    distributed_clocks: bool = True
+
+
+def _check_ethercat(section: BusSection, path: Path, mistakes: Mistakes) -> None:
+    """Note keys that EtherCAT has no use for."""
+    usual = BusSection(section.name)
+    for key, instead in (
+        ("address", "give interface, a network interface of this computer"),
+        ("bitrate", "EtherCAT has 100 Mbit/s: leave it out"),
+        ("sync", "the drives act at the frame, or by their distributed clocks: leave it out"),
+    ):
+        if getattr(section, key) != getattr(usual, key):
+            mistakes.add((*path, key), 'belongs to kind = "can"', instead)
 
 
 def read_buses(
     sections: Iterable[BusSection | None], drives: Iterable[tuple[Path, int, Drive]], mistakes: Mistakes
-) -> list[CanBusConfig]:
+) -> list[BusConfig]:
     """Return the buses of ``[[bus]]``, and those that drives name by their addresses.
 
     Args:
         sections: None where one has a mistake of its own.
         drives: path of the section, number of the axis, drive.
     """
-    buses: dict[str, CanBusConfig] = {}
+    buses: dict[str, BusConfig] = {}
     names: dict[str, str] = {}  # by address
 
-    def add(bus: CanBusConfig, path: Path, who: str) -> None:
+    def add(bus: BusConfig, path: Path, who: str) -> None:
         try:
-            address = str(parse_address(bus.address))
+            address = bus.address if bus.kind == "ethercat" else str(parse_address(bus.address))
         except ConfigurationError as error:
             mistakes.add(path, f"{who}{error.message}", error.hint, error.code)
             return
@@ -63,15 +78,23 @@ def read_buses(
         if section.name in buses:
             mistakes.add(("bus", position, "name"), f"{section.name!r} is there twice", "name each bus once")
             continue
-        address = section.address or section.name
-        bus = CanBusConfig(
+        if section.kind == "ethercat":
+            _check_ethercat(section, ("bus", position), mistakes)
+        elif section.interface:
+            mistakes.add(
+                ("bus", position, "interface"), 'belongs to kind = "ethercat"', "give address, or that kind"
+            )
+        address = section.interface if section.kind == "ethercat" else section.address
+        bus = BusConfig(
             section.name,
-            address,
+            address or section.name,
             section.bitrate,
             section.silence_cycles,
             section.sync,
             section.listen_ms,
             section.appear_timeout_s,
+            section.kind,
+            section.distributed_clocks,
         )
         add(bus, ("bus", position, "address"), "")
     owners: dict[tuple[str, int, int], int] = {}
@@ -79,7 +102,10 @@ def read_buses(
         if not isinstance(drive, CanDrive) or not drive.bus:
             continue
         if drive.bus not in buses:
-            add(CanBusConfig(drive.bus, drive.bus), (*path, "bus"), f"node {drive.node}: ")
+            add(BusConfig(drive.bus, drive.bus), (*path, "bus"), f"node {drive.node}: ")
+        if drive.bus in buses:
+            for named, what, hint in drive.misplaced(buses[drive.bus].kind):
+                mistakes.add((*path, named), what, hint)
         owner = owners.setdefault((drive.bus, *drive.place), axis)
         if owner != axis and drive.node:
             mistakes.add(

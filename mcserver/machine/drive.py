@@ -117,7 +117,7 @@ class IdealDrive(Drive, frozen=True, tag="ideal"):
 
 
 class CanDrive(Drive, frozen=True, tag="can"):
-    """A drive on a CAN bus.
+    """A drive on a CAN bus, or by CiA 402 on EtherCAT.
 
     Attributes:
         encoder: increments per motor revolutions (608Fh). gear: motor per shaft revolutions (6091h).
@@ -157,6 +157,12 @@ class CanDrive(Drive, frozen=True, tag="can"):
     @property
     def homes(self) -> bool:
         return False
+
+    def misplaced(self, bus_kind: str) -> list[tuple[str, str, str]]:
+        """Return what does not fit the kind of its bus: key, what, hint."""
+        if bus_kind == "can":
+            return []
+        return [("bus", f"a {self.kind} drive is on a CAN bus", 'kind = "cia402" is there on EtherCAT too')]
 
     @property
     def usual_timeout_ms(self) -> int:

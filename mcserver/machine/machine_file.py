@@ -18,7 +18,7 @@ from mckinematics.description import EARTH
 
 from mcserver.errors import ConfigurationError
 from mcserver.machine.bus_load import refuse_overload
-from mcserver.machine.bus_section import CanBusConfig, read_buses
+from mcserver.machine.bus_section import BusConfig, read_buses
 from mcserver.machine.button_section import Button, read_buttons
 from mcserver.machine.clearance_section import Clearance, read_clearance
 from mcserver.machine.dialect_section import Dialect, read_dialect
@@ -119,7 +119,7 @@ class Machine(msgspec.Struct, frozen=True):
     tool_tolerance_angle: float
     urdf: str | None
     tools: tuple[Tool, ...]
-    buses: tuple[CanBusConfig, ...] = ()
+    buses: tuple[BusConfig, ...] = ()
     dialect: Dialect = Dialect()
     inputs: tuple[Input, ...] = ()
     outputs: tuple[Output, ...] = ()
@@ -149,7 +149,7 @@ class Machine(msgspec.Struct, frozen=True):
                 return axis
         return None
 
-    def bus_of(self, axis: Axis) -> CanBusConfig:
+    def bus_of(self, axis: Axis) -> BusConfig:
         """The bus of a drive on CAN.
 
         Raises:

@@ -145,19 +145,24 @@ def _doubts_of_bus(machine: Machine, axis: Axis) -> list[Diagnostic]:
     if not isinstance(drive, CanDrive):
         return []
     doubts = []
-    for module in ("canopen", "can"):
+    bus = machine.bus_of(axis)
+    ethercat = bus.kind == "ethercat"
+    for module in ("canopen", "can", *(("pysoem",) if ethercat else ())):
         if importlib.util.find_spec(module) is None:
             doubts.append(
                 _warning(
                     "MC022",
                     axis,
                     f"a {drive.kind} drive needs the package {module}",
-                    "pip install canopen python-can",
+                    "pip install 'mcserver[ethercat]'"
+                    if module == "pysoem"
+                    else "pip install canopen python-can",
                 )
             )
-    address = parse_address(machine.bus_of(axis).address)
-    interface = address.channel
-    if address.transport is Transport.SOCKETCAN and not Path("/sys/class/net", interface).exists():
+    address = None if ethercat else parse_address(bus.address)
+    interface = bus.address if address is None else address.channel
+    local = address is None or address.transport is Transport.SOCKETCAN
+    if local and not Path("/sys/class/net", interface).exists():
         doubts.append(
             _warning(
                 "MC022",

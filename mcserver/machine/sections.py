@@ -117,10 +117,13 @@ class ToolSection(msgspec.Struct, frozen=True):
 
 
 class BusSection(msgspec.Struct, frozen=True):
-    """``[[bus]]``; without an address the name is one."""
+    """``[[bus]]``; without an address or an interface the name is one."""
 
     name: Annotated[str, Meta(min_length=1, description="name each bus once")]
+    kind: Literal["can", "ethercat"] = "can"
     address: str = ""
+    interface: Annotated[str, Meta(max_length=15, description='as `ip link` shows it: "eth1"')] = ""
+    distributed_clocks: bool = True
     bitrate: Annotated[
         int, Meta(ge=10_000, le=1_000_000, description="1000000 is usual; classic CAN has no more")
     ] = 1_000_000

@@ -2,19 +2,18 @@
 
 from __future__ import annotations
 
-import threading
 from collections.abc import Callable, Iterator
 from typing import cast
 
 import pytest
 
 from mcserver.canopen.abort_codes import ABSENT, OUT_OF_RANGE, UNMAPPABLE, abort_remedy, abort_text
-from mcserver.canopen.boot import BootTimes, NodeBoot
 from mcserver.canopen.canopen_errors import DriveError, object_text
 from mcserver.canopen.configuration import configure
 from mcserver.canopen.dictionary import generic_dictionary
 from mcserver.canopen.network import PortNetwork
 from mcserver.canopen.node import Node, NodeAxis
+from mcserver.canopen.node_configuration import configure_node
 from mcserver.canopen.sdo import NodeSdo
 from mcserver.canopen.sdo_write import SdoWrite
 from mcserver.canopen.settings import settings_of
@@ -86,7 +85,6 @@ def refusals(writes: list[SdoWrite]) -> Iterator[tuple[SdoWrite, int, int]]:
 @pytest.mark.parametrize("mode", MODES)
 def test_each_step_that_is_refused_is_named_with_a_remedy_or_done_without_and_said(mode: str) -> None:
     node, writes = steps(mode)
-    boot = NodeBoot(cast(PortNetwork, SilentNetwork()), BootTimes(), threading.Event())
     assert len(writes) > 30
     for write, code, before in refusals(writes):
         sdo = RefusingSdo((write.index, write.subindex), code, before)
@@ -97,12 +95,12 @@ def test_each_step_that_is_refused_is_named_with_a_remedy_or_done_without_and_sa
             or (bool(write.instead) and code in OUT_OF_RANGE)
         )
         if gone_without:
-            boot.configure(node, cast(NodeSdo, sdo), writes)
+            configure_node(node, sdo, writes, lambda: None)
             assert any(place in remark for remark in node.remarks), (place, node.remarks)
             assert not write.spare_pdo or node.dropped == {write.spare_pdo}
         else:
             with pytest.raises(DriveError) as refused:
-                boot.configure(node, cast(NodeSdo, sdo), writes)
+                configure_node(node, sdo, writes, lambda: None)
             error = refused.value
             assert (error.code, error.axis) == ("MC553", 0)
             assert place in error.message

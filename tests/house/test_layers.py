@@ -21,6 +21,7 @@ LAYERS: tuple[tuple[str, ...], ...] = (
     ("gcode",),
     ("drives",),
     ("drive_sim", "canopen"),
+    ("ethercat",),
     ("executor",),
     ("planning",),
     ("service", "simulation"),

@@ -30,13 +30,17 @@ class Cia402Axes:
 
     Args:
         axes: their sections. local: where each is in the arrays of the bus.
+        delay: of a reading behind its setpoint [cycles].
 
     Attributes:
         readings: what their TPDOs have brought. stages: their states. rpdos: what goes out.
     """
 
-    def __init__(self, axes: Sequence[Axis], local: Sequence[int], cycle_s: float) -> None:
+    def __init__(
+        self, axes: Sequence[Axis], local: Sequence[int], cycle_s: float, delay: int = DELAY_CYCLES
+    ) -> None:
         count = len(axes)
+        self._delay = delay
         drives = [cia402_drive(axis) for axis in axes]
         self._cycle = cycle_s
         self.local = tuple(local)
@@ -55,7 +59,7 @@ class Cia402Axes:
         self.readings = AxisReadings(axes, self.local, self._where, frames, scales, self._zero, cycle_s)
         self.stages = PowerStages(axes, frames, self.readings, cycle_s)
         self.rpdos = Rpdos(frames, rpdo1_cycles((drive.command_timeout_ms for drive in drives), cycle_s))
-        self._loops = ControlLoops(axes, cycle_s, self._counts)
+        self._loops = ControlLoops(axes, cycle_s, self._counts, delay)
         self._fed_forward = np.array([drive.torque_offset for drive in drives])
         self._any_fed_forward = bool(self._fed_forward.any())
         self._profiles = {
@@ -140,7 +144,7 @@ class Cia402Axes:
         capturing = stages.capturing
         coasting = capturing & (self._velocity != 0.0) & (stages.commanded >= DriveMode.POSITION)
         if coasting.any():
-            led = readings.position + self._velocity * ((DELAY_CYCLES + readings.ages) * self._cycle)
+            led = readings.position + self._velocity * ((self._delay + readings.ages) * self._cycle)
             np.copyto(wanted, led, where=coasting)
             arrived = coasting & (stages.states == DriveState.ENERGIZED)
             feedback.position[self._where] = np.where(arrived, led, readings.position)

@@ -22,6 +22,9 @@ if TYPE_CHECKING:
     from mcserver.machine.machine_file import Axis
     from mcserver.machine.sections import AxisSection
 
+# What drives on EtherCAT are run in: a torque loop that is closed here has no stability left there, since
+# readings are a cycle older.
+_ETHERCAT_MODES = ("csp", "csv", "pp")
 # Without commands for so long a drive whose torque comes from here acts by itself: it goes on accelerating
 # with the last one [ms].
 TORQUE_TIMEOUT_MS = 20
@@ -72,6 +75,7 @@ class Cia402Drive(CanDrive, frozen=True, tag="cia402"):
         pdo: "fixed" takes the drive's own mapping as it is. monitor: objects shown in telemetry.
         node_axis: which axis of its node, each 800h further. pdo_node: whose COB-IDs its PDOs have, 0: the
             node's own.
+        position: on EtherCAT, in the order of the wiring.
         stop_on, warn_on: patterns of error codes in emergency messages. lss: identity of a node that gets
             its number from here.
         vendor_id, product_code: 1018h, 0: not checked. heartbeat_ms: of the drive's producer, 0: none.
@@ -102,6 +106,9 @@ class Cia402Drive(CanDrive, frozen=True, tag="cia402"):
     sdo_timeout_ms: Annotated[int, Meta(ge=10, le=60_000, description="300 is usual")] = 300
     sdo_tries: Annotated[int, Meta(ge=1, le=10, description="3 is usual")] = 3
     sdo_store_timeout_s: Positive = 15.0
+    position: Annotated[int, Meta(ge=0, lt=GREATEST_NODE, description="0 is next to the master")] | None = (
+        None
+    )
     lss: Annotated[tuple[Unsigned32, Unsigned32, Unsigned32, Unsigned32], Meta(description=_LSS)] | None = (
         None
     )
@@ -141,6 +148,29 @@ class Cia402Drive(CanDrive, frozen=True, tag="cia402"):
     def borrowed_node(self) -> int:
         return self.pdo_node
 
+    def misplaced(self, bus_kind: str) -> list[tuple[str, str, str]]:
+        if bus_kind == "can":
+            if self.position is None:
+                return []
+            return [("position", 'belongs to a bus of kind = "ethercat"', "give node, the node number")]
+        found = []
+        if self.position is None:
+            found.append(("position", "is missing", "give the place on the bus, 0 next to the master"))
+        if self.mode not in _ETHERCAT_MODES:
+            shown = " or ".join(f'"{each}"' for each in _ETHERCAT_MODES)
+            found.append(("mode", f"{self.mode!r} is not there on EtherCAT", f"set mode = {shown}"))
+        usual: tuple[tuple[str, object], ...] = (
+            ("lss", None),
+            ("node_axis", 0),
+            ("pdo_node", 0),
+            ("pdo", "auto"),
+            ("monitor", []),
+        )
+        for key, unset in usual:
+            if getattr(self, key) != unset:
+                found.append((key, "belongs to drives on CAN", "leave it out"))
+        return found
+
     def has_mode(self, mode: int) -> bool:
         if mode == DriveMode.HOMING and self.homing is None:
             return False
@@ -151,6 +181,13 @@ class Cia402Drive(CanDrive, frozen=True, tag="cia402"):
         return _exchanges(self, DriveMode(mode))
 
     def complete(self, axis: AxisSection, cycle_s: float, bad: Refusal) -> tuple[Self, float | None]:
+        if self.position is not None:
+            if self.node:
+                bad("node", "position says where the drive is", "leave one of them out")
+            # a slave has no heartbeat: the state of its application layer is watched
+            placed = msgspec.structs.replace(self, node=self.position + 1, position=None, heartbeat_ms=0)
+            completed, per_turn = placed.complete(axis, cycle_s, bad)
+            return msgspec.structs.replace(completed, position=self.position), per_turn
         for write in self.sdo_writes:
             fits = len(write) in (3, 4) and 0 < write[0] <= 0xFFFF and 0 <= write[1] <= 0xFF
             if not fits or (len(write) == 4 and write[3] not in (1, 2, 4, 8)):

@@ -1,8 +1,8 @@
 """Position loops that are closed here, in the master: onto speeds (csv) and onto torques (cst).
 
-A reading belongs to the setpoint of `DELAY_CYCLES` ago, so that an axis which follows has no error at any
-speed. Both loops share the proportional and integral part [1/s · m or rad]; the speed loop adds the
-setpoint's own velocity, the torque loop the damping and the torque that the motion needs.
+A reading belongs to the setpoint of some cycles ago (`DELAY_CYCLES` on CAN), so that an axis which follows
+has no error at any speed. Both loops share the proportional and integral part [1/s · m or rad]; the speed
+loop adds the setpoint's own velocity, the torque loop the damping and the torque that the motion needs.
 """
 
 from __future__ import annotations
@@ -52,29 +52,31 @@ class PositionPart:
 
     Args:
         axes: of CiA 402 drives, all of a bus; those without a loop stay at 0.
+        delay: of a reading behind its setpoint [cycles].
     """
 
-    def __init__(self, axes: Sequence[Axis], cycle_s: float) -> None:
+    def __init__(self, axes: Sequence[Axis], cycle_s: float, delay: int = DELAY_CYCLES) -> None:
         count = len(axes)
         self.cycle = cycle_s
+        self.delay = delay
         self._gain: Array = np.array([cia402_drive(axis).position_gain for axis in axes])
         times = [cia402_drive(axis).integral_time_s or 0.0 for axis in axes]
         self._integral_gain: Array = np.array([cycle_s / time if time > 0.0 else 0.0 for time in times])
         self._integrates = bool(self._integral_gain.any())
         self.integral: Array = np.zeros(count)
-        self._earlier: Array = np.zeros((DELAY_CYCLES + 1, count))
+        self._earlier: Array = np.zeros((delay + 1, count))
         self._number = 0
 
     def begin(self, started: Mask, setpoint: Array, velocity: Array) -> None:
         """Start loops without an error, from setpoints that move with their velocity."""
-        for back in range(DELAY_CYCLES + 1):
-            row = self._earlier[(self._number - 1 - back) % (DELAY_CYCLES + 1)]
+        for back in range(self.delay + 1):
+            row = self._earlier[(self._number - 1 - back) % (self.delay + 1)]
             row[started] = (setpoint - velocity * (self.cycle * (back + 1)))[started]
         self.integral[started] = 0.0
 
     def before(self, cycles: int) -> Array:
-        """Return the setpoints of 1 … `DELAY_CYCLES` cycles before the present one."""
-        row: Array = self._earlier[(self._number - cycles) % (DELAY_CYCLES + 1)]
+        """Return the setpoints of 1 … `delay` cycles before the present one."""
+        row: Array = self._earlier[(self._number - cycles) % (self.delay + 1)]
         return row
 
     def proportional(self, error: Array) -> Array:
@@ -88,7 +90,7 @@ class PositionPart:
 
     def keep(self, setpoint: Array) -> None:
         """End a cycle."""
-        self._earlier[self._number % (DELAY_CYCLES + 1)] = setpoint
+        self._earlier[self._number % (self.delay + 1)] = setpoint
         self._number += 1
 
 
@@ -114,7 +116,7 @@ class SpeedLoop:
         """
         part = self._part
         followed = (setpoint - part.before(1)) / part.cycle
-        error = part.proportional(part.before(DELAY_CYCLES) - reading)
+        error = part.proportional(part.before(part.delay) - reading)
         raw = self._feed_forward * followed + error + part.integral
         closed: Array = np.clip(raw, -self._limit, self._limit)
         held = active & captured
@@ -185,7 +187,7 @@ class TorqueLoop:
         if started.any():
             part.begin(started, setpoint, velocity)
             self._begin(started, velocity)
-        error = part.before(DELAY_CYCLES) - self._estimate
+        error = part.before(part.delay) - self._estimate
         place = self._number % DAMPING_CYCLES
         span = DAMPING_CYCLES * cycle
         moving_off = (error - self._errors[place]) / span
@@ -245,8 +247,10 @@ class ControlLoops:
         any: whether an axis has one.
     """
 
-    def __init__(self, axes: Sequence[Axis], cycle_s: float, counts_per_si: Array) -> None:
-        self._part = PositionPart(axes, cycle_s)
+    def __init__(
+        self, axes: Sequence[Axis], cycle_s: float, counts_per_si: Array, delay: int = DELAY_CYCLES
+    ) -> None:
+        self._part = PositionPart(axes, cycle_s, delay)
         self._speed = SpeedLoop(axes, self._part)
         self._torque = TorqueLoop(axes, self._part, counts_per_si)
         self.any = bool((self._speed.mine | self._torque.mine).any())

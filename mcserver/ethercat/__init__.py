@@ -1,0 +1,1 @@
+"""Drives on EtherCAT: the master (SOEM, by pysoem), its port for the cycle, and its supervision."""

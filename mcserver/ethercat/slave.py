@@ -1,0 +1,168 @@
+"""One drive on EtherCAT as its master sees it: its mailbox, its registers, its state."""
+
+from __future__ import annotations
+
+import enum
+from dataclasses import dataclass, field
+from typing import Any
+
+from mcserver.can.pdo import ProcessData
+from mcserver.canopen.abort_codes import abort_remedy, abort_text
+from mcserver.canopen.canopen_errors import DriveError, object_text
+from mcserver.canopen.node import Identity, NodeAxis
+from mcserver.canopen.sdo_write import SdoWrite
+from mcserver.canopen.settings import DriveSettings
+
+# An object that is longer than what is tried first.
+MOST_BYTES = 64 * 1024
+# Registers of a slave controller (ETG.1000.4): AL control and status, watchdog, FMMUs, sync managers.
+AL_CONTROL, AL_STATUS, FEATURES = 0x0120, 0x0130, 0x0008
+WATCHDOG_DIVIDER, WATCHDOG = 0x0400, 0x0420
+FMMUS, SYNC_MANAGERS, MAILBOXES = (0x0600, 48), (0x0800, 32), (0x0800, 16)
+_HAS_CLOCK = 0x04
+_WATCHDOG_UNIT_NS = 40
+GREATEST_WATCHDOG = 0xFFFF
+
+
+class AlState(enum.IntEnum):
+    """States of the application layer (ETG.1000.6); NONE: the slave does not answer."""
+
+    NONE = 0
+    INIT = 1
+    PREOP = 2
+    BOOT = 3
+    SAFEOP = 4
+    OP = 8
+
+
+ACKNOWLEDGE = ERROR = 0x10
+
+
+class MailboxSdo:
+    """CoE with one slave; one transfer at a time, the cycle goes on beside it.
+
+    Args:
+        device: of pysoem.
+    """
+
+    def __init__(self, device: Any, settings: DriveSettings) -> None:
+        self._device = device
+        self._settings = settings
+        # told by 603Fh in the cycle
+        device.add_emergency_callback(lambda _message: None)
+
+    def upload(self, index: int, subindex: int, *, attempts: int = 0) -> bytes:
+        """Read an object.
+
+        Raises:
+            DriveError: MC553 the drive refuses, MC554 it does not answer.
+        """
+        attempts = attempts or self._settings.sdo.attempts
+        size = 0
+        for left in range(attempts, -1, -1):
+            try:
+                return bytes(self._device.sdo_read(index, subindex, size, release_gil=True))
+            except Exception as error:
+                abort = getattr(error, "abort_code", None)
+                if abort:
+                    raise self._refused(index, subindex, "read", abort) from None
+                size = MOST_BYTES
+                if not left:
+                    raise self._silent(index, subindex, "read", error) from None
+        raise AssertionError("an attempt returns or raises")
+
+    def download(self, index: int, subindex: int, payload: bytes, *, attempts: int = 0) -> None:
+        """Write an object; one whose answer stays out is repeated only where it does not hold the value.
+
+        Raises:
+            DriveError: as `upload`.
+        """
+        attempts = attempts or self._settings.sdo.attempts
+        for left in range(attempts - 1, -1, -1):
+            try:
+                self._device.sdo_write(index, subindex, bytes(payload), release_gil=True)
+                return
+            except Exception as error:
+                abort = getattr(error, "abort_code", None)
+                if abort:
+                    raise self._refused(index, subindex, "written", abort) from None
+                if index in (0x1010, 0x1011) or not left:
+                    raise self._silent(index, subindex, "written", error) from None
+                if self.upload(index, subindex) == payload:
+                    return
+
+    def _refused(self, index: int, subindex: int, verb: str, abort: int) -> DriveError:
+        return DriveError(
+            "MC553",
+            f"{self._settings.name}: {object_text(index, subindex)} cannot be {verb}: {abort_text(abort)}",
+            abort_remedy(abort),
+            axis=self._settings.axis,
+            index=index,
+            subindex=subindex,
+            abort_code=abort,
+        )
+
+    def _silent(self, index: int, subindex: int, verb: str, error: Exception) -> DriveError:
+        why = f"no answer by the mailbox ({str(error) or type(error).__name__})"
+        return DriveError(
+            "MC554",
+            f"{self._settings.name}: {object_text(index, subindex)} could not be {verb}: {why}",
+            "check the drive's power and the cable in front of it",
+            axis=self._settings.axis,
+            index=index,
+            subindex=subindex,
+        )
+
+
+@dataclass
+class EthercatSlave:
+    """A drive of the machine file; as `mcserver.canopen.node_configuration.ConfiguredNode`.
+
+    Attributes:
+        device: of pysoem. planned: its process data. writes: its configuration. registers: its sync managers
+            and FMMUs once they are set, by address. clocked: it acts at SYNC0.
+    """
+
+    settings: DriveSettings
+    device: Any
+    sdo: MailboxSdo
+    planned: ProcessData
+    writes: list[SdoWrite]
+    axes: tuple[NodeAxis, ...] = ()
+    identity: Identity = field(default_factory=Identity)
+    dropped: frozenset[str] = frozenset()
+    remarks: tuple[str, ...] = ()
+    registers: dict[int, bytes] = field(default_factory=dict)
+    clocked: bool = False
+
+    def read_register(self, address: int, length: int) -> bytes:
+        """Read physical memory; empty where the slave does not answer."""
+        try:
+            return bytes(self.device._fprd(address, length))
+        except Exception:
+            return b""
+
+    def write_register(self, address: int, data: bytes) -> bool:
+        """Write physical memory; False: the slave has not taken it."""
+        try:
+            self.device._fpwr(address, data)
+        except Exception:
+            return False
+        return True
+
+    def request(self, state: AlState, *, acknowledge: bool = False) -> bool:
+        """Ask for a state; False: the slave has not heard it."""
+        control = state | (ACKNOWLEDGE if acknowledge else 0)
+        return self.write_register(AL_CONTROL, int(control).to_bytes(2, "little"))
+
+    @property
+    def has_clock(self) -> bool:
+        """Whether it has a distributed clock."""
+        return bool(self.read_register(FEATURES, 2)[:1] and self.read_register(FEATURES, 2)[0] & _HAS_CLOCK)
+
+    def set_watchdog(self) -> None:
+        """Let it leave OP when process data stay out for the time-out of commands."""
+        divider = int.from_bytes(self.read_register(WATCHDOG_DIVIDER, 2), "little")
+        unit_ns = (divider + 2) * _WATCHDOG_UNIT_NS
+        count = min(GREATEST_WATCHDOG, max(1, round(self.settings.command_timeout_ms * 1e6 / unit_ns)))
+        self.write_register(WATCHDOG, count.to_bytes(2, "little"))

@@ -1,0 +1,143 @@
+"""Slaves are brought to OP, watched, and brought back: beside the cycle, in a thread that never holds it.
+
+The states are read ten times a second, and at once where the cycle misses an answer. A slave that has left
+OP is told to the cycle first, which latches its axis; then it is brought back, a step a round: found again,
+configured as at boot-up, its registers set as they were, and to OP. It is never energized by that.
+"""
+
+from __future__ import annotations
+
+import logging
+import threading
+import time
+
+from mcserver.canopen.canopen_errors import DriveError
+from mcserver.canopen.node_configuration import configure_node
+from mcserver.ethercat.master import EthercatMaster
+from mcserver.ethercat.port import EthercatPort
+from mcserver.ethercat.slave import AL_STATUS, ERROR, FMMUS, MAILBOXES, SYNC_MANAGERS, AlState, EthercatSlave
+
+log = logging.getLogger(__name__)
+
+ROUND_S = 0.1
+STEP_S = 0.01
+FIRST_RETRY_S, LONGEST_RETRY_S = 1.0, 30.0
+JOIN_S = 5.0
+# A frame may be lost: one answer that stays out is no slave that is gone.
+UNHEARD_ROUNDS = 3
+RECOVER_US = 500
+
+
+class EthercatSupervision:
+    """The thread of one bus; made by `start`, ended by `close`."""
+
+    def __init__(self, master: EthercatMaster, port: EthercatPort) -> None:
+        self._master = master
+        self._port = port
+        self._stopping = threading.Event()
+        self._look = threading.Event()
+        self._retry_at = [0.0] * len(master.slaves)
+        self._failures = [0] * len(master.slaves)
+        self._unheard = [0] * len(master.slaves)
+        port.troubled = self._look.set
+        self._thread = threading.Thread(target=self._run, name="ethercat supervision", daemon=True)
+
+    def start(self) -> None:
+        """Begin."""
+        self._thread.start()
+
+    def close(self) -> None:
+        """End the thread."""
+        self._stopping.set()
+        self._look.set()
+        if self._thread.is_alive():
+            self._thread.join(JOIN_S)
+
+    def _run(self) -> None:
+        pause = STEP_S
+        while not self._stopping.is_set():
+            self._look.wait(pause)
+            self._look.clear()
+            try:
+                pause = STEP_S if self.round() else ROUND_S
+            except Exception:
+                log.exception("a round of the EtherCAT supervision failed")
+                pause = ROUND_S
+
+    def round(self) -> bool:
+        """Read all states, and take one step with each slave that is not in OP; True: there are some."""
+        port = self._port
+        if not port.flowing:
+            # without frames that come back every question would wait
+            return True
+        before = port.states
+        if self._master.soem.read_state() == AlState.OP and all(state is AlState.OP for state in before):
+            return False
+        found = []
+        for number, slave in enumerate(self._master.slaves):
+            found.append(self._confirmed(number, slave, before[number]))
+            # the cycle goes first
+            time.sleep(0)
+        states = tuple(state for state, _, _ in found)
+        if states != before:
+            port.states = states
+        now = time.monotonic()
+        for number, (state, failed, code) in enumerate(found):
+            if state is AlState.OP and not failed:
+                self._failures[number] = 0
+            elif state is before[number] and now >= self._retry_at[number]:
+                # told in an earlier round: the axis is latched
+                self._step(number, state, failed, code)
+        return any(state is not AlState.OP for state in states)
+
+    def _confirmed(self, number: int, slave: EthercatSlave, before: AlState) -> tuple[AlState, bool, int]:
+        """A state that is read twice alike, or that of before; silence counts after some rounds."""
+        status = self._status(slave)
+        self._unheard[number] = self._unheard[number] + 1 if status[0] is AlState.NONE else 0
+        if status[0] is before:
+            return status
+        if status[0] is AlState.NONE:
+            return status if self._unheard[number] >= UNHEARD_ROUNDS else (before, False, 0)
+        return status if self._status(slave) == status else (before, False, 0)
+
+    def _status(self, slave: EthercatSlave) -> tuple[AlState, bool, int]:
+        status = slave.read_register(AL_STATUS, 6)
+        if not status or status[0] & 0x0F not in set(AlState):
+            return AlState.NONE, False, 0
+        return (
+            AlState(status[0] & 0x0F),
+            bool(status[0] & ERROR),
+            int.from_bytes(status[4:6], "little"),
+        )
+
+    def _step(self, number: int, state: AlState, failed: bool, code: int) -> None:
+        slave = self._master.slaves[number]
+        if failed:
+            log.warning("%s: left OP for %s: %s", slave.settings.name, state.name, self._master.why(code))
+            slave.request(state, acknowledge=True)
+            return
+        try:
+            if state is AlState.NONE:
+                slave.device.recover(RECOVER_US)
+            elif state is AlState.INIT:
+                address, length = MAILBOXES
+                slave.write_register(address, slave.registers[SYNC_MANAGERS[0]][:length])
+                slave.request(AlState.PREOP)
+            elif state is AlState.PREOP:
+                self._configure(slave)
+            elif state is AlState.SAFEOP and self._port.begun:
+                slave.request(AlState.OP)
+        except DriveError as error:
+            self._failures[number] += 1
+            pause = min(LONGEST_RETRY_S, FIRST_RETRY_S * 2.0 ** (self._failures[number] - 1))
+            self._retry_at[number] = time.monotonic() + pause
+            log.warning("%s; tried again in %g s", error, pause)
+
+    def _configure(self, slave: EthercatSlave) -> None:
+        configure_node(slave, slave.sdo, slave.writes, lambda: None)
+        slave.set_watchdog()
+        at, skipped = SYNC_MANAGERS[0], MAILBOXES[1]
+        slave.write_register(at + skipped, slave.registers[at][skipped:])
+        slave.write_register(FMMUS[0], slave.registers[FMMUS[0]])
+        self._master.start_clock(slave)
+        slave.request(AlState.SAFEOP)

@@ -1,0 +1,111 @@
+"""Simulated drives on a veth pair, driven by pysoem's master: boot-up, motion, faults and recovery."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from mcserver.drives.bus import DriveFault, DriveMode, DriveState
+from tests.ethercat.conftest import Start
+from tests.ethercat.rig import Cycle
+
+
+def energized(cycle: Cycle) -> None:
+    cycle.command(DriveMode.RESET, DriveState.OFF)
+    cycle.command(DriveMode.POSITION, DriveState.ENERGIZED)
+
+
+@pytest.mark.parametrize("mode", ["csp", "csv"])
+def test_drives_are_captured_without_a_jump_and_follow(start: Start, mode: str) -> None:
+    line, cycle = start(3, drive=f'mode = "{mode}"\nrated_torque = 1.0')
+    assert cycle.feedback.position == pytest.approx([0.0, 0.010, 0.020])
+    cycle.command(DriveMode.POSITION, DriveState.ENERGIZED)
+    before = [state["position"] for state in line.control.states()]
+    assert before == pytest.approx([0, 65536, 131072], abs=2)
+    for _ in range(100):
+        cycle.setpoints.position[:] += 0.0001
+        cycle.setpoints.velocity[:] = 0.01
+        cycle.run(1)
+    cycle.setpoints.velocity[:] = 0.0
+    cycle.run(100)
+    assert cycle.feedback.position == pytest.approx(cycle.setpoints.position, abs=2e-5)
+    assert {state["al"] for state in line.control.states()} == {"OP"}
+    assert not cycle.feedback.fault.any()
+
+
+def test_a_lost_frame_is_ridden_through(start: Start) -> None:
+    line, cycle = start(2)
+    energized(cycle)
+    line.control.fault(1, "frame_loss", frames=2)
+    cycle.run(30)
+    assert cycle.feedback.state.tolist() == [DriveState.ENERGIZED] * 2
+
+
+def test_frames_that_stay_out_are_a_bus_that_is_away(start: Start) -> None:
+    line, cycle = start(2, silence_cycles=3)
+    energized(cycle)
+    line.control.fault(1, "frame_loss", frames=300)
+    cycle.until(lambda: bool(cycle.feedback.fault.all()), "a fault")
+    assert set(cycle.feedback.fault.tolist()) <= {DriveFault.BUS_DOWN, DriveFault.COMMUNICATION}
+    assert cycle.feedback.state.tolist() == [DriveState.FAULT] * 2
+
+
+def test_a_slave_that_exchanges_nothing_is_a_fault_by_the_working_counter(start: Start) -> None:
+    line, cycle = start(2)
+    energized(cycle)
+    line.control.fault(2, "mute")
+    cycle.until(lambda: bool(cycle.feedback.fault.any()), "a fault")
+    assert set(cycle.feedback.fault.tolist()) <= {DriveFault.NONE, DriveFault.COMMUNICATION}
+    line.control.clear()
+    energized(cycle)
+
+
+def test_a_drive_that_leaves_op_is_named_brought_back_and_not_energized(start: Start) -> None:
+    line, cycle = start(3)
+    energized(cycle)
+    line.control.fault(2, "safe_op", code=0x1B)
+    cycle.until(lambda: bool(cycle.feedback.fault.any()), "a fault")
+    assert cycle.feedback.fault.tolist() == [0, DriveFault.NOT_OPERATIONAL, 0]
+    cycle.until(lambda: line.control.state(2)["al"] == "OP", "OP again")
+    cycle.run(20)
+    assert cycle.feedback.state.tolist() == [DriveState.ENERGIZED, DriveState.FAULT, DriveState.ENERGIZED]
+    assert line.control.state(2)["power"] != "OPERATION_ENABLED"
+    cycle.command(DriveMode.RESET, DriveState.OFF, 1)
+    cycle.command(DriveMode.POSITION, DriveState.ENERGIZED, 1)
+
+
+def test_a_drive_that_is_unplugged_and_plugged_in_is_configured_again(start: Start) -> None:
+    line, cycle = start(3)
+    energized(cycle)
+    line.control.fault(3, "unplug")
+    cycle.until(lambda: bool(cycle.feedback.fault[2]), "a fault")
+    cycle.run(50)
+    assert cycle.feedback.state.tolist() == [DriveState.ENERGIZED, DriveState.ENERGIZED, DriveState.FAULT]
+    line.control.clear(3)
+    cycle.until(lambda: line.control.state(3)["al"] == "OP", "OP again")
+    cycle.command(DriveMode.RESET, DriveState.OFF, 2)
+    before = line.control.state(3)["position"]
+    cycle.command(DriveMode.POSITION, DriveState.ENERGIZED, 2)
+    assert line.control.state(3)["position"] == pytest.approx(before, abs=2)
+    cycle.setpoints.position[2] += 0.0001
+    cycle.run(50)
+    assert np.abs(cycle.feedback.position - cycle.setpoints.position).max() < 2e-5
+
+
+def test_an_error_of_the_drive_stops_it_with_its_code(start: Start) -> None:
+    line, cycle = start(2)
+    energized(cycle)
+    line.control.fault(1, "emcy", code=0x2310)
+    cycle.until(lambda: bool(cycle.feedback.fault[0]), "a fault")
+    assert cycle.feedback.fault.tolist() == [DriveFault.EMERGENCY, 0]
+    assert cycle.feedback.detail[0] == 0x2310
+    cycle.command(DriveMode.RESET, DriveState.OFF, 0)
+    cycle.command(DriveMode.POSITION, DriveState.ENERGIZED, 0)
+
+
+def test_a_released_drive_gets_no_energy(start: Start) -> None:
+    line, cycle = start(2, drive="")
+    energized(cycle)
+    cycle.setpoints.mode[0] = DriveMode.SILENT
+    cycle.until(lambda: line.control.state(1)["power"] != "OPERATION_ENABLED", "off")
+    assert cycle.feedback.state[1] == DriveState.ENERGIZED
