@@ -30,7 +30,6 @@ class FakeServer(FakeMethods):
         executed: (program, line number, text) of each line in the order of its execution.
         lose: how many of what to lose: ``"reply:submit"``, ``"query:open"``, ``"put"``, ``"ack"``,
             ``"event"``.
-        crossing: how many messages with lines are met by an acknowledgement that was made before they came.
         calls: how often each method was carried out; ``asked``: how often it was asked.
     """
 
@@ -40,7 +39,6 @@ class FakeServer(FakeMethods):
         self.credit_limit = QUEUE_LINES
         self.executed: list[tuple[str, int, str]] = []
         self.lose: Counter[str] = Counter()
-        self.crossing = 0
         self.calls: Counter[str] = Counter()
         self.asked: Counter[str] = Counter()
         self.programs: dict[str, FakeProgram] = {}
@@ -235,9 +233,6 @@ class FakeServer(FakeMethods):
             program = self.programs.get(str(sample.key_expr).rpartition("/")[2])
             if program is None:
                 return
-            if self.crossing > 0:
-                self.crossing -= 1
-                self._acknowledge(program)
             first, lines, *rest = msgpack.unpackb(sample.payload.to_bytes())
             of_now = not rest or rest[0] in (None, program.rejections)
             gap = of_now and first > program.accepted + 1

@@ -63,31 +63,6 @@ async def test_a_rejected_line_of_a_stream_ends_the_stream_and_its_number_is_use
     assert [text for _, _, text in server.executed] == ["G01 X1", "G01 X2", "G01 X3"]
 
 
-async def test_an_acknowledgement_from_before_the_corrected_line_does_not_reject_it(
-    server: FakeServer,
-) -> None:
-    async with Machine.connect(connect=server.endpoint) as machine, machine.program() as program:
-        with pytest.raises(ProgramRejected):
-            await program.send_lines(["G01 X1", "BAD"])
-        server.crossing = 1
-        assert await program.send_lines(["G01 X2", "G01 X3"]) == 3
-        assert server.crossing == 0
-    assert [text for _, _, text in server.executed] == ["G01 X1", "G01 X2", "G01 X3"]
-
-
-async def test_a_corrected_line_that_is_faulty_too_is_rejected_again(server: FakeServer) -> None:
-    async with Machine.connect(connect=server.endpoint) as machine, machine.program() as program:
-        for lines in (["G01 X1", "BAD"], ["BAD again", "G01 X3"]):
-            server.crossing = 1
-            with pytest.raises(ProgramRejected) as caught:
-                await program.send_lines(lines)
-            assert caught.value.line == 2
-        with pytest.raises(ProgramRejected):
-            await program.send("BAD for the third time")
-        assert await program.send_lines(["G01 X2"]) == 2
-    assert [text for _, _, text in server.executed] == ["G01 X1", "G01 X2"]
-
-
 async def test_no_line_is_given_in_ignorance_of_a_rejection(server: FakeServer) -> None:
     server.runs_by_itself = False
     server.credit_limit = 10

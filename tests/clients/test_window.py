@@ -114,22 +114,6 @@ def test_after_a_rejection_the_faulty_number_is_the_next_one(count: int, faulty:
         assert chunk.first == following
 
 
-def test_a_gap_is_answered_once_and_not_for_each_message_behind_it() -> None:
-    window = small_window(100)
-    for number in range(20):
-        window.give(f"G01 X{number}")
-    while window.next_chunk() is not None:
-        continue
-    window.acknowledge(0, 100, expected=1)
-    resent = window.next_chunk()
-    assert resent is not None
-    assert resent.first == 1
-    window.acknowledge(0, 100, expected=1)
-    following = window.next_chunk()
-    assert following is not None
-    assert following.first == 1 + len(resent.lines)
-
-
 def test_memory_is_bounded_by_lines_and_by_bytes() -> None:
     window = small_window(10**6)
     while window.has_room:
@@ -146,14 +130,3 @@ def test_a_line_longer_than_a_whole_chunk_is_sent_alone() -> None:
     chunk = window.next_chunk()
     assert chunk is not None
     assert chunk.lines == ["x" * 500]
-
-
-def test_an_acknowledgement_older_than_what_is_known_changes_nothing() -> None:
-    window = small_window(10)
-    for number in range(5):
-        window.give(f"G01 X{number}")
-    assert window.next_chunk() is not None
-    window.acknowledge(4, 7)
-    window.acknowledge(2, 3)
-    window.acknowledge(9, 3)
-    assert (window.accepted, window.credit) == (4, 7)
