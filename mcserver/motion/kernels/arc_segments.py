@@ -1,4 +1,4 @@
-"""Lines and arcs on end: samples of their limits, junctions, and setpoint rows of arcs.
+"""Lines and arcs on end: samples of their limits, and junctions.
 
 An arc is a row of `ARC` numbers: the columns of its plane's two axes, its centre there, the angle at its
 start, its sweep, the radius at its start, how far the radius grows, and how many samples its limits take; all
@@ -10,14 +10,12 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mcserver.motion.geometry.curves import Array
 from mcserver.motion.kernels.compiled import compiled
 from mcserver.motion.kernels.groups import SegmentColumns
 from mcserver.motion.kernels.junctions import PrecedingEnd, junction_vmax_of, line_sample, write_columns
 from mcserver.motion.kernels.polynomials import limit_of
-from mcserver.motion.kernels.row_sampling import share_of
 
 # Length of the row of an arc.
 ARC = 9
@@ -117,45 +115,3 @@ def append_path_junctions(
         write_columns(columns, i, at, scale, speed, top, column, kind, timing[i])
         last_scale, last_in_parts = scale, may_be_split
     return at, leads
-
-
-@compiled
-def sample_arcs(
-    sigma: Array,
-    speed: Array,
-    index: NDArray[np.intp],
-    spans: Array,
-    arcs: Array,
-    starts: Array,
-    travels: Array,
-    ends: Array,
-    position: Array,
-    velocity: Array,
-) -> None:
-    """Write position and velocity (n, K) of rows on arcs; leave the others alone.
-
-    Args:
-        index: each row's segment; below 0 it is no arc. arcs: shape (m, `ARC`).
-        sigma, speed, spans, starts, ends: as of `sample_lines`. travels: dp/ds of the columns beside the
-            arc's plane, shape (m, K).
-    """
-    width = starts.shape[1]
-    for row in range(len(sigma)):
-        which = index[row]
-        if which < 0:
-            continue
-        s = share_of(sigma[row], spans[which])
-        rate = speed[row] / spans[which, 2]
-        for k in range(width):
-            # the programmed ends are exact, whatever the rounding of cos and sin
-            position[row, k] = ends[which, k] if s >= 1.0 else starts[which, k] + s * travels[which, k]
-            velocity[row, k] = travels[which, k] * rate
-        one, other = int(arcs[which, 0]), int(arcs[which, 1])
-        sweep, growth = arcs[which, 5], arcs[which, 7]
-        angle, radius = arcs[which, 4] + sweep * s, arcs[which, 6] + growth * s
-        cos, sin = math.cos(angle), math.sin(angle)
-        if s < 1.0:
-            position[row, one] = arcs[which, 2] + radius * cos if s > 0.0 else starts[which, one]
-            position[row, other] = arcs[which, 3] + radius * sin if s > 0.0 else starts[which, other]
-        velocity[row, one] = (growth * cos - radius * sweep * sin) * rate
-        velocity[row, other] = (growth * sin + radius * sweep * cos) * rate

@@ -1,6 +1,9 @@
-"""States of a velocity profile at given times, and setpoint rows of straight segments."""
+"""States of a velocity profile at given times, and setpoint rows of straight segments and arcs."""
 
 from __future__ import annotations
+
+import math
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -9,49 +12,60 @@ from mcserver.motion.geometry.curves import Array
 from mcserver.motion.kernels.compiled import compiled
 
 
-@compiled
-def share_of(sigma: float, span: Array) -> float:
-    """Return the share of its curve that a segment has passed at a coordinate.
+class RowPlaces(NamedTuple):
+    """Coordinate along σ, speed and segment of n rows, shape (n,) each."""
 
-    Args:
-        span: shape (5,), a row of those of `sample_lines`.
+    sigma: Array
+    speed: Array
+    segment: NDArray[np.intp]
+
+
+class SampledSegments(NamedTuple):
+    """What setpoints of m segments in K columns are made from.
+
+    Attributes:
+        spans: σ at start and end, scale, and the shares between which it is passed, shape (m, 5).
+        starts, travels, ends: positions, and dp/ds of what goes straight, shape (m, K).
+        arcs: rows of `mcserver.motion.kernels.arc_segments`, shape (m, `ARC`).
     """
-    if sigma >= span[1]:
-        return float(span[4])
-    passed = span[3] + (sigma - span[0]) / span[2]
-    return float(min(max(passed, span[3]), span[4]))
+
+    spans: Array
+    starts: Array
+    travels: Array
+    ends: Array
+    arcs: Array
 
 
 @compiled
-def sample_lines(
-    sigma: Array,
-    speed: Array,
-    index: NDArray[np.intp],
-    spans: Array,
-    starts: Array,
-    travels: Array,
-    ends: Array,
-    position: Array,
-    velocity: Array,
-) -> None:
-    """Write position and velocity (n, K) of rows on straight segments; leave the others alone.
-
-    Args:
-        sigma, speed: of each row, shape (n,). index: each row's segment; below 0 it is not straight.
-        spans: of each segment σ at its start and end, its scale, and the shares between which it is passed,
-            shape (m, 5). starts, travels, ends: shape (m, K).
+def sample_rows(places: RowPlaces, segments: SampledSegments, position: Array, velocity: Array) -> None:
+    """Write position and velocity (n, K) of rows on straight segments and arcs; leave those whose segment is
+    below 0 alone.
     """
-    width = starts.shape[1]
-    for row in range(len(sigma)):
-        which = index[row]
+    spans, starts, travels, ends, arcs = segments
+    for row in range(len(places.segment)):
+        which = places.segment[row]
         if which < 0:
             continue
-        s = share_of(sigma[row], spans[which])
-        rate = speed[row] / spans[which, 2]
-        for k in range(width):
-            # start + (end - start) need not be end in floating point; the target is exact
+        sigma, span, arc = places.sigma[row], spans[which], arcs[which]
+        s = span[4]
+        if sigma < span[1]:
+            s = min(max(span[3] + (sigma - span[0]) / span[2], span[3]), span[4])
+        rate = places.speed[row] / span[2]
+        for k in range(starts.shape[1]):
+            # the programmed ends are exact, whatever start + (end - start), cos and sin are rounded to
             position[row, k] = ends[which, k] if s >= 1.0 else starts[which, k] + s * travels[which, k]
             velocity[row, k] = travels[which, k] * rate
+        sweep, growth = arc[5], arc[7]
+        if sweep == 0.0:
+            continue
+        one, other = int(arc[0]), int(arc[1])
+        angle, radius = arc[4] + sweep * s, arc[6] + growth * s
+        cos, sin = math.cos(angle), math.sin(angle)
+        if s < 1.0:
+            position[row, one] = arc[2] + radius * cos if s > 0.0 else starts[which, one]
+            position[row, other] = arc[3] + radius * sin if s > 0.0 else starts[which, other]
+        velocity[row, one] = (growth * cos - radius * sweep * sin) * rate
+        velocity[row, other] = (growth * sin + radius * sweep * cos) * rate
 
 
 @compiled
@@ -63,17 +77,15 @@ def locate_samples(
     end: float,
     bounds: Array,
     times: Array,
-    sigma: Array,
-    speed: Array,
-    index: NDArray[np.intp],
+    places: RowPlaces,
 ) -> None:
-    """Write coordinate, speed and segment at times that increase, shape (n,) each [s].
+    """Write ``places`` at times that increase, shape (n,) [s].
 
     Args:
         start, rows: of each phase, shape (m,) and (m, `PHASE`). end: the last coordinate. bounds, times: of
             the segments' ends, shape (k+1,).
-        sigma, speed, index: written.
     """
+    sigma, speed, index = places
     phase, by_place, by_time = 0, 0, 0
     last = len(bounds) - 2
     for row in range(len(time)):
@@ -88,7 +100,7 @@ def locate_samples(
         speed[row] = max(v + x * (a + x * j / 2.0), 0.0)
         while by_place < last and bounds[by_place + 1] <= sigma[row]:
             by_place += 1
-        # a joint at which the motion stops is reached for good only after the stop: the times say when
+        # a junction at which the motion stops is reached for good only after the stop: the times say when
         while by_time < last and times[by_time + 1] <= time[row]:
             by_time += 1
         index[row] = last if done else min(by_place, by_time)

@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from mcserver.motion.geometry.curves import Array
 from mcserver.motion.geometry.path_columns import ARC_KIND, OTHER, STRAIGHT, PathColumns
-from mcserver.motion.kernels.arc_segments import sample_arcs
-from mcserver.motion.kernels.row_sampling import locate_samples, sample_lines
+from mcserver.motion.kernels.arc_segments import ARC
+from mcserver.motion.kernels.row_sampling import RowPlaces, SampledSegments, locate_samples, sample_rows
 from mcserver.motion.lookahead.planned_run import PlannedRun
 from mcserver.motion.pieces import Rows
 
@@ -39,11 +39,9 @@ def sample(
     """
     u = np.arange(first, last + 1, dtype=np.float64)
     time: Array = np.asarray((u - origin) * cycle, dtype=np.float64)
-    sigma, speed, index = np.empty(len(u)), np.empty(len(u)), np.empty(len(u), np.intp)
+    sigma, speed, index = places = RowPlaces(np.empty(len(u)), np.empty(len(u)), np.empty(len(u), np.intp))
     law = run.phases
-    locate_samples(
-        time, law.start, law.duration, law.rows, law.end, run.bounds, run.times, sigma, speed, index
-    )
+    locate_samples(time, law.start, law.duration, law.rows, law.end, run.bounds, run.times, places)
     # a row that is at the end but for rounding is at rest: who holds there waits for nothing more
     ended = time >= law.duration - CYCLE_ROUNDING * cycle
     sigma[ended], speed[ended] = law.end, 0.0
@@ -55,15 +53,11 @@ def sample(
     here = index - low
     kind = path.kind[here]
     spans = np.column_stack((run.bounds[low:high], run.bounds[low + 1 : high + 1], path.spans))
-    straight = kind == STRAIGHT
-    if straight.any():
-        lines = np.where(straight, here, -1)
-        sample_lines(sigma, speed, lines, spans, path.bases, path.travels, path.ends, position, velocity)
-    if path.arcs is not None:
-        arcs = np.where(kind == ARC_KIND, here, -1)
-        sample_arcs(
-            sigma, speed, arcs, spans, path.arcs, path.bases, path.travels, path.ends, position, velocity
-        )
+    sampled = np.where((kind == STRAIGHT) | (kind == ARC_KIND), here, -1)
+    if (sampled >= 0).any():
+        arcs = np.zeros((len(path), ARC)) if path.arcs is None else path.arcs
+        segments = SampledSegments(spans, path.bases, path.travels, path.ends, arcs)
+        sample_rows(RowPlaces(sigma, speed, sampled), segments, position, velocity)
     if path.splines:
         _sample_splines(path, spans, here, sigma, speed, position, velocity)
     others = np.flatnonzero(kind == OTHER)
