@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import msgspec
 from msgspec import Meta
@@ -46,8 +46,8 @@ class ScriptSection(msgspec.Struct, frozen=True):
     value: Level
 
 
-class InputSection(msgspec.Struct, frozen=True):
-    """``[[input]]``."""
+class ChannelSection(msgspec.Struct, frozen=True):
+    """What ``[[input]]`` and ``[[output]]`` have in common."""
 
     number: Number
     name: Name
@@ -56,6 +56,11 @@ class InputSection(msgspec.Struct, frozen=True):
     scale: float = 1.0
     offset: float = 0.0
     invert: bool = False
+
+
+class InputSection(ChannelSection, frozen=True):
+    """``[[input]]``."""
+
     debounce_ms: Annotated[float, Meta(ge=0.0, le=10_000.0, description="5 is usual for switches")] = 0.0
     initial: Level = 0.0
     simulated: list[ScriptSection] = []
@@ -68,16 +73,9 @@ class InputSection(msgspec.Struct, frozen=True):
     stop_above: float | None = None
 
 
-class OutputSection(msgspec.Struct, frozen=True):
+class OutputSection(ChannelSection, frozen=True):
     """``[[output]]``."""
 
-    number: Number
-    name: Name
-    kind: Kind = "digital"
-    unit: Annotated[str, Meta(max_length=12, description="12 characters at the most")] = ""
-    scale: float = 1.0
-    offset: float = 0.0
-    invert: bool = False
     min: float | None = None
     max: float | None = None
     initial: Level = 0.0
@@ -96,16 +94,13 @@ class Scripted(msgspec.Struct, frozen=True):
     value: float
 
 
-class Input(msgspec.Struct, frozen=True):
-    """One input; values of digital ones are 0 and 1.
+class Channel(msgspec.Struct, frozen=True):
+    """What inputs and outputs have in common; values of digital ones are 0 and 1.
 
     Attributes:
         number: of its kind, as P (digital) and E (analog) name it.
         unit, scale, offset: value = raw · scale + offset [unit].
-        invert: a digital one is 1 where its source is 0. debounce: a change has to last so long [s].
-        initial, script: of a simulated one, as the program sees it, before debouncing.
-        source: None: simulated.
-        hold_below, hold_above, stop_below, stop_above: values beyond which it holds or stops the machine.
+        invert: a digital one is 1 where its source or target is 0.
     """
 
     number: int
@@ -115,6 +110,18 @@ class Input(msgspec.Struct, frozen=True):
     scale: float = 1.0
     offset: float = 0.0
     invert: bool = False
+
+
+class Input(Channel, frozen=True):
+    """One input.
+
+    Attributes:
+        debounce: a change has to last so long [s].
+        initial, script: of a simulated one, as the program sees it, before debouncing.
+        source: None: simulated.
+        hold_below, hold_above, stop_below, stop_above: values beyond which it holds or stops the machine.
+    """
+
     debounce: float = 0.0
     initial: float = 0.0
     script: tuple[Scripted, ...] = ()
@@ -139,12 +146,10 @@ class Input(msgspec.Struct, frozen=True):
         return not self.stop_below <= value <= self.stop_above
 
 
-class Output(msgspec.Struct, frozen=True):
-    """One output; values of digital ones are 0 and 1.
+class Output(Channel, frozen=True):
+    """One output.
 
     Attributes:
-        number: of its kind, as P (digital) and E (analog) name it.
-        unit, scale, offset: raw = (value - offset) / scale. invert: a digital one is written inverted.
         low, high: least and greatest value [unit].
         initial: from the start of the executor on. safe: after an emergency stop, and where what has set it
             is lost; None: it keeps its value.
@@ -152,13 +157,6 @@ class Output(msgspec.Struct, frozen=True):
         target: None: simulated.
     """
 
-    number: int
-    name: str
-    digital: bool = True
-    unit: str = ""
-    scale: float = 1.0
-    offset: float = 0.0
-    invert: bool = False
     low: float = 0.0
     high: float = 1.0
     initial: float = 0.0
@@ -190,7 +188,7 @@ def read_inputs(
             continue
         path: Path = ("input", position)
         digital = section.kind == "digital"
-        _check_common(section, path, mistakes)
+        common = _common(section, path, mistakes)
         _check_interlocks(section, path, mistakes)
         if section.source is not None and section.simulated:
             mistakes.add(
@@ -211,13 +209,7 @@ def read_inputs(
         )
         found.append(
             Input(
-                number=section.number,
-                name=section.name,
-                digital=digital,
-                unit=section.unit,
-                scale=section.scale,
-                offset=section.offset,
-                invert=section.invert,
+                **common,
                 debounce=section.debounce_ms * 1e-3,
                 initial=_level(section.initial, digital, (*path, "initial"), mistakes),
                 script=script,
@@ -254,7 +246,7 @@ def read_outputs(
             continue
         path: Path = ("output", position)
         digital = section.kind == "digital"
-        _check_common(section, path, mistakes)
+        common = _common(section, path, mistakes)
         for key in ("min", "max"):
             if digital and getattr(section, key) is not None:
                 mistakes.add((*path, key), "belongs to an analog output", 'leave it out, or kind = "analog"')
@@ -283,13 +275,7 @@ def read_outputs(
             )
         found.append(
             Output(
-                number=section.number,
-                name=section.name,
-                digital=digital,
-                unit=section.unit,
-                scale=section.scale,
-                offset=section.offset,
-                invert=section.invert,
+                **common,
                 low=low,
                 high=high,
                 initial=initial,
@@ -304,7 +290,7 @@ def read_outputs(
     return tuple(sorted(found, key=lambda each: (not each.digital, each.number)))
 
 
-def find_channel(channels: Sequence[Input | Output], number: int, *, digital: bool) -> int | None:
+def find_channel(channels: Sequence[Channel], number: int, *, digital: bool) -> int | None:
     """Return the column of a channel by its number and kind; None if the machine has no such channel."""
     for column, each in enumerate(channels):
         if each.number == number and each.digital is digital:
@@ -332,7 +318,8 @@ def _threshold(on: bool | None, value: bool, limit: float | None, default: float
     return default if limit is None else limit
 
 
-def _check_common(section: InputSection | OutputSection, path: Path, mistakes: Mistakes) -> None:
+def _common(section: ChannelSection, path: Path, mistakes: Mistakes) -> dict[str, Any]:
+    """Return the fields of a `Channel`, checked."""
     digital = section.kind == "digital"
     if section.scale == 0.0:
         mistakes.add((*path, "scale"), "0 makes every value the same", "give the units of one raw step")
@@ -342,6 +329,8 @@ def _check_common(section: InputSection | OutputSection, path: Path, mistakes: M
                 mistakes.add((*path, key), "belongs to an analog one", 'leave it out, or kind = "analog"')
     elif section.invert:
         mistakes.add((*path, "invert"), "belongs to a digital one", "give a negative scale")
+    shared = ("number", "name", "unit", "scale", "offset", "invert")
+    return {"digital": digital} | {key: getattr(section, key) for key in shared}
 
 
 def _check_interlocks(section: InputSection, path: Path, mistakes: Mistakes) -> None:
@@ -361,8 +350,8 @@ def _check_interlocks(section: InputSection, path: Path, mistakes: Mistakes) -> 
 
 def _check_unique(
     kind: str,
-    found: Sequence[Input | Output],
-    sections: Sequence[InputSection | OutputSection | None],
+    found: Sequence[Channel],
+    sections: Sequence[ChannelSection | None],
     mistakes: Mistakes,
 ) -> None:
     places = [position for position, section in enumerate(sections) if section is not None]
