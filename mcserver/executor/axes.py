@@ -39,7 +39,7 @@ class ColumnMasks:
         self._columns: dict[int, tuple[int, ...]] = {}
 
     def bools(self, mask: int) -> NDArray[np.bool_]:
-        """Shape (K,); not to be changed."""
+        """Return which columns a mask has, shape (K,); not to be changed."""
         array = self._bools.get(mask)
         if array is None:
             if len(self._bools) >= _MASKS_KEPT:
@@ -65,7 +65,7 @@ def machine_shifts(machine: Machine) -> bool:
 
 
 def mask_of(flags: NDArray[np.bool_]) -> int:
-    """Bit mask of a boolean array."""
+    """Return the bit mask of a boolean array."""
     return int.from_bytes(np.packbits(flags, bitorder="little").tobytes(), "little")
 
 
@@ -456,7 +456,7 @@ class AxisBank:
         self._refresh()
 
     def latch(self, mask: int) -> None:
-        """Faulted axes: off, until `reset`."""
+        """De-energize faulted axes until `reset`."""
         self.off(mask)
         self.fault |= mask
 

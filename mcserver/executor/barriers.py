@@ -32,7 +32,7 @@ class Barrier(Protocol):
     """One reason for u to stand."""
 
     def before(self, left: float, held: bool) -> float | None:
-        """How much of the cycle is left once this is passed [cycles]; None: it stands.
+        """Return how much of the cycle is left once this is passed [cycles]; None: it stands.
 
         Args:
             left: what is left of the cycle at the moment from which the barrier counts.

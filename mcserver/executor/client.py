@@ -125,7 +125,7 @@ class ExecutorProcess:
         return self._process.wait()
 
     def _forget_memory(self) -> None:
-        """It stays mapped here, but nobody else can have it any more."""
+        """Close the descriptor: the memory stays mapped here, but no other process can get it any more."""
         memory, self._memory = self._memory, -1
         if memory >= 0:
             os.close(memory)
@@ -144,7 +144,7 @@ class ExecutorProcess:
 
     @property
     def ending(self) -> str:
-        """How it came to its end, for a message; empty while it runs."""
+        """Return how the process came to its end, for a message; empty while it runs."""
         code = self.exit_code
         if code is None:
             return "" if self.alive else f"it has run no cycle for {BEAT_TIMEOUT_S:g} s"
@@ -199,7 +199,7 @@ class ExecutorProcess:
         return self._shared.mailbox
 
     def beat(self) -> None:
-        """The server lives; at least every 50 ms from the first call on."""
+        """Say that the server lives; at least every 50 ms from the first call on."""
         self._shared.mailbox.beat()
 
     def open_slot(
@@ -225,11 +225,11 @@ class ExecutorProcess:
         return ring
 
     def sink(self, slot: int) -> ProgramRing:
-        """Where the program in a slot puts its rows and control entries."""
+        """Return where the program in a slot puts its rows and control entries."""
         return self._shared.rings[slot]
 
     def events(self) -> list[ExecutorEvent]:
-        """Reports since the last call, in order."""
+        """Return the reports since the last call, in order."""
         return self._shared.events.take()
 
     @property

@@ -60,7 +60,7 @@ class ControlQueue:
         self.last_u = 0.0
 
     def drop(self) -> None:
-        """Free everything: nothing more of this program is done."""
+        """Free all entries: nothing more of this program is done."""
         self.open(self._ring.controls_written)
         self._ring.free_controls(self._noted)
 
@@ -161,8 +161,8 @@ class ControlQueue:
         return edges
 
     def edge(self, u: float) -> tuple[float | None, bool]:
-        """Before which u the motion under way has to be able to stop, and whether more rows would move that
-        on.
+        """Return before which u the motion under way has to be able to stop, and whether more rows would
+        move that on.
 
         None: it ends by itself before all that.
         """

@@ -38,7 +38,7 @@ _OPERATIONS = tuple(AxisOperation)
 
 
 def pass_control(slot: ProgramSlot, control: Control, left: float, waited: bool = False) -> Barrier | None:
-    """Do what an entry asks, ``left`` cycles before the exchange.
+    """Carry out an entry, ``left`` cycles before the exchange.
 
     Args:
         waited: the barrier that an earlier call for this entry put up has been passed.
@@ -155,7 +155,7 @@ def _energize(slot: ProgramSlot, axes: int, mode: DriveMode) -> Barrier | None:
 
 
 def _brake_captured(slot: ProgramSlot, axes: int, left: float) -> None:
-    """Axes that coasted while they were captured come to rest within their limits."""
+    """Bring axes that coasted while they were captured to rest within their limits."""
     cycle = slot.cycle
     for column in cycle.bank.masks.columns(axes & cycle.bank.positioned & ~cycle.motions.mask):
         velocity = float(cycle.row.actual_velocity[column])
@@ -237,7 +237,7 @@ def _torque(slot: ProgramSlot, control: Control, _left: float, waited: bool) -> 
 
 
 def _axis(slot: ProgramSlot, control: Control, left: float, waited: bool) -> Barrier | None:
-    """D-40: acts once the motion before it has ended, in two or three steps."""
+    """Carry out an axis command once the motion before it has ended, in two or three steps (D-40)."""
     cycle, bank, motions = slot.cycle, slot.cycle.bank, slot.cycle.motions
     axes = control.axes
     operation = _OPERATIONS[control.operation]

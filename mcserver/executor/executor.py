@@ -412,7 +412,7 @@ class Executor:
         self._stop(SlotState.FAULTED)
 
     def _care_for_latches(self) -> None:
-        """De-energize what has come to rest in an emergency stop; then reset what was asked to be."""
+        """De-energize what has come to rest in an emergency stop; then reset what orders ask for."""
         bank = self.bank
         stopping = 0
         for slot in self._slots:

@@ -112,7 +112,7 @@ _OF_DRIVE = {
 
 
 def code_of_drive_fault(fault: int) -> FaultCode:
-    """The code that reports a value of `DriveFault`."""
+    """Return the code that reports a value of `DriveFault`."""
     try:
         return _OF_DRIVE.get(DriveFault(fault), FaultCode.DRIVE_FAULT)
     except ValueError:
@@ -126,7 +126,7 @@ def remedy_of(
     inputs: Sequence[str] = (),
     outputs: Sequence[str] = (),
 ) -> tuple[str, str]:
-    """A sentence and a hint for a FAULT event, from its code, axis number and values.
+    """Return a sentence and a hint for a FAULT event, from its code, axis number and values.
 
     Args:
         inputs, outputs: names of the machine's.

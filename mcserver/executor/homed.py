@@ -73,15 +73,15 @@ class HomedAxes:
 
     @property
     def missing(self) -> int:
-        """Columns that do not know where they are: their soft limits do not count."""
+        """Return the columns that have no reference: their soft limits do not count."""
         return self._bank.all & ~self.mask
 
     def barred(self, axes: int) -> int:
-        """Those of the columns that no program may move now."""
+        """Return those of the columns that no program may move now."""
         return axes & self.required & ~self.mask
 
     def reading(self, column: int) -> float:
-        """What the encoder of a column reads [m or rad]."""
+        """Return what the encoder of a column reads [m or rad]."""
         return float(self._bank.row.actual[column] - self._bank.offset[column])
 
     def refer(self, column: int, position: float, at: float) -> None:

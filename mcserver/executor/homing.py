@@ -178,7 +178,7 @@ class AxisHoming:
 
     @property
     def _missing(self) -> FaultCode:
-        """What is at fault where a move comes to its end and has met nothing."""
+        """Return the fault of a search that ended without a contact."""
         if self._stops:
             return FaultCode.STOP_NOT_FOUND
         return FaultCode.INDEX_NOT_FOUND if self._homing.method == "index" else FaultCode.SWITCH_NOT_FOUND
@@ -224,7 +224,7 @@ class AxisHoming:
         return None
 
     def _back_off(self) -> HomingPhase | None:
-        """First to rest behind the contact, then away from it."""
+        """Stop behind the contact, then move away from it."""
         homing = self._homing
         away = self._contact - homing.direction * homing.back_off
         setpoint = float(self._cycle.row.setpoint[self._column])
@@ -251,7 +251,7 @@ class AxisHoming:
         return None
 
     def _index(self) -> HomingPhase | None:
-        """To rest, then away from the switch until the index comes."""
+        """Stop, then move away from the switch until the index comes."""
         passed = self._passes_index()
         moves_away = float(self._cycle.row.velocity[self._column]) * self._homing.direction < 0.0
         if passed and moves_away:
@@ -283,7 +283,7 @@ class AxisHoming:
         return None if self._moving else HomingPhase.DONE
 
     def _drive(self) -> HomingPhase | None:
-        """A drive that fails reports a fault of its own; its section bounds the time."""
+        """Wait for the homing of the drive itself: its own fault or the time of its section ends it."""
         bank, row = self._cycle.bank, self._cycle.row
         if bank.states[self._column] != DriveState.HOMED or not bank.fresh[self._column]:
             return None

@@ -64,7 +64,7 @@ class IndependentMotions:
         rate: float,
         limits: MotionLimits | None = None,
     ) -> None:
-        """To a position; ``left``: what is left of this cycle [cycles], ``rate``: the slot's, up to 1.
+        """Move to a position; ``left``: what is left of this cycle [cycles], ``rate``: the slot's, up to 1.
 
         Args:
             limits: of this motion; None: the axis's.
@@ -78,7 +78,7 @@ class IndependentMotions:
     def move_line(
         self, slot: int, targets: Mapping[int, float], left: float, rate: float, limits: MotionLimits
     ) -> None:
-        """Along a straight line: the column that goes furthest leads, the others follow it in proportion.
+        """Move along a straight line: the column that goes furthest leads, the others follow in proportion.
 
         Args:
             targets: by column, all at rest [m or rad]; one of them differs from where it is.
@@ -99,7 +99,7 @@ class IndependentMotions:
         self._pass(motion, left)
 
     def speed(self, column: int, slot: int, velocity: float, left: float) -> None:
-        """To a speed, within the axis's limit of speed; it is held until superseded."""
+        """Go to a speed within the axis's limit, and hold it until superseded."""
         top = self._axes[column].max_velocity
         velocity = max(-top, min(top, velocity))
         state = self.state(column, left)
@@ -116,7 +116,7 @@ class IndependentMotions:
         self._remask()
 
     def halt(self, column: int, slot: int, left: float = 0.0, *, jerk: bool = True) -> None:
-        """To standstill as soon as the limits allow; without ``jerk`` at full deceleration at once."""
+        """Stop as soon as the limits allow; without ``jerk`` at full deceleration at once."""
         motion = self._motions.get(column)
         if motion is not None:
             self._halt(column, slot, self.state(column, left), left, motion.limits, jerk=jerk)
@@ -124,7 +124,7 @@ class IndependentMotions:
     def halt_from(
         self, column: int, slot: int, state: State, left: float = 0.0, *, jerk: bool = True
     ) -> None:
-        """To standstill from a given state, for instance that of a captured axis that coasts."""
+        """Stop from a given state, for instance that of a captured axis that coasts."""
         self._halt(column, slot, state, left, self._limits[column], jerk=jerk)
 
     def _halt(
@@ -161,7 +161,7 @@ class IndependentMotions:
         self._remask()
 
     def disown(self, slot: int) -> None:
-        """The program has ended; its axes go on at the machine's rate."""
+        """Let the axes of a program that has ended go on at the machine's rate."""
         for motion in self._motions.values():
             if motion.slot == slot:
                 motion.slot = -1
@@ -184,13 +184,13 @@ class IndependentMotions:
         )
 
     def end_left(self, mask: int) -> float:
-        """How much of this cycle was left when the last of these axes came to rest [cycles]."""
+        """Return how much of this cycle was left when the last of these axes came to rest [cycles]."""
         if not mask & self.ended:
             return 1.0
         return min(left for column, left in self._left.items() if mask >> column & 1)
 
     def owned_by(self, slot: int) -> int:
-        """Mask of the axes whose motion belongs to a slot."""
+        """Return the mask of the axes whose motion belongs to a slot."""
         mask = 0
         for motion in self._motions.values():
             if motion.slot == slot:
@@ -236,7 +236,7 @@ class IndependentMotions:
             self._set(motion, *motion.at(motion.elapsed)[:2])
 
     def _elapsed(self, motion: Motion, count: int) -> Array:
-        """Time on the trajectory in each of the next cycles, shape (count,) [s], summed one by one."""
+        """Return times on the trajectory in the next cycles, shape (count,) [s], summed one by one."""
         steps = np.full(count + 1, self._cycle)
         steps[0] = motion.elapsed
         return np.asarray(np.add.accumulate(steps)[1:])

@@ -140,7 +140,7 @@ class IoBank:
         self._written = False
 
     def disown(self, owner: int) -> None:
-        """A program has ended in order: its outputs stay as they are."""
+        """Keep the outputs of a program that has ended in order as they are."""
         self._owner = [NOBODY if each == owner else each for each in self._owner]
         self._written = False
 

@@ -63,7 +63,7 @@ class ServerWatch:
         self._cycles = 0
 
     def lost(self) -> bool:
-        """Once a cycle."""
+        """Return whether the server is lost; called once a cycle."""
         beat = self._mailbox.server_beat
         self._cycles += 1
         if beat != self._beat:
@@ -80,7 +80,7 @@ class ServerWatch:
 def run_loop(
     executor: Executor, mailbox: CommandMailbox, clock: Clock, parent: int, asked: Callable[[], bool]
 ) -> ExitCode:
-    """Cycles until the server asks for the end or is lost; axes are at rest then where that was possible.
+    """Run cycles until the server asks for the end or is lost; axes are at rest then where that was possible.
 
     Args:
         asked: whether something else than the mailbox asks for the end.

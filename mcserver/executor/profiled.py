@@ -49,7 +49,7 @@ class ProfiledAxes:
             bank.goal[column], bank.goal_speed[column] = goal, speed
 
     def shift(self, column: int, distance: float) -> None:
-        """The column's positions read ``distance`` more from now on."""
+        """Let the column's positions read ``distance`` more from now on."""
         goals = self._motions.goals
         if column in goals and self.mask >> column & 1:
             goal, speed = goals[column]

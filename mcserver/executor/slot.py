@@ -203,7 +203,7 @@ class ProgramSlot:
     # ------------------------------------------------------------------ stopping
 
     def stop(self, state: SlotState) -> None:
-        """Ramp down along the path; then all that is left is dropped and the slot is in ``state``."""
+        """Ramp down along the path, then drop all that is left and enter ``state``."""
         if not self.running:
             return
         if self._state is not SlotState.STOPPING:

@@ -66,12 +66,12 @@ class Supervision:
         self._cycle.motions.unlimited = homed.missing
 
     def shift(self, column: int, distance: float) -> None:
-        """The column's positions read ``distance`` more from now on."""
+        """Let the column's positions read ``distance`` more from now on."""
         self._past[:, column] += distance
         self._cycle.history[:, column] += distance
 
     def before_exchange(self) -> None:
-        """No setpoint leaves the axis's travel; one that would is refused."""
+        """Refuse setpoints that leave the axis's travel."""
         if self._cycle.homed.mask != self._homed:
             self._count_limits()
         if not (self._limited and self._cycle.bank.energized):
@@ -127,7 +127,7 @@ class Supervision:
     # ------------------------------------------------------------------ feedback
 
     def after_exchange(self) -> None:
-        """Drives that failed or are lost, axes that do not follow, axes that a soft limit stops."""
+        """Find drives that failed or are lost, axes that do not follow, and axes that a soft limit stops."""
         cycle = self._cycle
         bank, row = cycle.bank, cycle.row
         if self._any_silent or not bank.all_fresh:
@@ -171,7 +171,7 @@ class Supervision:
             self._latch(column, FaultCode.FOLLOWING_ERROR, values)
 
     def _allow_delay(self) -> None:
-        """An axis is no further from its setpoint than from where that was while the feedback came."""
+        """Take an axis as no further from its setpoint than from where that was while the feedback came."""
         row, past, delayed = self._cycle.row, self._past, self._delayed
         low = np.minimum(past.min(axis=0), row.setpoint)
         high = np.maximum(past.max(axis=0), row.setpoint)
@@ -180,7 +180,7 @@ class Supervision:
         np.less_equal(self._error, self._greatest_error, out=self._within)
 
     def _find_strays(self) -> None:
-        """Drives that go on holding their axes long after they were commanded to let go."""
+        """Find drives that hold their axes long after they were commanded to let go."""
         bank = self._cycle.bank
         commanded = (
             bank.energized | bank.starting | bank.stopping | bank.resetting | bank.released | bank.exact
@@ -198,7 +198,7 @@ class Supervision:
         self._reported_strays &= stray
 
     def report_events(self) -> None:
-        """What buses tell besides: it stops nothing."""
+        """Report what buses say besides: it stops nothing."""
         for event in self._cycle.bank.events():
             slot = self._slot_of(event.column)
             index, line = (-1, 0) if slot is None else (slot.index, slot.shown_line)
@@ -218,7 +218,7 @@ class Supervision:
             self._latch(column, FaultCode.DRIVE_SILENT, (seconds, SILENCE_S))
 
     def _latch(self, column: int, code: FaultCode, values: tuple[float, ...]) -> None:
-        """An axis has failed: it is off and latched, and what moves with it stops."""
+        """Latch an axis that has failed: it is off, and what moves with it stops."""
         cycle = self._cycle
         slot = self._slot_of(column)
         cycle.bank.latch(1 << column)

@@ -34,7 +34,7 @@ class MotionLimits:
 
     @classmethod
     def of(cls, axis: Axis, velocity: float = math.inf) -> MotionLimits:
-        """Those of an axis, with its speed bounded by ``velocity``."""
+        """Return the limits of an axis, with its speed bounded by ``velocity``."""
         return cls(min(axis.max_velocity, velocity), axis.max_acceleration, axis.max_jerk)
 
 
@@ -82,7 +82,7 @@ class TrajectorySolver:
         raise TrajectoryError(column)
 
     def _input(self, axis: MotionLimits, state: State, jerk: bool) -> InputParameter:
-        """The start of a trajectory, in coordinates that have their origin there: rounding is least then."""
+        """Return the start of a trajectory with the origin there: rounding is least then."""
         wanted = InputParameter(1)
         wanted.current_position = [0.0]
         wanted.current_velocity = [state[1]]

@@ -58,7 +58,7 @@ def note_kernels_kept() -> None:
 
 
 def _marker() -> str:
-    """Name the file that says so: by the sources around the kernels, versions, and processor."""
+    """Name the file that marks all as compiled: by sources around the kernels, versions, and processor."""
     digest = hashlib.sha256()
     folder = Path(__file__).parent
     for path in sorted(folder.rglob("*.py")):

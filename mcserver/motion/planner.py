@@ -68,7 +68,7 @@ class MotionPlanner:
 
     @property
     def torque_stop(self) -> int:
-        """The longest stop that the torques of what has been committed ask for [cycles]."""
+        """Return the longest stop that the torques of what has been committed ask for [cycles]."""
         return 0 if self._torques is None else self._torques.longest_stop
 
     @property

@@ -115,8 +115,8 @@ class _Happenings:
         cycle: float,
         announced: int,
     ) -> _Happenings:
-        """Of a run that starts at u = ``origin`` [cycles] before ``until`` [s]; none stands behind ``latest``
-        [cycles].
+        """Return those of a run that starts at u = ``origin`` [cycles] before ``until`` [s]; none is behind
+        ``latest`` [cycles].
 
         Args:
             path: columns of its first segments, at least of those that begin before ``until``.

@@ -72,7 +72,7 @@ def warm_up() -> None:
 
 
 def _compile() -> None:
-    """Compile in two processes: what both of them need is compiled by the one that comes to it first."""
+    """Compile in two processes; what both need is compiled by the one that comes to it first."""
     helper = start_warm_up(Part.CORNERS.value) if _cores() > 1 and cache_folder() else None
     try:
         _call(Part.LINES)
@@ -182,7 +182,7 @@ def _round_corners(limits: AxisLimits) -> None:
 
 
 def _smooth_chords(limits: AxisLimits) -> None:
-    """Chords of a curve."""
+    """Compile what chords of a curve take."""
     lines = []
     position = np.zeros(2)
     for number in range(1, 6):
@@ -200,14 +200,14 @@ def _smooth_chords(limits: AxisLimits) -> None:
 
 
 def _follow() -> None:
-    """Cycles of simulated drives."""
+    """Compile what cycles of simulated drives take."""
     pair = np.ones((2, 2))
     cycles = (0, 256, 1e-15)
     follow_cycles(np.ones((7, 2)), np.ones((2, 4, 2)), pair, np.ones(2, np.bool_), pair, pair, cycles, pair)
 
 
 def _drive_quicker(limits: AxisLimits) -> None:
-    """A stretch with acceleration at its knots."""
+    """Compile what a stretch with acceleration at its knots takes."""
     rows = np.ones((2, 5 * len(limits.velocity) + 2))
     offset, edges = np.array([0, 2]), np.array([0.0, 0.01])
     run = run_of(rows, offset, np.ones(1), limits.rows, limits.cycle)

@@ -85,7 +85,7 @@ class EventRing:
         return True
 
     def take(self, limit: int = EVENTS) -> list[ExecutorEvent]:
-        """Reports since the last call, in order."""
+        """Return the reports since the last call, in order."""
         counters = self._counters
         read, written = counters[_READ], counters[_WRITTEN]
         payload = counters[_PAYLOADS_READ]

@@ -132,7 +132,7 @@ class FeedbackRow:
         self.inputs, self.outputs, self.owners = _io_blocks(self.row, axes, slots, inputs, outputs)
 
     def set_homed(self, mask: int) -> None:
-        """Columns that know where they are; a double holds 53 bits, so in two halves."""
+        """Write which columns have a reference; a double holds 53 bits, so in two halves."""
         self.cells[_HOMED_LOW] = mask & _HALF
         self.cells[_HOMED_HIGH] = mask >> 32 & _HALF
 
@@ -146,7 +146,7 @@ class FeedbackRow:
 
 
 def homed_of(row: Sequence[float] | Array) -> int:
-    """Mask of the columns that know where they are, of a row."""
+    """Return the mask of the columns that have a reference, of a row."""
     return int(row[_HOMED_LOW]) | int(row[_HOMED_HIGH]) << 32
 
 
@@ -207,7 +207,7 @@ class FeedbackRing:
         self._counter[0] = written + 1
 
     def skip(self, count: int) -> None:
-        """Count cycles whose rows nobody is to read."""
+        """Count cycles whose rows nobody reads."""
         self._counter[0] += count
 
     def newest_setpoint(self, axes: int) -> Array:
@@ -221,7 +221,7 @@ class FeedbackRing:
         return self._counter[0]
 
     def since(self, sequence: int, limit: int = CYCLES) -> tuple[int, Array]:
-        """Rows from ``sequence`` on, or from the oldest that is left.
+        """Return the rows from ``sequence`` on, or from the oldest that is left.
 
         Returns:
             Sequence number of the first row, and the rows, shape (n, `row_width`); see `time_of` and the
@@ -238,16 +238,16 @@ class FeedbackRing:
         return first + spoilt, rows[spoilt:]
 
     def latest(self) -> FeedbackState | None:
-        """The newest cycle; None before the first."""
+        """Return the newest cycle; None before the first."""
         row = self.newest_row()
         return self.state_of(np.array(row)) if row else None
 
     def newest_row(self) -> list[float]:
-        """The numbers of the newest cycle's row; empty before the first. See `axes_of`, `channels_of`."""
+        """Return the newest cycle's row; empty before the first. See `axes_of`, `channels_of`."""
         return self._newest(0, self._width)
 
     def newest_slots(self) -> list[list[float]]:
-        """Every slot's numbers in the newest cycle, those of `slots_of`; empty before the first."""
+        """Return every slot's numbers in the newest cycle, as `slots_of`; empty before the first."""
         at = _HEAD + _BLOCKS * self._axes
         cells = self._newest(at, at + _SLOT * self._slots)
         return [cells[each : each + _SLOT] for each in range(0, len(cells), _SLOT)]
@@ -264,7 +264,7 @@ class FeedbackRing:
                 return cells
 
     def axes_of(self, row: list[float], block: Block) -> list[float]:
-        """One quantity of all axes in one row, length K."""
+        """Return one quantity of all axes in one row, length K."""
         start = _HEAD + block * self._axes
         return row[start : start + self._axes]
 
@@ -277,14 +277,14 @@ class FeedbackRing:
         return part
 
     def channels_of(self, row: list[float]) -> tuple[list[float], list[float], list[int]]:
-        """Inputs, outputs and who has set these, of one row."""
+        """Return the inputs, the outputs and who has set these, of one row."""
         at = _HEAD + _BLOCKS * self._axes + _SLOT * self._slots
         outputs = at + self._inputs
         owners = outputs + self._outputs
         return row[at:outputs], row[outputs:owners], [int(each) for each in row[owners:]]
 
     def io_of(self, rows: Array) -> tuple[Array, Array]:
-        """Inputs and outputs of rows, shapes (n, I) and (n, O)."""
+        """Return the inputs and outputs of rows, shapes (n, I) and (n, O)."""
         inputs, outputs, _ = _io_blocks(rows, self._axes, self._slots, self._inputs, self._outputs)
         return inputs, outputs
 
@@ -295,12 +295,12 @@ class FeedbackRing:
 
     @staticmethod
     def time_of(rows: Array) -> Array:
-        """Executor times of rows [s]."""
+        """Return the executor times of rows [s]."""
         part: Array = rows[:, TIME]
         return part
 
     def state_of(self, row: Array) -> FeedbackState:
-        """A row as a value."""
+        """Return a row as a value."""
         blocks = [
             row[_HEAD + block * self._axes : _HEAD + (block + 1) * self._axes].copy()
             for block in range(_BLOCKS)

@@ -111,7 +111,7 @@ class CommandMailbox:
         self._decoded: dict[int, tuple[int, Envelope | None]] = {}
 
     def initialise(self) -> None:
-        """Overrides of 100 %; by the side that made the buffer, before the other one looks."""
+        """Set overrides of 100 %; by the side that made the buffer, before the other one looks."""
         self._numbers[_OVERRIDE] = 1.0
         for slot in range(self.slots):
             self._numbers[_HEAD + slot * _SLOT + _S_OVERRIDE] = 1.0
@@ -149,7 +149,7 @@ class CommandMailbox:
         unhomed: bool = False,
         envelope: Envelope | None = None,
     ) -> int:
-        """A new program in a free slot.
+        """Open a free slot for a new program.
 
         Args:
             axes_mask: columns that it may move. base: what `ProgramRing.restart` gave.
@@ -183,12 +183,12 @@ class CommandMailbox:
             return words[at + _S_GENERATION]
 
     def set_override(self, ratio: float, slot: int | None = None) -> None:
-        """Feed override, 0 … 2; of all programs without ``slot``."""
+        """Order a feed override, 0 … 2; of all programs without ``slot``."""
         word = _OVERRIDE if slot is None else self._of(slot) + _S_OVERRIDE
         self._set_number(word, _bounded(ratio))
 
     def set_hold(self, hold: bool, slot: int | None = None) -> None:
-        """Feed hold, or its end; of all programs without ``slot``."""
+        """Order a feed hold, or its end; of all programs without ``slot``."""
         self._set(_HOLD if slot is None else self._of(slot) + _S_HOLD, int(hold))
         if not hold and slot is None:
             self._count(_RESUME)
@@ -244,7 +244,7 @@ class CommandMailbox:
             self._words[_CHANGES] += 1
 
     def beat(self) -> None:
-        """The server is alive."""
+        """Say that the server is alive."""
         self._words[_SERVER_BEAT] += 1
 
     def quit(self) -> None:
@@ -284,11 +284,11 @@ class CommandMailbox:
         return self._words[_IO_ORDERS]
 
     def output_order(self, column: int) -> tuple[int, float]:
-        """How often an output was set, and its newest value."""
+        """Return how often an output was set, and its newest value."""
         return self._channel_order(column)
 
     def input_order(self, column: int) -> tuple[int, float]:
-        """How often a simulated input was set, and its newest value."""
+        """Return how often a simulated input was set, and its newest value."""
         return self._channel_order(self._outputs + column)
 
     def _channel_order(self, number: int) -> tuple[int, float]:

@@ -269,7 +269,7 @@ class ProgramRing:
         self._counters[_ROWS_READ] = before
 
     def free_controls(self, before: int) -> None:
-        """Control entries with numbers below ``before`` are read."""
+        """Free the control entries with numbers below ``before``."""
         self._counters[_CONTROLS_READ] = before
 
     def rows_with(self, number: int) -> int:

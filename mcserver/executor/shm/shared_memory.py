@@ -43,7 +43,7 @@ def _sizes(machine: Machine, slots: int) -> list[int]:
 
 
 def create_block(machine: Machine, slots: int) -> int:
-    """A zeroed block of the size that `map_block` expects; returns its file descriptor, which the caller
+    """Create a zeroed block of the size that `map_block` expects; return its descriptor, which the caller
     closes.
     """
     descriptor = os.memfd_create("mcserver-executor", os.MFD_CLOEXEC)
@@ -56,7 +56,7 @@ def create_block(machine: Machine, slots: int) -> int:
 
 
 def map_block(descriptor: int, machine: Machine, slots: int) -> SharedParts:
-    """The parts of a block; it stays mapped as long as one of them lives, also after the descriptor is
+    """Map a block; it stays mapped as long as one of its parts lives, also after the descriptor is
     closed.
     """
     sizes = _sizes(machine, slots)
@@ -78,7 +78,7 @@ def map_block(descriptor: int, machine: Machine, slots: int) -> SharedParts:
 
 
 def map_feedback(descriptor: int, machine: Machine, slots: int) -> FeedbackRing:
-    """The feedback alone, for a process that only looks: it cannot write anything in the block."""
+    """Map the feedback alone, for a process that only looks: it cannot write anything in the block."""
     before, size = _sizes(machine, slots)[:2]
     whole = memoryview(mmap.mmap(descriptor, before + size, prot=mmap.PROT_READ))
     inputs, outputs = len(machine.inputs), len(machine.outputs)

@@ -28,7 +28,7 @@ class Spline:
     end: Array
 
     def at(self, t: Array) -> Array:
-        """Place and three derivatives by t, shape (4, n, K)."""
+        """Return places and three derivatives by t, shape (4, n, K)."""
         found = np.empty((4, len(t), self.spans.shape[2]))
         spline_at(self.breaks, self.spans, t, found)
         return found
@@ -74,6 +74,6 @@ class SplineCurve(Curve, frozen=True, eq=False):
 
 
 def spline_part(segment: Segment) -> SplineCurve | None:
-    """The part of a spline that a segment is, if it is one."""
+    """Return the part of a spline that a segment is; None: it is none."""
     curve = segment.curves[0] if segment.curves else None
     return curve if isinstance(curve, SplineCurve) else None

@@ -41,7 +41,7 @@ class KernelCache:
 
     @functools.cached_property
     def _digest(self) -> str:
-        """At the first call, when all kernels that it calls are there."""
+        """Return the digest; asked for at the first call, when all kernels that it calls are there."""
         settings = [str(getattr(numba.config, each, None)) for each in _SETTINGS]
         versions = [platform.python_implementation(), platform.python_version(), numba.__version__]
         versions += [llvmlite.__version__, np.__version__]

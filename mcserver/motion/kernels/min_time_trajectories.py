@@ -218,7 +218,7 @@ def _course(knots: Array, at: float) -> tuple[float, float]:
 def min_time_trajectories(
     states: Array, limits: Array, longest: float, cruising: bool, trajectories: Array
 ) -> float:
-    """The least time in which all axes get from state to state [s], infinite: not within ``longest``.
+    """Return the least time in which all axes get from state to state [s]; infinite: not within ``longest``.
 
     Args:
         states: of each axis travel [m or rad], speeds, and accelerations at the start and the end, shape

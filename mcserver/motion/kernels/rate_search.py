@@ -285,7 +285,7 @@ def search_rate(
 
 
 def warm_up_playback() -> None:
-    """Compile what the executor calls, or read it from the cache: before it is on time for anything."""
+    """Compile what the executor calls, or read it from the cache, before the first cycle."""
     width, size = 1, 4
     numbers, some = np.zeros((size, width)), np.ones(width, np.bool_)
     rows = RingRows(np.arange(size), numbers, numbers, np.zeros((size, NUMBERS, 1)))

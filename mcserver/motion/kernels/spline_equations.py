@@ -58,7 +58,7 @@ class Equations(NamedTuple):
 
 @compiled
 def reach_at(t: Array, reach: Array, chord: int, place: float, longest: float) -> float:
-    """L at a place of a chord."""
+    """Return L at a place of a chord."""
     before = reach[chord] + GRADE * (place - t[chord])
     after = reach[chord + 1] + GRADE * (t[chord + 1] - place)
     reached: float = min(before, after, longest)

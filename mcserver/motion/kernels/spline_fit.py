@@ -65,7 +65,7 @@ def _grade(t: Array, reach: Array) -> None:
 
 @compiled
 def _place_knots(t: Array, reach: Array, longest: float, most: int) -> Array:
-    """Clamped knots whose spacing follows L; empty where they would be more than ``most``."""
+    """Return clamped knots whose spacing follows L; empty where they would be more than ``most``."""
     inner = np.empty(most)
     count, chord, place, end = 0, 0, t[0], t[-1]
     while place < end and count < most:
@@ -125,7 +125,7 @@ def _draw_within(samples: Samples, control: Array, multipliers: Array, targets: 
 
 @compiled
 def position_and_bend(spans: Array, span: int, x: float, k: int) -> tuple[float, float]:
-    """Position and second derivative of one column at x behind the start of a span."""
+    """Return position and second derivative of one column at x behind the start of a span."""
     position = bend = 0.0
     for order in range(DEGREE, -1, -1):
         position = position * x + spans[span, order, k]

@@ -100,11 +100,11 @@ class SegmentTable:
 
     @property
     def kernel_view(self) -> Segments:
-        """The table for kernels."""
+        """Return the table for kernels."""
         return Segments(self.columns, self.samples, self._dropped, self._passed)
 
     def with_stops(self, at: NDArray[np.bool_]) -> Segments:
-        """The table for kernels with stops at the starts of some segments, where a vertex then asks for
+        """Return the table for kernels, with stops at the starts of some segments: a vertex there asks for
         nothing.
 
         Args:
@@ -123,7 +123,7 @@ class SegmentTable:
 
     @property
     def timed(self) -> NDArray[np.bool_]:
-        """Which segments have a T of their own, shape (n,)."""
+        """Return which segments have a T of their own, shape (n,)."""
         return ~np.isnan(self.columns.duration)
 
     @property
@@ -284,7 +284,7 @@ class SegmentTable:
         self.segments.drop(count)
 
     def snapshot(self) -> TableSnapshot:
-        """The present state, with at least one segment, for `restore`."""
+        """Return the present state, with at least one segment, for `restore`."""
         columns = self.columns
         return TableSnapshot(
             len(self),
@@ -340,7 +340,7 @@ class SegmentTable:
         self._view = None
 
     def _first_sample(self, index: int) -> int:
-        """Where the samples of a segment begin, or would."""
+        """Return where the samples of a segment begin, or would."""
         return int(self.columns.sample_end[index - 1]) - self._dropped if index > 0 else 0
 
     def mark_knots(self, indices: NDArray[np.intp], bits: NDArray[np.intp]) -> None:

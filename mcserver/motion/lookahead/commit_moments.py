@@ -174,7 +174,7 @@ def _is_peak(plan: PlannedRun, index: int, trace: float) -> bool:
 
 
 def last_steady(plan: PlannedRun, until: float) -> float:
-    """The last moment without acceleration that is not later than ``until`` [s]; 0 without one."""
+    """Return the last moment without acceleration that is not later than ``until`` [s]; 0 without one."""
     phases = plan.phases
     trace = 1e-6 * float(np.abs(phases.acceleration).max())
     steady = (np.abs(phases.acceleration) <= trace) & ~plan.timed & (phases.velocity > 0.0)

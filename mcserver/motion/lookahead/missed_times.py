@@ -118,7 +118,7 @@ def _missed(took: Array, durations: Array) -> NDArray[np.bool_]:
 def none_early(
     solver: KnotSolver, solution: Solution, junction_vmax: Array, attempt: Callable[[Array], Solution]
 ) -> Solution:
-    """Lower speeds beside timed segments that end before their T until none does, where that is possible.
+    """Lower speeds beside timed segments that end before their T, until none does, where that is possible.
 
     From the speed that is already there a segment may reach only speeds with which it ends too soon, or rest:
     under a jerk limit a change to a lower speed may take more room than a stop. Then it stops.

@@ -52,7 +52,7 @@ class Chords:
 
     @classmethod
     def of(cls, lines: SegmentList, weights: Array) -> Chords:
-        """Of straight segments; what has been passed of the first is left out."""
+        """Return those of straight segments; what has been passed of the first is left out."""
         path = lines.columns(0, len(lines))
         travels = path.travels * weights
         lengths = np.sqrt(np.einsum("ij,ij->i", travels, travels))

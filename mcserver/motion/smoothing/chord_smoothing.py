@@ -122,7 +122,7 @@ class ChordSmoother:
     def _items(
         self, lines: SegmentList, runs: list[tuple[int, int]], *, rests: bool, jet: Array | None = None
     ) -> list[Item] | None:
-        """Items of lines with these runs of vertices.
+        """Return the items of lines with these runs of vertices.
 
         Args:
             jet: what the first run begins with; None is returned where it cannot.
@@ -150,7 +150,7 @@ class ChordSmoother:
     def _curve(
         self, lines: SegmentList, run: tuple[int, int], *, rests: bool, jet: Array | None = None
     ) -> list[Item] | None:
-        """What is left of the line before a run of vertices, its curve, and what is left of the line behind.
+        """Return the rest of the line before a run of vertices, its curve, and the rest of the line behind.
 
         Args:
             rests: whether it may begin at the start of its first line. jet: what it begins with at its first
@@ -205,7 +205,7 @@ class ChordSmoother:
         jet: Array | None,
         longest: float,
     ) -> tuple[Spline, Array, NDArray[np.intp]] | None:
-        """The spline, the parameters of the lines' ends, shape (n+1,), and its columns."""
+        """Return the spline, the parameters of the lines' ends, shape (n+1,), and its columns."""
         mask = int(np.bitwise_or.reduce(lines.plan_columns().mask))
         if jet is not None:
             # what still moves where the curve goes on
@@ -319,7 +319,7 @@ class ChordSmoother:
 def _open_curve(
     lines: SegmentList, bounds: _Bounds, jets: Array, t: Array, lead: Segment | None
 ) -> OpenCurve:
-    """What may still change: all that the end at rest can be felt in."""
+    """Return the part of the last curve that its end at rest still changes."""
     fade = min(FADE * LONGEST / MM, 0.5 * float(t[-1]))
     keep = int(np.searchsorted(t, float(t[-1]) - fade, side="right")) - 1
     keep = min(max(keep, 0), len(lines) - 1)
@@ -337,7 +337,7 @@ def _open_curve(
 
 
 def _begin(line: Segment, wanted: float, chords: Chords, *, rests: bool) -> tuple[float, int]:
-    """Where on the line before its first vertex a curve begins, and how many conditions hold there."""
+    """Return where on the line before its first vertex a curve begins, and how many conditions hold there."""
     remaining = float(chords.lengths[0])
     if rests and remaining <= 2.0 * wanted:
         return line.begin, AT_REST
@@ -347,7 +347,7 @@ def _begin(line: Segment, wanted: float, chords: Chords, *, rests: bool) -> tupl
 
 
 def _finish(line: Segment, wanted: float, chords: Chords, *, ends: bool) -> tuple[float, int]:
-    """Where on the line behind its last vertex a curve ends, and how many conditions hold there."""
+    """Return where on the line behind its last vertex a curve ends, and how many conditions hold there."""
     remaining = float(chords.lengths[-1])
     if ends and remaining <= 2.0 * wanted:
         return line.finish, AT_REST
@@ -356,14 +356,14 @@ def _finish(line: Segment, wanted: float, chords: Chords, *, ends: bool) -> tupl
 
 
 def _share(line: Segment) -> float:
-    """Share of a line for a curve at one of its ends; one with a T needs the rest to change speed."""
+    """Return the share of a line that a curve at its end may take; with a T it needs the rest."""
     return SHARE if line.duration is None else TIMED_SHARE
 
 
 def _feeds(
     path: PathColumns, plan: PlanColumns, fed: NDArray[np.bool_], spans: Array, slopes: Array
 ) -> Array:
-    """Greatest ds/dt of each part that keeps the feed rate of its line [1/s].
+    """Return the greatest ds/dt of each part that keeps the feed rate of its line [1/s].
 
     Args:
         path, plan: of the lines. fed: columns that their path speeds count, shape (n, K). spans: of the parts
