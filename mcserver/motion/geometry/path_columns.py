@@ -18,6 +18,9 @@ from mcserver.motion.kernels.arc_segments import ARC
 # Kinds of segments, by how they are sampled; those of any other kind by `Segment.sample`.
 STRAIGHT, ARC_KIND, SPLINE, OTHER = range(4)
 
+# Columns of `PathColumns` that all segments have.
+EVERY = ("line", "active", "opens", "closes", "feed_scale", "kind", "spans", "bases", "travels", "ends")
+
 
 class SplineParts(NamedTuple):
     """Segments ``first`` … ``behind`` - 1 are parts of a spline in some of the machine's columns."""
@@ -102,19 +105,10 @@ class PathColumns:
                 splines.append(here)
             passed += len(part)
         return cls(
-            np.concatenate([part.line for part in parts]),
-            np.concatenate([part.active for part in parts]),
-            np.concatenate([part.opens for part in parts]),
-            np.concatenate([part.closes for part in parts]),
-            np.concatenate([part.feed_scale for part in parts]),
-            np.concatenate([part.kind for part in parts]),
-            np.concatenate([part.spans for part in parts]),
-            np.concatenate([part.bases for part in parts]),
-            np.concatenate([part.travels for part in parts]),
-            np.concatenate([part.ends for part in parts]),
-            _joined_rows([part.arcs for part in parts], parts, ARC),
-            _joined_rows([part.domains for part in parts], parts, 2),
-            tuple(splines),
+            **{name: np.concatenate([getattr(part, name) for part in parts]) for name in EVERY},
+            arcs=_joined_rows([part.arcs for part in parts], parts, ARC),
+            domains=_joined_rows([part.domains for part in parts], parts, 2),
+            splines=tuple(splines),
         )
 
     def part(self, first: int, behind: int) -> PathColumns:
@@ -128,19 +122,10 @@ class PathColumns:
             if each.first < behind and each.behind > first
         ]
         return PathColumns(
-            self.line[at],
-            self.active[at],
-            self.opens[at],
-            self.closes[at],
-            self.feed_scale[at],
-            self.kind[at],
-            self.spans[at],
-            self.bases[at],
-            self.travels[at],
-            self.ends[at],
-            None if self.arcs is None else self.arcs[at],
-            None if self.domains is None else self.domains[at],
-            tuple(splines),
+            **{name: getattr(self, name)[at] for name in EVERY},
+            arcs=None if self.arcs is None else self.arcs[at],
+            domains=None if self.domains is None else self.domains[at],
+            splines=tuple(splines),
         )
 
 

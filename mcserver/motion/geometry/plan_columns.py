@@ -14,6 +14,8 @@ from mcserver.motion.geometry.segment import Segment
 
 # Tools carried by each of some segments.
 Carried = tuple[tuple[int, ...], ...]
+# Columns of `PlanColumns` that are arrays.
+EVERY = ("mask", "fed", "duration", "feed", "requested", "feed_speed", "tolerance")
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,16 +62,8 @@ class PlanColumns:
                 for part in parts
                 for each in (((),) * len(part.mask) if part.carried is None else part.carried)
             )
-        return cls(
-            np.concatenate([part.mask for part in parts]),
-            np.concatenate([part.fed for part in parts]),
-            np.concatenate([part.duration for part in parts]),
-            np.concatenate([part.feed for part in parts]),
-            np.concatenate([part.requested for part in parts]),
-            np.concatenate([part.feed_speed for part in parts]),
-            np.concatenate([part.tolerance for part in parts]),
-            carried,
-        )
+        every = {name: np.concatenate([getattr(part, name) for part in parts]) for name in EVERY}
+        return cls(**every, carried=carried)
 
 
 def bits_of(columns: NDArray[np.intp]) -> int:
