@@ -23,11 +23,6 @@ def is_name(text: str) -> bool:
     return _NAME.fullmatch(text) is not None
 
 
-def all_machines() -> str:
-    """Key expression of the liveliness tokens of every machine, for discovery."""
-    return f"{_ROOT}/*/live/*"
-
-
 def everything() -> str:
     """Key expression of all that machines and their clients say, but calls."""
     return f"{_ROOT}/**"

@@ -8,7 +8,6 @@ from typing import Any
 
 import numpy as np
 from matplotlib.ticker import EngFormatter
-from numpy.typing import NDArray
 
 from mcserver.plot.scene import AxisTrace, Scene, TimedLine
 from mcserver.plot.strokes import runs_of
@@ -158,13 +157,3 @@ def _most_telling(lines: tuple[TimedLine, ...]) -> list[TimedLine]:
         return each.end_s - each.start_s - (each.requested_s if each.requested_s is not None else 0.0)
 
     return sorted(sorted(lines, key=added)[-MAX_BARS:], key=lambda each: each.start_s)
-
-
-def peaks(scene: Scene) -> NDArray[np.float64]:
-    """Greatest share of each limit that each axis uses, shape (axes, 3); 0 where there is no limit."""
-    shares = np.zeros((len(scene.axes), 3))
-    for row, trace in enumerate(scene.axes):
-        for order, values in enumerate(trace.derivatives(scene.cycle_s)):
-            if math.isfinite(trace.limits[order]):
-                shares[row, order] = np.abs(values).max(initial=0.0) / trace.limits[order]
-    return shares

@@ -2,18 +2,30 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from mcserver.machine.machine_file import load_machine
 from mcserver.machine.machine_kinematics import build_kinematics
-from mcserver.plot.scene import PathTrace, build_scene
+from mcserver.plot.scene import PathTrace, Scene, build_scene
 from mcserver.plot.strokes import runs_of
-from mcserver.plot.time_panels import peaks
 from mcserver.simulation.recorder import Recorded
 from tests.plot.synthetic import machine, report, run, scene, smooth
 
 STILL = np.zeros(400)
+
+
+def peaks(scene: Scene) -> NDArray[np.float64]:
+    """Greatest share of each limit that each axis uses, shape (axes, 3); 0 where there is no limit."""
+    shares = np.zeros((len(scene.axes), 3))
+    for row, trace in enumerate(scene.axes):
+        for order, values in enumerate(trace.derivatives(scene.cycle_s)):
+            if math.isfinite(trace.limits[order]):
+                shares[row, order] = np.abs(values).max(initial=0.0) / trace.limits[order]
+    return shares
 
 
 def test_two_moving_linear_axes_give_a_path_in_their_plane() -> None:
