@@ -1,4 +1,4 @@
-"""The remote methods of runs that a person has to approve: ``request_run``, ``arm``, ``run_armed``, others."""
+"""The remote methods of runs that a person has to approve: ``request_run``, ``arm``, ``run_armed`` …"""
 
 from __future__ import annotations
 

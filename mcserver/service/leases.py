@@ -123,6 +123,10 @@ class LeaseTable:
         asked = {grant.program: grant.axes for grant in self._held.values()} | self._waiting
         return next((each for each in self._borrowers if asked[each] & lent), None)
 
+    def grant_of(self, program: str) -> Grant | None:
+        """Return what a program holds; None: nothing, or it waits."""
+        return self._held.get(program)
+
     def ahead_of(self, program: str) -> list[str]:
         """The programs that ``program`` waits for, holders first; empty where it does not wait."""
         wanted = self._waiting.get(program)
