@@ -24,7 +24,7 @@ def unreachable(tool: ToolModel, residual: Array, place: Array, s: float | None)
         missing = f"{millimetres_text(distance)} mm are missing"
         if tool.orientation:
             missing += " with this orientation"
-        hint = "move the target into the tool's reach"
+        hint = "move the target into the tool's reach; no limit of a joint is in the way, its links end there"
         if tool.rank < tool.rows:
             hint += f"; with its {tool.chain.size} joints the tool moves in {tool.rank} directions only"
     if s is None:

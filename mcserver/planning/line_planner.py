@@ -188,6 +188,7 @@ class LinePlanner:
     def end_pause(self, positions: Mapping[int, float]) -> None:
         """Go on behind a pause; ``positions``: of axes that others have moved [m or rad]."""
         self.pausing = False
+        self._payloads.forget()
         for axis, position in positions.items():
             self.motion.position[self._columns[axis]] = position
 

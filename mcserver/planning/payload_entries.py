@@ -34,6 +34,10 @@ class PayloadEntries:
                 if tools != self._noted:
                     self._noted = self._at[line.line] = tools
 
+    def forget(self) -> None:
+        """Have the tools noted anew with the next line: others may have chosen theirs since."""
+        self._noted = -1
+
     @property
     def lines(self) -> Collection[int]:
         """Lines at whose start something changes."""

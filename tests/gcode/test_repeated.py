@@ -2,10 +2,19 @@
 
 from __future__ import annotations
 
+import pytest
+
 from mcserver.errors import Diagnostic
 from mcserver.gcode.program_check import check_program
 from mcserver.gcode.repeated import by_cause, further_lines
-from mcserver.machine.machine_file import load_machine
+from mcserver.machine.machine_file import load_machine, parse_machine
+
+AXES = "".join(
+    f'[[axis]]\nindex = {index}\ntype = "linear"\nmax_velocity = 200.0\nmax_acceleration = 2000.0\n'
+    '[axis.drive]\nkind = "ideal"\n'
+    for index in range(3)
+)
+MILL = f'[machine]\nname = "mill"\n{AXES}[dialect]\nprofile = "cnc"\n'
 
 
 def fault(code: str, line: int, message: str, axis: int | None = None) -> Diagnostic:
@@ -43,3 +52,16 @@ def test_a_long_file_with_one_mistake_on_each_line_has_one_cause() -> None:
     found = check_program("G1 X1 Y1 F100\nG1 XO\n" * 300, load_machine("cartesian"))
     assert len(found) >= 300
     assert len(by_cause(found)) == 1
+
+
+def test_one_word_with_many_numbers_on_many_lines_has_one_cause() -> None:
+    text = "G21 G99\n" + "".join(f"G1 X{n} F0.{10 + n}\nX{n} D{n + 1}\nG71 U2\n" for n in range(60))
+    found = by_cause(check_program(text, parse_machine(MILL)))
+    assert sorted(first.code for first, _ in found) == ["MC112", "MC113", "MC123", "MC141", "MC147"]
+
+
+@pytest.mark.parametrize("profile", ["cnc", "robot", "printer"])
+def test_coordinates_of_a_lathe_s_g50_do_not_move(profile: str) -> None:
+    made = parse_machine(MILL.replace('"cnc"', f'"{profile}"'))
+    found = check_program("G1 X0 F600\nG50 X100 Y20\n", made)
+    assert "MC141" in {each.code for each in found if each.severity == "error"}
