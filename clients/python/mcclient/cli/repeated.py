@@ -8,8 +8,8 @@ from collections.abc import Sequence
 
 from mcclient.types import Diagnostic
 
-# a measure, not the number of a code or an axis word: M73 and M107 are two causes
-_MEASURE = re.compile(r"(?<![A-Za-z\[0-9.])[-+]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)")
+# a measure, or the number of a word, not that of a code: M73 and M107 are two causes, F0.2 and F0.25 one
+_MEASURE = re.compile(r"(?<![GMTNO_\[0-9.])(?<![a-z])[-+]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)")
 SHOWN_LINES = 4
 
 
