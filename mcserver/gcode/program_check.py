@@ -108,6 +108,8 @@ def check_lines(
             expansion.close()
         except ProgramRejected as rejected:
             survey.faults(rejected.diagnostics)
+    for value in interpreter.finish():
+        survey.value(value)
     survey.faults(warnings_of(expansion.assumed))
     if progress is not None:
         progress(window.done)

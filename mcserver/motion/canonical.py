@@ -193,8 +193,14 @@ class PathBatch(msgspec.Struct, frozen=True, eq=False):
     def part(self, first: int, behind: int) -> PathBatch:
         """Return lines ``first`` … ``behind`` - 1, counted from 0, over the axes that any of them moves."""
         at = slice(first, behind)
-        used, frame = np.unique(self.frame[at], return_inverse=True)
-        frames = tuple([self.frames[each] for each in used.tolist()])
+        frame = self.frame[at]
+        if (frame == frame[0]).all():
+            # lines between two rapids: nothing is sorted for a few of them
+            used, frame = [int(frame[0])], np.zeros_like(frame)
+        else:
+            found, frame = np.unique(frame, return_inverse=True)
+            used = found.tolist()
+        frames = tuple([self.frames[each] for each in used])
         axes = tuple([axis for axis in self.axes if any(axis in each for each in frames)])
         return PathBatch(
             self.lines[at],

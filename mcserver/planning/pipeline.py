@@ -177,8 +177,13 @@ class Pipeline:
     def planned_line(self) -> int:
         """Every line through this one has been read without fault, and planned if it needs time."""
         if self._plan.canonical or self._held is None:
-            return self._plan.planned_line
-        return self._plan.last_line - 1
+            return self._passable(self._plan.planned_line)
+        return self._passable(self._plan.last_line - 1)
+
+    def _passable(self, line: int) -> int:
+        """Return the last line through one that needs nothing of what the interpreter holds (D-85)."""
+        held = self._interpreter.held_line
+        return line if held is None else min(line, held - 1)
 
     @property
     def planned_end_u(self) -> float:
@@ -381,6 +386,9 @@ class Pipeline:
         running = self._held is not None or self._expansion.running
         if not plan.canonical and not self.lines and not running and self.lines.closed:
             self._expansion.close()
+            plan.canonical.extend(self._interpreter.finish())
+            if plan.canonical:
+                return True
             if plan.motion.pending:
                 plan.flush = True
                 return True
@@ -390,7 +398,7 @@ class Pipeline:
             plan.reports.append(Report(ReportKind.FINISHED, plan.last_line))
             return True
         idle = not (plan.canonical or running or plan.motion.pending or self.lines.ready)
-        if idle and plan.pass_lines(plan.last_line):
+        if idle and plan.pass_lines(self._passable(plan.last_line)):
             plan.output.flush()
             return True
         return worked
@@ -507,7 +515,7 @@ class Pipeline:
         if self._plan.motion.pending:
             self._plan.flush = True
             return False
-        self._plan.pass_lines(line - 1)
+        self._plan.pass_lines(self._passable(line - 1))
         self._plan.settle(frozenset(axes))
         return False
 

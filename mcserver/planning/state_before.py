@@ -8,6 +8,7 @@ from itertools import islice
 import msgspec
 from mckinematics.pose import Kinematics
 
+from mcserver.errors import Diagnostic, ProgramRejected
 from mcserver.gcode.computing.expansion import Expansion
 from mcserver.gcode.computing.machine_values import Source
 from mcserver.gcode.semantics.interpreter import Interpreter, without_pause
@@ -130,8 +131,8 @@ def state_before(
         origin: the machine as the program began. lease: its axes; None: all.
 
     Raises:
-        ProgramRejected: a line before it has a fault; MC167 the line stands in a block of O-words; MC168 a
-            line before it went by what was measured.
+        ProgramRejected: a line before it has a fault; MC167 the line stands in a block of O-words,
+            or under cutter compensation; MC168 a line before it went by what was measured.
     """
     interpreter = Interpreter(
         machine, kinematics=kinematics, positions=origin.positions, lease=lease, frame=origin.frame
@@ -167,6 +168,18 @@ def state_before(
             for value in values:
                 effects.take(value, incremental=interpreter.modal.incremental)
     pauses.stood_at(number)
+    compensation = interpreter.compensation
+    if compensation is not None:
+        raise ProgramRejected(
+            [
+                Diagnostic(
+                    code="MC167",
+                    line=number,
+                    message=f"cutter compensation is on here, since line {compensation.line}",
+                    hint=f"start at line {compensation.line}, or behind the move that leads out",
+                )
+            ]
+        )
     modal = interpreter.modal
     if not interpreter.ended:
         modal = msgspec.structs.replace(modal, computed=expansion.kept())

@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 from mcserver.gcode.program_check import check_program
 from mcserver.gcode.semantics.arc_geometry import arc_by_centre, arc_by_radius, plane_extrema
 from mcserver.machine.dialect_section import Dialect
+from tests.bench.rs274_programs import MACHINE, moves_here
 from tests.gcode.support import CARTESIAN, Program, feeding, machine_of
 
 QUARTER = math.pi / 2.0
@@ -292,3 +293,27 @@ def test_plane_codes_are_modal() -> None:
     assert program.arc("G02 Z0 X0 R10").axes == (2, 0)
     program.run("G17")
     assert program.arc("G02 X0 Y20 R10").axes == (0, 1)
+
+
+def test_centres_are_positions_under_g90_1_in_the_zero_in_force() -> None:
+    moves, fault = moves_here(
+        "F1000 G92 X5 Y3\nG0 X10 Y0\nG90.1\nG2 X30 Y0 I20 J0\nG91.1 G91 G3 X10 Y0 I5 J0"
+    )
+    assert not fault
+    # the zero lies at -5, -3 of the machine
+    assert moves[1] == pytest.approx((25.0, -3.0, 0.0, 15.0, -3.0))
+    assert moves[2] == pytest.approx((35.0, -3.0, 0.0, 30.0, -3.0))
+
+
+def test_a_centre_that_is_a_position_needs_both_of_its_words() -> None:
+    found = check_program("F1000 G90.1\nG2 X10 I5", MACHINE)
+    assert [(each.code, each.line) for each in found] == [("MC130", 2)]
+
+
+def test_arcs_in_columns_keep_to_g90_1() -> None:
+    lines = [f"G{2 + n % 2} X{10 * (n % 2)} Y0 I5 J0" for n in range(100)]
+    moves, fault = moves_here("\n".join(["F1000 G90.1", "G1 X10 Y0", *lines]))
+    assert not fault
+    found = check_program("\n".join(["F1000 G90.1", "G1 X10 Y0", *lines]), MACHINE)
+    assert found == []
+    assert {tuple(round(each, 6) for each in move[3:]) for move in moves[1:]} == {(5.0, 0.0)}

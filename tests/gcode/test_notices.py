@@ -98,7 +98,7 @@ def test_a_tool_that_the_table_lacks_is_a_fault() -> None:
 
 def test_a_refused_compensation_is_the_only_fault_of_what_follows_it() -> None:
     text = "G0 X0 Y-10\nG41 D3 G1 X0 Y0 F300\nZ-2\nG91\nY50\nG90\nG40 G1 X-10"
-    assert [(each.code, each.line) for each in errors(text)] == [("MC141", 2)]
+    assert [(each.code, each.line) for each in errors(text)] == [("MC143", 2)]
 
 
 def test_settings_of_a_refused_line_hold_for_the_check() -> None:

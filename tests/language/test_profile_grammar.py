@@ -82,8 +82,8 @@ NEAR_MISSES = (
 
 
 def misses(profile: str) -> list[str]:
-    """Near misses of a profile: a printer has an axis E, and M98 is without effect there."""
-    right = ("G1 X1e5", "M98 P1", "M99") if profile == "printer" else ()
+    """Near misses of a profile: a printer has an axis E, and M98 is without effect there; cnc has G41."""
+    right = {"printer": ("G1 X1e5", "M98 P1", "M99"), "cnc": ("G41 X1",)}.get(profile, ())
     return [line for line in NEAR_MISSES if line not in right]
 
 

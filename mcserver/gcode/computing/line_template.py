@@ -29,8 +29,8 @@ _COMMENT = re.compile(r"\([^()]*\)?|;.*")
 _SHOWING = re.compile(r"\([ \t]*(?:DEBUG|PRINT|LOG)[ \t]*,", re.IGNORECASE)
 _SHOWN = re.compile(r"#(?:<[^<>]*>|[0-9]+)|%(?:d|l?f)", re.IGNORECASE)
 _MACRO = re.compile(r"(?:IF|WHILE)[ \t]*\[|GOTO|DO[ \t]*[0-9]|END[ \t]*[0-9]", re.IGNORECASE)
-# their numbers are whole ones
-_WHOLE = frozenset("DHLMNT")
+# their numbers are whole ones; D is a diameter, too
+_WHOLE = frozenset("HLMNT")
 
 
 class Piece:

@@ -177,7 +177,7 @@ class MachineValues:
             "_retract_old_z": float(frame.to_initial),
             "_spindle_rpm_mode": 1.0,
             "_spindle_css_mode": 0.0,
-            "_ijk_absolute_mode": 0.0,
+            "_ijk_absolute_mode": float(modal.absolute_centres),
             "_lathe_diameter_mode": 0.0,
             "_lathe_radius_mode": 1.0,
             "_spindle_on": float(frame.direction != 0),

@@ -52,7 +52,8 @@ class BatchInterpreter:
         if size < MIN_LINES:
             return None
         found = None
-        if modal.tool is None and not modal.exact_next and not commanded.poses:
+        plain = modal.tool is None and not (modal.exact_next or modal.absolute_centres)
+        if plain and not commanded.poses:
             found = self._paths.interpret(CodeText.of(texts[:size]), number, modal, commanded)
         if found is None:
             if self._backoff > 1:

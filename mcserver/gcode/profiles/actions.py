@@ -8,6 +8,7 @@ import msgspec
 
 from mcserver.gcode.profiles.codes import (
     ACTING,
+    COMPENSATING,
     DRILLING,
     IO_WORDS,
     PRINTER_STOPS,
@@ -20,7 +21,9 @@ from mcserver.gcode.profiles.drilling import drill
 from mcserver.gcode.profiles.frame import LENGTH_AXIS, Offsets
 from mcserver.gcode.profiles.io_codes import read_io, read_mapped
 from mcserver.gcode.profiles.probing import read_probe_move
+from mcserver.gcode.semantics.arc_plane import PLANES
 from mcserver.gcode.semantics.block_state import BlockState
+from mcserver.gcode.semantics.compensation_state import Compensation
 from mcserver.gcode.semantics.program_units import (
     axis_scale,
     motor_rpm,
@@ -45,6 +48,8 @@ from mcserver.units import AxisType
 
 # the greatest number of a tool, as of [[cutter]]
 MAX_CUTTER = 99999
+# a computed number is a whole one where it differs by less (LinuxCNC)
+WHOLE = 0.0001
 
 
 class Effects(msgspec.Struct):
@@ -101,6 +106,12 @@ def act_before(block: BlockState, actions: tuple[Action, ...], effects: Effects)
         elif code in ("M82", "M83"):
             letters = block.setup.machine.dialect.letters if code == "M83" else {}
             block.change(relative=tuple(axis for letter, axis in letters.items() if letter not in "UVW"))
+        elif code in ("G90.1", "G91.1"):
+            block.change(absolute_centres=code == "G90.1")
+        elif code == "G40":
+            _switch_off(block)
+        elif code in COMPENSATING:
+            _switch_on(block, action)
         elif code in ("G98", "G99"):
             block.frame = msgspec.structs.replace(frame, to_initial=code == "G98")
         elif code == "G80":
@@ -317,6 +328,70 @@ def _unknown_tool(block: BlockState, number: int, word: ProfileWord | Action) ->
         f"send G10 L1 P{number} Z… with its length, or add [[cutter]] with number = {number} to the machine "
         f"file; there are {known}",
     )
+
+
+def _switch_on(block: BlockState, action: Action) -> None:
+    """Begin cutter compensation, by the diameter of a tool of the table or by that in D (D-85)."""
+    plane = PLANES[block.modal.plane or 17]
+    before = block.compensation
+    if before is not None and before.side:
+        block.faults.add(
+            "MC170",
+            f"cutter compensation is on since line {before.line}",
+            action.span,
+            "write G40 and a straight move first",
+        )
+        return
+    profiled = [axis for axis in plane if axis not in block.setup.axes or block.setup.axes[axis].profiled]
+    if profiled:
+        block.faults.add("MC138", f"axis {profiled[0]} follows no path", action.span, "", axis=profiled[0])
+        return
+    diameter = _diameter(block, action)
+    if diameter is not None:
+        place = None if before is None else before.place
+        block.compensation = Compensation(
+            COMPENSATING[action.code], diameter / 2.0, plane, block.parsed.number, place
+        )
+
+
+def _diameter(block: BlockState, action: Action) -> float | None:
+    """Return a cutter's diameter [m], or report why there is none."""
+    word = action.words.get("D")
+    if action.code.endswith(".1"):
+        if word is None or word.value <= 0.0:
+            block.faults.add(
+                "MC118", f"{action.code} needs D, the cutter's diameter", action.span, "such as D6"
+            )
+            return None
+        return word.value * axis_scale(AxisType.LINEAR, block.modal.inch)
+    frame = block.frame
+    number = frame.tool if frame.changed is None else frame.changed
+    if word is not None:
+        number = round(word.value)
+        if abs(word.value - number) > WHOLE:
+            block.faults.add("MC116", f"D{word.text} is no number of a tool", word.span, "such as D1")
+            return None
+    cutter = _cutters(block).get(number)
+    if cutter is None:
+        _unknown_tool(block, number, action if word is None else word)
+    elif cutter.diameter <= 0.0:
+        block.faults.add(
+            "MC143",
+            f"the tool table has no diameter of tool {number}",
+            action.span if word is None else word.span,
+            f"send G10 L1 P{number} R… with its radius, or add diameter_mm to its [[cutter]]",
+        )
+    else:
+        return cutter.diameter
+    return None
+
+
+def _switch_off(block: BlockState) -> None:
+    """End cutter compensation: the next move in the plane leads out."""
+    before = block.compensation
+    if before is not None:
+        on_path = before.held is None and before.place is None
+        block.compensation = None if on_path else msgspec.structs.replace(before, side=0)
 
 
 def _change_tool(block: BlockState, effects: Effects) -> None:

@@ -19,6 +19,8 @@ SYSTEM_NUMBERS: Final[Mapping[str, int]] = MappingProxyType(
     {code: number for number, code in enumerate(_SYSTEMS, start=1)}
 )
 _FRAME = {"G10", "G28", "G28.1", "G30", "G30.1", "G52", "G53", "G92", "G92.1", "G92.2", "G92.3", *_SYSTEMS}
+# cutter compensation: its side, left of the path is 1 (D-85)
+COMPENSATING: Final[Mapping[str, int]] = MappingProxyType({"G41": 1, "G41.1": 1, "G42": -1, "G42.1": -1})
 _MACHINING = {"G4", "G43", "G49", "M3", "M4", "M5", "M6"}
 # canned cycles, and what goes with them (D-75)
 DRILLING: Final = frozenset({"G73", "G81", "G82", "G83", "G85", "G89"})
@@ -43,7 +45,9 @@ _SHIFTS_OF_PRINTERS: Final = ("M206", "M218", "M290", "M428")
 ACTING: Final[Mapping[str, frozenset[str]]] = MappingProxyType(
     {
         "reference": frozenset(_MACHINING - {"G43", "G49", "M6"}),
-        "cnc": frozenset(_FRAME | _MACHINING | DRILLING | _CYCLE_MODES),
+        "cnc": frozenset(
+            _FRAME | _MACHINING | DRILLING | _CYCLE_MODES | COMPENSATING.keys() | {"G40", "G90.1", "G91.1"}
+        ),
         "robot": frozenset(_FRAME | {"G4", "M3", "M4", "M5"}),
         "printer": frozenset({"G4", "G28", "G92", "M82", "M83", *PRINTER_STOPS}),
     }
@@ -108,6 +112,7 @@ OWN_WORDS: Final[Mapping[str, str]] = MappingProxyType(
         "G43": "H",
         "G49": "H",
         "G64": "Q",
+        **dict.fromkeys((*COMPENSATING, "G40"), "D"),
         "M6": "H",
         **dict.fromkeys(PRINTER_STOPS, "*"),
         "REPEAT": "PQL",
@@ -130,8 +135,8 @@ REFUSED: Final[Mapping[str, str]] = MappingProxyType(
         "G11": "retractions by firmware are not done here; let the slicer write them as moves of E",
         "G16": "polar coordinates are not read here; let the post write X and Y",
         "G33": "threads need a spindle whose turning is followed; let the CAM mill the thread",
-        "G41": "there is no cutter compensation here; let the CAM compute the tool's own path",
-        "G42": "there is no cutter compensation here; let the CAM compute the tool's own path",
+        "G41": "cutter compensation is for the profile cnc; let the CAM compute the tool's own path",
+        "G42": "cutter compensation is for the profile cnc; let the CAM compute the tool's own path",
         "G50": "with words it sets coordinates or the spindle's limit on a lathe; let the post write G92",
         "G50.1": "mirroring is not done here; let the CAM mirror the part",
         "G51": "scaling is not done here; let the CAM scale the part",

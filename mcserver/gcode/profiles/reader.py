@@ -365,7 +365,7 @@ class ProfileReader:
                 actions.append(Action(word.letter, word.span, {word.letter: word}))
         for word in sorted(codes, key=_precedence):
             name = "REPEAT" if word.letter == "REPEAT" else code_name(word.letter, word.value)
-            if name in SILENT:
+            if name in SILENT and name not in self._acting:
                 continue
             taken = dict(words)
             axes: tuple[Word, ...] = ()

@@ -140,6 +140,17 @@ def find_arc(
             )
         return None
     centre = [begin[0], begin[1]]
+    if block.modal.absolute_centres:
+        if not words.offsets.keys() >= set(plane):
+            block.faults.add(
+                "MC130",
+                f"under G90.1 the centre is a position: it needs {_letters(plane)}",
+                block.span(command),
+                "give both, or write G91.1",
+            )
+            return None
+        zero = block.modal.shift or {}
+        centre = [zero.get(plane[0], 0.0), zero.get(plane[1], 0.0)]
     for coordinate, offset in words.offsets.items():
         if offset.word.value != offset.word.value:
             return None

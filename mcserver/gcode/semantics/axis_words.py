@@ -61,7 +61,7 @@ def read_words(block: BlockState, command: Command) -> Words:
             )
             axes.append(ModalWord(item, block.modal.inch, incremental))
         elif letter in "IJK":
-            offsets["IJK".index(letter)] = ModalWord(item, block.modal.inch, True)
+            offsets["IJK".index(letter)] = ModalWord(item, block.modal.inch, not block.modal.absolute_centres)
         elif letter == "R":
             radius = ModalWord(item, block.modal.inch, False)
         elif letter == "P":

@@ -13,6 +13,7 @@ from mcserver.gcode.line_faults import FaultList, Span
 from mcserver.gcode.profiles.frame import Frame
 from mcserver.gcode.semantics.arc_geometry import RadiusTolerance, radius_tolerance
 from mcserver.gcode.semantics.commanded_state import CommandedState
+from mcserver.gcode.semantics.compensation_state import Compensation
 from mcserver.gcode.semantics.modal import Feed, ModalState
 from mcserver.gcode.text.parser import ParsedLine
 from mcserver.gcode.text.profile_words import Action
@@ -68,6 +69,7 @@ class BlockState:
 
     __slots__ = (
         "commanded",
+        "compensation",
         "exact_stop",
         "faults",
         "feed_length",
@@ -79,12 +81,18 @@ class BlockState:
     )
 
     def __init__(
-        self, setup: Setup, parsed: ParsedLine, modal: ModalState, commanded: CommandedState
+        self,
+        setup: Setup,
+        parsed: ParsedLine,
+        modal: ModalState,
+        commanded: CommandedState,
+        compensation: Compensation | None = None,
     ) -> None:
         self.setup = setup
         self.parsed = parsed
         self.modal = modal
         self.commanded = commanded.copy()
+        self.compensation = compensation
         self.faults = FaultList(parsed.number, parsed.origin)
         self.moved: dict[int, Command] = {}
         self.exact_stop = False

@@ -9,12 +9,15 @@ from mckinematics.pose import Kinematics
 from mcserver.errors import Diagnostic
 from mcserver.gcode.fast_path.batches import MAX_LINES, BatchInterpreter
 from mcserver.gcode.fast_path.interpreted_batch import InterpretedBatch
-from mcserver.gcode.profiles.codes import MOVING, PRINTER_STOPS
+from mcserver.gcode.profiles.codes import COMPENSATING, MOVING, PRINTER_STOPS
 from mcserver.gcode.profiles.frame import Frame
 from mcserver.gcode.profiles.reader import reader_of
+from mcserver.gcode.semantics.arc_plane import PLANES
 from mcserver.gcode.semantics.block_interpreter import BlockInterpreter, faults_of
 from mcserver.gcode.semantics.block_state import BlockState, set_up
 from mcserver.gcode.semantics.commanded_state import CommandedState
+from mcserver.gcode.semantics.compensation import compensate, release
+from mcserver.gcode.semantics.compensation_state import Compensation
 from mcserver.gcode.semantics.modal import INITIAL, ModalState, initial_modal, with_tables
 from mcserver.gcode.semantics.position_sync import find_axes_to_sync
 from mcserver.gcode.text.command_table import Kind
@@ -56,6 +59,7 @@ class Interpreter:
         self._modal = initial_modal(machine, frame) if modal is None else modal
         self._frame = self._modal.frame
         self._ended = False
+        self._compensation: Compensation | None = None
         self._capture_due = machine.dialect.auto_capture
         self._parse = reader_of(machine.dialect)
         # what the program begins with, while lines of its approach or of a jog are read
@@ -105,6 +109,23 @@ class Interpreter:
     def positions(self) -> Mapping[int, float]:
         """Commanded positions of all axes [m or rad], by axis number."""
         return dict(self._commanded.positions)
+
+    @property
+    def compensation(self) -> Compensation | None:
+        """Return the cutter compensation in force behind the last line (D-85)."""
+        return self._compensation
+
+    @property
+    def held_line(self) -> int | None:
+        """Number of the line whose move is held until the next one is known; None: none is."""
+        held = None if self._compensation is None else self._compensation.held
+        return None if held is None else held.line.line
+
+    def finish(self) -> list[Canonical]:
+        """Return what is held, behind the last line of a text that has no M2."""
+        released = release(self._compensation)
+        self._compensation = None
+        return released
 
     @property
     def ended(self) -> bool:
@@ -158,9 +179,9 @@ class Interpreter:
         """
         if self._ended or self._program is not None or not _may_pause(parsed):
             return []
-        interpreted = self._read(parsed)
+        interpreted, values = self._read(parsed)
         faults_of(interpreted.block).raise_if_any()
-        for value in interpreted.values:
+        for value in values:
             if isinstance(value, PauseLine):
                 return [value]
             if not isinstance(value, OutputLine):
@@ -186,7 +207,7 @@ class Interpreter:
         Saves the caller from gathering lines in vain: after parts without batches attempts are rare.
         """
         one_by_one = self._ended or self._capture_due or self._setup.dynamics is not None
-        one_by_one = one_by_one or self._program is not None
+        one_by_one = one_by_one or self._program is not None or self._compensation is not None
         return 0 if one_by_one else self._batches.window(number)
 
     def interpret_batch(
@@ -206,7 +227,7 @@ class Interpreter:
         Returns:
             The batch; None below `mcserver.gcode.fast_path.interpreted_batch.MIN_LINES`.
         """
-        if self._ended or self._setup.dynamics is not None:
+        if self._ended or self._setup.dynamics is not None or self._compensation is not None:
             return None
         found = self._batches.interpret(texts, number, self._modal, self._commanded, most)
         if found is None:
@@ -216,10 +237,10 @@ class Interpreter:
         return found
 
     def _interpret_block(self, parsed: ParsedLine) -> list[Canonical]:
-        interpreted = self._read(parsed)
+        interpreted, values = self._read(parsed)
         faults_of(interpreted.block).raise_if_any()
         self._commit(interpreted)
-        return interpreted.values
+        return values
 
     def check(self, parsed: ParsedLine) -> tuple[Diagnostic, ...]:
         """Return every fault of the line and go on from the best guess of what it meant. For checks only."""
@@ -234,19 +255,24 @@ class Interpreter:
             return (), ()
         if parsed.blank and not parsed.faults:
             return (), ()
-        interpreted = self._read(parsed)
+        interpreted, values = self._read(parsed)
         self._commit(interpreted)
-        return faults_of(interpreted.block).in_reading_order(), interpreted.values
+        return faults_of(interpreted.block).in_reading_order(), values
 
-    def _read(self, parsed: ParsedLine) -> BlockInterpreter:
-        interpreted = BlockInterpreter(BlockState(self._setup, parsed, self._modal, self._commanded))
+    def _read(self, parsed: ParsedLine) -> tuple[BlockInterpreter, list[Canonical]]:
+        block = BlockState(self._setup, parsed, self._modal, self._commanded, self._compensation)
+        interpreted = BlockInterpreter(block)
         interpreted.read()
-        return interpreted
+        values = interpreted.values
+        if block.compensation is not None:
+            values = compensate(block, self._modal, values)
+        return interpreted, values
 
     def _commit(self, interpreted: BlockInterpreter) -> None:
         self._modal = interpreted.block.modal
         self._frame = self._modal.frame or self._frame
         self._commanded = interpreted.block.commanded
+        self._compensation = interpreted.block.compensation
         self._ended = interpreted.ended
 
     def axes_to_sync(self, parsed: ParsedLine) -> frozenset[int]:
@@ -258,7 +284,11 @@ class Interpreter:
         """
         if self._ended or not self._commanded.unsynced:
             return frozenset()
-        return find_axes_to_sync(parsed, self._setup, self._modal, self._commanded)
+        found = find_axes_to_sync(parsed, self._setup, self._modal, self._commanded)
+        if found and (self._compensation is not None or _compensates(parsed)):
+            # one axis of the plane takes the other along
+            found |= self._commanded.unsynced.keys() & set(PLANES[self._modal.plane or 17])
+        return found
 
     def sync_positions(self, positions: Mapping[int, float]) -> None:
         """Take over encoder readings [m or rad] (D-14, D-25).
@@ -298,6 +328,11 @@ def _may_pause(parsed: ParsedLine) -> bool:
         for group in parsed.groups
         for command in group
     )
+
+
+def _compensates(parsed: ParsedLine) -> bool:
+    """Return True if the line switches cutter compensation on."""
+    return parsed.profile is not None and any(each.code in COMPENSATING for each in parsed.profile.actions)
 
 
 def _moves(parsed: ParsedLine) -> bool:

@@ -37,6 +37,7 @@ class ModalState(msgspec.Struct, frozen=True):
         motion: 0-3, the code that axis words without a code repeat.
         frame: work offsets and spindle of the profiles (D-62); None in the reference's dialect.
         shift: the program's zero in axis positions, axis → [m or rad], as the frame gives it; None: no shift.
+        absolute_centres: I J K of arcs are positions (G90.1), not increments from the start.
         relative: axes whose words are increments under G90 too (M83).
         computed: parameters and subprograms of the lines before, where a program starts in its middle.
         carried: tools chosen so far, each once, the last one last: their payloads stay after G1050 (D-55).
@@ -54,6 +55,7 @@ class ModalState(msgspec.Struct, frozen=True):
     motion: int | None = None
     frame: Frame | None = None
     shift: dict[int, float] | None = None
+    absolute_centres: bool = False
     relative: tuple[int, ...] = ()
     carried: tuple[int, ...] = ()
     computed: Kept | None = None

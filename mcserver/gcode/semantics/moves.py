@@ -36,7 +36,9 @@ def rapid(block: BlockState, command: Command, words: Words, *, wait: bool) -> F
         return None
     ends = {target.axis.index: target.end for target in targets}
     if wait:
-        return rapid_group(block.setup, block.modal, starts, ends)
+        # beside a path every way counts
+        straight = block.compensation is not None
+        return rapid_group(block.setup, block.modal, starts, ends, straight=straight)
     return RapidGroup(tuple(ends), tuple(ends.values()), wait, block.modal.carried)
 
 

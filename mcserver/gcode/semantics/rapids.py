@@ -8,28 +8,44 @@ from collections.abc import Mapping
 from mcserver.gcode.semantics.block_state import Setup
 from mcserver.gcode.semantics.modal import ModalState
 from mcserver.motion.canonical import FeedGroup, RapidGroup
-from mcserver.motion.geometry.curves import LineCurve
+from mcserver.motion.geometry.curves import Curve, LineCurve
 
 # no time is asked for: reports have null
-_NO_TIME = math.inf
+NO_TIME = math.inf
 
 
 def rapid_group(
-    setup: Setup, modal: ModalState, starts: Mapping[int, float], targets: Mapping[int, float]
+    setup: Setup,
+    modal: ModalState,
+    starts: Mapping[int, float],
+    targets: Mapping[int, float],
+    *,
+    straight: bool = False,
 ) -> FeedGroup | RapidGroup:
     """Return G00 from ``starts`` to ``targets`` [m or rad], as the machine file has it.
 
     A straight rapid is as fast as its slowest axis allows, and none is above its own max_velocity. One axis
     alone, and axes whose drives make profiles of their own, go by themselves.
+
+    Args:
+        straight: a single axis on a straight line, too, whatever the machine file says.
     """
     axes = tuple(targets)
     ends = tuple(targets.values())
-    far = {axis: abs(end - starts[axis]) for axis, end in targets.items()}
-    alone = sum(travel > 0.0 for travel in far.values()) < 2
-    known = setup.axes
-    if not setup.machine.dialect.straight_rapids or alone or any(known[axis].profiled for axis in axes):
+    travelling = sum(starts[axis] != end for axis, end in targets.items())
+    least = 1 if straight else 2
+    aligned = straight or setup.machine.dialect.straight_rapids
+    if not aligned or travelling < least or any(setup.axes[axis].profiled for axis in axes):
         return RapidGroup(axes, ends, True, modal.carried)
-    length = math.hypot(*far.values())
-    slowest = max(travel / known[axis].max_velocity for axis, travel in far.items())
-    curve = LineCurve(axes, tuple(starts[axis] for axis in axes), ends, length)
-    return FeedGroup((curve,), _NO_TIME, speed=length / slowest, carried=modal.carried)
+    begin = tuple(starts[axis] for axis in axes)
+    curve = LineCurve(axes, begin, ends, math.dist(begin, ends))
+    return FeedGroup((curve,), NO_TIME, speed=straight_speed(setup, curve), carried=modal.carried)
+
+
+def straight_speed(setup: Setup, curve: Curve) -> float:
+    """Return the greatest speed along a line, or about an arc, that none of its axes is too slow for."""
+    most = [setup.axes[axis].max_velocity for axis in curve.axes]
+    if not isinstance(curve, LineCurve):
+        return min(most)
+    ends = zip(curve.start, curve.end, most, strict=True)
+    return curve.length / max(abs(end - start) / limit for start, end, limit in ends)

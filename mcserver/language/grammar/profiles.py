@@ -15,6 +15,7 @@ from mcserver.gcode.profiles.codes import (
     ACTING,
     DRILLING,
     IGNORED,
+    LATHE,
     PROBING,
     SETTINGS,
     SILENT,
@@ -52,7 +53,10 @@ _MACRO = re.compile(r"[A-Z_]{3,}[A-Z0-9_]*\Z")
 _CAPTURING = (1000, 1001, 1002, 1010, 1011)
 # acting codes without words of their own
 _WORDLESS = frozenset(
-    {"G49", "G80", "G98", "G99", "G92.1", "G92.2", "G92.3", "M82", "M83", "M600", *SYSTEM_NUMBERS}
+    {
+        *("G40", "G49", "G80", "G90.1", "G91.1", "G98", "G99", "G92.1", "G92.2", "G92.3"),
+        *("M82", "M83", "M600", *SYSTEM_NUMBERS),
+    }
 )
 _NAMED_ELSEWHERE = frozenset("FGIJKMNPRST")
 
@@ -153,6 +157,16 @@ def _special_blocks(machine: Machine) -> list[Expression]:
         blocks.append(
             seq(opt(Ref("straight-code")), Ref("length-code"), opt(Ref("axes")), Ref("length-number"))
         )
+    if "G41" in acting:
+        blocks.append(
+            seq(
+                Ref("before"),
+                choice(
+                    seq(opt(Ref("straight-code")), Ref("beside"), opt(Ref("straight-words"))),
+                    seq(Ref("beside"), Ref("straight-code"), opt(Ref("straight-words"))),
+                ),
+            )
+        )
     if "G81" in acting:
         # P stands before R, or behind Q, and not beside a tolerance, whose word it is too
         depths = (opt(Ref("radius")), opt(Ref("peck")))
@@ -219,7 +233,8 @@ def _tokens(machine: Machine) -> dict[str, Expression]:
     acting = ACTING[dialect.profile]
     printer = dialect.profile == "printer"
     # printers' codes without effect take a line of their own, with whatever stands behind them
-    settings = SETTINGS | (_WORDLESS & acting) | (frozenset() if printer else ignored | SILENT)
+    idle = frozenset() if printer else (ignored | SILENT) - LATHE  # with words G50 is a lathe's
+    settings = SETTINGS | (_WORDLESS & acting) | idle
     rest = opt(Ref("blank"), many(all_but("();\r\n")))
     outer, inner = all_but("()\r\n"), seq(char("("), many(all_but("();\r\n")), char(")"))
     numbers = sorted(axis.index for axis in machine.axes)
@@ -259,6 +274,10 @@ def _tokens(machine: Machine) -> dict[str, Expression]:
         ),
         **_io_words(machine),
         "program-name": seq(choice(char("O"), char(":")), Ref("gap"), Repeat(DIGIT, 1, 8), Ref("space")),
+        "beside": choice(
+            seq(_codes({"G41", "G42"}), opt(word("D", Repeat(DIGIT, 1, 2)))),
+            seq(_codes({"G41.1", "G42.1"}), word("D", Ref("positive"))),
+        ),
         "length-code": _codes({"G43"}),
         "length-number": word("H", Repeat(DIGIT, 1, 2)),
         # lines as the reference has them: no nested comments, and a blank behind the code
