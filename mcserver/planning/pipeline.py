@@ -356,7 +356,9 @@ class Pipeline:
             raise rejected
         plan.reports.append(Report(ReportKind.REJECTED, line, diagnostics=rejected.diagnostics))
         # what a block of O-words has done until here is not all of it
-        plan.last_line = (self._expansion.head or line) - 1
+        plan.last_line = self._passable((self._expansion.head or line) - 1)
+        # a move that is held is not made: nobody knows where it would have ended
+        self._interpreter.finish()
         self._end_of_text()
         self._broken = True
         plan.canonical.clear()

@@ -150,6 +150,9 @@ def test_the_diameter_is_that_of_the_tool_table() -> None:
         "G1010",
         "G93 G1 X50 F2",
         "G43 H1",
+        "G1020 X50",
+        "G1 X50, Y3",
+        "G40 G42.1 D3",
     ],
 )
 def test_what_would_shift_the_path_is_refused(line: str) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import pytest
 
+from mcserver.planning.pipeline import FaultRule
 from mcserver.simulation.simulation import simulate
 from tests.simulation.test_computed_programs import Stream, machine
 
@@ -42,6 +43,14 @@ def test_a_gouge_in_a_stream_can_be_corrected() -> None:
     stream.send("G3 X28 Y8 J8", "G40", "G1 X0", last=True)
     stream.run(2000)
     assert (stream.finished, stream.place, stream.progress.done) == (True, [0.0, 8.0, 0.0], 5)
+
+
+def test_a_gouge_ends_a_file_before_the_move_that_is_held() -> None:
+    stream = Stream(machine(), FaultRule.END)
+    stream.send("F6000 G41.1 D10", "G1 X20", "X30", "G3 X34 Y4 J4", "G40", "G1 X0", last=True)
+    stream.run(2000)
+    assert stream.rejected == [(4, "MC169")]
+    assert (stream.place, stream.progress.done) == ([20.0, 5.0, 0.0], 2)
 
 
 def test_the_last_move_of_a_text_without_an_end_is_made() -> None:

@@ -334,7 +334,7 @@ def _switch_on(block: BlockState, action: Action) -> None:
     """Begin cutter compensation, by the diameter of a tool of the table or by that in D (D-85)."""
     plane = PLANES[block.modal.plane or 17]
     before = block.compensation
-    if before is not None and before.side:
+    if before is not None and (before.side or before.held is not None):
         block.faults.add(
             "MC170",
             f"cutter compensation is on since line {before.line}",

@@ -6,7 +6,7 @@ A move is held until the next one in the plane is known: their corner decides wh
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import msgspec
 
@@ -42,12 +42,15 @@ MOST_BEHIND = 1000
 _REFUSED = TAKES_AXES | {"M6", "M66"}
 
 
-def compensate(block: BlockState, before: ModalState, values: list[Canonical]) -> list[Canonical]:
+def compensate(
+    block: BlockState, before: ModalState, starts: Mapping[int, float], values: list[Canonical]
+) -> list[Canonical]:
     """Return what a line gives under compensation: moves beside the path, one move late.
 
     Args:
         block: behind its line; its compensation is that behind the line, too, when this returns.
-        before: modal state before the line. values: the line's own.
+        before, starts: modal state, and starts of paths by axis [m or rad], ahead of the line.
+        values: the line's own.
     """
     compensation = block.compensation
     assert compensation is not None
@@ -56,7 +59,7 @@ def compensate(block: BlockState, before: ModalState, values: list[Canonical]) -
         released = release(compensation)
         block.compensation = msgspec.structs.replace(compensation, held=None, place=None, lost=True)
         return [*released, *values]
-    stage = _Stage(block, compensation)
+    stage = _Stage(block, compensation, starts)
     for value in values:
         stage.take(value)
     block.compensation = stage.state
@@ -104,8 +107,9 @@ def _refuse(block: BlockState, message: str, hint: str, code: str = "MC170") -> 
 class _Stage:
     """One line on its way through compensation."""
 
-    def __init__(self, block: BlockState, compensation: Compensation) -> None:
+    def __init__(self, block: BlockState, compensation: Compensation, starts: Mapping[int, float]) -> None:
         self._block = block
+        self._starts = starts
         self.state: Compensation | None = compensation
         self.out: list[Canonical] = []
         if compensation.side == 0 and compensation.held is not None:
@@ -154,11 +158,12 @@ class _Stage:
                 beside.append(group)
             elif isinstance(group, FeedGroup) and len(group.curves) == 1:
                 curves.append(group)
-            elif isinstance(group, RapidGroup):
-                # axes of the plane that stand
+            elif isinstance(group, RapidGroup) and group.wait and self._stands(group, plane):
                 beside += _without(group, plane)
             else:
                 _refuse(self._block, "the line moves axes of the plane by themselves", "write G1 or G0")
+        if len(curves) > 1:
+            _refuse(self._block, "the line moves the plane's axes twice", "write one G1 or G0")
         if beside:
             self._put(
                 msgspec.structs.replace(
@@ -168,11 +173,17 @@ class _Stage:
         for group in curves[:1]:
             self._move(msgspec.structs.replace(value, groups=(group,)), group, state)
 
+    def _stands(self, group: RapidGroup, plane: set[int]) -> bool:
+        """Return whether a rapid leaves the plane's axes where they are."""
+        ends = zip(group.axes, group.targets, strict=True)
+        return all(abs(end - self._starts[axis]) <= ONE_PLACE for axis, end in ends if axis in plane)
+
     def _move(self, value: MotionLine, group: FeedGroup, state: Compensation) -> None:
         """Take a line with one curve that has axes of the plane."""
         curve = group.curves[0]
         assert isinstance(curve, LineCurve | ArcCurve)
-        starts = self._starts(curve)
+        # an axis that the line does not name stays where it is
+        starts = {**self._starts, **dict(zip(curve.axes, curve.start, strict=True))}
         ends = {**starts, **dict(zip(curve.axes, curve.end, strict=True))}
         first, second = state.plane
         start, end = (starts[first], starts[second]), (ends[first], ends[second])
@@ -190,10 +201,6 @@ class _Stage:
             self._lead_in(value, path, state)
         else:
             self._follow(value, path, state)
-
-    def _starts(self, curve: LineCurve | ArcCurve) -> dict[int, float]:
-        """Return where the axes stand before the line, on the programmed path [m]."""
-        return {**self._block.commanded.path_starts(), **dict(zip(curve.axes, curve.start, strict=True))}
 
     def _lead_out(self, value: MotionLine, path: Piece, state: Compensation) -> None:
         if path.centre is not None:

@@ -265,7 +265,7 @@ class Interpreter:
         interpreted.read()
         values = interpreted.values
         if block.compensation is not None:
-            values = compensate(block, self._modal, values)
+            values = compensate(block, self._modal, self._commanded.path_starts(), values)
         return interpreted, values
 
     def _commit(self, interpreted: BlockInterpreter) -> None:
