@@ -8,7 +8,7 @@ from mcserver.planning.pipeline import FaultRule
 from mcserver.simulation.simulation import simulate
 from tests.simulation.test_computed_programs import Stream, machine
 
-SQUARE = ["F6000 G41.1 D2", "G1 X10", "G1 Y-10", "M0", "G1 X0", "G40", "G1 X0 Y0"]
+SQUARE = ["F6000 G41.1 D2", "G1 X10", "G1 Y-10", "S100", "G1 X0", "G40", "G1 X0 Y0"]
 
 
 def test_a_streamed_move_waits_for_the_next_one_and_is_not_done_before() -> None:
@@ -61,7 +61,7 @@ def test_the_last_move_of_a_text_without_an_end_is_made() -> None:
 
 
 @pytest.mark.parametrize("tolerance", [0.0, 0.1])
-def test_a_compensated_file_runs_through_its_pause_to_its_end(tolerance: float) -> None:
+def test_a_compensated_file_runs_to_its_end(tolerance: float) -> None:
     result = simulate("\n".join(SQUARE), machine(tolerance=tolerance))
     assert result.exit_code == 0, result.report
     first, second = (result.report["axes"][axis] for axis in "01")

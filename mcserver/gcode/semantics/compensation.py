@@ -10,7 +10,6 @@ from collections.abc import Mapping, Sequence
 
 import msgspec
 
-from mcserver.gcode.notices import notice_of
 from mcserver.gcode.profiles.codes import TAKES_AXES
 from mcserver.gcode.semantics.arc_geometry import Arc, Point
 from mcserver.gcode.semantics.block_state import BlockState
@@ -90,7 +89,10 @@ def _is_allowed(block: BlockState, before: ModalState, values: Sequence[Canonica
         what = "another plane"
     elif not what and block.drilling and any(isinstance(value, MotionLine) for value in values):
         what = "a canned cycle"
-    kept = (MotionLine, OutputLine, PauseLine, EndLine)
+    if not what and any(isinstance(value, PauseLine) for value in values):
+        # whoever jogs meanwhile would leave the held move with a start that is not there any more
+        what = "a pause"
+    kept = (MotionLine, OutputLine, EndLine)
     if not what and not all(isinstance(value, kept) for value in values):
         what = "what this line does"
     if what:
@@ -136,8 +138,6 @@ class _Stage:
         if state is None or state.held is None:
             self.out.append(value)
             return
-        if isinstance(value, PauseLine) and not value.notice:
-            value = msgspec.structs.replace(value, notice=notice_of(self._block.parsed.text, [value]) or "")
         behind = (*state.held.behind, value)
         if len(behind) > MOST_BEHIND:
             _refuse(
