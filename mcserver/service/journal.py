@@ -48,10 +48,12 @@ OnCommitted = Callable[[], None]
 
 
 class Entry(NamedTuple):
-    """What the thread is given: a statement, and what is called once it is committed."""
+    """What the thread is given: a statement, or what writes a file beside, and what is called once it is
+    committed."""
 
     statement: Statement | None
     on_committed: OnCommitted | None = None
+    write: Callable[[], None] | None = None
 
 
 class Journal:
@@ -238,6 +240,14 @@ class Journal:
         """Call back behind all that was written before."""
         self._inbox.put(Entry(None, on_committed))
 
+    def beside(self, write: Callable[[], None], on_written: OnCommitted) -> None:
+        """Write a file where this may wait for the disk, and before anything put later is committed.
+
+        Args:
+            write: raises nothing; called again where the transaction is tried again.
+        """
+        self._inbox.put(Entry(None, on_written, write))
+
     def close(self, timeout_s: float = 5.0) -> None:
         """Write what is left, sync and close. Safe to call twice."""
         self._stopping.set()
@@ -322,6 +332,8 @@ class Journal:
         try:
             with transaction(self._connection):
                 for entry in batch:
+                    if entry.write is not None:
+                        entry.write()
                     if entry.statement is not None:
                         self._connection.execute(*entry.statement)
                 self._connection.execute(COUNT_COMMIT)

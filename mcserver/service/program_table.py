@@ -123,7 +123,10 @@ class ProgramTable:
             raise
         self._progress = ProgressReports(self._loop, self.journal, self.publish, self.acks.acknowledge)
         self.offsets = WorkOffsets(
-            options.journal.with_name(f"{options.journal.name}.offsets.json"), machine.dialect.cutters
+            options.journal.with_name(f"{options.journal.name}.offsets.json"),
+            machine.dialect.cutters,
+            # before a line that changes them can be done
+            lambda write: self.journal.beside(write, self._offsets_written),
         )
         self.references = References(references_file(options.journal), machine)
         self.axis_reports = AxisReports(machine.axes, self.references, self.events)
@@ -339,6 +342,10 @@ class ProgramTable:
         program.settle()
         self.acks.acknowledge(program)
 
+    def _offsets_written(self) -> None:
+        if self.offsets.failure:
+            self.events.publish("warning", reason="MC529", message=self.offsets.failure)
+
     def _journal_state(self, failure: str) -> None:
         if self.journal_failure == failure:
             return
@@ -383,8 +390,6 @@ class ProgramTable:
                         name=program.name,
                     )
                     self.pauses.offsets_changed()
-                    if self.offsets.failure:
-                        self.events.publish("warning", reason="MC529", message=self.offsets.failure)
                 case ProgramMessage():
                     program.messages.append((event.line, event.message))
                 case Planned():

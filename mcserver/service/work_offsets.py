@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Mapping
+import threading
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any
@@ -63,6 +64,8 @@ class WorkOffsets:
             beside it.
         cutters: the tool table of the machine file. A tool that was set otherwise counts until the machine
             file says something else of it than it did then.
+        write: runs what writes the files, which may wait for the disk, in a thread of its owner's; each call
+            of it is behind the one before.
 
     Attributes:
         systems: origins by the number of the system, 1 for G54.
@@ -73,8 +76,18 @@ class WorkOffsets:
         ServiceError: MC529 a file is there and cannot be read.
     """
 
-    def __init__(self, path: Path, cutters: Mapping[int, Cutter] = NO_CUTTERS) -> None:
+    def __init__(
+        self,
+        path: Path,
+        cutters: Mapping[int, Cutter] = NO_CUTTERS,
+        write: Callable[[Callable[[], None]], None] = lambda run: run(),
+    ) -> None:
         self._path = path
+        self._write = write
+        # what the files are to hold; one write of it is ordered at a time, and takes the newest
+        self._lock = threading.Lock()
+        self._files: dict[Path, bytes] = {}
+        self._ordered = False
         self._tables_path = path.with_name(f"{path.name}.tables.json")
         self._file_cutters = cutters
         self.failure = ""
@@ -105,6 +118,8 @@ class WorkOffsets:
     ) -> None:
         """Keep the tables of a program; a file that cannot be written leaves them in memory.
 
+        It is tried again with the next change.
+
         Args:
             wall: Unix time [s]. client, program, name: who changes them.
         """
@@ -120,12 +135,27 @@ class WorkOffsets:
             number: _SetCutter(each, self._file_cutters.get(number))
             for number, each in self._set_cutters.items()
         }
+        files = {self._tables_path: msgspec.json.encode(_Tables(cutters, self.changes))}
+        if moved:
+            files[self._path] = msgspec.json.encode(self.systems)
+        with self._lock:
+            self._files |= files
+            ordered, self._ordered = self._ordered, True
+        if not ordered:
+            self._write(self._write_files)
+
+    def _write_files(self) -> None:
+        """Write what waits; in any thread."""
+        with self._lock:
+            files, self._files, self._ordered = self._files, {}, False
         try:
-            if moved:
-                replace_file(self._path, msgspec.json.encode(self.systems))
-            replace_file(self._tables_path, msgspec.json.encode(_Tables(cutters, self.changes)))
+            # systems first: who changed what is said of nothing that is not kept
+            for path in sorted(files):
+                replace_file(path, files[path])
             self.failure = ""
         except OSError as error:
+            with self._lock:
+                self._files = {**files, **self._files}
             self.failure = f"the work offsets could not be kept in {self._path}: {error}"
             log.error("MC529: %s", self.failure)
 

@@ -12,6 +12,7 @@ from typing import Any
 
 import pytest
 
+from mcserver.machine.machine_file import parse_machine
 from mcserver.service.journal_file import open_journal
 from mcserver.service.journal_reader import read_programs, read_recorded
 from mcserver.service.line_queue import LineQueue
@@ -19,6 +20,18 @@ from mcserver.service.program import Program
 from mcserver.service.progress_reports import LINES, ProgressReports
 from tests.service.test_done import machine
 from tests.service.virtual_cell import VirtualCell
+
+MILL = """[machine]
+name = "mill"
+[dialect]
+profile = "cnc"
+[[axis]]
+index = 0
+type = "linear"
+max_velocity = 200.0
+max_acceleration = 2000.0
+drive = { kind = "ideal" }
+"""
 
 
 class StallingDisk:
@@ -153,6 +166,31 @@ async def test_lines_are_taken_while_a_sync_lasts(cell: VirtualCell, monkeypatch
         taken = await cell.service.lines.submit("test", program.program, 1, ["G04 P0"])
         assert taken.journaled == 1
         await cell.until(lambda: program.done == 1)
+
+
+async def test_a_disk_that_stalls_under_the_tables_stalls_nothing_else_and_their_line_is_not_done_before(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    cell = VirtualCell(parse_machine(MILL), tmp_path)
+    syncing, goes_on, in_vain = threading.Event(), threading.Event(), []
+
+    def slow(_file: int) -> None:
+        syncing.set()
+        if not goes_on.wait(5.0):
+            in_vain.append("nobody else could go on")
+
+    monkeypatch.setattr("os.fsync", slow)
+    lines = ["G10 L2 P1 X5", "G04 P0.01", "G04 P0.01"]
+    program = await cell.service.open("test", axes=[0])
+    await cell.service.lines.submit("test", program.program, 1, lines, judge=False)
+    await cell.until(syncing.is_set)
+    await cell.until(lambda: program.progress.done == 3)
+    assert program.done == 0
+    assert cell.service.work_tables.systems
+    goes_on.set()
+    await cell.until(lambda: program.done == 3)
+    assert in_vain == []
+    await cell.stop()
 
 
 class WaitingJournal:
