@@ -114,11 +114,17 @@ class TargetStream:
         if message.times is None and self._is_doubtful(message.positions, gap):
             self.status = _more(status, "jumped")
             return None
-        status = msgspec.structs.replace(status, interval_s=interval)
+        status = self.status = msgspec.structs.replace(status, interval_s=interval)
+        with np.errstate(all="ignore"):
+            curve = self._curve(message, now, age, gap)
+        if not np.isfinite(curve.knots).all():
+            # points so close in time that the way between them is no number
+            self.status = _more(status, "refused")
+            return None
         if message.positions is not None and self._outside(message.positions):
             status = _more(status, "clipped")
         self.status = _more(status, "taken")
-        return self._curve(message, now, age, gap)
+        return curve
 
     # ------------------------------------------------------------------ what counts
 

@@ -201,3 +201,9 @@ def test_what_is_refused_has_come_and_is_not_lost() -> None:
     sender.send([[0.0]], sent=0.01)
     sender.send([[0.0, 0.0]], sent=0.03, seq=4)
     assert counted(sender) == {"refused": 1, "lost": 1}
+
+
+def test_a_chunk_whose_curve_is_no_numbers_is_refused_and_not_said_to_be_taken() -> None:
+    sender = Sender()
+    assert sender.send([[0.0, 0.0], [0.1, 0.0], [0.2, 0.0]], sent=0.0, times=[0.0, 5e-324, 2e-323]) is None
+    assert (counted(sender), sender.stream.status.taken) == ({"refused": 1}, 0)
