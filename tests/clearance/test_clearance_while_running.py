@@ -427,3 +427,36 @@ async def test_a_rapid_under_way_has_all_of_its_way_for_itself(start: Start) -> 
     cell.service.resume(other.program)
     assert (await cell.ended(other)).state == "finished"
     assert (await cell.run("G1010 P0", "G0 X200", axes=[0])).state == "finished"
+
+
+async def test_at_a_pause_a_jog_is_judged_and_so_is_the_program_from_where_the_jog_left_the_axes(
+    make: Make,
+) -> None:
+    cell = make()
+    program = await begin(
+        cell, [0, 1, 2], "G1010", "G1 Z20 F6000", "G1 X20", "M00", "G1 X90", "G1 X20", "G1 X90"
+    )
+    await cell.until(lambda: program.state == "paused")
+    assert (await jog(cell, 0, 100.0, distance=200.0)).state == "faulted"
+    assert LAST_X - 0.3 <= place(cell, 0) <= LAST_X + 0.02
+    assert program.state == "paused"
+    # over the vise, from where down to the program's height is no way
+    assert (await jog(cell, 2, 50.0, distance=50.0)).state == "finished"
+    assert (await jog(cell, 0, 100.0, distance=60.0)).state == "finished"
+    cell.service.resume(None)
+    await cell.ended(program)
+    # at the height to which it was jogged all lines are clear
+    assert (program.state, program.done, place(cell, 2)) == ("finished", 7, pytest.approx(70.0))
+
+
+async def test_a_line_behind_a_pause_that_would_hit_from_where_the_axes_were_jogged_to_does_not_begin(
+    make: Make,
+) -> None:
+    cell = make()
+    program = await begin(cell, [0, 1, 2], "G1010", "G1 Z70 F6000", "G1 X20", "M00", "G1 Z20")
+    await cell.until(lambda: program.state == "paused")
+    assert (await jog(cell, 0, 100.0, distance=130.0)).state == "finished"
+    cell.service.resume(None)
+    await cell.ended(program)
+    assert (program.state, fault_of(program)) == ("faulted", ("MC320", 5))
+    assert LAST_Z - 0.02 <= place(cell, 2) <= LAST_Z + 0.3

@@ -131,3 +131,31 @@ def test_leases_never_overlap_and_everyone_is_served_at_last(
     while holding or left:
         take(release() if holding else forget())
     assert sorted(served) == sorted(asked)
+
+
+def test_what_is_lent_at_a_pause_is_for_what_is_done_by_hand_and_not_for_those_that_wait() -> None:
+    table = LeaseTable()
+    table.request("a", [0, 1])
+    table.request("b", [0])
+    table.lend("a", [0])
+    assert table.request("c", [0]) == []
+    assert [grant.program for grant in table.request("jog", [0], at_pause=True)] == ["jog"]
+    assert table.request("other", [1], at_pause=True) == []
+    assert table.request("step", [0], at_pause=True) == []
+    assert (table.holder(0), table.holder(1), table.borrower("a")) == ("jog", "a", "jog")
+    assert [grant.program for grant in table.release("jog", planned=False)] == ["step"]
+    table.release("other", planned=False)
+    assert table.release("step", planned=False) == []
+    assert (table.borrower("a"), table.holder(0), table.holder(0, at_pause=True)) == (None, "a", None)
+    table.take_back("a")
+    assert table.request("late", [0], at_pause=True) == []
+
+
+def test_who_ends_at_a_pause_leaves_its_axes_to_whoever_has_them_by_hand() -> None:
+    table = LeaseTable()
+    table.request("a", [0])
+    table.request("b", [0])
+    table.lend("a", [0])
+    table.request("jog", [0], at_pause=True)
+    assert table.release("a", planned=False) == []
+    assert [grant.program for grant in table.release("jog", planned=False)] == ["b"]

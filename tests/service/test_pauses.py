@@ -11,7 +11,7 @@ import pytest
 
 from mcserver.errors import Refused, ServiceError
 from mcserver.executor.envelope_bounds import Envelope
-from mcserver.machine.machine_file import Machine, parse_machine
+from mcserver.machine.machine_file import Machine, load_machine, parse_machine
 from mcserver.service.approach import Confirmed
 from mcserver.service.program import Program
 from tests.executor.rig import Array
@@ -469,3 +469,20 @@ async def test_zero_that_is_changed_elsewhere_still_refuses_to_go_on(restarts: R
         await shop.service.continue_program("page", program.program, confirmed=Confirmed(way=True))
     assert refused.value.code == "MC594"
     await asyncio.sleep(0)
+
+
+async def test_a_tool_of_an_arm_goes_on_from_the_pose_to_which_its_joints_were_jogged(tmp_path: Path) -> None:
+    shop = Shop(load_machine("arm6"), tmp_path)
+    program = await shop.begin(["G1010", "G94 F3000", "T1 G01 Z600", "M00", "G91 G01 X-10", "G90 G01 Z650"])
+    await shop.paused(program)
+    before = shop.at()
+    await shop.jogged(0, 5.0)
+    await shop.resumed(program)
+    assert (program.state, program.done, program.fault) == ("finished", 6, None)
+    # the base was jogged by 5 degrees, and ten millimetres in X turn it on a little
+    assert np.degrees(shop.position(0)) == pytest.approx(before[0] * MM * 57.2958 + 5.0, abs=0.3)
+    path = np.array(shop.setpoints)
+    machine = load_machine("arm6")
+    fastest = np.array([axis.max_velocity for axis in machine.axes[:3]])
+    assert (np.abs(np.diff(path, axis=0)) * 1000.0 <= fastest * (1 + 1e-6)).all()
+    await shop.stop()
