@@ -15,9 +15,10 @@ def refusal_of(programs: Sequence[ProgramStatus], why: str) -> MotionError | Non
     Args:
         why: what speaks against it, such as ``zero is set where the axes stand``.
     """
-    # what waits for the axes of another one waits on
-    standing = ("paused", "queued")
-    program = next((each for each in programs if is_live(each) and each.state not in standing), None)
+    live = [each for each in programs if is_live(each)]
+    # what waits for the axes of one at a pause waits on
+    standing = ("paused", "queued") if any(each.state == "paused" for each in live) else ()
+    program = next((each for each in live if each.state not in standing), None)
     if program is None:
         return None
     return MotionError(

@@ -112,6 +112,24 @@ def test_nobody_changes_a_table_while_a_program_is_open(
         expect(page.get_by_role("button", name="Change an offset …")).to_be_disabled()
 
 
+def test_a_new_tool_is_touched_off_at_the_pause_of_the_program_that_asks_for_it(
+    page: Page, mill: ServerProcess, mill_site: PageProcess
+) -> None:
+    page.set_viewport_size(WIDE)
+    opened(page, mill_site, "mill")
+    with sync.Machine.connect("mill", mill.endpoint) as machine:
+        with machine.program("part.nc") as program:
+            program.send_lines(["G53 G0 X0 Y0 Z60", "T0 M6", "T3 M6", "G0 Z5"])
+            expect(page.get_by_text("part.nc waits at line", exact=False)).to_contain_text("fit tool 3")
+            page.get_by_label("G-code line").fill("G91 G0 Z-20")
+            page.get_by_label("G-code line").press("Enter")
+            wait_for(machine, page, lambda status: abs(status.axes.position[2] - 40.0) < 0.05)
+            page.get_by_role("button", name="Zero Z").click()
+            expect(page.get_by_text("Z reads 0 here now")).to_be_visible()
+            page.get_by_role("button", name="Resume").first.click()
+        assert machine.status().axes.setpoint[2] == pytest.approx(45.0)
+
+
 @pytest.mark.parametrize("width", [360, 768, WIDE["width"]])
 def test_a_button_shows_its_program_and_runs_it_within_its_limits(
     page: Page, mill: ServerProcess, mill_site: PageProcess, width: int

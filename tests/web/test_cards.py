@@ -125,7 +125,9 @@ def test_each_work_offset_that_was_set_is_listed() -> None:
     )
 
 
-@pytest.mark.parametrize(("state", "refused"), [("queued", True), ("held", True), ("finished", False)])
+@pytest.mark.parametrize(
+    ("state", "refused"), [("queued", True), ("held", True), ("paused", False), ("finished", False)]
+)
 def test_zero_is_refused_as_mcctl_refuses_it_while_a_program_is_open(state: str, refused: bool) -> None:
     programs = (
         wire_value(ProgramStatus, "p-1", "finished"),
@@ -136,6 +138,14 @@ def test_zero_is_refused_as_mcctl_refuses_it_while_a_program_is_open(state: str,
     if refusal is not None:
         assert refusal.code == "MC512"
         assert refusal.message == f"part.gcode of hmi is {state}: zero is set where the axes stand"
+
+
+def test_zero_can_be_set_at_a_pause_whoever_waits_for_its_end() -> None:
+    paused = wire_value(ProgramStatus, "p-1", "paused", name="part.gcode", client="hmi")
+    waiting = wire_value(ProgramStatus, "p-2", "queued", name="next.gcode", client="hmi")
+    jog = wire_value(ProgramStatus, "p-3", "running", name="jog axis 0", client="hmi")
+    assert refusal_of((paused, waiting), WHY) is None
+    assert refusal_of((paused, waiting, jog), WHY) is not None
 
 
 def test_homing_says_what_it_is_at_only_while_its_program_runs() -> None:

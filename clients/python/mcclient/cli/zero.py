@@ -80,9 +80,11 @@ def zero(
     async def look() -> ProbeStatus | None:
         async with target.open() as one:
             # it would wait for the axes, and set where they are when they come free
-            for program in await one.programs(ended=False):
-                if program.state in ("paused", "queued"):
-                    # at a pause the axes stand, and what waits for them waits on
+            found = await one.programs(ended=False)
+            # at a pause the axes stand, and what waits for them waits on
+            standing = ("paused", "queued") if any(each.state == "paused" for each in found) else ()
+            for program in found:
+                if program.state in standing:
                     continue
                 raise RequestRefused(
                     "MC512",
