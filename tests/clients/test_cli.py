@@ -72,7 +72,8 @@ def test_a_wrong_word_on_the_command_line_is_exit_code_2_and_a_wrong_endpoint_3(
 def test_operators_commands_reach_the_server(mcctl: Run, server: FakeServer) -> None:
     assert mcctl("override", "50")[1] == "cell: override 50 %\n"
     assert mcctl("jog", "1", "-0.5")[1].startswith("cell: axis Y goes by -0.5 mm (program ")
-    assert server.requests[-1][1]["distance"] == -0.5
+    (jog,) = [request for method, request in server.requests if method == "jog"]
+    assert jog["distance"] == -0.5
     for order in ("hold", "resume", "abort"):
         assert mcctl(order)[0] == 0
     assert mcctl("reset", "--axis", "1")[0] == 0
