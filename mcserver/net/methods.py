@@ -104,9 +104,7 @@ class ProgramMethods:
             confirmed=Confirmed(request.way, request.outputs),
         )
         if request.at_pause and program.state == "queued":
-            self._service.abort(program.program, "its axes are in use")
-            for axis in program.axes:
-                self._service.refuse_leased(axis, at_pause=True)
+            self._service.abort(program.program, "8 programs run")
             raise Refused("MC512", "8 programs run", "wait until one has ended")
         self._forecast.begin(request.sha256)
         await self._service.recorded(program)

@@ -118,4 +118,6 @@ class HomingService:
 
     def _check_free(self, axes: Sequence[int]) -> None:
         for axis in axes:
-            self._service.refuse_leased(axis, at_pause=True)
+            lender = self._service.holder(axis)
+            # what was approved of a run are places by the references of then
+            self._service.refuse_leased(axis, at_pause=lender is None or lender.envelope is None)

@@ -245,6 +245,8 @@ class MachineService:
         wanted = axes_of(self.machine, axes)
         if at_pause and axes is None:
             wanted = self._table.pauses.without_kept(wanted)
+        for axis in wanted if at_pause and not by_hand else ():
+            self.refuse_leased(axis, at_pause=True)
         self._check_limits(client)
         approach: Approach | None = None
         modal: ModalState | None = None
