@@ -350,6 +350,28 @@ def test_the_end_of_a_hold_ends_no_pause() -> None:
     assert rig.of(EventKind.FINISHED)
 
 
+def test_an_axis_that_was_lent_at_a_pause_never_has_two_owners() -> None:
+    rig = Rig(machine())
+    rig.program.start_line(5)
+    rig.program.control(ControlKind.PAUSE)
+    rig.program.end_line()
+    rig.program.finish()
+    rig.run_until(EventKind.PAUSED)
+    (paused,) = rig.of(EventKind.PAUSED)
+    assert paused.token == 0b11
+    other = rig.open(1, 0b01)
+    other.start_line(1)
+    other.dwell(10.0)
+    rig.step(20)
+    assert rig.executor.feedback.slots[1].state is SlotState.RUNNING
+    # the confirmation comes all the same: the one that it concerns ends, not the one that has the axis
+    rig.executor.mailbox.end_pause(0)
+    rig.step(20)
+    assert [(event.code, event.program) for event in rig.of(EventKind.FAULT)] == [(408, 0)]
+    assert rig.executor.feedback.slots[0].state is SlotState.FAULTED
+    assert rig.executor.feedback.slots[1].state is SlotState.RUNNING
+
+
 def test_a_dwell_does_not_pass_in_feed_hold() -> None:
     rig = Rig(machine())
     rig.program.start_line(1)
