@@ -227,6 +227,20 @@ func (c *Client) request(ctx context.Context, frame map[string]any, method strin
 	}
 }
 
+// put sends a frame that has no answer, of which the next one is newer; where the connection is away it is lost.
+func (c *Client) put(frame map[string]any) error {
+	c.mu.Lock()
+	conn, closed := c.conn, c.closed
+	c.mu.Unlock()
+	if closed {
+		return closedError()
+	}
+	if conn != nil {
+		c.write(conn, frame)
+	}
+	return nil
+}
+
 // repeat sends a call again.
 func (c *Client) repeat(id int64, made *call) {
 	c.mu.Lock()

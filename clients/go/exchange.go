@@ -39,10 +39,7 @@ func (p *Program) settle(ctx context.Context) error {
 	if p.stream.heard {
 		p.stream.forgive()
 	}
-	if p.stream.failure == nil && p.stream.state.Ended() {
-		return p.stream.closed()
-	}
-	return p.stream.failure
+	return p.stream.open()
 }
 
 // end gives up the turn, and the lines that are not accepted: the application knows by the failure and by Accepted where it stands.

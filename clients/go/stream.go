@@ -295,6 +295,14 @@ func (s *stream) leftOver() {
 	}
 }
 
+// open returns why nothing is taken any more; nil: something is.
+func (s *stream) open() error {
+	if s.failure == nil && s.state.Ended() {
+		return s.closed()
+	}
+	return s.failure
+}
+
 func (s *stream) closed() error {
 	return &EndedError{
 		Cause: &Error{Code: CodeProgramClosed, Message: fmt.Sprintf("the program takes no more lines: it is %s", s.state), Hint: "open another one"},

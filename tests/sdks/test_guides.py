@@ -52,7 +52,7 @@ def test_an_example_of_the_go_guide_runs(
 
 
 @pytest.mark.usefixtures("machine")
-@pytest.mark.parametrize("example", TYPESCRIPT, ids=["first"])
+@pytest.mark.parametrize("example", TYPESCRIPT, ids=["first", "targets"])
 def test_an_example_of_the_typescript_guide_runs(
     example: str, gateway: GatewayProcess, tokens: tuple[Path, dict[str, str]]
 ) -> None:
@@ -75,5 +75,5 @@ def test_an_example_of_the_typescript_guide_runs(
 
 
 def test_a_guide_has_examples() -> None:
-    assert len(GO) >= 5
-    assert len(TYPESCRIPT) == 1
+    assert len(GO) >= 6
+    assert len(TYPESCRIPT) == 2

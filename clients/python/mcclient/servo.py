@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import time
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -35,7 +36,14 @@ class Servo:
     """
 
     def __init__(
-        self, opened: ServoReply, *, link: Link, keys: Keys, calls: MachineCalls, counts_s: float
+        self,
+        opened: ServoReply,
+        *,
+        link: Link,
+        keys: Keys,
+        calls: MachineCalls,
+        counts_s: float,
+        clock: Callable[[], float] = time.monotonic,
     ) -> None:
         self.id = opened.program
         self.axes = opened.axes
@@ -43,6 +51,7 @@ class Servo:
         self._key = keys.lines_in(opened.program)
         self._calls = calls
         self._counts_s = counts_s
+        self._clock = clock
         self._seq = 0
         self._ended = asyncio.Event()
         self._last: Ack | None = None
@@ -69,12 +78,15 @@ class Servo:
         Raises:
             ProgramAborted: the program has ended: nothing came in time, or somebody stopped it.
             ProgramFaulted: a fault of the machine ended it.
+            ProgramClosed: it was closed, and has finished.
         """
         self.check()
+        if self.state in ENDED:
+            raise endings.closed(self.state, Extent(self.id, 0, 0))
         self._seq += 1
         message = [
             self._seq,
-            time.monotonic(),
+            self._clock(),
             self._counts_s if counts_s is None else counts_s,
             _rows(positions),
             _rows(velocities),
@@ -83,6 +95,11 @@ class Servo:
         await self._link.put(
             self._key, encode(message), priority=zenoh.Priority.INTERACTIVE_HIGH, express=True, drop=True
         )
+
+    @property
+    def state(self) -> str:
+        """As last reported."""
+        return "running" if self._last is None else self._last.state
 
     def check(self) -> None:
         """Raises what has ended the program, if anything has."""

@@ -12,6 +12,7 @@ export interface Socket {
   onmessage: ((event: any) => void) | null;
   onclose: ((event: any) => void) | null;
   onerror: ((event: any) => void) | null;
+  readonly bufferedAmount?: number;
   send(data: Uint8Array): void;
   close(code?: number): void;
 }
@@ -33,6 +34,8 @@ const RETRY_MS = [50, 100, 200, 400, 800, 1000];
 /** Too many calls at once: none of them was carried out. */
 const TOO_MUCH = "MC071";
 const BUSY_MS = 100;
+/** What waits for the link where targets are dropped. */
+const FULL_BYTES = 64 * 1024;
 /** Code of a connection that the gateway ends for a frame that is none. */
 const BAD_FRAME = 4000;
 /** That it does not come back: its programs end now. */
@@ -119,6 +122,11 @@ export class Gateway implements Connection {
       this.#pending.set(id, { frame: whole, sent: this.#connected, resolve, reject, timer });
       this.#send(whole);
     });
+  }
+
+  put(frame: Record<string, unknown>): void {
+    if (this.#closed) throw new NobodyAnswers("MC539", "the client is closed");
+    if ((this.#socket?.bufferedAmount ?? 0) < FULL_BYTES) this.#send(frame);
   }
 
   /** Delivers each message of a topic until the function that it returns is called; `onResumed` after a lost connection. */

@@ -3,6 +3,7 @@ import { Feed } from "./feed.js";
 import type { Connection } from "./connection.js";
 import type { ContinueRequest, Info, MachineStatus, MotionEvent } from "./messages.js";
 import { type ContinueOptions, type OpenOptions, Program } from "./program.js";
+import { Servo, type ServoOptions } from "./servo.js";
 import { type Samples, columnsOf, understand } from "./wire.js";
 
 const KEEP_MS = 100;
@@ -26,6 +27,9 @@ export class Machine extends MachineCalls {
 
   /** A new program; lines are streamed to it, each exactly once. */
   program(options: OpenOptions = {}): Promise<Program> { return Program.open(this.gateway, this, options); }
+
+  /** Leases axes for targets that are streamed, and energizes them; refused (MC512) where one of them is leased. */
+  servo(options: ServoOptions = {}): Promise<Servo> { return Servo.open(this.gateway, this, options); }
 
   /**
    * Goes on with a program that has ended, such as by a restart of the server: energizes what it had, brings the axes to where its next line

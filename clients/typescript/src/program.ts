@@ -34,7 +34,7 @@ export interface ContinueOptions {
 }
 
 /** The machine of a program. */
-type Behind = MachineCalls & { readonly name: string; readonly info: Info };
+export type Behind = MachineCalls & { readonly name: string; readonly info: Info };
 
 const GIVE_LINES = 1000;
 const GRACE_S = 10;
@@ -65,16 +65,17 @@ export class Program {
       start_line: options.startLine ?? 1, before: options.before ?? [], hold: options.hold ?? false, way: options.way ?? false,
       outputs: options.outputs ?? null,
     }));
-    return Program.#follow(gateway, machine, opened, options.patienceMs);
+    return Program.follow(gateway, machine, opened, options.patienceMs);
   }
 
   static async goOn(gateway: Connection, machine: Behind, request: ContinueRequest, { show, patienceMs }: ContinueOptions): Promise<Program> {
     if (show) await show(await machine.continuation({ program: request.program, line: request.line }));
     const opened = understand<ContinueReply>("ContinueReply", await machine.openContinuation(request));
-    return Program.#follow(gateway, machine, opened, patienceMs);
+    return Program.follow(gateway, machine, opened, patienceMs);
   }
 
-  static async #follow(gateway: Connection, machine: Behind, opened: OpenReply | ContinueReply, patienceMs = PATIENCE_MS): Promise<Program> {
+  /** Hears of a program that was opened. */
+  static async follow(gateway: Connection, machine: Behind, opened: OpenReply | ContinueReply, patienceMs = PATIENCE_MS): Promise<Program> {
     const program = new Program(machine, opened.program, opened, patienceMs);
     try {
       const stop = await gateway.listen(machine.name, `ack/${program.id}`, (message: unknown) => program.#onAck(message), () => program.#change((window) => { window.stale = true; }));

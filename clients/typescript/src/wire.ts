@@ -20,6 +20,7 @@ const FIELDS: Record<string, Record<string, Kind | `${Kind}?`>> = {
   },
   OpenReply: OPENED,
   ContinueReply: { ...OPENED, line: "number", resume_of: "string", whole: "boolean" },
+  ServoReply: { program: "string", axes: "array" },
   SubmitReply: { program: "string", accepted: "number", done: "number", credit: "number", rejections: "number?" },
   CloseReply: { program: "string", accepted: "number", done: "number", state: "string" },
   ErrorReply: { code: "string", message: "string", hint: "string?", details: "object?", diagnostics: "array?" },

@@ -3,12 +3,12 @@ import assert from "node:assert/strict";
 import { readdirSync, readFileSync } from "node:fs";
 import { test } from "node:test";
 import { decode } from "@msgpack/msgpack";
-import { columnsOf, LineWindow, MotionError, ProgramRejected, RequestRefused, understand } from "../dist/index.js";
+import { columnsOf, LineWindow, MotionError, ProgramRejected, RequestRefused, Servo, understand } from "../dist/index.js";
 
 const folder = new URL("../../contract/", import.meta.url);
 const read = (name) => JSON.parse(readFileSync(new URL(name, folder), "utf8"));
 const bytes = (hex) => Uint8Array.from(Buffer.from(hex, "hex"));
-const KINDS = ["Ack", "ProgramStatus", "OpenReply", "ContinueReply", "SubmitReply", "CloseReply", "ErrorReply", "Event"];
+const KINDS = ["Ack", "ProgramStatus", "OpenReply", "ContinueReply", "SubmitReply", "CloseReply", "ErrorReply", "Event", "ServoReply"];
 const GARBAGE = read("garbage.json").refused;
 // this SDK hands on what it does not use itself: of these kinds only some fields are looked at, and texts are decoded leniently
 const LENIENT = /no UTF-8|^t is|maps, 3000 deep/;
@@ -86,5 +86,53 @@ for (const name of readdirSync(new URL("sequences/", folder))) {
       const [[what, value]] = Object.entries(step);
       try { steps[what](play, value); } catch (error) { error.message = `step ${number}, ${what}: ${error.message}`; throw error; }
     });
+  });
+}
+
+/** A machine whose calls and frames the script answers. */
+function scripted(play) {
+  const gateway = {
+    put: (frame) => play.put.push(frame),
+    listen: async (machine, topic, deliver) => { play.deliver = deliver; return () => {}; },
+  };
+  const machine = {
+    name: "cell",
+    openServo: async () => { if (play.refusal) throw play.refusal; return play.opened; },
+    programs: async () => [play.status],
+  };
+  return Servo.open(gateway, machine, {}, () => play.now);
+}
+
+const servoSteps = {
+  async servo(play, message) { play.opened = play.message("ServoReply", message); play.servo = await scripted(play); },
+  async refused(play, message) {
+    const { code, message: why, hint } = play.message("ErrorReply", message);
+    play.refusal = new RequestRefused(code, why, hint);
+    play.failed = await scripted(play).catch((error) => error);
+  },
+  targets(play, { sent, counts_s: countsS, positions, velocities, times }) {
+    play.now = sent;
+    try { play.servo.send({ countsS, positions: positions ?? undefined, velocities: velocities ?? undefined, times: times ?? undefined }); } catch (error) { play.failed = error; }
+  },
+  puts(play, wanted) { assert.deepEqual(play.put.shift(), { op: "targets", machine: "cell", program: play.servo.id, message: wanted }); },
+  lost() {},
+  asked(play, message) { play.status = play.message("ProgramStatus", message); },
+  async counts(play, wanted) {
+    const { servo } = await play.servo.status();
+    for (const [name, count] of Object.entries(wanted)) assert.equal(servo[name], count, name);
+  },
+  ack(play, { bytes: hex }) { play.deliver(decode(bytes(hex))); },
+  knows(play, { state }) { assert.equal(play.servo.state, state); },
+  fails(play, { code }) { assert.equal(play.failed?.code, code); assert.deepEqual(play.put, []); },
+};
+
+for (const name of readdirSync(new URL("targets/", folder))) {
+  const sequence = read(`targets/${name}`);
+  test(`servo mode, "${sequence.name}", goes as the contract says`, async () => {
+    const play = { put: [], message: (kind, { bytes: hex }) => understand(kind, decode(bytes(hex))) };
+    for (const [number, step] of sequence.steps.entries()) {
+      const [[what, value]] = Object.entries(step);
+      try { await servoSteps[what](play, value); } catch (error) { error.message = `step ${number}, ${what}: ${error.message}`; throw error; }
+    }
   });
 }

@@ -1,0 +1,83 @@
+import type { Connection } from "./connection.js";
+import { type MotionError, RequestRefused } from "./errors.js";
+import type { OpenReply, ProgramState, ProgramStatus, ServoReply } from "./messages.js";
+import { type Behind, Program } from "./program.js";
+import { understand } from "./wire.js";
+
+export interface ServoOptions {
+  /** The axes to lease, all free now; left out: all of the machine. */
+  axes?: number[];
+  /** For people. */
+  name?: string;
+  /** How long each message counts, up to 10 [s]: without a newer one by then the axes stop, and the program ends. Default 0.1. */
+  countsS?: number;
+}
+
+/** Where the axes are to be; it replaces what was sent before. At least one of `positions` and `velocities`. */
+export interface Targets {
+  /** One number for each axis [mm, deg]; with `times` a row of them for each point. */
+  positions?: number[] | number[][];
+  /** [mm/s, deg/s]: with positions, the axes pass there at them; alone, they go on at them. */
+  velocities?: number[] | number[][];
+  /** Ascending [s from now], of the points. */
+  times?: number[];
+  /** As of `ServoOptions`. */
+  countsS?: number;
+}
+
+const COUNTS_S = 0.1;
+
+/** Axes that follow what is sent, until `close` or `abort` (docs/servo.md). */
+export class Servo {
+  #seq = 0;
+
+  private constructor(
+    private readonly gateway: Connection, private readonly machine: Behind, private readonly program: Program,
+    /** Rows of targets have one number for each, in this order. */
+    readonly axes: number[],
+    private readonly countsS: number, private readonly clock: () => number,
+  ) {}
+
+  /** Leases axes, energizes them and lets them follow; `clock`: the sender's time, which must not step [s]. */
+  static async open(gateway: Connection, machine: Behind, options: ServoOptions, clock = (): number => performance.now() / 1000): Promise<Servo> {
+    const opened = understand<ServoReply>("ServoReply", await machine.openServo({ axes: options.axes ?? null, name: options.name ?? "" }));
+    const running: OpenReply = { ...opened, state: "running", expected: 1, credit: 0, instance: "" };
+    return new Servo(gateway, machine, await Program.follow(gateway, machine, running), opened.axes, options.countsS ?? COUNTS_S, clock);
+  }
+
+  /** Of the program that follows. */
+  get id(): string { return this.program.id; }
+  get state(): ProgramState { return this.program.state; }
+  /** What `send` and `close` will fail with, as soon as it is known: ProgramEnded where nothing came in time, or somebody stopped it. */
+  get failure(): MotionError | null { return this.program.failure; }
+
+  /**
+   * Sends targets, without waiting: what the connection cannot take now is lost, for the next ones are newer. Throws once the program has
+   * ended: ProgramEnded as of `failure`, MC536 after `close`.
+   */
+  send(targets: Targets): void {
+    if (this.failure) throw this.failure;
+    if (this.program.ended) throw new RequestRefused("MC536", `the program takes no more targets: it is ${this.state}`, "open another one");
+    const message = [
+      ++this.#seq, this.clock(), targets.countsS ?? this.countsS, rows(targets.positions), rows(targets.velocities), targets.times ?? null,
+    ];
+    this.gateway.put({ op: "targets", machine: this.machine.name, program: this.id, message });
+  }
+
+  /** The program; its `servo` counts what was late, lost or dropped. */
+  async status(): Promise<ProgramStatus> {
+    return understand<ProgramStatus>("ProgramStatus", (await this.machine.programs({ program: this.id }))[0]);
+  }
+
+  /** Lets the axes go on to the last targets, and resolves once they stand there. Rejects as the program ended otherwise. */
+  close(): Promise<void> { return this.program.finish(); }
+
+  /** Stops the axes within their limits now. */
+  async abort(): Promise<void> { await this.program.abort(); }
+}
+
+/** One row for each point. */
+function rows(values: number[] | number[][] | undefined): number[][] | null {
+  if (values === undefined) return null;
+  return Array.isArray(values[0]) ? values as number[][] : [values as number[]];
+}
