@@ -14,6 +14,7 @@ use serde_json::{Value, json};
 use crate::core::{Core, Step};
 use crate::error::Error;
 use crate::messages::{Info, ProgramStatus, TelemetryBlock};
+use crate::servo::{Targets, servo_core};
 use crate::telemetry::decode_samples;
 use crate::window::Bounds;
 use crate::wire::decode;
@@ -286,5 +287,77 @@ impl Player {
             let message = json!({"first": chunk.first, "lines": chunk.lines, "rejections": rejections});
             self.sent.push_back(message);
         }
+    }
+}
+
+#[test]
+fn servo_mode_goes_as_the_contract_says() {
+    for sequence in files("targets") {
+        let mut player = TargetPlayer::default();
+        for (number, step) in list(&sequence, "steps").iter().enumerate() {
+            let (what, value) = step.as_object().unwrap().iter().next().unwrap();
+            let place = format!("{}, step {number}, {what}", text(&sequence, "name"));
+            player.play(what, value, &place);
+        }
+    }
+}
+
+/// Plays one sequence of targets.
+#[derive(Default)]
+struct TargetPlayer {
+    core: Option<Core>,
+    seq: u64,
+    put: Option<Value>,
+    status: Option<ProgramStatus>,
+    failed: Option<Error>,
+}
+
+impl TargetPlayer {
+    fn play(&mut self, what: &str, value: &Value, place: &str) {
+        match what {
+            "servo" => self.core = Some(servo_core(&decode(&bytes(value)).unwrap())),
+            "refused" => self.failed = Some(Error::refused(decode(&bytes(value)).unwrap())),
+            "targets" => match self.core.as_mut().unwrap().check_open() {
+                Err(error) => self.failed = Some(error),
+                Ok(()) => self.targets(value),
+            },
+            "puts" => assert!(same(&self.put.take().unwrap(), value, true), "{place}"),
+            "lost" => {}
+            "asked" => self.status = Some(decode(&bytes(value)).unwrap()),
+            "counts" => {
+                let counted = serde_json::to_value(self.status.as_ref().unwrap().servo.as_ref()).unwrap();
+                for (name, count) in value.as_object().unwrap() {
+                    assert_eq!(&counted[name], count, "{place}: {name}");
+                }
+            }
+            "ack" => self.core.as_mut().unwrap().on_ack(&decode(&bytes(value)).unwrap(), NOW),
+            "knows" => assert_eq!(
+                json!(self.core.as_ref().unwrap().state()),
+                value["state"],
+                "{place}"
+            ),
+            "fails" => {
+                assert_eq!(
+                    self.failed.as_ref().map(Error::code),
+                    value["code"].as_str(),
+                    "{place}"
+                );
+                assert_eq!(self.put, None, "{place}");
+            }
+            other => panic!("{place}: a step {other} that is not known here"),
+        }
+    }
+
+    fn targets(&mut self, given: &Value) {
+        let seconds = |each: &Value| Duration::from_secs_f64(each.as_f64().unwrap());
+        let targets = Targets {
+            positions: serde_json::from_value(given["positions"].clone()).unwrap(),
+            velocities: serde_json::from_value(given["velocities"].clone()).unwrap(),
+            times: given["times"].as_array().map(|times| times.iter().map(seconds).collect()),
+            counts: Some(seconds(&given["counts_s"])),
+        };
+        self.seq += 1;
+        let message = targets.message(self.seq, given["sent"].as_f64().unwrap(), Duration::ZERO);
+        self.put = Some(serde_json::to_value(message).unwrap());
     }
 }

@@ -39,6 +39,7 @@ pub mod messages;
 mod presence;
 mod program;
 mod program_options;
+mod servo;
 mod stream;
 mod telemetry;
 mod window;
@@ -64,6 +65,7 @@ pub use messages::{
 };
 pub use program::Program;
 pub use program_options::{ProgramOptions, ProgramResult};
+pub use servo::{Servo, ServoOptions, Targets};
 pub use telemetry::Samples;
 
 /// The page docs/rust.md: its examples run against a server when the tests of the repository ask for it.

@@ -242,6 +242,21 @@ impl Link {
         let _ = sent.await;
     }
 
+    /// Sends at once what the next one is newer than: a full link loses it.
+    pub fn put_newest(&self, key: &str, payload: Vec<u8>) {
+        use zenoh::Wait;
+        let put = self
+            .session
+            .put(key, payload)
+            .encoding(ENCODING)
+            .priority(Priority::InteractiveHigh)
+            .express(true)
+            .congestion_control(CongestionControl::Drop);
+        if let Err(error) = put.wait() {
+            tracing::debug!("put {key}: {error}");
+        }
+    }
+
     /// Calls `deliver` with each payload that the server publishes, in a thread of Zenoh's: it must not wait.
     pub async fn subscribe(
         &self,

@@ -213,7 +213,7 @@ impl Machine {
         self.follow(Core::continuing(&opened, Bounds::default()), opened.axes).await
     }
 
-    async fn follow(&self, core: Core, axes: Vec<u64>) -> Result<Program> {
+    pub(crate) async fn follow(&self, core: Core, axes: Vec<u64>) -> Result<Program> {
         let inner = &self.inner;
         let stream = LineStream::open(
             core,

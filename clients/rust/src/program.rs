@@ -108,6 +108,16 @@ impl Program {
         self.core(|core| core.failure().cloned())
     }
 
+    /// Refuses what comes once the program has ended or is closed.
+    pub(crate) fn check_open(&self) -> Result<()> {
+        self.stream.shared.with(|core, _| core.check_open())
+    }
+
+    /// Puts a message of which the next one is newer.
+    pub(crate) fn put_newest(&self, payload: Vec<u8>) {
+        self.machine.link.put_newest(&self.machine.keys.lines_in(self.id()), payload);
+    }
+
     // ------------------------------------------------------------ lines
 
     /// Sends one line and waits for the verdict on it; it may still be waiting to move. Returns its number.

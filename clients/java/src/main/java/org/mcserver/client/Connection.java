@@ -27,6 +27,8 @@ import java.util.function.BiConsumer;
  * done twice, and subscriptions are made again.
  */
 final class Connection {
+    /** Messages of targets that wait for the link at most. */
+    private static final int TARGETS_UNDER_WAY = 64;
     static final Duration DEADLINE = Duration.ofSeconds(15);
     private static final Duration CONNECT = Duration.ofSeconds(10);
     /** How often a silent connection is asked for a sign of life, and after how long a silence it is given up. */
@@ -52,6 +54,7 @@ final class Connection {
     private final Map<Long, Listening> listening = new LinkedHashMap<>();
     private final Map<Long, Boolean> subscribing = new HashMap<>();
     private WebSocket socket;
+    private int targetsUnderWay;
     private CompletableFuture<?> sending = CompletableFuture.completedFuture(null);
     private String session = "";
     private long numbers;
@@ -132,6 +135,21 @@ final class Connection {
         frame.put("reason", reason);
         frame.put("request", number);
         return request(frame, DEADLINE);
+    }
+
+    /** Targets, without an answer, of which the next ones are newer; where the connection is away or full they are lost. */
+    void put(String machine, String program, List<Object> targets) {
+        run(new CompletableFuture<>(), () -> {
+            if (socket == null || targetsUnderWay >= TARGETS_UNDER_WAY) {
+                return;
+            }
+            Map<String, Object> frame = frame("targets", machine);
+            frame.put("program", program);
+            frame.put("message", targets);
+            send(frame);
+            targetsUnderWay++;
+            sending.whenComplete((sent, error) -> onLoop(() -> targetsUnderWay--));
+        });
     }
 
     /** Delivers each message of a topic and how many were lost before it, on the loop, until the result's runnable is called. */

@@ -14,6 +14,7 @@ import java.util.function.Consumer;
 public final class Machine extends MachineCalls {
     private static final int STATES_LIMIT = 32;
     private static final int SAMPLES_LIMIT = 4096;
+    private static final double COUNTS_S = 0.1;
 
     private final Connection connection;
     private final String name;
@@ -79,6 +80,20 @@ public final class Machine extends MachineCalls {
     public CompletableFuture<Program> continueProgram(Messages.ContinueRequest request, Consumer<Messages.Continuation> show) {
         return continuation(new Messages.ContinuationRequest().withProgram(request.program()).withLine(request.line()))
                 .thenAccept(show).thenCompose(shown -> continueProgram(request));
+    }
+
+    /** As {@link #servo(Messages.ServoRequest, double)}, where each message counts for 0.1 s. */
+    public CompletableFuture<Servo> servo(Messages.ServoRequest request) {
+        return servo(request, COUNTS_S);
+    }
+
+    /**
+     * Leases axes, energizes them and lets them follow targets that are streamed; fails with MC512 where one of them is leased.
+     *
+     * @param countsS how long each message counts, up to 10 s: without a newer one by then the axes stop, and the program ends
+     */
+    public CompletableFuture<Servo> servo(Messages.ServoRequest request, double countsS) {
+        return Servo.open(connection, this, name, request, countsS);
     }
 
     private CompletableFuture<Program> follow(List<Long> axes, LineCore core) {

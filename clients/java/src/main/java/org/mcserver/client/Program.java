@@ -105,6 +105,11 @@ public final class Program implements AutoCloseable {
         return known(core::credit);
     }
 
+    /** Throws why nothing is taken any more. */
+    void checkOpen() {
+        check(core::checkOpen);
+    }
+
     // ---------------------------------------------------------------- lines
 
     /**

@@ -7,6 +7,8 @@ import static org.junit.jupiter.api.Assertions.assertNotNull;
 import static org.junit.jupiter.api.Assertions.assertThrows;
 import static org.junit.jupiter.api.Assertions.assertTrue;
 
+import com.google.gson.Gson;
+import com.google.gson.GsonBuilder;
 import com.google.gson.JsonArray;
 import com.google.gson.JsonElement;
 import com.google.gson.JsonObject;
@@ -197,6 +199,75 @@ class ContractTest {
     Stream<DynamicTest> everySequenceGoesAsTheContractSays() throws Exception {
         return files("sequences").stream().filter(sequence -> !sequence.get("puts_only").getAsBoolean())
                 .map(sequence -> DynamicTest.dynamicTest(name(sequence), () -> new Player(sequence).play()));
+    }
+
+    @TestFactory
+    Stream<DynamicTest> servoModeGoesAsTheContractSays() throws Exception {
+        return files("targets").stream().map(sequence -> DynamicTest.dynamicTest(name(sequence), () -> new TargetPlayer().play(sequence)));
+    }
+
+    /** Plays one sequence of targets. */
+    private static final class TargetPlayer {
+        private LineCore core;
+        private long seq;
+        private List<Object> put;
+        private Messages.ProgramStatus status;
+        private MotionException failed;
+
+        void play(JsonObject sequence) {
+            int number = 0;
+            for (JsonObject step : list(sequence, "steps")) {
+                Map.Entry<String, JsonElement> only = step.entrySet().iterator().next();
+                take(only.getKey(), only.getValue(), name(sequence) + ", step " + number++ + ", " + only.getKey());
+            }
+        }
+
+        private void take(String what, JsonElement value, String where) {
+            switch (what) {
+                case "servo" -> core = Servo.core(Wire.decode(Messages.ServoReply.class, bytes(value.getAsJsonObject())));
+                case "refused" -> {
+                    Messages.ErrorReply error = Wire.decode(Messages.ErrorReply.class, bytes(value.getAsJsonObject()));
+                    failed = new MotionException.RequestRefused(error.code(), error.message(), error.hint(), error.details(), error.diagnostics());
+                }
+                case "targets" -> targets(value.getAsJsonObject());
+                case "puts" -> {
+                    Gson gson = new GsonBuilder().serializeNulls().create();
+                    assertEquals(JsonParser.parseString(value.toString()), JsonParser.parseString(gson.toJson(put)), where);
+                    put = null;
+                }
+                case "lost" -> {
+                    // nothing to do
+                }
+                case "asked" -> status = Wire.decode(Messages.ProgramStatus.class, bytes(value.getAsJsonObject()));
+                case "counts" -> {
+                    JsonObject counted = new Gson().toJsonTree(Wire.params(status.servo())).getAsJsonObject();
+                    value.getAsJsonObject().entrySet().forEach(
+                            each -> assertEquals(each.getValue().getAsLong(), counted.get(each.getKey()).getAsLong(), where + " " + each.getKey()));
+                }
+                case "ack" -> core.onAck(Wire.decode(Messages.Ack.class, bytes(value.getAsJsonObject())));
+                case "knows" -> assertEquals(value.getAsJsonObject().get("state").getAsString(), core.state().word(), where);
+                case "fails" -> {
+                    assertNotNull(failed, where);
+                    assertEquals(value.getAsJsonObject().get("code").getAsString(), failed.code(), where);
+                    assertEquals(null, put, where);
+                }
+                default -> throw new AssertionError(where + ": a step that is not known here");
+            }
+        }
+
+        private void targets(JsonObject given) {
+            try {
+                core.checkOpen();
+            } catch (MotionException error) {
+                failed = error;
+                return;
+            }
+            Gson gson = new Gson();
+            Targets targets = new Targets(
+                    gson.fromJson(given.get("positions"), double[][].class), gson.fromJson(given.get("velocities"), double[][].class),
+                    gson.fromJson(given.get("times"), double[].class), given.get("counts_s").getAsDouble());
+            put = targets.message(++seq, given.get("sent").getAsDouble(), 0.0);
+        }
     }
 
     /** Plays one sequence to a core: what would be sent stands in {@code sent}. */
