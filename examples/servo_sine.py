@@ -19,7 +19,8 @@ async def follow(options: argparse.Namespace) -> None:
     async with Machine.connect(options.machine, options.connect) as machine:
         status = await machine.status()
         start = status.axes.position[status.axes.index.index(options.axis)]
-        async with machine.servo([options.axis]) as servo:
+        # a busy computer may be late: the axis stops where nothing comes for so long
+        async with machine.servo([options.axis], counts_s=0.5) as servo:
             loop, turn = asyncio.get_running_loop(), 2.0 * np.pi * FREQUENCY_HZ
             begun = loop.time()
             for count in range(round(options.seconds * options.hz)):

@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import subprocess
 import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -115,3 +116,16 @@ def test_the_example_follows_its_sine(server: ServerProcess) -> None:
     done = subprocess.run(command, capture_output=True, text=True, env=environment(), timeout=60, check=True)
     at, target = (float(word.strip(",")) for word in done.stdout.splitlines()[-1].split() if "." in word)
     assert at == pytest.approx(target, abs=0.01)
+
+
+def test_the_example_replays_a_recording(server: ServerProcess, tmp_path: Path) -> None:
+    times = np.arange(0.0, 1.0, 0.001)
+    wave = 5.0 * np.sin(np.pi * times) ** 2
+    file = tmp_path / "path.npz"
+    np.savez(file, time_s=times, axes=[3, 5], setpoint=np.column_stack([wave, 2.0 + wave]))
+    command = [sys.executable, str(ROOT / "examples" / "servo_replay.py"), str(file), "--speed", "0.8"]
+    command += ["--machine", server.name, "--connect", server.endpoint]
+    done = subprocess.run(command, capture_output=True, text=True, env=environment(), timeout=60, check=True)
+    for line in done.stdout.splitlines()[-2:]:
+        at, target = (float(word.strip(",")) for word in line.split() if "." in word)
+        assert at == pytest.approx(target, abs=0.01)
