@@ -1,4 +1,4 @@
-"""The remote methods of runs that a person has to approve: ``request_run``, ``arm``, ``run_armed`` …"""
+"""Remote methods of runs that a person has to approve: ``request_run``, ``arm``, ``run_armed``, and more."""
 
 from __future__ import annotations
 

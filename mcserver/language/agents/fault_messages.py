@@ -1,0 +1,95 @@
+"""What the server says with each code, read from its own sources: so no code is without a word."""
+
+from __future__ import annotations
+
+import ast
+import re
+from collections.abc import Iterator
+from importlib import resources
+from importlib.resources.abc import Traversable
+
+# Messages of one code that are told.
+MOST_MESSAGES = 5
+_CODE = re.compile(r"MC[0-9]{3}( / MC[0-9]{3})*\Z")
+# codes whose messages the sources put together from parts
+WORDED = {
+    "MC004": ("a value of the machine file is out of its range, or values contradict each other", ""),
+    "MC008": ("a file cannot be read or written", "check its name and its rights"),
+    "MC030": ("the homing of an axis in the machine file does not fit", "see homing"),
+    "MC064": ("a page on this address has to have users", "make a password file: mcserver web --add-user"),
+    "MC320": ("two bodies come nearer to each other than the margin", "take another way"),
+    "MC321": ("a body enters a zone, or leaves the one it stays in", "take another way"),
+    "MC524": ("the disk under the journal is slow", "see `disk` of the status"),
+    "MC525": ("a malformed message made a session of the server deaf; programs are held", "resume them"),
+    "MC527": ("the journal was damaged, and the programs in it were set aside", "look at the machine first"),
+    "MC528": ("another server of this name is on the network", "stop one of them"),
+    "MC534": ("the server was started anew, and the client does not go on by itself", "continue_program"),
+    "MC535": ("the connection was interrupted while a line was sent", "see the program's status"),
+    "MC536": ("the client's program has ended on the server", "see the program's status"),
+    "MC542": ("an address cannot be listened on or reached", "give HOST:PORT"),
+    "MC556": ("a drive sent an emergency message", "see the drive's manual for its code"),
+    "MC558": ("a drive has started anew by itself", "look after its supply"),
+    "MC563": ("a certificate of the server's Zenoh configuration ends soon", "renew it"),
+    "MC564": ("the computer's clock was set", "times of later events are by the new one"),
+    "MC582": ("a recording cannot be written", "make room on the disk of the recordings"),
+    "MC583": ("cycles are missing in a recording: the disk was too slow", "record to a faster disk"),
+}
+
+
+def messages_of(code: str) -> list[tuple[str, str]]:
+    """Return messages and remedies of a code as the server words them, with ``…`` for values."""
+    if code in WORDED:
+        return [WORDED[code]]
+    found: dict[tuple[str, str], None] = {}
+    for source in _sources(resources.files("mcserver")):
+        text = source.read_text("utf-8")
+        if f'"{code}"' in text:
+            found.update(dict.fromkeys(_messages_in(ast.parse(text), code)))
+    return [each for each in found if each[0]][:MOST_MESSAGES]
+
+
+def _sources(folder: Traversable) -> Iterator[Traversable]:
+    for each in sorted(folder.iterdir(), key=lambda one: one.name):
+        if each.is_dir():
+            yield from _sources(each)
+        elif each.name.endswith(".py"):
+            yield each
+
+
+def _messages_in(tree: ast.Module, code: str) -> Iterator[tuple[str, str]]:
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Call):
+            named = {each.arg: each.value for each in node.keywords}
+            words = [each for each in (*node.args, *named.values()) if not isinstance(each, ast.Starred)]
+            if any(_is_code(each, code) for each in words):
+                others = [text for each in words if " " in (text := _text(each)) and not _CODE.match(text)]
+                hint = _text(named["hint"]) if "hint" in named else "; ".join(others[1:2])
+                yield "; ".join(others[:1]), hint
+        elif isinstance(node, (ast.Tuple, ast.List)) and any(_is_code(each, code) for each in node.elts):
+            others = [text for each in node.elts if " " in (text := _text(each)) and not _CODE.match(text)]
+            if others:
+                yield others[0], "; ".join(others[1:2])
+        elif isinstance(node, ast.Dict):
+            for key, value in zip(node.keys, node.values, strict=True):
+                if key is not None and _is_code(key, code) and _text(value):
+                    yield _text(value), ""
+
+
+def _is_code(node: ast.expr, code: str) -> bool:
+    if isinstance(node, ast.IfExp):
+        return _is_code(node.body, code) or _is_code(node.orelse, code)
+    return isinstance(node, ast.Constant) and node.value == code
+
+
+def _text(node: ast.expr) -> str:
+    """Return the words of a text with values left open; empty for what is none."""
+    match node:
+        case ast.Constant(value=str(text)):
+            return text
+        case ast.JoinedStr(values=parts):
+            return "".join(_text(part) or "…" for part in parts)
+        case ast.BinOp(left=left, right=right):
+            return f"{_text(left) or '…'}{_text(right) or '…'}" if _text(left) or _text(right) else ""
+        case ast.IfExp(body=body, orelse=other):
+            return " / ".join(each for each in (_text(body), _text(other)) if each)
+    return ""
