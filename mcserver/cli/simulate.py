@@ -51,12 +51,23 @@ InputsOption = Annotated[
 ]
 
 
+StopsOption = Annotated[
+    bool,
+    typer.Option(
+        "--stops",
+        help="With [clearance]: judge wherever holds, overrides, aborts and emergency stops may bring "
+        "the axes.",
+    ),
+]
+
+
 def simulate_program(
     file: ProgramArgument,
     machine: MachineOption = DEFAULT_MACHINE,
     output: OutputOption = None,
     inputs: InputsOption = None,
     zero: ZeroOption = None,
+    stops: StopsOption = False,
     json: JsonOption = False,
 ) -> None:
     """Run a program on a virtual clock, by the same code as the server."""
@@ -78,6 +89,7 @@ def simulate_program(
                     kinematics=kinematics,
                     progress=progress,
                     record=output is not None,
+                    stops=stops,
                 )
             if output is not None and simulation.recording is not None:
                 poses = ToolPoses(described, kinematics)

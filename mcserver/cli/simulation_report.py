@@ -87,6 +87,8 @@ def print_report(report: Mapping[str, Any], times: LineTimes, source_lines: Sequ
         one, other = pair["bodies"]
         where = f"line {pair['line']}, {pair['time_s']:.3f} s"
         console.print(f"least clearance {pair['least_mm']:g} mm: {one} and {other}, {where}", markup=False)
+    if report.get("clearance", {}).get("stops") and report["ok"]:
+        console.print("holds, overrides, aborts and emergency stops stay clear from every cycle")
 
 
 def _table_of_lines(lines: Sequence[Mapping[str, Any]], source_lines: Sequence[str], width: int) -> Table:

@@ -8,13 +8,14 @@ from dataclasses import dataclass, field
 from itertools import islice
 from typing import Any, TypedDict, Unpack
 
+import msgspec
 import numpy as np
 from mckinematics.pose import Kinematics
 from mckinematics.solver import MachineKinematics
 
 from mcserver.clearance.meter import ClearanceMeter
 from mcserver.drives.bus import DriveMode
-from mcserver.errors import Diagnostic
+from mcserver.errors import ConfigurationError, Diagnostic
 from mcserver.executor.entries import EventKind, ExecutorEvent
 from mcserver.executor.fault_codes import WARNINGS, remedy_of
 from mcserver.executor.row_block import LineEvents
@@ -23,9 +24,11 @@ from mcserver.gcode.profiles.frame import Frame
 from mcserver.gcode.program_check import check_lines
 from mcserver.gcode.text.source import LineSource, split_lines
 from mcserver.machine.machine_file import Machine
+from mcserver.planning.clearance_guard import ClearanceGuard, ClearanceGuards
 from mcserver.planning.line_marks import LineMarks
 from mcserver.planning.pipeline import Pipeline
 from mcserver.planning.planner_messages import PlannedLines, ReportKind
+from mcserver.planning.shared_space import SharedSpace
 from mcserver.planning.start_state import PauseEnd, StartState
 from mcserver.planning.unhomed import machine_for
 from mcserver.simulation.line_times import LineTimes
@@ -99,6 +102,8 @@ class Conditions(TypedDict, total=False):
         path_points: so many at most are in the report's ``path``; 0: it has none.
         clock: what ``planning_s`` is measured with [s].
         moments: keeps setpoints of all axes, evenly in time.
+        stops: of a machine with bodies or zones, judge as the server does while it runs, wherever holds,
+            overrides, aborts and emergency stops may bring axes.
     """
 
     start: StartState | None
@@ -109,6 +114,7 @@ class Conditions(TypedDict, total=False):
     path_points: int
     clock: Callable[[], float]
     moments: CycleTaker | None
+    stops: bool
 
 
 def simulate(text: str, machine: Machine, **given: Unpack[Conditions]) -> Simulation:
@@ -136,7 +142,14 @@ def simulate_lines(
     Args:
         source: is read twice, and a third time where a line of it fails.
         times: takes the times of its lines; None: keeps all of them. checked: the program has no faults.
+
+    Raises:
+        ConfigurationError: MC323 stops are to be judged, and the machine names no bodies.
     """
+    if given.get("stops", False) and machine.clearance is None:
+        raise ConfigurationError(
+            "MC323", f"{machine.name} names no bodies, so stops cannot be judged", "add [clearance]"
+        )
     kinematics = given.get("kinematics")
     start = given.get("start") or StartState.of(machine)
     machine = machine_for(starting_at(machine, start.positions), start.homed, moves_unhomed=False)
@@ -198,6 +211,7 @@ class _Run:
         self._read = 0
         self._times = times
         self._progress = given.get("progress")
+        self._stops = given.get("stops", False)
         self._executor = VirtualExecutor(machine)
         self._executor.bring_to(start)
         mask = (1 << len(machine.axes)) - 1
@@ -209,6 +223,7 @@ class _Run:
             lease=given.get("lease"),
             kinematics=given.get("kinematics"),
             clock=given.get("clock", time.perf_counter),
+            guard=self._guard(given.get("lease")) if self._stops else None,
         )
         self._feed_length = 0.0
         self._end = 0.0
@@ -244,7 +259,8 @@ class _Run:
             if self._progress is not None:
                 self._progress(self._executor.time, self._recorder.line)
         self._come_to_rest()
-        if self._clearance is not None:
+        # before a contact motion ends as near as the margin: the meter would tell of it once more
+        if self._clearance is not None and not (self._stops and self._failed):
             self._faults += self._clearance.contacts()
         return Simulation(
             self._report(warnings),
@@ -268,6 +284,13 @@ class _Run:
         return any(fault.severity == "error" for fault in self._faults)
 
     # ------------------------------------------------------------------ the run
+
+    def _guard(self, lease: frozenset[int] | None) -> ClearanceGuard:
+        """Return what the server judges its programs by."""
+        machine, executor = self._machine, self._executor
+        axes = frozenset(axis.index for axis in machine.axes) if lease is None else lease
+        guards = ClearanceGuards(machine, SharedSpace(machine, lambda: executor.feedback))
+        return guards.guard("the program", SLOT, axes)
 
     def _feed(self) -> None:
         """Give the planner lines, more than it reads in one go: a window that runs dry ends in a stop."""
@@ -306,6 +329,13 @@ class _Run:
                 if report.requested_s is not None:
                     self._times.asked(report.line, report.requested_s)
                 self._feed_length += report.feed_length
+            elif report.kind is ReportKind.CONTACT:
+                # said again while the motion comes to rest
+                if not self._failed:
+                    contact = report.diagnostics[0]
+                    self._faults.append(msgspec.structs.replace(contact, column=1, end_column=2))
+                # as the service does; it stands on its path already
+                self._executor.mailbox.abort(SLOT)
             elif report.kind is ReportKind.SOLVED:
                 self._times.solved(report.line, report.planning_s)
             elif report.kind is ReportKind.BOUND:
@@ -417,7 +447,8 @@ class _Run:
             "diagnostics": [each.as_json() for each in (*warnings, *self._faults)],
         }
         if self._clearance is not None:
-            report["clearance"] = self._clearance.report()
+            judged = {"stops": True} if self._stops else {}
+            report["clearance"] = {**self._clearance.report(), **judged}
         offsets = self._work_offsets()
         if offsets:
             report["work_offsets"] = offsets

@@ -14,9 +14,9 @@ _CODE = re.compile(r"MC[0-9]{3}( / MC[0-9]{3})*\Z")
 # codes whose messages the sources put together from parts
 WORDED = {
     "MC004": ("a value of the machine file is out of its range, or values contradict each other", ""),
-    "MC008": ("a file cannot be read or written", "check its name and its rights"),
+    "MC008": ("an EDS or DCF file of a drive cannot be understood", "get it from the maker"),
     "MC030": ("the homing of an axis in the machine file does not fit", "see homing"),
-    "MC064": ("a page on this address has to have users", "make a password file: mcserver web --add-user"),
+    "MC064": ("others would reach the page without login or TLS", "give --users, --certificate and --key"),
     "MC320": ("two bodies come nearer to each other than the margin", "take another way"),
     "MC321": ("a body enters a zone, or leaves the one it stays in", "take another way"),
     "MC524": ("the disk under the journal is slow", "see `disk` of the status"),
@@ -26,7 +26,7 @@ WORDED = {
     "MC534": ("the server was started anew, and the client does not go on by itself", "continue_program"),
     "MC535": ("the connection was interrupted while a line was sent", "see the program's status"),
     "MC536": ("the client's program has ended on the server", "see the program's status"),
-    "MC542": ("an address cannot be listened on or reached", "give HOST:PORT"),
+    "MC542": ("an address is not HOST:PORT", "give HOST:PORT"),
     "MC556": ("a drive sent an emergency message", "see the drive's manual for its code"),
     "MC558": ("a drive has started anew by itself", "look after its supply"),
     "MC563": ("a certificate of the server's Zenoh configuration ends soon", "renew it"),
