@@ -7,7 +7,7 @@ malformed packets are counted and left out.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 # (identifier, payload)
 Frame = tuple[int, bytes]
@@ -63,3 +63,12 @@ class CanPort(Protocol):
 
     def close(self) -> None:
         """Give the bus back; a second call does nothing."""
+
+
+@runtime_checkable
+class ClockedPort(Protocol):
+    """A port on a bus whose devices have a clock of their own, which the cycle has to follow."""
+
+    @property
+    def clock_error_ns(self) -> int | None:
+        """How late the latest cycle was by that clock; None: there is none."""

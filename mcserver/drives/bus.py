@@ -182,6 +182,15 @@ class UnclockedBus(Protocol):
         """Let cycles pass in which drives hear nothing: they hold, and at their time-outs switch off."""
 
 
+@runtime_checkable
+class ClockedBus(Protocol):
+    """A bus whose devices may have a clock of their own, which the cycle has to follow."""
+
+    @property
+    def clock_error_ns(self) -> int | None:
+        """How late the latest cycle was by that clock; None: there is none."""
+
+
 class BusEventKind(enum.IntEnum):
     """What a `BusEvent` is about."""
 

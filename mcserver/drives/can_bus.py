@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from mcserver.can.cob import SYNC
 from mcserver.can.open import open_port
 from mcserver.can.pdo_layout import TPDO1
-from mcserver.can.port import CanPort
+from mcserver.can.port import CanPort, ClockedPort
 from mcserver.drives.bus import BusEvent, DriveFault, DriveMode, Feedback, Setpoints
 from mcserver.drives.cia402.axes import Cia402Axes
 from mcserver.drives.cia402.drive import Cia402Drive
@@ -146,6 +146,10 @@ class CanBus:
             self._io.read_outputs(fresh[:nodes])
         if self._drive_io is not None:
             self._drive_io.read_outputs(fresh[nodes:])
+
+    @property
+    def clock_error_ns(self) -> int | None:
+        return self.port.clock_error_ns if isinstance(self.port, ClockedPort) else None
 
     @property
     def short(self) -> int:

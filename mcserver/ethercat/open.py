@@ -49,7 +49,9 @@ def open_ethercat(machine: Machine, bus: BusConfig) -> EthercatPort:
         silence_cycles=bus.silence_cycles,
         patience_cycles=math.ceil(timeout / machine.cycle_s),
         on_close=close,
+        period_ns=round(machine.cycle_s * 1e9),
     )
+    port.clocked = master.clocked
     supervision = EthercatSupervision(master, port)
     supervision.start()
     return port

@@ -39,10 +39,11 @@ class EthercatPort:
         soem: pysoem's master. slaves: in SAFEOP. silence_cycles: so many frames in a row that do not come
             back are a bus that is away.
         patience_cycles: an axis whose outputs are not sent for so long gets zeros: no energy.
-        on_close: called once.
+        on_close: called once. period_ns: of the cycle.
 
     Attributes:
         states: AL state of each slave; the supervision replaces the tuple.
+        clocked: a slave has a distributed clock, which the cycle has to follow.
         begun: setpoints are sent: before, nothing keeps a slave from falling out of OP again.
         troubled: called where an answer is missing.
     """
@@ -57,14 +58,17 @@ class EthercatPort:
         silence_cycles: int,
         patience_cycles: int,
         on_close: Callable[[], None],
+        period_ns: int,
     ) -> None:
         self.counters = PortCounters()
         self.states: tuple[AlState, ...] = (AlState.SAFEOP,) * len(slaves)
         self.begun = False
+        self.clocked = False
         self.troubled: Callable[[], None] = lambda: None
         self._soem = soem
         self._on_close = on_close
         self._closed = False
+        self._period_ns = period_ns
         self._silence = silence_cycles
         self._patience = patience_cycles
         self._devices = [slave.device for slave in slaves]
@@ -142,6 +146,17 @@ class EthercatPort:
         if not self._closed:
             self._closed = True
             self._on_close()
+
+    @property
+    def clock_error_ns(self) -> int | None:
+        """How far behind the whole cycles of the slaves' clock the latest frame passed; None: they have none.
+
+        SYNC0 is half a cycle behind these, so that a frame may be late by nearly as much.
+        """
+        if not self.clocked:
+            return None
+        half = self._period_ns // 2
+        return int((self._soem.dc_time + half) % self._period_ns - half)
 
     @property
     def flowing(self) -> bool:
