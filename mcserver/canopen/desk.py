@@ -6,10 +6,12 @@ SDO requests or commands: where any is heard, before the first frame or later, n
 
 from __future__ import annotations
 
+import logging
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
+from typing import Protocol
 
 from mcserver.can.cob import GREATEST_NODE, LEAST_NODE
 from mcserver.can.open import open_port
@@ -19,6 +21,7 @@ from mcserver.canopen.bus_frames import wait_for_frames
 from mcserver.canopen.canopen_errors import DriveError
 from mcserver.canopen.listening import Listening, refuse_other_masters, sign_of_master
 from mcserver.canopen.network import PortNetwork
+from mcserver.canopen.node_configuration import SdoClient
 from mcserver.canopen.parameters import Parameter, encode
 from mcserver.canopen.sdo import STORING, NodeSdo
 from mcserver.canopen.settings import DriveSettings
@@ -47,10 +50,17 @@ class Reading:
     raw: bytes
 
 
+class MasterWatch(Protocol):
+    """Whether anybody else has become master of the bus."""
+
+    def check(self) -> None:
+        """Raise RuntimeFault MC560 where somebody has."""
+
+
 class Desk:
     """A drive's parameters; made by `at_desk`."""
 
-    def __init__(self, drive: DriveSettings, sdo: NodeSdo, watch: _Watch) -> None:
+    def __init__(self, drive: DriveSettings, sdo: SdoClient, watch: MasterWatch) -> None:
         self.drive = drive
         self._sdo = sdo
         self._watch = watch
@@ -197,6 +207,10 @@ def at_desk(drive: DriveSettings) -> Iterator[Desk]:
     watch = _Watch(bus)
     network = PortNetwork(port)
     network.observe(watch.observe)
+    # a time-out is said once, by its drive and object
+    library = logging.getLogger("canopen.sdo")
+    before = library.level
+    library.setLevel(logging.CRITICAL)
     stopping = threading.Event()
     thread = threading.Thread(target=_receive, args=(network, stopping), name="desk", daemon=True)
     thread.start()
@@ -207,6 +221,7 @@ def at_desk(drive: DriveSettings) -> Iterator[Desk]:
         stopping.set()
         thread.join()
         network.disconnect()
+        library.setLevel(before)
 
 
 def _receive(network: PortNetwork, stopping: threading.Event) -> None:

@@ -68,6 +68,18 @@ def take_backup(desk: Desk, parameters: Sequence[Parameter], taken: str = "") ->
     return ParameterFile(identity, found, taken, unread)
 
 
+def _broken_off(error: DriveError, written: int, wanted: int) -> DriveError:
+    """Say how far a restore came whose drive was lost."""
+    return DriveError(
+        error.code,
+        f"{error.message}; {written} of {wanted} parameters that differ were written before it, "
+        "none is stored",
+        f"{error.hint}; then restore again: it writes what still differs",
+        axis=error.axis,
+        **error.details,
+    )
+
+
 def restore(
     desk: Desk, parameters: Sequence[Parameter], file: ParameterFile, on_write: OnWrite
 ) -> list[Parameter]:
@@ -112,7 +124,7 @@ def restore(
                 desk.write(changed, target)
             except DriveError as error:
                 if error.code not in ("MC553", "MC559"):
-                    raise
+                    raise _broken_off(error, len(written), len(left)) from None
                 refused[place] = error.message
                 continue
             written[place] = changed

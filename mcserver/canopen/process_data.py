@@ -253,7 +253,7 @@ class _Plan:
             raise self._dictionary.no_place(
                 direction.communication,
                 1,
-                "the EDS does not have it",
+                f"the EDS does not have it{self._dictionary.other_device}",
                 "check that `eds` names this drive's file; without `eds` the standard's objects are assumed",
             )
         first = numbers[0] - 1

@@ -9,6 +9,7 @@ from canopen.objectdictionary import ODVariable, datatypes
 
 from mcserver.canopen.canopen_errors import object_text
 from mcserver.canopen.dictionary import DeviceDictionary
+from mcserver.canopen.profiles import CIA_402, device_text
 from mcserver.canopen.settings import DriveSettings
 from mcserver.canopen.values import pack_number
 from mcserver.errors import ConfigurationError
@@ -102,10 +103,18 @@ class DriveDictionary:
             raise self.no_place(
                 index,
                 subindex,
-                "the EDS does not have it",
+                f"the EDS does not have it{self.other_device}",
                 "check that `eds` names this drive's file; without `eds` the standard's objects are assumed",
             )
         return variable
+
+    @property
+    def other_device(self) -> str:
+        """What the EDS is of, in words, where it is not of a drive."""
+        device_type = self.default(0x1000)
+        if device_type is None or device_type & 0xFFFF == CIA_402 or self.drive.kind != "cia402":
+            return ""
+        return f": it is of {device_text(device_type)}, not of a drive"
 
     def number(self, index: int, subindex: int, value: int, what: str, *, optional: bool = False) -> SdoWrite:
         """Make the write of a number.

@@ -10,7 +10,6 @@ import typer
 from rich.text import Text
 
 from mcserver.canopen import parameter_backup
-from mcserver.canopen.desk import at_desk
 from mcserver.canopen.parameter_file import (
     MAX_BYTES,
     ParameterFile,
@@ -19,7 +18,7 @@ from mcserver.canopen.parameter_file import (
     write_parameters,
 )
 from mcserver.cli.console import json_answer_on_error, narration, results, write_json
-from mcserver.cli.drive_of_machine import AxisArgument, as_json, described, table
+from mcserver.cli.drive_of_machine import AxisArgument, as_json, at_desk_of, described, table
 from mcserver.cli.exit_codes import ExitCode
 from mcserver.cli.options import JsonOption, MachineOption
 from mcserver.cli.output_file import check_output, write_atomically
@@ -90,7 +89,7 @@ def restore(
         wanted = _read_file(file)
         if wanted.drive.eds_sha256 != parameter_backup.eds_digest(drive.settings.eds):
             narration().print("warning: the drive's EDS is another one than at the backup", style="yellow")
-        with at_desk(drive.settings) as desk:
+        with at_desk_of(drive.settings) as desk:
             written = parameter_backup.restore(
                 desk,
                 drive.parameters,
@@ -111,7 +110,7 @@ def _side(machine: str, text: str) -> ParameterFile:
 
 def _taken(machine: str, axis: int) -> ParameterFile:
     drive = described(machine, axis)
-    with at_desk(drive.settings) as desk:
+    with at_desk_of(drive.settings) as desk:
         return parameter_backup.take_backup(
             desk, drive.parameters, datetime.now(UTC).isoformat(timespec="seconds")
         )

@@ -46,7 +46,8 @@ class FakeDrive:
         aborts: by object. unanswered: objects whose transfers get no answer, and how often.
         swallowed: writes that are carried out and not answered, and how often. write_only: not to be read.
         slow: how long a write of an object takes [s].
-        muted: says nothing, and does nothing. boots: answers a reset with a boot-up message.
+        muted: says nothing, and does nothing; lost_at: from a write of this object on.
+        boots: answers a reset with a boot-up message.
         starts: obeys NMT start. emergency: what it sends as an emergency at each NMT start.
         beats: sends heartbeats. written: in order. statusword: while it has no fault. kept: objects whose
             writes it answers and does not carry out.
@@ -64,6 +65,7 @@ class FakeDrive:
     kept: set[tuple[int, int]] = field(default_factory=set)
     statusword: int = 0x0040
     muted: bool = False
+    lost_at: tuple[int, int] | None = None
     boots: bool = True
     starts: bool = True
     emergency: bytes = b""
@@ -194,6 +196,8 @@ class FakeDrives:
             self._answer(drive, bytes((flags,)) + part.ljust(7, b"\0"))
         elif specifier == 0x20 and command & 2:
             self._write(drive, place, request[4 : 8 - (command >> 2 & 3)])
+            if drive.muted:
+                return
             self._stopping.wait(drive.slow.get(place, 0.0))
             if drive.swallowed.get(place, 0) > 0:
                 drive.swallowed[place] -= 1
@@ -215,6 +219,7 @@ class FakeDrives:
         if place not in drive.kept:
             drive.objects[place] = value
         drive.written.append((*place, value))
+        drive.muted = drive.muted or place == drive.lost_at
 
     def _answer(self, drive: FakeDrive, payload: bytes) -> None:
         self.send(Function.SDO_RESPONSE + drive.node, payload)

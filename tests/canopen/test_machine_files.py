@@ -106,6 +106,14 @@ def test_what_an_eds_leaves_open_or_says_of_another_device_is_a_warning(
     assert shown in found.message
 
 
+def test_an_io_module_s_eds_that_lacks_a_drive_s_objects_is_named_as_one(tmp_path: Path) -> None:
+    eds = tmp_path / "io.eds"
+    eds.write_text("[1000]\nParameterName=Device type\nDataType=0x0007\nDefaultValue=0x000F0191\n")
+    (found,) = find_drive_faults(machine_on(NOWHERE, [1], f'eds = "{eds}"'))
+    assert found.code == "MC552"
+    assert "it is of a CiA 401 module (inputs and outputs), not of a drive" in found.message
+
+
 def test_an_object_that_cannot_be_read_and_is_not_used_refuses_no_eds(tmp_path: Path) -> None:
     text = (ROOT / "mcserver" / "drive_sim" / "cia402.eds").read_text()
     eds = tmp_path / "drive.eds"

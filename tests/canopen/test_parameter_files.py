@@ -246,6 +246,21 @@ def test_a_drive_that_does_not_take_a_parameter_is_no_success(
     assert all(place[0] != 0x1010 for place in drives[3].written)
 
 
+def test_a_restore_whose_drive_is_lost_says_how_far_it_came(
+    file: str, make_drives: Make, capsys: Capture
+) -> None:
+    drives = make_drives(3)
+    path = backed_up(capsys, file)
+    for place in (WINDOW, MAX_TORQUE):
+        drives[3].objects[place] = b"\x05".ljust(len(drives[3].objects[place]), b"\0")
+    drives[3].lost_at = MAX_TORQUE
+    code, refused = answer(capsys, "restore", "0", str(path), "-m", file)
+    (shown,) = refused["diagnostics"]
+    assert (code, shown["code"]) == (1, "MC554")
+    assert "; 1 of 2 parameters that differ were written before it, none is stored" in shown["message"]
+    assert "restore again" in shown["hint"]
+
+
 def test_parameters_of_a_nodes_further_axis_are_those_of_its_first_in_a_file() -> None:
     from mcserver.canopen.parameter_file import in_drive, place_in_file
 
