@@ -58,7 +58,7 @@ def health(
         if not 0.0 < seconds <= LONGEST_S:
             raise UsageFault("MC017", f"--seconds {seconds:g} is no duration", f"give 0.1 to {LONGEST_S:g}")
         described = load_machine(machine)
-        buses = {drive.bus for drive in settings_of(described)}
+        buses = {drive.bus for drive in settings_of(described) if drive.fieldbus == "can"}
         if not buses:
             raise UsageFault(
                 "MC559", f"{machine} has no drive on a CAN bus", "give a machine file by --machine"

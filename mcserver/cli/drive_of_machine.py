@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
+from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from typing import Annotated
 
@@ -12,6 +13,7 @@ from rich.text import Text
 
 from mcserver.can.pdo import ProcessData
 from mcserver.canopen.cycle_samples import Signal, signals_of
+from mcserver.canopen.desk import Desk, at_desk
 from mcserver.canopen.dictionary import DeviceDictionary
 from mcserver.canopen.eds import dictionary_of
 from mcserver.canopen.parameters import Parameter, find, parameters_of
@@ -46,6 +48,25 @@ class Described:
     def signals(self) -> list[Signal]:
         """What of it is on the bus in a cycle; ConfigurationError: MC552."""
         return signals_of(self.axis, self.process_data, self.dictionary, self.settings.node_axis)
+
+
+def at_desk_of(drive: DriveSettings) -> AbstractContextManager[Desk]:
+    """The drive's desk, on CAN or by its mailbox on EtherCAT. Raises: as these."""
+    if drive.fieldbus == "ethercat":
+        from mcserver.ethercat.desk import at_ethercat_desk
+
+        return at_ethercat_desk(drive)
+    return at_desk(drive)
+
+
+def on_can(drive: DriveSettings) -> None:
+    """Refuse a drive whose bus cannot be listened on beside its master; UsageFault: MC559."""
+    if drive.fieldbus != "can":
+        raise UsageFault(
+            "MC559",
+            f"{drive.name}: is on EtherCAT, whose frames are not looked into beside the server",
+            "`mcctl watch` and recordings show its axis",
+        )
 
 
 def described(machine: str, axis: int) -> Described:

@@ -15,7 +15,7 @@ from mcserver.can.open import open_port
 from mcserver.canopen.bus_frames import frames_of
 from mcserver.canopen.scope import Scope, read_trigger
 from mcserver.cli.console import json_answer_on_error, narration, results, write_json
-from mcserver.cli.drive_of_machine import AxisArgument, Described, described, table
+from mcserver.cli.drive_of_machine import AxisArgument, Described, described, on_can, table
 from mcserver.cli.options import JsonOption, MachineOption
 from mcserver.cli.output_file import check_output, write_atomically
 from mcserver.errors import ConfigurationError, RuntimeFault, UsageFault
@@ -59,6 +59,7 @@ def scope(
                 f"give --seconds up to {LONGEST_S:g}, and --before less than that",
             )
         drive = described(machine, axis)
+        on_can(drive.settings)
         described_machine = load_machine(machine)
         cycle_s = described_machine.cycle_s
         fires = read_trigger(trigger, drive.signals, edge=not level) if trigger else None

@@ -10,7 +10,7 @@ import typer
 from mcserver.can.open import open_port
 from mcserver.canopen.bus_frames import frames_of
 from mcserver.canopen.cycle_samples import POSITION, WRAP
-from mcserver.canopen.desk import LEAST_LISTEN_S, at_desk, for_masters
+from mcserver.canopen.desk import LEAST_LISTEN_S, for_masters
 from mcserver.canopen.listening import sign_of_master
 from mcserver.canopen.units_check import (
     corrected_lines,
@@ -19,7 +19,7 @@ from mcserver.canopen.units_check import (
     scale_of,
 )
 from mcserver.cli.console import json_answer_on_error, narration, results, write_json, write_text
-from mcserver.cli.drive_of_machine import AxisArgument, Described, described, table
+from mcserver.cli.drive_of_machine import AxisArgument, Described, at_desk_of, described, table
 from mcserver.cli.exit_codes import ExitCode
 from mcserver.cli.options import JsonOption, MachineOption
 from mcserver.drives.cia402.drive import cia402_drive
@@ -60,7 +60,7 @@ def units(
 
 
 def _compare(drive: Described, pitch: float | None, json: bool) -> None:
-    with at_desk(drive.settings) as desk:
+    with at_desk_of(drive.settings) as desk:
         scale = scale_of(desk)
     own, file = cia402_drive(drive.axis), []
     for name, index, held, wanted in (
@@ -87,7 +87,7 @@ def _check(drive: Described, master: str, json: bool) -> None:
     per_turn = encoder[0] / encoder[1]
     if not master:
         # before the first boot-up the drive may count in units of its own
-        with at_desk(drive.settings) as desk:
+        with at_desk_of(drive.settings) as desk:
             per_turn = scale_of(desk).units_per_motor_turn or per_turn
     before = _position(drive, master)
     how = "by `mcctl jog`, within its limits" if master else "by hand: no server runs"
@@ -119,6 +119,9 @@ def _check(drive: Described, master: str, json: bool) -> None:
 
 def _master_of(drive: Described) -> str:
     """By what another master is noticed on a drive's bus; empty: none is heard."""
+    if drive.settings.fieldbus == "ethercat":
+        # its desk refuses to come beside one
+        return ""
     port = open_port(drive.settings.address)
     try:
         bus = for_masters(drive.settings, port)
@@ -132,7 +135,7 @@ def _position(drive: Described, master: str) -> int:
     """6064h: from process data beside a master, else by SDO."""
     settings = drive.settings
     if not master:
-        with at_desk(settings) as desk:
+        with at_desk_of(settings) as desk:
             found = desk.read_number(POSITION[0] + settings.offset)
         if found is None:
             raise RuntimeFault(

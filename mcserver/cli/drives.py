@@ -9,12 +9,12 @@ import typer
 
 from mcserver.canopen import parameters as of_drives
 from mcserver.canopen.canopen_errors import object_text
-from mcserver.canopen.desk import Reading, at_desk
+from mcserver.canopen.desk import Reading
 from mcserver.canopen.parameters import Parameter, encode
 from mcserver.cli.console import json_answer_on_error, narration, results, write_json
 from mcserver.cli.drive_files import backup, compare, restore
 from mcserver.cli.drive_health import health
-from mcserver.cli.drive_of_machine import AxisArgument, as_json, described, drives_of, table
+from mcserver.cli.drive_of_machine import AxisArgument, as_json, at_desk_of, described, drives_of, table
 from mcserver.cli.drive_scope import scope
 from mcserver.cli.drive_units import units
 from mcserver.cli.options import JsonOption, MachineOption
@@ -85,7 +85,7 @@ def read(
     with json_answer_on_error(json):
         drive = described(machine, axis)
         wanted = [drive.find(each) for each in objects]
-        with at_desk(drive.settings) as desk:
+        with at_desk_of(drive.settings) as desk:
             _show_readings([desk.read(each) for each in wanted], json)
 
 
@@ -102,7 +102,7 @@ def write(
         wanted = drive.find(parameter)
         # what cannot be meant is refused before the bus is opened
         encode(wanted, value)
-        with at_desk(drive.settings) as desk:
+        with at_desk_of(drive.settings) as desk:
             _show_readings([desk.write(wanted, value)], json)
     narration().print(
         f"axis {axis}: kept until the drive is switched off; `mcserver drives save {axis}` stores it"
@@ -113,7 +113,7 @@ def save(axis: AxisArgument, machine: MachineOption, json: JsonOption = False) -
     """Store all parameters in a drive without energy (1010h), so that they outlast its supply."""
     with json_answer_on_error(json):
         drive = described(machine, axis)
-        with at_desk(drive.settings) as desk:
+        with at_desk_of(drive.settings) as desk:
             desk.save()
     if json:
         write_json({"ok": True})

@@ -9,6 +9,7 @@ from mcserver.can.open import open_port
 from mcserver.doctor.can import CanFacts
 from mcserver.doctor.finding import Finding, advice, good, missing
 from mcserver.errors import RuntimeFault
+from mcserver.ethercat.tap import frames_heard
 from mcserver.machine.bus_load import CEILING, BusLoad, bus_loads
 from mcserver.machine.machine_file import Machine
 
@@ -24,6 +25,7 @@ class BusFacts(msgspec.Struct, frozen=True):
     address: str
     bitrate: int
     refusal: str = ""
+    kind: str = "can"
 
 
 def probe_buses(machine: Machine) -> list[BusFacts]:
@@ -32,10 +34,13 @@ def probe_buses(machine: Machine) -> list[BusFacts]:
     for bus in machine.buses:
         refusal = ""
         try:
-            open_port(bus.address).close()
+            if bus.kind == "ethercat":
+                frames_heard(bus.address, 0.0)
+            else:
+                open_port(bus.address).close()
         except RuntimeFault as error:
             refusal = error.message
-        facts.append(BusFacts(bus.name, bus.address, bus.bitrate, refusal))
+        facts.append(BusFacts(bus.name, bus.address, bus.bitrate, refusal, bus.kind))
     return facts
 
 
@@ -66,6 +71,10 @@ def _judge_load(load: BusLoad) -> Finding:
 
 def _judge_connection(bus: BusFacts, can: CanFacts) -> Finding:
     title = f"{bus.name}: {bus.address}"
+    if bus.kind == "ethercat":
+        if bus.refusal:
+            return missing(AREA, title, bus.refusal, f"ip link set {bus.address} up; root or CAP_NET_RAW")
+        return good(AREA, title, "can be opened for EtherCAT")
     address = parse_address(bus.address)
     if bus.refusal:
         fix = "start the socketcand server, and check host, port and channel"

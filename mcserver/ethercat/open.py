@@ -9,6 +9,7 @@ from mcserver.ethercat.master import EthercatMaster
 from mcserver.ethercat.port import EthercatPort
 from mcserver.ethercat.slave import AlState
 from mcserver.ethercat.supervision import EthercatSupervision
+from mcserver.ethercat.tap import refuse_other_master
 from mcserver.machine.bus_section import BusConfig
 from mcserver.machine.machine_file import Machine
 
@@ -17,10 +18,11 @@ def open_ethercat(machine: Machine, bus: BusConfig) -> EthercatPort:
     """Boot the drives of a bus to SAFEOP; they go to OP once cycles run. May wait for some seconds.
 
     Raises:
-        ConfigurationError: MC008, MC016, MC552. RuntimeFault: MC424 the interface; MC550, MC551, MC553,
-            MC554, MC555 a drive.
+        ConfigurationError: MC008, MC016, MC552. RuntimeFault: MC424 the interface; MC560 another master;
+            MC550, MC551, MC553, MC554, MC555 a drive.
     """
     drives = [drive for drive in settings_of(machine) if drive.bus == bus.name]
+    refuse_other_master(bus.address, f"bus {bus.name}", bus.listen_ms / 1e3)
     master = EthercatMaster(bus, drives, machine.cycle_s)
     try:
         master.find()

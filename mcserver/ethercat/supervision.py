@@ -13,7 +13,7 @@ import time
 
 from mcserver.canopen.canopen_errors import DriveError
 from mcserver.canopen.node_configuration import configure_node
-from mcserver.ethercat.master import EthercatMaster
+from mcserver.ethercat.master import ANSWER_US, EthercatMaster
 from mcserver.ethercat.port import EthercatPort
 from mcserver.ethercat.slave import AL_STATUS, ERROR, FMMUS, MAILBOXES, SYNC_MANAGERS, AlState, EthercatSlave
 
@@ -25,6 +25,8 @@ FIRST_RETRY_S, LONGEST_RETRY_S = 1.0, 30.0
 JOIN_S = 5.0
 # A frame may be lost: one answer that stays out is no slave that is gone.
 UNHEARD_ROUNDS = 3
+# Less than the time after which a frame counts as lost [s].
+ANSWER_S = 0.5 * ANSWER_US * 1e-6
 RECOVER_US = 500
 
 
@@ -92,8 +94,15 @@ class EthercatSupervision:
 
     def _confirmed(self, number: int, slave: EthercatSlave, before: AlState) -> tuple[AlState, bool, int]:
         """A state that is read twice alike, or that of before; silence counts after some rounds."""
+        began = time.monotonic()
         status = self._status(slave)
-        self._unheard[number] = self._unheard[number] + 1 if status[0] is AlState.NONE else 0
+        if status[0] is not AlState.NONE:
+            self._unheard[number] = 0
+        elif time.monotonic() - began < ANSWER_S:
+            # the frame came back, and nobody was there
+            self._unheard[number] = UNHEARD_ROUNDS
+        else:
+            self._unheard[number] += 1
         if status[0] is before:
             return status
         if status[0] is AlState.NONE:

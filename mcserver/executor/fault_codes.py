@@ -277,7 +277,7 @@ _TEXT: dict[int, tuple[str, str]] = {
         "check heartbeat_ms in the machine file and the drive's load; " + _RESET_HINT,
     ),
     FaultCode.BUS_DOWN: (
-        "the CAN bus of axis {axis} is away: interface down, bus off, connection lost, or no room to send",
+        "the bus of axis {axis} is away: interface or cable down, bus off, connection lost, no room to send",
         "check wiring, terminators and the interface (mcserver doctor); " + _RESET_HINT,
     ),
     FaultCode.MODE_REFUSED: (
@@ -294,7 +294,7 @@ _TEXT: dict[int, tuple[str, str]] = {
         "nothing was stopped by it; look the code up in the drive's manual",
     ),
     FaultCode.BUS_BACK: (
-        "the CAN bus of axis {axis} and those beside it is there again",
+        "the bus of axis {axis} and those beside it is there again",
         "its axes are latched: G1000, then G1010",
     ),
     FaultCode.POSITION_LOST: (

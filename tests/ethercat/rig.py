@@ -7,6 +7,7 @@ import os
 import select
 import subprocess
 import sys
+import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -88,6 +89,8 @@ class SimulatedLine:
                 *command,
                 "--interface",
                 "ec1",
+                "--realtime",
+                "40",
                 "--control",
                 "127.0.0.1:0",
             ],
@@ -133,6 +136,15 @@ class Cycle:
             if time.monotonic() > deadline:
                 raise AssertionError(f"not {what}: {self.feedback.state} {self.feedback.fault}")
             self._exchange()
+
+    def run_beside(self, work: Callable[[], int], wanted: int) -> None:
+        """Exchange until some work in another thread has ended with a code."""
+        codes: list[int] = []
+        thread = threading.Thread(target=lambda: codes.append(work()))
+        thread.start()
+        self.until(lambda: not thread.is_alive(), "the end of the work beside")
+        thread.join()
+        assert codes == [wanted]
 
     def command(self, mode: DriveMode, state: DriveState, *columns: int) -> None:
         """Command axes (none named: all) and wait for their state."""

@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 from mcserver.drives.bus import DriveFault, DriveMode, DriveState
+from mcserver.errors import McError
 from tests.ethercat.conftest import Start
-from tests.ethercat.rig import Cycle
+from tests.ethercat.rig import Cycle, Namespace, line_of
 
 
 def energized(cycle: Cycle) -> None:
@@ -109,3 +110,40 @@ def test_a_released_drive_gets_no_energy(start: Start) -> None:
     cycle.setpoints.mode[0] = DriveMode.SILENT
     cycle.until(lambda: line.control.state(1)["power"] != "OPERATION_ENABLED", "off")
     assert cycle.feedback.state[1] == DriveState.ENERGIZED
+
+
+def test_a_second_master_is_refused_before_it_resets_anything(start: Start, namespace: Namespace) -> None:
+    _, cycle = start(2)
+    energized(cycle)
+    refused: list[str] = []
+
+    def second() -> int:
+        with pytest.raises(McError) as error:
+            Cycle(namespace, line_of(2))
+        refused.append(error.value.code)
+        return 0
+
+    cycle.run_beside(second, wanted=0)
+    assert refused == ["MC560"]
+    assert cycle.feedback.state.tolist() == [DriveState.ENERGIZED] * 2
+
+
+def test_a_drive_with_profiles_of_its_own_goes_to_points(start: Start) -> None:
+    line, cycle = start(1, drive='mode = "pp"')
+    energized(cycle)
+    cycle.setpoints.goal[:] = 0.005
+    cycle.setpoints.goal_speed[:] = 0.05
+    cycle.until(lambda: abs(cycle.feedback.position[0] - 0.005) < 2e-5, "at its goal")
+    assert line.control.state(1)["mode"] == 1
+
+
+def test_a_mode_is_changed_under_way(start: Start) -> None:
+    line, cycle = start(1, drive="rated_torque = 1.0")
+    energized(cycle)
+    cycle.setpoints.velocity[:] = 0.02
+    cycle.command(DriveMode.VELOCITY, DriveState.ENERGIZED)
+    cycle.until(lambda: abs(cycle.feedback.velocity[0] - 0.02) < 2e-3, "at speed")
+    assert line.control.state(1)["mode"] == 9
+    cycle.setpoints.velocity[:] = 0.0
+    cycle.until(lambda: abs(cycle.feedback.velocity[0]) < 1e-4, "at rest")
+    assert not cycle.feedback.fault.any()

@@ -1,0 +1,72 @@
+"""`mcserver drives` on EtherCAT: parameters by the mailbox, only where nobody else is master of the line."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from mcserver.cli.app import run_command_line
+from tests.ethercat.conftest import Start
+from tests.ethercat.rig import Namespace, SimulatedLine, line_of
+
+Capture = pytest.CaptureFixture[str]
+
+
+@pytest.fixture
+def file(tmp_path: Path) -> str:
+    path = tmp_path / "desk.toml"
+    path.write_text(line_of(2))
+    return str(path)
+
+
+def drives(namespace: Namespace, *words: str) -> int:
+    with namespace.entered():
+        return run_command_line(["drives", *words])
+
+
+def test_a_parameter_is_read_written_and_backed_up_by_the_mailbox(
+    namespace: Namespace,
+    simulate: Callable[[str], SimulatedLine],
+    file: str,
+    tmp_path: Path,
+    capsys: Capture,
+) -> None:
+    simulate(line_of(2))
+    assert drives(namespace, "read", "1", "1008", "6065", "-m", file, "--json") == 0
+    shown = json.loads(capsys.readouterr().out)["values"]
+    assert [each["value"] for each in shown] == ["Simulated servo drive", 0xFFFFFFFF]
+    assert drives(namespace, "write", "1", "6065", "5000", "-m", file) == 0
+    assert drives(namespace, "save", "1", "-m", file) == 0
+    copy = str(tmp_path / "copy.toml")
+    assert drives(namespace, "backup", "1", "-o", copy, "-m", file) == 0
+    assert drives(namespace, "restore", "0", copy, "-m", file) == 0
+    assert drives(namespace, "compare", "0", "1", "-m", file) == 0
+    assert drives(namespace, "units", "0", "--pitch", "10", "-m", file) == 0
+
+
+def test_a_running_master_is_not_disturbed(
+    start: Start, namespace: Namespace, file: str, capsys: Capture
+) -> None:
+    _, cycle = start(2)
+    cycle.run_beside(lambda: drives(namespace, "read", "0", "1008", "-m", file), wanted=1)
+    assert "MC560" in capsys.readouterr().err
+    assert not cycle.feedback.fault.any()
+
+
+def test_an_abort_and_an_object_that_moves_are_refused_by_name(
+    namespace: Namespace, simulate: Callable[[str], SimulatedLine], file: str, capsys: Capture
+) -> None:
+    simulate(line_of(1))
+    assert drives(namespace, "read", "0", "60B0", "-m", file) == 1
+    assert "MC553" in capsys.readouterr().err
+    assert drives(namespace, "write", "0", "6040", "15", "-m", file) == 1
+    assert "MC559" in capsys.readouterr().err
+
+
+def test_what_listens_beside_a_server_is_for_can(file: str, capsys: Capture, tmp_path: Path) -> None:
+    assert run_command_line(["drives", "scope", "0", "-o", str(tmp_path / "x.mcap"), "-m", file]) == 2
+    assert "MC559" in capsys.readouterr().err
+    assert run_command_line(["drives", "health", "-m", file]) == 2
