@@ -148,5 +148,7 @@ class NoDrives:
 
     def _refusal(self) -> ServiceError:
         return ServiceError(
-            "MC559", "this machine has no drives on a CAN bus", "SDO is for drives of kind cia402"
+            "MC559",
+            "this machine has no drives on a CAN bus",
+            "those on EtherCAT are read by `mcserver drives`, without a server",
         )

@@ -94,9 +94,13 @@ class ExecutorProcess:
                 what = (
                     f"ended with code {code}" if code is not None else f"did not come up in {timeout_s:g} s"
                 )
-                raise RuntimeFault(
-                    "MC422", f"the executor's process {what}", "see what it wrote to standard error"
+                drives = code == ExitCode.DRIVES
+                why = (
+                    "the line above says which drive, and why"
+                    if drives
+                    else "see what it wrote to standard error"
                 )
+                raise RuntimeFault("MC422", f"the executor's process {what}", why)
             time.sleep(_POLL_S)
 
     def stop(self, timeout_s: float = STOP_TIMEOUT_S) -> int | None:
