@@ -82,17 +82,14 @@ def append_path_junctions(
         How many rows there are, and whether the first is that of the vertex at the end of what was before.
     """
     vertex = np.zeros((2, rows.shape[1]))
-    at, last_scale, last_in_parts = 0, before.scale, before.may_be_split
-    leads = False
+    at, leads = 0, False
     for i in range(len(ends)):
         speed = scale = 0.0
         curved = arcs[i, 5] != 0.0
         may_be_split = math.isnan(timing[i, 2]) and not curved
-        last, d2q = (ends[i - 1, 1], ends[i - 1, 3]) if i > 0 else (before.last, before.d2q)
-        if last_scale > 0.0:
-            parts = may_be_split and last_in_parts
+        if before.scale > 0.0:
             speed, scale = junction_vmax_of(
-                last, d2q, last_scale, ends[i, 0], ends[i, 2], limits, cycle, parts, False, vertex
+                before, ends[i, 0], ends[i, 2], limits, cycle, may_be_split, False, vertex
             )
         if not scale > 0.0:
             scale = scales[i]
@@ -113,5 +110,5 @@ def append_path_junctions(
             rows[at] = vertex[1]
             at += 1
         write_columns(columns, i, at, scale, speed, top, column, kind, timing[i])
-        last_scale, last_in_parts = scale, may_be_split
+        before = PrecedingEnd(ends[i, 1], ends[i, 3], scale, may_be_split)
     return at, leads

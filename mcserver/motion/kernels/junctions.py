@@ -69,9 +69,7 @@ def length_of(vector: Array) -> float:
 
 @compiled
 def junction_vmax_of(
-    last: Array,
-    d2q_end: Array,
-    before_scale: float,
+    before: PrecedingEnd,
     first: Array,
     d2q_start: Array,
     limits: Array,
@@ -83,9 +81,8 @@ def junction_vmax_of(
     """Return the greatest speed over a junction, and what it demands of both sides.
 
     Args:
-        last, d2q_end: dp/ds and d²p/ds² at the end of the segment before, shape (K,). first, d2q_start: at
-            the start of the one after. before_scale: of the one before.
-        may_be_split: whether both are planned in parts if they are long. jerk_too: whether a step of the
+        before: the one before. first, d2q_start: dp/ds and d²p/ds² at the start of the one after, shape (K,).
+        may_be_split: whether that is planned in parts if it is long. jerk_too: whether a step of the
             velocity has to keep the jerk limits, and not only those of acceleration within a cycle.
         samples: shape (2, 5 K + 2), zeroed; written where the joint is passed with a bounded speed.
 
@@ -93,6 +90,7 @@ def junction_vmax_of(
         The greatest speed (infinite: unbounded), and the scale of the segment after with which speed along σ
         is continuous; 0 where one of the two does not travel.
     """
+    last, d2q_end, before_scale, before_may_be_split = before
     width = len(last)
     end, begin = length_of(last), length_of(first)
     if end <= 0.0 or begin <= 0.0:
@@ -117,7 +115,7 @@ def junction_vmax_of(
         turn = math.sqrt(turned) * before_scale / end
         most = CURVATURE_SHARE * cycle / worst
         zone = vertex_zone_length(most, crawl_limit, cycle)
-        if may_be_split and is_split(spacing, zone, zone, crawl_limit, most):
+        if before_may_be_split and may_be_split and is_split(spacing, zone, zone, crawl_limit, most):
             # what it takes holds near it only, so it may take nearly all
             speed = most
         if turn < POLYLINE_TURN and spacing < 10.0 * cycle * dense:

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from mcserver.motion.geometry.curves import POLYNOMIAL_SAMPLES, Array
 from mcserver.motion.kernels.compiled import compiled
-from mcserver.motion.kernels.junctions import junction_vmax_of, length_of, line_sample
+from mcserver.motion.kernels.junctions import PrecedingEnd, junction_vmax_of, length_of, line_sample
 from mcserver.motion.kernels.knots import SOLVED, find_knots
 from mcserver.motion.kernels.parts import is_split, straight_limits, vertex_zone_length
 from mcserver.motion.kernels.polynomials import (
@@ -163,7 +163,9 @@ def corner_time(corner: Corner, left: float, right: float, entry: float) -> tupl
     still = np.zeros(width)
     lines, samples = np.zeros((2, 5 * width + 2)), np.zeros((2, 5 * width + 2))
     end, begin = length_of(last), length_of(first)
-    speed, _ = junction_vmax_of(last, still, end, first, still, limits, corner.cycle, True, True, samples)
+    speed, _ = junction_vmax_of(
+        PrecedingEnd(last, still, end, True), first, still, limits, corner.cycle, True, True, samples
+    )
     segment_vmax = np.empty(2)
     segment_vmax[0], _ = line_sample(last, end, limits, lines[:1])
     segment_vmax[1], _ = line_sample(first, begin, limits, lines[1:])

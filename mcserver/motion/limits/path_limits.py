@@ -19,7 +19,7 @@ from mcserver.motion.geometry.curves import POLYNOMIAL_SAMPLES, Array
 from mcserver.motion.geometry.segment import AxisLimits, Segment
 from mcserver.motion.geometry.spline_curve import spline_part
 from mcserver.motion.kernels.arc_segments import arc_samples
-from mcserver.motion.kernels.junctions import junction_vmax_of, line_sample
+from mcserver.motion.kernels.junctions import PrecedingEnd, junction_vmax_of, line_sample
 from mcserver.motion.kernels.polynomials import KINDS, limit_of, polynomial_samples
 from mcserver.motion.kernels.ramp_kernels import MAX_TABLE_ROWS
 from mcserver.motion.kernels.sample_limits import Run, make_limit_table, min_limits, run_of
@@ -170,14 +170,14 @@ def junction(before: Segment, after: Segment, limits: AxisLimits) -> Junction:
     of_curve = spline_part(before) is not None
     samples = np.zeros((2, 5 * len(before.last) + 2))
     speed, scale = junction_vmax_of(
-        before.last,
-        before.d2q_end,
-        before.scale,
+        PrecedingEnd(
+            before.last, before.d2q_end, before.scale, before.may_be_split and limits.torque is None
+        ),
         after.first,
         after.d2q_start,
         limits.rows,
         limits.cycle,
-        before.may_be_split and after.may_be_split and limits.torque is None,
+        after.may_be_split,
         after.tolerance > 0.0 or of_curve,
         samples,
     )
