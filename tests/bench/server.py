@@ -31,6 +31,7 @@ class Server:
     endpoint: str
     machine: str
     session: zenoh.Session
+    journal: Path
 
     def ask(self, method: str, **request: Any) -> dict[str, Any]:
         """One remote call; the reply as a map."""
@@ -68,7 +69,7 @@ def server(machine_file: str = "", name: str = "bench") -> Iterator[Server]:
         )
         try:
             session = zenoh.open(client_config(endpoint))
-            reached = Server(process, endpoint, name, session)
+            reached = Server(process, endpoint, name, session, Path(folder, "journal.db"))
             await_answer(reached)
             yield reached
             session.close()

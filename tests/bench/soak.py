@@ -1,8 +1,8 @@
 """Streams lines at a steady rate for minutes: memory, lost cycles, acknowledgements.
 
 ``python -m tests.bench.soak --minutes 30 --rate 500`` starts a server of its own with simulated drives and
-streams short moves to it. Beside it a loop without work wakes at the same rate and counts its own late
-cycles: the floor that the executor's figure is compared with.
+streams short moves to it. Beside it a loop without work wakes at the same rate: its late cycles are the floor
+of the executor's.
 """
 
 from __future__ import annotations
@@ -10,18 +10,15 @@ from __future__ import annotations
 import argparse
 import asyncio
 import contextlib
-import multiprocessing
-import os
-import signal
-import socket
-import subprocess
 import sys
-import tempfile
 import time
 from collections.abc import Iterator
 from pathlib import Path
 
 from mcclient.machine import Machine
+
+from tests.bench.server import server
+from tests.bench.wake_up import PERIOD_NS, latencies, start
 
 CHUNK = 50
 
@@ -69,24 +66,7 @@ def _sizes(server: int) -> dict[str, float]:
     return sizes
 
 
-def _floor(seconds: float, late: multiprocessing.sharedctypes.Synchronized[int]) -> None:  # type: ignore[type-arg]
-    """Wakes each millisecond at realtime priority, with no work; counts wake-ups that came a cycle late."""
-    with contextlib.suppress(PermissionError):
-        os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(80))
-    due = time.clock_gettime_ns(time.CLOCK_MONOTONIC)
-    end = due + int(seconds * 1e9)
-    while due < end:
-        due += 1_000_000
-        wait = due - time.clock_gettime_ns(time.CLOCK_MONOTONIC)
-        if wait > 0:
-            time.sleep(wait / 1e9)
-        behind = time.clock_gettime_ns(time.CLOCK_MONOTONIC) - due
-        if behind > 1_000_000:
-            late.value += behind // 1_000_000
-            due += behind // 1_000_000 * 1_000_000
-
-
-async def _stream(endpoint: str, minutes: float, rate: float, server: int) -> None:
+async def _stream(endpoint: str, minutes: float, rate: float, pid: int) -> None:
     started = time.monotonic()
     end = started + minutes * 60.0
     moves = _moves()
@@ -101,7 +81,7 @@ async def _stream(endpoint: str, minutes: float, rate: float, server: int) -> No
                 now = time.monotonic()
                 if now >= next_report:
                     next_report += 15.0
-                    sizes = _sizes(server)
+                    sizes = _sizes(pid)
                     memory.append((now - started, sizes))
                     print(
                         f"{now - started:7.0f} s  sent {sent}  accepted {program.accepted_through}  "
@@ -126,35 +106,13 @@ def main() -> None:
     options.add_argument("--minutes", type=float, default=30.0)
     options.add_argument("--rate", type=float, default=500.0)
     chosen = options.parse_args()
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        endpoint = f"tcp/127.0.0.1:{probe.getsockname()[1]}"
-    with tempfile.TemporaryDirectory() as folder:
-        command = [
-            sys.executable,
-            "-m",
-            "mcserver",
-            "run",
-            "--listen",
-            endpoint,
-            "--journal",
-            f"{folder}/journal.db",
-        ]
-        server = subprocess.Popen(command)
-        late = multiprocessing.get_context("spawn").Value("l", 0)
-        floor = multiprocessing.get_context("spawn").Process(
-            target=_floor, args=(chosen.minutes * 60.0, late)
-        )
-        try:
-            floor.start()
-            asyncio.run(_stream(endpoint, chosen.minutes, chosen.rate, server.pid))
-            floor.join()
-            print(f"late cycles of a loop without work beside it {late.value}")
-            print(f"journal {Path(folder, 'journal.db').stat().st_size / 2**20:.1f} MiB")
-        finally:
-            server.send_signal(signal.SIGTERM)
-            server.wait(20)
-            floor.kill()
+    with server() as reached:
+        cycles = round(chosen.minutes * 60e9 / PERIOD_NS)
+        floor = start([sys.executable, "-m", "tests.bench.wake_up_loop", str(cycles), str(PERIOD_NS)])
+        asyncio.run(_stream(reached.endpoint, chosen.minutes, chosen.rate, reached.process.pid))
+        late = sum(each > PERIOD_NS / 1000.0 for each in latencies(floor))
+        print(f"late cycles of a loop without work beside it {late}")
+        print(f"journal {reached.journal.stat().st_size / 2**20:.1f} MiB")
 
 
 if __name__ == "__main__":
