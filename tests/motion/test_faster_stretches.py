@@ -13,7 +13,7 @@ from mcserver.motion.geometry.curves import Array
 from mcserver.motion.kernels.node_phases import exceed_limits
 from mcserver.motion.kernels.path_speed import quicker_phases
 from mcserver.motion.kernels.sample_limits import run_of
-from mcserver.motion.profile.faster_stretches import Stretches
+from mcserver.motion.profile.faster_stretches import KnotProfile
 from mcserver.motion.profile.velocity_profile import join_phases
 from mcserver.simulation.simulation import simulate
 from tests.bench.analytic import least_time
@@ -74,10 +74,10 @@ def assert_kept(motion: Motion, speed: float) -> None:
     assert jerk_ratio(motion) <= JERK_SLACK
 
 
-def only_knots(*arguments: object, **_stops: bool) -> Stretches:
-    phases, knots, first = arguments[4:7]
-    uncut = np.zeros(len(phases), np.bool_)  # type: ignore[arg-type]
-    return Stretches(phases, uncut, knots, first)  # type: ignore[arg-type]
+def only_knots(*arguments: object, **_stops: bool) -> KnotProfile:
+    given = arguments[4]
+    assert isinstance(given, KnotProfile)
+    return given
 
 
 @pytest.mark.parametrize(

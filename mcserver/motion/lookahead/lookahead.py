@@ -40,7 +40,7 @@ from mcserver.motion.limits.torque_samples import spline_with_torques
 from mcserver.motion.lookahead.missed_times import MOST_STOPS, late_groups, none_early, released, with_stops
 from mcserver.motion.lookahead.planned_run import PlannedRun
 from mcserver.motion.lookahead.time_domain_corner import Stop, TimeDomainBlend, TimeDomainBlends
-from mcserver.motion.profile.faster_stretches import quicker_stretches
+from mcserver.motion.profile.faster_stretches import KnotProfile, quicker_stretches
 from mcserver.motion.profile.profile_solver import KnotSolver, Solution
 from mcserver.motion.profile.velocity_profile import Phases, join_phases
 
@@ -311,29 +311,20 @@ class Lookahead:
             solution = released(solver, solution, junction_vmax, groups.edges, attempt)
         if solution.early:
             solution = none_early(solver, solution, junction_vmax, attempt)
-        knots, first = solution.knots, solution.first
-        rows, uncut = solution.phases, None
+        profile = KnotProfile(solution.phases, solution.knots, solution.first)
         if not self.table.timed.any():
             feeds = segments.columns.feed
-            quicker = quicker_stretches(
-                solver.run.run,
-                groups,
-                feeds,
-                self._limits,
-                rows,
-                knots,
-                first,
-                segments.passed > 0.0,
-                stops=self.stop_is_last,
+            passed, stops = segments.passed > 0.0, self.stop_is_last
+            profile = quicker_stretches(
+                solver.run.run, groups, feeds, self._limits, profile, passed, stops=stops
             )
-            rows, uncut, knots, first = quicker.phases, quicker.uncut, quicker.knots, quicker.first
-        phases = join_phases(rows, float(groups.edges[-1]), uncut)
+        phases = join_phases(profile.phases, float(groups.edges[-1]), profile.uncut)
         times = phases.time_at(groups.bounds)
         # at knots the velocity profile's own times are exact; where the motion rests, positions tell time
         # poorly
-        at_knots = np.append(phases.start, phases.duration)[first]
-        at_starts = np.append(groups.bits, START)[knots] == START
-        starts = np.append(groups.starts, len(self.table))[knots]
+        at_knots = np.append(phases.start, phases.duration)[profile.first]
+        at_starts = np.append(groups.bits, START)[profile.knots] == START
+        starts = np.append(groups.starts, len(self.table))[profile.knots]
         times[starts[at_starts]] = at_knots[at_starts]
         held = np.zeros(len(self.table), np.bool_)
         held[groups.starts] = solver.held

@@ -35,19 +35,19 @@ REST_NODES = 2.0
 
 
 @dataclass(frozen=True)
-class Stretches:
-    """A velocity profile, with its stretches driven quicker.
+class KnotProfile:
+    """A velocity profile between knots.
 
     Attributes:
-        phases: rows of `mcserver.motion.kernels.phases`. uncut: those at whose start, or inside of which,
-            the profile is not to be cut, shape (n,). knots, first: the knots that are left, and the first
-            phase behind each.
+        phases: rows of `mcserver.motion.kernels.phases`. knots, first: the knots, and the first phase behind
+            each, shape (k,). uncut: phases at whose start, or inside of which, the profile is not to be cut,
+            shape (n,); None: there are none.
     """
 
     phases: Array
-    uncut: NDArray[np.bool_]
     knots: NDArray[np.intp]
     first: NDArray[np.intp]
+    uncut: NDArray[np.bool_] | None = None
 
 
 def node_spacing(limits: AxisLimits) -> float:
@@ -61,22 +61,21 @@ def quicker_stretches(
     groups: Groups,
     feeds: Array,
     limits: AxisLimits,
-    phases: Array,
-    knots: NDArray[np.intp],
-    first: NDArray[np.intp],
+    given: KnotProfile,
     passed: bool,
     *,
     stops: bool = False,
-) -> Stretches:
+) -> KnotProfile:
     """Solve the stretches between knots with speed anew.
 
     Args:
         feeds: of the run's segments, speeds by F, shape (s,).
-        phases, knots, first: the profile as `KnotSolver` gives it. passed: a part of the first segment has
-            been passed already.
+        given: the profile as `KnotSolver` gives it. passed: a part of the first segment has been passed
+            already.
     """
     if not np.isfinite(limits.jerk).all():
-        return Stretches(phases, np.zeros(len(phases), np.bool_), knots, first)
+        return given
+    phases, knots, first = given.phases, given.knots, given.first
     profile = join_phases(phases, float(groups.edges[-1]))
     known = _Known(
         run,
@@ -85,9 +84,7 @@ def quicker_stretches(
         _at_vertices(run),
         _feeds_of(groups, feeds),
         profile,
-        phases,
-        knots,
-        first,
+        given,
         np.append(profile.start, profile.duration)[first],
         np.append(phases[:, 2], 0.0)[first],
         node_spacing(limits),
@@ -125,8 +122,8 @@ def quicker_stretches(
         index = last
     left.append(knots[-1:])
     starts.append(np.array([count]))
-    return Stretches(
-        np.concatenate(parts), np.concatenate(uncut_parts), np.concatenate(left), np.concatenate(starts)
+    return KnotProfile(
+        np.concatenate(parts), np.concatenate(left), np.concatenate(starts), np.concatenate(uncut_parts)
     )
 
 
@@ -136,9 +133,8 @@ class _Known:
 
     Attributes:
         single: groups that are one whole segment. at_vertex: groups with a vertex, which have all that is
-            about it. feed: least speed by F of the groups. profile, phases, knots, first: as `KnotSolver`
-            gives them. moments, speeds: at the knots [s]. apart: time between
-            nodes [s]. stops: see `quicker_stretches`.
+            about it. feed: least speed by F of the groups. profile, given: as `KnotSolver` gives it.
+        moments, speeds: at the knots [s]. apart: time between nodes [s]. stops: see `quicker_stretches`.
     """
 
     run: Run
@@ -147,9 +143,7 @@ class _Known:
     at_vertex: NDArray[np.bool_]
     feed: Array
     profile: Phases
-    phases: Array
-    knots: NDArray[np.intp]
-    first: NDArray[np.intp]
+    given: KnotProfile
     moments: Array
     speeds: Array
     apart: float
@@ -161,10 +155,11 @@ class _Known:
         Returns:
             Its phases, none where there is nothing quicker; and whether it was looked for.
         """
-        rows = self.phases[self.first[index] : self.first[last]]
+        given = self.given
+        rows = given.phases[given.first[index] : given.first[last]]
         rests = bool(self.speeds[index] <= 0.0), bool(self.speeds[last] <= 0.0)
         inner = _inner(rows, rests, self.apart)
-        if inner is None or (rests[1] and last == len(self.knots) - 1 and not self.stops):
+        if inner is None or (rests[1] and last == len(given.knots) - 1 and not self.stops):
             return rows[:0], False
         inner, edges = self._between_vertices(rows, inner, index, last)
         if inner.start >= inner.stop:
@@ -175,7 +170,7 @@ class _Known:
         count = max(math.ceil((end - begin) / self.apart), FEWEST_NODES) + 1
         at, v = self.profile.at(np.linspace(begin, end, count))
         at[0], v[0], push = between[0, 1:4]
-        at[-1], v[-1], pull = self.edges[self.knots[last]], self.speeds[last], 0.0
+        at[-1], v[-1], pull = self.edges[given.knots[last]], self.speeds[last], 0.0
         if len(after):
             at[-1], v[-1], pull = after[0, 1:4]
         found, looked = quicker_phases(
@@ -191,7 +186,7 @@ class _Known:
         A vertex is passed as it was planned: those of the first half are left before, those of the last
         behind.
         """
-        left, right = int(self.knots[index]), int(self.knots[last])
+        left, right = int(self.given.knots[index]), int(self.given.knots[last])
         vertices = left + np.flatnonzero(self.at_vertex[left:right])
         if not len(vertices):
             return inner, (left, right)
