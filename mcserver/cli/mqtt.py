@@ -70,7 +70,7 @@ def _broker_at(address: str, authority: Path | None) -> Broker:
     """Return the broker of an address.
 
     Raises:
-        ConfigurationError: MC078 it is none, or has a password in it, which others would see.
+        ConfigurationError: MC079 it is none, or has a password in it, which others would see.
     """
     from mcserver.mqtt.bridge import Broker
 
@@ -81,7 +81,7 @@ def _broker_at(address: str, authority: Path | None) -> Broker:
             secret = os.environ.get(PASSWORD)
             return Broker(url.hostname, port, url.scheme == "mqtts", authority, url.username, secret)
     raise ConfigurationError(
-        "MC078",
+        "MC079",
         "the broker's address cannot be read, or has a password in it",
         f"mqtt://USER@HOST:PORT or mqtts://USER@HOST:PORT; the password stands in ${PASSWORD}",
     )
@@ -91,7 +91,7 @@ def _levels(text: str, count: int) -> list[str]:
     levels = text.split("/")
     if len(levels) != count or not all(levels) or any(letter in text for letter in "+#\0"):
         raise ConfigurationError(
-            "MC078",
+            "MC079",
             f"{text!r} cannot be {'a level' if count == 1 else 'GROUP/NODE'} of topics",
             "names without + # and further /",
         )

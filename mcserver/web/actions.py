@@ -12,9 +12,9 @@ from nicegui import ui
 from mcserver.errors import McError
 from mcserver.net.method_table import BY_NAME
 from mcserver.net.roles import roles_named
+from mcserver.web.control import Driver, needs_control
 from mcserver.web.formatting import page_hint
 from mcserver.web.link import MachineLink
-from mcserver.web.sessions import Visitor
 
 log = logging.getLogger(__name__)
 
@@ -38,30 +38,62 @@ def show_role_refusal(method: str) -> None:
 
 
 class Actions:
-    """Bound to one visitor and one machine.
+    """Bound to one visitor, one browser and one machine.
 
     Args:
-        visitor: who acts. link: on what.
+        driver: who acts. link: on what.
     """
 
-    def __init__(self, visitor: Visitor, link: MachineLink) -> None:
-        self.visitor = visitor
+    def __init__(self, driver: Driver, link: MachineLink) -> None:
+        self.driver = driver
+        self.visitor = driver.visitor
         self.link = link
 
-    def allowed(self, method: str) -> bool:
-        """Whether the visitor may call a method; says so where not."""
+    def has_role(self, method: str) -> bool:
+        """Whether the visitor's role may call a method; says so where not."""
         if self.visitor.may(method):
             return True
         show_role_refusal(method)
         return False
+
+    def allowed(self, method: str) -> bool:
+        """Whether the visitor may call a method; says so where not.
+
+        What moves something takes control where nobody has it, and is refused where somebody else has.
+        """
+        if not self.has_role(method):
+            return False
+        if not needs_control(method) or self.has_control:
+            return True
+        other = self.link.control.other(self.driver.browser)
+        if other is not None:
+            show_refusal(f"{other.name} has control [MC078]", "press Take control, or ask for it")
+            return False
+        self.take_control()
+        return True
+
+    @property
+    def has_control(self) -> bool:
+        """Whether this browser drives the machine."""
+        driver = self.link.control.driver
+        return driver is not None and driver.browser == self.driver.browser
+
+    def take_control(self) -> None:
+        """Drive the machine from now on, whoever did."""
+        self.link.control.take(self.driver)
+        self.note("takes control")
+
+    def note(self, what: str) -> None:
+        """Write down for all visitors what this one has done."""
+        log.info("%s: %s by %s", self.link.name, what, self.visitor.name)
+        self.link.acts.append((time.time(), self.visitor.name, what))
 
     async def do(self, method: str, name: str, action: Action) -> bool:
         """Carry an action out, where the visitor may call its method; whether it was."""
         return self.allowed(method) and await self._carry_out(name, action)
 
     async def _carry_out(self, name: str, action: Action) -> bool:
-        log.info("%s: %s by %s", self.link.name, name, self.visitor.name)
-        self.link.acts.append((time.time(), self.visitor.name, name))
+        self.note(name)
         try:
             await action(self.link.connected())
         except (MotionError, McError) as error:
@@ -71,8 +103,7 @@ class Actions:
 
     async def emergency_stop(self) -> None:
         """Every visitor may stop; what waits in the queue does not start either."""
-        self.link.jobs.stopped = True
-        self.link.jobs.clear()
+        self.link.jobs.stop()
         reason = f"by {self.visitor.name} on the page"
         # whoever has the button before them may press it: a login that has just ended does not matter
         if await self._carry_out("emergency stop", lambda machine: machine.estop(reason)):

@@ -214,8 +214,9 @@ class JobQueue:
                 self.waiting.remove(job)
                 job.state = JobState.CANCELLED
 
-    def clear(self) -> None:
-        """Take every waiting job out, as an emergency stop does."""
+    def stop(self) -> None:
+        """Start nothing more, and take every waiting job out, as an emergency stop does."""
+        self.stopped = True
         while self.waiting:
             self.waiting.popleft().state = JobState.CANCELLED
 

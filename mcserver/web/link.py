@@ -11,6 +11,7 @@ from pathlib import Path
 
 from mcclient import Event, Machine, MachineStatus, MotionError
 
+from mcserver.web.control import Control
 from mcserver.web.formatting import LETTERS
 from mcserver.web.jobs import JobQueue
 from mcserver.web.recorded_files import RecordedFiles
@@ -63,6 +64,7 @@ class MachineLink:
         self.closed = False
         # what was done at this page: Unix time, who, what
         self.acts: deque[tuple[float, str, str]] = deque(maxlen=ACTS_KEPT)
+        self.control = Control(time.monotonic)
         self.store = store
         self.row_names = RowNames(store.folder / ".names.json")
         self.jobs = JobQueue(self, store)

@@ -10,6 +10,7 @@ from nicegui import events, ui
 
 from mcserver.web.actions import Actions
 from mcserver.web.announcements import Announcer, title_of
+from mcserver.web.control import Driver
 from mcserver.web.formatting import banner, current_program
 from mcserver.web.link import MachineLink
 from mcserver.web.menu import add_menu
@@ -18,6 +19,7 @@ from mcserver.web.panels.arming import ArmingPanel
 from mcserver.web.panels.buttons import ButtonsPanel
 from mcserver.web.panels.channels import ChannelsPanel
 from mcserver.web.panels.charts import ChartPanel
+from mcserver.web.panels.control import ControlPanel
 from mcserver.web.panels.drives import DrivesPanel
 from mcserver.web.panels.homing import HomingPanel
 from mcserver.web.panels.jog import JogPanel
@@ -52,7 +54,8 @@ class MachinePage:
     def __init__(self, visitor: Visitor, link: MachineLink) -> None:
         self._link = link
         self._visitor = visitor
-        self._actions = actions = Actions(visitor, link)
+        client = ui.context.client
+        self._actions = actions = Actions(Driver(client.id, visitor), link)
         self._announcer = Announcer(link.name)
         self._turn = 0
         self._beat = 0
@@ -108,17 +111,18 @@ class MachinePage:
                         self._events = EventPanel(link)
         ui.on("mc_key", self._on_key)
         if not visitor.may("open"):
-            ui.context.client.on_connect(lambda: ui.run_javascript("mcWatchOnly()"))
+            client.on_connect(lambda: ui.run_javascript("mcWatchOnly()"))
         ui.timer(REFRESH_S, self.update)
         ui.timer(SLOW_S, self.ask)
-        client = ui.context.client
         client.on_connect(self._enter)
         client.on_disconnect(self._jog.release)
+        client.on_disconnect(lambda: link.control.leave(client.id))
         client.on_disconnect(lambda: None if client.has_socket_connection else self._leave())
         client.on_delete(self._leave)
         self.update()
 
     def _enter(self) -> None:
+        self._link.control.come(self._actions.driver)
         if self._link.closed:
             # others needed its place while nobody looked
             ui.navigate.reload()
@@ -167,6 +171,7 @@ class MachinePage:
                     "Abort", on_click=lambda: do("abort", "abort", lambda machine: machine.abort())
                 ).props("color=negative outline")
                 ui.button("Energize", on_click=self._energize).props("outline")
+            self._control = ControlPanel(self._actions)
             self._override_label = ui.label("Override 100 %").classes("font-bold mt-2")
             with ui.element("div").classes("mc-buttons"):
                 for percent in OVERRIDES:
@@ -215,6 +220,7 @@ class MachinePage:
         if self._state.text != word:
             self._state.set_text(word)
             self._state.classes(replace=f"mc-state mc-state-{kind}")
+        self._control.update()
         self._notices.update(status)
         self._say(status, word)
         if status is None or machine is None:

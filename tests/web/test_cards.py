@@ -25,6 +25,7 @@ from mcclient.types import (
     WorkOffset,
 )
 
+from mcserver.web.control import Control
 from mcserver.web.jobs import path_from_line
 from mcserver.web.link import MachineLink
 from mcserver.web.open_programs import refusal_of
@@ -82,6 +83,7 @@ def link(**values: Any) -> MachineLink:
         "clients": (),
         "visitors": {},
         "acts": [],
+        "control": Control(lambda: 0.0),
     }
     return cast("MachineLink", SimpleNamespace(**{**known, **values}))
 

@@ -70,16 +70,10 @@ async def ended(queue: JobQueue, count: int) -> None:
             await asyncio.sleep(0)
 
 
-def stop(queue: JobQueue) -> None:
-    """What an emergency stop does to the queue."""
-    queue.stopped = True
-    queue.clear()
-
-
 async def test_a_program_started_after_an_emergency_stop_that_emptied_the_queue_runs(tmp_path: Path) -> None:
     bench = Bench()
     queue = queue_of(bench, tmp_path)
-    stop(queue)
+    queue.stop()
     queue.add("a.gcode", "ann")
     await ended(queue, 1)
     assert bench.opened == ["a.gcode"]
@@ -92,7 +86,7 @@ async def test_an_emergency_stop_during_the_check_keeps_the_program_from_startin
     bench.may_answer.clear()
     job = queue.add("a.gcode", "ann")
     await bench.checking.wait()
-    stop(queue)
+    queue.stop()
     late = queue.add("b.gcode", "ann")
     bench.may_answer.set()
     await ended(queue, 1)

@@ -24,7 +24,7 @@ class JogPanel:
         self._held: HeldJog | None = None
         self._axes: dict[int, AxisInfo] = {}
         # two browsers of one person are two people to an axis
-        self._by = f"{actions.visitor.name} (browser {ui.context.client.id[:4]})"
+        self._by = actions.driver.name
         with ui.card().classes("mc-card"):
             ui.html("<h2>Jog</h2>", sanitize=False)
             with ui.row().classes("items-center w-full gap-4"):
@@ -76,9 +76,11 @@ class JogPanel:
             direction = 1.0 if int(message["direction"]) > 0 else -1.0
         except (KeyError, TypeError, ValueError):
             return
-        if not self._actions.visitor.may("jog"):
-            if kind == "press":
-                self._actions.allowed("jog")
+        if kind == "press" and not self._actions.allowed("jog"):
+            return
+        if not self._actions.has_control:
+            # it was taken away, or the login has ended
+            await self.release()
             return
         if self._actions.link.machine is None:
             return

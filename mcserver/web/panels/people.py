@@ -64,8 +64,10 @@ def people_html(link: MachineLink, status: MachineStatus) -> str:
         f"<b>{html.escape(name)}</b> {html.escape(what)}</div>"
         for when, name, what in sorted(done, reverse=True)[:COMMANDS]
     )
+    driver = link.control.driver
+    drives = f"<p>Drives: <b>{html.escape(driver.name)}</b></p>" if driver is not None else ""
     return (
-        f"<p>Clients:</p><ul>{''.join(rows) or '<li>nobody</li>'}</ul>"
+        f"{drives}<p>Clients:</p><ul>{''.join(rows) or '<li>nobody</li>'}</ul>"
         f"<p>At this page: {visitors or 'nobody'}</p>"
         + (f'<p>Commands:</p><div class="text-sm">{lines}</div>' if lines else "")
     )

@@ -170,7 +170,8 @@ class RecoveryPanel:
         if program is None or not self._actions.allowed("continue_program"):
             return
         answer = await ask_to_go_on(self._actions, program)
-        if answer is None:
+        # control may have been taken away while the dialog was open
+        if answer is None or not self._actions.allowed("continue_program"):
             return
         shown, middle = answer
         try:

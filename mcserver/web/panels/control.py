@@ -1,0 +1,62 @@
+"""Who drives the machine, and the buttons to take control and to give it back."""
+
+from __future__ import annotations
+
+from nicegui import ui
+
+from mcserver.web.actions import Actions
+from mcserver.web.control import Control
+from mcserver.web.dialogs import ask
+
+
+class ControlPanel:
+    """A row of the card of controls. It tells its visitor when somebody else has taken control."""
+
+    def __init__(self, actions: Actions) -> None:
+        self._actions = actions
+        self._control: Control = actions.link.control
+        self._had = False
+        with ui.row().classes("items-center w-full gap-2 no-wrap"):
+            self._who = ui.label("").classes("grow min-w-0 break-words").props("aria-live=polite")
+            self._take = ui.button("Take control", on_click=self._ask_for_it).props("outline no-caps")
+            self._back = ui.button("Give back", on_click=self._give_back).props("outline no-caps")
+        self.update()
+
+    def update(self) -> None:
+        other = self._control.other(self._actions.driver.browser)
+        mine = other is None and self._control.driver is not None
+        self._who.set_text(
+            "You have control"
+            if mine
+            else "Nobody has control"
+            if other is None
+            else f"{other.name} has control"
+        )
+        self._take.set_visibility(not mine)
+        self._back.set_visibility(mine)
+        if self._had and other is not None:
+            ui.notify(
+                f"{other.name} has taken control", type="warning", position="bottom", close_button="close"
+            )
+        self._had = mine
+
+    async def _ask_for_it(self) -> None:
+        if not self._actions.has_role("open"):
+            return
+        other = self._control.other(self._actions.driver.browser)
+        if other is not None and not await ask(
+            f"{other.name} has control of {self._actions.link.name}. Take it?",
+            "Take control",
+            colour="warning",
+        ):
+            return
+        # the role may have been taken away while the dialog was open
+        if self._actions.has_role("open"):
+            self._actions.take_control()
+            self.update()
+
+    def _give_back(self) -> None:
+        self._control.give_back(self._actions.driver.browser)
+        self._had = False
+        self._actions.note("gives control back")
+        self.update()
