@@ -31,3 +31,8 @@ async def ask(question: str, verb: str, *, colour: str, details: Callable[[], ob
     agreed = bool(await dialog)
     dialog.delete()
     return agreed
+
+
+async def ask_to_replace(name: str) -> bool:
+    """Ask before a kept program gets another text; whether it shall."""
+    return await ask(f"{name} is kept already. Replace it?", "Replace", colour="warning")

@@ -56,6 +56,8 @@ class MachineLink:
         self.history: deque[MachineStatus] = deque(maxlen=HISTORY_STATES)
         # whether its programs have work coordinate systems
         self.has_work_offsets = False
+        # the joint of the URDF that each axis moves, by axis number
+        self.joints: dict[int, str] = {}
         # who else is connected, and who looks at this page: how many browsers by name
         self.clients: tuple[str, ...] = ()
         self.visitors: Counter[str] = Counter()
@@ -135,6 +137,7 @@ class MachineLink:
                     self.failure = ""
                     self.machine = machine
                     self.has_work_offsets = await knows_work_offsets(machine)
+                    self.joints = await joints_of(machine)
                     async with asyncio.TaskGroup() as group:
                         group.create_task(self._follow_states(machine))
                         group.create_task(self._follow_events(machine))
@@ -175,3 +178,14 @@ async def knows_work_offsets(machine: Machine) -> bool:
     except MotionError as error:
         log.info("%s: %s", machine.name, error.message)
         return False
+
+
+async def joints_of(machine: Machine) -> dict[int, str]:
+    """Return the joint of the URDF that each axis moves; empty where the machine has no robot."""
+    if not machine.info.tools:
+        return {}
+    try:
+        return {int(axis): name for axis, name in (await machine.model()).joints.items()}
+    except MotionError as error:
+        log.info("%s: %s", machine.name, error.message)
+        return {}

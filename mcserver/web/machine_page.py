@@ -33,6 +33,8 @@ from mcserver.web.panels.program import ProgramPanel
 from mcserver.web.panels.recordings import RecordingsPanel
 from mcserver.web.panels.run_from import RecoveryPanel
 from mcserver.web.panels.tables import TablesPanel
+from mcserver.web.panels.teach import TeachPanel
+from mcserver.web.panels.tool_jog import ToolJogPanel
 from mcserver.web.sessions import Visitor
 
 REFRESH_S = 0.1
@@ -90,6 +92,10 @@ class MachinePage:
                         self._positions = PositionsPanel(actions)
                     with _place(4):
                         self._jog = JogPanel(actions)
+                    with _place(4):
+                        self._tool_jog = ToolJogPanel(actions)
+                    with _place(5):
+                        self._teach = TeachPanel(actions, self._tool_jog)
                     with _place(7):
                         self._tables = TablesPanel(actions)
                     with _place(8):
@@ -116,6 +122,7 @@ class MachinePage:
         ui.timer(SLOW_S, self.ask)
         client.on_connect(self._enter)
         client.on_disconnect(self._jog.release)
+        client.on_disconnect(self._tool_jog.drop)
         client.on_disconnect(lambda: link.control.leave(client.id))
         client.on_disconnect(lambda: None if client.has_socket_connection else self._leave())
         client.on_delete(self._leave)
@@ -228,6 +235,8 @@ class MachinePage:
         self._late.set_text(f"{status.late_cycles} late cycles")
         self._positions.update(machine.info)
         self._jog.update(machine.info)
+        self._tool_jog.update(machine.info)
+        self._teach.update()
         self._buttons.update(machine.info)
         self._channels.update(status, machine.info)
         self._faults.update(status)

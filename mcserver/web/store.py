@@ -92,6 +92,10 @@ class ProgramStore:
                 "MC061", f"{name} could not be kept: {error.strerror}", "make room on the disk"
             ) from error
 
+    def has(self, name: str) -> bool:
+        """Whether a program of this name is kept. Raises ServiceError (MC061) for what cannot be a name."""
+        return self._path(name).exists()
+
     def read(self, name: str) -> str:
         """The program's text. Raises ServiceError (MC061) where it is gone."""
         try:

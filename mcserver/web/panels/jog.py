@@ -23,6 +23,7 @@ class JogPanel:
         self._actions = actions
         self._held: HeldJog | None = None
         self._axes: dict[int, AxisInfo] = {}
+        self._joints: dict[int, str] = {}
         # two browsers of one person are two people to an axis
         self._by = actions.driver.name
         with ui.card().classes("mc-card"):
@@ -41,15 +42,18 @@ class JogPanel:
         ui.on("mc_clock", lambda event: self._held and self._held.observe(float(event.args["sent_s"])))
 
     def update(self, info: Info) -> None:
-        axes = {axis.index: axis for axis in info.axes}
-        if axes == self._axes:
+        axes, joints = {axis.index: axis for axis in info.axes}, self._actions.link.joints
+        if axes == self._axes and joints == self._joints:
             return
-        self._axes = axes
+        self._axes, self._joints = axes, joints
         self._pad.clear()
         with self._pad:
             for axis in info.axes:
                 with ui.element("div").classes("mc-jog-axis"):
-                    ui.label(axis_name(axis.index)).classes("font-bold").tooltip(limits_text(axis))
+                    with ui.element("div").classes("leading-tight min-w-0").tooltip(limits_text(axis)):
+                        ui.label(axis_name(axis.index)).classes("font-bold")
+                        if axis.index in joints:
+                            ui.label(joints[axis.index]).classes("text-xs break-words")
                     for direction, sign, word in ((-1, "−", "minus"), (1, "+", "plus")):
                         ui.button(f"{axis_name(axis.index)}{sign}").props(
                             f"outline data-jog data-axis={axis.index} data-direction={direction} "

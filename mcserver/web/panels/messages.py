@@ -39,7 +39,9 @@ class FaultPanel:
         rows = []
         # the emergency stop before what it has caused
         for fault in sorted(status.faults, key=lambda each: each.code != "MC400"):
-            where = f"axis {axis_name(fault.axis)}: " if fault.axis is not None else ""
+            joint = self._link.joints.get(-1 if fault.axis is None else fault.axis, "")
+            named = html.escape(f"{axis_name(fault.axis)} {joint}".rstrip()) if fault.axis is not None else ""
+            where = f"axis {named}: " if named else ""
             line = f" (line {fault.line})" if fault.line else ""
             rows.append(
                 f"<li><b>{fault.code}</b> {where}{html.escape(fault.message)}{line}"

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import html
+from collections.abc import Mapping
 from functools import partial
+from types import MappingProxyType
 
 from mcclient import AxisInfo, Info, Machine, MachineStatus, MotionError
 from mcclient.broken_off import WORK_OFFSET
@@ -16,6 +18,7 @@ from mcserver.web.open_programs import refusal_of
 
 # Axes with a button: those with a letter.
 LETTERED = 6
+NO_JOINTS: Mapping[int, str] = MappingProxyType({})
 WHY = "zero is set where the axes stand"
 
 
@@ -43,7 +46,8 @@ class PositionsPanel:
             self._axes = shown
             self._build()
         content = link.once(
-            "positions", lambda status: positions_html(status, info, work=link.has_work_offsets)
+            "positions",
+            lambda status: positions_html(status, info, work=link.has_work_offsets, joints=link.joints),
         )
         if content != self._shown:
             self._shown = content
@@ -139,8 +143,19 @@ def offsets_html(status: MachineStatus, info: Info) -> str:
     return f"<ul aria-label='Work offsets'>{''.join(rows)}</ul>" if rows else ""
 
 
-def positions_html(status: MachineStatus, info: Info, *, work: bool) -> str:
-    """Return the table as HTML; ``work``: with a column of what programs read in G54."""
+def joint_html(joints: Mapping[int, str], index: int) -> str:
+    """Return the name of an axis's joint behind the axis's own, as HTML; empty: it has none."""
+    return f" <span class=text-xs>{html.escape(joints[index])}</span>" if index in joints else ""
+
+
+def positions_html(
+    status: MachineStatus, info: Info, *, work: bool, joints: Mapping[int, str] = NO_JOINTS
+) -> str:
+    """Return the table as HTML.
+
+    Args:
+        work: with a column of what programs read in G54. joints: of the robot, by axis number.
+    """
     origin = work_origin(status)
     # a phone has no room for all: what is wide there gives way to the state
     less = ' class="n mc-wide"'
@@ -160,15 +175,18 @@ def positions_html(status: MachineStatus, info: Info, *, work: bool) -> str:
             shown_state = f"{state}, not homed"
         in_work = f"<td class=n>{position_text(position - origin.get(index, 0.0))}</td>" if work else ""
         rows.append(
-            f"<tr><td>{axis_name(index)}</td><td class=n>{position_text(position)} {unit}</td>{in_work}"
+            f"<tr><td>{axis_name(index)}{joint_html(joints, index)}</td>"
+            f"<td class=n>{position_text(position)} {unit}</td>{in_work}"
             f"<td{less}>{position_text(setpoint)}</td>"
             f"<td{titles[-1][1]}>{velocity_text(velocity)}<span class=mc-wide> {unit}/s</span></td>"
             f"<td>{html.escape(shown_state)}</td></tr>"
         )
     for tool in status.tools:
+        values = (*tool.position, *tool.orientation)
         place = "  ".join(
-            f"{letter}{position_text(value)}" for letter, value in zip("XYZ", tool.position, strict=False)
+            f"{letter}{position_text(value)}" for letter, value in zip("XYZABC", values, strict=False)
         )
-        rows.append(f"<tr><td>T{tool.number}</td><td colspan={len(titles) + 1}>{place} mm</td></tr>")
+        unit = "mm, deg" if tool.orientation else "mm"
+        rows.append(f"<tr><td>T{tool.number}</td><td colspan={len(titles) + 1}>{place} {unit}</td></tr>")
     head = f"<thead><tr><th>Axis</th>{head}<th>State</th></tr></thead>"
     return f'<table class="mc-positions">{head}<tbody>{"".join(rows)}</tbody></table>'

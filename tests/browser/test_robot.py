@@ -1,0 +1,132 @@
+"""A robot by the page: steps of its tool by mouse and keyboard, poses taught, edited, replayed and kept."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, Any
+
+import pytest
+from mcclient import sync
+
+from tests.browser.conftest import PageProcess, choose, opened, page_of, playwright
+from tests.browser.test_machine_page import at_rest, wait_for
+from tests.e2e.servers import ServerProcess
+
+if TYPE_CHECKING:
+    from playwright.sync_api import Page
+else:
+    Page = Any
+
+expect = playwright.expect
+
+
+@pytest.fixture(scope="module")
+def arm(tmp_path_factory: pytest.TempPathFactory) -> Iterator[ServerProcess]:
+    made = ServerProcess(tmp_path_factory.mktemp("arm"), "arm6", "arm")
+    made.start()
+    yield made
+    made.close()
+
+
+@pytest.fixture(scope="module")
+def arm_site(arm: ServerProcess, tmp_path_factory: pytest.TempPathFactory) -> Iterator[PageProcess]:
+    with page_of(arm.endpoint, tmp_path_factory.mktemp("programs")) as made:
+        yield made
+
+
+@pytest.fixture
+def robot(arm: ServerProcess) -> Iterator[sync.Machine]:
+    with sync.Machine.connect("arm", arm.endpoint) as made:
+        yield made
+        made.abort()
+
+
+def pose(machine: sync.Machine) -> list[float]:
+    (tool,) = machine.status().tools
+    return [*tool.position, *tool.orientation]
+
+
+def stepped(page: Page, machine: sync.Machine, wanted: list[float]) -> None:
+    """Wait until the tool rests at a pose."""
+
+    def there(status: Any) -> bool:
+        reached = [*status.tools[0].position, *status.tools[0].orientation]
+        return at_rest(status) and reached == pytest.approx(wanted, abs=0.05)
+
+    wait_for(machine, page, there)
+
+
+@pytest.mark.parametrize("width", [360, 768, 1920])
+def test_the_tool_is_stepped_in_the_frames_of_base_and_tool_and_steps_queue(
+    page: Page, arm_site: PageProcess, robot: sync.Machine, width: int
+) -> None:
+    page.set_viewport_size({"width": width, "height": 900})
+    opened(page, arm_site, "arm")
+    assert page.evaluate("document.documentElement.scrollWidth") <= width
+    x, y, z, a, b, c = pose(robot)
+    choose(page, page.get_by_label("Along axes of"), "base")
+    choose(page, page.get_by_label("Step", exact=True), "5 mm, deg")
+    for _ in range(2):
+        page.get_by_role("button", name="step tool Z minus").click()
+    stepped(page, robot, [x, y, z - 10.0, a, b, c])
+    page.get_by_role("button", name="step tool B plus").press("Enter")
+    stepped(page, robot, [x, y, z - 10.0, a, b + 5.0, c])
+    choose(page, page.get_by_label("Along axes of"), "tool")
+    page.get_by_role("button", name="step tool B minus").press(" ")
+    stepped(page, robot, [x, y, z - 10.0, a, b, c])
+
+
+def test_joints_are_called_by_their_names(page: Page, arm_site: PageProcess, robot: sync.Machine) -> None:
+    opened(page, arm_site, "arm")
+    names = robot.model().joints
+    expect(page.get_by_role("region", name="Positions")).to_contain_text(f"X {names['0']}")
+    expect(page.locator(".mc-jog-axis").first).to_contain_text(names["0"])
+
+
+def test_poses_are_taught_edited_replayed_and_kept(
+    page: Page, arm_site: PageProcess, robot: sync.Machine
+) -> None:
+    opened(page, arm_site, "arm")
+    text = page.get_by_label("Taught program")
+    x, y, z, a, b, c = pose(robot)
+    page.get_by_role("button", name="Take pose").click()
+    expect(text).to_have_value(re.compile(r"^G1010 P0\n(.*\n)+G01 X.* T1 F600\n$"))
+    choose(page, page.get_by_label("Along axes of"), "base")
+    choose(page, page.get_by_label("Step", exact=True), "10 mm, deg")
+    page.get_by_role("button", name="step tool Y plus").click()
+    stepped(page, robot, [x, y + 10.0, z, a, b, c])
+    page.get_by_role("button", name="Take pose").click()
+    expect(text).to_have_value(re.compile(r"(G01 X.* T1 F600\n){2}$"))
+    # the last line leads back to the first pose, quickly
+    first = next(line for line in text.input_value().splitlines() if line.startswith("G01"))
+    text.fill(text.input_value() + first.replace("F600", "F6000") + "\n")
+    page.get_by_role("button", name="Replay").click()
+    expect(page.get_by_text(re.compile("^taught.gcode is finished after"))).to_be_visible()
+    stepped(page, robot, [x, y, z, a, b, c])
+    page.get_by_role("button", name="Save as program").click()
+    expect(page.get_by_text("taught.gcode is kept", exact=True)).to_be_visible()
+    page.get_by_role("button", name="Save as program").click()
+    dialog = page.get_by_role("dialog", name="taught.gcode is kept already. Replace it?")
+    dialog.get_by_role("button", name="Cancel").click()
+    expect(dialog).to_have_count(0)
+
+
+def test_a_step_that_the_arm_cannot_make_names_the_joint_and_moves_nothing(
+    page: Page, arm_site: PageProcess, robot: sync.Machine
+) -> None:
+    opened(page, arm_site, "arm")
+    choose(page, page.get_by_label("Along axes of"), "base")
+    choose(page, page.get_by_label("Step", exact=True), "50 mm, deg")
+    choose(page, page.get_by_label("Speed of the tip"), "250 mm/s, deg/s")
+    refused = page.get_by_text(re.compile(r"^step T1 Z \+50 along the base: .*joint.*\[MC3\d\d\]"))
+    before = pose(robot)
+    for _ in range(20):
+        before = pose(robot)
+        page.get_by_role("button", name="step tool Z plus").click()
+        page.wait_for_timeout(300)
+        wait_for(robot, page, at_rest)
+        if refused.count():
+            break
+    expect(refused.first).to_be_visible()
+    assert pose(robot) == pytest.approx(before, abs=0.05)
