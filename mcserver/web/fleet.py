@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 import asyncio
+import contextlib
 import logging
 import time
 from collections import OrderedDict
+from collections.abc import Awaitable, Callable
 from pathlib import Path
 
 from mcclient import MachineStatus, MotionError
 from mcclient.fleet import FleetLink, keep_link
 
+from mcserver.web.control import needs_control
 from mcserver.web.link import MachineLink
 from mcserver.web.store import ProgramStore
 
@@ -23,6 +26,10 @@ REMEMBERED_S = 24 * 3600.0
 MAX_LINKS = 64
 # of one visitor
 VISITOR_LINKS = 32
+# a machine that a text is to be run on has so long to be connected
+CONNECTED_S = 10.0
+# what a text is called that was given to several machines
+FLEET_TEXT = "text of the fleet's page"
 # a connection that nobody looks at any more stays this long
 UNUSED_S = 120.0
 
@@ -118,11 +125,58 @@ class Fleet:
         return list(self._links.values())
 
     async def order(self, method: str, names: list[str]) -> dict[str, str]:
-        """Give ``hold`` or ``abort`` to several machines at once; what failed, by machine."""
+        """Give ``hold``, ``abort`` or ``reset`` to several machines at once; what failed, by machine."""
+
+        async def give(link: FleetLink, name: str) -> None:
+            if needs_control(method):
+                self._refuse_driven(name)
+            await link.order(name, method)
+
+        return await self._each(names, give)
+
+    async def emergency_stop(self, names: list[str], reason: str) -> dict[str, str]:
+        """Stop several machines, whoever drives them, and empty their queues; what failed, by machine."""
+        for name in names:
+            if name in self._links:
+                self._links[name].jobs.stop()
+        return await self._each(names, lambda link, name: link.estop(name, reason))
+
+    async def run(self, names: list[str], text: str, visitor: str) -> dict[str, str]:
+        """Queue a text on several machines; what failed, by machine.
+
+        Args:
+            visitor: who wants it.
+        """
+
+        async def start(_: FleetLink, name: str) -> None:
+            link = self.link(name, visitor)
+            self._refuse_driven(name)
+            with contextlib.suppress(TimeoutError):
+                async with asyncio.timeout(CONNECTED_S):
+                    while link.machine is None:
+                        await asyncio.sleep(CONNECTED_S / 100)
+            link.connected()
+            link.jobs.add_text(FLEET_TEXT, text, visitor)
+
+        return await self._each(names, start)
+
+    def _refuse_driven(self, name: str) -> None:
+        """Refuse what moves a machine that somebody drives at its own page."""
+        link = self._links.get(name)
+        driver = None if link is None else link.control.driver
+        if driver is not None:
+            raise MotionError(
+                "MC078", f"{driver.name} has control", "ask for it, or take control at its page"
+            )
+
+    async def _each(
+        self, names: list[str], act: Callable[[FleetLink, str], Awaitable[None]]
+    ) -> dict[str, str]:
+        """Do something to several machines at once; what failed, by machine."""
         if self._link is None:
             return dict.fromkeys(names, self.failure or "not connected")
         link = self._link
-        answers = await asyncio.gather(*(link.order(name, method) for name in names), return_exceptions=True)
+        answers = await asyncio.gather(*(act(link, name) for name in names), return_exceptions=True)
         return {name: str(answer) for name, answer in zip(names, answers, strict=True) if answer is not None}
 
     async def close(self) -> None:

@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
+import logging
+from functools import partial
 from typing import Any
 
-from nicegui import ui
+from nicegui import events, ui
 
 from mcserver.web.actions import show_refusal, show_role_refusal
-from mcserver.web.dialogs import ask
-from mcserver.web.fleet import Fleet, Seen
+from mcserver.web.dialogs import ask, named_dialog
+from mcserver.web.fleet import VISITOR_LINKS, Fleet, Seen
 from mcserver.web.formatting import banner, current_program, is_live, remaining_text
 from mcserver.web.menu import add_menu
 from mcserver.web.sessions import Visitor
+
+log = logging.getLogger(__name__)
 
 REFRESH_S = 1.0
 # a link for the keyboard and the finger; text alone, whatever a machine is called
@@ -23,17 +27,21 @@ LINK = """(params) => {
 }"""
 # what an operator looks for first comes first: a phone shows three columns without scrolling
 COLUMNS: list[dict[str, Any]] = [
+    # what is wrong comes first; rows do not move for what comes and goes
+    {"field": "rank", "hide": True, "sort": "asc", "sortIndex": 0},
     {
         "field": "machine",
         "pinned": "left",
         "checkboxSelection": True,
         ":cellRenderer": LINK,
         "sort": "asc",
+        "sortIndex": 1,
         "minWidth": 140,
         "maxWidth": 320,
     },
     {
         "field": "state",
+        "filter": True,
         "minWidth": 95,
         ":cellClass": "(params) => 'mc-cell-' + (params.data.kind ?? 'offline')",
     },
@@ -46,6 +54,23 @@ COLUMNS: list[dict[str, Any]] = [
 ]
 
 
+# of the kinds of states that are wrong; all others are alike
+RANKS = {"estop": 0, "fault": 1, "offline": 2}
+STATES = {
+    "": "all states",
+    **{
+        each: each
+        for each in ("ready", "moving", "running", "held", "paused", "fault", "EMERGENCY STOP", "offline")
+    },
+}
+# given to those that are selected, after a question: the verb, and how the button looks
+ORDERS = {
+    "hold": ("Hold", "color=warning"),
+    "abort": ("Stop", "color=negative outline"),
+    "reset": ("Reset", "color=warning outline"),
+}
+
+
 class FleetPage:
     """One browser's view of the fleet; only rows that have changed are sent."""
 
@@ -56,7 +81,11 @@ class FleetPage:
         with ui.header(elevated=True).classes("items-center justify-between no-wrap py-1 px-2 bg-slate-900"):
             ui.label("Machines").classes("font-bold text-lg")
             self._summary = ui.label("").props("role=status")
-            add_menu(visitor)
+            with ui.row().classes("items-center no-wrap gap-0"):
+                add_menu(visitor)
+                ui.button("E-STOP all", on_click=self._stop_all).props(
+                    'color=negative aria-label="Emergency stop of all machines" data-estop'
+                ).classes("mc-estop")
         with ui.element("div").classes("w-full p-2"):
             ui.html("<h1 class='sr-only'>Machines</h1>", sanitize=False)
             with ui.row().classes("items-center w-full"):
@@ -66,10 +95,16 @@ class FleetPage:
                 self._group = ui.select(
                     {"": "all groups"}, value="", label="Group", on_change=self._filter_group
                 ).classes("min-w-32")
-                ui.button("Hold selected", on_click=lambda: self._ask("hold")).props("color=warning")
-                ui.button("Stop selected", on_click=lambda: self._ask("abort")).props(
-                    "color=negative outline"
-                )
+                self._state = ui.select(STATES, value="", label="State", on_change=self._filter_group)
+                self._state.classes("min-w-32")
+            with ui.element("div").classes("mc-buttons mt-2"):
+                for order, (verb, looks) in ORDERS.items():
+                    ui.button(f"{verb} selected", on_click=partial(self._ask, order)).props(looks)
+                ui.button("Run on selected …", on_click=self._ask_run).props("outline")
+                # apart from the others, and without a question
+                ui.button("E-STOP selected", on_click=self._stop_selected).props(
+                    'color=negative aria-label="Emergency stop of the selected"'
+                ).classes("ml-6")
             self._grid = ui.aggrid(
                 {
                     "columnDefs": COLUMNS,
@@ -88,6 +123,7 @@ class FleetPage:
                 self._open = ui.select([], label="Open machine", with_input=True, on_change=self._go).classes(
                     "min-w-48"
                 )
+        ui.on("mc_key", self._on_key)
         ui.timer(REFRESH_S, self.update)
         ui.timer(0.1, self.update, once=True)
 
@@ -118,29 +154,98 @@ class FleetPage:
         self._grid.run_grid_method("setGridOption", "quickFilterText", self._search.value or "")
 
     def _filter_group(self) -> None:
-        wanted = {"group": {"filterType": "text", "type": "equals", "filter": self._group.value}}
-        self._grid.run_grid_method("setFilterModel", wanted if self._group.value else None)
+        chosen = {"group": self._group.value, "state": self._state.value}
+        wanted = {
+            column: {"filterType": "text", "type": "equals", "filter": value}
+            for column, value in chosen.items()
+            if value
+        }
+        self._grid.run_grid_method("setFilterModel", wanted or None)
 
     def _go(self) -> None:
         if self._open.value:
             ui.navigate.to(f"/machine/{self._open.value}")
 
-    async def _ask(self, order: str) -> None:
-        if not self._visitor.may(order):
-            show_role_refusal(order)
-            return
-        rows = await self._grid.get_selected_rows()
-        names = [row["machine"] for row in rows]
+    async def _on_key(self, event: events.GenericEventArguments) -> None:
+        if event.args.get("key") == "estop":
+            await self._stop_all()
+
+    async def _stop_all(self) -> None:
+        """Every visitor may stop; those that do not answer are asked, too."""
+        await self._emergency_stop(list(self._fleet.machines))
+
+    async def _stop_selected(self) -> None:
+        names = await self._selected()
+        if names:
+            await self._emergency_stop(names)
+
+    async def _emergency_stop(self, names: list[str]) -> None:
+        log.info("emergency stop of %d machines by %s", len(names), self._visitor.name)
+        failures = await self._fleet.emergency_stop(names, f"by {self._visitor.name} on the fleet's page")
+        if failures:
+            show_refusal(
+                f"no emergency stop confirmed by {_listed(sorted(failures))}", "use their own emergency stops"
+            )
+        done = len(names) - len(failures)
+        ui.notify(
+            f"{done} of {len(names)} machines: emergency stop confirmed", type="warning", position="bottom"
+        )
+
+    async def _selected(self) -> list[str]:
+        names = [row["machine"] for row in await self._grid.get_selected_rows()]
         if not names:
             show_refusal("No machine is selected", "tick the machines first")
+        return names
+
+    def _allowed(self, method: str) -> bool:
+        if not self._visitor.may(method):
+            show_role_refusal(method)
+            return False
+        return True
+
+    async def _ask(self, order: str) -> None:
+        if not self._allowed(order):
             return
-        verb = "Hold" if order == "hold" else "Stop"
-        listed = ", ".join(names[:8]) + (" …" if len(names) > 8 else "")
-        if await ask(f"{verb} {len(names)} machines: {listed}?", verb, colour="negative"):
-            failures = await self._fleet.order(order, names)
-            for name, message in failures.items():
-                show_refusal(f"{name}: {message}")
-            ui.notify(f"{len(names) - len(failures)} of {len(names)} machines: {order}", position="bottom")
+        names = await self._selected()
+        if not names:
+            return
+        verb = ORDERS[order][0]
+        # the role may have been taken away while the dialog was open
+        if await ask(
+            f"{verb} {len(names)} machines: {_listed(names)}?", verb, colour="negative"
+        ) and self._allowed(order):
+            self._tell(order, names, await self._fleet.order(order, names))
+
+    async def _ask_run(self) -> None:
+        if not self._allowed("open"):
+            return
+        names = await self._selected()
+        if len(names) > VISITOR_LINKS:
+            show_refusal(f"{len(names)} machines are selected", f"run it on {VISITOR_LINKS} at a time")
+        elif names:
+            with named_dialog("Run on several machines") as dialog, ui.card().classes("mc-ask"):
+                ui.label(f"Run on {len(names)} machines: {_listed(names)}").classes("font-bold break-words")
+                text = (
+                    ui.textarea(label="G-code").classes("w-full font-mono").props("autogrow spellcheck=false")
+                )
+                ui.label("It is checked at each machine, and waits where a program of this page runs.")
+                with ui.element("div").classes("mc-buttons"):
+                    ui.button("Run", on_click=lambda: dialog.submit(text.value)).props("color=positive")
+                    ui.button("Cancel", on_click=lambda: dialog.submit(None)).props("flat")
+            chosen = await dialog
+            dialog.delete()
+            if chosen and self._allowed("open"):
+                self._tell("queued", names, await self._fleet.run(names, chosen, self._visitor.name))
+
+    def _tell(self, what: str, names: list[str], failures: dict[str, str]) -> None:
+        log.info("%s: %d machines by %s", what, len(names), self._visitor.name)
+        for name, message in failures.items():
+            show_refusal(f"{name}: {message}")
+        ui.notify(f"{len(names) - len(failures)} of {len(names)} machines: {what}", position="bottom")
+
+
+def _listed(names: list[str]) -> str:
+    return ", ".join(names[:8]) + (" …" if len(names) > 8 else "")
 
 
 def group_of(name: str) -> str:
@@ -156,6 +261,7 @@ def _row(seen: Seen) -> dict[str, Any]:
     live = program is not None and is_live(program)
     return {
         "machine": seen.name,
+        "rank": RANKS.get(kind, len(RANKS)),
         "group": group_of(seen.name),
         "state": word,
         "kind": kind,

@@ -116,9 +116,18 @@ def test_all_machines_are_shown_searched_and_several_held_after_a_question(
 ) -> None:
     log_in(page, fleet_site, "ada", "ada's battery staple")
     expect(page.get_by_role("status")).to_have_text(f"{MACHINES} of {MACHINES} online, 1 with faults")
+    row = page.locator(".ag-center-cols-container [role=row]")
+    # what is wrong stands first
+    expect(page.locator(".ag-pinned-left-cols-container [role=row][row-index='0']")).to_contain_text(
+        "cell-07"
+    )
+    page.get_by_label("State").click()
+    page.get_by_role("option", name="fault", exact=True).click()
+    expect(row).to_have_count(1)
+    page.get_by_label("State").click()
+    page.get_by_role("option", name="all states").click()
     page.get_by_label("Group").click()
     page.get_by_role("option", name="hall").click()
-    row = page.locator(".ag-center-cols-container [role=row]")
     expect(row).to_have_count(5)
     page.get_by_label("Group").click()
     page.get_by_role("option", name="all groups").click()
@@ -172,7 +181,12 @@ def test_what_is_asked_first_is_in_view_on_a_narrow_and_on_a_wide_screen(
         box = header.bounding_box()
         assert box is not None
         assert box["x"] + box["width"] <= width
-    for name in ("Hold selected", "Stop selected"):
+    for name in (
+        "Hold selected",
+        "Stop selected",
+        "Emergency stop of the selected",
+        "Emergency stop of all machines",
+    ):
         expect(page.get_by_role("button", name=name)).to_be_in_viewport(ratio=0.9)
 
 

@@ -10,6 +10,7 @@ from typing import Self
 from mcclient.calls import Caller
 from mcclient.discovery import CONNECT_S, new_client_id
 from mcclient.errors import MotionError
+from mcclient.estop import send_until_confirmed
 from mcclient.keys import ALL_MACHINES, Keys, machine_of_call, server_of
 from mcclient.presence import Presence
 from mcclient.transport import Link, endpoints_of, user_of
@@ -107,13 +108,23 @@ class FleetLink:
         return decode(Info, await caller.call("info", deadline_s=ORDER_S))
 
     async def order(self, machine: str, method: str) -> None:
-        """``hold``, ``resume`` or ``abort`` for every program of one machine.
+        """``hold``, ``resume`` or ``abort`` for every program of one machine, or its ``reset``.
 
         Raises:
             MotionError: it does not answer, or refuses.
         """
         caller = Caller(self._link, Keys(machine, self._client), Presence(machine, self._live))
-        await caller.call(method, {"program": None}, deadline_s=ORDER_S)
+        request = {} if method == "reset" else {"program": None}
+        await caller.call(method, request, deadline_s=ORDER_S)
+
+    async def estop(self, machine: str, reason: str = "", *, timeout_s: float = 5.0) -> None:
+        """Emergency stop of one machine; returns once its server has confirmed.
+
+        Raises:
+            NoAnswerInTime: MC532.
+        """
+        keys = Keys(machine, self._client)
+        await send_until_confirmed(self._link, keys, reason=reason, timeout_s=timeout_s)
 
     async def close(self) -> None:
         await self._link.close()

@@ -1,0 +1,71 @@
+"""Orders of the fleet's page to a real machine: a text run, the emergency stop by its key, the reset."""
+
+from __future__ import annotations
+
+import re
+from typing import TYPE_CHECKING, Any
+
+import pytest
+from mcclient import sync
+
+from tests.browser.conftest import PageProcess, opened, playwright
+from tests.browser.test_machine_page import stands, wait_for
+
+if TYPE_CHECKING:
+    from playwright.sync_api import Page
+else:
+    Page = Any
+
+expect = playwright.expect
+
+
+@pytest.fixture
+def fleet_page(page: Page, site: PageProcess) -> Page:
+    """The fleet's page with its one machine ticked."""
+    page.goto(site.url)
+    expect(page.get_by_role("status")).to_contain_text("1 of 1 online")
+    page.locator(".ag-pinned-left-cols-container input[type=checkbox]").check()
+    return page
+
+
+def run_on_selected(page: Page, text: str) -> None:
+    page.get_by_role("button", name="Run on selected").click()
+    dialog = page.get_by_role("dialog", name="Run on several machines")
+    expect(dialog).to_contain_text("Run on 1 machines: bench")
+    dialog.get_by_label("G-code").fill(text)
+    dialog.get_by_role("button", name="Run", exact=True).click()
+
+
+def test_a_text_is_run_on_the_selected_stopped_by_the_key_and_the_machine_is_reset(
+    fleet_page: Page, machine: sync.Machine
+) -> None:
+    run_on_selected(fleet_page, "G1010\nG91\nG01 X200 F60\n")
+    expect(fleet_page.get_by_text("1 of 1 machines: queued")).to_be_visible()
+    wait_for(machine, fleet_page, lambda status: any(each.state == "running" for each in status.programs))
+    fleet_page.keyboard.press("Shift+Escape")
+    expect(fleet_page.get_by_text("1 of 1 machines: emergency stop confirmed")).to_be_visible()
+    wait_for(machine, fleet_page, lambda status: status.state == "estop" and stands(status))
+    fleet_page.get_by_role("button", name="Reset selected").press("Enter")
+    fleet_page.get_by_role("button", name="Reset", exact=True).press("Enter")
+    expect(fleet_page.get_by_text("1 of 1 machines: reset")).to_be_visible()
+    wait_for(machine, fleet_page, lambda status: status.state == "ready")
+
+
+def test_the_selected_are_stopped_without_a_question(fleet_page: Page, machine: sync.Machine) -> None:
+    fleet_page.get_by_role("button", name="Emergency stop of the selected").click()
+    wait_for(machine, fleet_page, lambda status: status.state == "estop")
+
+
+def test_a_machine_that_somebody_drives_is_stopped_by_all_and_moved_by_none(
+    fleet_page: Page, site: PageProcess, machine: sync.Machine
+) -> None:
+    at_the_machine = opened(fleet_page.context.new_page(), site)
+    at_the_machine.get_by_role("button", name="Take control").click()
+    expect(at_the_machine.get_by_text("You have control", exact=True)).to_be_visible()
+    fleet_page.bring_to_front()
+    run_on_selected(fleet_page, "G1010\nG91\nG01 X10 F600\n")
+    expect(fleet_page.get_by_text(re.compile(r"^bench: .*has control.*"))).to_be_visible()
+    assert not machine.programs(ended=False)
+    fleet_page.locator("[data-estop]").click()
+    wait_for(machine, fleet_page, lambda status: status.state == "estop")
+    at_the_machine.close()
