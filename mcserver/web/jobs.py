@@ -13,6 +13,7 @@ from mcclient import Diagnostic, Machine, MotionError, Program
 from mcclient.types import Continuation, SimulatedPath, SimulateReply
 
 from mcserver.errors import McError
+from mcserver.web.last_runs import LastRun
 from mcserver.web.store import ProgramStore
 
 if TYPE_CHECKING:
@@ -261,6 +262,14 @@ class JobQueue:
                     job.state = JobState.CANCELLED
                 self.running = None
                 self.ended.appendleft(job)
+                self._note(job)
+
+    def _note(self, job: Job) -> None:
+        """Keep how a program went that has begun."""
+        if job.program is not None and job.started_at is not None:
+            now = time.time()
+            run = LastRun(job.state.value, now, now - job.started_at, job.user)
+            self._link.last_runs.note(job.name, run)
 
     async def _run_one(self, job: Job) -> None:
         machine = self._link.connected()

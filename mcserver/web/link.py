@@ -14,6 +14,7 @@ from mcclient import Event, Machine, MachineStatus, MotionError
 from mcserver.web.control import Control
 from mcserver.web.formatting import LETTERS
 from mcserver.web.jobs import JobQueue
+from mcserver.web.last_runs import LastRuns
 from mcserver.web.recorded_files import RecordedFiles
 from mcserver.web.row_names import RowNames
 from mcserver.web.run_requests import RunRequests
@@ -69,6 +70,7 @@ class MachineLink:
         self.control = Control(time.monotonic)
         self.store = store
         self.row_names = RowNames(store.folder / ".names.json")
+        self.last_runs = LastRuns(store.folder / ".runs.json")
         self.jobs = JobQueue(self, store)
         self.run_requests = RunRequests()
         self.recorded = RecordedFiles(store.folder / ".recordings")

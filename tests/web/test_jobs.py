@@ -11,6 +11,7 @@ from mcclient import MotionError
 from mcclient.types import SimulateReply
 
 from mcserver.web.jobs import JobQueue, JobState
+from mcserver.web.last_runs import LastRuns
 from mcserver.web.link import MachineLink
 from mcserver.web.store import ProgramStore
 from tests.wire_values import wire_value
@@ -61,7 +62,8 @@ def queue_of(bench: Bench, folder: Path) -> JobQueue:
     store = ProgramStore(folder)
     for name in ("a.gcode", "b.gcode"):
         store.write(name, b"G01 X1 F600\n")
-    return JobQueue(cast("MachineLink", SimpleNamespace(connected=lambda: bench)), store)
+    runs = LastRuns(folder / ".runs.json")
+    return JobQueue(cast("MachineLink", SimpleNamespace(connected=lambda: bench, last_runs=runs)), store)
 
 
 async def ended(queue: JobQueue, count: int) -> None:
@@ -118,3 +120,11 @@ async def test_what_waits_behind_a_failure_does_not_start_because_of_one_more(tm
     await asyncio.sleep(0)
     assert (queue.stopped, len(queue.waiting), bench.opened) == (True, 2, [])
     await queue.close()
+
+
+async def test_how_a_program_went_is_kept_with_its_name(tmp_path: Path) -> None:
+    queue = queue_of(Bench(), tmp_path)
+    queue.add("a.gcode", "ada")
+    await ended(queue, 1)
+    (run,) = LastRuns(tmp_path / ".runs.json").runs.values()
+    assert (run.state, run.user) == ("finished", "ada")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import html
+import time
 
 from mcclient import MotionError, ProgramStatus
 from mcclient.types import SimulateReply
@@ -12,6 +13,7 @@ from mcserver.errors import McError
 from mcserver.web.actions import Actions, show_refusal
 from mcserver.web.dialogs import ask
 from mcserver.web.formatting import (
+    clock_text,
     current_program,
     diagnostics_html,
     is_live,
@@ -20,6 +22,7 @@ from mcserver.web.formatting import (
     remaining_text,
 )
 from mcserver.web.jobs import WHOLE, Job, JobState, Middle
+from mcserver.web.last_runs import LastRun
 from mcserver.web.panels.dry_run import show_dry_run
 from mcserver.web.panels.queue import QueuePanel
 from mcserver.web.panels.run_from import RecoveryPanel, ask_run_from
@@ -38,6 +41,8 @@ class ProgramPanel:
         self._recovery = recovery
         self._shown: tuple[object, ...] = ()
         self._listed: tuple[str, ...] = ()
+        # the program that the last upload has replaced, and its text
+        self._before: tuple[str, str] | None = None
         with ui.card().classes("mc-card"):
             ui.html("<h2>Program</h2>", sanitize=False)
             self._title = ui.label("no program").classes("font-bold")
@@ -60,6 +65,11 @@ class ProgramPanel:
             with ui.row().classes("items-center w-full"):
                 self._choice = ui.select([], label="Program", with_input=True).classes("grow min-w-40")
                 self._from_line = ui.number("From line", value=1, min=1, format="%d").classes("w-24")
+            self._last_run = ui.label("").classes("text-sm")
+            with ui.row().classes("items-center w-full gap-2 mc-warnings") as self._replaced:
+                self._replaced_name = ui.label("").classes("grow min-w-0 break-words").props("role=alert")
+                ui.button("Bring the one before back", on_click=self._bring_back).props("outline no-caps")
+            self._replaced.set_visibility(False)
             with ui.element("div").classes("mc-buttons"):
                 ui.button("Run", on_click=self._run).props("color=positive")
                 ui.button("Dry run", on_click=self._dry_run).props("outline")
@@ -135,6 +145,8 @@ class ProgramPanel:
 
     def _update_store(self) -> None:
         self._jobs.update()
+        run = self._actions.link.last_runs.runs.get(self._choice.value or "")
+        self._last_run.set_text("" if run is None else last_run_text(run))
         names = tuple(each.name for each in self._actions.link.store.list())
         if names == self._listed:
             return
@@ -152,17 +164,43 @@ class ProgramPanel:
         # a file moves nothing: it may come while somebody else drives
         if not self._actions.has_role("open"):
             return
+        store, name = self._actions.link.store, event.file.name
+        content = await event.file.read()
         try:
-            self._actions.link.store.write(event.file.name, await event.file.read())
-            text = self._actions.link.store.read(event.file.name)
+            before = store.read(name) if store.has(name) else None
+            store.write(name, content)
+            text = store.read(name)
         except McError as error:
             show_refusal(error.message, error.hint)
             return
+        self._show_replaced(None if before is None or before == text else (name, before))
         # its list would show each file once more, with buttons that have no name
         self._uploader.reset()
         self._update_store()
-        self._choice.set_value(event.file.name)
-        await self._check(event.file.name, text)
+        self._choice.set_value(name)
+        await self._check(name, text)
+
+    def _show_replaced(self, before: tuple[str, str] | None) -> None:
+        """Say that an upload has replaced another text, with the way back; None: it has not."""
+        self._before = before
+        self._replaced.set_visibility(before is not None)
+        if before is not None:
+            self._replaced_name.set_text(
+                f"{before[0]} was kept already with another text, which is replaced."
+            )
+
+    async def _bring_back(self) -> None:
+        if self._before is None or not self._actions.has_role("open"):
+            return
+        name, text = self._before
+        try:
+            self._actions.link.store.write(name, text.encode("utf-8"))
+        except McError as error:
+            show_refusal(error.message, error.hint)
+            return
+        self._show_replaced(None)
+        self._choice.set_value(name)
+        await self._check(name, text)
 
     async def _check(self, name: str, text: str) -> None:
         """Show every fault of a text at its place."""
@@ -227,3 +265,9 @@ class ProgramPanel:
             show_refusal("No program is chosen", "choose one, or upload it")
             return
         await show_dry_run(self._actions, self._choice.value, int(self._from_line.value or 1), self._queue)
+
+
+def last_run_text(run: LastRun) -> str:
+    """Return how and when a program ran last."""
+    when = time.strftime("%d.%m. %H:%M", time.localtime(run.ended_at))
+    return f"last run {when} by {run.user}: {run.state} after {clock_text(run.seconds)}"
