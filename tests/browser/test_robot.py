@@ -64,6 +64,9 @@ def test_the_tool_is_stepped_in_the_frames_of_base_and_tool_and_steps_queue(
     page.set_viewport_size({"width": width, "height": 900})
     opened(page, arm_site, "arm")
     assert page.evaluate("document.documentElement.scrollWidth") <= width
+    positions = page.get_by_role("region", name="Positions")
+    expect(positions).to_contain_text("T1")
+    assert positions.evaluate("region => region.scrollWidth <= region.clientWidth")
     x, y, z, a, b, c = pose(robot)
     choose(page, page.get_by_label("Along axes of"), "base")
     choose(page, page.get_by_label("Step", exact=True), "5 mm, deg")

@@ -145,7 +145,7 @@ def offsets_html(status: MachineStatus, info: Info) -> str:
 
 def joint_html(joints: Mapping[int, str], index: int) -> str:
     """Return the name of an axis's joint behind the axis's own, as HTML; empty: it has none."""
-    return f" <span class=text-xs>{html.escape(joints[index])}</span>" if index in joints else ""
+    return f" <span class=mc-joint>{html.escape(joints[index])}</span>" if index in joints else ""
 
 
 def positions_html(
@@ -187,6 +187,8 @@ def positions_html(
             f"{letter}{position_text(value)}" for letter, value in zip("XYZABC", values, strict=False)
         )
         unit = "mm, deg" if tool.orientation else "mm"
-        rows.append(f"<tr><td>T{tool.number}</td><td colspan={len(titles) + 1}>{place} {unit}</td></tr>")
+        rows.append(
+            f"<tr><td>T{tool.number}</td><td class=mc-pose colspan={len(titles) + 1}>{place} {unit}</td></tr>"
+        )
     head = f"<thead><tr><th>Axis</th>{head}<th>State</th></tr></thead>"
     return f'<table class="mc-positions">{head}<tbody>{"".join(rows)}</tbody></table>'
