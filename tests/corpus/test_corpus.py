@@ -64,9 +64,16 @@ def test_words_count_in_any_order() -> None:
     assert ends("X10 F1000 G1\nY5 G91\nX10 G0 G90") == [10.0, 5.0, 0.0]
 
 
+def test_g90_beside_g53_stays_in_force_and_g91_is_refused_there() -> None:
+    assert ends("G91 G0 X1\nG90 G53 G0 X2\nX5 Y1\nY1") == [5.0, 1.0, 0.0]
+    for before in ("G90", "G91"):
+        assert [each.code for each in errors(f"{before} G0 X1\nG91 G53 G0 X2", "cnc")] == ["MC153"]
+
+
 def test_work_offsets_move_the_words_of_g90_alone() -> None:
     assert ends("G10 L2 P2 X100 Y50 Z5\nG55 G0 X1 Y1\nG91 G1 X1 F600") == [102.0, 51.0, 0.0]
     assert ends("G10 L2 P1 X100\nG0 X1\nG53 G0 X2\nY1") == [2.0, 1.0, 0.0]
+    assert ends("G10 L2 P1 X100\nG91 G0 X1\nG53 G0 X2\nX1") == [3.0, 0.0, 0.0]
     assert ends("G0 X30\nG10 L20 P1 X0\nG1 X5 F600\nX6\nX7\nX8\nX9") == [39.0, 0.0, 0.0]
     assert ends("G20 G10 L2 P1 X1\nG21 G0 X0") == [25.4, 0.0, 0.0]
 

@@ -21,7 +21,7 @@ from mcserver.gcode.semantics.moves import arc, line, rapid, transmit_speed, tra
 from mcserver.gcode.semantics.tool_moves import tool_feed_move, tool_rapid
 from mcserver.gcode.text.command_table import Kind
 from mcserver.gcode.text.profile_words import ProfileWord, ProfileWords
-from mcserver.gcode.text.syntax import Command, Group
+from mcserver.gcode.text.syntax import Command, Group, Setting
 from mcserver.gcode.text.words import MAX_AXIS, Word
 from mcserver.motion import canonical
 from mcserver.motion.canonical import (
@@ -69,15 +69,30 @@ class BlockInterpreter:
             self.ended = True
             self.before = effects.before
             return
-        frame = block.modal.shift, block.modal.incremental
         if profile.machine_frame:
-            block.change(shift=None, incremental=False)
-        self._read_groups()
-        if profile.machine_frame:
-            block.change(shift=frame[0], incremental=frame[1])
+            self._read_in_machine_frame()
+        else:
+            self._read_groups()
         act_after(block, profile.actions, effects)
         # M0 and M30 come last, also where all that moves is a cycle or G28
         self.before, self.after = effects.before, [*effects.after, *self.before, *self.after]
+
+    def _read_in_machine_frame(self) -> None:
+        """Interpret a line with G53; what it says of G90 holds behind it."""
+        block = self.block
+        shift, incremental = block.modal.shift, block.modal.incremental
+        items = [item for group in block.parsed.groups for command in group for item in command.items]
+        modes = {item.spec.number for item in items if isinstance(item, Setting)} & {90, 91}
+        if 91 in modes:
+            block.faults.add(
+                "MC153",
+                "G53 gives positions of the machine, G91 in its line increments",
+                (1, len(block.parsed.text) + 1),
+                "write G91 behind it, in a line of its own",
+            )
+        block.change(shift=None, incremental=False)
+        self._read_groups()
+        block.change(shift=shift, incremental=incremental and not modes)
 
     def _read_groups(self) -> None:
         for group in self.block.parsed.groups:
