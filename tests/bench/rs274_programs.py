@@ -263,13 +263,18 @@ def moves_of_rs274(text: str, rs274: str) -> tuple[list[Move], str]:
         program.write_text(text)
         Path(folder, "tools").touch()
         command = [rs274, "-t", "tools", "-v", "variables", "-g", "program.ngc", "moves"]
-        try:
-            done = subprocess.run(
-                command, cwd=folder, capture_output=True, text=True, timeout=20, check=False
-            )
-        except subprocess.TimeoutExpired:
-            return [], "no end"
-        output = Path(folder, "moves").read_text() if Path(folder, "moves").exists() else ""
+        output = ""
+        # beside another one rs274 may die as it starts
+        for _ in range(3):
+            try:
+                done = subprocess.run(
+                    command, cwd=folder, capture_output=True, text=True, timeout=20, check=False
+                )
+            except subprocess.TimeoutExpired:
+                return [], "no end"
+            output = Path(folder, "moves").read_text() if Path(folder, "moves").exists() else ""
+            if output:
+                break
     found = _moves_in(output)
     said = [line for line in done.stderr.splitlines() if line.strip() and "updating variable" not in line]
     refused = "" if "PROGRAM_END" in output else " ".join(said[-3:]) or "no end"
