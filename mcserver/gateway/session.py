@@ -194,6 +194,8 @@ class GatewaySession:
         self._budget = Budget(CALLS_A_SECOND, CALLS_AT_ONCE)
         self._targets_budget = Budget(TARGETS_A_SECOND, TARGETS_AT_ONCE)
         self._tasks: set[asyncio.Task[None]] = set()
+        # messages of targets on their way
+        self._puts: set[asyncio.Task[None]] = set()
         link.believe(lambda source: any(peer.presence.is_server(source) for peer in self._peers.values()))
 
     @classmethod
@@ -239,9 +241,10 @@ class GatewaySession:
 
     async def close(self) -> None:
         """End the link; the client's token goes with it."""
-        for task in list(self._tasks):
+        tasks = [*self._tasks, *self._puts]
+        for task in tasks:
             task.cancel()
-        await asyncio.gather(*self._tasks, return_exceptions=True)
+        await asyncio.gather(*tasks, return_exceptions=True)
         await self._link.close()
 
     # ------------------------------------------------------------ frames in
@@ -252,21 +255,15 @@ class GatewaySession:
             self._unsubscribe(request.id)
             return
         if isinstance(request, frames.Targets):
-            if self._targets_budget.take():
-                self._track(self._put_targets(request))
+            if self._targets_budget.take() and len(self._puts) < CALLS_UNDER_WAY:
+                _track(self._put_targets(request), self._puts)
             return
         try:
             self.admit(len(self._tasks), stop=isinstance(request, frames.Estop))
         except RequestRefused as refusal:
             self._refuse(request.id, refusal)
             return
-        self._track(self._answer(request))
-
-    def _track(self, work: Coroutine[Any, Any, None]) -> None:
-        """Carry on beside the connection, until the session ends."""
-        task = asyncio.ensure_future(work)
-        self._tasks.add(task)
-        task.add_done_callback(self._tasks.discard)
+        _track(self._answer(request), self._tasks)
 
     async def _put_targets(self, request: frames.Targets) -> None:
         # whoever opened the program has called this machine before
@@ -434,6 +431,13 @@ class GatewaySession:
 
     def _refuse(self, number: int, error: MotionError) -> None:
         self.outbox.put(frames.Reply(number, False, None, error_map(error)))
+
+
+def _track(work: Coroutine[Any, Any, None], tasks: set[asyncio.Task[None]]) -> None:
+    """Carry on beside the connection; it is one of the tasks until it is done."""
+    task = asyncio.ensure_future(work)
+    tasks.add(task)
+    task.add_done_callback(tasks.discard)
 
 
 def error_map(error: MotionError) -> dict[str, Any]:

@@ -237,7 +237,8 @@ async def test_targets_are_streamed_at_100_hz_and_followed(client: Client) -> No
     program = opened["program"]
     await client.ask("subscribe", machine="cell", topic=f"ack/{program}")
     for seq in range(1, 41):
-        message = [seq, seq * 0.01, 1.0, [[0.1 * seq, -0.05 * seq]], None, None]
+        now = asyncio.get_running_loop().time()
+        message = [seq, now, 5.0, [[0.1 * seq, -0.05 * seq]], None, None]
         await client.put_targets(program, message)
         await asyncio.sleep(0.01)
     (found,) = (await client.call("programs", program=program))["programs"]
@@ -275,3 +276,17 @@ async def test_a_flood_of_targets_keeps_no_call_out(client: Client) -> None:
     (found,) = (await client.call("programs", program=program))["programs"]
     assert 0 < found["servo"]["taken"] < 10_000
     await client.call("abort", program=program)
+
+
+async def test_a_connection_that_breaks_stops_the_axes_whatever_the_grace(
+    client: Client, gateway: GatewayProcess, tokens: Tokens
+) -> None:
+    async with opening(gateway, tokens[1]["operator"]) as socket:
+        cut = Client(socket)
+        await cut.receive()
+        program = (await cut.call("open_servo", axes=[1]))["program"]
+        await cut.put_targets(program, [1, 0.0, 10.0, [[400.0]], None, None])
+        await client.ask("subscribe", machine="cell", topic=f"ack/{program}")
+        socket.transport.abort()
+        await client.message(lambda ack: ack["state"] == "aborted")
+    assert (await client.call("status"))["axes"]["setpoint"][1] < 400.0
