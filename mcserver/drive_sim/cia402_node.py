@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 from mcserver.can.pdo_layout import Mode
 from mcserver.drive_sim.canopen_node import NEVER, CanopenNode, Transmit
-from mcserver.drive_sim.fault_injection import OF_ETHERCAT, BadRequest, Misbehaviour, values_of
+from mcserver.drive_sim.fault_injection import Misbehaviour, values_of
 from mcserver.drive_sim.motion import Motion
 from mcserver.drive_sim.motor import Hardware, Motor
 from mcserver.drive_sim.power import (
@@ -109,8 +109,6 @@ class Cia402Node(CanopenNode):
             BadRequest: there is no such fault, or a value does not fit.
         """
         values = values_of(request, fault)
-        if fault in OF_ETHERCAT:
-            raise BadRequest(f"{fault} is a fault of drives on EtherCAT")
         self._now = now
         if self.wrong.begin(fault, values):
             pass

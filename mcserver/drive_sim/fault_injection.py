@@ -34,30 +34,44 @@ FAULTS: Mapping[str, Mapping[str, tuple[float, float, float | None]]] = MappingP
         "ignore_setpoints": {},
         "reverse_torque": {},
         "inputs": {"bits": (0, 0xFFFFFFFF, None)},
-        "unplug": {},
-        "safe_op": {"code": (1, 0xFFFF, 0x1B)},
-        "frame_loss": {"frames": (1, MAX_SYNCS, 1)},
         "clear": {},
     }
 )
-# Faults that drives on one kind of bus have, and others do not.
-OF_CAN = frozenset({"late_tpdo", "short_tpdo", "heartbeat_stop"})
-OF_ETHERCAT = frozenset({"unplug", "safe_op", "frame_loss"})
+# The same of drives on EtherCAT, which have no TPDOs and no heartbeats.
+ETHERCAT_FAULTS: Mapping[str, Mapping[str, tuple[float, float, float | None]]] = MappingProxyType(
+    {
+        "frame_loss": {"frames": (1, MAX_SYNCS, 1)},
+        "safe_op": {"code": (1, 0xFFFF, 0x1B)},
+        "unplug": {},
+        **{
+            name: values
+            for name, values in FAULTS.items()
+            if name not in ("late_tpdo", "short_tpdo", "heartbeat_stop")
+        },
+    }
+)
 
 
 class BadRequest(Exception):
     """A request that cannot be meant; the message says why."""
 
 
-def values_of(request: Mapping[str, object], fault: str) -> dict[str, float]:
+def values_of(
+    request: Mapping[str, object],
+    fault: str,
+    faults: Mapping[str, Mapping[str, tuple[float, float, float | None]]] = FAULTS,
+) -> dict[str, float]:
     """The values of a request, defaults filled in.
+
+    Args:
+        faults: that the drive has.
 
     Raises:
         BadRequest: no such fault, or a value that does not fit.
     """
-    known = FAULTS.get(fault)
+    known = faults.get(fault)
     if known is None:
-        raise BadRequest(f"there is no fault {fault!r}; there are {', '.join(FAULTS)}")
+        raise BadRequest(f"there is no fault {fault!r}; there are {', '.join(faults)}")
     unknown = set(request) - {"node", "bus", "fault", *known}
     if unknown:
         raise BadRequest(f"{fault} has no {min(unknown)!r}; it takes {', '.join(known) or 'no values'}")

@@ -13,7 +13,7 @@ from mcserver.drive_sim.ethercat.controller import INPUTS, OUTPUTS, SlaveControl
 from mcserver.drive_sim.ethercat.mailbox import CoeMailbox
 from mcserver.drive_sim.ethercat.registers import AlCode, AlState
 from mcserver.drive_sim.ethercat.sii import MAILBOX_BYTES, SlaveIdentity, eeprom_of
-from mcserver.drive_sim.fault_injection import OF_CAN, BadRequest, values_of
+from mcserver.drive_sim.fault_injection import ETHERCAT_FAULTS, values_of
 from mcserver.drive_sim.motor import Hardware
 from mcserver.drive_sim.sdo_abort import Abort, SdoAbort
 
@@ -98,9 +98,7 @@ class EthercatDrive:
         Raises:
             BadRequest: there is no such fault, or a value does not fit.
         """
-        values = values_of(request, fault)
-        if fault in OF_CAN:
-            raise BadRequest(f"{fault} is a fault of drives on CAN")
+        values = values_of(request, fault, ETHERCAT_FAULTS)
         if fault == "mute":
             self.controller.silent = True
         elif fault == "drop_sync":
