@@ -257,7 +257,11 @@ def segment_of(
     for curve, where in zip(group.curves, columns, strict=True):
         for axis in curve.axes:
             mask |= 1 << slots[axis]
-        straight = straight and curve.straight
+        if curve.straight:
+            start, end = curve.ends()
+            first[where] = last[where] = end - start
+            continue
+        straight = False
         slope, bend, _ = curve.derivatives(_ENDS)
         first[where], last[where] = slope
         d2q_start[where], d2q_end[where] = bend
