@@ -19,7 +19,7 @@ def main() -> None:
     config = ["--config-file", str(source / "mkdocs.yml"), "--strict"]
     if "--serve" in sys.argv[1:]:
         cli(["serve", *config])
-    cli(["build", *config, "--quiet", "--clean", "--site-dir", str((OUT / "site").resolve())])
+    cli(["build", *config, "--clean", "--site-dir", str((OUT / "site").resolve())])
 
 
 if __name__ == "__main__":

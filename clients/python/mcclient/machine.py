@@ -245,7 +245,8 @@ class Machine(MachineCalls):
             sha256: of all of it, instead of ``text``; for one that `put_text` hands over, before or after.
             at_pause: run now, also on axes of a program that stands at a pause, such as to set zero with a
                 new tool; refused (MC512) where it would have to wait.
-            way, outputs: as of `continue_program`.
+            way: as of `continue_program`.
+            outputs: as of `continue_program`.
         """
         known = sha256 if text is None else self.hash_of(text)
 
