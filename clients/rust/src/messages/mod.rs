@@ -7,7 +7,8 @@
 
 mod binary;
 #[rustfmt::skip]
-#[allow(missing_docs)]
+// requests are those of the wire, whose switches stand beside each other
+#[allow(missing_docs, clippy::struct_excessive_bools)]
 mod made;
 
 pub use binary::{Bytes, TelemetryBlock};
