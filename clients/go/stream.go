@@ -120,13 +120,12 @@ func (s *stream) refused(refusal *RefusedError) error {
 	switch {
 	case len(cause.Diagnostics) > 0:
 		// its line is given up, now or when an acknowledgement said so before
-	case cause.Code == "MC505":
-		// a line before was rejected, which an acknowledgement says or has said
+	case cause.Code == "MC505", cause.Code == "MC503":
+		// a line before was rejected, which an acknowledgement says or has said; of a program of an earlier
+		// start the server tells how far it came when it is asked
 		if s.failure == nil {
 			s.stale = true
 		}
-	case cause.Code == "MC503":
-		s.unknown()
 	case cause.Code == "MC510":
 		if state, found := cause.Details["state"].(string); found && ProgramState(state).Ended() {
 			s.ended(ProgramState(state), nil, nil)

@@ -121,7 +121,8 @@ class LeaseTable:
         """The first program that has, or waits for, axes that ``program`` lends."""
         lent = self.lent(program)
         asked = {grant.program: grant.axes for grant in self._held.values()} | self._waiting
-        return next((each for each in self._borrowers if asked[each] & lent), None)
+        # in the order in which they got them, then in which they wait
+        return next((each for each in asked if each in self._borrowers and asked[each] & lent), None)
 
     def grant_of(self, program: str) -> Grant | None:
         """Return what a program holds; None: nothing, or it waits."""

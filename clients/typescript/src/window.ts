@@ -89,8 +89,8 @@ export class LineWindow {
     if (refusal.diagnostics.length) this.#rejection(rejections, wholeNumber(refusal.details["expected"], accepted + 1), refusal.diagnostics);
     this.#numbers(rejections, accepted, this.done, wholeNumber(refusal.details["credit"], this.credit));
     if (refusal.diagnostics.length) return null;
-    if (refusal.code === "MC505") this.stale ||= !this.failure;
-    else if (refusal.code === "MC503") this.#end("interrupted");
+    // of a program of an earlier start the server tells how far it came when it is asked
+    if (refusal.code === "MC505" || refusal.code === "MC503") this.stale ||= !this.failure;
     else if (refusal.code === "MC510") {
       const state = String(refusal.details["state"] ?? "");
       if (ENDED.has(state)) this.#end(state as ProgramState);

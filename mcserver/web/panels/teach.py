@@ -34,7 +34,7 @@ class TeachPanel:
             with ui.element("div").classes("mc-buttons"):
                 ui.button("Take pose", on_click=self._take).props("color=primary")
                 ui.button("Replay", on_click=self._replay).props("color=positive")
-                self._name = ui.input("Name", value=TAUGHT).classes("w-40")
+                self._name = ui.input("Program name", value=TAUGHT).classes("w-40")
                 ui.button("Save as program", on_click=self._save).props("outline")
         self._card.set_visibility(False)
 
