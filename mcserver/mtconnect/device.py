@@ -27,7 +27,7 @@ EXECUTION = {
     "ending": "ACTIVE",
 }
 ENDED = {"finished": "PROGRAM_COMPLETED"}
-# X Y Z, then any other axis
+# by the unit of an axis: its component, and type and units of its position and of its rate
 UNITS = {"mm": ("Linear", "POSITION", "MILLIMETER"), "deg": ("Rotary", "ANGLE", "DEGREE")}
 RATES = {"mm": ("AXIS_FEEDRATE", "MILLIMETER/SECOND"), "deg": ("ANGULAR_VELOCITY", "DEGREE/SECOND")}
 
