@@ -99,14 +99,16 @@ def is_live(program: ProgramStatus | None) -> bool:
     return program is not None and program.state not in ENDED
 
 
-def program_excerpt(lines: Sequence[str], now: int, faulty: dict[int, str]) -> str:
-    """HTML of the lines about line ``now`` (from 1), which is marked, and so are faulty ones."""
-    first = max(1, min(now - CONTEXT_LINES, len(lines) - 2 * CONTEXT_LINES))
+def program_excerpt(
+    lines: Sequence[str], now: int, faulty: dict[int, str], context: int = CONTEXT_LINES
+) -> str:
+    """HTML of ``context`` lines before and after line ``now`` (from 1); it and faulty ones are marked."""
+    first = max(1, min(now - context, len(lines) - 2 * context))
     rows = []
-    for number in range(first, min(len(lines), first + 2 * CONTEXT_LINES) + 1):
+    for number in range(first, min(len(lines), first + 2 * context) + 1):
         text = html.escape(f"{number:>6}  {lines[number - 1][:200]}")
         kind = "bad" if number in faulty else "now" if number == now else "mark"
-        rows.append(f'<span class="{kind}">{text or " "}</span>')
+        rows.append(f'<span class="{kind}" data-line="{number}">{text or " "}</span>')
         if number in faulty:
             rows.append(f'<span class="mark">        {html.escape(faulty[number])}</span>')
     return f'<pre class="mc-program" tabindex="0" aria-label="Program text">{"".join(rows)}</pre>'

@@ -13,6 +13,8 @@ from nicegui.element import Element
 class Space(Element, component="static/space.js"):
     """The picture; lengths in mm, angles in degrees.
 
+    Its event ``picked`` has the line of the path that was clicked on.
+
     Args:
         label: for those who cannot see it. model_url: of the machine's parts; empty: none are drawn.
     """
@@ -60,6 +62,10 @@ class Space(Element, component="static/space.js"):
     def plan(self, path: dict[str, Any] | None) -> None:
         """Draw a program's path to come, as the call ``simulate`` gives it."""
         self.run_method("plan", path)
+
+    def mark_line(self, line: int) -> None:
+        """Mark the part of the path that a line of the program drives, or where it stands in it."""
+        self.run_method("mark", line)
 
     def zeros(self, places: Mapping[str, Sequence[float]]) -> None:
         """Mark where coordinate systems have their zeros [mm], by name, in the place of those before."""

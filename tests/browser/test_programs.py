@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import io
 import re
 from typing import TYPE_CHECKING, Any
 
+import matplotlib.pyplot as plt
+import numpy as np
 import pytest
 from mcclient import sync
 
@@ -12,9 +15,9 @@ from tests.browser.conftest import PageProcess, opened, playwright
 from tests.browser.test_machine_page import upload
 
 if TYPE_CHECKING:
-    from playwright.sync_api import Page
+    from playwright.sync_api import Locator, Page
 else:
-    Page = Any
+    Locator = Page = Any
 
 expect = playwright.expect
 
@@ -42,3 +45,52 @@ def test_a_chosen_program_says_how_it_ran_last(page: Page, site: PageProcess, ma
     page.get_by_role("button", name="Run", exact=True).first.click()
     expect(page.get_by_text(re.compile(r"^last run .* by local: finished after 0:\d\d$"))).to_be_visible()
     assert not machine.programs(ended=False)
+
+
+def marked_pixels(
+    picture: Locator, before: frozenset[tuple[int, int]] = frozenset()
+) -> frozenset[tuple[int, int]]:
+    """Return where a line is marked in the picture, once that is not where it was before."""
+    for _ in range(100):
+        shot = plt.imread(io.BytesIO(picture.screenshot()))[:, :, :3]
+        near = np.abs(shot - np.array([0xF9, 0x73, 0x16]) / 255.0).max(axis=2) < 0.05
+        found = frozenset((int(row), int(column)) for row, column in np.argwhere(near))
+        if len(found) > 50 and found != before:
+            return found
+    raise AssertionError("no line is marked")
+
+
+SQUARE = "G1010\nG01 X200 F6000\nG01 Y200\nG01 X0\nG01 Y0\n"
+
+
+@pytest.mark.usefixtures("machine")
+def test_a_line_of_a_dry_run_is_marked_in_its_path_and_a_click_on_the_path_chooses_its_line(
+    page: Page, site: PageProcess
+) -> None:
+    opened(page, site)
+    upload(page, "square.gcode", SQUARE)
+    page.get_by_role("button", name="Dry run").click()
+    dialog = page.get_by_role("dialog", name="Dry run of square.gcode")
+    picture, chosen = dialog.get_by_role("img"), dialog.locator(".mc-linked .now")
+    expect(chosen).to_have_text(re.compile(r"^ *1  G1010"))
+    # Chromium draws the picture when it has been laid out
+    page.wait_for_function("document.querySelector('.mc-dry-run canvas').width > 300")
+
+    dialog.locator(".mc-linked [data-line='3']").click()
+    expect(chosen).to_have_text(re.compile(r"^ *3  G01 Y200"))
+    expect(dialog.get_by_label("Line")).to_have_value("3")
+    third = marked_pixels(picture)
+    dialog.get_by_label("Line").fill("4")
+    expect(chosen).to_have_text(re.compile(r"^ *4  G01 X0"))
+    fourth = marked_pixels(picture, third)
+    # two sides of a square
+    assert len(third & fourth) < 25
+
+    box = picture.bounding_box()
+    assert box is not None
+    found = set()
+    for row in range(8, int(box["height"]) - 8, 12):
+        picture.click(position={"x": box["width"] / 2, "y": row})
+        found.add((chosen.text_content() or "").split()[0])
+    # the picture is a square looked at from before and above: its middle column crosses two of its sides
+    assert len(found - {"4"}) >= 1, found

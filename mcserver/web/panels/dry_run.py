@@ -14,6 +14,7 @@ from mcserver.web.actions import Actions, show_refusal
 from mcserver.web.dialogs import named_dialog
 from mcserver.web.formatting import axis_name, clock_text, diagnostics_html, program_excerpt
 from mcserver.web.jobs import PATH_POINTS, path_from_line
+from mcserver.web.panels.linked_text import LinkedText
 from mcserver.web.panels.picture import tips_of
 from mcserver.web.space import Space
 
@@ -50,13 +51,16 @@ async def show_dry_run(
         if not report.ok or report.path is None:
             dialog.open()
             return
-        space = Space(f"the path of {name}", f"/machine/{actions.link.name}/model").classes("mc-trail")
+        with ui.element("div").classes("mc-path-and-text"):
+            space = Space(f"the path of {name}", f"/machine/{actions.link.name}/model").classes("mc-trail")
+            linked = LinkedText(text.removesuffix("\n").split("\n"), space, from_line)
         path = path_from_line(report.path, from_line)
         axes = dict(zip(status.axes.index, status.axes.position, strict=True))
 
         def draw() -> None:
             space.plan(path)
             space.place(axes, tips_of(status), 0, {})
+            linked.show()
 
         def start_it() -> None:
             dialog.close()

@@ -41,11 +41,13 @@ class PicturePanel:
                 "mc-trail"
             )
             self._space.on("ready", self._again, args=[])
+            self._space.on("picked", lambda event: self._show_line(int(event.args)))
             ui.html(
                 '<div class="mc-legend"><span class="come">to come</span><span class="done">done</span>'
                 '<span class="trail">travelled</span></div>',
                 sanitize=False,
             )
+            self._line = ui.label("").classes("font-mono text-sm break-words").props("aria-live=polite")
 
     def update(self, status: MachineStatus) -> None:
         if not self._space.is_ready:
@@ -55,6 +57,7 @@ class PicturePanel:
         if path is not self._planned:
             self._planned = path
             self._space.plan(path)
+            self._line.set_text("")
         # in the picture of tools, whose coordinates are their base's, zeros of axes have no place
         zeros = {} if status.tools else work_zeros({each.system: each.origin for each in status.work_offsets})
         if zeros != self._zeros:
@@ -74,6 +77,13 @@ class PicturePanel:
         axes = dict(zip(status.axes.index, (round(each, 4) for each in status.axes.position), strict=True))
         self._space.place(axes, tips_of(status), line, trail, restart=self._restart)
         self._restart = False
+
+    def _show_line(self, line: int) -> None:
+        """Say which line of the program drives where somebody has clicked, and mark all of it."""
+        job = self._link.jobs.latest
+        if job is not None and 0 < line <= len(job.lines):
+            self._line.set_text(f"line {line}   {job.lines[line - 1].strip()}")
+            self._space.mark_line(line)
 
     def _again(self) -> None:
         """A new picture, as after the browser was reloaded, knows nothing yet."""

@@ -3,6 +3,7 @@
 import { THREE, OrbitControls } from "nicegui-scene";
 
 const TRAIL_POINTS = 6000;
+const PICK_PIXELS = 8;
 const ON_LIGHT = { come: 0x475569, done: 0x1d4ed8, trail: 0xf97316, tip: 0xdc2626 };
 const ON_DARK = { come: 0x94a3b8, done: 0x60a5fa, trail: 0xf97316, tip: 0xef4444 };
 const colours = () => (document.body.classList.contains("body--dark") ? ON_DARK : ON_LIGHT);
@@ -39,6 +40,13 @@ const marked = (name) => {
   label.scale.set(4, 1, 1);
   label.center.set(0, 0);
   return new THREE.Group().add(new THREE.AxesHelper(1), label);
+};
+
+// of a point from a straight line between two others
+const distance = (at, from, to) => {
+  const along = to.clone().sub(from);
+  const share = along.lengthSq() ? THREE.MathUtils.clamp(at.clone().sub(from).dot(along) / along.lengthSq(), 0, 1) : 0;
+  return at.distanceTo(from.clone().addScaledVector(along, share));
 };
 
 export default {
@@ -82,6 +90,8 @@ export default {
     this.controls = new OrbitControls(this.camera, canvas);
     this.controls.addEventListener("change", () => this.draw());
     this.controls.addEventListener("start", () => (this.moved = true));
+    canvas.addEventListener("pointerdown", (event) => (this.pressed = [event.clientX, event.clientY]));
+    canvas.addEventListener("pointerup", (event) => this.pick(event, canvas));
     this.sized = new ResizeObserver(() => this.resize());
     this.sized.observe(this.$el);
     this.resize();
@@ -303,6 +313,38 @@ export default {
         each.done.geometry.setDrawRange(0, row + 1);
         each.come.geometry.setDrawRange(row, each.points.length - row);
       }
+    },
+
+    // the part of a path that a line drives; where it has no point of its own, the end of the line before it
+    mark(line) {
+      for (const each of this.planned) {
+        const { lines } = each, drives = lines.includes(line);
+        const last = drives ? lines.lastIndexOf(line) : lines.findLastIndex((other) => other > 0 && other < line);
+        const from = drives ? Math.max(lines.indexOf(line) - 1, 0) : last;
+        each.now.geometry.setDrawRange(Math.max(from, 0), last < 0 ? 0 : last - from + 1);
+      }
+      this.draw();
+    },
+
+    // a click that turned nothing, near a path: the line that drives there
+    pick(event, canvas) {
+      const [x, y] = this.pressed ?? [NaN, NaN];
+      if (!(Math.hypot(event.clientX - x, event.clientY - y) <= PICK_PIXELS)) return;
+      const box = canvas.getBoundingClientRect();
+      const at = new THREE.Vector2(event.clientX - box.left, event.clientY - box.top);
+      let nearest = PICK_PIXELS, picked = 0;
+      for (const { points, lines } of this.planned) {
+        let before = null;
+        points.forEach((point, index) => {
+          const { x, y, z } = this.inWorld(point).project(this.camera);
+          // behind the camera there is nothing to click on
+          const here = z > 1 ? null : new THREE.Vector2((x + 1) * box.width / 2, (1 - y) * box.height / 2);
+          const far = here === null ? Infinity : distance(at, before ?? here, here);
+          before = here;
+          if (far < nearest) { nearest = far; picked = lines[index]; }
+        });
+      }
+      if (picked) this.$emit("picked", picked);
     },
 
     inWorld(point) { return new THREE.Vector3(...point).applyQuaternion(this.world.quaternion); },
