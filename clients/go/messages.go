@@ -313,7 +313,7 @@ type BusScan struct {
 	MachineFile string        `msgpack:"machine_file" mc:"required"`
 }
 
-// ButtonInfo: A program of the machine file that people start from a page.
+// ButtonInfo: A program of the machine file, or a probing cycle, that people start from a page.
 type ButtonInfo struct {
 	Name string `msgpack:"name" mc:"required"`
 	// Text: lines of G-code; `{name}` is the place of an argument.
@@ -323,6 +323,8 @@ type ButtonInfo struct {
 	// Confirm: what has to be confirmed before it runs; empty: nothing.
 	Confirm   string         `msgpack:"confirm" mc:"required"`
 	Arguments []ArgumentInfo `msgpack:"arguments" mc:"required"`
+	// Group: the heading under which pages show it.
+	Group string `msgpack:"group" mc:"required"`
 }
 
 // CheckReply: As `mcserver check --json`.

@@ -42,6 +42,7 @@ class Button(msgspec.Struct, frozen=True):
     Attributes:
         text: lines of G-code, run as a program. role: the least that may press it.
         confirm: what has to be confirmed before it runs, a sentence; empty: its text is shown, as always.
+        group: the heading under which the page shows it.
     """
 
     name: Annotated[str, Meta(pattern="^[^\\x00-\\x1f]{1,40}$", description="1 to 40 characters")]
@@ -49,6 +50,7 @@ class Button(msgspec.Struct, frozen=True):
     role: Literal["operator", "engineer"] = "operator"
     confirm: Annotated[str, Meta(max_length=200, description="one sentence")] = ""
     argument: list[ButtonArgument] = []
+    group: Annotated[str, Meta(max_length=40, description="a heading")] = ""
 
 
 def read_buttons(sections: Sequence[Button | None], mistakes: Mistakes) -> tuple[Button, ...]:

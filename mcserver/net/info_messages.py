@@ -86,12 +86,13 @@ class ArgumentInfo(msgspec.Struct, frozen=True):
 
 
 class ButtonInfo(msgspec.Struct, frozen=True):
-    """A program of the machine file that people start from a page.
+    """A program of the machine file, or a probing cycle, that people start from a page.
 
     Attributes:
         text: lines of G-code; ``{name}`` is the place of an argument.
         role: the least that may press it, ``operator`` or ``engineer``.
         confirm: what has to be confirmed before it runs; empty: nothing.
+        group: the heading under which pages show it.
     """
 
     name: str
@@ -99,6 +100,7 @@ class ButtonInfo(msgspec.Struct, frozen=True):
     role: str
     confirm: str
     arguments: list[ArgumentInfo]
+    group: str
 
 
 class TelemetryInfo(msgspec.Struct, frozen=True):

@@ -14,6 +14,7 @@ from mcserver.gcode.text.source import MAX_LINE_LENGTH
 from mcserver.machine.io_section import Input, Output
 from mcserver.machine.machine_file import Axis, Machine
 from mcserver.machine.machine_kinematics import build_kinematics
+from mcserver.machine.probing_cycles import probing_cycles
 from mcserver.net.answers import REMEMBERED_ANSWERS, REMEMBERED_S
 from mcserver.net.info_messages import (
     ArgumentInfo,
@@ -197,8 +198,9 @@ def machine_info(service: MachineService, methods: list[str]) -> Info:
                 each.role,
                 each.confirm,
                 [ArgumentInfo(one.name, one.low, one.high, one.first, one.unit) for one in each.argument],
+                each.group,
             )
-            for each in machine.buttons
+            for each in (*machine.buttons, *probing_cycles(machine))
         ],
         methods=sorted(methods),
         inputs=[_input_info(each) for each in machine.inputs],

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import pytest
 from mcclient import sync
+from mcclient.types import WorkOffset
 
 from tests.browser.conftest import WIDE, PageProcess, choose, opened, page_of, playwright, serving
 from tests.browser.test_machine_page import wait_for
@@ -26,7 +27,7 @@ MILL = (
         "min_position = -500.0\nmax_position = 500.0\n"
         for axis in range(3)
     )
-    + "[[cutter]]\nnumber = 3\nlength_mm = 40.0\ndiameter_mm = 6.0\n"
+    + "[probe]\nsimulated_at = { Z = -5.0 }\n[[cutter]]\nnumber = 3\nlength_mm = 40.0\ndiameter_mm = 6.0\n"
     + """[[button]]
 name = "park"
 text = '''
@@ -157,3 +158,34 @@ def test_a_button_shows_its_program_and_runs_it_within_its_limits(
         wait_for(machine, page, lambda status: all(each.ended_at for each in status.programs))
         with machine.program() as program:
             program.send("G53 G0 Z0")
+
+
+@pytest.mark.parametrize("width", [360, WIDE["width"]])
+def test_the_top_of_the_work_is_probed_by_a_program_that_is_shown_before_it_runs(
+    page: Page, mill: ServerProcess, mill_site: PageProcess, width: int
+) -> None:
+    page.set_viewport_size({"width": width, "height": 800})
+    with sync.Machine.connect("mill", mill.endpoint) as machine:
+        with machine.program() as program:
+            program.send("G53 G0 X0 Y0 Z0")
+        opened(page, mill_site, "mill")
+        page.get_by_role("heading", name="Probing").scroll_into_view_if_needed()
+        page.get_by_role("button", name="Top …").press("Enter")
+        dialog = page.get_by_role("dialog", name="Run Top")
+        expect(dialog.get_by_label("Program text")).to_contain_text("G38.2 Z-20 F150")
+        dialog.get_by_label("travel [mm]").fill("501")
+        expect(dialog.get_by_label("Program text")).to_contain_text("travel: give a number from 1 to 500 mm")
+        expect(dialog.get_by_role("button", name="Run", exact=True)).to_be_disabled()
+        dialog.get_by_label("travel [mm]").fill("9")
+        dialog.get_by_label("feed [mm/min]").fill("600")
+        dialog.get_by_label("thickness [mm]").fill("2")
+        assert page.evaluate("document.documentElement.scrollWidth") <= width
+        dialog.get_by_role("button", name="Run", exact=True).press("Enter")
+        wait_for(machine, page, lambda status: has_top(status.work_offsets))
+        with machine.program() as program:
+            program.send("G10 L2 P1 Z0")
+
+
+def has_top(offsets: tuple[WorkOffset, ...]) -> bool:
+    """Whether G54 has its zero a plate's 2 mm below the contact at -5."""
+    return any(each.system == "G54" and abs(each.origin.get("2", 0.0) + 7.0) < 0.01 for each in offsets)

@@ -411,12 +411,13 @@ class BusScan:
 
 @dataclass(frozen=True, slots=True)
 class ButtonInfo:
-    """A program of the machine file that people start from a page.
+    """A program of the machine file, or a probing cycle, that people start from a page.
 
     Attributes:
         text: lines of G-code; ``{name}`` is the place of an argument.
         role: the least that may press it, ``operator`` or ``engineer``.
         confirm: what has to be confirmed before it runs; empty: nothing.
+        group: the heading under which pages show it.
     """
 
     name: str
@@ -424,6 +425,7 @@ class ButtonInfo:
     role: str
     confirm: str
     arguments: tuple[ArgumentInfo, ...]
+    group: str
 
 
 @dataclass(frozen=True, slots=True)

@@ -172,7 +172,7 @@ export interface BusScan {
   machine_file: string;
 }
 
-/** A program of the machine file that people start from a page. */
+/** A program of the machine file, or a probing cycle, that people start from a page. */
 export interface ButtonInfo {
   name: string;
   /** lines of G-code; `{name}` is the place of an argument. */
@@ -182,6 +182,8 @@ export interface ButtonInfo {
   /** what has to be confirmed before it runs; empty: nothing. */
   confirm: string;
   arguments: ArgumentInfo[];
+  /** the heading under which pages show it. */
+  group: string;
 }
 
 /** As `mcserver check --json`. */

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import html
 from functools import partial
 
 from mcclient import Info, MotionError
@@ -15,39 +16,47 @@ from mcserver.web.dialogs import named_dialog
 
 
 class ButtonsPanel:
-    """Hidden on machines whose file has no ``[[button]]``."""
+    """A card for each group; none on machines without buttons."""
 
     def __init__(self, actions: Actions) -> None:
         self._actions = actions
         self._shown: tuple[ButtonInfo, ...] = ()
-        with ui.card().classes("mc-card") as self._card:
-            ui.html("<h2>Buttons</h2>", sanitize=False)
-            self._buttons = ui.element("div").classes("mc-buttons")
-        self._card.set_visibility(False)
+        self._cards = ui.element("div").classes("mc-place")
 
     def update(self, info: Info) -> None:
         if info.buttons == self._shown:
             return
         self._shown = info.buttons
-        self._card.set_visibility(bool(info.buttons))
-        self._buttons.clear()
-        with self._buttons:
-            for each in info.buttons:
-                ui.button(f"{each.name} …", on_click=partial(self._ask, each)).props("outline no-caps")
+        self._cards.clear()
+        groups = dict.fromkeys(each.group for each in info.buttons)
+        with self._cards:
+            for group in groups:
+                with ui.card().classes("mc-card"):
+                    ui.html(f"<h2>{html.escape(group or 'Buttons')}</h2>", sanitize=False)
+                    with ui.element("div").classes("mc-buttons"):
+                        for each in info.buttons:
+                            if each.group == group:
+                                self._button(each)
+
+    def _button(self, each: ButtonInfo) -> None:
+        ui.button(f"{each.name} …", on_click=partial(self._ask, each)).props("outline no-caps")
 
     async def _ask(self, button: ButtonInfo) -> None:
         if not self._may(button):
             return
         with named_dialog(f"Run {button.name}") as dialog, ui.card().classes("mc-ask"):
             ui.label(button.name).classes("font-bold break-words")
-            fields = {
-                each.name: ui.number(
-                    f"{each.name} [{each.unit}]".removesuffix(" []"), value=each.first, format="%g"
-                ).props(f'hint="{each.low:g} … {each.high:g}"')
-                for each in button.arguments
-            }
-            text = ui.label("").classes("mc-program font-mono whitespace-pre-wrap break-all w-full")
-            text.props('aria-label="Program text" aria-live=polite')
+            with ui.row().classes("w-full gap-x-4 gap-y-1"):
+                fields = {
+                    each.name: ui.number(
+                        f"{each.name} [{each.unit}]".removesuffix(" []"), value=each.first, format="%g"
+                    )
+                    .props(f'hint="{each.low:g} … {each.high:g}"')
+                    .classes("w-32")
+                    for each in button.arguments
+                }
+            text = ui.label("").classes("mc-program w-full")
+            text.props('aria-label="Program text" aria-live=polite tabindex=0')
             agreed = ui.checkbox(button.confirm) if button.confirm else None
             with ui.element("div").classes("mc-buttons"):
                 run = ui.button("Run", on_click=lambda: dialog.submit(text.text)).props("color=positive")

@@ -820,7 +820,7 @@ pub struct BusScan {
     pub machine_file: String,
 }
 
-/// A program of the machine file that people start from a page.
+/// A program of the machine file, or a probing cycle, that people start from a page.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct ButtonInfo {
     pub name: String,
@@ -831,6 +831,8 @@ pub struct ButtonInfo {
     /// what has to be confirmed before it runs; empty: nothing.
     pub confirm: String,
     pub arguments: Vec<ArgumentInfo>,
+    /// the heading under which pages show it.
+    pub group: String,
 }
 
 /// As `mcserver check --json`.

@@ -478,12 +478,14 @@ public final class Messages {
     public record BusScan(String bus, String address, List<ScannedNode> nodes, String machineFile) {}
 
     /**
-     * A program of the machine file that people start from a page.
+     * A program of the machine file, or a probing cycle, that people start from a page.
      * @param text lines of G-code; `{name}` is the place of an argument.
      * @param role the least that may press it, `operator` or `engineer`.
      * @param confirm what has to be confirmed before it runs; empty: nothing.
+     * @param group the heading under which pages show it.
      */
-    public record ButtonInfo(String name, String text, String role, String confirm, List<ArgumentInfo> arguments) {}
+    public record ButtonInfo(
+            String name, String text, String role, String confirm, List<ArgumentInfo> arguments, String group) {}
 
     /** As `mcserver check --json`. */
     public record CheckReply(boolean ok, List<Diagnostic> diagnostics) {}
