@@ -1,0 +1,1 @@
+"""A release: one version for every package, built from a commit, with what it is made of, and signed."""

@@ -1,0 +1,109 @@
+"""A release: one version everywhere, its changes, and what stands in the way."""
+
+from __future__ import annotations
+
+import datetime
+import shutil
+import subprocess
+from pathlib import Path
+
+import pytest
+
+from deploy.release.__main__ import build, check
+from deploy.release.contents import licences
+from deploy.release.versions import MANIFESTS, NotReleasable, changes_of, set_version, version_of
+
+ROOT = Path(__file__).parents[2]
+DAY = datetime.date(2030, 1, 2)
+
+
+@pytest.fixture
+def project(tmp_path: Path) -> Path:
+    """The manifests and the changelog, committed."""
+    for name in MANIFESTS:
+        (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
+        shutil.copy(ROOT / name, tmp_path / name)
+    (tmp_path / "CHANGELOG.md").write_text("# Changelog\n\n## [Unreleased]\n\n### Added\n\n- arcs\n")
+    git(tmp_path, "init", "--quiet")
+    commit(tmp_path)
+    return tmp_path
+
+
+def git(folder: Path, *words: str) -> None:
+    who = ["-c", "user.name=a", "-c", "user.email=a@example.org", "-c", "commit.gpgsign=false"]
+    subprocess.run(["git", *who, *words], cwd=folder, check=True, capture_output=True)
+
+
+def commit(folder: Path) -> None:
+    git(folder, "add", "--all")
+    git(folder, "commit", "--quiet", "--message", "state")
+
+
+def reasons(folder: Path) -> str:
+    with pytest.raises(NotReleasable) as found:
+        check(folder)
+    return "\n".join(found.value.reasons)
+
+
+def test_every_package_has_the_same_version() -> None:
+    assert version_of(ROOT)
+
+
+def test_a_version_is_set_everywhere_and_then_nothing_but_the_tag_is_missing(project: Path) -> None:
+    assert set(set_version(project, "7.1.0", DAY)) == {*MANIFESTS, "CHANGELOG.md"}
+    assert version_of(project) == "7.1.0"
+    assert changes_of(project, "7.1.0") == "### Added\n\n- arcs\n"
+    assert "files are changed" in reasons(project)
+    commit(project)
+    assert reasons(project) == "the commit has no tag: git tag -s v7.1.0 && git tag -s clients/go/v7.1.0"
+    git(project, "tag", "v7.1.0")
+    assert check(project) == "7.1.0"
+
+
+def test_packages_of_two_versions_are_not_released(project: Path) -> None:
+    manifest = project / "clients" / "rust" / "Cargo.toml"
+    manifest.write_text(
+        manifest.read_text().replace(f'version = "{version_of(ROOT)}"', 'version = "9.9.9"', 1)
+    )
+    assert "clients/rust/Cargo.toml 9.9.9" in reasons(project)
+
+
+def test_changes_that_are_not_of_the_version_are_not_released(project: Path) -> None:
+    set_version(project, "7.1.0", DAY)
+    changelog = project / "CHANGELOG.md"
+    changelog.write_text(changelog.read_text().replace("## [Unreleased]\n", "## [Unreleased]\n\n- later\n"))
+    assert "unreleased changes beside 7.1.0" in reasons(project)
+
+
+@pytest.mark.parametrize("version", ["7", "7.1", "v7.1.0", "7.1.0-dev", "7.1.0\n"])
+def test_what_is_no_version_is_refused(project: Path, version: str) -> None:
+    with pytest.raises(NotReleasable):
+        set_version(project, version, DAY)
+
+
+def test_a_version_is_released_once(project: Path) -> None:
+    set_version(project, "7.1.0", DAY)
+    with pytest.raises(NotReleasable, match="already"):
+        set_version(project, "7.1.0", DAY)
+
+
+def test_a_folder_with_files_is_left_alone(project: Path) -> None:
+    with pytest.raises(NotReleasable):
+        build(project, project, "7.1.0", frozenset())
+
+
+def test_licences_are_those_that_each_component_declares() -> None:
+    components = [
+        {"name": "b", "version": "1", "licenses": [{"license": {"name": "MIT\nlong text"}}]},
+        {
+            "name": "A",
+            "version": "2",
+            "licenses": [{"expression": "MIT OR Zlib"}, {"license": {"id": "Zlib"}}],
+        },
+        {"name": "c", "version": "3"},
+    ]
+    assert licences({"components": components}).splitlines()[2:] == [
+        "| A | 2 | MIT OR Zlib, Zlib |",
+        "| b | 1 | MIT |",
+        "| c | 3 | not declared |",
+    ]
