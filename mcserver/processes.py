@@ -6,7 +6,6 @@ import contextlib
 import gc
 import logging
 import os
-import resource
 import subprocess
 import sys
 from collections.abc import Mapping, Sequence
@@ -48,6 +47,9 @@ def start_child(
 
 def raise_file_limit() -> int:
     """Allow this process as many open files as it may have, and return how many."""
+    # not in Windows, where what needs no cycle runs all the same
+    import resource
+
     soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
     with contextlib.suppress(OSError, ValueError):
         resource.setrlimit(resource.RLIMIT_NOFILE, (hard, hard))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import logging
+import sys
 from pathlib import Path
 from typing import Annotated
 
@@ -62,6 +63,12 @@ def run(
     verbose: Annotated[bool, typer.Option("--verbose", "-v", help="Say more of what happens.")] = False,
 ) -> None:
     """Run the server, until Ctrl-C or SIGTERM, which stop every axis in a controlled way."""
+    if sys.platform != "linux":
+        raise ConfigurationError(
+            "MC025",
+            f"a server's realtime cycle needs Linux, and this is {sys.platform}",
+            "run it on Linux; check, simulate, plot, lsp and mcctl run here",
+        )
     described = named(load_machine(machine), name)
     build_kinematics(described)
     if described.clearance is not None:

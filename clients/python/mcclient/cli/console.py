@@ -24,6 +24,7 @@ from mcclient.cli.options import (
     parse_axes,
 )
 from mcclient.cli.output import errors_shown, exit_code_of, narration, results, say, write_json
+from mcclient.cli.signals import on_signals
 from mcclient.cli.talk import Talk
 from mcclient.cli.terminal import TerminalConsole
 from mcclient.errors import MotionError
@@ -115,12 +116,12 @@ async def _leave(talk: Talk) -> None:
         aborting.append(loop.create_task(talk.abort()))
 
     aborting: list[asyncio.Task[None]] = []
-    loop.add_signal_handler(signal.SIGINT, abort)
+    unheard = on_signals((signal.SIGINT,), abort)
     try:
         await finishing
         await asyncio.gather(*aborting, return_exceptions=True)
     finally:
-        loop.remove_signal_handler(signal.SIGINT)
+        unheard()
 
 
 def _history() -> History:

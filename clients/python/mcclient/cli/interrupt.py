@@ -13,6 +13,7 @@ from typing import Protocol
 
 from mcclient.cli.output import say
 from mcclient.cli.progress import Display
+from mcclient.cli.signals import on_signals
 from mcclient.errors import MotionError
 from mcclient.lines import from_thread
 from mcclient.program import Program
@@ -49,20 +50,21 @@ class Interrupts:
         self._display = display
         self._options = options
         self._all_accepted = all_accepted
-        self._loop = asyncio.get_running_loop()
         self._pressed = asyncio.Event()
         self._terminated = False
         self._aborting = False
         self._typed: asyncio.Queue[str] = asyncio.Queue(TYPED_LINES)
         self._reading: asyncio.Task[None] | None = None
-        self._loop.add_signal_handler(signal.SIGINT, self._on_interrupt)
-        self._loop.add_signal_handler(signal.SIGTERM, self._on_terminate)
+        self._unheard = (
+            on_signals((signal.SIGINT,), self._on_interrupt),
+            on_signals((signal.SIGTERM,), self._on_terminate),
+        )
 
     def close(self) -> None:
         if self._reading is not None:
             self._reading.cancel()
-        for number in (signal.SIGINT, signal.SIGTERM):
-            self._loop.remove_signal_handler(number)
+        for unheard in self._unheard:
+            unheard()
 
     async def serve(self) -> None:
         """Returns when the user leaves the program to itself."""

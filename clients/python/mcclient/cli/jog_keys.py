@@ -10,8 +10,6 @@ from __future__ import annotations
 import asyncio
 import os
 import sys
-import termios
-import tty
 from collections.abc import AsyncIterator
 
 from mcclient.cli.options import axis_name
@@ -88,10 +86,13 @@ async def from_terminal() -> AsyncIterator[str]:
     """Keys as they are typed, one each, without Enter; the terminal is as before at the end.
 
     Raises:
-        RequestRefused: MC511 standard input is no terminal.
+        RequestRefused: MC511 standard input is no terminal, or one of Windows.
     """
-    if not sys.stdin.isatty():
-        raise RequestRefused("MC511", "--keys needs a terminal", "give a distance instead")
+    if not sys.stdin.isatty() or sys.platform == "win32":
+        raise RequestRefused("MC511", "--keys needs a terminal of Linux or macOS", "give a distance instead")
+    import termios
+    import tty
+
     handle = sys.stdin.fileno()
     before = termios.tcgetattr(handle)
     loop = asyncio.get_running_loop()

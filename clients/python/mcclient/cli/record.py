@@ -7,7 +7,7 @@ import contextlib
 import enum
 import os
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from datetime import datetime
 from pathlib import Path
 from typing import Annotated, Any
@@ -19,6 +19,7 @@ from rich.text import Text
 
 from mcclient.cli.options import JsonOption, Target, with_target
 from mcclient.cli.output import carry_out, results, say, write_json
+from mcclient.cli.signals import on_signals
 from mcclient.errors import RequestRefused
 from mcclient.machine import Machine
 from mcclient.sample_file import open_sample_file
@@ -112,8 +113,7 @@ async def _record_here(machine: Machine, output: Path, seconds: float | None) ->
         ) from error
     cycles, lost, expected = 0, 0, None
     ended = asyncio.Event()
-    loop = asyncio.get_running_loop()
-    stop_signals = _on_interrupt(loop, ended)
+    stop_signals = _on_interrupt(ended)
     say(f"recording {machine.name} into {output}; Ctrl-C ends it")
 
     async def take() -> None:
@@ -143,17 +143,14 @@ async def _record_here(machine: Machine, output: Path, seconds: float | None) ->
     return {"output": str(output), "cycles": cycles, "lost": lost}
 
 
-def _on_interrupt(loop: asyncio.AbstractEventLoop, ended: asyncio.Event) -> Any:
+def _on_interrupt(ended: asyncio.Event) -> Callable[[], None]:
     import signal
 
-    numbers = (signal.SIGINT, signal.SIGTERM)
     try:
-        for number in numbers:
-            loop.add_signal_handler(number, ended.set)
-    except (NotImplementedError, RuntimeError, ValueError):
+        return on_signals((signal.SIGINT, signal.SIGTERM), ended.set)
+    except (RuntimeError, ValueError):
         # not in the main thread
         return lambda: None
-    return lambda: [loop.remove_signal_handler(number) for number in numbers]
 
 
 def start(
