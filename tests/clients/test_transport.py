@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import json
+import threading
 
 import zenoh
 from mcclient.transport import Link
@@ -17,10 +18,12 @@ async def test_a_call_returns_with_its_reply_though_the_query_is_still_open() ->
     config.insert_json5("adminspace/enabled", "true")
     config.insert_json5("listen/endpoints", '["tcp/127.0.0.1:0"]')
     kept: list[zenoh.Query] = []
+    answered = threading.Event()
 
     def on_query(query: zenoh.Query) -> None:
         kept.append(query)
         query.reply(query.key_expr, b"answer")
+        answered.set()
 
     with zenoh.open(config) as server:
         queryable = server.declare_queryable("k", zenoh.handlers.Callback(on_query, indirect=False))
@@ -34,6 +37,8 @@ async def test_a_call_returns_with_its_reply_though_the_query_is_still_open() ->
                 replies = [r.payload for r in await link.query("k", b"", timeout_s=10 * LIMIT_S, one=True)]
         assert replies == [b"answer"]
         assert len(kept) == 1
+        # the reply may be there before the query's own call has returned
+        assert await asyncio.to_thread(answered.wait, LIMIT_S)
         for query in kept:
             query.drop()
         await link.close()
