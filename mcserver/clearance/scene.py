@@ -7,7 +7,6 @@ axes carry hang on sliding joints of their own. Distances come from Coal (signed
 from __future__ import annotations
 
 import importlib
-import math
 import xml.etree.ElementTree as ElementTree
 from dataclasses import dataclass
 from pathlib import Path
@@ -107,18 +106,24 @@ class Scene:
         for request in self._placed.distanceRequests:
             request.enable_signed_distance = True
         self._q = self._pin.neutral(self._model)
+        # where in q each axis's position goes; a joint without limits has its cosine and sine there
+        self._plain, self._plain_columns = self._places_in_q(1)
+        self._circles, self._circle_columns = self._places_in_q(2)
         self.levers: Array = np.stack([self._lever(pair) for pair in self._geometry.collisionPairs], axis=1)
 
     def place(self, positions: Array) -> None:
         """Put all bodies where they are at these positions of the axes, shape (K,) [SI]."""
-        for joint, column in self._driven.items():
-            at = self._model.idx_qs[joint]
-            if self._model.nqs[joint] == 2:
-                self._q[at] = math.cos(positions[column])
-                self._q[at + 1] = math.sin(positions[column])
-            else:
-                self._q[at] = positions[column]
+        self._q[self._plain] = positions[self._plain_columns]
+        if len(self._circles):
+            angles = positions[self._circle_columns]
+            self._q[self._circles], self._q[self._circles + 1] = np.cos(angles), np.sin(angles)
         self._pin.updateGeometryPlacements(self._model, self._data, self._geometry, self._placed, self._q)
+
+    def _places_in_q(self, width: int) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+        """Return where joints of so many numbers have them in q, and the columns of their axes."""
+        found = [each for each in self._driven if self._model.nqs[each] == width]
+        places = [int(self._model.idx_qs[each]) for each in found]
+        return np.array(places, np.intp), np.array([self._driven[each] for each in found], np.intp)
 
     def distance(self, pair: int) -> float:
         """Return how far the bodies of a pair are apart as placed [m]; negative: they overlap."""
