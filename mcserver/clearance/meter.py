@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import heapq
 import math
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -17,8 +18,10 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
+from mcserver.clearance.mounted import NOT_KNOWN, Exchange, Mounted
 from mcserver.clearance.scene import Scene
 from mcserver.errors import ConfigurationError, Diagnostic
+from mcserver.machine.dialect_section import Cutter
 from mcserver.machine.machine_file import Machine
 from mcserver.units import MM
 
@@ -31,6 +34,8 @@ SHARE = 0.05
 FAR = 0.05
 # Between two cycles motion is halved until it is shorter than this [m]; a contact below it is none.
 FINEST = 1e-5
+# Motion below this is none [m].
+LEAST = 1e-12
 # Cycles that are looked at together.
 BLOCK = 1024
 # Pairs in the report.
@@ -39,12 +44,15 @@ MOST_SHOWN = 20
 
 @dataclass
 class Nearest:
-    """The least distance of a pair [m] with its time [s] and line; ``contact``: it is below the margin."""
+    """The least distance of a pair [m] with its time [s] and line; ``contact``: it is below the margin;
+    ``certain``: its tools are known to be mounted.
+    """
 
     distance: float
     time: float
     line: int
     contact: bool = False
+    certain: bool = True
 
 
 class ClearanceMeter:
@@ -52,27 +60,49 @@ class ClearanceMeter:
 
     Args:
         machine: has a clearance. start: positions of its axes before the first cycle, shape (K,) [SI].
+        cutters: the tool table; None: that of the machine file.
 
     Raises:
         ConfigurationError: as `Scene`.
     """
 
-    def __init__(self, machine: Machine, start: Array) -> None:
+    def __init__(self, machine: Machine, start: Array, cutters: Mapping[int, Cutter] | None = None) -> None:
         assert machine.clearance is not None
         self._margin = machine.clearance.margin
         self._scene = Scene(machine)
         self._last: Array = np.array(start, dtype=np.float64)
         self._block: list[tuple[Array, NDArray[np.int64], Array]] = []
         self._waiting = 0
-        self._scene.place(self._last)
-        pairs = range(len(self._scene.pairs))
+        self._time = 0.0
         # of each pair the distance computed last, and the motion since then
-        self._distance: Array = np.array([self._scene.distance(pair) for pair in pairs])
-        self._spent: Array = np.zeros(len(pairs))
-        self._nearest = [
-            Nearest(float(at) if at < self._margin + FAR else math.inf, 0.0, 0, bool(at < self._margin))
-            for at in self._distance
-        ]
+        self._distance: Array = np.zeros(len(self._scene.pairs))
+        self._spent: Array = np.zeros(len(self._scene.pairs))
+        self._nearest = [Nearest(math.inf, 0.0, 0) for _ in self._scene.pairs]
+        if cutters is not None:
+            self._scene.mount(Mounted(cutters=cutters))
+        self._begin(range(len(self._nearest)), 0)
+
+    def _begin(self, pairs: Iterable[int], line: int) -> None:
+        """Compute distances of pairs where the axes stand, behind a line."""
+        self._scene.place(self._last)
+        for pair in pairs:
+            self._spent[pair] = 0.0
+            if not self._scene.active[pair]:
+                self._distance[pair] = math.inf
+                continue
+            at = self._distance[pair] = self._scene.distance(pair)
+            contact = bool(at < self._margin)
+            # a tool of which it is not known that it is mounted counts once something moves
+            known = self._scene.certain(pair) or not contact
+            if known and at < min(self._nearest[pair].distance, self._margin + FAR):
+                self._nearest[pair] = Nearest(float(at), self._time, line, contact)
+
+    def exchange(self, exchange: Exchange) -> None:
+        """Take bodies of other tools from the newest cycle on."""
+        self._look()
+        self._scene.mount(self._scene.mounted.behind(exchange))
+        changed = np.flatnonzero(self._scene.with_tools).tolist()
+        self._begin([pair for pair in changed if not self._nearest[pair].contact], exchange.line)
 
     def add(self, times: Array, lines: NDArray[np.int64], setpoint: Array) -> None:
         """Take cycles in order: times (n,) [s], lines (n,), setpoints (n, K) [SI]."""
@@ -130,6 +160,8 @@ class ClearanceMeter:
                 f"{one!r} comes too near to {other!r} {where}: {away}",
                 "take another way; bodies that may touch are named in allowed of [clearance]",
             )
+        if not nearest.certain:
+            hint = NOT_KNOWN
         return Diagnostic(
             code="MC321" if zone else "MC320",
             message=message,
@@ -163,7 +195,8 @@ class ClearanceMeter:
             end, least = self._between(pair, before, rows[at], low, float(moved[at, pair]))
             if least < min(self._nearest[pair].distance, self._margin + FAR):
                 contact = least < self._margin
-                self._nearest[pair] = Nearest(least, float(times[at]), int(lines[at]), contact)
+                certain = self._scene.certain(pair)
+                self._nearest[pair] = Nearest(least, float(times[at]), int(lines[at]), contact, certain)
             self._distance[pair], base[pair] = end, total[at, pair]
             if self._nearest[pair].contact:
                 heapq.heappop(due)
@@ -171,12 +204,13 @@ class ClearanceMeter:
                 later = int(np.searchsorted(total[at + 1 :, pair], base[pair] + self._spare(pair)))
                 heapq.heapreplace(due, (at + 1 + later, pair))
         self._spent = total[-1] - base
-        self._last = rows[-1]
+        self._last, self._time = rows[-1], float(times[-1])
 
     def _spare(self, pair: int) -> float:
         """Return the motion after which a pair may be a contact, or nearer than it ever was [m]."""
         nearer = min(self._nearest[pair].distance, self._margin + FAR)
-        return float(self._distance[pair]) - max(self._margin, nearer - max(RESOLUTION, SHARE * nearer))
+        spare = float(self._distance[pair]) - max(self._margin, nearer - max(RESOLUTION, SHARE * nearer))
+        return max(spare, LEAST)
 
     def _between(
         self, pair: int, before: Array, after: Array, low: float, moved: float

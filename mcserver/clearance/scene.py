@@ -17,6 +17,7 @@ from mckinematics.errors import ModelError
 from mckinematics.model import import_pinocchio, load_model, read_urdf
 from numpy.typing import NDArray
 
+from mcserver.clearance.mounted import SPINDLE, Mounted, place_of
 from mcserver.clearance.outlines import turned
 from mcserver.errors import ConfigurationError
 from mcserver.machine.clearance_section import (
@@ -24,6 +25,7 @@ from mcserver.machine.clearance_section import (
     BoxBody,
     CapsuleBody,
     Clearance,
+    CutterBody,
     CylinderBody,
     MeshBody,
     Place,
@@ -52,10 +54,12 @@ class Pair:
 
     Attributes:
         names: of both; the second may be a zone. zone: whether it is one.
+        tools: that they come with, each as its number and its place; the cutter's is 0, whatever it is.
     """
 
     names: tuple[str, str]
     zone: bool
+    tools: tuple[tuple[int, int], ...] = ()
 
 
 class Scene:
@@ -67,6 +71,8 @@ class Scene:
     Attributes:
         pairs: that are judged. levers: shape (K, P), by axis column and pair the most that a unit of the
             axis changes their distance [m/rad or m/m].
+        with_tools: of each pair whether one of both comes with a tool, shape (P,). mounted: the tools that
+            may be there; any at first. active: pairs that may be there by that, shape (P,).
 
     Raises:
         ConfigurationError: MC301 the URDF, MC323 a link, mesh or SRDF that is not there, or nothing moves.
@@ -79,6 +85,9 @@ class Scene:
         self._names: dict[int, str] = {}
         self._zones: dict[int, Zone] = {}
         self._links: set[int] = set()
+        # by number of the object the tool and the place that it comes with; the cutter, and where it is held
+        self._tools: dict[int, tuple[int, int]] = {}
+        self._cutter: tuple[int, Any, Any] | None = None
         try:
             self._pin = import_pinocchio()
             self._coal = importlib.import_module("coal")
@@ -110,6 +119,29 @@ class Scene:
         self._plain, self._plain_columns = self._places_in_q(1)
         self._circles, self._circle_columns = self._places_in_q(2)
         self.levers: Array = np.stack([self._lever(pair) for pair in self._geometry.collisionPairs], axis=1)
+        self.with_tools = np.array([bool(each.tools) for each in self.pairs])
+        self.active = np.ones(len(self.pairs), np.bool_)
+        self.mounted = Mounted()
+        self.mount(Mounted(cutters=machine.dialect.cutters))
+
+    def mount(self, mounted: Mounted) -> None:
+        """Take bodies of the tools that may be mounted, and of no others."""
+        self.mounted = mounted
+        cutter = mounted.cutter()
+        if self._cutter is not None and cutter is not None:
+            number, shape, held = self._cutter
+            shape.radius, shape.halfLength = 0.5 * cutter.diameter, 0.5 * cutter.length
+            down = self._pin.SE3(np.eye(3), np.array([0.0, 0.0, -0.5 * cutter.length]))
+            self._geometry.geometryObjects[number].placement = held * down
+        for pair in np.flatnonzero(self.with_tools).tolist():
+            self.active[pair] = all(
+                mounted.may_be(tool, place) if tool else cutter is not None
+                for tool, place in self.pairs[pair].tools
+            )
+
+    def certain(self, pair: int) -> bool:
+        """Return whether it is known that the tools of a pair are mounted."""
+        return all(self.mounted.certain(place) for _, place in self.pairs[pair].tools)
 
     def place(self, positions: Array) -> None:
         """Put all bodies where they are at these positions of the axes, shape (K,) [SI]."""
@@ -217,7 +249,12 @@ class Scene:
         else:
             joint = self._carriage(body)
             placement = self._pose(body.at_mm, body.turned_deg)
-        self._add(body.name, joint, placement, self._shape(body))
+        shape = self._shape(body)
+        number = self._add(body.name, joint, placement, shape)
+        if isinstance(body, CutterBody):
+            self._cutter, self._tools[number] = (number, shape, placement), (0, SPINDLE)
+        elif body.tool is not None:
+            self._tools[number] = (body.tool, place_of(self._machine, body.tool))
 
     def _add(self, name: str, joint: int, placement: Any, shape: Any) -> int:
         made = self._pin.GeometryObject(f"{name}#{len(self._names)}", joint, placement, shape)
@@ -251,6 +288,9 @@ class Scene:
                 return coal.Capsule(body.radius_mm * MM, body.length_mm * MM)
             case SphereBody():
                 return coal.Sphere(body.radius_mm * MM)
+            case CutterBody():
+                # until it is known what is mounted
+                return coal.Cylinder(MM, MM)
             case MeshBody():
                 file = Path(body.file)
                 if file.is_file() and file.stat().st_size > MOST_BYTES:
@@ -311,7 +351,8 @@ class Scene:
                 if frozenset(names) in allowed:
                     continue
                 self._geometry.addCollisionPair(self._pin.CollisionPair(first, second))
-                found.append(Pair(names, second in self._zones))
+                tools = tuple(self._tools[each] for each in (first, second) if each in self._tools)
+                found.append(Pair(names, second in self._zones, tools))
         return found
 
     def _disabled(self) -> list[tuple[str, str]]:
@@ -328,7 +369,7 @@ class Scene:
 
     def _may_meet(self, first: int, second: int) -> bool:
         one, other = (self._geometry.geometryObjects[each].parentJoint for each in (first, second))
-        if one == other:
+        if one == other or self._exclude(first, second):
             return False
         zone = self._zones.get(second)
         if zone is not None:
@@ -336,6 +377,11 @@ class Scene:
         neighbours = self._model.parents[one] == other or self._model.parents[other] == one
         # links that a joint connects overlap there
         return not (neighbours and first in self._links and second in self._links)
+
+    def _exclude(self, first: int, second: int) -> bool:
+        """Return whether two bodies come with different tools of one place."""
+        one, other = self._tools.get(first), self._tools.get(second)
+        return one is not None and other is not None and one != other and one[1] == other[1]
 
     def _lever(self, pair: Any) -> Array:
         """Return the most that a unit of each axis changes the distance of a pair, shape (K,)."""

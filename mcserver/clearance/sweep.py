@@ -15,6 +15,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from mcserver.clearance.mounted import Mounted
 from mcserver.clearance.scene import Scene
 
 Array = NDArray[np.float64]
@@ -64,14 +65,23 @@ class Sweep:
         Args:
             positions: where the axes are, shape (K,) [SI].
             before: floors so far, which do not fall again.
+
+        Returns:
+            -inf for pairs whose tools are not mounted.
         """
-        low = np.full(len(self.scene.pairs), self._margin)
-        asked = range(len(low)) if before is None else np.flatnonzero(before < self._margin).tolist()
+        active = self.scene.active
+        low = np.where(active, self._margin, -np.inf)
+        asked = np.flatnonzero(active if before is None else active & (before < self._margin)).tolist()
         if asked:
             self.scene.place(positions)
         for pair in asked:
             low[pair] = min(self._margin, self.scene.distance(pair) - NOISE)
-        return low if before is None else np.maximum(low, before)
+        return low if before is None else np.where(active, np.maximum(low, before), low)
+
+    def mount(self, mounted: Mounted) -> None:
+        """Take bodies of the tools that may be mounted from now on."""
+        self.scene.mount(mounted)
+        self._distance[self.scene.with_tools] = -np.inf
 
     def first_contact(
         self, way: Array, half: Array, moved: NDArray[np.bool_], floors: Array

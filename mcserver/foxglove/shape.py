@@ -17,6 +17,7 @@ from mcserver.machine.clearance_section import (
     BoxBody,
     CapsuleBody,
     Clearance,
+    CutterBody,
     CylinderBody,
     MeshBody,
     SphereBody,
@@ -93,7 +94,7 @@ def shape_of(machine: Machine, kinematics: MachineKinematics | None, points: Arr
         parts += [
             _body_part(body, root)
             for body in machine.clearance.bodies
-            if body.link is None or body.link in shape.tree.links
+            if body.tool is None and (body.link is None or body.link in shape.tree.links)
         ]
         zones = [_zone_part(zone, root) for zone in machine.clearance.zones]
     links = {joint.child: Link(joint.child, ()) for joint in extra}
@@ -201,6 +202,9 @@ def _solids(body: Body) -> Sequence[Solid]:
         case CapsuleBody():
             half = np.array([0.0, 0.0, 0.5 * body.length_mm * MM])
             return [capsule(-half, half, body.radius_mm * MM, BODY)]
+        case CutterBody():
+            # the shape of a machine stays as it is: what programs fit is not in it
+            return []
         case MeshBody():
             try:
                 scale = np.diag([MM, MM, MM, 1.0])

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Container, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Literal, NamedTuple
 
 import msgspec
 from msgspec import Meta
@@ -35,6 +35,7 @@ class Carried(msgspec.Struct, frozen=True, kw_only=True):
         link: link of the URDF that carries it. carried_by: linear axes that carry it instead, each along the
             direction of its letter X, Y or Z; neither: it stands still. opposite: a table, which moves
             against the sense of its axes.
+        tool: number of the tool that it comes with; None: it is always there.
     """
 
     name: Annotated[str, Meta(min_length=1, max_length=60, description="give it a name")]
@@ -43,6 +44,7 @@ class Carried(msgspec.Struct, frozen=True, kw_only=True):
     link: str | None = None
     carried_by: list[AxisIndex] = []
     opposite: bool = False
+    tool: Annotated[int, Meta(ge=1, le=99999, description="give the number that T names")] | None = None
 
 
 class BoxBody(Carried, frozen=True, kw_only=True, tag_field="shape", tag="box"):
@@ -77,7 +79,13 @@ class MeshBody(Carried, frozen=True, kw_only=True, tag_field="shape", tag="mesh"
     file: str
 
 
-Body = BoxBody | CylinderBody | CapsuleBody | SphereBody | MeshBody
+class CutterBody(Carried, frozen=True, kw_only=True, tag_field="shape", tag="cutter"):
+    """The cutter in the spindle: a cylinder from ``at_mm`` along its own -Z, as long and as wide as the tool
+    table says of the tool that is fitted.
+    """
+
+
+Body = BoxBody | CylinderBody | CapsuleBody | SphereBody | MeshBody | CutterBody
 
 
 class Zone(msgspec.Struct, frozen=True, kw_only=True):
@@ -123,6 +131,24 @@ class Clearance(msgspec.Struct, frozen=True):
     zones: tuple[Zone, ...]
     letters: Mapping[int, int]
 
+    @property
+    def follows_cutter(self) -> bool:
+        """Return True if one of the bodies is the cutter."""
+        return any(isinstance(each, CutterBody) for each in self.bodies)
+
+
+class ToolsOfBodies(NamedTuple):
+    """The tools that bodies of a machine file may come with.
+
+    Attributes:
+        numbers: that T may name; None: any. spindle: T and M6 fit a cutter in one. cutters: by the position
+            of its section each one's length and diameter [mm].
+    """
+
+    numbers: frozenset[int] | None
+    spindle: bool
+    cutters: Mapping[int, tuple[float, float]]
+
 
 def read_clearance(
     section: ClearanceSection | None,
@@ -130,13 +156,14 @@ def read_clearance(
     zones: Sequence[Zone | None],
     axes: Mapping[int, Axis],
     letters: Mapping[str, int],
+    tools: ToolsOfBodies,
     folder: Path | None,
     mistakes: Mistakes,
 ) -> Clearance | None:
     """Return what clearance is judged by; None where the file says nothing of it, or something faulty.
 
     Args:
-        letters: by letter the axis that a program means with it.
+        letters: by letter the axis that a program means with it. tools: that bodies may come with.
     """
     if section is None and not bodies and not zones:
         return None
@@ -152,6 +179,8 @@ def read_clearance(
     for position, body in enumerate(bodies):
         if body is not None:
             _check_carrier(body, directions, ("body", position), mistakes)
+            _check_tool(body, tools, ("body", position), mistakes)
+    _check_cutters([each for each in bodies if each is not None], tools, mistakes)
     if None in bodies or None in zones:
         return None
     section = section or ClearanceSection()
@@ -188,3 +217,35 @@ def _check_carrier(body: Body, directions: Container[int], path: TomlPath, mista
             )
     if len(set(body.carried_by)) < len(body.carried_by):
         mistakes.add((*path, "carried_by"), "names an axis twice", "name each once")
+
+
+def _check_tool(body: Body, tools: ToolsOfBodies, path: TomlPath, mistakes: Mistakes) -> None:
+    """Refuse a body whose tool nobody can choose."""
+    if isinstance(body, CutterBody):
+        if not tools.spindle:
+            hint = 'set profile = "cnc" in [dialect], or give the body a shape and its tool'
+            mistakes.add((*path, "shape"), "no program of this machine fits a cutter", hint)
+        if body.link is not None:
+            mistakes.add((*path, "link"), "carries no cutter", "name linear axes in carried_by, or none")
+        if body.tool is not None:
+            mistakes.add((*path, "tool"), "the cutter is that of any tool", "leave it out")
+    elif body.tool is not None and tools.numbers is not None and body.tool not in tools.numbers:
+        known = ", ".join(f"T{each}" for each in sorted(tools.numbers))
+        hint = f"there are {known}" if known else "add [[tool]] or [[cutter]] sections"
+        mistakes.add((*path, "tool"), f"the machine has no tool {body.tool}", hint)
+
+
+def _check_cutters(bodies: Sequence[Body], tools: ToolsOfBodies, mistakes: Mistakes) -> None:
+    """Refuse a tool table by which the cutter's body has no size."""
+    named = [each for each in bodies if isinstance(each, CutterBody)]
+    if not named or not tools.spindle:
+        return
+    if len(named) > 1:
+        mistakes.add(("body",), "more than one is the cutter", "a machine has one spindle that M6 serves")
+    if not tools.cutters:
+        mistakes.add(("body",), "the cutter has no size", "add a [[cutter]] section for each tool")
+    for position, sizes in tools.cutters.items():
+        for key, size in zip(("length_mm", "diameter_mm"), sizes, strict=True):
+            if not size > 0.0:
+                hint = "give the size of its body, or no body the shape cutter"
+                mistakes.add(("cutter", position, key), f"{size:g} is not above 0", hint)

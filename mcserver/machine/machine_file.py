@@ -20,7 +20,7 @@ from mcserver.errors import ConfigurationError
 from mcserver.machine.bus_load import refuse_overload
 from mcserver.machine.bus_section import BusConfig, read_buses
 from mcserver.machine.button_section import Button, read_buttons
-from mcserver.machine.clearance_section import Clearance, read_clearance
+from mcserver.machine.clearance_section import Clearance, ToolsOfBodies, read_clearance
 from mcserver.machine.dialect_section import Dialect, read_dialect
 from mcserver.machine.drive import CanDrive, Drive
 from mcserver.machine.families import AnyDrive
@@ -310,10 +310,26 @@ def _read_machine(raw: dict[str, Any], folder: Path | None, mistakes: Mistakes) 
             file.get("zone") or (),
             axes,
             letters,
+            _tools_of_bodies(file, dialect),
             folder,
             mistakes,
         ),
     )
+
+
+def _tools_of_bodies(file: dict[str, Any], dialect: Dialect) -> ToolsOfBodies:
+    """Return the tools that bodies may come with; where a section has a mistake any number may be one."""
+    spindle = dialect.profile == "cnc"
+    sections = file.get("cutter" if spindle else "tool") or ()
+    known = {each.number for each in sections if each is not None}
+    cutters = {
+        position: (each.length_mm, each.diameter_mm)
+        for position, each in enumerate(file.get("cutter") or ())
+        if each is not None
+    }
+    # a machine without a tool table takes any T
+    open_ended = None in sections or (spindle and not known)
+    return ToolsOfBodies(None if open_ended else frozenset(known), spindle, cutters)
 
 
 def _read_axes(

@@ -322,10 +322,12 @@ class PauseLine(msgspec.Struct, frozen=True):
 
     Attributes:
         notice: what the operator has to do; empty: the line's comment says it, if it has one.
+        tool: that is to be fitted, 0 for none; None: it is no tool change.
     """
 
     line: int
     notice: str = ""
+    tool: int | None = None
 
 
 class WaitMode(enum.IntEnum):

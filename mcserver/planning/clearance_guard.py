@@ -15,10 +15,12 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
+from mcserver.clearance.mounted import NOT_KNOWN, Exchange, Mounted
 from mcserver.clearance.scene import Scene
 from mcserver.clearance.sweep import Contact, Sweep
 from mcserver.errors import Diagnostic
 from mcserver.executor.entries import Control, ControlKind, EventKind, ExecutorEvent
+from mcserver.machine.dialect_section import Cutter
 from mcserver.machine.machine_file import Axis, Machine
 from mcserver.motion.canonical import AxisOperation
 from mcserver.motion.pieces import Rows
@@ -49,6 +51,7 @@ class ClearanceGuard:
         self._tenant = tenant
         space.enter(tenant)
         self._floors: Array | None = None
+        self._mounted = sweep.scene.mounted
         self._now: Array = np.zeros(len(machine.axes))
         # of columns that this program has moved: where its motion so far ends; and of those whose end is not
         # known yet from where to where they may be
@@ -116,6 +119,18 @@ class ClearanceGuard:
         ):
             return self._admit_alone(control, columns)
         return True
+
+    def exchange(self, exchange: Exchange) -> None:
+        """Take bodies of other tools from here on; the motion before it has been played."""
+        sweep = self._sweep
+        sweep.mount(sweep.scene.mounted.behind(exchange))
+        extent = self._extent()
+        way = np.vstack([0.5 * (extent.low + extent.high)] * 2)
+        # programs beside may be on their way to where it is now
+        half = 0.5 * (extent.high - extent.low)
+        contact = self._judge(way, half, np.ones(len(half), np.bool_), sweep.scene.with_tools)
+        if contact is not None:
+            self._touch(contact, exchange.line, "take another way")
 
     def stand(self, positions: Mapping[int, float]) -> None:
         """Note that others have moved axes, by number, to where they stand now [m or rad]."""
@@ -260,9 +275,16 @@ class ClearanceGuard:
 
     # ------------------------------------------------------------------ contacts
 
-    def _judge(self, way: Array, half: Array, moved: Mask) -> Contact | None:
+    def _judge(self, way: Array, half: Array, moved: Mask, pairs: Mask | None = None) -> Contact | None:
+        """Return the first contact on a way; ``pairs``: of these alone."""
+        scene = self._sweep.scene
+        if self._floors is not None and self._mounted != scene.mounted:
+            # what is mounted since may be nearer than what was there before
+            self._floors[scene.with_tools] = -np.inf
+        self._mounted = scene.mounted
         self._floors = self._sweep.floors(self._now, self._floors)
-        return self._sweep.first_contact(way, half, moved, self._floors)
+        floors = self._floors if pairs is None else np.where(pairs, self._floors, -np.inf)
+        return self._sweep.first_contact(way, half, moved, floors)
 
     def _touch(self, contact: Contact, line: int, hint: str) -> None:
         scene = self._sweep.scene
@@ -281,6 +303,8 @@ class ClearanceGuard:
         if other_program is not None:
             message += f", where {other_program} runs beside it"
             hint = "let one wait until the other has ended or left, such as by M66"
+        elif not scene.certain(contact.pair):
+            hint = NOT_KNOWN
         self.contact = Diagnostic(
             code="MC321" if pair.zone else "MC320", message=message, line=line, hint=hint
         )
@@ -308,7 +332,16 @@ class ClearanceGuards:
         self._sweep = Sweep(Scene(machine), machine.clearance.margin)
         self._space = space
 
-    def guard(self, program: str, slot: int, axes: frozenset[int]) -> ClearanceGuard:
-        """Return the guard of a program that begins now; ``axes``: its lease."""
+    def guard(
+        self, program: str, slot: int, axes: frozenset[int], cutters: Mapping[int, Cutter] | None = None
+    ) -> ClearanceGuard:
+        """Return the guard of a program that begins now.
+
+        Args:
+            axes: its lease. cutters: the tool table; None: as it was.
+        """
+        mounted = self._sweep.scene.mounted
+        if cutters is not None and mounted.cutters != cutters:
+            self._sweep.mount(Mounted(mounted.at, cutters))
         lease = np.array([axis.index in axes for axis in self._machine.axes], np.bool_)
         return ClearanceGuard(self._machine, self._sweep, self._space, Tenant(program, slot, lease))

@@ -11,6 +11,7 @@ import msgspec
 import numpy as np
 from mckinematics.dynamics import JointDynamics
 
+from mcserver.clearance.mounted import Exchange
 from mcserver.executor.entries import Control, ControlKind, MotionSink
 from mcserver.machine.machine_file import Machine
 from mcserver.motion.bound import Bound
@@ -101,7 +102,7 @@ class LinePlanner:
         self.motion = MotionPlanner(machine, start, dynamics)
         self.output = Output(sink, guard)
         self.source: Iterator[Piece | Control] | None = None
-        self.canonical: deque[Canonical | PathBatch | InPosition] = deque()
+        self.canonical: deque[Canonical | PathBatch | InPosition | Exchange] = deque()
         self._energized = set(energized)
         self._ideal = frozenset(axis.index for axis in machine.axes if not axis.drive.has_inertia)
         # axes that G1020 may still be moving
@@ -113,6 +114,7 @@ class LinePlanner:
         self._tolerance = 0.0
         self._token = 0
         self.waiting_for: int | None = None
+        self._exchange: Exchange | None = None
         self.reports: deque[Report | PlannedLines] = deque()
         self.flush = False
         self.pausing = False
@@ -184,6 +186,11 @@ class LinePlanner:
         for axis, position in observed.items():
             self.motion.position[self._columns[axis]] = position
         return observed
+
+    def take_exchange(self) -> Exchange | None:
+        """Take the exchange of tools before which all has been played; None: there is none."""
+        exchange, self._exchange = self._exchange, None
+        return exchange
 
     def end_pause(self, positions: Mapping[int, float]) -> None:
         """Go on behind a pause; ``positions``: of axes that others have moved [m or rad]."""
@@ -287,6 +294,11 @@ class LinePlanner:
             self.pause_u = self.motion.u
             self.pausing = True
             self.control(ControlKind.PAUSE, line.line)
+        elif isinstance(line, Exchange):
+            # bodies are others once the motion before has been played
+            self.motion.to_whole_cycle()
+            self._exchange = line
+            self._await_settled(frozenset(), observing=False)
         elif isinstance(line, OutputLine):
             self._set_now(line)
         elif isinstance(line, InputLine):

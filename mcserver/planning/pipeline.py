@@ -14,6 +14,7 @@ from collections.abc import Callable, Sequence
 
 from mckinematics.pose import Kinematics
 
+from mcserver.clearance.mounted import Exchange, places_with_bodies
 from mcserver.errors import Diagnostic, ProgramRejected
 from mcserver.executor.entries import Control, EventKind, ExecutorEvent, MotionSink
 from mcserver.executor.fault_codes import WARNINGS
@@ -25,9 +26,10 @@ from mcserver.gcode.semantics.interpreter import Interpreter, without_pause
 from mcserver.gcode.text.parser import ParsedLine
 from mcserver.machine.machine_file import Machine
 from mcserver.motion.bound import PlanningError
-from mcserver.motion.canonical import Canonical
+from mcserver.motion.canonical import Canonical, PauseLine
 from mcserver.motion.pieces import Rows
 from mcserver.planning.clearance_guard import ClearanceGuard
+from mcserver.planning.exchanges import Exchanges
 from mcserver.planning.line_buffer import LineBuffer
 from mcserver.planning.line_planner import LinePlanner
 from mcserver.planning.motion_output import LAST_TOKEN
@@ -118,6 +120,7 @@ class Pipeline:
             machine_coordinates=machine_coordinates or bool(approach),
         )
         self._expansion = Expansion(self._interpreter)
+        self._exchanges = Exchanges(machine, self._interpreter.frame) if places_with_bodies(machine) else None
         self._columns = [axis.index for axis in machine.axes]
         self._approach = deque(approach)
         self._machine_coordinates = machine_coordinates
@@ -219,6 +222,7 @@ class Pipeline:
             observed = self._plan.settled(event.values[: self._width])
             if observed:
                 self._interpreter.sync_positions(observed)
+            self._exchange()
         elif event.kind is EventKind.PROBED:
             place = dict(zip(self._columns, event.values, strict=True))
             self._expansion.measured.probed(place, tripped=event.token == 1)
@@ -230,6 +234,18 @@ class Pipeline:
             event.kind is EventKind.FAULT and event.code not in WARNINGS
         ):
             self.abort()
+
+    def _exchange(self) -> None:
+        """Exchange tools that have bodies: all motion before that has been played."""
+        exchange = self._plan.take_exchange()
+        if exchange is None:
+            return
+        self._plan.reports.append(Report(ReportKind.EXCHANGED, exchange.line, exchange=exchange))
+        if self._guard is not None:
+            self._guard.exchange(exchange)
+            contact = self._guard.contact
+            if contact is not None:
+                self._plan.reports.append(Report(ReportKind.CONTACT, contact.line, diagnostics=(contact,)))
 
     def end_pause(self, end: PauseEnd) -> None:
         """Go on behind the pause at which the program stands, from where the axes stand now.
@@ -417,7 +433,7 @@ class Pipeline:
             return False
         self.lines.drop(found.taken)
         self._plan.last_line = self.lines.consumed
-        self._plan.canonical.extend(found.values)
+        self._plan.canonical += [*self._exchanged_by(first), *found.values]
         self._note_frame(self._plan.last_line)
         return True
 
@@ -468,6 +484,9 @@ class Pipeline:
             if values:
                 # what follows in the line is interpreted when the pause has ended
                 self._paused = parsed
+                pause = values[0]
+                if self._exchanges is not None and isinstance(pause, PauseLine):
+                    plan.canonical.extend(self._exchanges.asked_for(pause))
                 plan.canonical.extend(values)
                 self._say(parsed, values)
                 return True
@@ -478,7 +497,7 @@ class Pipeline:
             values = without_pause(values)
         else:
             self._say(parsed, values)
-        plan.canonical.extend(values)
+        plan.canonical += [*self._exchanged_by(parsed.number), *values]
         planning_s = 0.0 if self._solving is None else self._solving.take()
         if planning_s > 0.0:
             plan.reports.append(Report(ReportKind.SOLVED, parsed.number, planning_s=planning_s))
@@ -486,6 +505,10 @@ class Pipeline:
         if self._interpreter.ended:
             self._end_of_text()
         return True
+
+    def _exchanged_by(self, line: int) -> list[Exchange]:
+        """Return what the line that has been interpreted exchanges of tools that have bodies."""
+        return [] if self._exchanges is None else self._exchanges.by(line, self._interpreter.modal)
 
     def _say(self, parsed: ParsedLine, values: Sequence[Canonical]) -> None:
         """Report what a line says to the operator."""

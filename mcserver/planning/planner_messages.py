@@ -11,6 +11,7 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
+from mcserver.clearance.mounted import Exchange
 from mcserver.errors import Diagnostic
 from mcserver.executor.entries import Control, ExecutorEvent
 from mcserver.gcode.profiles.frame import Frame
@@ -127,6 +128,7 @@ class ReportKind(enum.Enum):
     REJECTED = "rejected"  # a fault in the line; nothing of it moves, nothing after it is read
     FRAME = "frame"  # the line has set work offsets: `frame`
     CONTACT = "contact"  # the executor stands before what would touch: the program has to be stopped
+    EXCHANGED = "exchanged"  # tools that have bodies are others from here on: `exchange`
     MESSAGE = "message"  # the line says something to the operator: `message`
     FINISHED = "finished"  # all that was submitted has been handed over, the end of the program included
 
@@ -150,6 +152,7 @@ class Report(msgspec.Struct, frozen=True, gc=False):
     diagnostics: tuple[Diagnostic, ...] = ()
     frame: Frame | None = None
     message: str = ""
+    exchange: Exchange | None = None
 
 
 @dataclass(frozen=True, eq=False)

@@ -21,6 +21,7 @@ from mcserver.executor.entries import ExecutorEvent, MotionSink
 from mcserver.executor.shm.feedback import FeedbackState
 from mcserver.executor.shm.shared_memory import SharedParts, map_block
 from mcserver.executor.view import SlotView
+from mcserver.gcode.profiles.frame import tool_table
 from mcserver.machine.machine_file import Machine
 from mcserver.machine.machine_kinematics import build_kinematics
 from mcserver.motion.warm_up import warm_up
@@ -85,7 +86,10 @@ class PipelineFactory:
 
     def make(self, request: PipelineRequest, lines: LineBuffer, sink: MotionSink, slot: int) -> Pipeline:
         """Make the pipeline of a program that begins now."""
-        guards = self._guards
+        guard = None
+        if self._guards is not None:
+            table = tool_table(self._machine, request.start.frame)
+            guard = self._guards.guard(request.program, slot, request.axes, table)
         return Pipeline(
             machine_for(self._machine, request.start.homed, moves_unhomed=request.unhomed),
             sink,
@@ -96,7 +100,7 @@ class PipelineFactory:
             on_fault=FaultRule.RETRY,
             machine_coordinates=request.machine_coordinates,
             approach=request.approach,
-            guard=None if guards is None else guards.guard(request.program, slot, request.axes),
+            guard=guard,
             controls=request.controls,
         )
 

@@ -12,7 +12,7 @@ from collections.abc import Mapping
 import msgspec
 
 from mcserver.gcode.profiles.codes import SYSTEM_NUMBERS
-from mcserver.gcode.profiles.frame import Frame
+from mcserver.gcode.profiles.frame import Frame, tool_table
 from mcserver.gcode.semantics.modal import ModalState
 from mcserver.gcode.text.words import AXIS_LETTERS
 from mcserver.machine.dialect_section import Cutter
@@ -162,9 +162,7 @@ def frame_changes(machine: Machine, before: Frame | None, now: Frame | None) -> 
             distance = today.get(number, {}).get(axis, 0.0) - then.get(number, {}).get(axis, 0.0)
             if distance:
                 found.append((name, axis_word(machine, axis), _length(machine, axis, distance)))
-    file = machine.dialect.cutters
-    had = {**file, **({} if before is None else before.cutters)}
-    has = {**file, **({} if now is None else now.cutters)}
+    had, has = tool_table(machine, before), tool_table(machine, now)
     for tool in sorted(had.keys() | has.keys()):
         was, is_now = had.get(tool, Cutter(0.0)), has.get(tool, Cutter(0.0))
         for word, by in (

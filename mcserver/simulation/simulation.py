@@ -20,7 +20,7 @@ from mcserver.executor.entries import EventKind, ExecutorEvent
 from mcserver.executor.fault_codes import WARNINGS, remedy_of
 from mcserver.executor.row_block import LineEvents
 from mcserver.executor.shm.feedback import AxisCondition, homed_of
-from mcserver.gcode.profiles.frame import Frame
+from mcserver.gcode.profiles.frame import Frame, tool_table
 from mcserver.gcode.program_check import check_lines
 from mcserver.gcode.text.source import LineSource, split_lines
 from mcserver.machine.machine_file import Machine
@@ -223,7 +223,7 @@ class _Run:
             lease=given.get("lease"),
             kinematics=given.get("kinematics"),
             clock=given.get("clock", time.perf_counter),
-            guard=self._guard(given.get("lease")) if self._stops else None,
+            guard=self._guard(start, given.get("lease")) if self._stops else None,
         )
         self._feed_length = 0.0
         self._end = 0.0
@@ -233,7 +233,7 @@ class _Run:
         self._clearance: ClearanceMeter | None = None
         if machine.clearance is not None:
             positions = np.array([axis.initial_position for axis in machine.axes])
-            self._clearance = ClearanceMeter(machine, positions)
+            self._clearance = ClearanceMeter(machine, positions, tool_table(machine, start.frame))
         channels, keep, moments = (row.inputs, row.outputs), given.get("record", False), given.get("moments")
         self._recorder = Recorder(machine, keep, channels, sampler, moments, self._clearance)
         self._executor.recorder = self._recorder
@@ -285,12 +285,12 @@ class _Run:
 
     # ------------------------------------------------------------------ the run
 
-    def _guard(self, lease: frozenset[int] | None) -> ClearanceGuard:
+    def _guard(self, start: StartState, lease: frozenset[int] | None) -> ClearanceGuard:
         """Return what the server judges its programs by."""
         machine, executor = self._machine, self._executor
         axes = frozenset(axis.index for axis in machine.axes) if lease is None else lease
         guards = ClearanceGuards(machine, SharedSpace(machine, lambda: executor.feedback))
-        return guards.guard("the program", SLOT, axes)
+        return guards.guard("the program", SLOT, axes, tool_table(machine, start.frame))
 
     def _feed(self) -> None:
         """Give the planner lines, more than it reads in one go: a window that runs dry ends in a stop."""
@@ -336,6 +336,8 @@ class _Run:
                     self._faults.append(msgspec.structs.replace(contact, column=1, end_column=2))
                 # as the service does; it stands on its path already
                 self._executor.mailbox.abort(SLOT)
+            elif report.exchange is not None and self._clearance is not None:
+                self._clearance.exchange(report.exchange)
             elif report.kind is ReportKind.SOLVED:
                 self._times.solved(report.line, report.planning_s)
             elif report.kind is ReportKind.BOUND:

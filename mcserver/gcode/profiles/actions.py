@@ -18,7 +18,7 @@ from mcserver.gcode.profiles.codes import (
     TAKES_AXES,
 )
 from mcserver.gcode.profiles.drilling import drill
-from mcserver.gcode.profiles.frame import LENGTH_AXIS, Offsets
+from mcserver.gcode.profiles.frame import LENGTH_AXIS, Offsets, tool_table
 from mcserver.gcode.profiles.io_codes import read_io, read_mapped
 from mcserver.gcode.profiles.probing import read_probe_move
 from mcserver.gcode.semantics.arc_plane import PLANES
@@ -278,7 +278,7 @@ def _set_cutter(block: BlockState, action: Action) -> None:
         block.faults.add("MC116", f"R{radius.text} is below 0", radius.span, "give the tool's radius")
         return
     number = int(chosen.value)
-    table = _cutters(block)
+    table = tool_table(block.setup.machine, block.frame)
     cutter = table.get(number)
     if cutter is None and not lengths:
         _unknown_tool(block, number, chosen)
@@ -287,13 +287,17 @@ def _set_cutter(block: BlockState, action: Action) -> None:
     diameter = 0.0 if cutter is None else cutter.diameter
     if radius is not None:
         diameter = 2.0 * radius.value * axis_scale(AxisType.LINEAR, block.modal.inch)
+    bodies = block.setup.machine.clearance
+    if bodies is not None and bodies.follows_cutter and not (length > 0.0 and diameter > 0.0):
+        block.faults.add(
+            "MC143",
+            f"the cutter is a body of this machine, and tool {number} would have no size",
+            action.span,
+            f"give its length and its radius, such as G10 L1 P{number} Z75.2 R3",
+        )
+        return
     changed = {**block.frame.cutters, number: Cutter(length, diameter)}
     block.frame = msgspec.structs.replace(block.frame, cutters=changed)
-
-
-def _cutters(block: BlockState) -> dict[int, Cutter]:
-    """Return the tool table in force: of the machine file, and over it what G10 L1 set."""
-    return {**block.setup.machine.dialect.cutters, **block.frame.cutters}
 
 
 def _tool_length(block: BlockState, action: Action) -> None:
@@ -301,7 +305,7 @@ def _tool_length(block: BlockState, action: Action) -> None:
     if action.code == "G49":
         block.frame = msgspec.structs.replace(frame, tool_length=0.0)
         return
-    cutters = _cutters(block)
+    cutters = tool_table(block.setup.machine, block.frame)
     word = action.words.get("H")
     number = frame.tool if word is None else int(word.value)
     if number and number not in cutters:
@@ -313,14 +317,14 @@ def _tool_length(block: BlockState, action: Action) -> None:
 
 def _choose_tool(block: BlockState, action: Action) -> None:
     number = int(_value(block, action, "T", least=0.0))
-    cutters = _cutters(block)
+    cutters = tool_table(block.setup.machine, block.frame)
     if cutters and number and number not in cutters:
         _unknown_tool(block, number, action.words["T"])
     block.frame = msgspec.structs.replace(block.frame, tool=number)
 
 
 def _unknown_tool(block: BlockState, number: int, word: ProfileWord | Action) -> None:
-    known = ", ".join(str(each) for each in sorted(_cutters(block))) or "none"
+    known = ", ".join(str(each) for each in sorted(tool_table(block.setup.machine, block.frame))) or "none"
     block.faults.add(
         "MC143",
         f"the tool table has no tool {number}: its length is not known",
@@ -371,7 +375,7 @@ def _diameter(block: BlockState, action: Action) -> float | None:
         if abs(word.value - number) > WHOLE:
             block.faults.add("MC116", f"D{word.text} is no number of a tool", word.span, "such as D1")
             return None
-    cutter = _cutters(block).get(number)
+    cutter = tool_table(block.setup.machine, block.frame).get(number)
     if cutter is None:
         _unknown_tool(block, number, action if word is None else word)
     elif cutter.diameter <= 0.0:
@@ -401,7 +405,7 @@ def _change_tool(block: BlockState, effects: Effects) -> None:
     known = frame.changed is not None or rule == "ask"
     if known and frame.changed != frame.tool and rule != "ignore":
         tool = f"fit tool {frame.tool}" if frame.tool else "take the tool out"
-        effects.before.append(PauseLine(block.parsed.number, f"{tool}, then resume"))
+        effects.before.append(PauseLine(block.parsed.number, f"{tool}, then resume", frame.tool))
     block.frame = msgspec.structs.replace(frame, changed=frame.tool)
 
 

@@ -8,6 +8,7 @@ import msgspec
 
 from mcserver.gcode.profiles.codes import SYSTEM_NUMBERS
 from mcserver.machine.dialect_section import Cutter
+from mcserver.machine.machine_file import Machine
 
 Offsets = Mapping[int, float]
 LENGTH_AXIS = 2  # a tool's length lies along Z
@@ -88,3 +89,8 @@ class Frame(msgspec.Struct, frozen=True):
         own = next(name for name, number in SYSTEM_NUMBERS.items() if number == self.system)
         found[own] = msgspec.structs.replace(self, tool_length=0.0).shift() or {}
         return {name: origin for name, origin in found.items() if any(origin.values())}
+
+
+def tool_table(machine: Machine, frame: Frame | None) -> dict[int, Cutter]:
+    """Return the tool table in force: of the machine file, and over it what G10 L1 set."""
+    return {**machine.dialect.cutters, **({} if frame is None else frame.cutters)}

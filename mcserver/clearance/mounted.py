@@ -1,0 +1,93 @@
+"""Which tools may be mounted: what programs have said of it, for bodies that come with their tool.
+
+Tools that exclude each other share a place: all cutters the spindle, tools of a robot the axis that their
+chains end at. Of a place of which nothing is known any of its tools may be there, and each counts.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import msgspec
+
+from mcserver.machine.dialect_section import Cutter
+from mcserver.machine.machine_file import Machine
+
+# The place of cutters; those of robots' tools are numbers of axes.
+SPINDLE = -1
+# The remedy for a contact of a tool of which it is not known that it is there.
+NOT_KNOWN = "which tool is mounted is not known yet, and any may be: say it before with T, of a mill T and M6"
+
+
+class Exchange(msgspec.Struct, frozen=True):
+    """What a line says of tools.
+
+    Attributes:
+        line: its number. tools: by place the one that is mounted from here on.
+        certain: it is; else it may be, as from when somebody is asked to change it.
+        cutters: the tool table of then.
+    """
+
+    line: int
+    tools: Mapping[int, int]
+    certain: bool
+    cutters: Mapping[int, Cutter]
+
+
+class Mounted(msgspec.Struct, frozen=True):
+    """Tools that may be mounted.
+
+    Attributes:
+        at: by place those of which one is there; any may be at a place that is left out.
+        cutters: the tool table, by number.
+    """
+
+    at: Mapping[int, frozenset[int]] = {}
+    cutters: Mapping[int, Cutter] = {}
+
+    def behind(self, exchange: Exchange) -> Mounted:
+        """Return what may be mounted behind an exchange."""
+        at = dict(self.at)
+        for place, tool in exchange.tools.items():
+            if exchange.certain:
+                at[place] = frozenset((tool,))
+            elif place in at:
+                at[place] |= {tool}
+        return Mounted(at, exchange.cutters)
+
+    def may_be(self, tool: int, place: int) -> bool:
+        """Return whether a tool may be mounted at its place."""
+        return place not in self.at or tool in self.at[place]
+
+    def certain(self, place: int) -> bool:
+        """Return whether it is known what is mounted at a place."""
+        return len(self.at.get(place, ())) == 1
+
+    def cutter(self) -> Cutter | None:
+        """Return what is as long and as wide as any cutter that may be in the spindle; None: it is empty."""
+        fitted = self.at.get(SPINDLE, frozenset(self.cutters)) - {0}
+        if not fitted:
+            return None
+        found = [self.cutters.get(number, Cutter(0.0)) for number in fitted]
+        if not all(_measured(each) for each in found):
+            # nobody has measured it: it may be as any
+            found = list(self.cutters.values())
+        return Cutter(max(each.length for each in found), max(each.diameter for each in found))
+
+
+def _measured(cutter: Cutter) -> bool:
+    return cutter.length > 0.0 and cutter.diameter > 0.0
+
+
+def place_of(machine: Machine, tool: int) -> int:
+    """Return the place at which a tool is mounted."""
+    return next((each.axes[-1] for each in machine.tools if each.number == tool), SPINDLE)
+
+
+def places_with_bodies(machine: Machine) -> frozenset[int]:
+    """Return the places whose tools have bodies."""
+    if machine.clearance is None:
+        return frozenset()
+    bodies = machine.clearance.bodies
+    places = {place_of(machine, each.tool) for each in bodies if each.tool is not None}
+    return frozenset(places | ({SPINDLE} if machine.clearance.follows_cutter else set()))
