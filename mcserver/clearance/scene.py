@@ -17,6 +17,7 @@ from mckinematics.errors import ModelError
 from mckinematics.model import import_pinocchio, load_model, read_urdf
 from numpy.typing import NDArray
 
+from mcserver.clearance.meshes import hull_of, load_hull, refuse_large_meshes
 from mcserver.clearance.mounted import SPINDLE, Mounted, place_of
 from mcserver.clearance.outlines import turned
 from mcserver.errors import ConfigurationError
@@ -38,12 +39,6 @@ from mcserver.units import MM
 
 Array = NDArray[np.float64]
 
-# Size of a mesh file that is read at all, in some seconds [bytes].
-MOST_BYTES = 16 << 20
-# Corners of a mesh whose hull is computed: some seconds, where all of them are on it.
-MOST_CORNERS = 100_000
-# A mesh whose corners are off their middle plane by less than this, all together, has no hull [m].
-THINNEST = 1e-6
 # A lever that has no bound (a sliding joint without limits in front of it) counts as this long [m].
 LONGEST_LEVER = 1e4
 
@@ -200,6 +195,7 @@ class Scene:
         """Add each link's collision geometry, and what it looks like where it has none."""
         text = read_urdf(urdf)
         folders = [str(folder) for folder in Path(urdf).resolve().parents] if Path(urdf).exists() else []
+        refuse_large_meshes(text, folders)
         described: set[int] = set()
         for kind in (self._pin.GeometryType.COLLISION, self._pin.GeometryType.VISUAL):
             found = self._pin.GeometryModel()
@@ -213,33 +209,11 @@ class Scene:
             for each in found.geometryObjects:
                 if each.parentFrame in fresh:
                     name = str(self._model.frames[each.parentFrame].name)
-                    each.geometry = self._solid(each.geometry, name)
+                    each.geometry = hull_of(each.geometry, name)
                     number = self._geometry.addGeometryObject(each)
                     self._names[number] = name
                     self._links.add(number)
             described |= fresh
-
-    def _solid(self, geometry: Any, name: str) -> Any:
-        """Return a mesh's convex hull; any other shape as it is.
-
-        Raises:
-            ConfigurationError: MC323 the mesh of the body of this name has no hull.
-        """
-        if not isinstance(geometry, self._coal.BVHModelBase):
-            return geometry
-        corners = np.asarray(geometry.vertices())
-        hint = "correct the mesh, or give a box, cylinder or capsule instead"
-        if len(corners) > MOST_CORNERS:
-            hint = f"simplify it to {MOST_CORNERS} at the most"
-            raise ConfigurationError("MC323", f"the mesh of {name!r} has {len(corners)} corners", hint)
-        if not np.isfinite(corners).all():
-            raise ConfigurationError("MC323", f"the mesh of {name!r} has corners that are no numbers", hint)
-        # how thick it is along its three main directions
-        spread = np.linalg.svd(corners - corners.mean(axis=0), compute_uv=False)
-        if len(spread) < 3 or spread[-1] < THINNEST:
-            raise ConfigurationError("MC323", f"the mesh of {name!r} is flat, and has no hull", hint)
-        geometry.buildConvexHull(True, "Qt")
-        return geometry.convex
 
     def _add_body(self, body: Body) -> None:
         if body.link is not None:
@@ -292,23 +266,7 @@ class Scene:
                 # until it is known what is mounted
                 return coal.Cylinder(MM, MM)
             case MeshBody():
-                file = Path(body.file)
-                if file.is_file() and file.stat().st_size > MOST_BYTES:
-                    raise ConfigurationError(
-                        "MC323",
-                        f"the mesh {body.file!r} of {body.name!r} has more than {MOST_BYTES >> 20} MiB",
-                        f"simplify it to {MOST_CORNERS} corners at the most",
-                    )
-                try:
-                    mesh = coal.MeshLoader().load(body.file, np.full(3, MM))
-                except (ValueError, RuntimeError) as error:
-                    reason = "cannot be read" if file.is_file() else "cannot be read: it is not there"
-                    raise ConfigurationError(
-                        "MC323",
-                        f"the mesh {body.file!r} of {body.name!r} {reason}",
-                        "give an STL, OBJ or DAE file, relative to the machine file",
-                    ) from error
-                return self._solid(mesh, body.name)
+                return load_hull(body.file, body.name)
 
     def _add_zone(self, zone: Zone) -> None:
         placement = self._pose(zone.at_mm, zone.turned_deg)

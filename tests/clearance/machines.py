@@ -2,6 +2,13 @@
 
 from __future__ import annotations
 
+import copy
+import re
+import xml.etree.ElementTree as ElementTree
+from pathlib import Path
+
+from mckinematics.model import read_urdf
+
 from mcserver.machine.machine_file import Machine, builtin_text, parse_machine
 
 _AXIS = """
@@ -41,6 +48,32 @@ def mill(*more: str) -> Machine:
 def arm(*more: str) -> Machine:
     """The built-in arm with sections more."""
     return parse_machine("\n".join((builtin_text("arm6"), *more)))
+
+
+def two_arms(folder: Path, *more: str) -> Machine:
+    """Two of the built-in arm beside each other, 700 mm apart, with axes 0-5 and 6-11, and tools 1 and 2."""
+    one = ElementTree.fromstring(read_urdf("arm6.urdf"))
+    cell = ElementTree.Element("robot", name="cell")
+    cell.extend(one.findall("material"))
+    ElementTree.SubElement(cell, "link", name="floor")
+    for side, y in (("left", 0.35), ("right", -0.35)):
+        stand = ElementTree.SubElement(cell, "joint", name=f"{side}_stand", type="fixed")
+        ElementTree.SubElement(stand, "parent", link="floor")
+        ElementTree.SubElement(stand, "child", link=f"{side}_base")
+        ElementTree.SubElement(stand, "origin", xyz=f"0 {y} 0")
+        for part in copy.deepcopy([*one.findall("link"), *one.findall("joint")]):
+            for named, key in ((part, "name"), (part.find("parent"), "link"), (part.find("child"), "link")):
+                if named is not None:
+                    named.set(key, f"{side}_{named.get(key)}")
+            cell.append(part)
+    urdf = folder / "cell.urdf"
+    urdf.write_bytes(ElementTree.tostring(cell))
+    first = builtin_text("arm6").replace('"arm6.urdf"', f'"{urdf}"').replace('"tip"', '"left_tip"')
+    axes = first[first.index("[[axis]]") :]
+    second = re.sub(r"index = (\d)", lambda found: f"index = {int(found[1]) + 6}", axes)
+    tool = first[first.index("[[tool]]") : first.index("[[axis]]")].replace("number = 1", "number = 2")
+    tool = tool.replace("left_tip", "right_tip").replace("[0, 1, 2, 3, 4, 5]", "[6, 7, 8, 9, 10, 11]")
+    return parse_machine("\n".join((first, tool, second, *more)))
 
 
 def block(name: str, at_mm: tuple[float, ...], edge_mm: float) -> str:

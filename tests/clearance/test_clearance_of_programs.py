@@ -9,12 +9,13 @@ from typing import Any
 
 import numpy as np
 import pytest
+from mckinematics.model import read_urdf
 
-from mcserver.clearance import scene
+from mcserver.clearance import meshes
 from mcserver.clearance.meter import FAR, MOST_SHOWN, RESOLUTION, SHARE, ClearanceMeter
 from mcserver.clearance.scene import Scene
 from mcserver.errors import ConfigurationError
-from mcserver.machine.machine_file import Machine
+from mcserver.machine.machine_file import Machine, builtin_text, parse_machine
 from mcserver.machine.machine_kinematics import build_kinematics
 from mcserver.simulation.simulation import simulate
 from mcserver.units import MM
@@ -282,12 +283,35 @@ def test_a_mesh_that_is_too_fine_is_refused_before_it_is_read(
 ) -> None:
     body = mesh_of(tmp_path / "lump.stl", SOLID)
     Scene(mill(body))
-    monkeypatch.setattr(scene, "MOST_CORNERS", 3)
+    monkeypatch.setattr(meshes, "MOST_CORNERS", 3)
     with pytest.raises(ConfigurationError, match="has 4 corners"):
         Scene(mill(body))
-    monkeypatch.setattr(scene, "MOST_BYTES", 100)
+    monkeypatch.setattr(meshes, "MOST_BYTES", 100)
     with pytest.raises(ConfigurationError, match="MiB"):
         Scene(mill(body))
+
+
+def test_a_mesh_of_the_urdf_that_is_too_fine_is_refused_before_it_is_read(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    mesh_of(tmp_path / "base.stl", SOLID)
+    urdf = read_urdf("arm6.urdf")
+    for name in ("package://cell/base.stl", f"file://{tmp_path}/cell/base.stl"):
+        (tmp_path / "cell").mkdir(exist_ok=True)
+        (tmp_path / "base.stl").rename(tmp_path / "cell" / "base.stl")
+        (tmp_path / "arm.urdf").write_text(
+            urdf.replace('<cylinder radius="0.110" length="0.180"/>', f'<mesh filename="{name}"/>')
+        )
+        text = builtin_text("arm6").replace("arm6.urdf", str(tmp_path / "arm.urdf")) + "[clearance]\n"
+        with monkeypatch.context() as patch:
+            Scene(parse_machine(text))
+            patch.setattr(meshes, "MOST_CORNERS", 3)
+            with pytest.raises(ConfigurationError, match="'base' has 4 corners"):
+                Scene(parse_machine(text))
+            patch.setattr(meshes, "MOST_BYTES", 100)
+            with pytest.raises(ConfigurationError, match="of the URDF has more than"):
+                Scene(parse_machine(text))
+        (tmp_path / "cell" / "base.stl").rename(tmp_path / "base.stl")
 
 
 @pytest.mark.parametrize("value", ["nan", "inf", "1e300"])
