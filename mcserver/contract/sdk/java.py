@@ -28,6 +28,7 @@ import java.lang.annotation.Retention;
 import java.lang.annotation.RetentionPolicy;
 import java.lang.annotation.Target;
 import java.util.List;
+import java.util.Locale;
 import java.util.Map;
 
 /**
@@ -50,10 +51,15 @@ public final class Messages {{
     @Target(ElementType.RECORD_COMPONENT)
     @interface Nil {{}}
 
-    /** A text of a few known values. */
+    /** A text of a few known values, UNKNOWN for those of a later version. */
     public interface Word {{
+        /** The constant. */
+        String name();
+
         /** As the wire has it. */
-        String word();
+        default String word() {{
+            return name().equals("UNKNOWN") ? "" : name().toLowerCase(Locale.ROOT);
+        }}
     }}
 
 """
@@ -108,6 +114,11 @@ def files(model: Model) -> dict[str, str]:
 
 
 def _enum(words: Words) -> str:
+    if all(constant(each).lower() == each for each in words.words):
+        constants = ", ".join([*map(constant, words.words), "UNKNOWN"])
+        body = indent("\n".join(wrap(constants, WIDTH - 8)), "        ")
+        head = f"    /** A word of the wire. */\n    public enum {words.name} implements Word {{"
+        return f"{head}\n{body}\n    }}\n"
     members = "\n".join(f'        {constant(each)}("{each}"),' for each in words.words)
     return f"""    /** A word of the wire. */
     public enum {words.name} implements Word {{

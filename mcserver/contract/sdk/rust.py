@@ -24,11 +24,11 @@ from mcserver.contract.sdk.spelling import Spelling
 MADE = "// Made by `python -m mcserver.contract.sdk clients`: change the server's messages instead.\n"
 MESSAGES = f"""{MADE}
 use std::collections::BTreeMap;
-use std::fmt;
 
 use serde::{{Deserialize, Serialize}};
 
 use super::binary::Bytes;
+use super::words::words;
 
 /// A value of a drive's dictionary.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -107,27 +107,10 @@ def _readers(model: Model) -> str:
 
 
 def _enum(words: Words) -> str:
-    members = "".join(
-        f'    /// `{each}`.\n    #[serde(rename = "{each}")]\n    {pascal(each)},\n' for each in words.words
-    )
-    arms = "".join(f'            Self::{pascal(each)} => "{each}",\n' for each in words.words)
-    return f"""/// A word of the wire.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
-#[non_exhaustive]
-pub enum {words.name} {{
-{members}    /// A word of a later version of the protocol.
-    #[serde(untagged)]
-    Later(String),
-}}
-
-impl fmt::Display for {words.name} {{
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {{
-        f.write_str(match self {{
-{arms}            Self::Later(word) => word,
-        }})
-    }}
-}}
-"""
+    # a line breaks between words only
+    members = ", ".join(f'{pascal(each)}~=~"{each}"' for each in words.words)
+    lines = [line.replace("~", " ") for line in wrap(f"{members},", WIDTH - 4)]
+    return f"words!({words.name} {{\n" + "".join(f"    {line}\n" for line in lines) + "});\n"
 
 
 def _struct(message: Message) -> str:

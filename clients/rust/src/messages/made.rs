@@ -1,11 +1,11 @@
 // Made by `python -m mcserver.contract.sdk clients`: change the server's messages instead.
 
 use std::collections::BTreeMap;
-use std::fmt;
 
 use serde::{Deserialize, Serialize};
 
 use super::binary::Bytes;
+use super::words::words;
 
 /// A value of a drive's dictionary.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -23,660 +23,81 @@ pub enum Value {
     Text(String),
 }
 
-/// A word of the wire.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
-#[non_exhaustive]
-pub enum AxisKind {
-    /// `linear`.
-    #[serde(rename = "linear")]
-    Linear,
-    /// `rotary`.
-    #[serde(rename = "rotary")]
-    Rotary,
-    /// A word of a later version of the protocol.
-    #[serde(untagged)]
-    Later(String),
-}
+words!(AxisKind {
+    Linear = "linear", Rotary = "rotary",
+});
 
-impl fmt::Display for AxisKind {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(match self {
-            Self::Linear => "linear",
-            Self::Rotary => "rotary",
-            Self::Later(word) => word,
-        })
-    }
-}
+words!(AxisState {
+    Off = "off", Starting = "starting", Standstill = "standstill", Moving = "moving", Speed = "speed",
+    Torque = "torque", Stopping = "stopping", Released = "released", Fault = "fault",
+});
 
-/// A word of the wire.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
-#[non_exhaustive]
-pub enum AxisState {
-    /// `off`.
-    #[serde(rename = "off")]
-    Off,
-    /// `starting`.
-    #[serde(rename = "starting")]
-    Starting,
-    /// `standstill`.
-    #[serde(rename = "standstill")]
-    Standstill,
-    /// `moving`.
-    #[serde(rename = "moving")]
-    Moving,
-    /// `speed`.
-    #[serde(rename = "speed")]
-    Speed,
-    /// `torque`.
-    #[serde(rename = "torque")]
-    Torque,
-    /// `stopping`.
-    #[serde(rename = "stopping")]
-    Stopping,
-    /// `released`.
-    #[serde(rename = "released")]
-    Released,
-    /// `fault`.
-    #[serde(rename = "fault")]
-    Fault,
-    /// A word of a later version of the protocol.
-    #[serde(untagged)]
-    Later(String),
-}
+words!(AxisUnit {
+    Mm = "mm", Deg = "deg",
+});
 
-impl fmt::Display for AxisState {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(match self {
-            Self::Off => "off",
-            Self::Starting => "starting",
-            Self::Standstill => "standstill",
-            Self::Moving => "moving",
-            Self::Speed => "speed",
-            Self::Torque => "torque",
-            Self::Stopping => "stopping",
-            Self::Released => "released",
-            Self::Fault => "fault",
-            Self::Later(word) => word,
-        })
-    }
-}
+words!(ChannelKind {
+    Digital = "digital", Analog = "analog",
+});
 
-/// A word of the wire.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
-#[non_exhaustive]
-pub enum AxisUnit {
-    /// `mm`.
-    #[serde(rename = "mm")]
-    Mm,
-    /// `deg`.
-    #[serde(rename = "deg")]
-    Deg,
-    /// A word of a later version of the protocol.
-    #[serde(untagged)]
-    Later(String),
-}
+words!(DrivePhase {
+    Booting = "booting", Operational = "operational", Lost = "lost", Restarting = "restarting",
+    Failed = "failed", Closed = "closed",
+});
 
-impl fmt::Display for AxisUnit {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(match self {
-            Self::Mm => "mm",
-            Self::Deg => "deg",
-            Self::Later(word) => word,
-        })
-    }
-}
+words!(EventKind {
+    ServerStarted = "server.started", ServerStopping = "server.stopping", ProgramOpened = "program.opened",
+    ProgramStarted = "program.started", ProgramHeld = "program.held", ProgramResumed = "program.resumed",
+    ProgramPaused = "program.paused", ProgramMessage = "program.message", ProgramClosed = "program.closed",
+    InputRead = "input.read", ProgramEnded = "program.ended", LinesStarted = "lines.started",
+    LinesEnded = "lines.ended", LineRejected = "line.rejected", Fault = "fault", Warning = "warning",
+    Estop = "estop", Reset = "reset", Override = "override", Command = "command", ClientGone = "client.gone",
+    Recording = "recording", AxisHoming = "axis.homing", AxisHomed = "axis.homed",
+    AxisUnhomed = "axis.unhomed", Probe = "probe", DriveEmergency = "drive.emergency",
+    DriveLost = "drive.lost", DriveBack = "drive.back", DriveRebooted = "drive.rebooted",
+    DriveStarted = "drive.started", DriveFailed = "drive.failed", BusForeignMaster = "bus.foreign_master",
+    BusLost = "bus.lost", BusBack = "bus.back",
+});
 
-/// A word of the wire.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
-#[non_exhaustive]
-pub enum ChannelKind {
-    /// `digital`.
-    #[serde(rename = "digital")]
-    Digital,
-    /// `analog`.
-    #[serde(rename = "analog")]
-    Analog,
-    /// A word of a later version of the protocol.
-    #[serde(untagged)]
-    Later(String),
-}
+words!(MachineState {
+    Ready = "ready", Fault = "fault", Estop = "estop",
+});
 
-impl fmt::Display for ChannelKind {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(match self {
-            Self::Digital => "digital",
-            Self::Analog => "analog",
-            Self::Later(word) => word,
-        })
-    }
-}
+words!(OnDisconnect {
+    Finish = "finish", Stop = "stop",
+});
 
-/// A word of the wire.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
-#[non_exhaustive]
-pub enum DrivePhase {
-    /// `booting`.
-    #[serde(rename = "booting")]
-    Booting,
-    /// `operational`.
-    #[serde(rename = "operational")]
-    Operational,
-    /// `lost`.
-    #[serde(rename = "lost")]
-    Lost,
-    /// `restarting`.
-    #[serde(rename = "restarting")]
-    Restarting,
-    /// `failed`.
-    #[serde(rename = "failed")]
-    Failed,
-    /// `closed`.
-    #[serde(rename = "closed")]
-    Closed,
-    /// A word of a later version of the protocol.
-    #[serde(untagged)]
-    Later(String),
-}
+words!(Outputs {
+    Set = "set", Leave = "leave",
+});
 
-impl fmt::Display for DrivePhase {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(match self {
-            Self::Booting => "booting",
-            Self::Operational => "operational",
-            Self::Lost => "lost",
-            Self::Restarting => "restarting",
-            Self::Failed => "failed",
-            Self::Closed => "closed",
-            Self::Later(word) => word,
-        })
-    }
-}
+words!(ProgramState {
+    Queued = "queued", Running = "running", Held = "held", Paused = "paused", Ending = "ending",
+    Finished = "finished", Aborted = "aborted", Rejected = "rejected", Faulted = "faulted",
+    Interrupted = "interrupted",
+});
 
-/// A word of the wire.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
-#[non_exhaustive]
-pub enum EventKind {
-    /// `server.started`.
-    #[serde(rename = "server.started")]
-    ServerStarted,
-    /// `server.stopping`.
-    #[serde(rename = "server.stopping")]
-    ServerStopping,
-    /// `program.opened`.
-    #[serde(rename = "program.opened")]
-    ProgramOpened,
-    /// `program.started`.
-    #[serde(rename = "program.started")]
-    ProgramStarted,
-    /// `program.held`.
-    #[serde(rename = "program.held")]
-    ProgramHeld,
-    /// `program.resumed`.
-    #[serde(rename = "program.resumed")]
-    ProgramResumed,
-    /// `program.paused`.
-    #[serde(rename = "program.paused")]
-    ProgramPaused,
-    /// `program.message`.
-    #[serde(rename = "program.message")]
-    ProgramMessage,
-    /// `program.closed`.
-    #[serde(rename = "program.closed")]
-    ProgramClosed,
-    /// `input.read`.
-    #[serde(rename = "input.read")]
-    InputRead,
-    /// `program.ended`.
-    #[serde(rename = "program.ended")]
-    ProgramEnded,
-    /// `lines.started`.
-    #[serde(rename = "lines.started")]
-    LinesStarted,
-    /// `lines.ended`.
-    #[serde(rename = "lines.ended")]
-    LinesEnded,
-    /// `line.rejected`.
-    #[serde(rename = "line.rejected")]
-    LineRejected,
-    /// `fault`.
-    #[serde(rename = "fault")]
-    Fault,
-    /// `warning`.
-    #[serde(rename = "warning")]
-    Warning,
-    /// `estop`.
-    #[serde(rename = "estop")]
-    Estop,
-    /// `reset`.
-    #[serde(rename = "reset")]
-    Reset,
-    /// `override`.
-    #[serde(rename = "override")]
-    Override,
-    /// `command`.
-    #[serde(rename = "command")]
-    Command,
-    /// `client.gone`.
-    #[serde(rename = "client.gone")]
-    ClientGone,
-    /// `recording`.
-    #[serde(rename = "recording")]
-    Recording,
-    /// `axis.homing`.
-    #[serde(rename = "axis.homing")]
-    AxisHoming,
-    /// `axis.homed`.
-    #[serde(rename = "axis.homed")]
-    AxisHomed,
-    /// `axis.unhomed`.
-    #[serde(rename = "axis.unhomed")]
-    AxisUnhomed,
-    /// `probe`.
-    #[serde(rename = "probe")]
-    Probe,
-    /// `drive.emergency`.
-    #[serde(rename = "drive.emergency")]
-    DriveEmergency,
-    /// `drive.lost`.
-    #[serde(rename = "drive.lost")]
-    DriveLost,
-    /// `drive.back`.
-    #[serde(rename = "drive.back")]
-    DriveBack,
-    /// `drive.rebooted`.
-    #[serde(rename = "drive.rebooted")]
-    DriveRebooted,
-    /// `drive.started`.
-    #[serde(rename = "drive.started")]
-    DriveStarted,
-    /// `drive.failed`.
-    #[serde(rename = "drive.failed")]
-    DriveFailed,
-    /// `bus.foreign_master`.
-    #[serde(rename = "bus.foreign_master")]
-    BusForeignMaster,
-    /// `bus.lost`.
-    #[serde(rename = "bus.lost")]
-    BusLost,
-    /// `bus.back`.
-    #[serde(rename = "bus.back")]
-    BusBack,
-    /// A word of a later version of the protocol.
-    #[serde(untagged)]
-    Later(String),
-}
+words!(RecordingKind {
+    Recording = "recording", Blackbox = "blackbox",
+});
 
-impl fmt::Display for EventKind {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(match self {
-            Self::ServerStarted => "server.started",
-            Self::ServerStopping => "server.stopping",
-            Self::ProgramOpened => "program.opened",
-            Self::ProgramStarted => "program.started",
-            Self::ProgramHeld => "program.held",
-            Self::ProgramResumed => "program.resumed",
-            Self::ProgramPaused => "program.paused",
-            Self::ProgramMessage => "program.message",
-            Self::ProgramClosed => "program.closed",
-            Self::InputRead => "input.read",
-            Self::ProgramEnded => "program.ended",
-            Self::LinesStarted => "lines.started",
-            Self::LinesEnded => "lines.ended",
-            Self::LineRejected => "line.rejected",
-            Self::Fault => "fault",
-            Self::Warning => "warning",
-            Self::Estop => "estop",
-            Self::Reset => "reset",
-            Self::Override => "override",
-            Self::Command => "command",
-            Self::ClientGone => "client.gone",
-            Self::Recording => "recording",
-            Self::AxisHoming => "axis.homing",
-            Self::AxisHomed => "axis.homed",
-            Self::AxisUnhomed => "axis.unhomed",
-            Self::Probe => "probe",
-            Self::DriveEmergency => "drive.emergency",
-            Self::DriveLost => "drive.lost",
-            Self::DriveBack => "drive.back",
-            Self::DriveRebooted => "drive.rebooted",
-            Self::DriveStarted => "drive.started",
-            Self::DriveFailed => "drive.failed",
-            Self::BusForeignMaster => "bus.foreign_master",
-            Self::BusLost => "bus.lost",
-            Self::BusBack => "bus.back",
-            Self::Later(word) => word,
-        })
-    }
-}
+words!(RecordingState {
+    Writing = "writing", Done = "done", Unfinished = "unfinished",
+});
 
-/// A word of the wire.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
-#[non_exhaustive]
-pub enum MachineState {
-    /// `ready`.
-    #[serde(rename = "ready")]
-    Ready,
-    /// `fault`.
-    #[serde(rename = "fault")]
-    Fault,
-    /// `estop`.
-    #[serde(rename = "estop")]
-    Estop,
-    /// A word of a later version of the protocol.
-    #[serde(untagged)]
-    Later(String),
-}
+words!(RunState {
+    Waiting = "waiting", Armed = "armed", Started = "started", Rejected = "rejected",
+});
 
-impl fmt::Display for MachineState {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(match self {
-            Self::Ready => "ready",
-            Self::Fault => "fault",
-            Self::Estop => "estop",
-            Self::Later(word) => word,
-        })
-    }
-}
+words!(SdoType {
+    Bool = "bool", I8 = "i8", I16 = "i16", I24 = "i24", I32 = "i32", I64 = "i64", U8 = "u8", U16 = "u16",
+    U24 = "u24", U32 = "u32", U64 = "u64", F32 = "f32", F64 = "f64", Str = "str", Utf16 = "utf16",
+    Bytes = "bytes",
+});
 
-/// A word of the wire.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
-#[non_exhaustive]
-pub enum OnDisconnect {
-    /// `finish`.
-    #[serde(rename = "finish")]
-    Finish,
-    /// `stop`.
-    #[serde(rename = "stop")]
-    Stop,
-    /// A word of a later version of the protocol.
-    #[serde(untagged)]
-    Later(String),
-}
-
-impl fmt::Display for OnDisconnect {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(match self {
-            Self::Finish => "finish",
-            Self::Stop => "stop",
-            Self::Later(word) => word,
-        })
-    }
-}
-
-/// A word of the wire.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
-#[non_exhaustive]
-pub enum Outputs {
-    /// `set`.
-    #[serde(rename = "set")]
-    Set,
-    /// `leave`.
-    #[serde(rename = "leave")]
-    Leave,
-    /// A word of a later version of the protocol.
-    #[serde(untagged)]
-    Later(String),
-}
-
-impl fmt::Display for Outputs {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(match self {
-            Self::Set => "set",
-            Self::Leave => "leave",
-            Self::Later(word) => word,
-        })
-    }
-}
-
-/// A word of the wire.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
-#[non_exhaustive]
-pub enum ProgramState {
-    /// `queued`.
-    #[serde(rename = "queued")]
-    Queued,
-    /// `running`.
-    #[serde(rename = "running")]
-    Running,
-    /// `held`.
-    #[serde(rename = "held")]
-    Held,
-    /// `paused`.
-    #[serde(rename = "paused")]
-    Paused,
-    /// `ending`.
-    #[serde(rename = "ending")]
-    Ending,
-    /// `finished`.
-    #[serde(rename = "finished")]
-    Finished,
-    /// `aborted`.
-    #[serde(rename = "aborted")]
-    Aborted,
-    /// `rejected`.
-    #[serde(rename = "rejected")]
-    Rejected,
-    /// `faulted`.
-    #[serde(rename = "faulted")]
-    Faulted,
-    /// `interrupted`.
-    #[serde(rename = "interrupted")]
-    Interrupted,
-    /// A word of a later version of the protocol.
-    #[serde(untagged)]
-    Later(String),
-}
-
-impl fmt::Display for ProgramState {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(match self {
-            Self::Queued => "queued",
-            Self::Running => "running",
-            Self::Held => "held",
-            Self::Paused => "paused",
-            Self::Ending => "ending",
-            Self::Finished => "finished",
-            Self::Aborted => "aborted",
-            Self::Rejected => "rejected",
-            Self::Faulted => "faulted",
-            Self::Interrupted => "interrupted",
-            Self::Later(word) => word,
-        })
-    }
-}
-
-/// A word of the wire.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
-#[non_exhaustive]
-pub enum RecordingKind {
-    /// `recording`.
-    #[serde(rename = "recording")]
-    Recording,
-    /// `blackbox`.
-    #[serde(rename = "blackbox")]
-    Blackbox,
-    /// A word of a later version of the protocol.
-    #[serde(untagged)]
-    Later(String),
-}
-
-impl fmt::Display for RecordingKind {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(match self {
-            Self::Recording => "recording",
-            Self::Blackbox => "blackbox",
-            Self::Later(word) => word,
-        })
-    }
-}
-
-/// A word of the wire.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
-#[non_exhaustive]
-pub enum RecordingState {
-    /// `writing`.
-    #[serde(rename = "writing")]
-    Writing,
-    /// `done`.
-    #[serde(rename = "done")]
-    Done,
-    /// `unfinished`.
-    #[serde(rename = "unfinished")]
-    Unfinished,
-    /// A word of a later version of the protocol.
-    #[serde(untagged)]
-    Later(String),
-}
-
-impl fmt::Display for RecordingState {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(match self {
-            Self::Writing => "writing",
-            Self::Done => "done",
-            Self::Unfinished => "unfinished",
-            Self::Later(word) => word,
-        })
-    }
-}
-
-/// A word of the wire.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
-#[non_exhaustive]
-pub enum RunState {
-    /// `waiting`.
-    #[serde(rename = "waiting")]
-    Waiting,
-    /// `armed`.
-    #[serde(rename = "armed")]
-    Armed,
-    /// `started`.
-    #[serde(rename = "started")]
-    Started,
-    /// `rejected`.
-    #[serde(rename = "rejected")]
-    Rejected,
-    /// A word of a later version of the protocol.
-    #[serde(untagged)]
-    Later(String),
-}
-
-impl fmt::Display for RunState {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(match self {
-            Self::Waiting => "waiting",
-            Self::Armed => "armed",
-            Self::Started => "started",
-            Self::Rejected => "rejected",
-            Self::Later(word) => word,
-        })
-    }
-}
-
-/// A word of the wire.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
-#[non_exhaustive]
-pub enum SdoType {
-    /// `bool`.
-    #[serde(rename = "bool")]
-    Bool,
-    /// `i8`.
-    #[serde(rename = "i8")]
-    I8,
-    /// `i16`.
-    #[serde(rename = "i16")]
-    I16,
-    /// `i24`.
-    #[serde(rename = "i24")]
-    I24,
-    /// `i32`.
-    #[serde(rename = "i32")]
-    I32,
-    /// `i64`.
-    #[serde(rename = "i64")]
-    I64,
-    /// `u8`.
-    #[serde(rename = "u8")]
-    U8,
-    /// `u16`.
-    #[serde(rename = "u16")]
-    U16,
-    /// `u24`.
-    #[serde(rename = "u24")]
-    U24,
-    /// `u32`.
-    #[serde(rename = "u32")]
-    U32,
-    /// `u64`.
-    #[serde(rename = "u64")]
-    U64,
-    /// `f32`.
-    #[serde(rename = "f32")]
-    F32,
-    /// `f64`.
-    #[serde(rename = "f64")]
-    F64,
-    /// `str`.
-    #[serde(rename = "str")]
-    Str,
-    /// `utf16`.
-    #[serde(rename = "utf16")]
-    Utf16,
-    /// `bytes`.
-    #[serde(rename = "bytes")]
-    Bytes,
-    /// A word of a later version of the protocol.
-    #[serde(untagged)]
-    Later(String),
-}
-
-impl fmt::Display for SdoType {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(match self {
-            Self::Bool => "bool",
-            Self::I8 => "i8",
-            Self::I16 => "i16",
-            Self::I24 => "i24",
-            Self::I32 => "i32",
-            Self::I64 => "i64",
-            Self::U8 => "u8",
-            Self::U16 => "u16",
-            Self::U24 => "u24",
-            Self::U32 => "u32",
-            Self::U64 => "u64",
-            Self::F32 => "f32",
-            Self::F64 => "f64",
-            Self::Str => "str",
-            Self::Utf16 => "utf16",
-            Self::Bytes => "bytes",
-            Self::Later(word) => word,
-        })
-    }
-}
-
-/// A word of the wire.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
-#[non_exhaustive]
-pub enum Severity {
-    /// `error`.
-    #[serde(rename = "error")]
-    Error,
-    /// `warning`.
-    #[serde(rename = "warning")]
-    Warning,
-    /// A word of a later version of the protocol.
-    #[serde(untagged)]
-    Later(String),
-}
-
-impl fmt::Display for Severity {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(match self {
-            Self::Error => "error",
-            Self::Warning => "warning",
-            Self::Later(word) => word,
-        })
-    }
-}
+words!(Severity {
+    Error = "error", Warning = "warning",
+});
 
 /// Payload of `ack/{program}`: cumulative, so that a lost one does not matter.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]

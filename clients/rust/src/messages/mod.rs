@@ -10,6 +10,7 @@ mod binary;
 // requests are those of the wire, whose switches stand beside each other
 #[allow(missing_docs, clippy::struct_excessive_bools)]
 mod made;
+mod words;
 
 pub use binary::{Bytes, TelemetryBlock};
 pub use made::*;

@@ -6,6 +6,7 @@ import java.lang.annotation.Retention;
 import java.lang.annotation.RetentionPolicy;
 import java.lang.annotation.Target;
 import java.util.List;
+import java.util.Locale;
 import java.util.Map;
 
 /**
@@ -28,116 +29,40 @@ public final class Messages {
     @Target(ElementType.RECORD_COMPONENT)
     @interface Nil {}
 
-    /** A text of a few known values. */
+    /** A text of a few known values, UNKNOWN for those of a later version. */
     public interface Word {
+        /** The constant. */
+        String name();
+
         /** As the wire has it. */
-        String word();
+        default String word() {
+            return name().equals("UNKNOWN") ? "" : name().toLowerCase(Locale.ROOT);
+        }
     }
 
     /** A word of the wire. */
     public enum AxisKind implements Word {
-        LINEAR("linear"),
-        ROTARY("rotary"),
-        /** A word of a later version. */
-        UNKNOWN("");
-
-        private final String word;
-
-        AxisKind(String word) {
-            this.word = word;
-        }
-
-        @Override
-        public String word() {
-            return word;
-        }
+        LINEAR, ROTARY, UNKNOWN
     }
 
     /** A word of the wire. */
     public enum AxisState implements Word {
-        OFF("off"),
-        STARTING("starting"),
-        STANDSTILL("standstill"),
-        MOVING("moving"),
-        SPEED("speed"),
-        TORQUE("torque"),
-        STOPPING("stopping"),
-        RELEASED("released"),
-        FAULT("fault"),
-        /** A word of a later version. */
-        UNKNOWN("");
-
-        private final String word;
-
-        AxisState(String word) {
-            this.word = word;
-        }
-
-        @Override
-        public String word() {
-            return word;
-        }
+        OFF, STARTING, STANDSTILL, MOVING, SPEED, TORQUE, STOPPING, RELEASED, FAULT, UNKNOWN
     }
 
     /** A word of the wire. */
     public enum AxisUnit implements Word {
-        MM("mm"),
-        DEG("deg"),
-        /** A word of a later version. */
-        UNKNOWN("");
-
-        private final String word;
-
-        AxisUnit(String word) {
-            this.word = word;
-        }
-
-        @Override
-        public String word() {
-            return word;
-        }
+        MM, DEG, UNKNOWN
     }
 
     /** A word of the wire. */
     public enum ChannelKind implements Word {
-        DIGITAL("digital"),
-        ANALOG("analog"),
-        /** A word of a later version. */
-        UNKNOWN("");
-
-        private final String word;
-
-        ChannelKind(String word) {
-            this.word = word;
-        }
-
-        @Override
-        public String word() {
-            return word;
-        }
+        DIGITAL, ANALOG, UNKNOWN
     }
 
     /** A word of the wire. */
     public enum DrivePhase implements Word {
-        BOOTING("booting"),
-        OPERATIONAL("operational"),
-        LOST("lost"),
-        RESTARTING("restarting"),
-        FAILED("failed"),
-        CLOSED("closed"),
-        /** A word of a later version. */
-        UNKNOWN("");
-
-        private final String word;
-
-        DrivePhase(String word) {
-            this.word = word;
-        }
-
-        @Override
-        public String word() {
-            return word;
-        }
+        BOOTING, OPERATIONAL, LOST, RESTARTING, FAILED, CLOSED, UNKNOWN
     }
 
     /** A word of the wire. */
@@ -194,199 +119,47 @@ public final class Messages {
 
     /** A word of the wire. */
     public enum MachineState implements Word {
-        READY("ready"),
-        FAULT("fault"),
-        ESTOP("estop"),
-        /** A word of a later version. */
-        UNKNOWN("");
-
-        private final String word;
-
-        MachineState(String word) {
-            this.word = word;
-        }
-
-        @Override
-        public String word() {
-            return word;
-        }
+        READY, FAULT, ESTOP, UNKNOWN
     }
 
     /** A word of the wire. */
     public enum OnDisconnect implements Word {
-        FINISH("finish"),
-        STOP("stop"),
-        /** A word of a later version. */
-        UNKNOWN("");
-
-        private final String word;
-
-        OnDisconnect(String word) {
-            this.word = word;
-        }
-
-        @Override
-        public String word() {
-            return word;
-        }
+        FINISH, STOP, UNKNOWN
     }
 
     /** A word of the wire. */
     public enum Outputs implements Word {
-        SET("set"),
-        LEAVE("leave"),
-        /** A word of a later version. */
-        UNKNOWN("");
-
-        private final String word;
-
-        Outputs(String word) {
-            this.word = word;
-        }
-
-        @Override
-        public String word() {
-            return word;
-        }
+        SET, LEAVE, UNKNOWN
     }
 
     /** A word of the wire. */
     public enum ProgramState implements Word {
-        QUEUED("queued"),
-        RUNNING("running"),
-        HELD("held"),
-        PAUSED("paused"),
-        ENDING("ending"),
-        FINISHED("finished"),
-        ABORTED("aborted"),
-        REJECTED("rejected"),
-        FAULTED("faulted"),
-        INTERRUPTED("interrupted"),
-        /** A word of a later version. */
-        UNKNOWN("");
-
-        private final String word;
-
-        ProgramState(String word) {
-            this.word = word;
-        }
-
-        @Override
-        public String word() {
-            return word;
-        }
+        QUEUED, RUNNING, HELD, PAUSED, ENDING, FINISHED, ABORTED, REJECTED, FAULTED, INTERRUPTED, UNKNOWN
     }
 
     /** A word of the wire. */
     public enum RecordingKind implements Word {
-        RECORDING("recording"),
-        BLACKBOX("blackbox"),
-        /** A word of a later version. */
-        UNKNOWN("");
-
-        private final String word;
-
-        RecordingKind(String word) {
-            this.word = word;
-        }
-
-        @Override
-        public String word() {
-            return word;
-        }
+        RECORDING, BLACKBOX, UNKNOWN
     }
 
     /** A word of the wire. */
     public enum RecordingState implements Word {
-        WRITING("writing"),
-        DONE("done"),
-        UNFINISHED("unfinished"),
-        /** A word of a later version. */
-        UNKNOWN("");
-
-        private final String word;
-
-        RecordingState(String word) {
-            this.word = word;
-        }
-
-        @Override
-        public String word() {
-            return word;
-        }
+        WRITING, DONE, UNFINISHED, UNKNOWN
     }
 
     /** A word of the wire. */
     public enum RunState implements Word {
-        WAITING("waiting"),
-        ARMED("armed"),
-        STARTED("started"),
-        REJECTED("rejected"),
-        /** A word of a later version. */
-        UNKNOWN("");
-
-        private final String word;
-
-        RunState(String word) {
-            this.word = word;
-        }
-
-        @Override
-        public String word() {
-            return word;
-        }
+        WAITING, ARMED, STARTED, REJECTED, UNKNOWN
     }
 
     /** A word of the wire. */
     public enum SdoType implements Word {
-        BOOL("bool"),
-        I8("i8"),
-        I16("i16"),
-        I24("i24"),
-        I32("i32"),
-        I64("i64"),
-        U8("u8"),
-        U16("u16"),
-        U24("u24"),
-        U32("u32"),
-        U64("u64"),
-        F32("f32"),
-        F64("f64"),
-        STR("str"),
-        UTF16("utf16"),
-        BYTES("bytes"),
-        /** A word of a later version. */
-        UNKNOWN("");
-
-        private final String word;
-
-        SdoType(String word) {
-            this.word = word;
-        }
-
-        @Override
-        public String word() {
-            return word;
-        }
+        BOOL, I8, I16, I24, I32, I64, U8, U16, U24, U32, U64, F32, F64, STR, UTF16, BYTES, UNKNOWN
     }
 
     /** A word of the wire. */
     public enum Severity implements Word {
-        ERROR("error"),
-        WARNING("warning"),
-        /** A word of a later version. */
-        UNKNOWN("");
-
-        private final String word;
-
-        Severity(String word) {
-            this.word = word;
-        }
-
-        @Override
-        public String word() {
-            return word;
-        }
+        ERROR, WARNING, UNKNOWN
     }
 
     /**
