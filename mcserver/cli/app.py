@@ -58,6 +58,7 @@ COMMANDS: Mapping[str, str] = MappingProxyType(
         "gateway": "gateway.gateway",
         "mtconnect": "mtconnect.mtconnect",
         "mqtt": "mqtt.mqtt",
+        "ros": "ros.ros",
         "examples": "examples.examples",
         "doctor": "doctor.doctor",
         "drive-sim": "drive_sim.drive_sim",

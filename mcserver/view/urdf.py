@@ -59,6 +59,13 @@ class Joint:
     ratio: float = 1.0
     offset: float = 0.0
 
+    def child_pose(self, values: Mapping[str, float]) -> Array:
+        """The child's frame in the parent's, shape (4, 4); ``values`` as of `Tree.poses`."""
+        value = values.get(self.name, 0.0)
+        if self.leader:
+            value = self.ratio * values.get(self.leader, 0.0) + self.offset
+        return self.pose @ _motion(self, value)
+
 
 @dataclass(frozen=True)
 class Tree:
@@ -72,10 +79,7 @@ class Tree:
         """Each link's frame in the root's, shape (4, 4); ``values`` by joint's name [rad or m], else 0."""
         placed = {self.root: np.eye(4)}
         for joint in self.joints:
-            value = values.get(joint.name, 0.0)
-            if joint.leader:
-                value = joint.ratio * values.get(joint.leader, 0.0) + joint.offset
-            placed[joint.child] = placed[joint.parent] @ joint.pose @ _motion(joint, value)
+            placed[joint.child] = placed[joint.parent] @ joint.child_pose(values)
         return placed
 
 

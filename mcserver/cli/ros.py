@@ -1,0 +1,47 @@
+"""``mcserver ros``: machines as nodes of ROS 2."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+from typing import Annotated
+
+import typer
+
+from mcserver.cli.console import narration
+from mcserver.cli.history import stop_on_terminate
+from mcserver.cli.options import ConnectOption, ZenohConfigOption
+from mcserver.cli.serving import require_packages
+
+
+def ros(
+    connect: ConnectOption = None,
+    zenoh: ZenohConfigOption = None,
+    domain: Annotated[
+        int, typer.Option("--domain", min=0, max=232, envvar="ROS_DOMAIN_ID", help="Domain of ROS.")
+    ] = 0,
+    machine: Annotated[
+        str | None,
+        typer.Option("--machine", metavar="NAME", help="This one alone, its names in the root namespace."),
+    ] = None,
+    rate: Annotated[
+        float, typer.Option("--rate", min=1.0, max=1000.0, help="Messages a second on joint_states.")
+    ] = 100.0,
+    controller: Annotated[
+        str, typer.Option("--controller", metavar="NAME", help="What stands before the trajectory action.")
+    ] = "joint_trajectory_controller",
+) -> None:
+    """Show all machines as nodes of ROS 2 (Jazzy) to whoever speaks rmw_zenoh, until Ctrl-C."""
+    require_packages("ros", "ros", ("rosbags", "mcclient"))
+    from mcserver.ros.bridge import Bridge
+    from mcserver.ros.machine_node import NodeOptions
+
+    options = NodeOptions(tuple(connect or ()), zenoh, domain, machine, rate, controller)
+    narration().print(f"ROS 2: domain {domain} (Ctrl-C ends)")
+
+    async def run() -> None:
+        stop_on_terminate()
+        await Bridge(options).run()
+
+    with contextlib.suppress(KeyboardInterrupt, asyncio.CancelledError):
+        asyncio.run(run())

@@ -1,0 +1,87 @@
+"""`mcserver ros` beside a real server, heard by a session of Zenoh that speaks as a node of ROS 2 does."""
+
+from __future__ import annotations
+
+import math
+import signal
+import subprocess
+import sys
+from collections.abc import AsyncIterator, Iterator
+
+import pytest
+
+from tests.e2e.conftest import served
+from tests.e2e.servers import ROOT, ServerProcess, environment
+from tests.ros.wire import WirePeer
+
+DOMAIN = 7
+JOINTS = [f"joint_{number}" for number in range(1, 7)]
+
+
+@pytest.fixture(scope="module")
+def arm_server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[ServerProcess]:
+    yield from served(tmp_path_factory.mktemp("arm"), "arm6", "arm-1")
+
+
+def start_bridge(endpoint: str, *options: str) -> subprocess.Popen[bytes]:
+    command = [
+        sys.executable,
+        "-m",
+        "mcserver",
+        "ros",
+        "--domain",
+        str(DOMAIN),
+        "--connect",
+        endpoint,
+        *options,
+    ]
+    return subprocess.Popen(command, env=environment(), cwd=ROOT)
+
+
+@pytest.fixture(scope="module")
+def bridge(arm_server: ServerProcess) -> Iterator[None]:
+    process = start_bridge(arm_server.endpoint)
+    yield
+    process.send_signal(signal.SIGTERM)
+    assert process.wait(30.0) == 0
+
+
+@pytest.fixture
+async def peer(arm_server: ServerProcess, bridge: None) -> AsyncIterator[WirePeer]:  # noqa: ARG001
+    async with WirePeer(arm_server.endpoint, DOMAIN) as made:
+        await made.token("/MP/", "%joint_states/")
+        yield made
+
+
+async def test_joints_are_named_and_measured_as_in_the_urdf(peer: WirePeer) -> None:
+    heard = peer.hear("arm_1/joint_states", "sensor_msgs/msg/JointState")
+    first, second = await heard.next(), await heard.next()
+    assert first.name == JOINTS
+    assert first.position.tolist() == pytest.approx([0.0, 0.0, 0.0, 0.0, math.pi / 2, 0.0], abs=1e-3)
+    assert (second.header.stamp.sec, second.header.stamp.nanosec) > (
+        first.header.stamp.sec,
+        first.header.stamp.nanosec,
+    )
+
+
+async def test_the_description_and_fixed_frames_are_there_for_who_comes_later(peer: WirePeer) -> None:
+    described = peer.hear("arm_1/robot_description", "std_msgs/msg/String", latched=True)
+    assert "<robot" in (await described.next()).data
+    fixed = await peer.hear("tf_static", "tf2_msgs/msg/TFMessage", latched=True).next()
+    assert fixed.transforms[0].child_frame_id == "arm_1/tip"
+
+
+async def test_a_tip_is_where_the_links_have_it(peer: WirePeer) -> None:
+    heard = peer.hear("tf", "tf2_msgs/msg/TFMessage")
+    while True:
+        (transform, *_) = (await heard.next()).transforms
+        if transform.child_frame_id == "arm_1/tool_1":
+            break
+    at = transform.transform.translation
+    assert (at.x, at.y, at.z) == pytest.approx((0.46, 0.0, 0.675), abs=1e-6)
+
+
+async def test_another_domain_has_none_of_it(arm_server: ServerProcess, peer: WirePeer) -> None:
+    assert peer.tokens()
+    async with WirePeer(arm_server.endpoint, DOMAIN + 1) as other:
+        assert other.tokens() == []

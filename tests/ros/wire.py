@@ -1,0 +1,127 @@
+"""A peer of ROS 2 on plain Zenoh: it writes and reads keys, attachments and payloads, and uses no bridge.
+
+Only the types are shared; another implementation of all of it is `tests/ros/peer` (Rust).
+"""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import struct
+import time
+from typing import Any
+
+import zenoh
+from zenoh.ext import HistoryConfig, declare_advanced_subscriber
+
+from mcserver.ros.interfaces import interfaces
+
+GID = bytes(range(16))
+
+
+def key(domain: int, name: str, kind: str) -> str:
+    package, middle, last = kind.split("/")
+    return f"{domain}/{name}/{package}::{middle}::dds_::{last}_/{interfaces().type_hash(kind)}"
+
+
+class Heard:
+    """Messages of a topic, as they come."""
+
+    def __init__(self) -> None:
+        self.queue: asyncio.Queue[tuple[Any, int]] = asyncio.Queue()
+
+    async def next(self, timeout_s: float = 30.0) -> Any:
+        async with asyncio.timeout(timeout_s):
+            return (await self.queue.get())[0]
+
+
+class WirePeer:
+    """A session; use it from one loop."""
+
+    def __init__(self, endpoint: str, domain: int = 0) -> None:
+        config = zenoh.Config()
+        for name, value in (
+            ("mode", "client"),
+            ("connect/endpoints", [endpoint]),
+            ("scouting/multicast/enabled", False),
+            ("timestamping/enabled", True),
+        ):
+            config.insert_json5(name, json.dumps(value))
+        self.session = zenoh.open(config)
+        self.domain = domain
+        self._loop = asyncio.get_running_loop()
+        self._number = 0
+
+    async def __aenter__(self) -> WirePeer:
+        return self
+
+    async def __aexit__(self, *_: object) -> None:
+        await asyncio.to_thread(self.session.close)
+
+    def tokens(self) -> list[str]:
+        """Keys of the graph's tokens in this domain."""
+        replies = self.session.liveliness().get(f"@ros2_lv/{self.domain}/**", timeout=5.0)
+        return [str(reply.ok.key_expr) for reply in replies if reply.ok is not None]
+
+    async def token(self, *parts: str, there: bool = True) -> str:
+        """Wait for a token that has all of the parts; with ``there`` false, until there is none."""
+        async with asyncio.timeout(60.0):
+            while True:
+                found = [
+                    each for each in await asyncio.to_thread(self.tokens) if all(p in each for p in parts)
+                ]
+                if bool(found) == there:
+                    return found[0] if found else ""
+                await asyncio.sleep(0.1)
+
+    def hear(self, name: str, kind: str, *, latched: bool = False) -> Heard:
+        """Subscribe; ``latched``: transient local."""
+        heard = Heard()
+
+        def on_sample(sample: zenoh.Sample) -> None:
+            assert sample.attachment is not None
+            number, _, count, _ = struct.unpack("<qqB16s", sample.attachment.to_bytes())
+            assert count == 16
+            message = interfaces().decode(kind, sample.payload.to_bytes())
+            self._loop.call_soon_threadsafe(heard.queue.put_nowait, (message, number))
+
+        where = key(self.domain, name, kind)
+        if latched:
+            history = HistoryConfig(detect_late_publishers=True)
+            heard.subscriber = declare_advanced_subscriber(self.session, where, on_sample, history=history)
+        else:
+            heard.subscriber = self.session.declare_subscriber(where, on_sample)
+        return heard
+
+    def put(self, name: str, kind: str, message: Any) -> None:
+        """Publish one message."""
+        payload = interfaces().encode(kind, message)
+        self.session.put(key(self.domain, name, kind), payload, attachment=self._attachment())
+
+    async def call(self, name: str, kind: str, request: Any, timeout_s: float = 60.0) -> Any:
+        """Ask a service; None: it gave an error, or did not answer."""
+        payload = request if isinstance(request, bytes) else interfaces().encode(f"{kind}_Request", request)
+        return await asyncio.to_thread(self._ask, name, kind, payload, timeout_s)
+
+    def _ask(self, name: str, kind: str, payload: bytes, timeout_s: float) -> Any:
+        asked = self._attachment()
+        for reply in self.session.get(
+            key(self.domain, name, kind),
+            payload=payload,
+            attachment=asked,
+            target=zenoh.QueryTarget.ALL_COMPLETE,
+            consolidation=zenoh.ConsolidationMode.NONE,
+            timeout=timeout_s,
+        ):
+            if reply.ok is None:
+                return None
+            assert reply.ok.attachment is not None
+            answered = reply.ok.attachment.to_bytes()
+            # the number and the sender of the request
+            assert (answered[:8], answered[16:]) == (asked[:8], asked[16:])
+            return interfaces().decode(f"{kind}_Response", reply.ok.payload.to_bytes())
+        return None
+
+    def _attachment(self) -> bytes:
+        self._number += 1
+        return struct.pack("<qqB16s", self._number, time.time_ns(), 16, GID)
