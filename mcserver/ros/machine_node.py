@@ -4,19 +4,31 @@ from __future__ import annotations
 
 import asyncio
 import logging
+import time
 from pathlib import Path
+from typing import Any
 
 import msgspec
 from mcclient import Machine
+from mcclient.types import MachineStatus
 
+from mcserver.ros.axis_states import AxisStates
+from mcserver.ros.follower import Follower
+from mcserver.ros.goals import ActionServer, Goal
 from mcserver.ros.graph import ros_name
-from mcserver.ros.joints import joints_of
-from mcserver.ros.node import RosSession
+from mcserver.ros.interfaces import interfaces
+from mcserver.ros.joints import Joint, joints_of
+from mcserver.ros.lane import Surroundings
+from mcserver.ros.node import Node, RosSession
+from mcserver.ros.outcome import Outcome, Status
+from mcserver.ros.program_service import ProgramService
 from mcserver.ros.state_topics import StateTopics
 
 log = logging.getLogger(__name__)
 
 NODE_NAME = "mcserver"
+FOLLOW = "control_msgs/action/FollowJointTrajectory"
+TRAJECTORY = "trajectory_msgs/msg/JointTrajectory"
 MODEL_S = 30.0
 
 
@@ -57,29 +69,72 @@ async def serve_machine(session: RosSession, name: str, options: NodeOptions) ->
         try:
             prefix = f"{namespace[1:]}/" if namespace else ""
             topics = StateTopics(node, info, model, joints, prefix, options.rate_hz)
+            view = _View(connected, topics, AxisStates(joints, time.monotonic))
+            follower = _serve_trajectories(node, connected, joints, view, options.controller)
+            ProgramService(node, connected)
             log.info("%s: %d joints in %s", name, len(joints), namespace or "/")
-            async with asyncio.TaskGroup() as group:
-                group.create_task(_publish_samples(connected, topics))
-                group.create_task(_publish_status(connected, topics, info.instance))
+            try:
+                async with asyncio.TaskGroup() as group:
+                    group.create_task(view.watch_samples())
+                    group.create_task(view.watch_status())
+            finally:
+                await follower.close()
         except* _AnotherStart:
             log.info("%s: its server was started again", name)
         finally:
             await node.close()
 
 
+def _serve_trajectories(
+    node: Node, machine: Machine, joints: tuple[Joint, ...], view: _View, controller: str
+) -> Follower:
+    """Serve the action and the topic of a trajectory controller."""
+
+    def feed(goal: Goal, feedback: Any) -> None:
+        action.feed(goal, feedback)
+
+    follower = Follower(Surroundings(machine, view.states, lambda: view.status, feed), joints)
+    action = ActionServer(node, f"{controller}/follow_joint_trajectory", FOLLOW, follower.start)
+
+    def on_trajectory(message: Any) -> None:
+        goal = Goal(b"", interfaces().make(f"{FOLLOW}_Goal", trajectory=message), time.time(), lambda: None)
+        goal.ended.add_done_callback(_say_failed)
+        follower.start(goal)
+
+    node.subscribe(f"{controller}/joint_trajectory", TRAJECTORY, on_trajectory)
+    return follower
+
+
+def _say_failed(ended: asyncio.Future[Outcome]) -> None:
+    outcome = ended.result()
+    if outcome.status is Status.ABORTED:
+        log.warning("a trajectory of the topic: %s", outcome.text)
+
+
+class _View:
+    """What a machine tells, and where it goes."""
+
+    def __init__(self, machine: Machine, topics: StateTopics, states: AxisStates) -> None:
+        self._machine = machine
+        self._topics = topics
+        self.states = states
+        self.status: MachineStatus | None = None
+
+    async def watch_samples(self) -> None:
+        async with self._machine.samples() as samples:
+            async for each in samples:
+                self.states.take(each)
+                self._topics.publish_samples(each)
+
+    async def watch_status(self) -> None:
+        instance = self._machine.info.instance
+        async with self._machine.telemetry() as states:
+            async for status in states:
+                if status.instance != instance:
+                    raise _AnotherStart
+                self.status = status
+                self._topics.publish_status(status)
+
+
 class _AnotherStart(Exception):
     """The server was started again, perhaps with another machine file."""
-
-
-async def _publish_samples(machine: Machine, topics: StateTopics) -> None:
-    async with machine.samples() as samples:
-        async for each in samples:
-            topics.publish_samples(each)
-
-
-async def _publish_status(machine: Machine, topics: StateTopics, instance: str) -> None:
-    async with machine.telemetry() as states:
-        async for status in states:
-            if status.instance != instance:
-                raise _AnotherStart
-            topics.publish_status(status)

@@ -4,38 +4,19 @@ from __future__ import annotations
 
 import math
 import signal
-import subprocess
-import sys
 from collections.abc import AsyncIterator, Iterator
 
 import pytest
 
 from tests.e2e.conftest import served
-from tests.e2e.servers import ROOT, ServerProcess, environment
+from tests.e2e.ros_bridge import DOMAIN, JOINTS, start_bridge
+from tests.e2e.servers import ServerProcess
 from tests.ros.wire import WirePeer
-
-DOMAIN = 7
-JOINTS = [f"joint_{number}" for number in range(1, 7)]
 
 
 @pytest.fixture(scope="module")
 def arm_server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[ServerProcess]:
     yield from served(tmp_path_factory.mktemp("arm"), "arm6", "arm-1")
-
-
-def start_bridge(endpoint: str, *options: str) -> subprocess.Popen[bytes]:
-    command = [
-        sys.executable,
-        "-m",
-        "mcserver",
-        "ros",
-        "--domain",
-        str(DOMAIN),
-        "--connect",
-        endpoint,
-        *options,
-    ]
-    return subprocess.Popen(command, env=environment(), cwd=ROOT)
 
 
 @pytest.fixture(scope="module")

@@ -7,14 +7,18 @@ from __future__ import annotations
 
 import asyncio
 import json
+import secrets
 import struct
 import time
+from collections.abc import Sequence
 from typing import Any
 
+import numpy as np
 import zenoh
 from zenoh.ext import HistoryConfig, declare_advanced_subscriber
 
 from mcserver.ros.interfaces import interfaces
+from mcserver.ros.stamps import duration_of, stamp_of
 
 GID = bytes(range(16))
 
@@ -125,3 +129,58 @@ class WirePeer:
     def _attachment(self) -> bytes:
         self._number += 1
         return struct.pack("<qqB16s", self._number, time.time_ns(), 16, GID)
+
+
+FOLLOW = "control_msgs/action/FollowJointTrajectory"
+
+
+class FollowClient:
+    """A client of the trajectory action; ``name`` without ``/_action``."""
+
+    def __init__(self, peer: WirePeer, name: str) -> None:
+        self._peer = peer
+        self._name = f"{name}/_action"
+
+    async def send(self, trajectory: Any, **fields: Any) -> tuple[Any, bool]:
+        """Send a goal; returns its id and whether it was accepted."""
+        make = interfaces().make
+        goal_id = make(
+            "unique_identifier_msgs/msg/UUID", uuid=np.frombuffer(secrets.token_bytes(16), np.uint8)
+        )
+        goal = make(f"{FOLLOW}_Goal", trajectory=trajectory, **fields)
+        request = make(f"{FOLLOW}_SendGoal_Request", goal_id=goal_id, goal=goal)
+        reply = await self._peer.call(f"{self._name}/send_goal", f"{FOLLOW}_SendGoal", request)
+        return goal_id, bool(reply.accepted)
+
+    async def result(self, goal_id: Any) -> Any:
+        """Return the answer of ``get_result``: ``status`` and ``result``."""
+        request = interfaces().make(f"{FOLLOW}_GetResult_Request", goal_id=goal_id)
+        return await self._peer.call(f"{self._name}/get_result", f"{FOLLOW}_GetResult", request)
+
+    async def cancel(self, goal_id: Any = None) -> Any:
+        """Cancel a goal; None: all."""
+        make = interfaces().make
+        info = make("action_msgs/msg/GoalInfo", **({} if goal_id is None else {"goal_id": goal_id}))
+        request = make("action_msgs/srv/CancelGoal_Request", goal_info=info)
+        return await self._peer.call(f"{self._name}/cancel_goal", "action_msgs/srv/CancelGoal", request)
+
+    def feedback(self) -> Heard:
+        return self._peer.hear(f"{self._name}/feedback", f"{FOLLOW}_FeedbackMessage")
+
+    def statuses(self) -> Heard:
+        return self._peer.hear(f"{self._name}/status", "action_msgs/msg/GoalStatusArray", latched=True)
+
+
+def trajectory(names: Sequence[str], *points: tuple[float, Sequence[float]], stamp_s: float = 0.0) -> Any:
+    """Return a trajectory of positions at times [s]."""
+    make = interfaces().make
+    made = [
+        make(
+            "trajectory_msgs/msg/JointTrajectoryPoint",
+            positions=np.array(positions, np.float64),
+            time_from_start=duration_of(time_s),
+        )
+        for time_s, positions in points
+    ]
+    header = make("std_msgs/msg/Header", stamp=stamp_of(stamp_s))
+    return make("trajectory_msgs/msg/JointTrajectory", header=header, joint_names=list(names), points=made)
