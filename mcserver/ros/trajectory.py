@@ -141,7 +141,9 @@ class Motion:
         positions = np.vstack((position, trajectory.positions[ahead]))
         self._final = positions[-1]
         if trajectory.velocities is None:
-            slopes = PchipInterpolator(self.times, positions, axis=0).derivative()(self.times)
+            # of points that are almost the same the slopes are divided by nearly nothing, and become 0
+            with np.errstate(all="ignore"):
+                slopes = PchipInterpolator(self.times, positions, axis=0).derivative()(self.times)
             slopes[0], slopes[-1] = velocity, 0.0
             self._curve = CubicHermiteSpline(self.times, positions, slopes, axis=0)
         else:
