@@ -1,7 +1,8 @@
 """What clearance costs a cycle, and planted obstacles: found, or moved clear and not reported.
 
 ``python -m tests.bench.clearance --count 1000`` plants obstacles in the way of random motions of an arm, a
-dog, a mill and two arms, and moves each clear by a millimetre.
+dog, a mill and two arms, and moves each clear by a millimetre. With ``--stops 4`` it stops random programs
+of a mill beside obstacles that are just clear of what ``simulate --stops`` judges.
 """
 
 from __future__ import annotations
@@ -23,6 +24,7 @@ from mcserver.machine.machine_file import Machine, builtin_text, parse_machine
 from mcserver.units import MM
 from tests.bench.figures import Figure
 from tests.clearance.machines import block, mill, two_arms
+from tests.clearance.stopping import brute_force
 
 Array = NDArray[np.float64]
 
@@ -37,6 +39,8 @@ CLEAR = 1e-3
 BETWEEN = 8
 # more than anything moves in a cycle: 20 m/s [m]
 MOST_A_CYCLE = 20e-3
+# of a margin of 1 mm as it is held [mm]
+JUST_CLEAR = 0.98
 MARGIN_ZERO = "[clearance]\nmargin_mm = 0.0\n"
 
 
@@ -168,15 +172,31 @@ def _least(machine: Machine, rows: Array) -> float:
     return least
 
 
+def _stop_anywhere(seeds: Sequence[int], stops: int) -> int:
+    """Stop programs beside obstacles that they just stay clear of, and say how near they came."""
+    nearest = {seed: brute_force(seed, stops) for seed in seeds}
+    touched = [seed for seed, least in nearest.items() if least < JUST_CLEAR]
+    print(f"{len(seeds)} programs, {stops} stops each: {len(touched)} too near {touched[:9]}")
+    middle = np.median(list(nearest.values()))
+    print(
+        f"least distance {min(nearest.values()):.3f} mm, half of them below {middle:.3f} mm; 1 mm is wanted"
+    )
+    return 1 if touched else 0
+
+
 def main(arguments: Sequence[str] | None = None) -> int:
     """Plant obstacles and count."""
     parser = argparse.ArgumentParser()
     parser.add_argument("--first", type=int, default=0)
     parser.add_argument("--count", type=int, default=1000)
+    parser.add_argument("--stops", type=int, default=0, help="stop so many times in each program instead")
     asked = parser.parse_args(arguments)
+    seeds = range(asked.first, asked.first + asked.count)
+    if asked.stops:
+        return _stop_anywhere(seeds, asked.stops)
     missed, alarms = [], []
     with tempfile.TemporaryDirectory() as folder:
-        for seed in range(asked.first, asked.first + asked.count):
+        for seed in seeds:
             hit, alarm = planted(seed, Path(folder))
             missed += [] if hit else [seed]
             alarms += [seed] if alarm else []

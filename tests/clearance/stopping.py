@@ -1,0 +1,123 @@
+"""Runs that are stopped in some cycle, against obstacles that just stay clear of all that is judged."""
+
+from __future__ import annotations
+
+import random
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mcserver.clearance.scene import Scene
+from mcserver.machine.machine_file import Machine
+from mcserver.planning.pipeline import Pipeline
+from mcserver.planning.start_state import StartState
+from mcserver.simulation.simulation import Simulation, simulate_lines
+from mcserver.simulation.virtual_executor import VirtualExecutor
+from mcserver.units import MM
+from tests.clearance.machines import block, mill
+
+ORDERS = ("hold", "abort", "estop")
+# An obstacle is moved up to what is judged until it may come no nearer by this, and from so far away [mm].
+NO_NEARER = 0.05
+FAR_AWAY = 250.0
+# So many cycles before the nearest place a stop may begin that ends there.
+BEFORE = 120
+
+
+def judged(lines: Sequence[str], machine: Machine) -> Simulation:
+    return simulate_lines(lambda: iter(lines), machine, stops=True)
+
+
+def stopped(
+    lines: Sequence[str], machine: Machine, cycle: int, order: str
+) -> tuple[NDArray[np.float64], bool]:
+    """Setpoints of every cycle (n, K) [m] of a run that is stopped in one, and whether it was over."""
+    executor = VirtualExecutor(machine)
+    executor.open_slot(0, (1 << len(machine.axes)) - 1)
+    rows: list[NDArray[np.float64]] = []
+    executor.recorder = lambda _t, _line, setpoint, _actual: rows.append(setpoint.copy())
+    pipeline = Pipeline(machine, executor.sink(0), start=StartState.of(machine))
+    pipeline.lines.put(1, list(lines))
+    pipeline.lines.closed = True
+    while len(rows) < cycle:
+        while pipeline.pump():
+            pass
+        executor.step(1)
+        for event in executor.events():
+            pipeline.on_event(event)
+    ended = executor.at_rest
+    if order == "hold":
+        executor.mailbox.set_hold(True, 0)
+    elif order == "abort":
+        executor.mailbox.abort(0)
+    else:
+        executor.mailbox.emergency_stop()
+    # longer than any stop takes
+    executor.step(600)
+    return np.array(rows), ended
+
+
+def least_of(machine: Machine, rows: NDArray[np.float64]) -> float:
+    """The least distance of any pair in any cycle [mm]."""
+    scene = Scene(machine)
+    least = np.inf
+    for row in rows[np.append(True, np.diff(rows, axis=0).any(axis=1))]:
+        scene.place(row)
+        least = min(least, *(scene.distance(pair) for pair in range(len(scene.pairs))))
+    return float(least) / MM
+
+
+def random_program(seed: int) -> list[str]:
+    draw = random.Random(seed)
+    lines = ["G1010"]
+    for _ in range(draw.randint(2, 5)):
+        letters = draw.sample("XYZ", draw.randint(1, 3))
+        low = {"X": 0.0, "Y": -80.0, "Z": 20.0}
+        words = [f"{letter}{draw.uniform(low[letter], 200.0):.2f}" for letter in letters]
+        lines.append(f"{draw.choice(('G0', 'G0', 'G1020', 'G1 F12000', 'G1 F3000'))} {' '.join(words)}")
+    return lines
+
+
+def clear_by_a_hair(seed: int) -> tuple[Machine, list[str]]:
+    """A random program, and a mill with an obstacle that is moved up to it until it would be refused."""
+    draw, lines = random.Random(seed), random_program(seed)
+    free = mill(block("post", (0.0, 0.0, 9000.0), 1.0))
+    found = simulate_lines(lambda: iter(lines), free, record=True)
+    assert found.recording is not None
+    rows = found.recording.setpoint
+    moving = np.flatnonzero(np.append(np.diff(rows, axis=0).any(axis=1), False))
+    # the middle of the tool there
+    place = rows[draw.choice(moving.tolist())] + np.array([0.0, 0.0, 30.0])
+    away = np.array([draw.gauss(0.0, 1.0) for _ in range(3)])
+    away /= np.linalg.norm(away)
+    edge = draw.uniform(5.0, 40.0)
+
+    def at(distance: float) -> Machine:
+        return mill(block("post", tuple((place + distance * away).tolist()), edge))
+
+    near, far = 0.0, FAR_AWAY
+    while far - near > NO_NEARER:
+        middle = 0.5 * (near + far)
+        clear = judged(lines, at(middle)).report["ok"]
+        near, far = (near, middle) if clear else (middle, far)
+    return at(far), lines
+
+
+def brute_force(seed: int, stops: int) -> float:
+    """The least distance of a random program from an obstacle that is just clear of it, where it is stopped
+    in some cycles [mm].
+    """
+    machine, lines = clear_by_a_hair(seed)
+    draw, found = random.Random(seed), judged(lines, machine)
+    if not found.report["ok"]:
+        return np.inf
+    cycles = round(found.report["duration_s"] * machine.cycle_hz)
+    nearest = [round(each["time_s"] * machine.cycle_hz) for each in found.report["clearance"]["pairs"]]
+    least = np.inf
+    for number in range(stops):
+        last = nearest[0] if nearest and number % 2 == 0 else cycles
+        first = max(5, last - BEFORE) if last != cycles else 5
+        cycle = draw.randint(first, max(first + 1, last))
+        least = min(least, least_of(machine, stopped(lines, machine, cycle, draw.choice(ORDERS))[0]))
+    return least
