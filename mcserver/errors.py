@@ -25,7 +25,7 @@ The error tree::
 from __future__ import annotations
 
 from collections.abc import Iterable
-from typing import Literal
+from typing import Any, Literal
 
 import msgspec
 
@@ -101,6 +101,10 @@ class McError(Exception):
         self.code = code
         self.message = message
         self.hint = hint
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Come whole out of a worker process, whatever the arguments of the class are."""
+        return self.__class__.__new__, (self.__class__, *self.args), self.__dict__
 
 
 class UsageFault(McError):

@@ -145,6 +145,19 @@ const (
 	ProgramStateInterrupted ProgramState = "interrupted"
 )
 
+// Quantity is a word of the wire. A later server may know further ones.
+type Quantity string
+
+// The words that this version knows.
+const (
+	QuantityEnd       Quantity = "end"
+	QuantityPosition  Quantity = "position"
+	QuantityTravel    Quantity = "travel"
+	QuantitySpeed     Quantity = "speed"
+	QuantityDuration  Quantity = "duration"
+	QuantityClearance Quantity = "clearance"
+)
+
 // RecordingKind is a word of the wire. A later server may know further ones.
 type RecordingKind string
 
@@ -255,6 +268,20 @@ type ArmRequest struct {
 	StandingS float64 `msgpack:"standing_s"`
 }
 
+// Assertion: One bound of a run.
+type Assertion struct {
+	// What: `end`: where a coordinate ends; `position`: where it is at any time; `travel`: how far its greatest
+	// place is from its least; `speed`: of an axis, or of a tool's tip (`T3`); `duration` [s]; `clearance`: the
+	// least between bodies [mm].
+	What Quantity `msgpack:"what" mc:"required"`
+	// Of: the coordinate: `X`, `7`, `T3.X`; a speed's axis or tool; empty for duration and clearance.
+	Of string `msgpack:"of"`
+	// Least: bounds, which belong to it [mm or deg, per second]; nil: none to this side.
+	Least *float64 `msgpack:"least"`
+	// Most: bounds, which belong to it [mm or deg, per second]; nil: none to this side.
+	Most *float64 `msgpack:"most"`
+}
+
 // AxesStatus: All axes, column-wise: every list has one entry for each of `index`.
 type AxesStatus struct {
 	Index    []int64     `msgpack:"index" mc:"required"`
@@ -265,6 +292,26 @@ type AxesStatus struct {
 	State    []AxisState `msgpack:"state" mc:"required"`
 	// Homed: whether the axis knows where it is; axes without `[axis.homing]` always do.
 	Homed []bool `msgpack:"homed"`
+}
+
+// AxisDifference: How an axis moves otherwise; the other program's minus this one's [mm or deg].
+type AxisDifference struct {
+	Axis int64  `msgpack:"axis" mc:"required"`
+	Unit string `msgpack:"unit" mc:"required"`
+	// Most: greatest difference of two setpoints of the same cycle; the shorter run rests at its end.
+	Most float64 `msgpack:"most" mc:"required"`
+	// TimeS: when, and the lines that run then.
+	TimeS float64 `msgpack:"time_s" mc:"required"`
+	// Line: when, and the lines that run then.
+	Line int64 `msgpack:"line" mc:"required"`
+	// OtherLine: when, and the lines that run then.
+	OtherLine int64 `msgpack:"other_line" mc:"required"`
+	// Min: differences of the least, greatest and last setpoint.
+	Min float64 `msgpack:"min" mc:"required"`
+	// Max: differences of the least, greatest and last setpoint.
+	Max float64 `msgpack:"max" mc:"required"`
+	// End: differences of the least, greatest and last setpoint.
+	End float64 `msgpack:"end" mc:"required"`
 }
 
 // AxisInfo: One axis; limits in mm or deg and seconds, nil where not limited. `homing`: how it finds its reference;
@@ -446,6 +493,18 @@ type ContinueRequest struct {
 	GraceS *float64 `msgpack:"grace_s"`
 	// Hold: begin held.
 	Hold bool `msgpack:"hold"`
+}
+
+// Difference: How another program moves.
+type Difference struct {
+	// Same: every setpoint is the same to the bit.
+	Same bool `msgpack:"same" mc:"required"`
+	// DurationS: the other one's minus this one's.
+	DurationS float64 `msgpack:"duration_s" mc:"required"`
+	// Axes: those whose setpoints differ.
+	Axes []AxisDifference `msgpack:"axes" mc:"required"`
+	// Tips: all.
+	Tips []TipDifference `msgpack:"tips" mc:"required"`
 }
 
 // DiskStatus: How slow the disk under the journal is.
@@ -692,6 +751,26 @@ type JogRequest struct {
 	// By: the person, where a client serves several: steps of one person follow each other, those of another one
 	// are refused (MC512) while the axis moves.
 	By string `msgpack:"by"`
+}
+
+// Judged: An assertion as the run keeps to it.
+type Judged struct {
+	// What: of the assertion.
+	What Quantity `msgpack:"what" mc:"required"`
+	// Of: of the assertion.
+	Of string `msgpack:"of" mc:"required"`
+	// Least: of the assertion.
+	Least *float64 `msgpack:"least" mc:"required"`
+	// Most: of the assertion.
+	Most *float64 `msgpack:"most" mc:"required"`
+	// Holds: whether the run keeps to it.
+	Holds bool `msgpack:"holds" mc:"required"`
+	// Value: the extreme that counts; nil: bodies stay farther apart than is told.
+	Value *float64 `msgpack:"value" mc:"required"`
+	// TimeS: when and in which line it has this value, or leaves the bounds of a position or speed.
+	TimeS float64 `msgpack:"time_s" mc:"required"`
+	// Line: when and in which line it has this value, or leaves the bounds of a position or speed.
+	Line int64 `msgpack:"line" mc:"required"`
 }
 
 // LeaveRequest: The client goes for good: what it has open ends now as its `on_disconnect` says, without a grace.
@@ -1312,6 +1391,10 @@ type SimulateReply struct {
 	Path *SimulatedPath `msgpack:"path"`
 	// Clearance: of a machine that names bodies.
 	Clearance *ClearanceReport `msgpack:"clearance"`
+	// Assertions: what those of the request come to, in their order.
+	Assertions []Judged `msgpack:"assertions"`
+	// Difference: to the motion of `against`.
+	Difference *Difference `msgpack:"difference"`
 }
 
 // SimulateRequest: Runs a program's text on a virtual clock and simulated drives.
@@ -1323,6 +1406,10 @@ type SimulateRequest struct {
 	PathPoints int64 `msgpack:"path_points"`
 	// Lines: whether the reply has the times of every line.
 	Lines *bool `msgpack:"lines"`
+	// Assertions: are judged on every setpoint; one that does not hold is a fault (MC330).
+	Assertions []Assertion `msgpack:"assertions"`
+	// Against: another program's text, from the same start: the reply has the `difference` to its motion.
+	Against string `msgpack:"against"`
 }
 
 // SimulatedPath: Points at even distances along the axes' travel.
@@ -1415,6 +1502,20 @@ type TelemetryInfo struct {
 	Fields         []string `msgpack:"fields" mc:"required"`
 	CyclesAMessage int64    `msgpack:"cycles_a_message" mc:"required"`
 	StateHz        float64  `msgpack:"state_hz" mc:"required"`
+}
+
+// TipDifference: How far apart two paths of a tip are, whatever their times.
+type TipDifference struct {
+	// Tool: nil: the axes 0, 1 and 2 themselves.
+	Tool *int64 `msgpack:"tool" mc:"required"`
+	// ApartMm: the greatest distance of a point of one path from the other one.
+	ApartMm float64 `msgpack:"apart_mm" mc:"required"`
+	// TimeS: where that is.
+	TimeS float64 `msgpack:"time_s" mc:"required"`
+	// Line: where that is.
+	Line int64 `msgpack:"line" mc:"required"`
+	// Other: they are of the other program, whose path goes astray there.
+	Other bool `msgpack:"other" mc:"required"`
 }
 
 // TipPath: Where a tool goes [mm]; `tool` nil: the axes 0, 1 and 2 themselves.

@@ -14,6 +14,7 @@ from mcserver.cli.exit_codes import ExitCode
 from mcserver.cli.options import DEFAULT_MACHINE, JsonOption, MachineOption, ProgramArgument, ZeroOption
 from mcserver.cli.output_file import check_output, write_atomically
 from mcserver.cli.planner_warm_up import prepare_planner
+from mcserver.cli.program_file import read_program
 from mcserver.cli.program_lines import keep_shown, program_lines
 from mcserver.cli.rejection import reject
 from mcserver.cli.simulation_report import (
@@ -23,10 +24,12 @@ from mcserver.cli.simulation_report import (
     shown_rows,
     write_report,
 )
+from mcserver.gcode.text.source import decode
 from mcserver.machine.machine_file import load_machine
 from mcserver.machine.machine_kinematics import build_kinematics
 from mcserver.motion.compiling import SHORT_LINES
 from mcserver.processes import collect_seldom
+from mcserver.simulation.assertions import read_assertion
 from mcserver.simulation.input_script import with_inputs
 from mcserver.simulation.recorder import Recorded
 from mcserver.simulation.recording_file import write_csv, write_npz
@@ -61,6 +64,27 @@ StopsOption = Annotated[
 ]
 
 
+AssertOption = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--assert",
+        metavar="WHAT",
+        help="What the run has to keep to: 'end T3.X least=99 most=101', 'position Z most=50', "
+        "'clearance least=5', 'duration most=60', 'speed X most=100', 'travel A most=0.1'; repeatable.",
+    ),
+]
+
+
+AgainstOption = Annotated[
+    str | None,
+    typer.Option(
+        "--against",
+        metavar="FILE",
+        help="Another program: say how its motion differs, by axis and tip, with line and time.",
+    ),
+]
+
+
 def simulate_program(
     file: ProgramArgument,
     machine: MachineOption = DEFAULT_MACHINE,
@@ -68,6 +92,8 @@ def simulate_program(
     inputs: InputsOption = None,
     zero: ZeroOption = None,
     stops: StopsOption = False,
+    assertions: AssertOption = None,
+    against: AgainstOption = None,
     json: JsonOption = False,
 ) -> None:
     """Run a program on a virtual clock, by the same code as the server."""
@@ -78,10 +104,12 @@ def simulate_program(
             described = with_zeros(with_inputs(load_machine(machine), inputs or ()), zero or ())
             program = stack.enter_context(program_lines(file))
             prepare_planner(SHORT_LINES + 1 if program.has_more_than(SHORT_LINES) else 0)
+            from mcserver.simulation.difference import CycleKeeper, difference_from
             from mcserver.simulation.simulation import simulate_lines
 
             kinematics = build_kinematics(described)
             collect_seldom()
+            kept = CycleKeeper()
             with live_progress() as progress:
                 simulation = simulate_lines(
                     program.source,
@@ -90,6 +118,13 @@ def simulate_program(
                     progress=progress,
                     record=output is not None,
                     stops=stops,
+                    assertions=[read_assertion(each) for each in assertions or ()],
+                    takers=() if against is None else (kept,),
+                )
+            if against is not None and simulation.end is not None:
+                duration = simulation.report["duration_s"]
+                simulation.report["difference"] = difference_from(
+                    decode(read_program(against)), kept, duration, described, kinematics=kinematics
                 )
             if output is not None and simulation.recording is not None:
                 poses = ToolPoses(described, kinematics)

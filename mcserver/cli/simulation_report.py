@@ -87,8 +87,36 @@ def print_report(report: Mapping[str, Any], times: LineTimes, source_lines: Sequ
         one, other = pair["bodies"]
         where = f"line {pair['line']}, {pair['time_s']:.3f} s"
         console.print(f"least clearance {pair['least_mm']:g} mm: {one} and {other}, {where}", markup=False)
+    judged = report.get("assertions", ())
+    if judged and all(each["holds"] for each in judged):
+        console.print(f"{len(judged)} assertion{'s' * (len(judged) != 1)}: the run keeps to all")
+    if "difference" in report:
+        _print_difference(report["difference"])
     if report.get("clearance", {}).get("stops") and report["ok"]:
         console.print("holds, overrides, aborts and emergency stops stay clear from every cycle")
+
+
+def _print_difference(difference: Mapping[str, Any]) -> None:
+    """Say how the other program moves: its setpoints minus those of this one, and its tips' paths."""
+    console = results()
+    if difference["same"]:
+        console.print("the other program has the same setpoints, to the bit")
+        return
+    console.print(f"the other program takes {difference['duration_s']:+.3f} s")
+    table = Table(box=None, pad_edge=False, header_style="bold")
+    for title in ("axis", "differs by", "at s", "line", "its line", "least", "greatest", "end", "unit"):
+        table.add_column(title, justify="right", no_wrap=True)
+    for axis in difference["axes"]:
+        far = [f"{axis[name]:+.3f}" for name in ("min", "max", "end")]
+        where = [f"{axis['time_s']:.3f}", str(axis["line"]), str(axis["other_line"])]
+        table.add_row(str(axis["axis"]), f"{axis['most']:+.3f}", *where, *far, axis["unit"])
+    if difference["axes"]:
+        console.print(table)
+    for tip in difference["tips"]:
+        of = "X Y Z" if tip["tool"] is None else f"tool {tip['tool']}"
+        whose = "its line" if tip["other"] else "line"
+        at = f"{whose} {tip['line']}, {tip['time_s']:.3f} s"
+        console.print(f"path of {of}: {tip['apart_mm']:.3f} mm apart at the most, {at}")
 
 
 def _table_of_lines(lines: Sequence[Mapping[str, Any]], source_lines: Sequence[str], width: int) -> Table:

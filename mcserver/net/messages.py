@@ -70,6 +70,8 @@ from mcserver.service.reports import (
 from mcserver.service.reports import (
     WorkOffset as WorkOffset,
 )
+from mcserver.simulation.assertions import MOST_ASSERTIONS, Assertion
+from mcserver.simulation.assertions import Quantity as Quantity
 
 PROTOCOL_VERSION = 1
 ENCODING = "application/msgpack"
@@ -320,12 +322,16 @@ class SimulateRequest(Request, frozen=True, kw_only=True):
         positions: start the axes there [mm, deg]; None: where the machine file lets simulated drives start.
         path_points: the reply's `path` has so many points at most; 0: no path.
         lines: whether the reply has the times of every line.
+        assertions: are judged on every setpoint; one that does not hold is a fault (MC330).
+        against: another program's text, from the same start: the reply has the `difference` to its motion.
     """
 
     text: str
     positions: dict[str, float] | None = None
     path_points: Annotated[int, Meta(ge=0, le=MAX_PATH_POINTS)] = 0
     lines: bool = True
+    assertions: Annotated[list[Assertion], Meta(max_length=MOST_ASSERTIONS)] = []
+    against: str | None = None
 
 
 class InfoRequest(Request, frozen=True, kw_only=True):

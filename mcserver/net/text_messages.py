@@ -8,6 +8,10 @@ import msgspec
 from msgspec import Meta
 
 from mcserver.net.messages import LineReport, Request, Sha256, WireDiagnostic, WorkOffset
+from mcserver.simulation.assertions import Judged
+from mcserver.simulation.difference import AxisDifference as AxisDifference
+from mcserver.simulation.difference import Difference
+from mcserver.simulation.difference import TipDifference as TipDifference
 
 MAX_PART_BYTES = 1 << 20
 
@@ -94,6 +98,7 @@ class SimulateReply(msgspec.Struct, frozen=True, omit_defaults=True):
         lines: those that took time, by start. axes: by number as text.
         inputs, outputs: their values at the end, by name. work_offsets: of the systems used or set.
         path: where it was asked for. clearance: of a machine that names bodies.
+        assertions: what those of the request come to, in their order. difference: to the motion of `against`.
     """
 
     ok: bool
@@ -107,3 +112,5 @@ class SimulateReply(msgspec.Struct, frozen=True, omit_defaults=True):
     outputs: dict[str, float] = {}
     path: SimulatedPath | None = None
     clearance: ClearanceReport | None = None
+    assertions: list[Judged] = []
+    difference: Difference | None = None

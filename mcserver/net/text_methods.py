@@ -53,6 +53,8 @@ class TextMethods:
             self._start(request.positions),
             request.path_points,
             request.lines,
+            request.assertions,
+            request.against,
         )
         if marks is not None:
             self._service.foresee(hash_of(request.text), marks)

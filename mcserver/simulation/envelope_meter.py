@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 from mckinematics.solver import MachineKinematics
+from numpy.typing import NDArray
 
 from mcserver.executor.entries import Array
 from mcserver.executor.envelope_bounds import Envelope, TipEnvelope
@@ -33,7 +34,7 @@ class EnvelopeMeter:
             if kinematics is not None and set(axes) & set(kinematics.axes(tool))
         ]
 
-    def take(self, times: Array, setpoint: Array) -> None:  # noqa: ARG002
+    def take(self, times: Array, lines: NDArray[np.int64], setpoint: Array) -> None:  # noqa: ARG002
         """Look at cycles in order: setpoints (n, K) [SI]."""
         np.minimum(self._low, setpoint.min(axis=0), out=self._low)
         np.maximum(self._high, setpoint.max(axis=0), out=self._high)

@@ -33,17 +33,6 @@ class Preview(msgspec.Struct, frozen=True):
     outputs: tuple[tuple[float, float], ...] = ()
 
 
-class _Both:
-    """Shows cycles to two."""
-
-    def __init__(self, *takers: Any) -> None:
-        self._takers = takers
-
-    def take(self, times: Any, setpoint: Any) -> None:
-        for taker in self._takers:
-            taker.take(times, setpoint)
-
-
 def preview(text: str, machine: Machine, start: StartState, axes: tuple[int, ...]) -> Preview:
     """Simulate a run of some axes from a state."""
     # the server names this type only; what computes is loaded in the worker
@@ -64,7 +53,7 @@ def preview(text: str, machine: Machine, start: StartState, axes: tuple[int, ...
         start=start,
         lease=frozenset(axes),
         kinematics=kinematics,
-        moments=_Both(sampler, meter),
+        takers=(sampler, meter),
     )
     path = path_of(sampler, machine, poses, axes)
     if not found.report["ok"] or found.end is None:

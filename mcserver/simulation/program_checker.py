@@ -21,6 +21,7 @@ from mcserver.errors import Diagnostic, Refused
 from mcserver.machine.machine_file import Machine
 from mcserver.planning.line_marks import LineMarks
 from mcserver.planning.start_state import StartState
+from mcserver.simulation.assertions import Assertion
 from mcserver.simulation.foresight import Foresight, Listener, check_file
 from mcserver.simulation.preview import Preview
 from mcserver.simulation.worker_process import end_with_parent
@@ -116,18 +117,22 @@ class ProgramChecker:
         start: StartState | None = None,
         path_points: int = 0,
         lines: bool = True,
+        assertions: Sequence[Assertion] = (),
+        against: str | None = None,
     ) -> tuple[dict[str, Any], LineMarks | None]:
         """Make the object of ``mcserver simulate --json``, and marks of its times; the others as in `check`.
 
         Args:
             path_points: with the ``path`` of the tips in so many points at most; 0: without.
-            lines: with the times of every line.
+            lines: with the times of every line. assertions: are judged. against: another text, from whose
+                motion this one's ``difference`` is told.
 
         Returns:
             The object; the marks, None where the program has faults. Raises as `check`.
         """
         start = start or StartState.of(self._machine)
-        return await self._run(client, simulate_text, text, self._machine, start, path_points, lines)
+        wanted = (path_points, lines, tuple(assertions), against)
+        return await self._run(client, simulate_text, text, self._machine, start, *wanted)
 
     async def preview(
         self,
@@ -272,15 +277,36 @@ def check_text(text: str, machine: Machine, start: StartState) -> list[Diagnosti
 
 
 def simulate_text(
-    text: str, machine: Machine, start: StartState | None = None, path_points: int = 0, lines: bool = True
+    text: str,
+    machine: Machine,
+    start: StartState | None = None,
+    path_points: int = 0,
+    lines: bool = True,
+    assertions: Sequence[Assertion] = (),
+    against: str | None = None,
 ) -> tuple[dict[str, Any], LineMarks | None]:
     """`mcserver.simulation.simulation.simulate`, its report and marks; runs in the worker."""
     simulation = importlib.import_module("mcserver.simulation.simulation")
     kinematics = importlib.import_module("mcserver.machine.machine_kinematics").build_kinematics(machine)
-    found = simulation.simulate(text, machine, start=start, kinematics=kinematics, path_points=path_points)
+    difference = importlib.import_module("mcserver.simulation.difference")
+    kept = difference.CycleKeeper()
+    found = simulation.simulate(
+        text,
+        machine,
+        start=start,
+        kinematics=kinematics,
+        path_points=path_points,
+        assertions=assertions,
+        takers=() if against is None else (kept,),
+    )
+    if against is not None and found.end is not None:
+        found.report["difference"] = difference.difference_from(
+            against, kept, found.report["duration_s"], machine, start=start, kinematics=kinematics
+        )
     if not lines:
         found.report["lines"] = []
-    return found.report, found.marks() if found.report["ok"] else None
+    # an assertion that does not hold takes nothing from the times
+    return found.report, found.marks() if found.end is not None and not found.failed else None
 
 
 def preview_text(text: str, machine: Machine, start: StartState, axes: tuple[int, ...]) -> Preview:

@@ -23,8 +23,8 @@ _BLOCK = 8192
 class CycleTaker(Protocol):
     """Is shown every cycle of a simulation."""
 
-    def take(self, times: Array, setpoint: Array) -> None:
-        """Look at cycles in order: times (n,) [s], setpoints (n, K) [SI]."""
+    def take(self, times: Array, lines: NDArray[np.int64], setpoint: Array) -> None:
+        """Look at cycles in order: times [s] and lines (n,), setpoints (n, K) [SI]."""
 
 
 @dataclass(frozen=True)
@@ -58,7 +58,7 @@ class Recorder:
 
     Args:
         keep: rows are wanted. channels: the executor's own inputs and outputs, which it changes in place.
-        sampler: takes the path too. moments: is shown every cycle's setpoints [SI].
+        sampler: takes the path too. takers: are shown every cycle's setpoints [SI].
         clearance: measures how near its bodies come to each other.
 
     Attributes:
@@ -72,12 +72,12 @@ class Recorder:
         keep: bool,
         channels: tuple[Array, Array] | None = None,
         sampler: PathSampler | None = None,
-        moments: CycleTaker | None = None,
+        takers: Sequence[CycleTaker] = (),
         clearance: ClearanceMeter | None = None,
     ) -> None:
         self._machine = machine
         self._sampler = sampler
-        self._moments = moments
+        self._takers = takers
         self._clearance = clearance
         self._keep = keep
         start = np.array([axis.initial_position for axis in machine.axes])
@@ -102,8 +102,8 @@ class Recorder:
         self._look_at_outputs()
         if self._sampler is not None:
             self._sampler.add(np.array([line]), setpoint[None])
-        if self._moments is not None:
-            self._moments.take(np.array([time]), setpoint[None])
+        for taker in self._takers:
+            taker.take(np.array([time]), np.array([line]), setpoint[None])
         if self._clearance is not None:
             self._clearance.add(np.array([time]), np.array([line]), setpoint[None])
         if not self._keep:
@@ -135,8 +135,8 @@ class Recorder:
         self._look_at_outputs()
         if self._sampler is not None:
             self._sampler.add(lines, setpoint)
-        if self._moments is not None:
-            self._moments.take(times, setpoint)
+        for taker in self._takers:
+            taker.take(times, lines, setpoint)
         if self._clearance is not None:
             self._clearance.add(times, lines, setpoint)
         if not self._keep:

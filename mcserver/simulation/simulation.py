@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Collection
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, field
 from itertools import islice
 from typing import Any, TypedDict, Unpack
@@ -31,6 +31,7 @@ from mcserver.planning.planner_messages import PlannedLines, ReportKind
 from mcserver.planning.shared_space import SharedSpace
 from mcserver.planning.start_state import PauseEnd, StartState
 from mcserver.planning.unhomed import machine_for
+from mcserver.simulation.assertions import Assertion, AssertionMeter, check_assertions
 from mcserver.simulation.line_times import LineTimes
 from mcserver.simulation.path_sampler import PathSampler
 from mcserver.simulation.recorder import CycleTaker, Recorded, Recorder
@@ -69,6 +70,7 @@ class Simulation:
         energized: numbers of the axes that are energized at the end.
         end: the state that it leaves behind; None: nothing was run.
         inputs_read: columns of inputs that it reads.
+        failed: it ended in a fault of the run itself, whatever its assertions come to.
         turned, pushed: numbers of the axes that it commands a speed or a torque.
         outputs: of each output the least and the greatest value.
     """
@@ -80,6 +82,7 @@ class Simulation:
     energized: frozenset[int] = frozenset()
     end: StartState | None = None
     inputs_read: frozenset[int] = frozenset()
+    failed: bool = False
     turned: frozenset[int] = frozenset()
     pushed: frozenset[int] = frozenset()
     outputs: tuple[tuple[float, float], ...] = ()
@@ -101,7 +104,8 @@ class Conditions(TypedDict, total=False):
         record: keep a row a cycle.
         path_points: so many at most are in the report's ``path``; 0: it has none.
         clock: what ``planning_s`` is measured with [s].
-        moments: keeps setpoints of all axes, evenly in time.
+        takers: are shown the setpoints of every cycle.
+        assertions: are judged; one that does not hold is a fault (MC330).
         stops: of a machine with bodies or zones, judge as the server does while it runs, wherever holds,
             overrides, aborts and emergency stops may bring axes.
     """
@@ -113,7 +117,8 @@ class Conditions(TypedDict, total=False):
     record: bool
     path_points: int
     clock: Callable[[], float]
-    moments: CycleTaker | None
+    takers: Sequence[CycleTaker]
+    assertions: Sequence[Assertion]
     stops: bool
 
 
@@ -145,12 +150,15 @@ def simulate_lines(
 
     Raises:
         ConfigurationError: MC323 stops are to be judged, and the machine names no bodies.
+        Refused: MC331 assertions name what the machine has not, or bound nothing.
     """
     if given.get("stops", False) and machine.clearance is None:
         raise ConfigurationError(
             "MC323", f"{machine.name} names no bodies, so stops cannot be judged", "add [clearance]"
         )
     kinematics = given.get("kinematics")
+    solver = kinematics if isinstance(kinematics, MachineKinematics) else None
+    check_assertions(given.get("assertions", ()), machine, solver)
     start = given.get("start") or StartState.of(machine)
     machine = machine_for(starting_at(machine, start.positions), start.homed, moves_unhomed=False)
     if not checked:
@@ -161,7 +169,6 @@ def simulate_lines(
         return Simulation(_rejected(machine, faults), 4)
     sampler = None
     if path_points := given.get("path_points", 0):
-        solver = kinematics if isinstance(kinematics, MachineKinematics) else None
         sampler = PathSampler(machine, ToolPoses(machine, solver), path_points)
     if times is None:
         times = LineTimes(planning=bool(machine.tools))
@@ -234,8 +241,12 @@ class _Run:
         if machine.clearance is not None:
             positions = np.array([axis.initial_position for axis in machine.axes])
             self._clearance = ClearanceMeter(machine, positions, tool_table(machine, start.frame))
-        channels, keep, moments = (row.inputs, row.outputs), given.get("record", False), given.get("moments")
-        self._recorder = Recorder(machine, keep, channels, sampler, moments, self._clearance)
+        kinematics = given.get("kinematics")
+        solver = kinematics if isinstance(kinematics, MachineKinematics) else None
+        self._assertions = AssertionMeter(given.get("assertions", ()), machine, solver)
+        channels, keep = (row.inputs, row.outputs), given.get("record", False)
+        takers = (*given.get("takers", ()), *([self._assertions] if given.get("assertions") else []))
+        self._recorder = Recorder(machine, keep, channels, sampler, takers, self._clearance)
         self._executor.recorder = self._recorder
         self._seen_u = -1.0
         # where the program's words read zero, by the name of the system
@@ -262,14 +273,16 @@ class _Run:
         # before a contact motion ends as near as the margin: the meter would tell of it once more
         if self._clearance is not None and not (self._stops and self._failed):
             self._faults += self._clearance.contacts()
+        report = self._report(warnings)
         return Simulation(
-            self._report(warnings),
-            1 if self._failed else 0,
+            report,
+            0 if report["ok"] else 1,
             self._recorder.recording(),
             self._feed_length,
             self._with_condition(_ENERGIZED),
             self._end_state(),
             frozenset(self._inputs_read),
+            self._failed,
             self._powered(DriveMode.VELOCITY),
             self._powered(DriveMode.TORQUE),
             tuple(
@@ -451,6 +464,7 @@ class _Run:
         if self._clearance is not None:
             judged = {"stops": True} if self._stops else {}
             report["clearance"] = {**self._clearance.report(), **judged}
+        self._judge(report)
         offsets = self._work_offsets()
         if offsets:
             report["work_offsets"] = offsets
@@ -464,6 +478,15 @@ class _Run:
                 each.name: float(value) for each, value in zip(machine.outputs, row.outputs, strict=True)
             }
         return report
+
+    def _judge(self, report: dict[str, Any]) -> None:
+        """Add what the assertions come to, and a fault for each that does not hold."""
+        judged = self._assertions.judge({**report, "last_line": self._recorder.line})
+        if judged:
+            faults = self._assertions.faults(judged)
+            report["assertions"] = [msgspec.to_builtins(each) for each in judged]
+            report["diagnostics"] += [each.as_json() for each in faults]
+            report["ok"] = report["ok"] and not faults
 
     def _work_offsets(self) -> list[dict[str, Any]]:
         """Return where each system that the program used or set reads zero [mm, deg]."""

@@ -42,7 +42,7 @@ class TimeSampler:
         self._seen = 0
         self._last = np.empty(0)
 
-    def take(self, times: Array, setpoint: Array) -> None:
+    def take(self, times: Array, lines: NDArray[np.int64], setpoint: Array) -> None:  # noqa: ARG002
         """Look at cycles: times (n,) [s], setpoints (n, width)."""
         # the next cycle that is kept
         at = -self._seen % self._stride

@@ -45,6 +45,31 @@ def test_json_is_one_object_of_the_documented_form(short: str, capfd: Capture) -
     }
 
 
+def test_assertions_that_do_not_hold_are_faults_at_their_lines(short: str, capfd: Capture) -> None:
+    assert run_command_line(["simulate", short, "--assert", "duration most=0.001", "--json"]) == 1
+    answer = json.loads(capfd.readouterr().out)
+    assert [each["code"] for each in answer["diagnostics"]] == ["MC330"]
+    assert answer["assertions"][0]["holds"] is False
+    assert run_command_line(["simulate", short, "--assert", "duration most=100"]) == 0
+    assert "1 assertion: the run keeps to all" in capfd.readouterr().out
+    assert run_command_line(["simulate", short, "--assert", "for ever"]) == 2
+    assert "MC331" in capfd.readouterr().err
+
+
+def test_the_difference_to_another_program_is_told(short: str, tmp_path: Path, capfd: Capture) -> None:
+    assert run_command_line(["simulate", short, "--against", short]) == 0
+    assert "the same setpoints, to the bit" in capfd.readouterr().out
+    other = tmp_path / "other.gcode"
+    other.write_text("G1010\nG94 F600\nG01 X1\n")
+    assert run_command_line(["simulate", short, "--against", str(other)]) == 0
+    shown = capfd.readouterr().out
+    assert "the other program takes" in shown
+    assert "path of X Y Z" in shown
+    other.write_text("G01 X1O")
+    assert run_command_line(["simulate", short, "--against", str(other)]) == 1
+    assert "MC332" in capfd.readouterr().err
+
+
 def test_people_get_a_table_of_lines_and_axes(short: str, capfd: Capture) -> None:
     assert run_command_line(["simulate", short]) == 0
     shown = capfd.readouterr().out

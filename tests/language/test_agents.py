@@ -167,6 +167,23 @@ async def test_simulate_gives_times_extents_and_a_picture() -> None:
         assert picture.mime_type == "image/png"
 
 
+async def test_simulate_judges_what_is_asserted_and_compares_with_another_program() -> None:
+    async with offline() as client:
+        asked = [{"what": "position", "of": "Z", "most": 3}, {"what": "duration", "most": 10}]
+        text = "G1010\nG94 F6000\nG01 X20\nG00 Z5\n"
+        result = await client.call_tool(
+            "simulate", {"text": text, "assertions": asked, "against": text.replace("X20", "X21")}
+        )
+        report = answer_of(result)
+        assert [each["holds"] for each in report["assertions"]] == [False, True]
+        assert [(each["code"], each["line"]) for each in report["diagnostics"]] == [("MC330", 4)]
+        assert [each["axis"] for each in report["difference"]["axes"]] == [0, 2]
+        refused = refusal(await client.call_tool("simulate", {"text": text, "against": "G01 X1O"}))
+        assert "MC332: the program to compare with fails in its line 1" in refused
+        unknown = {"text": text, "assertions": [{"what": "position", "of": "T9.X", "most": 3}]}
+        assert "MC331" in refusal(await client.call_tool("simulate", unknown))
+
+
 async def test_faults_and_drafts() -> None:
     async with offline() as client:
         assert "diameter" in answer_of(await client.call_tool("explain_fault", {"code": "mc104"}))["title"]

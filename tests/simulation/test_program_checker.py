@@ -3,12 +3,22 @@
 from __future__ import annotations
 
 import asyncio
+import pickle
 from collections.abc import Iterator
 
 import pytest
 
-from mcserver.errors import ServiceError
+from mcserver.errors import (
+    ConfigurationError,
+    Diagnostic,
+    McError,
+    Refused,
+    RejectedLines,
+    RuntimeFault,
+    ServiceError,
+)
 from mcserver.machine.machine_file import load_machine
+from mcserver.simulation.assertions import Assertion
 from mcserver.simulation.program_checker import CLIENT_REQUESTS, ProgramChecker
 from tests.service.fakes import three_axes
 
@@ -80,3 +90,21 @@ async def test_a_simulation_solves_the_tools_of_the_machine() -> None:
         arm.close()
     assert report["diagnostics"] == []
     assert report["lines"][0]["planning_s"] > 0.0
+
+
+def test_every_error_comes_whole_out_of_a_worker() -> None:
+    fault = Diagnostic("MC104", "the chord is longer", line=3)
+    errors: list[McError] = [
+        Refused("MC508", "many wait", "later", limit=4),
+        RuntimeFault("MC401", "it lags", line=7, axis=2),
+        RejectedLines([fault], first=3),
+        ConfigurationError("MC301", "no such frame"),
+    ]
+    for error in errors:
+        again = pickle.loads(pickle.dumps(error))
+        assert (type(again), vars(again), str(again)) == (type(error), vars(error), str(error))
+
+
+async def test_a_refusal_of_the_worker_reaches_its_client(worker: ProgramChecker) -> None:
+    with pytest.raises(Refused, match="MC331"):
+        await worker.simulate("hmi", "G1010", assertions=[Assertion("end", "40", most=1.0)])

@@ -18,7 +18,7 @@ def test_samples_are_bounded_even_and_end_with_the_newest_cycle(moments: int, bu
     sampler, done = TimeSampler(moments, 2), 0
     for burst in bursts:
         times = np.arange(done, done + burst, dtype=float)
-        sampler.take(times, np.stack([times, 2.0 * times], axis=1))
+        sampler.take(times, np.zeros(burst, np.int64), np.stack([times, 2.0 * times], axis=1))
         done += burst
     rows = sampler.rows
     assert min(done, moments // 2) <= len(rows) <= moments + 1

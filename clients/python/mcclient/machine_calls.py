@@ -407,6 +407,8 @@ class MachineCalls:
         *,
         path_points: int = 0,
         lines: bool = True,
+        assertions: Sequence[wire.Assertion] = (),
+        against: str | None = None,
         deadline_s: float = 300.0,
     ) -> wire.SimulateReply:
         """Run a program's text on a virtual clock: its times, travels and faults.
@@ -416,6 +418,9 @@ class MachineCalls:
                 start.
             path_points: the reply's `path` has so many points at most; 0: no path.
             lines: whether the reply has the times of every line.
+            assertions: are judged on every setpoint; one that does not hold is a fault (MC330).
+            against: another program's text, from the same start: the reply has the `difference` to its
+                motion.
         """
         return await self._caller.ask(
             wire.SimulateReply,
@@ -427,6 +432,8 @@ class MachineCalls:
                 else {str(key): each for key, each in positions.items()},
                 "path_points": path_points,
                 "lines": lines,
+                "assertions": list(assertions),
+                "against": against,
             },
             deadline_s,
         )

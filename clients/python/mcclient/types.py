@@ -145,6 +145,17 @@ class ProgramState(Word):
     INTERRUPTED = "interrupted"
 
 
+class Quantity(Word):
+    """One of the words of the wire."""
+
+    END = "end"
+    POSITION = "position"
+    TRAVEL = "travel"
+    SPEED = "speed"
+    DURATION = "duration"
+    CLEARANCE = "clearance"
+
+
 class RecordingKind(Word):
     """One of the words of the wire."""
 
@@ -306,6 +317,26 @@ class ArgumentInfo:
 
 
 @dataclass(frozen=True, slots=True)
+class Assertion:
+    """One bound of a run.
+
+    Attributes:
+        what: ``end``: where a coordinate ends; ``position``: where it is at any time; ``travel``: how far
+            its greatest place is from its least; ``speed``: of an axis, or of a tool's tip (``T3``);
+            ``duration`` [s]; ``clearance``: the least between bodies [mm].
+        of: the coordinate: ``X``, ``7``, ``T3.X``; a speed's axis or tool; empty for duration and
+            clearance.
+        least: bounds, which belong to it [mm or deg, per second]; None: none to this side.
+        most: bounds, which belong to it [mm or deg, per second]; None: none to this side.
+    """
+
+    what: Quantity
+    of: str = ""
+    least: float | None = None
+    most: float | None = None
+
+
+@dataclass(frozen=True, slots=True)
 class AxesStatus:
     """All axes, column-wise: every list has one entry for each of ``index``.
 
@@ -320,6 +351,31 @@ class AxesStatus:
     torque: tuple[float, ...]
     state: tuple[AxisState, ...]
     homed: tuple[bool, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class AxisDifference:
+    """How an axis moves otherwise; the other program's minus this one's [mm or deg].
+
+    Attributes:
+        most: greatest difference of two setpoints of the same cycle; the shorter run rests at its end.
+        time_s: when, and the lines that run then.
+        line: when, and the lines that run then.
+        other_line: when, and the lines that run then.
+        min: differences of the least, greatest and last setpoint.
+        max: differences of the least, greatest and last setpoint.
+        end: differences of the least, greatest and last setpoint.
+    """
+
+    axis: int
+    unit: str
+    most: float
+    time_s: float
+    line: int
+    other_line: int
+    min: float
+    max: float
+    end: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -576,6 +632,42 @@ class ContinueReply:
     line: int
     resume_of: str
     whole: bool
+
+
+@dataclass(frozen=True, slots=True)
+class TipDifference:
+    """How far apart two paths of a tip are, whatever their times.
+
+    Attributes:
+        tool: None: the axes 0, 1 and 2 themselves.
+        apart_mm: the greatest distance of a point of one path from the other one.
+        time_s: where that is.
+        line: where that is.
+        other: they are of the other program, whose path goes astray there.
+    """
+
+    tool: int | None
+    apart_mm: float
+    time_s: float
+    line: int
+    other: bool
+
+
+@dataclass(frozen=True, slots=True)
+class Difference:
+    """How another program moves.
+
+    Attributes:
+        same: every setpoint is the same to the bit.
+        duration_s: the other one's minus this one's.
+        axes: those whose setpoints differ.
+        tips: all.
+    """
+
+    same: bool
+    duration_s: float
+    axes: tuple[AxisDifference, ...]
+    tips: tuple[TipDifference, ...]
 
 
 @dataclass(frozen=True, slots=True)
@@ -911,6 +1003,31 @@ class JogReply:
     """The jog's program id: for ``abort``, and for keeping it alive."""
 
     program: str
+
+
+@dataclass(frozen=True, slots=True)
+class Judged:
+    """An assertion as the run keeps to it.
+
+    Attributes:
+        what: of the assertion.
+        of: of the assertion.
+        least: of the assertion.
+        most: of the assertion.
+        holds: whether the run keeps to it.
+        value: the extreme that counts; None: bodies stay farther apart than is told.
+        time_s: when and in which line it has this value, or leaves the bounds of a position or speed.
+        line: when and in which line it has this value, or leaves the bounds of a position or speed.
+    """
+
+    what: Quantity
+    of: str
+    least: float | None
+    most: float | None
+    holds: bool
+    value: float | None
+    time_s: float
+    line: int
 
 
 @dataclass(frozen=True, slots=True)
@@ -1371,6 +1488,8 @@ class SimulateReply:
         outputs: their values at the end, by name.
         path: where it was asked for.
         clearance: of a machine that names bodies.
+        assertions: what those of the request come to, in their order.
+        difference: to the motion of `against`.
     """
 
     ok: bool
@@ -1384,6 +1503,8 @@ class SimulateReply:
     outputs: dict[str, float] = field(default_factory=dict)
     path: SimulatedPath | None = None
     clearance: ClearanceReport | None = None
+    assertions: tuple[Judged, ...] = ()
+    difference: Difference | None = None
 
 
 @dataclass(frozen=True, slots=True)

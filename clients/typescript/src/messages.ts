@@ -44,6 +44,9 @@ export type ProgramState =
   | "queued" | "running" | "held" | "paused" | "ending" | "finished" | "aborted" | "rejected" | "faulted"
   | "interrupted";
 
+export type Quantity =
+  | "end" | "position" | "travel" | "speed" | "duration" | "clearance";
+
 export type RecordingKind =
   | "recording" | "blackbox";
 
@@ -112,6 +115,22 @@ export interface ArmRequest {
   standing_s?: number | undefined;
 }
 
+/** One bound of a run. */
+export interface Assertion {
+  /**
+   * `end`: where a coordinate ends; `position`: where it is at any time; `travel`: how far its greatest place is
+   * from its least; `speed`: of an axis, or of a tool's tip (`T3`); `duration` [s]; `clearance`: the least
+   * between bodies [mm].
+   */
+  what: Quantity;
+  /** the coordinate: `X`, `7`, `T3.X`; a speed's axis or tool; empty for duration and clearance. */
+  of?: string;
+  /** bounds, which belong to it [mm or deg, per second]; null: none to this side. */
+  least?: number | null;
+  /** bounds, which belong to it [mm or deg, per second]; null: none to this side. */
+  most?: number | null;
+}
+
 /** All axes, column-wise: every list has one entry for each of `index`. */
 export interface AxesStatus {
   index: number[];
@@ -122,6 +141,26 @@ export interface AxesStatus {
   state: AxisState[];
   /** whether the axis knows where it is; axes without `[axis.homing]` always do. */
   homed?: boolean[];
+}
+
+/** How an axis moves otherwise; the other program's minus this one's [mm or deg]. */
+export interface AxisDifference {
+  axis: number;
+  unit: string;
+  /** greatest difference of two setpoints of the same cycle; the shorter run rests at its end. */
+  most: number;
+  /** when, and the lines that run then. */
+  time_s: number;
+  /** when, and the lines that run then. */
+  line: number;
+  /** when, and the lines that run then. */
+  other_line: number;
+  /** differences of the least, greatest and last setpoint. */
+  min: number;
+  /** differences of the least, greatest and last setpoint. */
+  max: number;
+  /** differences of the least, greatest and last setpoint. */
+  end: number;
 }
 
 /**
@@ -307,6 +346,18 @@ export interface ContinueRequest {
   grace_s?: number | undefined;
   /** begin held. */
   hold?: boolean | undefined;
+}
+
+/** How another program moves. */
+export interface Difference {
+  /** every setpoint is the same to the bit. */
+  same: boolean;
+  /** the other one's minus this one's. */
+  duration_s: number;
+  /** those whose setpoints differ. */
+  axes: AxisDifference[];
+  /** all. */
+  tips: TipDifference[];
 }
 
 /** How slow the disk under the journal is. */
@@ -559,6 +610,26 @@ export interface JogRequest {
    * refused (MC512) while the axis moves.
    */
   by?: string | undefined;
+}
+
+/** An assertion as the run keeps to it. */
+export interface Judged {
+  /** of the assertion. */
+  what: Quantity;
+  /** of the assertion. */
+  of: string;
+  /** of the assertion. */
+  least: number | null;
+  /** of the assertion. */
+  most: number | null;
+  /** whether the run keeps to it. */
+  holds: boolean;
+  /** the extreme that counts; null: bodies stay farther apart than is told. */
+  value: number | null;
+  /** when and in which line it has this value, or leaves the bounds of a position or speed. */
+  time_s: number;
+  /** when and in which line it has this value, or leaves the bounds of a position or speed. */
+  line: number;
 }
 
 /** The client goes for good: what it has open ends now as its `on_disconnect` says, without a grace. */
@@ -1186,6 +1257,10 @@ export interface SimulateReply {
   path?: SimulatedPath | null;
   /** of a machine that names bodies. */
   clearance?: ClearanceReport | null;
+  /** what those of the request come to, in their order. */
+  assertions?: Judged[];
+  /** to the motion of `against`. */
+  difference?: Difference | null;
 }
 
 /** Runs a program's text on a virtual clock and simulated drives. */
@@ -1197,6 +1272,10 @@ export interface SimulateRequest {
   path_points?: number | undefined;
   /** whether the reply has the times of every line. */
   lines?: boolean | undefined;
+  /** are judged on every setpoint; one that does not hold is a fault (MC330). */
+  assertions?: Assertion[] | undefined;
+  /** another program's text, from the same start: the reply has the `difference` to its motion. */
+  against?: string | null | undefined;
 }
 
 /** Points at even distances along the axes' travel. */
@@ -1293,6 +1372,20 @@ export interface TelemetryInfo {
   fields: string[];
   cycles_a_message: number;
   state_hz: number;
+}
+
+/** How far apart two paths of a tip are, whatever their times. */
+export interface TipDifference {
+  /** null: the axes 0, 1 and 2 themselves. */
+  tool: number | null;
+  /** the greatest distance of a point of one path from the other one. */
+  apart_mm: number;
+  /** where that is. */
+  time_s: number;
+  /** where that is. */
+  line: number;
+  /** they are of the other program, whose path goes astray there. */
+  other: boolean;
 }
 
 /** Where a tool goes [mm]; `tool` null: the axes 0, 1 and 2 themselves. */

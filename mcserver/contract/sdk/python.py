@@ -105,6 +105,7 @@ TAKEN = replace(
     READ,
     scalars={**READ.scalars, "value": "wire.Value"},
     named="wire.{}Word",
+    message="wire.{}",
     list_of="Sequence[{}]",
     map_of="Mapping[int, {}]",
     word=lambda _, word: repr(word),

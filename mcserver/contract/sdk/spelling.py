@@ -14,7 +14,8 @@ class Spelling:
 
     Attributes:
         scalars: by the name of a `Scalar`. boxed: those that are written otherwise inside of another type.
-        named: a message or words. renamed: names that are others there.
+        named: a message or words. message: a message, where it is written otherwise than words.
+        renamed: names that are others there.
         nothing, empty_list, empty_map, text, empty_text, number: values. flags: false and true.
         word: one of the words of a type, by that type's name.
     """
@@ -25,6 +26,7 @@ class Spelling:
     maybe: str
     boxed: Mapping[str, str] = field(default_factory=dict)
     named: str = "{}"
+    message: str = ""
     renamed: Mapping[str, str] = field(default_factory=dict)
     nothing: str = "null"
     empty_list: str = ""
@@ -40,8 +42,8 @@ class Spelling:
         match kind:
             case Scalar(name):
                 return (inside and self.boxed.get(name)) or self.scalars[name]
-            case Named(name):
-                return self.named.format(self.name(name))
+            case Named(name, words):
+                return ((not words and self.message) or self.named).format(self.name(name))
             case ListOf(inner):
                 return self.list_of.format(self.type(inner, inside=True))
             case MapOf(inner):

@@ -19,6 +19,10 @@ WORDED = {
     "MC064": ("others would reach the page without login or TLS", "give --users, --certificate and --key"),
     "MC320": ("two bodies come nearer to each other than the margin", "take another way"),
     "MC321": ("a body enters a zone, or leaves the one it stays in", "take another way"),
+    "MC330": (
+        "an assertion does not hold in the simulated run",
+        "change the program, or what is asked of it",
+    ),
     "MC524": ("the disk under the journal is slow", "see `disk` of the status"),
     "MC525": ("a malformed message made a session of the server deaf; programs are held", "resume them"),
     "MC527": ("the journal was damaged, and the programs in it were set aside", "look at the machine first"),

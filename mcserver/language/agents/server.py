@@ -18,14 +18,15 @@ from mcclient.errors import MotionError
 from mcp.server.mcpserver import Context, MCPServer
 from mcp.server.mcpserver.exceptions import ToolError
 from mcp.types import CallToolResult, ImageContent, TextContent, ToolAnnotations
-from pydantic import Field
+from pydantic import Field, WithJsonSchema
 
-from mcserver.errors import McError
+from mcserver.errors import McError, Refused
 from mcserver.language.agents.knowledge import dialect_topic, draft, fault_facts, machine_facts, profile_codes
 from mcserver.language.agents.recordings import list_recordings
 from mcserver.machine.machine_file import Machine
 from mcserver.service.approval_basis import server_version
 from mcserver.service.arming import hash_of
+from mcserver.simulation.assertions import Assertion
 from mcserver.simulation.program_checker import ProgramChecker
 
 MAX_TEXT = 256 * 1024  # characters of a program
@@ -38,6 +39,13 @@ Text = Annotated[str, Field(description="The program: lines of G-code, to the la
 Which = Annotated[
     str | None, Field(description="Id of a program, as status and run_armed give it; null: all.")
 ]
+# the fields of an assertion, as the struct itself has them
+ASSERTIONS = {
+    "anyOf": [
+        {"type": "array", "items": msgspec.json.schema_components([Assertion])[1]["Assertion"]},
+        {"type": "null"},
+    ]
+}
 CLIENT = "agent"
 READS = ToolAnnotations(read_only_hint=True)
 ASKS = ToolAnnotations(read_only_hint=False, destructive_hint=False)
@@ -121,10 +129,33 @@ class AgentTools:
     async def simulate(
         self,
         text: Text,
-        picture: Annotated[bool, Field(description="Add a picture of the path, as a PNG.")] = False,
+        picture: Annotated[
+            bool, Field(description="Add a picture of the path among the machine's bodies, as a PNG.")
+        ] = False,
+        assertions: Annotated[
+            list[dict[str, Any]] | None,
+            WithJsonSchema(ASSERTIONS),
+            Field(
+                description="What the run has to keep to, judged on every setpoint: end, position (at any"
+                " time), travel, speed, duration [s] or clearance [mm], of an axis (X, 7) or tool (T3.X;"
+                " speed: T3), least and most belong to it [mm, deg]. One that does not hold is a fault with"
+                " line and value."
+            ),
+        ] = None,
+        against: Annotated[
+            str | None,
+            Field(
+                description="Another program: the answer's `difference` has by axis how far its setpoints are"
+                " from this one's at the same time, by tip how far the paths are apart, with line and time."
+            ),
+        ] = None,
     ) -> CallToolResult:
         """Run a program on a virtual clock: duration, times of lines, ends and extents of axes, clearance."""
-        report = _too_long(text) or (await self._checker.simulate(CLIENT, text))[0]
+        report = _too_long(text) or _too_long(against or "")
+        if report is None:
+            asked = _assertions(assertions or [])
+            simulated = await self._checker.simulate(CLIENT, text, assertions=asked, against=against)
+            report = simulated[0]
         lines = report.get("lines", [])
         shown = {**report, "lines": lines[:MAX_SHOWN_LINES], "lines_in_all": len(lines)}
         content: list[Any] = [TextContent(type="text", text=msgspec.json.encode(shown).decode())]
@@ -262,6 +293,13 @@ class AgentTools:
             if not output.exists():
                 return "no picture: it needs the extra 'mcserver[plot]'"
             return output.read_bytes()
+
+
+def _assertions(asked: list[dict[str, Any]]) -> list[Assertion]:
+    try:
+        return msgspec.convert(asked, list[Assertion])
+    except msgspec.ValidationError as error:
+        raise Refused("MC331", f"assertions: {error}", "what, of, least, most") from error
 
 
 def _too_long(text: str) -> dict[str, Any] | None:

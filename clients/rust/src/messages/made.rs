@@ -77,6 +77,11 @@ words!(ProgramState {
     Interrupted = "interrupted",
 });
 
+words!(Quantity {
+    End = "end", Position = "position", Travel = "travel", Speed = "speed", Duration = "duration",
+    Clearance = "clearance",
+});
+
 words!(RecordingKind {
     Recording = "recording", Blackbox = "blackbox",
 });
@@ -170,6 +175,24 @@ impl ArmRequest {
     }
 }
 
+/// One bound of a run.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Assertion {
+    /// `end`: where a coordinate ends; `position`: where it is at any time; `travel`: how far its greatest
+    /// place is from its least; `speed`: of an axis, or of a tool's tip (`T3`); `duration` \[s\];
+    /// `clearance`: the least between bodies \[mm\].
+    pub what: Quantity,
+    /// the coordinate: `X`, `7`, `T3.X`; a speed's axis or tool; empty for duration and clearance.
+    #[serde(default)]
+    pub of: String,
+    /// bounds, which belong to it \[mm or deg, per second\]; none: none to this side.
+    #[serde(default)]
+    pub least: Option<f64>,
+    /// bounds, which belong to it \[mm or deg, per second\]; none: none to this side.
+    #[serde(default)]
+    pub most: Option<f64>,
+}
+
 /// All axes, column-wise: every list has one entry for each of `index`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct AxesStatus {
@@ -182,6 +205,27 @@ pub struct AxesStatus {
     /// whether the axis knows where it is; axes without `\[axis.homing\]` always do.
     #[serde(default)]
     pub homed: Vec<bool>,
+}
+
+/// How an axis moves otherwise; the other program's minus this one's \[mm or deg\].
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct AxisDifference {
+    pub axis: u64,
+    pub unit: String,
+    /// greatest difference of two setpoints of the same cycle; the shorter run rests at its end.
+    pub most: f64,
+    /// when, and the lines that run then.
+    pub time_s: f64,
+    /// when, and the lines that run then.
+    pub line: u64,
+    /// when, and the lines that run then.
+    pub other_line: u64,
+    /// differences of the least, greatest and last setpoint.
+    pub min: f64,
+    /// differences of the least, greatest and last setpoint.
+    pub max: f64,
+    /// differences of the least, greatest and last setpoint.
+    pub end: f64,
 }
 
 /// One axis; limits in mm or deg and seconds, none where not limited. `homing`: how it finds its reference;
@@ -451,6 +495,19 @@ impl ContinueRequest {
             hold: false,
         }
     }
+}
+
+/// How another program moves.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Difference {
+    /// every setpoint is the same to the bit.
+    pub same: bool,
+    /// the other one's minus this one's.
+    pub duration_s: f64,
+    /// those whose setpoints differ.
+    pub axes: Vec<AxisDifference>,
+    /// all.
+    pub tips: Vec<TipDifference>,
 }
 
 /// How slow the disk under the journal is.
@@ -846,6 +903,30 @@ impl JogRequest {
             by: String::new(),
         }
     }
+}
+
+/// An assertion as the run keeps to it.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Judged {
+    /// of the assertion.
+    pub what: Quantity,
+    /// of the assertion.
+    pub of: String,
+    /// of the assertion.
+    #[serde(deserialize_with = "Option::deserialize")]
+    pub least: Option<f64>,
+    /// of the assertion.
+    #[serde(deserialize_with = "Option::deserialize")]
+    pub most: Option<f64>,
+    /// whether the run keeps to it.
+    pub holds: bool,
+    /// the extreme that counts; none: bodies stay farther apart than is told.
+    #[serde(deserialize_with = "Option::deserialize")]
+    pub value: Option<f64>,
+    /// when and in which line it has this value, or leaves the bounds of a position or speed.
+    pub time_s: f64,
+    /// when and in which line it has this value, or leaves the bounds of a position or speed.
+    pub line: u64,
 }
 
 /// The client goes for good: what it has open ends now as its `on_disconnect` says, without a grace.
@@ -1899,6 +1980,12 @@ pub struct SimulateReply {
     /// of a machine that names bodies.
     #[serde(default)]
     pub clearance: Option<ClearanceReport>,
+    /// what those of the request come to, in their order.
+    #[serde(default)]
+    pub assertions: Vec<Judged>,
+    /// to the motion of `against`.
+    #[serde(default)]
+    pub difference: Option<Difference>,
 }
 
 /// Runs a program's text on a virtual clock and simulated drives.
@@ -1911,6 +1998,10 @@ pub struct SimulateRequest {
     pub path_points: u64,
     /// whether the reply has the times of every line.
     pub lines: bool,
+    /// are judged on every setpoint; one that does not hold is a fault (MC330).
+    pub assertions: Vec<Assertion>,
+    /// another program's text, from the same start: the reply has the `difference` to its motion.
+    pub against: Option<String>,
 }
 
 impl SimulateRequest {
@@ -1922,6 +2013,8 @@ impl SimulateRequest {
             positions: None,
             path_points: 0,
             lines: true,
+            assertions: Vec::new(),
+            against: None,
         }
     }
 }
@@ -2052,6 +2145,22 @@ pub struct TelemetryInfo {
     pub fields: Vec<String>,
     pub cycles_a_message: u64,
     pub state_hz: f64,
+}
+
+/// How far apart two paths of a tip are, whatever their times.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct TipDifference {
+    /// none: the axes 0, 1 and 2 themselves.
+    #[serde(deserialize_with = "Option::deserialize")]
+    pub tool: Option<u64>,
+    /// the greatest distance of a point of one path from the other one.
+    pub apart_mm: f64,
+    /// where that is.
+    pub time_s: f64,
+    /// where that is.
+    pub line: u64,
+    /// they are of the other program, whose path goes astray there.
+    pub other: bool,
 }
 
 /// Where a tool goes \[mm\]; `tool` none: the axes 0, 1 and 2 themselves.

@@ -138,6 +138,11 @@ public final class Messages {
     }
 
     /** A word of the wire. */
+    public enum Quantity implements Word {
+        END, POSITION, TRAVEL, SPEED, DURATION, CLEARANCE, UNKNOWN
+    }
+
+    /** A word of the wire. */
     public enum RecordingKind implements Word {
         RECORDING, BLACKBOX, UNKNOWN
     }
@@ -219,12 +224,37 @@ public final class Messages {
     }
 
     /**
+     * One bound of a run.
+     * @param what `end`: where a coordinate ends; `position`: where it is at any time; `travel`: how far its
+     *     greatest place is from its least; `speed`: of an axis, or of a tool's tip (`T3`); `duration` [s];
+     *     `clearance`: the least between bodies [mm].
+     * @param of the coordinate: `X`, `7`, `T3.X`; a speed's axis or tool; empty for duration and clearance.
+     * @param least bounds, which belong to it [mm or deg, per second]; null: none to this side.
+     * @param most bounds, which belong to it [mm or deg, per second]; null: none to this side.
+     */
+    public record Assertion(Quantity what, @Sparse String of, @Sparse Double least, @Sparse Double most) {}
+
+    /**
      * All axes, column-wise: every list has one entry for each of `index`.
      * @param homed whether the axis knows where it is; axes without `[axis.homing]` always do.
      */
     public record AxesStatus(
             List<Long> index, List<Double> position, List<Double> setpoint, List<Double> velocity, List<Double> torque,
             List<AxisState> state, @Sparse List<Boolean> homed) {}
+
+    /**
+     * How an axis moves otherwise; the other program's minus this one's [mm or deg].
+     * @param most greatest difference of two setpoints of the same cycle; the shorter run rests at its end.
+     * @param timeS when, and the lines that run then.
+     * @param line when, and the lines that run then.
+     * @param otherLine when, and the lines that run then.
+     * @param min differences of the least, greatest and last setpoint.
+     * @param max differences of the least, greatest and last setpoint.
+     * @param end differences of the least, greatest and last setpoint.
+     */
+    public record AxisDifference(
+            long axis, String unit, double most, double timeS, long line, long otherLine, double min, double max, double
+            end) {}
 
     /**
      * One axis; limits in mm or deg and seconds, null where not limited. `homing`: how it finds its reference;
@@ -432,6 +462,15 @@ public final class Messages {
             return new ContinueRequest(program, line, way, outputs, onDisconnect, graceS, hold);
         }
     }
+
+    /**
+     * How another program moves.
+     * @param same every setpoint is the same to the bit.
+     * @param durationS the other one's minus this one's.
+     * @param axes those whose setpoints differ.
+     * @param tips all.
+     */
+    public record Difference(boolean same, double durationS, List<AxisDifference> axes, List<TipDifference> tips) {}
 
     /**
      * How slow the disk under the journal is.
@@ -658,6 +697,21 @@ public final class Messages {
             return new JogRequest(axis, distance, velocity, holdS, program, by);
         }
     }
+
+    /**
+     * An assertion as the run keeps to it.
+     * @param what of the assertion.
+     * @param of of the assertion.
+     * @param least of the assertion.
+     * @param most of the assertion.
+     * @param holds whether the run keeps to it.
+     * @param value the extreme that counts; null: bodies stay farther apart than is told.
+     * @param timeS when and in which line it has this value, or leaves the bounds of a position or speed.
+     * @param line when and in which line it has this value, or leaves the bounds of a position or speed.
+     */
+    public record Judged(
+            Quantity what, String of, @Nil Double least, @Nil Double most, boolean holds, @Nil Double value, double
+            timeS, long line) {}
 
     /** The client goes for good: what it has open ends now as its `on_disconnect` says, without a grace. */
     public record LeaveRequest() {}
@@ -1320,37 +1374,54 @@ public final class Messages {
      * @param outputs their values at the end, by name.
      * @param path where it was asked for.
      * @param clearance of a machine that names bodies.
+     * @param assertions what those of the request come to, in their order.
+     * @param difference to the motion of `against`.
      */
     public record SimulateReply(
             boolean ok, double durationS, double feedLengthMm, List<LineReport> lines, Map<String, AxisTravel> axes,
             List<Diagnostic> diagnostics, @Sparse List<WorkOffset> workOffsets, @Sparse Map<String, Double> inputs,
-            @Sparse Map<String, Double> outputs, @Sparse SimulatedPath path, @Sparse ClearanceReport clearance) {}
+            @Sparse Map<String, Double> outputs, @Sparse SimulatedPath path, @Sparse ClearanceReport clearance, @Sparse
+            List<Judged> assertions, @Sparse Difference difference) {}
 
     /**
      * Runs a program's text on a virtual clock and simulated drives.
      * @param positions start the axes there [mm, deg]; null: where the machine file lets simulated drives start.
      * @param pathPoints the reply's `path` has so many points at most; 0: no path.
      * @param lines whether the reply has the times of every line.
+     * @param assertions are judged on every setpoint; one that does not hold is a fault (MC330).
+     * @param against another program's text, from the same start: the reply has the `difference` to its motion.
      */
-    public record SimulateRequest(String text, Map<String, Double> positions, long pathPoints, boolean lines) {
+    public record SimulateRequest(
+            String text, Map<String, Double> positions, long pathPoints, boolean lines, List<Assertion> assertions,
+            String against) {
         /** All that may be left out as the server has it. */
         public SimulateRequest(String text) {
-            this(text, null, 0, true);
+            this(text, null, 0, true, List.of(), null);
         }
 
         /** The same with another {@code positions}. */
         public SimulateRequest withPositions(Map<String, Double> positions) {
-            return new SimulateRequest(text, positions, pathPoints, lines);
+            return new SimulateRequest(text, positions, pathPoints, lines, assertions, against);
         }
 
         /** The same with another {@code pathPoints}. */
         public SimulateRequest withPathPoints(long pathPoints) {
-            return new SimulateRequest(text, positions, pathPoints, lines);
+            return new SimulateRequest(text, positions, pathPoints, lines, assertions, against);
         }
 
         /** The same with another {@code lines}. */
         public SimulateRequest withLines(boolean lines) {
-            return new SimulateRequest(text, positions, pathPoints, lines);
+            return new SimulateRequest(text, positions, pathPoints, lines, assertions, against);
+        }
+
+        /** The same with another {@code assertions}. */
+        public SimulateRequest withAssertions(List<Assertion> assertions) {
+            return new SimulateRequest(text, positions, pathPoints, lines, assertions, against);
+        }
+
+        /** The same with another {@code against}. */
+        public SimulateRequest withAgainst(String against) {
+            return new SimulateRequest(text, positions, pathPoints, lines, assertions, against);
         }
     }
 
@@ -1435,6 +1506,16 @@ public final class Messages {
 
     /** How to read `tele/batch`: its columns, its fields and how many cycles a message holds at most. */
     public record TelemetryInfo(List<Long> axes, List<String> fields, long cyclesAMessage, double stateHz) {}
+
+    /**
+     * How far apart two paths of a tip are, whatever their times.
+     * @param tool null: the axes 0, 1 and 2 themselves.
+     * @param apartMm the greatest distance of a point of one path from the other one.
+     * @param timeS where that is.
+     * @param line where that is.
+     * @param other they are of the other program, whose path goes astray there.
+     */
+    public record TipDifference(@Nil Long tool, double apartMm, double timeS, long line, boolean other) {}
 
     /** Where a tool goes [mm]; `tool` null: the axes 0, 1 and 2 themselves. */
     public record TipPath(@Nil Long tool, List<List<Double>> points) {}
