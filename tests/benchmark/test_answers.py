@@ -22,10 +22,19 @@ from mcserver.errors import UsageFault
         ("Sure:\n```gcode\nG1010\n```\nDone.", "G1010\n"),
         ("```\nG1\n```\nNo, better:\n```nc\nG1010\n```\n", "G1010\n"),
         ("```\r\nG1010\r\n```\r\n", "G1010\n"),
-        ("```\nG1010", "```\nG1010"),
+        ("```\nG1010", "G1010"),
+        ("~~~gcode\nG1010\n~~~\n", "G1010\n"),
+        ("```\nG1010\n```\nIt prints:\n```\nok\n```\n", "G1010\n"),
+        ("Here is the program:\n\nG1010\nG01 X1 (go on)\n\nIt moves X to 1.\n", "\nG1010\nG01 X1 (go on)\n"),
+        ("G1010\nand then\nG01 X1", "G1010\nand then\nG01 X1"),
+        ("GO1 X1\nG1010\n", "GO1 X1\nG1010\n"),
+        ("(milling a pocket for you)\nG1010\n", "(milling a pocket for you)\nG1010\n"),
+        ("I would rather not.", "I would rather not."),
     ],
 )
-def test_the_last_block_of_an_answer_is_the_program(answer: str, program: str) -> None:
+def test_the_last_block_with_codes_or_what_stands_between_prose_is_the_program(
+    answer: str, program: str
+) -> None:
     assert program_in(answer) == program
 
 

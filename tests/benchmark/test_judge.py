@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import pytest
+from mcbenchmark.attempts import Attempt
 from mcbenchmark.baselines import Baseline, answer_by
 from mcbenchmark.judge import MAX_ANSWER, codes_of, judge
 from mcbenchmark.judge_process import JudgeProcess
-from mcbenchmark.scores import as_json, by_category, score
+from mcbenchmark.scores import Tried, as_json, by_category, score
 from mcbenchmark.tasks import Expectation, Leg, Task, shipped_tasks
 from mcbenchmark.verdict import Check
 
@@ -72,7 +73,7 @@ def test_every_part_that_does_not_fit_is_a_reason() -> None:
         released=(0,),
     )
     found = checks("G1010\nG00 X3", expect)
-    assert found == [Check.PATH, Check.END, Check.ZONE, Check.ZONE, Check.DURATION, Check.AXES]
+    assert found == [Check.PATH, Check.ZONE, Check.END, Check.ZONE, Check.DURATION, Check.AXES]
 
 
 def test_a_task_for_axes_that_the_machine_lacks_fails_with_their_names() -> None:
@@ -98,8 +99,13 @@ def test_scores_count_by_category() -> None:
     verdicts = [judge(lines, lines.solution), judge(arcs, "")]
     assert (score(verdicts).passed, score(verdicts).share) == (1, 0.5)
     assert {name: each.passed for name, each in by_category(verdicts).items()} == {"lines": 1, "arcs": 0}
-    shown = as_json(verdicts, [0.0, 1.5])
+    shown = as_json([Tried((Attempt((each,), ("",), 0.5, 1, 2),)) for each in verdicts], "shipped")
     assert shown["results"][1]["findings"] == [{"check": "answer", "message": "there is no program"}]
+    assert (shown["score"], shown["pass_at"], shown["tokens"]) == (
+        0.5,
+        {"1": 0.5},
+        {"prompt": 2, "answer": 4},
+    )
     assert score([]).share == 0.0
 
 

@@ -8,11 +8,12 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from mcbenchmark.motion_record import MotionRecord, UnknownCoordinate
-from mcbenchmark.path_check import PathMismatch, enters, follow, leaves
+from mcbenchmark.motion_record import MotionRecord
+from mcbenchmark.path_check import PathMismatch, enters, follow
 from mcbenchmark.tasks import Leg
 from numpy.typing import NDArray
 
+from mcserver.errors import Refused
 from mcserver.machine.machine_file import load_machine
 from mcserver.simulation.recorder import Recorded
 
@@ -74,7 +75,7 @@ def test_behind_the_last_leg_the_path_stays() -> None:
 
 
 def test_the_last_legs_coordinates_alone_have_to_stay() -> None:
-    follow(record((0, 0), (10, 0), (10, 5)), [Leg({"X": 10})])
+    follow(record((0, 0), (10, 0), (10, 5)), [Leg({"X": 10}, rest_s=(0, 1))])
 
 
 @pytest.mark.parametrize("turns", [0.25, 1.0, -1.0, 2.0, -2.5])
@@ -130,8 +131,6 @@ def test_a_zone_is_entered_between_two_cycles_too() -> None:
 
 def test_the_face_of_a_zone_may_be_touched() -> None:
     assert enters(record((0, 10), (50, 10)), {"X": (20, 30), "Y": (-10, 10)}) is None
-    assert leaves(record((0, 0), (50, 0)), {"X": (0, 50), "Y": (0, 10)}) is None
-    assert leaves(record((0, 0), (51, 0)), {"X": (0, 50)}) is not None
 
 
 Coordinate = st.floats(-20, 20, allow_nan=False).map(lambda value: round(value, 2))
@@ -149,7 +148,7 @@ def test_a_coarse_path_enters_a_zone_if_a_fine_one_does(
 
 
 def test_coordinates_that_the_machine_lacks_are_named() -> None:
-    with pytest.raises(UnknownCoordinate, match="no axis 40"):
+    with pytest.raises(Refused, match="no axis 40"):
         follow(circle(1), [Leg({"40": 1})])
-    with pytest.raises(UnknownCoordinate, match="no tool T3"):
+    with pytest.raises(Refused, match="no tool T3"):
         follow(circle(1), [Leg({"T3.X": 1})])

@@ -19,14 +19,19 @@ from mcserver.errors import UsageFault
 from mcserver.gcode.text.source import decode
 
 MAX_OUTPUT = 256 * 1024  # bytes of an answer, with whatever a model says around the program
-_BLOCK = re.compile(r"^[ \t]*```[^\n]*\n(.*?)^[ \t]*```[ \t]*$", re.DOTALL | re.MULTILINE)
+# the last block may be without its end: the answer was cut, or its writer forgot it
+_BLOCK = re.compile(r"^[ \t]*(```|~~~)[^\n]*\n(.*?)(?:^[ \t]*\1[ \t]*$|\Z)", re.DOTALL | re.MULTILINE)
+_COMMENT = re.compile(r"\([^)]*\)|;.*")
+_CODE = re.compile(r"[GM] ?[0-9]", re.IGNORECASE)
+# two words of a language in one line: no code has that outside of comments
+_PROSE = re.compile(r"\b[^\W\d_]{2,}\b.*\b[^\W\d_]{2,}\b|^\W*[^\W\d_]{3,}\W*$")
 
 
 class Answer(msgspec.Struct, frozen=True):
-    """A program, or the reason why it is missing.
+    """What was answered, or the reason why it is missing.
 
     Attributes:
-        duration_s: that it took to get it.
+        text: as it came, with whatever stands around the program. duration_s: that it took to get it.
     """
 
     text: str = ""
@@ -35,9 +40,26 @@ class Answer(msgspec.Struct, frozen=True):
 
 
 def program_in(answer: str) -> str:
-    """Return the last block between lines of ```, or the whole text without such a block."""
-    blocks = _BLOCK.findall(answer.replace("\r\n", "\n"))
-    return str(blocks[-1]) if blocks else answer
+    """Return the last block between lines of ``` that has codes; without one, the text between its prose.
+
+    Prose is taken away before the first line of code and behind the last one only: what stands between
+    lines of a program belongs to it.
+    """
+    text = answer.replace("\r\n", "\n")
+    blocks = [str(found[2]) for found in _BLOCK.finditer(text)]
+    if blocks:
+        return next((block for block in reversed(blocks) if _CODE.search(block)), blocks[-1])
+    lines = text.split("\n")
+    first, last = 0, len(lines)
+    while first < last and _is_prose(lines[first]):
+        first += 1
+    while last > first and (_is_prose(lines[last - 1]) or not lines[last - 1].strip()):
+        last -= 1
+    return answer if last - first == len(lines) or first == last else "\n".join([*lines[first:last], ""])
+
+
+def _is_prose(line: str) -> bool:
+    return bool(_PROSE.search(_COMMENT.sub("", line)))
 
 
 def read_answer(folder: Path, number: int, name: str) -> Answer:
@@ -122,7 +144,7 @@ class AnsweringCommand:
 def _answer(output: bytes, duration_s: float) -> Answer:
     if len(output) > MAX_OUTPUT:
         return Answer(missing=f"the answer has more than {MAX_OUTPUT} bytes", duration_s=duration_s)
-    return Answer(program_in(decode(output)), duration_s=duration_s)
+    return Answer(decode(output), duration_s=duration_s)
 
 
 def _feed(stream: IO[bytes], prompt: bytes) -> None:

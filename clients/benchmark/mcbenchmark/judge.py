@@ -5,24 +5,37 @@ from __future__ import annotations
 import functools
 from collections.abc import Iterator, Mapping
 
+import numpy as np
 from mckinematics.errors import KinematicsError
 from mckinematics.solver import MachineKinematics
 
-from mcbenchmark.motion_record import MotionRecord, UnknownCoordinate, axis_number
-from mcbenchmark.path_check import PathMismatch, enters, follow, leaves
+from mcbenchmark.answers import program_in
+from mcbenchmark.motion_record import MotionRecord, axis_number
+from mcbenchmark.path_check import PathMismatch, enters, follow
+from mcbenchmark.rest_check import stray_motion
 from mcbenchmark.tasks import Expectation, Range, Task
 from mcbenchmark.verdict import Check, Finding, Verdict
-from mcserver.errors import McError
+from mcserver.errors import McError, Refused
 from mcserver.gcode.line_faults import FaultList
 from mcserver.gcode.text.scanner import scan
 from mcserver.gcode.text.source import split_lines
 from mcserver.machine.machine_file import Machine, load_machine
 from mcserver.machine.machine_kinematics import build_kinematics
+from mcserver.simulation.assertions import Assertion, AssertionMeter, check_assertions
 from mcserver.simulation.simulation import Simulation, simulate
 from mcserver.simulation.starting_machine import starting_at
 
 MAX_ANSWER = 64 * 1024  # characters
 MAX_LINES = 2000
+# Two programs move the axes alike that differ by no more [mm or deg, cycles].
+ALIKE, ALIKE_CYCLES = 0.01, 5
+ON_FACE = 1e-3  # the faces of a zone belong to it [mm]
+_CHECKS = {
+    "end": Check.END,
+    "position": Check.ZONE,
+    "duration": Check.DURATION,
+    "clearance": Check.ZONE,
+}
 
 
 class _Endless(Exception):
@@ -36,12 +49,12 @@ def _machine(source: str) -> tuple[Machine, MachineKinematics | None]:
 
 
 def judge(task: Task, text: str) -> Verdict:
-    """Check and simulate a program, and compare what it does with what the task expects.
+    """Check and simulate an answer's program, and compare what it does with what the task expects.
 
     Raises:
         ConfigurationError: the task's machine cannot be loaded.
     """
-    return Verdict(task.id, task.category, tuple(_findings(task, text)))
+    return Verdict(task.id, task.category, tuple(_findings(task, program_in(text))))
 
 
 def _findings(task: Task, text: str) -> Iterator[Finding]:
@@ -73,7 +86,27 @@ def _findings(task: Task, text: str) -> Iterator[Finding]:
         for fault in faults[:3]:
             yield Finding(check, f"{fault['code']} in line {fault['line']}: {fault['message']}")
         return
-    yield from _compare(task.expect, text, run, MotionRecord(run.recording, machine, kinematics))
+    yield from _codes(task.expect, text)
+    try:
+        yield from _compare(task.expect, MotionRecord(run.recording, machine, kinematics))
+        yield from _asserted(task.expect, run, machine, kinematics)
+    except Refused as error:
+        yield Finding(Check.PATH, error.message)
+    yield from _powered(task.expect, run)
+
+
+def same_motion(task: Task, text: str, other: str) -> bool:
+    """Return True if two programs move the axes alike: no judge of motion can tell one from the other."""
+    machine, kinematics = _machine(task.machine)
+    if task.start:
+        machine = _started(machine, task.start)
+    runs = [simulate(each, machine, kinematics=kinematics, record=True).recording for each in (text, other)]
+    if any(run is None for run in runs):
+        return False
+    paths = [run.setpoint for run in runs if run is not None]
+    least = min(map(len, paths))
+    alike = max(map(len, paths)) - least <= ALIKE_CYCLES
+    return alike and bool(np.abs(paths[0][:least] - paths[1][:least]).max(initial=0.0) <= ALIKE)
 
 
 def _started(machine: Machine, start: Mapping[str, float]) -> Machine:
@@ -83,31 +116,13 @@ def _started(machine: Machine, start: Mapping[str, float]) -> Machine:
     return starting_at(machine, {axis: value * scale.get(axis, 1.0) for axis, value in places.items()})
 
 
-def _compare(expect: Expectation, text: str, run: Simulation, record: MotionRecord) -> Iterator[Finding]:
-    yield from _codes(expect, text)
+def _compare(expect: Expectation, record: MotionRecord) -> Iterator[Finding]:
     try:
-        try:
-            follow(record, expect.path)
-        except PathMismatch as error:
-            yield Finding(Check.PATH, str(error))
-        yield from _places(expect, record)
-    except UnknownCoordinate as error:
+        followed = follow(record, expect.path, expect.speed)
+        for stray in stray_motion(record, expect, followed):
+            yield Finding(Check.STRAY, stray)
+    except PathMismatch as error:
         yield Finding(Check.PATH, str(error))
-    duration = run.report["duration_s"]
-    if _outside(duration, expect.duration_s):
-        yield Finding(Check.DURATION, f"the run takes {duration:.6g} s, not {_shown(expect.duration_s)} s")
-    for axes, wanted in ((expect.energized, True), (expect.released, False)):
-        wrong = [axis for axis in axes if (axis in run.energized) is not wanted]
-        if wrong:
-            state = "not energized" if wanted else "still energized"
-            yield Finding(Check.AXES, f"axes {', '.join(map(str, wrong))} are {state} at the end")
-
-
-def _places(expect: Expectation, record: MotionRecord) -> Iterator[Finding]:
-    for name, value in expect.end.items():
-        end = float(record.path([name])[-1, 0])
-        if abs(end - value) > expect.tolerance:
-            yield Finding(Check.END, f"{name} ends at {end:.6g}, not at {value:g}")
     for name, allowed in expect.speeds.items():
         speed = record.final_speed(name)
         if _outside(speed, allowed):
@@ -116,10 +131,45 @@ def _places(expect: Expectation, record: MotionRecord) -> Iterator[Finding]:
         when = enters(record, box)
         if when is not None:
             yield Finding(Check.ZONE, f"the forbidden zone is entered at {when:.3f} s")
-    if expect.within:
-        when = leaves(record, expect.within)
-        if when is not None:
-            yield Finding(Check.ZONE, f"the allowed zone is left at {when:.3f} s")
+
+
+def assertions_of(expect: Expectation) -> list[Assertion]:
+    """Return what of an expectation `mcserver simulate --assert` judges too."""
+    found = [
+        Assertion("end", name, value - expect.tolerance, value + expect.tolerance)
+        for name, value in expect.end.items()
+    ]
+    found += [
+        Assertion("position", name, low - ON_FACE, high + ON_FACE)
+        for name, (low, high) in expect.within.items()
+    ]
+    if expect.duration_s is not None:
+        found.append(Assertion("duration", "", *expect.duration_s))
+    if expect.clear_mm is not None:
+        found.append(Assertion("clearance", "", expect.clear_mm))
+    return found
+
+
+def _asserted(
+    expect: Expectation, run: Simulation, machine: Machine, kinematics: MachineKinematics | None
+) -> Iterator[Finding]:
+    asked, recorded = assertions_of(expect), run.recording
+    check_assertions(asked, machine, kinematics)
+    meter = AssertionMeter(asked, machine, kinematics)
+    assert recorded is not None
+    scale = [axis.type.si_per_unit for axis in machine.axes]
+    meter.take(recorded.time_s, recorded.line.astype(int), recorded.setpoint * scale)
+    judged = [each for each in meter.judge(run.report) if not each.holds]
+    for each, fault in zip(judged, meter.faults(judged), strict=True):
+        yield Finding(_CHECKS[each.what], fault.message)
+
+
+def _powered(expect: Expectation, run: Simulation) -> Iterator[Finding]:
+    for axes, wanted in ((expect.energized, True), (expect.released, False)):
+        wrong = [axis for axis in axes if (axis in run.energized) is not wanted]
+        if wrong:
+            state = "not energized" if wanted else "still energized"
+            yield Finding(Check.AXES, f"axes {', '.join(map(str, wrong))} are {state} at the end")
 
 
 def _codes(expect: Expectation, text: str) -> Iterator[Finding]:

@@ -5,13 +5,20 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
+import msgspec
 import numpy as np
 
 from mcbenchmark.motion_record import Array, MotionRecord
-from mcbenchmark.tasks import Box, Leg, Place
+from mcbenchmark.tasks import Box, Leg, Place, Range
 
 # Below this speed the coordinates rest [mm/s or deg/s]: rounding, and the tail of a jerk-limited stop.
 RESTING = 0.5
+# For speeding up and slowing down a leg has so much more time than its length takes at its speed [s].
+RAMPS_S = 0.15
+DETOUR_CORNERS = 4
+# Nobody asked for a rest at the end of a leg, or on it: exact stops settle, drives get their power [s].
+REST_S = 0.25
+HESITATION_S = 0.1
 # A straight leg may be longer than its chord by rounding only; more is a way back and forth.
 _LENGTH_SHARE = 1.001
 
@@ -20,21 +27,40 @@ class PathMismatch(Exception):
     """The path is not the one that was asked for; the text says where and by how much."""
 
 
-def follow(record: MotionRecord, legs: Sequence[Leg]) -> None:
+class Followed(msgspec.Struct, frozen=True):
+    """The cycles of one leg: of its start, its arrival, and the end of the rest behind that."""
+
+    start: int
+    arrival: int
+    end: int
+
+
+def follow(record: MotionRecord, legs: Sequence[Leg], speed: Range | None = None) -> list[Followed]:
     """Follow a path leg by leg, each to the first time that its place is reached.
+
+    Args:
+        speed: of the legs that say none.
+
+    Returns:
+        The cycles of each leg; the last one lasts as long as the run.
 
     Raises:
         PathMismatch: the first leg that does not fit, numbered from 1.
-        UnknownCoordinate: a leg names what the machine lacks.
+        Refused: MC331 a leg names what the machine lacks.
     """
+    found: list[Followed] = []
     at = 0
     for number, leg in enumerate(legs, 1):
         try:
-            at = _follow_leg(record, leg, at)
+            part = _follow_leg(record, leg, at, leg.speed or speed)
+            at = part.end
             if number == len(legs):
                 _check_stay(record, leg, at)
+                part = Followed(part.start, part.arrival, len(record.time_s) - 1)
+            found.append(part)
         except PathMismatch as error:
             raise PathMismatch(f"leg {number}, to {shown(leg.to)}: {error}") from None
+    return found
 
 
 def enters(record: MotionRecord, box: Box) -> float | None:
@@ -57,22 +83,13 @@ def enters(record: MotionRecord, box: Box) -> float | None:
     return float(record.time_s[hits[0]]) if len(hits) else None
 
 
-def leaves(record: MotionRecord, box: Box) -> float | None:
-    """Return the time at which a path leaves a box, or None [s]; its faces belong to it within 1 µm."""
-    path = record.path(box)
-    low = np.array([bounds[0] for bounds in box.values()])
-    high = np.array([bounds[1] for bounds in box.values()])
-    hits = np.flatnonzero(((path < low - 1e-3) | (path > high + 1e-3)).any(axis=1))
-    return float(record.time_s[hits[0]]) if len(hits) else None
-
-
 def shown(place: Place) -> str:
     """Write a place as messages show it."""
     return " ".join(f"{name}={value:.6g}" for name, value in place.items())
 
 
-def _follow_leg(record: MotionRecord, leg: Leg, at: int) -> int:
-    """Return the last cycle of the rest at the end of a leg that starts in cycle ``at``."""
+def _follow_leg(record: MotionRecord, leg: Leg, at: int, allowed: Range | None) -> Followed:
+    """Follow a leg that starts in cycle ``at``, at an allowed speed."""
     path = record.path(leg.to)
     target = np.array(list(leg.to.values()))
     arrival = _check_arc(record, leg, at) if leg.by == "arc" else _arrival(path, target, at, leg.tolerance)
@@ -84,11 +101,17 @@ def _follow_leg(record: MotionRecord, leg: Leg, at: int) -> int:
         end += 1
     travel = speed[at:arrival]
     _check_range("takes", record.time_s[arrival] - record.time_s[at], leg.duration_s, "s")
-    _check_range("has a top speed of", float(travel.max()) if len(travel) else 0.0, leg.speed, "per second")
-    _check_range("rests for", record.time_s[end] - record.time_s[arrival], leg.rest_s, "s")
+    cycle_s = float(record.time_s[1] - record.time_s[0]) if len(speed) else 0.0
+    _check_range("has a top speed of", float(travel.max()) if len(travel) else 0.0, allowed, "per second")
+    if allowed is not None and allowed[0] > 0:
+        # a detour has corners, where it may stop
+        most = float(travel.sum()) * cycle_s / allowed[0] + RAMPS_S * (DETOUR_CORNERS if leg.detour else 1)
+        _check_range("moves for", float((travel > RESTING).sum()) * cycle_s, (0.0, most), "s")
+    _check_range("hesitates for", float((travel <= RESTING).sum()) * cycle_s, (0.0, HESITATION_S), "s")
+    _check_range("rests for", record.time_s[end] - record.time_s[arrival], leg.rest_s or (0.0, REST_S), "s")
     if leg.stops is not None and leg.stops != _stops(path, speed, arrival, target, leg.tolerance):
         raise PathMismatch("passes without a stop" if leg.stops else "stops where it should pass")
-    return end
+    return Followed(at, arrival, end)
 
 
 def _arrival(path: Array, target: Array, at: int, tolerance: float) -> int:

@@ -7,9 +7,11 @@ import functools
 import msgspec
 
 from mcbenchmark.tasks import Task
+from mcbenchmark.verdict import Verdict
 from mcserver.language.agents.knowledge import dialect_topic, machine_facts
 from mcserver.machine.machine_file import load_machine
 
+MAX_SHOWN_ANSWER = 16 * 1024  # characters
 _RULES = """\
 Write a G-code program for this machine. Answer with the program alone, or put it into one block between lines
 of ```. Axes are not energized at the start: G1010 does that, or a rapid move. Lengths are mm, angles degrees.
@@ -28,6 +30,24 @@ def write_prompt(task: Task) -> str:
     if task.faulty:
         parts += ["", "The program:", "```", task.faulty.strip(), "```"]
     return "\n".join([*parts, ""])
+
+
+def write_repair_prompt(task: Task, answer: str, verdict: Verdict) -> str:
+    """Write what is asked after an answer that failed: the task, the answer, and what was found in it."""
+    found = [f"- {each.check.value}: {each.message}" for each in verdict.findings]
+    return "\n".join(
+        [
+            write_prompt(task),
+            "Your answer:",
+            answer.strip()[:MAX_SHOWN_ANSWER],
+            "",
+            "It was simulated and fails:",
+            *found,
+            "",
+            "Answer with the whole program, put right.",
+            "",
+        ]
+    )
 
 
 @functools.lru_cache(maxsize=16)

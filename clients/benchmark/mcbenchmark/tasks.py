@@ -34,9 +34,11 @@ class Leg(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         center: two coordinates; the turn counts from the first towards the second.
         turn: of an arc [deg], signed; 720 for two full turns. Further coordinates go linearly with it.
         tolerance: distance from the place, from the line and from the arc [mm or deg].
-        duration_s: of this part, without the rest behind it. speed: its greatest [mm/s or deg/s].
-        rest_s: how long the coordinates rest at its end.
+        duration_s: of this part, without the rest behind it. speed: its greatest [mm/s or deg/s]; it takes
+            no longer than its length at the least of it, and the ramps.
+        rest_s: how long the coordinates rest at its end; None: hardly.
         stops: True: they come to rest there; False: they pass without a stop.
+        detour: of ``any`` path, coordinates may go farther than from where they are to the place.
     """
 
     to: Place
@@ -48,13 +50,16 @@ class Leg(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     speed: Range | None = None
     rest_s: Range | None = None
     stops: bool | None = None
+    detour: bool = False
 
 
 class Expectation(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """What the simulation of an answer has to show.
 
     Attributes:
-        path: legs in order; behind the last one its coordinates stay where they are.
+        path: legs in order; behind the last one its coordinates stay where they are. What a leg does not
+            name rests. speed: of the legs that say none.
+        free: coordinates that may move as they like.
         end: final setpoints. tolerance: of them [mm or deg].
         duration_s: of the whole run.
         avoid: boxes that the path never enters. within: a box that it never leaves.
@@ -62,7 +67,7 @@ class Expectation(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         lacks: codes that do not occur.
         energized, released: axes that are so at the end.
         speeds: of axes at the end, by their encoders [mm/s or deg/s].
-        max_lines: with code on them.
+        max_lines: with code on them. clear_mm: least distance of the machine's bodies.
     """
 
     path: tuple[Leg, ...] = ()
@@ -77,6 +82,9 @@ class Expectation(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     released: tuple[int, ...] = ()
     speeds: dict[str, Range] = {}
     max_lines: int | None = None
+    speed: Range | None = None
+    free: tuple[str, ...] = ()
+    clear_mm: float | None = None
 
 
 class Task(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -164,19 +172,20 @@ def _read(file: Traversable) -> Sequence[Task]:
     except (tomllib.TOMLDecodeError, UnicodeDecodeError, RecursionError, msgspec.ValidationError) as error:
         raise _unreadable(file.name, str(error)) from error
     for task in tasks:
-        mistake = _mistake(task)
-        if mistake:
-            raise _unreadable(file.name, f"{task.id[:40]!r}: {mistake}")
+        wrong = mistake(task)
+        if wrong:
+            raise _unreadable(file.name, f"{task.id[:40]!r}: {wrong}")
     return tasks
 
 
-def _mistake(task: Task) -> str:
+def mistake(task: Task) -> str:
     """Return what of a task the schema's types cannot show, or an empty text."""
     if not _ID.fullmatch(task.id):
         return "an id has lower-case letters, digits and hyphens"
     expect = task.expect
     names = [name for leg in expect.path for name in (*leg.to, *leg.center)]
-    names += [name for box in (*expect.avoid, expect.within) for name in box] + list(expect.end)
+    names += [name for box in (*expect.avoid, expect.within) for name in box]
+    names += [*expect.end, *expect.free]
     axes = [*task.start, *expect.speeds]
     if any("." in name or not _COORDINATE.fullmatch(name) for name in axes):
         return "start and speeds are of axes, such as X or 7"
@@ -190,6 +199,8 @@ def _mistake(task: Task) -> str:
             return "an arc has two coordinates of its center, and a turn"
         if leg.by != "arc" and (leg.center or leg.turn):
             return "only an arc has a center and a turn"
+        if leg.detour and leg.by != "any":
+            return "only a leg by any path makes a detour"
     for low, high in _ranges(expect):
         if not low <= high:
             return f"{low} to {high} is an empty range"
@@ -209,8 +220,9 @@ def spoiled(task: Task) -> list[str]:
 
 
 def _ranges(expect: Expectation) -> Iterator[Range]:
-    if expect.duration_s is not None:
-        yield expect.duration_s
+    for bounds in (expect.duration_s, expect.speed):
+        if bounds is not None:
+            yield bounds
     for box in (*expect.avoid, expect.within):
         yield from box.values()
     yield from expect.speeds.values()

@@ -15,6 +15,7 @@ class Check(enum.StrEnum):
     FAULT = "fault"  # it fails while running
     ENDLESS = "endless"  # it takes longer than the task allows
     PATH = "path"
+    STRAY = "stray"  # something moves that nobody asked for
     END = "end"
     DURATION = "duration"
     ZONE = "zone"
