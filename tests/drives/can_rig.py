@@ -11,7 +11,6 @@ from mcserver.drives.bus import DriveMode, DriveState, Feedback, Setpoints
 from mcserver.drives.can_bus import CanBus
 from mcserver.executor.executor import Executor
 from mcserver.machine.machine_file import Machine, parse_machine
-from mcserver.motion.canonical import AxisOperation
 from mcserver.simulation.virtual_executor import VirtualExecutor
 from tests.drives.fake_can import FakeBus, FakeDrive
 from tests.executor.rig import Rig
@@ -75,16 +74,6 @@ class CanRig(Rig):
     @property
     def core(self) -> Executor:
         return self.executor.executor
-
-    def recover(self) -> None:
-        """G1000 and G1010 of all axes in a program of its own."""
-        program = self.open(0)
-        program.start_line(1)
-        program.axis(AxisOperation.RESET)
-        program.capture()
-        program.end_line()
-        program.finish()
-        self.run()
 
 
 class Bench:

@@ -9,39 +9,18 @@ import pytest
 
 from mcserver.drives.registry import ETHERCAT_DELAY_CYCLES
 from mcserver.ethercat.slave import AlState
-from mcserver.executor.entries import EventKind, ExecutorEvent
+from mcserver.executor.entries import EventKind
 from mcserver.executor.fault_codes import FaultCode
-from mcserver.executor.shm.feedback import AxisCondition
-from mcserver.motion.canonical import AxisOperation
+from tests.drives.latched_faults import assert_stops_latches_and_recovers
 from tests.ethercat.memory_line import LineRig, line_rig
 
-LINE = 3
 Cause = Callable[[LineRig], None]
 
 
 def moving() -> LineRig:
-    """Both axes are on their way along a straight line."""
     rig = line_rig()
-    program = rig.program
-    program.capture()
-    rig.step(40)
-    program.position = rig.executor.feedback.setpoint.copy()
-    program.start_line(LINE)
-    program.move({0: 0.4, 1: 0.2}, 1800)
-    program.end_line()
-    program.finish()
-    rig.step(900)
-    assert not rig.of(EventKind.FAULT)
+    rig.set_off()
     return rig
-
-
-def fault_of(rig: LineRig, cycles: int) -> ExecutorEvent:
-    for _ in range(cycles):
-        rig.step()
-        faults = rig.of(EventKind.FAULT)
-        if faults:
-            return faults[0]
-    raise AssertionError(f"no fault in {cycles} cycles")
 
 
 def frames_lost(rig: LineRig) -> None:
@@ -91,26 +70,10 @@ def test_a_fault_stops_its_group_within_three_cycles_and_is_recovered_without_a_
     cause: Cause, code: FaultCode, axis: int
 ) -> None:
     rig = moving()
-    cause(rig)
     # the frame under way was there before
-    fault = fault_of(rig, 3 + 1)
-    assert (FaultCode(fault.code), fault.axis, fault.line) == (code, axis, LINE)
-    before = rig.setpoint[-1, 1 - axis] - rig.setpoint[-2, 1 - axis]
-    rig.step()
-    assert rig.setpoint[-1, 1 - axis] - rig.setpoint[-2, 1 - axis] < before
-    rig.run()
-    assert rig.executor.feedback.condition[axis] == AxisCondition.FAULT
-    mend(rig)
-    rig.step(50)
-    assert rig.executor.feedback.condition[axis] == AxisCondition.FAULT
-    program = rig.open(0)
-    program.start_line(1)
-    program.axis(AxisOperation.RESET)
-    program.capture()
-    program.end_line()
-    program.finish()
-    rig.run()
-    assert rig.executor.feedback.condition.tolist() == [AxisCondition.HOLDING] * 2
+    assert_stops_latches_and_recovers(
+        rig, lambda: cause(rig), lambda: mend(rig), code=code, axis=axis, within=3 + 1
+    )
     assert [jump for drive in rig.drives for jump in drive.jumps] == [0] * 4
 
 

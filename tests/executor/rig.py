@@ -89,6 +89,33 @@ class Rig:
                     return event
         raise AssertionError(f"no {kind!r} in {limit} cycles; {self.events}")
 
+    def set_off(self, cycles: int = 900) -> None:
+        """Bring axes 0 and 1 on their way along a straight line, line 3, at 0.4 and 0.2 m/s."""
+        program = self.program
+        program.capture()
+        self.step(40)
+        program.position = self.executor.feedback.setpoint.copy()
+        program.start_line(3)
+        program.move({0: 0.4, 1: 0.2}, 1800)
+        program.end_line()
+        program.finish()
+        self.step(cycles)
+        assert not self.of(EventKind.FAULT)
+
+    def fault_within(self, cycles: int) -> ExecutorEvent:
+        """The fault that is reported within so many cycles."""
+        return self.run_until(EventKind.FAULT, cycles)
+
+    def recover(self) -> None:
+        """G1000 and G1010 of all axes in a program of its own."""
+        program = self.open(0)
+        program.start_line(1)
+        program.axis(AxisOperation.RESET)
+        program.capture()
+        program.end_line()
+        program.finish()
+        self.run()
+
     def of(self, kind: EventKind) -> list[ExecutorEvent]:
         return [event for event in self.events if event.kind is kind]
 

@@ -17,13 +17,7 @@ from tests.executor.rig import CYCLE_S, Program, Rig, machine
 def moving(axes: int = 3) -> tuple[Rig, SimulatedBus]:
     """Axes 0 and 1 go along a straight line at 0.4 m/s; further axes are free."""
     rig = Rig(machine(axes, drive="simulated", axis="max_following_error = 2.0"))
-    program = rig.program
-    program.capture()
-    program.start_line(3)
-    program.move({0: 0.4, 1: 0.2}, 1800)
-    program.end_line()
-    program.finish()
-    rig.step(800)
+    rig.set_off(800)
     bus = rig.executor.buses[0]
     assert isinstance(bus, SimulatedBus)
     return rig, bus

@@ -7,40 +7,20 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from mcserver.executor.entries import EventKind, ExecutorEvent
+from mcserver.executor.entries import EventKind
 from mcserver.executor.fault_codes import FaultCode, remedy_of
 from mcserver.executor.shm.feedback import AxisCondition
 from tests.drives.can_rig import CanRig, machine
 from tests.drives.fake_can import READY
+from tests.drives.latched_faults import LINE, assert_stops_latches_and_recovers
 
-LINE = 3
 Cause = Callable[[CanRig], None]
 
 
 def moving(buses: int = 1, axis: str = "max_following_error = 2.0") -> CanRig:
-    """Both axes are on their way along a straight line, at 0.4 and 0.2 m/s."""
     rig = CanRig(machine(2, buses=buses, axis=axis), positions=[5000, -123])
-    program = rig.program
-    program.capture()
-    rig.step(30)
-    program.position = rig.executor.feedback.setpoint.copy()
-    program.start_line(LINE)
-    program.move({0: 0.4, 1: 0.2}, 1800)
-    program.end_line()
-    program.finish()
-    rig.step(900)
-    assert not rig.of(EventKind.FAULT)
+    rig.set_off()
     return rig
-
-
-def fault_of(rig: CanRig, cycles: int) -> ExecutorEvent:
-    """The fault that is reported within so many cycles."""
-    for _ in range(cycles):
-        rig.step()
-        faults = rig.of(EventKind.FAULT)
-        if faults:
-            return faults[0]
-    raise AssertionError(f"no fault in {cycles} cycles")
 
 
 def mute(rig: CanRig) -> None:
@@ -98,26 +78,6 @@ FAULTS: list[tuple[Cause, FaultCode]] = [
 ]
 
 
-@pytest.mark.parametrize(("cause", "code"), FAULTS, ids=[cause.__name__ for cause, _ in FAULTS])
-def test_a_fault_stops_its_group_within_three_cycles_and_names_axis_and_line(
-    cause: Cause, code: FaultCode
-) -> None:
-    rig = moving()
-    cause(rig)
-    # the cycle in which the answer to the latest SYNC is read saw nothing of it yet
-    first = 1 if cause in (mute, short, late, dropped, silent_fault, other_mode) else 0
-    fault = fault_of(rig, 3 + first)
-    assert (FaultCode(fault.code), fault.axis, fault.line, fault.program) == (code, 1, LINE, 0)
-    before = rig.setpoint[-1, 0] - rig.setpoint[-2, 0]
-    rig.step()
-    assert rig.setpoint[-1, 0] - rig.setpoint[-2, 0] < before
-    rig.run()
-    # the other axis came to rest on its path, within its limits, and holds
-    assert np.abs(rig.acceleration(0)).max() <= 1.02 * 10.0
-    assert rig.executor.feedback.condition.tolist() == [AxisCondition.HOLDING, AxisCondition.FAULT]
-    assert rig.setpoint[-1, 0] < 0.4
-
-
 def fix(rig: CanRig) -> None:
     drive = rig.drives[1]
     drive.muted = drive.short = drive.jammed = False
@@ -127,33 +87,20 @@ def fix(rig: CanRig) -> None:
 
 
 @pytest.mark.parametrize(("cause", "code"), FAULTS, ids=[cause.__name__ for cause, _ in FAULTS])
-def test_a_fault_is_latched_until_g1000_and_g1010_recover_it_without_a_jump(
+def test_a_fault_stops_its_group_within_three_cycles_and_is_recovered_without_a_jump(
     cause: Cause, code: FaultCode
 ) -> None:
     rig = moving()
-    cause(rig)
-    assert fault_of(rig, 4).code == code
-    rig.run()
-    fix(rig)
-    rig.step(50)
-    assert rig.executor.feedback.condition[1] == AxisCondition.FAULT
-    program = rig.open(0)
-    program.start_line(9)
-    program.capture()
-    rig.run()
-    assert rig.of(EventKind.FAULT)[-1].code == FaultCode.AXIS_LATCHED
-    start = len(rig.setpoints)
-    rig.recover()
-    assert rig.executor.feedback.condition.tolist() == [AxisCondition.HOLDING] * 2
+    # the cycle in which the answer to the latest SYNC is read saw nothing of it yet
+    first = 1 if cause in (mute, short, late, dropped, silent_fault, other_mode) else 0
+    assert_stops_latches_and_recovers(rig, lambda: cause(rig), lambda: fix(rig), code=code, within=3 + first)
     assert [jump for drive in rig.drives for jump in drive.jumps] == [0] * 4
-    # less than a count: a setpoint that held was between two of them
-    assert np.abs(np.diff(rig.setpoint[start:], axis=0)).max() < 1e-6
 
 
 def test_a_jammed_axis_is_a_following_error() -> None:
     rig = moving()
     rig.drives[1].jammed = True
-    fault = fault_of(rig, 20)
+    fault = rig.fault_within(20)
     assert (fault.code, fault.axis, fault.line) == (FaultCode.FOLLOWING_ERROR, 1, LINE)
     assert fault.values[0] > fault.values[1] == pytest.approx(0.002)
 
@@ -178,7 +125,7 @@ def test_two_cycles_without_an_answer_are_borne() -> None:
 def test_a_bus_that_goes_stops_all_its_axes_and_those_beside_them() -> None:
     rig = moving(buses=2)
     rig.ports["can1"].counters.down = True
-    fault = fault_of(rig, 3)
+    fault = rig.fault_within(3)
     assert (fault.code, fault.axis, fault.line) == (FaultCode.BUS_DOWN, 1, LINE)
     rig.run()
     assert rig.executor.feedback.condition.tolist() == [AxisCondition.HOLDING, AxisCondition.FAULT]
@@ -187,7 +134,7 @@ def test_a_bus_that_goes_stops_all_its_axes_and_those_beside_them() -> None:
 def test_a_bus_without_room_to_send_is_down() -> None:
     rig = moving()
     rig.ports["can0"].full = True
-    assert fault_of(rig, 3).code == FaultCode.BUS_DOWN
+    assert rig.fault_within(3).code == FaultCode.BUS_DOWN
 
 
 def test_a_bus_that_comes_back_is_reported_and_recovers_by_g1000_and_g1010() -> None:
@@ -214,7 +161,7 @@ def test_a_bus_that_comes_back_is_reported_and_recovers_by_g1000_and_g1010() -> 
 def test_a_heartbeat_that_stops_is_a_fault_though_the_drive_goes_on() -> None:
     rig = moving()
     rig.drives[1].beating = False
-    fault = fault_of(rig, 400)
+    fault = rig.fault_within(400)
     assert (fault.code, fault.axis) == (FaultCode.HEARTBEAT_LOST, 1)
 
 
@@ -230,7 +177,7 @@ def test_a_stuck_drive_does_not_energize_and_is_named() -> None:
 def test_an_emergency_message_is_reported_with_its_code_and_meaning() -> None:
     rig = moving()
     rig.drives[1].emergency(0x8611)
-    fault = fault_of(rig, 1)
+    fault = rig.fault_within(1)
     message, hint = remedy_of(fault.code, fault.axis, fault.values)
     assert "axis 1" in message
     assert "8611h, following error" in message
