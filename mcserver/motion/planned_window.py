@@ -113,16 +113,16 @@ class PlannedWindow:
         found = best_blend(self.lookahead, segment, self._limits)
         if found is None:
             return False
-        untouched = table.snapshot()
+        count, saved = len(table), table.save(len(table) - 1)
         table.replace(-1, found.before)
         for part in (found.first, found.second, found.after):
             part.active = segment.active
             self.lookahead.append(part)
-        under_way = self.reserve is not None and untouched.count <= self.reserve.window
+        under_way = self.reserve is not None and count <= self.reserve.window
         # the stop that is held in reserve runs to the untrimmed end: only a plan that is sure to hold may
         # take its place
         if under_way and not self._plan_in_reserve():
-            table.restore(untouched)
+            table.put_back(saved)
             return False
         return True
 

@@ -40,21 +40,6 @@ def empty_columns(count: int) -> SegmentColumns:
 
 
 @dataclass(frozen=True)
-class TableSnapshot:
-    """State of a table to return to.
-
-    Attributes:
-        count: segments. segment, length, duration, vertex_after: what may change of the last one.
-    """
-
-    count: int
-    segment: Segment
-    length: float
-    duration: float
-    vertex_after: int
-
-
-@dataclass(frozen=True)
 class SavedSegments:
     """Segments of a table from an index on, to put back in place of others."""
 
@@ -282,30 +267,6 @@ class SegmentTable:
             column.drop(count)
         self._view = None
         self.segments.drop(count)
-
-    def snapshot(self) -> TableSnapshot:
-        """Return the present state, with at least one segment, for `restore`."""
-        columns = self.columns
-        return TableSnapshot(
-            len(self),
-            self.segments[-1],
-            float(columns.length[-1]),
-            float(columns.duration[-1]),
-            int(columns.vertex_after[-1]),
-        )
-
-    def restore(self, snapshot: TableSnapshot) -> None:
-        """Undo what came after a snapshot, changes of its last segment included."""
-        self.segments.truncate(snapshot.count - 1)
-        self.segments.append(snapshot.segment)
-        for column in self._columns:
-            column.truncate(snapshot.count)
-        self._view = None
-        columns = self.columns
-        columns.sample_end[-1] -= columns.vertex_after[-1] - snapshot.vertex_after
-        columns.vertex_after[-1] = snapshot.vertex_after
-        columns.length[-1], columns.duration[-1] = snapshot.length, snapshot.duration
-        self._samples.truncate(int(columns.sample_end[-1]) - self._dropped)
 
     def save(self, index: int) -> SavedSegments:
         """Copy the segments from ``index`` on; the vertex between them and the one before stays as it is."""
