@@ -33,18 +33,6 @@ def instance_of(token: str) -> str:
     return token.rpartition("/")[2].partition(".")[0]
 
 
-def machine_of(key: str) -> str:
-    """The machine's name in any key of this key space.
-
-    Raises:
-        ValueError: the key is not one of this key space.
-    """
-    chunks = key.split("/")
-    if len(chunks) < 4 or chunks[0] != "mc" or chunks[1] != VERSION_CHUNK or not is_name(chunks[2]):
-        raise ValueError(f"{key!r} is not a key of {_ROOT}/{{machine}}/…")
-    return chunks[2]
-
-
 class Call(msgspec.Struct, frozen=True):
     """What a query's key asks for.
 

@@ -128,19 +128,6 @@ class LeaseTable:
         """Return what a program holds; None: nothing, or it waits."""
         return self._held.get(program)
 
-    def ahead_of(self, program: str) -> list[str]:
-        """The programs that ``program`` waits for, holders first; empty where it does not wait."""
-        wanted = self._waiting.get(program)
-        if wanted is None:
-            return []
-        blockers = [grant.program for grant in self._held.values() if grant.axes & wanted]
-        for other, axes in self._waiting.items():
-            if other == program:
-                break
-            if axes & wanted:
-                blockers.append(other)
-        return blockers
-
     def _grant(self) -> list[Grant]:
         # what is lent is free for those that may have it only
         taken: set[int] = set()

@@ -12,7 +12,6 @@ from mckinematics.pose import JointPath, Pose, ToolPath, Triple
 from mcserver.errors import Diagnostic, ProgramRejected
 from mcserver.gcode.program_check import check_program
 from mcserver.gcode.semantics.interpreter import Interpreter
-from mcserver.gcode.text.parser import parse_line
 from mcserver.machine.machine_file import Machine, load_machine, parse_machine
 from mcserver.motion.canonical import Canonical, FeedGroup, MotionLine
 from mcserver.motion.geometry.curves import ArcCurve, LineCurve
@@ -125,7 +124,7 @@ class Program:
         values: list[Canonical] = []
         for text in lines:
             self.line += 1
-            values += self.interpreter.interpret(parse_line(text, self.line))
+            values += self.interpreter.interpret_text(text, self.line)
         return values
 
     def motion(self, text: str) -> MotionLine:

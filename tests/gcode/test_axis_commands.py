@@ -2,7 +2,7 @@
 
 import pytest
 
-from mcserver.gcode.text.parser import parse_line
+from mcserver.gcode.text.parser import scan_line
 from mcserver.motion.canonical import AxisLine, AxisOperation, MotionLine
 from tests.gcode.support import Gantries, Program, feeding, machine_of
 
@@ -10,7 +10,7 @@ TOOLED = machine_of("0:linear 1:linear 2:linear 3:linear", "3:0,1,2")
 
 
 def need(program: Program, text: str) -> set[int]:
-    return set(program.interpreter.axes_to_sync(parse_line(text, 9)))
+    return set(program.interpreter.axes_to_sync(scan_line(text, 9)))
 
 
 @pytest.mark.parametrize(

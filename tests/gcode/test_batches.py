@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from mcserver.errors import Diagnostic, ProgramRejected
 from mcserver.gcode.fast_path.code_text import CodeText
-from mcserver.gcode.fast_path.interpreted_batch import MIN_LINES
+from mcserver.gcode.fast_path.interpreted_batch import MIN_LINES, InterpretedBatch
 from mcserver.gcode.fast_path.vocabulary import OFFSETS, vocabulary_of
 from mcserver.gcode.fast_path.word_columns import WordReader
 from mcserver.gcode.program_check import check_program
@@ -18,7 +18,7 @@ from mcserver.gcode.semantics.interpreter import Interpreter
 from mcserver.gcode.text.parser import scan_line
 from mcserver.gcode.text.source import find_odd_line, split_lines
 from mcserver.gcode.text.words import Word
-from mcserver.motion.canonical import Canonical
+from mcserver.motion.canonical import Canonical, PathBatch
 from tests.gcode.arc_programs import arc_programs, contours
 from tests.gcode.run_programs import programs, stretches
 from tests.gcode.support import machine_of
@@ -40,6 +40,13 @@ def line_by_line(interpreter: Interpreter, texts: list[str]) -> tuple[list[Canon
     return values, faults
 
 
+def lines_of(batch: InterpretedBatch) -> list[Canonical]:
+    values: list[Canonical] = []
+    for value in batch.values:
+        values += value.values() if isinstance(value, PathBatch) else [value]
+    return values
+
+
 def by_batches(interpreter: Interpreter, texts: list[str]) -> tuple[list[Canonical], list[Diagnostic]]:
     values: list[Canonical] = []
     faults: list[Diagnostic] = []
@@ -48,7 +55,7 @@ def by_batches(interpreter: Interpreter, texts: list[str]) -> tuple[list[Canonic
         found = interpreter.interpret_batch(texts[at:], at + 1)
         if found is not None:
             assert found.taken >= MIN_LINES
-            values += found.line_values()
+            values += lines_of(found)
             at += found.taken
             continue
         try:

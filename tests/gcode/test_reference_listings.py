@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from mcserver.gcode.semantics.interpreter import Interpreter
-from mcserver.gcode.text.parser import parse_line
 from mcserver.motion.canonical import AxisLine, AxisOperation, DwellGroup, FeedGroup, MotionLine, RapidGroup
 from mcserver.motion.geometry.curves import ArcCurve, LineCurve, SampledCurve
 from tests.gcode.support import CARTESIAN, Gantries, Program, machine_of
@@ -65,7 +64,7 @@ def test_arc_listing_has_a_feed_path_of_17273_millimetres_and_goes_through_its_p
     points: list[tuple[float, float]] = []
     length = 0.0
     for number, text in enumerate(ARCS, start=1):
-        for value in interpreter.interpret(parse_line(text, number)):
+        for value in interpreter.interpret_text(text, number):
             if isinstance(value, MotionLine):
                 length += value.feed_length
                 if not isinstance(value.groups[0], DwellGroup):

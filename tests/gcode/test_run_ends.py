@@ -197,5 +197,5 @@ def test_rapids_stand_between_the_runs_of_their_lines() -> None:
     assert found.taken == len(texts)
     kinds = [type(value).__name__ for value in found.values]
     assert kinds == ["MotionLine", "PathBatch", "MotionLine", "MotionLine", "MotionLine"]
-    (group,) = found.line_values()[0].groups
+    (group,) = found.values[0].groups
     assert group == RapidGroup((0, 1), (0.001, 0.002), True)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 import zenoh
 
-from mcserver.net.keys import Call, Keys, machine_of
+from mcserver.net.keys import Call, Keys
 
 
 def test_keys_are_those_of_the_reference() -> None:
@@ -27,12 +27,6 @@ def test_a_wide_expression_does_not_reach_a_machine() -> None:
     assert not wide.intersects(zenoh.KeyExpr(keys.event))
     assert not zenoh.KeyExpr("mc/@v1/**").intersects(zenoh.KeyExpr(keys.rpc("hmi", "abort")))
     assert zenoh.KeyExpr("mc/@v1/*/live/*").intersects(zenoh.KeyExpr(keys.live("i", "2e")))
-
-
-def test_the_machine_is_read_from_a_key() -> None:
-    assert machine_of(Keys("cell-1").live("i", "2e")) == "cell-1"
-    with pytest.raises(ValueError, match="is not a key of"):
-        machine_of("other/key")
 
 
 def test_a_call_is_read_from_its_key() -> None:

@@ -43,15 +43,6 @@ def test_programs_beyond_the_slots_wait() -> None:
     assert (grant.program, grant.slot) == ("c", 0)
 
 
-def test_who_waits_knows_for_whom() -> None:
-    table = LeaseTable()
-    table.request("a", [0])
-    table.request("b", [0, 1])
-    table.request("c", [1])
-    assert table.ahead_of("c") == ["b"]
-    assert table.ahead_of("a") == []
-
-
 @pytest.mark.parametrize("axes", [[], [0]])
 def test_asking_twice_or_for_nothing_is_a_mistake(axes: list[int]) -> None:
     table = LeaseTable()

@@ -33,13 +33,6 @@ class InterpretedBatch(NamedTuple):
     taken: int
     without_effect: Mapping[str, tuple[int, int]] = {}
 
-    def line_values(self) -> list[MotionLine | OutputLine]:
-        """Return the lines as objects."""
-        found: list[MotionLine | OutputLine] = []
-        for value in self.values:
-            found += value.values() if isinstance(value, PathBatch) else [value]
-        return found
-
 
 def leading(sound: NDArray[np.bool_]) -> int:
     """Return how many are sound before the first that is not."""

@@ -19,7 +19,7 @@ class ParsedLine:
     Attributes:
         number: of the line, from 1.
         text: as written.
-        faults: its faults of text and grammar; empty from `parse_line`.
+        faults: its faults of text and grammar.
         profile: what it says besides, on machines whose dialect has more than the reference.
         origin: of a line that was computed: the line of the text that it comes from, and where columns stand
             there; None: it stands in the text as it is.
@@ -150,22 +150,4 @@ def scan_line(text: str, number: int) -> ParsedLine:
     return parsed
 
 
-def parse_line(text: str, number: int) -> ParsedLine:
-    """Parse one line of a program.
-
-    Args:
-        text: the line without its end.
-        number: from 1, for diagnostics.
-
-    Raises:
-        ProgramRejected: with every fault that the text alone shows (MC10x, MC11x, MC12x, MC13x).
-    """
-    parsed = scan_line(text, number)
-    if parsed.faults:
-        faults = FaultList(number)
-        faults.found.extend(parsed.faults)
-        faults.raise_if_any()
-    return parsed
-
-
-__all__ = ["Command", "CommandSpec", "Group", "ParsedLine", "Word", "parse_line", "scan_line"]
+__all__ = ["Command", "CommandSpec", "Group", "ParsedLine", "Word", "scan_line"]
