@@ -114,6 +114,17 @@ class Motion:
         position, velocity, acceleration = self.trajectory.at_time(max(elapsed, 0.0))
         return self.origin + position[0], velocity[0], acceleration[0]
 
+    def along(self, elapsed: Array) -> tuple[Array, Array]:
+        """Positions and velocities that `at` returns at ascending times, shape (n,) each."""
+        inside = int(np.searchsorted(elapsed, self.duration))
+        states = np.array([self.at(each) for each in elapsed[:inside].tolist()]).reshape(inside, 3)
+        place, speed = self.final
+        behind = place + speed * (elapsed[inside:] - self.duration)
+        return (
+            np.concatenate((states[:, 0], behind)),
+            np.concatenate((states[:, 1], np.full(len(behind), speed))),
+        )
+
 
 class FollowingMotion(Motion):
     """An axis that follows streamed targets: its state is set from outside in every cycle.

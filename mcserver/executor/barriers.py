@@ -9,7 +9,10 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Protocol
 
+import numpy as np
+
 from mcserver.executor.cycle import Cycle
+from mcserver.executor.entries import Array
 from mcserver.executor.fault_codes import FaultCode, code_of_drive_fault
 from mcserver.motion.canonical import WaitMode
 
@@ -45,8 +48,18 @@ class Barrier(Protocol):
             BarrierFault: it will never be.
         """
 
+    def idle_cycles(self, limit: int) -> int:  # noqa: ARG002
+        """Return in how many of the next cycles, up to ``limit``, it surely stands and nothing but time
+        passes: without a feed hold, and while no motion ends and no drive or input changes.
+        """
+        return 0
 
-class Dwell:
+    def skip(self, cycles: int) -> None:  # noqa: ARG002
+        """Let such cycles pass."""
+        return
+
+
+class Dwell(Barrier):
     """G04: time passes, but not in feed hold."""
 
     def __init__(self, cycle: Cycle, seconds: float) -> None:
@@ -63,8 +76,20 @@ class Dwell:
     def after(self, held: bool) -> bool:  # noqa: ARG002
         return False
 
+    def idle_cycles(self, limit: int) -> int:
+        return int(np.count_nonzero(self._remaining_after(limit) > NEAR_ZERO))
 
-class AtRest:
+    def skip(self, cycles: int) -> None:
+        self._remaining = float(self._remaining_after(cycles)[-1])
+
+    def _remaining_after(self, cycles: int) -> Array:
+        """Return what remains after each of the next cycles, subtracted one by one, shape (cycles,) [s]."""
+        steps = np.full(cycles + 1, self._cycle.cycle_s)
+        steps[0] = self._remaining
+        return np.asarray(np.subtract.accumulate(steps)[1:])
+
+
+class AtRest(Barrier):
     """Independent motion of some axes has ended; speeds that are held do not count.
 
     Args:
@@ -77,17 +102,23 @@ class AtRest:
         self._exchanged = exchanged
 
     def before(self, left: float, held: bool) -> float | None:  # noqa: ARG002
-        motions = self._cycle.motions
-        if self._exchanged or motions.mask & ~motions.speeding & self._axes:
+        if self._exchanged or self._moving:
             return None
-        return min(left, motions.end_left(self._axes))
+        return min(left, self._cycle.motions.end_left(self._axes))
 
     def after(self, held: bool) -> bool:  # noqa: ARG002
+        return not self._moving
+
+    def idle_cycles(self, limit: int) -> int:
+        return limit if self._moving else 0
+
+    @property
+    def _moving(self) -> bool:
         motions = self._cycle.motions
-        return not motions.mask & ~motions.speeding & self._axes
+        return motions.mask & ~motions.speeding & self._axes != 0
 
 
-class ExactStop:
+class ExactStop(Barrier):
     """Every axis is at rest and its encoder has been within tolerance for some cycles (D-34)."""
 
     def __init__(self, cycle: Cycle, axes: int, timeout_s: float) -> None:
@@ -135,6 +166,9 @@ class ExactStop:
             raise BarrierFault(FaultCode.EXACT_STOP_TIMEOUT, worst, (distance, axis.in_position))
         return False
 
+    def idle_cycles(self, limit: int) -> int:
+        return self._rest.idle_cycles(limit)
+
     def _was_within(self, column: int, tolerance: float) -> bool:
         """Whether the encoder has been within tolerance of the target for the configured cycles, this one
         included.
@@ -144,7 +178,7 @@ class ExactStop:
         return bool((distance <= tolerance).all())
 
 
-class Energized:
+class Energized(Barrier):
     """Drives have energized their axes."""
 
     def __init__(self, cycle: Cycle, axes: int) -> None:
@@ -168,7 +202,7 @@ class Energized:
         return False
 
 
-class DrivesDone:
+class DrivesDone(Barrier):
     """Drives have come to rest after STOP, or have cleared their faults after RESET."""
 
     def __init__(self, cycle: Cycle, axes: int) -> None:
@@ -196,7 +230,7 @@ class DrivesDone:
         return False
 
 
-class InputWait:
+class InputWait(Barrier):
     """M66: until a digital input is as its mode says.
 
     The time-out passes like a dwell: not in feed hold. The input's edges count there, too.
@@ -242,7 +276,7 @@ class InputWait:
         return done
 
 
-class Paused:
+class Paused(Barrier):
     """M00 and M01: until the counter of confirmations grows."""
 
     def __init__(self, seen: int) -> None:
@@ -256,7 +290,7 @@ class Paused:
         return False
 
 
-class NextCycle:
+class NextCycle(Barrier):
     """The entry is tried again in each cycle."""
 
     def __init__(self, cycle: Cycle) -> None:

@@ -4,19 +4,24 @@ from __future__ import annotations
 
 import math
 from collections import deque
+from collections.abc import Mapping
+from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
-from mcserver.executor.entries import Control, ControlKind
+from mcserver.executor.entries import Array, Control, ControlKind
 from mcserver.executor.playback.playback import Playback
 from mcserver.executor.shm.rings import ProgramRing
 from mcserver.motion.kernels.rate_changes import NEAR_U
-from mcserver.motion.pieces import LineEdges
 
 # Control entries looked at in a cycle, besides those that this cycle may pass.
 NOTED_A_CYCLE = 64
 # Entries up to this far ahead of u are always looked at [cycles].
 NOTED_AHEAD = 8.0
+
+# Entries looked at for a block of cycles.
+LOOKED_AT = 1024
 
 # Entries at which u may have to wait.
 WAITING = frozenset(
@@ -35,6 +40,21 @@ WAITING = frozenset(
 )
 # Where lines begin and end: all other kinds have greater numbers.
 _LAST_EDGE = int(ControlKind.LINE_END)
+_OUTPUT = int(ControlKind.OUTPUT)
+
+
+@dataclass(frozen=True, eq=False)
+class Taken:
+    """Entries that were taken, in order.
+
+    Attributes:
+        u, line, kind: shape (n,). outputs: by place those that set outputs.
+    """
+
+    u: Array
+    line: NDArray[np.int64]
+    kind: NDArray[np.int64]
+    outputs: Mapping[int, Control]
 
 
 class ControlQueue:
@@ -127,38 +147,49 @@ class ControlQueue:
 
     def edges_until(self, u: float, limit: int) -> int:
         """Return how many rows after a whole u, up to ``limit``, meet no entry but where lines begin and
-        end.
+        end and outputs change.
         """
         ring = self._ring
-        places = np.arange(self._next, self._noted) % ring.controls
+        known = min(self._noted, self._next + LOOKED_AT)
+        places = np.arange(self._next, known) % ring.controls
         at = ring.entry_u[places]
         far = at > u + limit
         ahead = int(np.argmax(far)) if far.any() else len(at)
         at = at[:ahead]
         whole = np.rint(at)
         blurred = (at != whole) & (np.abs(at - whole) <= 2.0 * NEAR_U)
-        others = np.flatnonzero(blurred | (ring.entry_kind[places[:ahead]] > _LAST_EDGE))
+        kind = ring.entry_kind[places[:ahead]]
+        others = np.flatnonzero(blurred | ((kind > _LAST_EDGE) & (kind != _OUTPUT)))
         if len(others):
             return max(0, math.ceil(float(at[others[0]]) - u - 2.0 * NEAR_U) - 1)
-        if ahead == len(places) and self._noted < ring.controls_written:
-            # more entries follow, whose rows have not come yet
-            limit = min(limit, max(0, math.ceil(self.last_u - u) - 1))
+        if ahead == len(places) and known < ring.controls_written:
+            # more entries follow, whose rows have not come yet, or that have not been looked at
+            last = float(at[-1]) if ahead else self.last_u
+            limit = min(limit, max(0, math.ceil(last - u) - 1))
         return limit
 
-    def take_edges(self, u: float) -> LineEdges:
-        """Take the entries up to u, all of which are where lines begin and end."""
-        ring = self._ring
-        places = np.arange(self._next, self._noted) % ring.controls
+    def take_until(self, u: float) -> Taken:
+        """Take the entries up to u, as `edges_until` has found them: where lines begin and end and where
+        outputs change.
+        """
+        ring, first = self._ring, self._next
+        places = np.arange(first, min(self._noted, first + LOOKED_AT)) % ring.controls
         at = ring.entry_u[places]
         behind = at > u
         if behind.any():
             places = places[: int(np.argmax(behind))]
         self._head = None
         self._next += len(places)
-        ends = ring.entry_kind[places] == ControlKind.LINE_END
-        edges = LineEdges(at[: len(places)].copy(), ring.entry_line[places], ends)
+        kind = ring.entry_kind[places]
+        (outputs,) = np.nonzero(kind == _OUTPUT)
+        taken = Taken(
+            at[: len(places)].copy(),
+            ring.entry_line[places],
+            kind,
+            {number: ring.control(first + number) for number in outputs.tolist()},
+        )
         ring.free_controls(self._next)
-        return edges
+        return taken
 
     def edge(self, u: float) -> tuple[float | None, bool]:
         """Return before which u the motion under way has to be able to stop, and whether more rows would

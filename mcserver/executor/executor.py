@@ -8,18 +8,18 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
-import numpy as np
-
 from mcserver.drives.bus import DriveBus, DriveMode
 from mcserver.drives.io_bus import IoBus
 from mcserver.executor.axes import AxisBank
 from mcserver.executor.barriers import Dwell, InputWait
+from mcserver.executor.block import Block
+from mcserver.executor.block_playing import play_block
 from mcserver.executor.cycle import Cycle
+from mcserver.executor.entries import Array
 from mcserver.executor.fault_codes import FaultCode
 from mcserver.executor.holding import stop_independent
 from mcserver.executor.independent import IndependentMotions
 from mcserver.executor.io_bank import IoBank
-from mcserver.executor.row_block import RowBlock
 from mcserver.executor.shm.event_ring import EventRing
 from mcserver.executor.shm.feedback import (
     CYCLE,
@@ -42,8 +42,6 @@ from mcserver.machine.machine_file import Machine
 
 # Beside the columns to reset: a reset was asked for at all.
 _RESET_ASKED = 1 << 64
-# Cycles below which a block of rows costs more than it saves.
-LEAST_BLOCK = 4
 # In which a simulated drive energizes at the latest.
 ASSUME_CYCLES = 10_000
 
@@ -153,7 +151,7 @@ class Executor:
             if slot.guard is not None and slot.running:
                 slot.guard.before_exchange(slot)
         if self._has_io:
-            self._io.before_exchange(self._path_speed)
+            self._io.before_exchange(self._path_speeds)
         profiled = cycle.profiled
         if profiled.mask:
             profiled.before_exchange()
@@ -199,8 +197,8 @@ class Executor:
             self.cycle(self.time)
         raise RuntimeError("a simulated drive does not energize")
 
-    def play_rows(self, time: float, limit: int) -> RowBlock | None:
-        """Play rows of the one program that runs, one a cycle, to the same effect as `cycle`.
+    def play_block(self, time: float, limit: int) -> Block | None:
+        """Play cycles of the one program that runs, to the same effect as `cycle`.
 
         A regular cycle has to follow. Only for simulated drives, and on a virtual clock.
 
@@ -212,62 +210,20 @@ class Executor:
         """
         running = [slot for slot in self._used if slot.running]
         quiet = self._mailbox.changes == self._changes and self._mailbox.estop == self._estop_seen
-        if len(running) != 1 or not quiet or not self.bank.follows:
+        if len(running) != 1 or not quiet or self._cycle.estop or self._reset_wanted:
             return None
-        if self.motions.mask & ~(self.motions.speeding & self.bank.energized):
+        slot = running[0]
+        if slot is not self._used[0] or slot.guard is not None or not self._supervision.quiet:
             return None
-        if self._cycle.estop or self._reset_wanted or self._used[0] is not running[0]:
-            return None
-        if not self._supervision.quiet:
-            return None
-        if self._has_io:
-            limit = self._io.idle_cycles(time, limit)
-            if limit < LEAST_BLOCK or self._io.shines:
-                return None
-        slot, ring = running[0], self._rings[running[0].index]
-        if slot.guard is not None:
-            return None
-        rows = slot.rows_in_one_go(limit)
-        driven = slot.playback.driven
-        if len(rows) < LEAST_BLOCK or slot.playback.active & ~self.bank.energized:
-            return None
-        turning = self.motions.steady(len(rows))
-        if turning is None:
-            return None
-        setpoint = np.tile(self._row.setpoint, (len(rows), 1))
-        actual = np.tile(self._row.actual, (len(rows), 1))
-        velocity = np.tile(self._row.velocity, (len(rows), 1))
-        setpoint[:, driven] = actual[:, driven] = ring.position[rows][:, driven]
-        velocity[:, driven] = ring.velocity[rows][:, driven]
-        for column, positions in turning.items():
-            setpoint[:, column] = actual[:, column] = positions
-        count = self._supervision.within_travel(setpoint)
-        if count < LEAST_BLOCK:
-            return None
-        lagging = self.bank.exact != self.bank.all
-        if lagging:
-            ahead = self.bank.foresee(setpoint[:count], velocity[:count], actual[:count])
-            kept = self._supervision.within_error(setpoint[: len(ahead.actual)], ahead.actual)
-            if kept < len(ahead.actual) or not ahead.agreed:
-                ahead = self.bank.foresee(setpoint[:kept], velocity[:kept], actual[:kept])
-            count, actual = len(ahead.actual), ahead.actual
-            if count < LEAST_BLOCK:
-                return None
-            ahead.arrive()
-        setpoint, actual = setpoint[:count], actual[:count]
-        lines = ring.row_line[rows[:count]].copy()
-        events = slot.play_rows(setpoint, time)
-        self.motions.skip(count)
-        cycle = self._cycle
-        for number in range(max(0, count - len(cycle.history)), count):
-            cycle.history[(cycle.number + number) % len(cycle.history)] = actual[number]
-        self._feedback.skip(count)
-        cycle.number += count
-        cycle.time = time + (count - 1) * cycle.cycle_s
-        return RowBlock(lines, setpoint, actual, events)
+        rates = self._motion_rates()
+        block = play_block(self._cycle, slot, self._supervision, rates, time, limit)
+        if block is not None:
+            self._feedback.skip(len(block.lines))
+        return block
 
-    def _path_speed(self, slot: int, axes: int) -> float:
-        return self._slots[slot].path_speed(axes)
+    def _path_speeds(self, slot: int, axes: int) -> Array:
+        """Return the speed of axes of a slot together along its path in this cycle, shape (1,)."""
+        return self._slots[slot].path_speeds(self._row.velocity[None], axes)
 
     def stop_all(self, code: FaultCode | None = None) -> None:
         """Stop all motion within its limits, and report why; axes stay energized."""
@@ -341,7 +297,7 @@ class Executor:
         # nothing is left for a collection: it never runs in the executor's process
         self._cycle.shifted.clear()
         self._io.make_safe()
-        self._io.before_exchange(self._path_speed)
+        self._io.before_exchange(self._path_speeds)
         self.bank.close()
 
     # ------------------------------------------------------------------ orders
@@ -443,14 +399,19 @@ class Executor:
     def _advance(self) -> None:
         for slot in self._used:
             slot.prepare()
-        # position motions that outlive their program follow the machine's orders
-        rates = {}
-        if self.motions.mask:
-            rates = {slot.index: slot.rapid_rate for slot in self._slots}
-            rates[-1] = 0.0 if self._hold else min(1.0, self._override)
-        self.motions.advance(rates)
+        self.motions.advance(self._motion_rates())
         for slot in self._used:
             slot.advance()
+
+    def _motion_rates(self) -> dict[int, float]:
+        """Return the rates of position motions by slot; those that outlive their program follow the machine's
+        orders.
+        """
+        if not self.motions.mask:
+            return {}
+        rates = {slot.index: slot.rapid_rate for slot in self._slots}
+        rates[-1] = 0.0 if self._hold else min(1.0, self._override)
+        return rates
 
     def _report(self) -> None:
         cells = self._row.cells

@@ -10,6 +10,7 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
+from mcserver.executor.barriers import Barrier
 from mcserver.executor.cycle import Cycle
 from mcserver.executor.entries import Array
 from mcserver.executor.shm.target_box import POINTS, TargetBox, Targets
@@ -25,7 +26,7 @@ from mcserver.motion.kernels.target_tracking import (
 AHEAD, NEXT = 0.5, 2.0
 
 
-class Follows:
+class Follows(Barrier):
     """The barrier at which u stands while axes follow targets.
 
     Args:

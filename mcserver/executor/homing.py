@@ -13,7 +13,7 @@ from collections.abc import Callable, Mapping
 from types import MappingProxyType
 
 from mcserver.drives.bus import HOME_SWITCH, DriveMode, DriveState
-from mcserver.executor.barriers import DRIVE_TIMEOUT_S, BarrierFault
+from mcserver.executor.barriers import DRIVE_TIMEOUT_S, Barrier, BarrierFault
 from mcserver.executor.cycle import Cycle
 from mcserver.executor.entries import EventKind
 from mcserver.executor.fault_codes import FaultCode
@@ -333,7 +333,7 @@ _STEPS: Mapping[HomingPhase, Callable[[AxisHoming], HomingPhase | None]] = Mappi
 )
 
 
-class Homes:
+class Homes(Barrier):
     """The barrier at which u stands while axes are homed together."""
 
     def __init__(self, cycle: Cycle, axes: int, slot: int, rate: Callable[[], float]) -> None:
@@ -356,7 +356,7 @@ class Homes:
         return all(done)
 
 
-class Refers:
+class Refers(Barrier):
     """The barrier that gives axes at rest their positions, in the cycle after it was put up."""
 
     def __init__(self, cycle: Cycle, axes: int, values: tuple[float, ...], slot: int) -> None:

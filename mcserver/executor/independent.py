@@ -209,25 +209,44 @@ class IndependentMotions:
 
     # ------------------------------------------------------------------ blocks of rows
 
-    def steady(self, count: int) -> dict[int, Array] | None:
-        """Return the setpoints of the next cycles where nothing but steady speeds moves; None otherwise.
+    def idle_cycles(self, rates: Mapping[int, float], limit: int) -> int:
+        """Return in how many of the next cycles, up to ``limit``, no motion ends or is superseded.
 
-        Returns:
-            By column, shape (count,), the same to the bit as `advance` would set them.
+        Args:
+            rates: as of `advance`, in all of these cycles.
         """
-        found: dict[int, Array] = {}
-        for column, motion in self._motions.items():
-            axis = self._axes[column]
-            bounded = math.isfinite(axis.min_position) or math.isfinite(axis.max_position)
-            changing = motion.elapsed < motion.duration or motion.followers or motion.lost
-            if motion.kind is not MotionKind.SPEED or bounded or changing:
-                return None
-            position, velocity = motion.final
-            found[column] = position + velocity * (self._elapsed(motion, count) - motion.duration)
-        return found
+        for motion in self._motions.values():
+            if not limit:
+                break
+            if motion.kind is MotionKind.FOLLOW:
+                return 0
+            if motion.kind is MotionKind.SPEED:
+                axis = self._axes[motion.column]
+                if math.isfinite(axis.min_position) or math.isfinite(axis.max_position):
+                    # a soft limit is looked for in each cycle
+                    return 0
+                continue
+            if motion.kind is MotionKind.POSITION and rates[motion.slot] != motion.rate:
+                return 0
+            limit = int(np.count_nonzero(self._elapsed(motion, limit) < motion.duration))
+        return limit
+
+    def ahead(self, count: int, setpoint: Array, velocity: Array) -> None:
+        """Write what `advance` would set in the next cycles, ``count`` of its `idle_cycles`, to the bit.
+
+        Args:
+            setpoint, velocity: shape (count, K); written in the columns of motions.
+        """
+        for motion in self._motions.values():
+            positions, velocities = motion.along(self._elapsed(motion, count))
+            if not motion.lost:
+                setpoint[:, motion.column], velocity[:, motion.column] = positions, velocities
+            for column, (start, share) in motion.followers.items():
+                setpoint[:, column] = start + share * (positions - motion.anchor)
+                velocity[:, column] = share * velocities
 
     def skip(self, count: int) -> None:
-        """Let cycles pass on motions that are `steady`."""
+        """Let cycles pass, some of the `idle_cycles`."""
         self.ended = 0
         self._left.clear()
         self.limited.clear()

@@ -16,6 +16,9 @@ from mcserver.machine.machine_file import Machine
 # Who has set an output last, besides the number of a program's slot.
 NOBODY = -1
 OPERATOR = -2
+# Speeds at which a slot moves a mask of axes along a path in some cycles, 0 where it does not, shape (n,)
+# [m/s or rad/s]; of mask 0 those of all its axes.
+SpeedsOf = Callable[[int, int], Array]
 # A scripted change is due in the first cycle that is not earlier than this [s].
 ROUNDING_S = 1e-9
 
@@ -58,7 +61,7 @@ class IoBank:
         )
         self._scripted = 0
         self._overruled: set[int] = set()
-        self._moving = True
+        self._moving = bool(machine.inputs)
         self._fresh = np.ones(len(machine.inputs) + len(machine.outputs), np.bool_)
         self._orders_seen = 0
         self._input_counts = [0] * len(machine.inputs)
@@ -124,11 +127,6 @@ class IoBank:
         if column in self._lasers:
             self._lasers[column] = (axes, speed)
 
-    @property
-    def shines(self) -> bool:
-        """Whether a program has a laser on, which shines while it moves."""
-        return any(self._wanted[column] != 0.0 and self._owner[column] >= 0 for column in self._lasers)
-
     def make_safe(self, owner: int | None = None) -> None:
         """Give outputs their safe values: those that ``owner`` has set, or all."""
         for column, channel in enumerate(self._outputs):
@@ -155,28 +153,31 @@ class IoBank:
 
     # ------------------------------------------------------------------ the cycle
 
-    def before_exchange(self, speed_of: Callable[[int, int], float]) -> None:
-        """Publish the outputs and hand them to their buses.
-
-        Args:
-            speed_of: gives the speed at which a slot moves a mask of axes along a path in this cycle, 0
-                where it does not [m/s or rad/s]; of mask 0 that of all its axes.
-        """
-        if not self._written:
+    def before_exchange(self, speeds_of: SpeedsOf) -> None:
+        """Publish the outputs and hand them to their buses; ``speeds_of``: in this cycle."""
+        if not self._written or self._lasers:
             self._written = True
-            self._row.outputs[:] = self._wanted
+            self.fill(self._row.outputs[None], speeds_of)
             self._row.owners[:] = self._owner
-        for column, (axes, speed) in self._lasers.items():
-            owner, power = self._owner[column], float(self._wanted[column])
-            if owner < 0 or power == 0.0:
-                power = 0.0
-            else:
-                now = speed_of(owner, axes)
-                power *= min(1.0, now / speed) if speed > 0.0 else float(now > 0.0)
-            self._row.outputs[column] = power
         for bus, _, columns in self._buses:
             if len(columns):
                 bus.write_outputs(self._raw_outputs(columns))
+
+    def fill(self, values: Array, speeds_of: SpeedsOf) -> None:
+        """Write what is published in n cycles in which outputs are set as they are now.
+
+        Args:
+            values: shape (n, O), written. speeds_of: in these cycles.
+        """
+        values[:] = self._wanted
+        for column, (axes, whole_at) in self._lasers.items():
+            owner, power = self._owner[column], self._wanted[column]
+            if owner < 0 or power == 0.0:
+                values[:, column] = 0.0
+                continue
+            speeds = speeds_of(owner, axes)
+            share = np.minimum(1.0, speeds / whole_at) if whole_at > 0.0 else speeds > 0.0
+            values[:, column] = power * share
 
     def after_exchange(self, time: float) -> None:
         """Read the inputs; ``time``: executor time of the cycle [s]."""

@@ -11,7 +11,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from mcserver.executor.barriers import BarrierFault
+from mcserver.executor.barriers import Barrier, BarrierFault
 from mcserver.executor.cycle import Cycle
 from mcserver.executor.entries import Array, Control, EventKind
 from mcserver.executor.fault_codes import FaultCode
@@ -77,7 +77,7 @@ class Contact:
         return found
 
 
-class Probes:
+class Probes(Barrier):
     """The barrier at which u stands while a probing move is under way.
 
     Args:

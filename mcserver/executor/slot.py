@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mcserver.executor.barriers import Barrier, BarrierFault, Paused
+from mcserver.executor.block import LineEvents, Passing, passing_cycles, passing_times
 from mcserver.executor.control_queue import ControlQueue
 from mcserver.executor.control_rules import pass_control
 from mcserver.executor.cycle import Cycle
@@ -20,12 +21,10 @@ from mcserver.executor.fault_codes import FaultCode
 from mcserver.executor.holding import stop_independent
 from mcserver.executor.playback.playback import Playback
 from mcserver.executor.playback.rate_control import RateControl
-from mcserver.executor.row_block import LineEvents, passing_times
 from mcserver.executor.shm.feedback import SlotState
 from mcserver.executor.shm.mailbox import MachineOrders, SlotOrders
 from mcserver.executor.shm.rings import ProgramRing
 from mcserver.motion.kernels.rate_changes import NEAR_U
-from mcserver.motion.pieces import LineEdges
 
 # This close to an edge u is put onto it [cycles]: at 1 m/s that is a nanometre, of a jerk of 1 m/s³ at 1 kHz.
 LANDING = 1e-6
@@ -187,18 +186,19 @@ class ProgramSlot:
             return 0.0
         return min(self._override / feed_scale, 1.0)
 
-    def path_speed(self, axes: int) -> float:
-        """Return the speed of some of its axes together along the path of a line in this cycle, 0 where they
-        rest, move by themselves, or are on the way to the first line [m/s or rad/s].
+    def path_speeds(self, velocity: Array, axes: int) -> Array:
+        """Return the speeds of some of its axes together along the path of a line, 0 where they rest, move by
+        themselves, or are on the way to the first line, shape (n,) [m/s or rad/s].
 
         Args:
-            axes: mask of columns; 0: all that it moves.
+            velocity: of cycles, shape (n, K). axes: mask of columns; 0: all that it moves.
         """
         playback = self.playback
         if not playback.active or not playback.line:
-            return 0.0
+            return np.zeros(len(velocity))
         columns = self.cycle.bank.masks.bools(playback.active & (axes or playback.active))
-        return float(np.linalg.norm(self.cycle.row.velocity[columns]))
+        speeds: Array = np.sqrt(np.square(velocity[:, columns]).sum(axis=-1))
+        return speeds
 
     # ------------------------------------------------------------------ stopping
 
@@ -300,20 +300,25 @@ class ProgramSlot:
         elif self.running:
             self._note_state()
 
-    # ------------------------------------------------------------------ blocks of rows
+    # ------------------------------------------------------------------ blocks of cycles
 
-    def rows_in_one_go(self, limit: int) -> NDArray[np.intp]:
-        """Return the places in the ring of rows that are played one a cycle.
+    def idle_cycles(self, limit: int) -> int:
+        """Return how many of the next cycles, up to ``limit``, play one row each, or stand at a barrier.
 
-        They pass no entry but where lines begin and end.
+        They pass no entry but where lines begin and end and where outputs change.
         """
-        nothing = np.zeros(0, np.intp)
-        plays = self._state is SlotState.RUNNING and self._started and self.barrier is None
-        if not plays or not self.playback.active or not self.ramp.steady or self._starved:
-            return nothing
-        if self.held or self._override != 1.0 or self.u != round(self.u):
-            return nothing
+        if self._state is not SlotState.RUNNING or not self._started or self._starved:
+            return 0
+        if self.held or self._override != 1.0:
+            return 0
         queue = self._queue
+        if self.barrier is not None:
+            queue.note_all()
+            return 0 if self.playback.active else self.barrier.idle_cycles(limit)
+        if not self.playback.active or self.playback.at_start or not self.ramp.steady:
+            return 0
+        if self.u != round(self.u):
+            return 0
         queue.note_all()
         self.playback.seek(self.u)
         edge, _ = queue.edge(self.u)
@@ -321,21 +326,47 @@ class ProgramSlot:
             limit = min(limit, self.ramp.rows_before(self.u, edge))
         return self.playback.whole_rows(self.u, min(limit, queue.edges_until(self.u, limit)))
 
-    def play_rows(self, setpoints: Array, time: float) -> LineEvents:
-        """Pass the rows of a block, and the beginnings and ends of lines between them.
+    def ahead(self, count: int, setpoint: Array, velocity: Array) -> NDArray[np.int64]:
+        """Write what `advance` would set in the next cycles, ``count`` of its `idle_cycles`.
 
         Args:
-            setpoints: of its cycles, shape (n, K). time: executor time of the first one [s].
+            setpoint, velocity: shape (count, K); written in the columns that rows drive.
+
+        Returns:
+            The lines that are shown, shape (count,).
         """
+        if self.barrier is None:
+            return self.playback.ahead(count, setpoint, velocity)
+        return np.full(count, self.line)
+
+    def skip(self, setpoints: Array, time: float) -> Passing:
+        """Let cycles pass, some of the `idle_cycles`.
+
+        Args:
+            setpoints: of them, shape (n, K). time: executor time of the first one [s].
+
+        Returns:
+            What was passed, of which nothing has been reported or set.
+        """
+        if self.barrier is not None:
+            self.barrier.skip(len(setpoints))
+            self.playback.note_all(setpoints)
+            self.shown_line = self.line
+            return Passing(LineEvents.none(self.index))
         start, cycle_s = self.u, self.cycle.cycle_s
         self.u = start + len(setpoints)
-        edges = self._queue.take_edges(self.u + NEAR_U)
-        times = passing_times(edges.u, start, round(time / cycle_s), cycle_s)
-        if len(edges):
-            self.line = _line_after(edges, self.line)
+        taken = self._queue.take_until(self.u + NEAR_U)
+        times = passing_times(taken.u, start, round(time / cycle_s), cycle_s)
+        cycles = passing_cycles(taken.u, start)
+        edges = taken.kind <= ControlKind.LINE_END
+        events = LineEvents(
+            self.index, taken.line[edges], times[edges], taken.kind[edges] == ControlKind.LINE_END
+        )
+        if len(events):
+            self.line = events.line_after(self.line)
         self.playback.skip(self.u, setpoints)
         self.shown_line = self.playback.line
-        return LineEvents(self.index, edges.line, times, edges.ends)
+        return Passing(events, tuple((int(cycles[at]) - 1, each) for at, each in taken.outputs.items()))
 
     def finish(self, line: int, left: float) -> None:
         """End the program; axes that move by themselves go on."""
@@ -502,14 +533,3 @@ class ProgramSlot:
             self.state = SlotState.STARVED
         else:
             self.state = SlotState.RUNNING
-
-
-def _line_after(edges: LineEdges, line: int) -> int:
-    """Return the line under way after some that began and ended; ``line`` was before."""
-    begun = np.flatnonzero(~edges.ends)
-    since = 0
-    if len(begun):
-        since = int(begun[-1])
-        line = int(edges.line[since])
-    ended = edges.line[since:][edges.ends[since:]]
-    return 0 if (ended == line).any() else line

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mcserver.clearance.meter import ClearanceMeter
+from mcserver.executor.block import Block
 from mcserver.machine.io_section import Input, Output
 from mcserver.machine.machine_file import Machine
 from mcserver.simulation.path_sampler import PathSampler
@@ -99,7 +100,7 @@ class Recorder:
         np.maximum(self.high, setpoint, out=self.high)
         self.last[:] = setpoint
         self.line = line
-        self._look_at_outputs()
+        self._look_at_outputs(self._outputs, self._outputs)
         if self._sampler is not None:
             self._sampler.add(np.array([line]), setpoint[None])
         for taker in self._takers:
@@ -121,18 +122,20 @@ class Recorder:
         row[at + len(self._inputs) :] = self._outputs
         self._fill += 1
 
-    def _look_at_outputs(self) -> None:
+    def _look_at_outputs(self, low: Array, high: Array) -> None:
+        """Take the least and the greatest values of some cycles, shape (O,)."""
         if len(self._outputs):
-            np.minimum(self.outputs_low, self._outputs, out=self.outputs_low)
-            np.maximum(self.outputs_high, self._outputs, out=self.outputs_high)
+            np.minimum(self.outputs_low, low, out=self.outputs_low)
+            np.maximum(self.outputs_high, high, out=self.outputs_high)
 
-    def block(self, times: Array, lines: NDArray[np.int64], setpoint: Array, actual: Array) -> None:
-        """Record cycles in one go: times and lines (n,), setpoints and encoder readings (n, K)."""
+    def block(self, times: Array, block: Block) -> None:
+        """Record cycles in one go, at these executor times, shape (n,) [s]."""
+        lines, setpoint = block.lines, block.setpoint
         np.minimum(self.low, setpoint.min(axis=0), out=self.low)
         np.maximum(self.high, setpoint.max(axis=0), out=self.high)
         self.last[:] = setpoint[-1]
         self.line = int(lines[-1])
-        self._look_at_outputs()
+        self._look_at_outputs(block.outputs.min(axis=0), block.outputs.max(axis=0))
         if self._sampler is not None:
             self._sampler.add(lines, setpoint)
         for taker in self._takers:
@@ -152,10 +155,10 @@ class Recorder:
             rows[:, 0], rows[:, 1] = times[part], lines[part]
             rows[:, 2 : 2 + self._width] = setpoint[part]
             at = 2 + 2 * self._width
-            rows[:, 2 + self._width : at] = actual[part]
-            # nothing changes in a block of rows
+            rows[:, 2 + self._width : at] = block.actual[part]
+            # inputs do not change in a block
             rows[:, at : at + len(self._inputs)] = self._inputs
-            rows[:, at + len(self._inputs) :] = self._outputs
+            rows[:, at + len(self._inputs) :] = block.outputs[part]
             self._fill += count
             done += count
 

@@ -16,9 +16,9 @@ from mckinematics.solver import MachineKinematics
 from mcserver.clearance.meter import ClearanceMeter
 from mcserver.drives.bus import DriveMode
 from mcserver.errors import ConfigurationError, Diagnostic
+from mcserver.executor.block import LineEvents
 from mcserver.executor.entries import EventKind, ExecutorEvent
 from mcserver.executor.fault_codes import WARNINGS, remedy_of
-from mcserver.executor.row_block import LineEvents
 from mcserver.executor.shm.feedback import AxisCondition, homed_of
 from mcserver.gcode.profiles.frame import Frame, tool_table
 from mcserver.gcode.program_check import check_lines

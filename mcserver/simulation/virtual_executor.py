@@ -8,14 +8,13 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Protocol, runtime_checkable
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mcserver.drives.bus import DriveBus
 from mcserver.drives.registry import VIRTUAL_FACTORIES, create_buses
+from mcserver.executor.block import Block, LineEvents
 from mcserver.executor.entries import Array, EventKind, ExecutorEvent
 from mcserver.executor.envelope_bounds import Envelope
 from mcserver.executor.executor import Executor
-from mcserver.executor.row_block import LineEvents
 from mcserver.executor.shm.event_ring import EventRing
 from mcserver.executor.shm.feedback import FeedbackRing, FeedbackState
 from mcserver.executor.shm.mailbox import SLOTS, CommandMailbox
@@ -30,12 +29,12 @@ Recorder = Callable[[float, int, Array, Array], None]
 
 @runtime_checkable
 class BlockRecorder(Protocol):
-    """A recorder that takes many cycles in one go: with it blocks of rows without events are played so."""
+    """A recorder that takes many cycles in one go: with it they are played so where that can be."""
 
     def __call__(self, time: float, line: int, setpoint: Array, actual: Array) -> None: ...
 
-    def block(self, times: Array, lines: NDArray[np.int64], setpoint: Array, actual: Array) -> None:
-        """Record cycles: times and lines (n,), setpoints and encoder readings (n, K)."""
+    def block(self, times: Array, block: Block) -> None:
+        """Record cycles at these executor times, shape (n,) [s]."""
 
 
 class VirtualExecutor:
@@ -139,11 +138,11 @@ class VirtualExecutor:
         end = self._cycles + cycles
         while self._cycles < end:
             if blocks is not None and end - self._cycles > 1:
-                block = executor.play_rows(self._cycles * cycle_s, end - self._cycles - 1)
+                block = executor.play_block(self._cycles * cycle_s, end - self._cycles - 1)
                 if block is not None:
                     last = self._cycles + len(block.lines)
                     times: Array = np.arange(self._cycles, last, dtype=np.float64) * cycle_s
-                    blocks.block(times, block.lines, block.setpoint, block.actual)
+                    blocks.block(times, block)
                     self._cycles += len(block.lines)
                     if len(block.events.line):
                         self._reports += [*self._events.take(), block.events]

@@ -6,13 +6,16 @@ import math
 import statistics
 import time
 
-from mcserver.machine.machine_file import Machine
+from mcserver.machine.machine_file import Machine, builtin_text, parse_machine
 from mcserver.processes import collect_seldom
 from tests.bench.figures import Figure
 from tests.bench.machines import ideal
+from tests.bench.real_files import MACHINE, POSTS
 
 STROKES, CHORD = 200, 0.1
 RUNS = 3
+# Of the files of real_files those with the most besides motion.
+IN_THE_MANNER_OF, LINES = ("S on each line (laser)", "retracts"), 10_000
 
 
 def measure() -> list[Figure]:
@@ -26,7 +29,16 @@ def measure() -> list[Figure]:
     text = programs["lines of 80 mm"]
     simulated = ideal(axes=3, kind="simulated")
     figures.append(_figure("lines of 80 mm, simulated drives", text, simulated, "≥ 30 × machine time"))
+    machine = parse_machine(builtin_text("cartesian") + MACHINE)
+    for post in IN_THE_MANNER_OF:
+        figures.append(_figure(f"{post}, simulated drives", _post(post), machine, "≥ 100 × machine time"))
     return figures
+
+
+def _post(name: str) -> str:
+    head, line = POSTS[name]
+    points = ((k, 50.0 * math.cos(k * 0.01), 50.0 * math.sin(k * 0.01)) for k in range(LINES))
+    return "\n".join([head, *(line(*point) for point in points), "M2"])
 
 
 def _strokes() -> str:

@@ -8,7 +8,7 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from mcserver.executor.row_block import passing_times
+from mcserver.executor.block import passing_times
 from mcserver.motion.kernels.rate_changes import NEAR_U
 
 CYCLE_S = 0.001

@@ -240,31 +240,47 @@ class Playback:
         """Whether a first row has not been looked at."""
         return self._unchecked != 0
 
-    # ------------------------------------------------------------------ blocks of rows
+    # ------------------------------------------------------------------ blocks of cycles
 
-    def whole_rows(self, u: float, limit: int) -> NDArray[np.intp]:
-        """Return the places in the ring of up to ``limit`` rows after a whole u that are played one a cycle.
+    def whole_rows(self, u: float, limit: int) -> int:
+        """Return how many rows after a whole u, up to ``limit``, are played one a cycle.
 
         They follow u and each other without a gap, drive all active columns, are planned at 100 %, and each
         belongs to a line.
         """
         ring, number = self._ring, self.following
-        nothing = np.zeros(0, np.intp)
         if self._fresh or self._unchecked or number - 1 < self.first:
-            return nothing
+            return 0
         if self._u_cells[(number - 1) % ring.rows] != u:
-            return nothing
-        rows = np.arange(number, min(self.written, number + limit)) % ring.rows
+            return 0
+        rows = self._places(min(self.written - number, limit))
         active = np.uint64(self.active)
         fits = (ring.row_u[rows] == int(u) + 1 + np.arange(len(rows))) & (ring.row_line[rows] != 0)
         fits &= ring.feed_scale[rows] == 1.0
         fits &= (ring.row_mask[rows] & active) == active
-        return rows if fits.all() else rows[: int(np.argmin(fits))]
+        return len(rows) if fits.all() else int(np.argmin(fits))
+
+    def ahead(self, count: int, setpoint: Array, velocity: Array) -> NDArray[np.int64]:
+        """Write the next rows, ``count`` of the `whole_rows`, in the columns that they drive, shape
+        (count, K) each; return their lines.
+        """
+        ring, rows, driven = self._ring, self._places(count), self.driven
+        setpoint[:, driven] = ring.position[rows][:, driven]
+        velocity[:, driven] = ring.velocity[rows][:, driven]
+        return ring.row_line[rows]
+
+    def _places(self, count: int) -> NDArray[np.intp]:
+        """Return the places in the ring of the next rows."""
+        return np.arange(self.following, self.following + count) % self._ring.rows
 
     def skip(self, u: float, setpoints: Array) -> None:
         """Move on to u: the rows up to there were played; ``setpoints``: of those cycles, shape (n, K)."""
         self.seek(u)
         self.line = self._line_cells[(self.following - 1) % self._ring.rows]
+        self.note_all(setpoints)
+
+    def note_all(self, setpoints: Array) -> None:
+        """Note setpoints of cycles, shape (n, K)."""
         for setpoint in setpoints[-4:]:
             self._recent[self._cycles & 3] = setpoint
             self._cycles += 1

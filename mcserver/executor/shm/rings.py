@@ -33,6 +33,8 @@ _CONTROL = struct.Struct("<qqdqQdqqqdq")
 # the same by word
 _WITH, _KIND, _U, _LINE = range(4)
 _WORDS = _CONTROL.size // 8
+# Edges up to which entries one by one take less time than columns.
+FEW_EDGES = 4
 # what rounding may take u back by between entries
 _ROUNDING = 1e-6
 # By number: asked for twice a line, where calling the enumeration takes longer than all the rest.
@@ -237,6 +239,11 @@ class ProgramRing:
         if back.any():
             at = int(np.argmax(back))
             raise ValueError(f"a control entry at u = {u[at]} comes after one at {latest[at]}")
+        if count <= FEW_EDGES:
+            for each, line, ends in zip(u.tolist(), edges.line.tolist(), edges.ends.tolist(), strict=True):
+                kind = ControlKind.LINE_END if ends else ControlKind.LINE_START
+                self.put_control(Control(kind, each, line), rows)
+            return
         self._last_control_u = float(latest[-1])
         written = self._counters[_CONTROLS_WRITTEN]
         words = np.zeros((count, _WORDS), np.int64)

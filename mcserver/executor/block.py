@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from mcserver.executor.entries import Array
+from mcserver.executor.entries import Array, Control
 from mcserver.motion.kernels.rate_changes import NEAR_U
 
 
@@ -24,15 +24,55 @@ class LineEvents:
     time: Array
     ends: NDArray[np.bool_]
 
+    def __len__(self) -> int:
+        return len(self.line)
+
+    @classmethod
+    def none(cls, program: int) -> LineEvents:
+        """No event."""
+        return cls(program, np.zeros(0, np.int64), np.zeros(0), np.zeros(0, np.bool_))
+
+    def line_after(self, line: int) -> int:
+        """Return the line under way after these; ``line`` was before."""
+        begun = np.flatnonzero(~self.ends)
+        since = 0
+        if len(begun):
+            since = int(begun[-1])
+            line = int(self.line[since])
+        ended = self.line[since:][self.ends[since:]]
+        return 0 if (ended == line).any() else line
+
 
 @dataclass(frozen=True, eq=False)
-class RowBlock:
-    """Cycles that were played: lines (n,), setpoints and encoder readings (n, K) [m or rad], and events."""
+class Block:
+    """Cycles that were played: lines (n,), setpoints and encoder readings (n, K) [m or rad], values of
+    outputs (n, O), and events.
+    """
 
     lines: NDArray[np.int64]
     setpoint: Array
     actual: Array
+    outputs: Array
     events: LineEvents
+
+
+@dataclass(frozen=True, eq=False)
+class Passing:
+    """What a program passes in a block: where its lines begin and end, and entries that set outputs, with the
+    place in the block of the cycle in which each is passed.
+    """
+
+    events: LineEvents
+    outputs: tuple[tuple[int, Control], ...] = ()
+
+
+def passing_cycles(u: Array, start: float) -> Array:
+    """Return in which cycle after ``start`` entries are passed at a rate of 1, the first being 1, shape (n,).
+
+    Args:
+        u: of the entries, in order but for rounding, shape (n,) [cycles].
+    """
+    return np.maximum(1, np.ceil(u - start - NEAR_U))
 
 
 def passing_times(u: Array, start: float, first: int, cycle_s: float) -> Array:
@@ -45,9 +85,11 @@ def passing_times(u: Array, start: float, first: int, cycle_s: float) -> Array:
         u: of the entries, in order but for rounding, shape (n,) [cycles]. start: u before the first cycle.
         first: number of that cycle.
     """
-    cycle = np.maximum(1, np.ceil(u - start - NEAR_U))
+    cycle = passing_cycles(u, start)
     left = np.empty(len(u))
-    opens = np.flatnonzero(np.diff(cycle, prepend=0.0))
+    first_of = np.ones(len(u), np.bool_)
+    np.not_equal(cycle[1:], cycle[:-1], out=first_of[1:])
+    opens = np.flatnonzero(first_of)
     # of each cycle the entry to be passed next, u and what is left of the cycle
     at, ends = opens, np.append(opens[1:], len(u))
     here, remaining = start + cycle[at] - 1.0, np.ones(len(at))

@@ -1,4 +1,4 @@
-"""Blocks of rows that a simulation plays in one go: the same to the bit as cycle by cycle."""
+"""Blocks of cycles that a simulation plays in one go: the same to the bit as cycle by cycle."""
 
 from __future__ import annotations
 
@@ -7,7 +7,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from mcserver.executor.executor import Executor, RowBlock
+from mcserver.executor.block import Block
+from mcserver.executor.executor import Executor
 from mcserver.machine.machine_file import Machine, parse_machine
 from mcserver.simulation.simulation import Simulation, simulate
 
@@ -69,17 +70,17 @@ def timeless(report: dict[str, Any]) -> dict[str, Any]:
 def both(machine: Machine, monkeypatch: pytest.MonkeyPatch) -> tuple[Simulation, Simulation, int]:
     """A run in blocks, one cycle by cycle, and how many cycles the blocks had."""
     played = 0
-    play = Executor.play_rows
+    play = Executor.play_block
 
-    def counting(executor: Executor, time: float, limit: int) -> RowBlock | None:
+    def counting(executor: Executor, time: float, limit: int) -> Block | None:
         nonlocal played
         block = play(executor, time, limit)
         played += 0 if block is None else len(block.lines)
         return block
 
-    monkeypatch.setattr(Executor, "play_rows", counting)
+    monkeypatch.setattr(Executor, "play_block", counting)
     in_blocks = simulate(PROGRAM, machine, record=True)
-    monkeypatch.setattr(Executor, "play_rows", lambda *_: None)
+    monkeypatch.setattr(Executor, "play_block", lambda *_: None)
     return in_blocks, simulate(PROGRAM, machine, record=True), played
 
 
@@ -89,6 +90,8 @@ def assert_same(first: Simulation, second: Simulation) -> None:
     assert second.recording is not None
     for name in ("time_s", "line", "setpoint", "actual"):
         assert np.array_equal(getattr(first.recording, name), getattr(second.recording, name))
+    for name, values in second.recording.outputs.items():
+        assert np.array_equal(first.recording.outputs[name], values)
 
 
 def test_blocks_are_the_same_to_the_bit_as_cycle_by_cycle(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -108,6 +111,57 @@ def test_a_turning_spindle_is_the_same_to_the_bit_too(monkeypatch: pytest.Monkey
     assert played > 0.5 * len(second.recording.time_s)
     turned = np.abs(second.recording.setpoint[:, 4]).max()
     assert turned > 50.0
+
+
+LASER = """G21 G90 G94 F6000
+M3 S400
+G1 X30 S300
+X40 S0
+X45.5 S900
+G0 X60 Y30
+G1 X62 S200
+M4 S700
+X70 Y22
+M7
+G3 X80 Y30 R10 S120
+M67 E1 Q3.5
+G1 X90 F3000
+G4 P0.25
+G0 Z2
+M9
+G1 X100 S650
+M5
+X0
+"""
+
+
+def cutter(kind: str, rapids: str) -> Machine:
+    text = '[machine]\nname = "cutter"\n[motion]\npath_tolerance_mm = 0.02\n'
+    text += f'[dialect]\nprofile = "cnc"\nrapids = "{rapids}"\n[dialect.outputs]\n'
+    text += 'M3 = { beam = "S" }\nM4 = { beam = "S" }\nM5 = { beam = 0 }\n'
+    text += "M7 = { air = true }\nM9 = { air = false }\n"
+    for index in range(3):
+        text += f'[[axis]]\nindex = {index}\ntype = "linear"\nmax_velocity = 300.0\n'
+        text += f'max_acceleration = 3000.0\nmax_jerk = 90000.0\n[axis.drive]\nkind = "{kind}"\n'
+    text += '[[output]]\nnumber = 0\nname = "beam"\nkind = "analog"\nmax = 1000.0\nlaser = true\n'
+    text += '[[output]]\nnumber = 1\nname = "level"\nkind = "analog"\nmax = 10.0\n'
+    return parse_machine(text + '[[output]]\nnumber = 1\nname = "air"\n')
+
+
+@pytest.mark.parametrize("rapids", ["independent", "straight"])
+@pytest.mark.parametrize("kind", ["ideal", "simulated"])
+def test_outputs_rapids_and_dwells_are_played_in_blocks_too(
+    kind: str, rapids: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(globals(), "PROGRAM", LASER)
+    first, second, played = both(cutter(kind, rapids), monkeypatch)
+    assert first.exit_code == 0, first.report["diagnostics"]
+    assert_same(first, second)
+    assert first.outputs == second.outputs
+    assert second.recording is not None
+    assert played > 0.85 * len(second.recording.time_s)
+    assert {*second.recording.outputs["level"]} == {0.0, 3.5}
+    assert len({*second.recording.outputs["beam"]}) > 50
 
 
 DRIVES = {
