@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import msgspec
+import numpy as np
 from mcclient.errors import ProtocolError
 from mcclient.types import MachineStatus
 from mcclient.wire import decode as client_decode
@@ -20,6 +21,11 @@ from mcserver.machine.machine_file import load_machine, parse_machine
 from mcserver.net.decoding import MessageDecoder
 from mcserver.net.keys import Keys
 from mcserver.net.schemas import message_types
+from mcserver.ros.interfaces import MalformedPayload, interfaces
+from mcserver.ros.outcome import InvalidGoal
+from mcserver.ros.tolerances import read_tolerances
+from mcserver.ros.trajectory import Motion, read_trajectory
+from tests.ros.goal_payloads import ROS_GOAL, ROS_JOINTS, ros_goal_payload
 
 REPOSITORY = Path(__file__).parents[2]
 
@@ -62,7 +68,16 @@ def targets() -> dict[str, Target]:
         "client": Target(
             lambda data: client_decode(MachineStatus, data), (ProtocolError,), _message_seeds(), share=10
         ),
+        "ROS goals": Target(_ros_goal, (MalformedPayload, InvalidGoal), [ros_goal_payload()], share=10),
     }
+
+
+def _ros_goal(data: bytes) -> None:
+    goal = interfaces().decode(ROS_GOAL, data).goal
+    trajectory = read_trajectory(goal.trajectory, ROS_JOINTS)
+    read_tolerances(goal, trajectory.joints)
+    still = np.zeros(len(trajectory.joints))
+    Motion(trajectory, 0.0, still, still)
 
 
 def _messages() -> Callable[[bytes], object]:

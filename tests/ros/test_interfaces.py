@@ -4,13 +4,10 @@ from __future__ import annotations
 
 import struct
 
-import numpy as np
 import pytest
 
 from mcserver.ros.interfaces import Interfaces, MalformedPayload, interfaces
-
-FOLLOW = "control_msgs/action/FollowJointTrajectory"
-GOAL = f"{FOLLOW}_SendGoal_Request"
+from tests.ros.goal_payloads import ROS_GOAL, ros_goal_payload
 
 
 # As in the sources that the interface generators of ROS 2 Jazzy and Kilted have made.
@@ -41,21 +38,10 @@ def test_what_an_action_is_made_of_has_the_hashes_of_the_generators(part: str, d
     assert Interfaces(actions=actions).type_hash(f"{fibonacci}_{part}") == f"RIHS01_{digest}"
 
 
-def goal_payload() -> bytes:
-    types = interfaces()
-    point = types.make("trajectory_msgs/msg/JointTrajectoryPoint", positions=np.array([0.5, -1.0]))
-    trajectory = types.make(
-        "trajectory_msgs/msg/JointTrajectory", joint_names=["a", "bcd"], points=[point, point]
-    )
-    tolerance = types.make("control_msgs/msg/JointTolerance", name="a", position=0.1)
-    goal = types.make(f"{FOLLOW}_Goal", trajectory=trajectory, path_tolerance=[tolerance])
-    return types.encode(GOAL, types.make(GOAL, goal=goal))
-
-
 def test_what_was_encoded_is_read_again() -> None:
-    goal = interfaces().decode(GOAL, goal_payload()).goal
+    goal = interfaces().decode(ROS_GOAL, ros_goal_payload()).goal
     assert goal.trajectory.joint_names == ["a", "bcd"]
-    assert goal.trajectory.points[1].positions.tolist() == [0.5, -1.0]
+    assert goal.trajectory.points[1].positions.tolist() == [0.6, 0.1]
     assert (goal.path_tolerance[0].name, goal.path_tolerance[0].position) == ("a", 0.1)
 
 
@@ -66,19 +52,19 @@ def test_a_request_without_fields_has_one_byte() -> None:
 
 
 def test_every_truncation_is_refused() -> None:
-    payload = goal_payload()
+    payload = ros_goal_payload()
     for length in range(len(payload) - 3):
         with pytest.raises(MalformedPayload):
-            interfaces().decode(GOAL, payload[:length])
+            interfaces().decode(ROS_GOAL, payload[:length])
 
 
 @pytest.mark.parametrize("count", [2**31 - 1, 2**31, 2**32 - 1, 10**6])
-def test_lengths_beyond_the_payload_are_refused(count: int) -> None:
-    payload = goal_payload()
+def test_lengths_beyond_the_payload_end_as_a_refusal(count: int) -> None:
+    payload = ros_goal_payload()
     for at in range(4, len(payload) - 3, 4):
         changed = payload[:at] + struct.pack("<I", count) + payload[at + 4 :]
         try:
-            interfaces().decode(GOAL, changed)
+            interfaces().decode(ROS_GOAL, changed)
         except MalformedPayload:
             continue
         # a number that is no length: read as such
