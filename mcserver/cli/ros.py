@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import re
 from typing import Annotated
 
 import typer
@@ -12,11 +13,20 @@ from mcserver.cli.console import narration
 from mcserver.cli.history import stop_on_terminate
 from mcserver.cli.options import ConnectOption, ZenohConfigOption
 from mcserver.cli.serving import require_packages
+from mcserver.errors import ConfigurationError
+
+CONTROLLER = re.compile(r"[A-Za-z_][A-Za-z0-9_]*(/[A-Za-z_][A-Za-z0-9_]*)*")
 
 
 def ros(
     connect: ConnectOption = None,
     zenoh: ZenohConfigOption = None,
+    ros_connect: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--ros-connect", metavar="E", help="Zenoh endpoint of the nodes of ROS, if another one."
+        ),
+    ] = None,
     domain: Annotated[
         int, typer.Option("--domain", min=0, max=232, envvar="ROS_DOMAIN_ID", help="Domain of ROS.")
     ] = 0,
@@ -36,7 +46,15 @@ def ros(
     from mcserver.ros.bridge import Bridge
     from mcserver.ros.machine_node import NodeOptions
 
-    options = NodeOptions(tuple(connect or ()), zenoh, domain, machine, rate, controller)
+    if not CONTROLLER.fullmatch(controller):
+        raise ConfigurationError(
+            "MC083",
+            f"{controller!r} is no name of ROS",
+            "letters, digits and _, no digit first; a slash between names",
+        )
+    options = NodeOptions(
+        tuple(connect or ()), zenoh, tuple(ros_connect or ()), domain, machine, rate, controller
+    )
     narration().print(f"ROS 2: domain {domain} (Ctrl-C ends)")
 
     async def run() -> None:

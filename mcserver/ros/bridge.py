@@ -26,6 +26,7 @@ class Bridge:
     def __init__(self, options: NodeOptions) -> None:
         self._options = options
         self._nodes: dict[str, asyncio.Task[None]] = {}
+        self._refused: set[str] = set()
 
     async def run(self) -> None:
         """Run until it is cancelled."""
@@ -37,7 +38,10 @@ class Bridge:
         options = self._options
         try:
             session = await RosSession.open(
-                options.connect, options.domain, timeout_s=CONNECT_S, config_file=options.config_file
+                options.ros_connect or options.connect,
+                options.domain,
+                timeout_s=CONNECT_S,
+                config_file=None if options.ros_connect else options.config_file,
             )
         except zenoh.ZError as error:
             raise NobodyAnswers("MC530", f"the network cannot be reached for ROS: {error}") from error
@@ -45,9 +49,7 @@ class Bridge:
         try:
             while True:
                 found = await link.find(timeout_s=LOOK_S)
-                wanted = (
-                    found if options.machine is None else [each for each in found if each == options.machine]
-                )
+                wanted = self._shown(found)
                 for name in wanted:
                     missed[name] = 0
                     if name not in self._nodes or self._nodes[name].done():
@@ -61,6 +63,19 @@ class Bridge:
             for name in list(self._nodes):
                 await self._end(name)
             await session.close()
+
+    def _shown(self, found: list[str]) -> list[str]:
+        """Return which machines are shown; of those whose names are the same in ROS the first one is."""
+        if self._options.machine is not None:
+            return [each for each in found if each == self._options.machine]
+        first: dict[str, str] = {}
+        for name in found:
+            namespace = self._options.namespace(name)
+            shown = first.setdefault(namespace, name)
+            if shown != name and name not in self._refused:
+                self._refused.add(name)
+                log.warning("MC083: %s is %s in ROS, as %s is: it is not shown", name, namespace, shown)
+        return list(first.values())
 
     async def _serve(self, session: RosSession, name: str) -> None:
         try:

@@ -36,13 +36,16 @@ class NodeOptions(msgspec.Struct, frozen=True):
     """How machines are shown.
 
     Attributes:
-        connect: Zenoh endpoints; empty: this computer. config_file: a Zenoh configuration for TLS.
+        connect: Zenoh endpoints of the machines; empty: this computer. config_file: a Zenoh configuration for
+            TLS, of these alone.
+        ros_connect: Zenoh endpoints of the nodes of ROS; empty: those of the machines.
         machine: the only one, whose names stand in the root; None: all, each in a namespace of its name.
         rate_hz: of ``joint_states``. controller: the name before its action and topic.
     """
 
     connect: tuple[str, ...] = ()
     config_file: Path | None = None
+    ros_connect: tuple[str, ...] = ()
     domain: int = 0
     machine: str | None = None
     rate_hz: float = 100.0

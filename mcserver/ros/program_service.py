@@ -34,7 +34,7 @@ class ProgramService:
     async def _run(self, request: Any) -> Any:
         if len(request.text) > MAX_TEXT or self._under_way >= AT_ONCE:
             return _reply(
-                False, "MC571", f"{MAX_TEXT} characters and {AT_ONCE} programs at once are possible"
+                False, "MC084", f"{MAX_TEXT} characters and {AT_ONCE} programs at once are possible"
             )
         self._under_way += 1
         try:

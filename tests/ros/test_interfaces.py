@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
+import re
 import struct
+from pathlib import Path
 
 import pytest
 
+from mcserver.ros.definitions import SERVICES
 from mcserver.ros.interfaces import Interfaces, MalformedPayload, interfaces
 from tests.ros.goal_payloads import ROS_GOAL, ros_goal_payload
+
+ROOT = Path(__file__).parents[2]
 
 
 # As in the sources that the interface generators of ROS 2 Jazzy and Kilted have made.
@@ -68,3 +73,10 @@ def test_lengths_beyond_the_payload_end_as_a_refusal(count: int) -> None:
         except MalformedPayload:
             continue
         # a number that is no length: read as such
+
+
+def test_the_package_of_services_says_what_is_spoken() -> None:
+    text = (ROOT / "deploy" / "ros" / "mcserver_msgs" / "srv" / "RunProgram.srv").read_text("utf-8")
+    parts = re.sub(r"\s*#.*", "", text).strip().split("---")
+    written = [[" ".join(line.split()) for line in part.strip().splitlines()] for part in parts]
+    assert written == [part.splitlines() for part in SERVICES["mcserver_msgs/srv/RunProgram"]]
