@@ -8,6 +8,7 @@ what another thread has not synced yet (`mcserver.service.disk_sync`).
 
 from __future__ import annotations
 
+import enum
 import logging
 import queue
 import sqlite3
@@ -45,6 +46,14 @@ PRUNE_PERIOD_S = 30.0
 MOST_WAITING = 10_000
 
 OnCommitted = Callable[[], None]
+
+
+class KnownText(enum.IntEnum):
+    """What is known of a program's text."""
+
+    PART = 0  # its client may have more lines
+    WHOLE = 1
+    NONE = 2  # moved by hand or by streamed targets: nothing that could be gone on with
 
 
 class Entry(NamedTuple):
@@ -123,12 +132,13 @@ class Journal:
         at: float,
         before: Sequence[str] = (),
         sha256: str | None = None,
+        by_hand: bool = False,
     ) -> None:
         """Record a program.
 
         Args:
             before: its lines from 1 on that are known already, through start_line - 1 at least, for a later
-                resumption. sha256: of its whole text.
+                resumption. sha256: of its whole text. by_hand: it is a jog, a search, or servo mode.
         """
         self._record.program_opened(program)
         self._append(
@@ -146,6 +156,7 @@ class Journal:
             done=start_line - 1,
             opened_at=at,
             sha256=sha256,
+            whole=KnownText.NONE if by_hand else KnownText.PART,
         )
         if before:
             self.lines(program, 1, before)
@@ -156,7 +167,7 @@ class Journal:
 
     def program_closed(self, program: str) -> None:
         """Record that a program's text is whole: its client gives no more lines."""
-        self._put("UPDATE programs SET whole=1 WHERE program=?", (program,))
+        self._know_text(program, KnownText.WHOLE)
 
     def lines(
         self,
@@ -172,7 +183,7 @@ class Journal:
 
     def rejected(self, program: str, line: int) -> None:
         """Record that lines from ``line`` on do not count."""
-        self._put("UPDATE programs SET whole=0 WHERE program=?", (program,))
+        self._know_text(program, KnownText.PART)
         self._put("DELETE FROM chunks WHERE program=? AND first>=?", (program, line))
         shorten = "UPDATE chunks SET last=? WHERE program=? AND last>=?"
         self._put(shorten, (line - 1, program, line))
@@ -273,6 +284,10 @@ class Journal:
             self._failed = []
             self._on_failure("")
             _settle(batch)
+
+    def _know_text(self, program: str, known: KnownText) -> None:
+        sql = "UPDATE programs SET whole=? WHERE program=? AND whole<>?"
+        self._put(sql, (known, program, KnownText.NONE))
 
     def _append(self, table: str, on_committed: OnCommitted | None = None, **values: object) -> None:
         self._inbox.put(Entry(insertion(table, **values), on_committed))

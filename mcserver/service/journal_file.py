@@ -41,8 +41,8 @@ COLUMNS: Mapping[str, tuple[str, ...]] = MappingProxyType(
             "fault BLOB",
             "opened_at REAL NOT NULL",
             "ended_at REAL",
-            # the machine as it began (`mcserver.planning.start_state.StartState`), whether all of its text
-            # is known, and the hash of that
+            # the machine as it began (`mcserver.planning.start_state.StartState`), what is known of its text
+            # (`mcserver.service.journal.KnownText`), and the hash of that
             "origin BLOB",
             "whole INTEGER NOT NULL DEFAULT 0",
             "sha256 TEXT",

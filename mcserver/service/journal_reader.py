@@ -11,6 +11,7 @@ import msgspec
 
 from mcserver.errors import Refused, ServiceError
 from mcserver.planning.start_state import StartState
+from mcserver.service.journal import KnownText
 from mcserver.service.reports import Fault, LineReport, ProgramStatus
 
 _COLUMNS = (
@@ -117,14 +118,19 @@ class RecordedProgram(msgspec.Struct, frozen=True):
     """A program as it can be gone on with.
 
     Attributes:
-        whole: its client had given all of its lines. sha256: of the whole text, where that was said.
+        text: what is known of its lines. sha256: of the whole text, where that was said.
         origin: the machine as it began; None: it never did.
     """
 
     status: ProgramStatus
-    whole: bool
+    text: KnownText
     sha256: str | None
     origin: StartState | None
+
+    @property
+    def whole(self) -> bool:
+        """Whether its client had given all of its lines."""
+        return self.text is KnownText.WHOLE
 
 
 def read_recorded(path: Path, program: str, *, last: bool = True) -> RecordedProgram:
@@ -153,7 +159,7 @@ def read_recorded(path: Path, program: str, *, last: bool = True) -> RecordedPro
     (status,) = read_programs(path, limit=1, program=program)
     return RecordedProgram(
         status,
-        bool(whole),
+        KnownText(whole),
         sha256,
         None if origin is None else msgspec.msgpack.decode(origin, type=StartState),
     )

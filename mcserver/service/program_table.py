@@ -172,6 +172,7 @@ class ProgramTable:
             at=program.opened_at,
             before=[*before, *known],
             sha256=program.sha256,
+            by_hand=program.by_hand or bool(program.controls),
         )
         self.publish("program.opened", program)
         for at in range(0, len(known), KNOWN_LINES):

@@ -15,6 +15,7 @@ from mcserver.machine.machine_file import Machine
 from mcserver.planning.planner_messages import Planning
 from mcserver.planning.start_state import StartState, StateBefore
 from mcserver.service.approach import Approach, Need, free_axes, plan_approach
+from mcserver.service.journal import KnownText
 from mcserver.service.journal_reader import (
     RecordedProgram,
     read_lines_before,
@@ -66,7 +67,7 @@ class Recovering:
         """Read a program that has ended, or, with ``last``, the one that has gone on with it last.
 
         Raises:
-            ServiceError: MC503 there is none; MC517 it is still open.
+            ServiceError: MC503 there is none; MC517 it is still open, or was moved by hand.
         """
         await self._written()
         found = await asyncio.to_thread(read_recorded, self._path, program, last=last)
@@ -74,6 +75,14 @@ class Recovering:
         here = self._table.programs.get(name)
         if here is not None and not here.ended:
             raise Refused("MC517", f"{name} has not ended", "abort it first", state=here.state)
+        if found.text is KnownText.NONE:
+            # its lines, where it had any, mean nothing without the hand that bounded them
+            raise Refused(
+                "MC517",
+                f"{name} ({found.status.name}) has no lines to go on with",
+                "jog, home or open servo mode anew",
+                state=found.status.state,
+            )
         return found
 
     async def lines(self, program: str, first: int, last: int) -> list[str]:

@@ -59,6 +59,7 @@ class Player:
                     keys=Keys("cell", "contract-1"),
                     calls=cast(MachineCalls, self.server),
                     counts_s=0.1,
+                    on_return=lambda _call: lambda: None,
                     clock=lambda: self.now,
                 )
             case "refused":

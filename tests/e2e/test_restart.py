@@ -12,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from mcclient import Machine, MotionError, Program, ProgramInterrupted, RequestRefused
+from mcclient import Machine, MotionError, Program, ProgramInterrupted, RequestRefused, Servo
 
 from tests.e2e.conftest import connected
 from tests.e2e.observing import (
@@ -123,6 +123,31 @@ async def test_a_program_goes_on_by_one_call_with_its_modal_state_and_ends_where
         with pytest.raises(RequestRefused) as done:
             await machine.continue_program(program.id, way=True)
         assert done.value.code == "MC517"
+
+
+async def until_refused(servo: Servo) -> None:
+    """Send targets until that raises."""
+    async with asyncio.timeout(LIMIT_S):
+        while True:
+            await servo.send([3.0])
+            await asyncio.sleep(0.01)
+
+
+async def test_targets_for_a_server_that_was_started_again_are_refused_by_the_sdk(
+    own_server: ServerProcess,
+) -> None:
+    async with connected(own_server) as machine:
+        servo = await machine.servo([0], counts_s=5.0)
+        await servo.send([3.0])
+        own_server.end(signal.SIGKILL)
+        own_server.start()
+        with pytest.raises(ProgramInterrupted) as interrupted:
+            await until_refused(servo)
+        assert (interrupted.value.code, servo.state) == ("MC534", "interrupted")
+        assert "servo mode anew" in interrupted.value.hint
+        with pytest.raises(RequestRefused) as refused:
+            await machine.continue_program(servo.id)
+        assert refused.value.code == "MC517"
 
 
 async def test_f_of_an_earlier_line_is_in_force_where_a_program_goes_on(own_server: ServerProcess) -> None:

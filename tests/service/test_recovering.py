@@ -13,6 +13,7 @@ from mcserver.machine.machine_file import Machine, parse_machine
 from mcserver.service.approach import Approach, Confirmed
 from mcserver.service.program import Program
 from mcserver.service.reports import Event
+from mcserver.service.servo import open_servo
 from tests.service.virtual_cell import VirtualCell
 
 MM = 1e-3
@@ -308,3 +309,28 @@ async def test_the_way_is_not_taken_while_another_program_has_an_axis(rig: Rig) 
     with pytest.raises(Refused) as refused:
         await cell.service.continue_program("page", name)
     assert refused.value.code == "MC512"
+
+
+@pytest.mark.parametrize("line", [None, 1, 2])
+@pytest.mark.parametrize("restarted", [False, True])
+@pytest.mark.parametrize("how", ["jog", "servo mode"])
+async def test_what_was_moved_by_hand_is_not_gone_on_with(
+    rig: Rig, how: str, line: int | None, *, restarted: bool
+) -> None:
+    cell = await rig.started(machine())
+    if how == "jog":
+        name = await cell.jogging.jog("page", 0, distance=None, velocity=100.0, hold_s=10.0, program_id=None)
+    else:
+        name = (await open_servo(cell.service, "page", [0])).program
+    service = cell.service
+    await cell.until(lambda: service.now() > 0.2)
+    if restarted:
+        cell = await rig.started(machine())
+    else:
+        cell.service.abort(name, "it was let go")
+        await cell.ended(cell.service.program(name))
+    with pytest.raises(ServiceError) as refused:
+        await cell.service.continue_program("page", name, line)
+    assert refused.value.code == "MC517"
+    assert "no lines to go on with" in refused.value.message
+    assert all(each.over for each in cell.service.current())

@@ -350,7 +350,14 @@ class Machine(MachineCalls):
 
         async def opened() -> Servo:
             reply = await self.open_servo(axes, name=name[:200])
-            return Servo(reply, link=self._link, keys=self._keys, calls=self, counts_s=counts_s)
+            return Servo(
+                reply,
+                link=self._link,
+                keys=self._keys,
+                calls=self,
+                counts_s=counts_s,
+                on_return=self._presence.on_return,
+            )
 
         return Starting(opened)
 

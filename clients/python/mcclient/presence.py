@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import Callable, Iterable
+from functools import partial
 
 from mcclient.keys import Server, server_of
 from mcclient.transport import Arrived
@@ -39,9 +40,13 @@ class Presence:
         """Whether what came from this Zenoh id came from the server; nothing is believed while it is away."""
         return self.server is not None and source == self.server.session
 
-    def on_return(self, call: OnReturn) -> None:
-        """``call`` is called with the instance whenever a token comes: at a start, and after a lost link."""
+    def on_return(self, call: OnReturn) -> Callable[[], None]:
+        """``call`` is called with the instance whenever a token comes: at a start, and after a lost link.
+
+        What is returned ends that.
+        """
         self._on_return.append(call)
+        return partial(self._on_return.remove, call)
 
     def on_token(self, arrived: Arrived) -> None:
         """A token has come or gone."""
@@ -56,7 +61,7 @@ class Presence:
         now = self.server
         # at a start, after a lost link, and where the server beside an ended one takes its place
         if now is not None and (now != before or (server == now and not arrived.gone)):
-            for call in self._on_return:
+            for call in tuple(self._on_return):
                 call(now.instance)
         self._changed.set()
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import contextlib
 import time
 from collections.abc import Callable
 from typing import Any
@@ -13,9 +14,10 @@ from numpy.typing import ArrayLike
 
 from mcclient import endings
 from mcclient.endings import Extent
-from mcclient.errors import MotionError
+from mcclient.errors import MotionError, NobodyAnswers, ProgramInterrupted
 from mcclient.keys import Keys
 from mcclient.machine_calls import MachineCalls
+from mcclient.presence import OnReturn
 from mcclient.transport import Arrived, Link
 from mcclient.types import ENDED, Ack, ProgramStatus, ServoReply
 from mcclient.wire import decode, encode
@@ -43,6 +45,7 @@ class Servo:
         keys: Keys,
         calls: MachineCalls,
         counts_s: float,
+        on_return: Callable[[OnReturn], Callable[[], None]],
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
         self.id = opened.program
@@ -54,7 +57,10 @@ class Servo:
         self._clock = clock
         self._seq = 0
         self._ended = asyncio.Event()
-        self._last: Ack | None = None
+        self._last: Ack | ProgramStatus | None = None
+        # the server has come back, perhaps another start of it, which knows nothing of these targets
+        self._returned = False
+        self._forget_return = on_return(self._on_server_return)
         self._acks = link.subscribe(keys.ack(opened.program), self._on_ack, limit=ACKS_LIMIT)
 
     async def send(
@@ -78,8 +84,11 @@ class Servo:
         Raises:
             ProgramAborted: the program has ended: nothing came in time, or somebody stopped it.
             ProgramFaulted: a fault of the machine ended it.
+            ProgramInterrupted: the server was started again.
             ProgramClosed: it was closed, and has finished.
         """
+        if self._returned:
+            await self._ask()
         self.check()
         if self.state in ENDED:
             raise endings.closed(self.state, Extent(self.id, 0, 0))
@@ -132,7 +141,7 @@ class Servo:
 
     async def __aexit__(self, raised: type[BaseException] | None, *_: object) -> None:
         if self._ended.is_set():
-            self._acks.close()
+            self._let_go()
             if raised is None:
                 self.check()
         elif raised is None:
@@ -147,18 +156,48 @@ class Servo:
                 async with asyncio.timeout(ASK_S):
                     await self._ended.wait()
             except TimeoutError:
-                if (await self.status()).state in ENDED:
-                    break
+                self._hear(await self.status())
+        self._let_go()
+
+    def _on_server_return(self, _instance: str) -> None:
+        self._returned = True
+
+    async def _ask(self) -> None:
+        """Ask a server that has come back what has become of the program."""
+        with contextlib.suppress(NobodyAnswers):
+            self._hear(await self.status())
+            self._returned = False
+
+    def _let_go(self) -> None:
         self._acks.close()
+        self._forget_return()
+        self._forget_return = _nothing
 
     def _on_ack(self, arrived: Arrived) -> None:
-        ack = decode(Ack, arrived.payload)
-        self._last = ack
-        if ack.state in ENDED:
-            self._ended.set()
+        self._hear(decode(Ack, arrived.payload))
 
-    def _failure(self, ack: Ack) -> MotionError | None:
-        return endings.ending(ack.state, Extent(self.id, 0, 0), ack.fault, ())
+    def _hear(self, report: Ack | ProgramStatus) -> None:
+        """Take how the program is; the first end that is heard of stays."""
+        if not self._ended.is_set():
+            self._last = report
+            if report.state in ENDED:
+                self._ended.set()
+
+    def _failure(self, report: Ack | ProgramStatus) -> MotionError | None:
+        if report.state == "interrupted":
+            return ProgramInterrupted(
+                "MC534",
+                "the server that followed the targets went away, and the axes were stopped",
+                "once the machine is clear, open servo mode anew",
+                program=self.id,
+                accepted=0,
+                done=0,
+            )
+        return endings.ending(report.state, Extent(self.id, 0, 0), report.fault, ())
+
+
+def _nothing() -> None:
+    """Do nothing."""
 
 
 def _rows(values: ArrayLike | None) -> Any:
