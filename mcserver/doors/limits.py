@@ -218,6 +218,8 @@ class LimitedRequests:
                 message = await asyncio.wait_for(receive(), max(0.0, until - clock()))
             except TimeoutError:
                 raise _Refused(408) from None
+            if message["type"] == "http.disconnect":
+                raise _Gone
             taken += len(message.get("body", b""))
             if taken > most:
                 raise _Refused(413)
@@ -238,6 +240,9 @@ class LimitedRequests:
             if length.isdigit() and int(length) > most:
                 raise _Refused(413)
             await self._app(scope, take, give)
+        except _Gone:
+            # nobody is there to be answered
+            return
         except _Refused as refused:
             if began:
                 self._door.abort(address)
@@ -259,3 +264,7 @@ class _Refused(BaseException):
 
     def __init__(self, status: int) -> None:
         self.status = status
+
+
+class _Gone(BaseException):
+    """The client has gone before its request was whole; applications would take that for their own fault."""

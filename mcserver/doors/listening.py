@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import asyncio
+import logging
 import signal
 import socket
+import traceback
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -19,7 +21,11 @@ from uvicorn.middleware.proxy_headers import ProxyHeadersMiddleware
 from mcserver.doors.limits import Door, DoorLimits, LimitedRequests
 from mcserver.errors import ConfigurationError, ServiceError
 from mcserver.processes import raise_file_limit
+from mcserver.terminal import visible
 
+# of those that read what comes from outside, and of tasks that nobody waits for
+LIBRARY_LOGS = ("uvicorn.error", "engineio.server", "socketio.server", "asyncio")
+OWN_PACKAGES = frozenset({"mcserver", "mcclient"})
 LOOPBACK = frozenset({"127.0.0.1", "::1", "localhost"})
 
 
@@ -130,6 +136,8 @@ async def serve_until_stopped(
     )
     server = uvicorn.Server(config)
     loop = asyncio.get_running_loop()
+    for name in LIBRARY_LOGS:
+        logging.getLogger(name).addFilter(WithoutTracebacks())
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda *_: loop.call_soon_threadsafe(setattr, server, "should_exit", True))
     # not `serve`: it puts handlers of its own in the place of ours, and raises the signal again at last
@@ -138,3 +146,22 @@ async def serve_until_stopped(
         await server._serve(sockets=[door])
     finally:
         watch.cancel()
+
+
+class WithoutTracebacks(logging.Filter):
+    """Shortens what libraries log of bytes that they cannot read: that ends one connection or one event.
+
+    A fault that has come through this project's own code keeps its traceback.
+    """
+
+    def filter(self, record: logging.LogRecord) -> bool:
+        error = record.exc_info[1] if record.exc_info else None
+        if error is None:
+            return True
+        frames = [frame for frame, _ in traceback.walk_tb(error.__traceback__)]
+        packages = {frame.f_globals.get("__name__", "").partition(".")[0] for frame in frames}
+        if not packages & OWN_PACKAGES:
+            record.msg = "what a client sent could not be understood: %s: %s"
+            record.args = (type(error).__name__, visible(str(error)))
+            record.exc_info = None
+        return True

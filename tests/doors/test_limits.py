@@ -156,7 +156,7 @@ class Exchange:
             self.sent.append(message)
 
         await self._app(self._scope, receive, send)
-        status: int = self.sent[0]["status"]
+        status: int = self.sent[0]["status"] if self.sent else 0
         return status
 
     async def _answer(self, scope: Scope, receive: Receive, send: Send) -> None:
@@ -206,3 +206,15 @@ async def test_a_body_that_does_not_come_ends_the_request(visitors: list[Visitor
     here = Visitors(LIMITS)
     visitors.append(here)
     assert await Exchange(here.door, "/slow", [], []).run() == 408
+
+
+@pytest.mark.parametrize("count", [0, 1])
+async def test_a_client_that_goes_within_its_body_is_answered_by_nobody(
+    visitors: list[Visitors], count: int
+) -> None:
+    here = Visitors(LIMITS)
+    visitors.append(here)
+    begun: list[Message] = [{**each, "more_body": True} for each in pieces(count, 100)]
+    exchange = Exchange(here.door, "/any", [*begun, {"type": "http.disconnect"}], [])
+    await exchange.run()
+    assert (exchange.read, exchange.sent) == (100 * count, [])

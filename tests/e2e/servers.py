@@ -14,6 +14,7 @@ import sys
 import threading
 from collections.abc import Sequence
 from pathlib import Path
+from typing import IO
 
 ROOT = Path(__file__).resolve().parents[2]
 # in an emulated machine a server takes a minute to start
@@ -164,15 +165,17 @@ class CommandProcess:
 
     Args:
         inside: what its command is prefixed with.
+        errors: takes its standard error; None: that of this process does.
 
     Attributes:
         url: where it is reached, as its first line says.
     """
 
-    def __init__(self, *arguments: str, inside: Sequence[str] = ()) -> None:
+    def __init__(self, *arguments: str, inside: Sequence[str] = (), errors: IO[str] | None = None) -> None:
         self.process = subprocess.Popen(
             [*inside, sys.executable, "-m", "mcserver", *arguments, "--json"],
             stdout=subprocess.PIPE,
+            stderr=errors,
             text=True,
             env=environment(),
             cwd=ROOT,

@@ -1,6 +1,7 @@
 """Inputs without end: ``make fuzz ARGS="--seconds 3600 --seed 1"``; ``--inputs 1000000``; ``--target EDS``.
 
-``--target port``: raw bytes at the port of a server that runs a program, a target of its own.
+``--target port``, ``gateway``, ``page``: raw bytes at the port of a server that runs a program, and of what
+serves HTTP beside it, targets of their own.
 What is found is printed with the seed and the number of its input, and written to a file; it becomes a test.
 """
 
@@ -14,7 +15,7 @@ import traceback
 from collections import Counter
 from pathlib import Path
 
-from tests.fuzz import port
+from tests.fuzz import doors, port
 from tests.fuzz.mutation import mutated
 from tests.fuzz.targets import Target, targets
 
@@ -52,6 +53,8 @@ def main() -> int:
     chosen = options.parse_args()
     if chosen.target == "port":
         return port.run(chosen.seconds, chosen.inputs, chosen.seed)
+    if chosen.target in ("gateway", "page"):
+        return doors.run(chosen.target, chosen.seconds, chosen.inputs, chosen.seed)
     available = {name: each for name, each in targets().items() if chosen.target in ("", name)}
     started = reported = time.monotonic()
     counts: Counter[str] = Counter()

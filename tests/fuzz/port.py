@@ -14,7 +14,7 @@ import socket
 import threading
 import time
 from collections import Counter
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -226,18 +226,34 @@ def talk(endpoint: str) -> None:
         time.sleep(0.02)
 
 
-class Inputs:
-    """One input after the other, of all kinds."""
+def long_batch(draw: random.Random, said: bytes) -> bytes:
+    """The head of a batch of Zenoh, which begins with its length, and less than that."""
+    length = draw.choice((0, 1, 0x7FFF, 0xFFFF)).to_bytes(2, "little")
+    return length + said[2:][: draw.randrange(1, 64)]
 
-    def __init__(self, address: tuple[str, int], seed: int, *, in_session: bool) -> None:
+
+class Inputs:
+    """One input after the other, of all kinds.
+
+    Args:
+        talks: what clients say at the port, given its endpoint. long: begins what is longer than what comes.
+    """
+
+    def __init__(
+        self,
+        address: tuple[str, int],
+        seed: int,
+        *,
+        in_session: bool,
+        talks: Sequence[Callable[[str], None]] = (talk,),
+        long: Callable[[random.Random, bytes], bytes] = long_batch,
+    ) -> None:
         self.counts: Counter[str] = Counter()
         self._address = address
         self._seed = seed
+        self._talks, self._begin_of_long = talks, long
         self._open: list[socket.socket] = []
-        recorded = Middle(address, None, 0)
-        recorded.start()
-        talk(recorded.endpoint)
-        self._said = recorded.pieces
+        self._said = [self._recorded(each) for each in talks]
         self._kinds: tuple[Callable[[random.Random], None], ...] = (
             self._noise,
             self._replayed,
@@ -247,6 +263,12 @@ class Inputs:
             self._long,
             *((self._changed, self._changed) if in_session else ()),
         )
+
+    def _recorded(self, talk: Callable[[str], None]) -> list[bytes]:
+        middle = Middle(self._address, None, 0)
+        middle.start()
+        talk(middle.endpoint)
+        return middle.pieces
 
     def send(self, number: int) -> str:
         """Send one input, the same for the same seed but for what the server answers; gives its kind."""
@@ -273,13 +295,13 @@ class Inputs:
 
     def _replayed(self, draw: random.Random) -> None:
         connection = self._connected()
-        for piece in self._said:
+        for piece in draw.choice(self._said):
             connection.sendall(mutated(draw, [piece]) if draw.random() < 0.5 else piece)
 
     def _changed(self, draw: random.Random) -> None:
         middle = Middle(self._address, draw, draw.randrange(6))
         middle.start()
-        talk(middle.endpoint)
+        draw.choice(self._talks)(middle.endpoint)
 
     def _silent(self, _: random.Random) -> None:
         self._connected()
@@ -291,9 +313,7 @@ class Inputs:
                 connection.sendall(draw.randbytes(1))
 
     def _long(self, draw: random.Random) -> None:
-        # a batch begins with its length
-        length = draw.choice((0, 1, 0x7FFF, 0xFFFF)).to_bytes(2, "little")
-        self._connected().sendall(length + draw.choice(self._said or [b""])[2:][: draw.randrange(1, 64)])
+        self._connected().sendall(self._begin_of_long(draw, draw.choice(draw.choice(self._said) or [b""])))
 
 
 @contextmanager
@@ -317,20 +337,33 @@ def run(seconds: float, inputs: int, seed: int, *, in_session: bool = True) -> i
         in_session: also messages of an open session, changed on their way.
     """
     with machine() as watched:
-        wrong = watched.look()
         sent = Inputs(watched.address, seed, in_session=in_session)
-        until = time.monotonic() + seconds
-        number = 0
-        while not wrong and (number < inputs if inputs else time.monotonic() < until):
-            sent.send(number)
-            number += 1
-            if number % LOOK_EVERY == 0:
-                wrong = watched.look()
-        sent.close()
-        wrong = wrong or watched.look()
-        told = watched.told()
+        return judged("port", watched, sent, watched.look, seconds, inputs, seed)
+
+
+def judged(
+    name: str,
+    watched: Machine,
+    sent: Inputs,
+    look: Callable[[], str],
+    seconds: float,
+    inputs: int,
+    seed: int,
+) -> int:
+    """Send inputs and look between them; the exit code: 1 where something was found."""
+    wrong = look()
+    until = time.monotonic() + seconds
+    number = 0
+    while not wrong and (number < inputs if inputs else time.monotonic() < until):
+        sent.send(number)
+        number += 1
+        if number % LOOK_EVERY == 0:
+            wrong = look()
+    sent.close()
+    wrong = wrong or look()
+    told = watched.told()
     for kind, count in sent.counts.items():
-        print(f"{count:10} inputs: port, {kind.strip('_')}")
+        print(f"{count:10} inputs: {name}, {kind.strip('_')}")
     print(told)
     print(f"{number:10} in all, seed {seed}: {wrong or 'the server answers, the program ran'}", flush=True)
     return 1 if wrong else 0

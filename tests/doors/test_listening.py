@@ -1,0 +1,41 @@
+"""What is logged of faults that nobody has caught."""
+
+from __future__ import annotations
+
+import json
+import logging
+from collections.abc import Callable
+
+import pytest
+
+from mcserver.doors.listening import Address, Protection, WithoutTracebacks
+from mcserver.errors import ConfigurationError
+
+
+def unprotected() -> None:
+    Protection("MC074", "it", "tokens", "give some").require(Address("0.0.0.0", 0), has_secrets=False)
+
+
+@pytest.mark.parametrize(
+    ("raise_it", "said"),
+    [
+        (lambda: json.loads("{"), "what a client sent could not be understood: JSONDecodeError: Exp"),
+        (unprotected, "a task failed"),
+    ],
+)
+def test_a_fault_of_a_library_over_what_was_sent_is_one_line(
+    raise_it: Callable[[], object], said: str
+) -> None:
+    with pytest.raises((ValueError, ConfigurationError)) as found:
+        raise_it()
+    # without this test's own frames
+    trace = found.value.__traceback__
+    while trace is not None and trace.tb_frame.f_globals["__name__"] == __name__:
+        trace = trace.tb_next
+    error = found.value.with_traceback(trace)
+    record = logging.LogRecord(
+        "asyncio", logging.ERROR, "", 0, "a task failed", None, (type(error), error, trace)
+    )
+    assert WithoutTracebacks().filter(record)
+    assert record.getMessage().startswith(said)
+    assert (record.exc_info is None) == (raise_it is not unprotected)
