@@ -30,7 +30,7 @@ from mcserver.planning.planner_messages import Planning
 from mcserver.processes import freeze_heap
 from mcserver.recorder.client import RecorderClient, recorder_for
 from mcserver.security.expiry import CODE as EXPIRY_CODE
-from mcserver.security.expiry import warn_of_expiry
+from mcserver.security.expiry import authority_of, warn_of_expiry
 from mcserver.service.event_log import EventLog
 from mcserver.service.executor_port import ExecutorPort
 from mcserver.service.jog import Jogging
@@ -126,7 +126,9 @@ async def running(
             machine,
             port,
             planning,
-            ServiceOptions(journal=journal, instance=instance),
+            ServiceOptions(
+                journal=journal, instance=instance, authority=authority_of(options.network.config_file)
+            ),
             on_ack=face.publish_ack,
             on_event=on_event,
         )

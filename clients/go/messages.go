@@ -1191,6 +1191,9 @@ type RunPreviewReply struct {
 	Run  RunRequestStatus `msgpack:"run" mc:"required"`
 	Text string           `msgpack:"text" mc:"required"`
 	Path RunPath          `msgpack:"path" mc:"required"`
+	// Certifiable: what `mcserver certify` signs of it, as JSON: all that its simulation began from, and a digest
+	// of its setpoints.
+	Certifiable string `msgpack:"certifiable" mc:"required"`
 }
 
 // RunPreviewRequest: What an operator looks at before arming: the text and its simulated path.
@@ -1214,6 +1217,8 @@ type RunRequestRequest struct {
 	Name string `msgpack:"name"`
 	// Axes: the only axes that it may move; nil: those that the text names.
 	Axes []int64 `msgpack:"axes"`
+	// Certificate: a file of `mcserver certify` for this very run, which arms it; nil: a person has to.
+	Certificate string `msgpack:"certificate"`
 }
 
 // RunRequestStatus: A request: what would move, how far, how long; `remaining_s` until it or its arming is over.

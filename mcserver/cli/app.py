@@ -49,6 +49,7 @@ COMMANDS: Mapping[str, str] = MappingProxyType(
         "lsp": "lsp.lsp",
         "mcp": "mcp.mcp",
         "simulate": "simulate.simulate_program",
+        "certify": "certify.certify",
         "plot": "plot.plot",
         "view": "view.view",
         "web": "web.web",

@@ -20,6 +20,7 @@ from mcserver.service.arming import (
 )
 from mcserver.service.arming import ToolPath as ToolPath
 from mcserver.service.reports import WireDiagnostic
+from mcserver.service.run_certificate import MAX_CERTIFICATE
 
 TextHash = Annotated[str, Meta(pattern=f"^[0-9a-fA-F]{{{LEAST_HASH},64}}$")]
 RunState = Literal["waiting", "armed", "started", "rejected"]
@@ -32,11 +33,13 @@ class RunRequestRequest(Request, frozen=True, kw_only=True):
     Attributes:
         text: the program. name: for people.
         axes: the only axes that it may move; None: those that the text names.
+        certificate: a file of ``mcserver certify`` for this very run, which arms it; None: a person has to.
     """
 
     text: ProgramText
     name: Annotated[str, Meta(max_length=200)] = ""
     axes: list[AxisIndex] | None = None
+    certificate: Annotated[str, Meta(max_length=MAX_CERTIFICATE)] | None = None
 
 
 class RunArmedRequest(Request, frozen=True, kw_only=True):
@@ -158,11 +161,17 @@ class RunRequestsReply(msgspec.Struct, frozen=True):
 
 
 class RunPreviewReply(msgspec.Struct, frozen=True):
-    """A request with its text and the path of its simulation."""
+    """A request with its text and the path of its simulation.
+
+    Attributes:
+        certifiable: what ``mcserver certify`` signs of it, as JSON: all that its simulation began from, and a
+            digest of its setpoints.
+    """
 
     run: RunRequestStatus
     text: str
     path: RunPath
+    certifiable: str
 
 
 class RunArmedReply(msgspec.Struct, frozen=True):

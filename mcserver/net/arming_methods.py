@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import datetime
 import math
 from collections import Counter
 from typing import Any
@@ -13,10 +14,23 @@ from mcserver.errors import Diagnostic, Refused, ServiceError
 from mcserver.gcode.axes_used import axes_used
 from mcserver.gcode.text.source import split_lines
 from mcserver.net import arming_messages as wire
+from mcserver.net.certified_runs import approval_of, refuse_other_motion, refuse_other_run
 from mcserver.planning.start_state import StartState, axis_word
 from mcserver.service.approval_basis import ApprovalBasis, extents_of, tools_of
-from mcserver.service.arming import OPEN, Arming, Changes, RunPath, RunRequest, hash_of
+from mcserver.service.arming import (
+    OPEN,
+    WITHIN_S,
+    Arming,
+    Changes,
+    RunPath,
+    RunRequest,
+    RunState,
+    hash_of,
+    refuse_changed,
+    user_of,
+)
 from mcserver.service.reports import wire_diagnostic
+from mcserver.service.run_certificate import Certified, verified
 from mcserver.service.service import MachineService
 from mcserver.simulation.preview import Preview
 from mcserver.simulation.program_checker import ProgramChecker
@@ -56,6 +70,10 @@ class ArmingMethods:
             )
         start = self._service.start_state()
         self._refuse_unsettled(start, axes)
+        certified = self._certified(client, request, axes)
+        if certified is not None:
+            # what was certified is simulated, and is compared with how the machine stands now
+            start = certified.approval.start
         self._asking[client] += 1
         try:
             seen = await self._checker.preview(client, request.text, start, axes)
@@ -68,31 +86,39 @@ class ArmingMethods:
         if seen.marks is None or seen.envelope is None:
             return wire.RunRequestReply(False, found)
         self._refuse_unbounded(seen)
-        kept = self._arming.request(
-            RunRequest(
-                client=client,
-                sha256=hash_of(request.text),
-                text=request.text,
-                name=request.name,
-                axes=axes,
-                start=start,
-                duration_s=seen.report["duration_s"],
-                extents=extents_of(machine, seen.envelope, axes),
-                until=0.0,
-                path=msgspec.convert(seen.path, RunPath),
-                inputs=seen.inputs,
-                envelope=seen.envelope,
-                effects=seen.effects,
-                tools=tools_of(seen.envelope),
-                digest=self._basis.digest(request.text, axes, start),
-                outputs=seen.outputs,
-            )
+        wanted = RunRequest(
+            client=client,
+            sha256=hash_of(request.text),
+            text=request.text,
+            name=request.name,
+            axes=axes,
+            start=start,
+            duration_s=seen.report["duration_s"],
+            extents=extents_of(machine, seen.envelope, axes),
+            until=0.0,
+            path=msgspec.convert(seen.path, RunPath),
+            inputs=seen.inputs,
+            envelope=seen.envelope,
+            effects=seen.effects,
+            tools=tools_of(seen.envelope),
+            digest=self._basis.digest(request.text, axes, start),
+            outputs=seen.outputs,
+            certifiable=msgspec.json.encode(
+                approval_of(self._basis, request.text, axes, start, seen)
+            ).decode(),
         )
+        if certified is not None:
+            self._refuse_uncertified(certified, seen, wanted)
+        kept = self._arming.request(wanted)
         self._forget_armings()
-        kept = self._arming.arm_within(kept, self._basis.beyond)
+        if certified is not None:
+            override = certified.approval.override
+            kept = self._arming.arm(certified.signer, kept.sha256, seconds=WITHIN_S, override=override)
+        else:
+            kept = self._arming.arm_within(kept, self._basis.beyond)
         self._service.foresee(kept.sha256, seen.marks)
         self._publish("run.requested", client, kept)
-        if kept.approval:
+        if kept.state is RunState.ARMED:
             self._publish("run.armed", kept.operator, kept)
         return wire.RunRequestReply(True, found, self._status(kept))
 
@@ -107,7 +133,7 @@ class ArmingMethods:
     def run_preview(self, _client: str, request: wire.RunPreviewRequest) -> wire.RunPreviewReply:
         self._forget_armings()
         found = self._arming.find(request.sha256)
-        return wire.RunPreviewReply(self._status(found), found.text, found.path)
+        return wire.RunPreviewReply(self._status(found), found.text, found.path, found.certifiable)
 
     def arm(self, client: str, request: wire.ArmRequest) -> wire.RunRequestStatus:
         self._forget_armings()
@@ -174,6 +200,25 @@ class ArmingMethods:
             raise
         self._publish("run.started", client, run, program.program)
         return wire.RunArmedReply(program.program, 100.0 * program.override)
+
+    def _certified(
+        self, client: str, request: wire.RunRequestRequest, axes: tuple[int, ...]
+    ) -> Certified | None:
+        """Return what the certificate of a request approves, so far as it is of this very run."""
+        if request.certificate is None:
+            return None
+        options = self._service.options
+        now = datetime.datetime.fromtimestamp(options.clock(), datetime.UTC)
+        certified = verified(request.certificate, options.authority, now)
+        if user_of(client) == user_of(certified.signer):
+            raise Refused("MC575", "who asks for a run may not approve it", "another person has to sign")
+        refuse_other_run(self._basis, certified.approval, request.text, axes)
+        return certified
+
+    def _refuse_uncertified(self, certified: Certified, seen: Preview, wanted: RunRequest) -> None:
+        """Refuse a run that this computer plans otherwise, or whose machine stands otherwise."""
+        refuse_other_motion(certified.approval, seen)
+        refuse_changed(self._changes_now()(wanted))
 
     def _changes_now(self) -> Changes:
         now = self._service.start_state()

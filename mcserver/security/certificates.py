@@ -54,11 +54,26 @@ def new_identity(
     Args:
         hosts: names and addresses at which it may serve; empty: a client's certificate.
     """
+    purposes = [ExtendedKeyUsageOID.CLIENT_AUTH] + ([ExtendedKeyUsageOID.SERVER_AUTH] if hosts else [])
+    return _signed(authority, name, now, purposes, hosts)
+
+
+def new_signer(authority: Credentials, name: str, now: datetime.datetime) -> Credentials:
+    """A certificate that signs approvals of runs under this name, and opens no connection."""
+    return _signed(authority, name, now, [ExtendedKeyUsageOID.CODE_SIGNING], ())
+
+
+def _signed(
+    authority: Credentials,
+    name: str,
+    now: datetime.datetime,
+    purposes: list[x509.ObjectIdentifier],
+    hosts: tuple[str, ...],
+) -> Credentials:
     issuer = x509.load_pem_x509_certificate(authority.certificate)
     signer = serialization.load_pem_private_key(authority.key, None)
     assert isinstance(signer, ec.EllipticCurvePrivateKey), "made by new_authority"
     key = ec.generate_private_key(ec.SECP256R1())
-    purposes = [ExtendedKeyUsageOID.CLIENT_AUTH] + ([ExtendedKeyUsageOID.SERVER_AUTH] if hosts else [])
     alternative = [_general_name(host) for host in hosts] or [x509.DNSName(name)]
     certificate = (
         _builder(_subject(name), issuer.subject, key.public_key(), now, IDENTITY_DAYS)

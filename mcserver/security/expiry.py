@@ -21,6 +21,7 @@ CODE = "MC563"
 REMEDY = "renew it before: docs/security.md, Renewing certificates"
 _CERTIFICATES = ("connect_certificate", "listen_certificate", "root_ca_certificate")
 _WRITTEN = re.compile(r"""\b\w+_certificate_base64["']?\s*:\s*["']([A-Za-z0-9+/=\s]+)["']""")
+_WRITTEN_AUTHORITY = re.compile(r"""\broot_ca_certificate_base64["']?\s*:\s*["']([A-Za-z0-9+/=\s]+)["']""")
 _SEQUENCE, _VERSION, _UTC_TIME = 0x30, 0xA0, 0x17
 
 
@@ -50,6 +51,21 @@ def first_ending(file: Path) -> Ending | None:
     except (OSError, ValueError, LookupError, zenoh.ZError):
         return None
     return Ending(file, min(ends)) if ends else None
+
+
+def authority_of(file: Path | None) -> bytes | None:
+    """Return the site's certificate of a Zenoh configuration (PEM); None: it has none that can be read."""
+    if file is None:
+        return None
+    try:
+        written = _WRITTEN_AUTHORITY.search(file.read_text("utf-8"))
+        if written is not None:
+            return base64.b64decode(written[1])
+        tls = json.loads(zenoh.Config.from_file(file).get_json("transport/link/tls")) or {}
+        path = tls.get("root_ca_certificate")
+        return Path(path).read_bytes() if path else None
+    except (OSError, ValueError, LookupError, zenoh.ZError):
+        return None
 
 
 async def warn_of_expiry(

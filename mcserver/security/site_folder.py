@@ -18,9 +18,10 @@ from typing import Any
 import msgspec
 
 from mcserver.errors import ConfigurationError
+from mcserver.net.keys import is_name
 from mcserver.net.qos import reply_qos
 from mcserver.security.access import access_control
-from mcserver.security.certificates import Credentials, new_authority, new_identity
+from mcserver.security.certificates import Credentials, new_authority, new_identity, new_signer
 from mcserver.security.site import Site, checked, machine_identity
 from mcserver.security.site_files import ROUTER, SITE_FILE, configuration_path
 
@@ -61,6 +62,28 @@ def write_site(folder: Path, site: Site, now: datetime.datetime) -> list[Path]:
             "MC560", f"{folder} cannot be written: {error}", "give another folder"
         ) from error
     return written
+
+
+def signer_of(folder: Path, name: str, now: datetime.datetime) -> Credentials:
+    """Return who signs approvals of runs under this name, made when it is first asked for.
+
+    Raises:
+        ConfigurationError: MC560 the folder is no site's, or the name does not fit.
+    """
+    authority = _kept(folder, AUTHORITY)
+    if authority is None:
+        raise ConfigurationError(
+            "MC560", f"{folder} is no site's folder: it has no authority", "mcserver security init"
+        )
+    if not is_name(name):
+        raise ConfigurationError("MC560", f"{name[:40]!r} is no name", "letters, digits, '-', '_', '.'")
+    try:
+        kept = _kept(folder, f"signer.{name}")
+        return kept or _keep(folder, f"signer.{name}", new_signer(authority, name, now))
+    except OSError as error:
+        raise ConfigurationError(
+            "MC560", f"{folder} cannot be written: {error}", "give another folder"
+        ) from error
 
 
 def _authority(folder: Path, now: datetime.datetime) -> Credentials:

@@ -21,22 +21,25 @@ class ApprovalBasis:
 
     Args:
         machine: as its file was read at this start.
+
+    Attributes:
+        machine: the machine. unchanging: digest of the machine file, version of the server.
     """
 
     def __init__(self, machine: Machine) -> None:
-        self._machine = machine
-        self._unchanging = (machine_digest(machine), server_version())
+        self.machine = machine
+        self.unchanging = (machine_digest(machine), server_version())
         self._tolerance = {axis.index: POSITION_TOLERANCES * axis.in_position for axis in machine.axes}
 
     def digest(self, text: str, axes: tuple[int, ...], start: StartState) -> str:
         """Return the SHA-256 of text, axes, start state, machine file and server version, hexadecimal."""
-        basis = (text, axes, start, *self._unchanging)
+        basis = (text, axes, start, *self.unchanging)
         return hashlib.sha256(canonical_bytes(basis)).hexdigest()
 
     def changes(self, run: RunRequest, now: StartState) -> list[str]:
         """Name what is no longer as it was when a run was simulated; axes may stand a little elsewhere."""
         return changes_between(
-            self._machine, run.start, now, axes=run.axes, inputs=run.inputs, tolerance=self._tolerance
+            self.machine, run.start, now, axes=run.axes, inputs=run.inputs, tolerance=self._tolerance
         )
 
     def beyond(self, approval: RunRequest, run: RunRequest) -> list[str]:
@@ -45,10 +48,10 @@ class ApprovalBasis:
         if within is None or asked is None:
             return ["it has no envelope"]
         found = []
-        for column, axis in enumerate(self._machine.axes):
+        for column, axis in enumerate(self.machine.axes):
             if axis.index not in run.axes:
                 continue
-            word, unit, aside = axis_word(self._machine, axis.index), axis.type, self._tolerance[axis.index]
+            word, unit, aside = axis_word(self.machine, axis.index), axis.type, self._tolerance[axis.index]
             low, high, speed = (each[column] for each in (asked.low, asked.high, asked.speed))
             if axis.index not in approval.axes:
                 found.append(f"it may move {word}")
@@ -72,7 +75,7 @@ class ApprovalBasis:
             elif tip.speed > (1.0 + SAME) * seen.speed:
                 found.append(f"the tip of tool {tip.tool} moves at {tip.speed / MM:.1f} mm/s")
         for channel, (low, high), (least, most) in zip(
-            self._machine.outputs, run.outputs, approval.outputs, strict=True
+            self.machine.outputs, run.outputs, approval.outputs, strict=True
         ):
             if low < least or high > most:
                 found.append(f'it sets the output "{channel.name}"')
@@ -84,9 +87,9 @@ class ApprovalBasis:
         """Return what the executor holds a run within that begins now."""
         if run.envelope is None:
             return None
-        axes = [axis.index for axis in self._machine.axes]
+        axes = [axis.index for axis in self.machine.axes]
         drift = [abs(now.positions[axis] - run.start.positions[axis]) for axis in axes]
-        return enforced(run.envelope, self._machine, run.override, drift)
+        return enforced(run.envelope, self.machine, run.override, drift)
 
 
 def server_version() -> str:

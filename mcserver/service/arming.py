@@ -108,6 +108,7 @@ class RunRequest(msgspec.Struct, frozen=True):
         override: the greatest feed override that the operator allows, 1 as programmed.
         operator: who armed it, or rejected it. reason: why it was rejected.
         outputs: of each output the least and the greatest value.
+        certifiable: what ``mcserver certify`` signs of it, JSON.
         approval: hash of the approval for a while that has armed it. beyond: what of it is outside of the one
             that its client has, in words.
     """
@@ -133,6 +134,7 @@ class RunRequest(msgspec.Struct, frozen=True):
     digest: str = ""
     reason: str = ""
     outputs: tuple[tuple[float, float], ...] = ()
+    certifiable: str = ""
     approval: str = ""
     beyond: tuple[str, ...] = ()
 
@@ -281,7 +283,7 @@ class Arming:
         _refuse_other(request, number)
         if user_of(request.client) == user_of(operator):
             raise Refused("MC575", "who asks for a run may not arm it", "another person has to look at it")
-        _refuse_changed(changes(request))
+        refuse_changed(changes(request))
         others = [each for sha, each in self._approvals.items() if sha != request.sha256]
         full = sum(each.client == request.client for each in others) >= CLIENT_REQUESTS
         if standing > 0.0 and (full or len(others) >= MAX_REQUESTS):
@@ -396,7 +398,7 @@ class Arming:
             raise Refused(
                 "MC572", f"the axes {', '.join(map(str, taken))} are in use", "wait for their program"
             )
-        _refuse_changed(changes(request))
+        refuse_changed(changes(request))
         started = msgspec.structs.replace(request, state=RunState.STARTED)
         self._requests[request.sha256] = started
         return started
@@ -422,7 +424,12 @@ class Arming:
                 del kept[sha]
 
 
-def _refuse_changed(changed: list[str]) -> None:
+def refuse_changed(changed: list[str]) -> None:
+    """Refuse a run of which something is no longer as it was simulated.
+
+    Raises:
+        Refused: MC572 it names what.
+    """
     if changed:
         raise Refused(
             "MC572",

@@ -29,6 +29,7 @@ class ServiceOptions(msgspec.Struct, frozen=True):
         instance: id of this start.
         clock: Unix time [s]. monotonic: a clock that never steps [s].
         connect: opens the journal's file. journal_thread: the journal has threads of its own.
+        authority: certificate of the site (PEM), whose signers may approve runs; None: nobody's.
     """
 
     journal: Path
@@ -37,3 +38,4 @@ class ServiceOptions(msgspec.Struct, frozen=True):
     monotonic: Callable[[], float] = time.monotonic
     connect: Callable[[Path], JournalConnection] = open_journal
     journal_thread: bool = True
+    authority: bytes | None = None

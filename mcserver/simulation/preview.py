@@ -21,6 +21,7 @@ class Preview(msgspec.Struct, frozen=True):
         marks: of its times. envelope: without tolerances. All three None for a text with faults.
         effects: what it leaves changed, in sentences for people. inputs: columns of those that it reads.
         pushed: axes that it commands a torque. outputs: of each output the least and the greatest value.
+        setpoints: SHA-256 of every setpoint.
     """
 
     report: dict[str, Any]
@@ -31,6 +32,7 @@ class Preview(msgspec.Struct, frozen=True):
     inputs: frozenset[int] = frozenset()
     pushed: frozenset[int] = frozenset()
     outputs: tuple[tuple[float, float], ...] = ()
+    setpoints: str = ""
 
 
 def preview(text: str, machine: Machine, start: StartState, axes: tuple[int, ...]) -> Preview:
@@ -38,6 +40,7 @@ def preview(text: str, machine: Machine, start: StartState, axes: tuple[int, ...
     # the server names this type only; what computes is loaded in the worker
     from mcserver.machine.machine_kinematics import build_kinematics
     from mcserver.simulation.envelope_meter import EnvelopeMeter
+    from mcserver.simulation.setpoint_digest import SetpointDigest
     from mcserver.simulation.simulation import simulate
     from mcserver.simulation.starting_machine import starting_at
     from mcserver.simulation.time_sampler import TimeSampler, moments_for, path_of
@@ -47,13 +50,14 @@ def preview(text: str, machine: Machine, start: StartState, axes: tuple[int, ...
     poses = ToolPoses(machine, kinematics)
     sampler = TimeSampler(moments_for(1 + len(axes) + 3 * len(poses.numbers)), len(machine.axes))
     meter = EnvelopeMeter(starting_at(machine, start.positions), kinematics, axes)
+    digest = SetpointDigest()
     found = simulate(
         text,
         machine,
         start=start,
         lease=frozenset(axes),
         kinematics=kinematics,
-        takers=(sampler, meter),
+        takers=(sampler, meter, digest),
     )
     path = path_of(sampler, machine, poses, axes)
     if not found.report["ok"] or found.end is None:
@@ -68,6 +72,7 @@ def preview(text: str, machine: Machine, start: StartState, axes: tuple[int, ...
         inputs=found.inputs_read,
         pushed=found.pushed,
         outputs=found.outputs,
+        setpoints=digest.hexdigest(),
     )
 
 

@@ -457,7 +457,13 @@ class MachineCalls:
         )
 
     async def request_run(
-        self, text: str, name: str = "", *, axes: Sequence[int] | None = None, deadline_s: float = 300.0
+        self,
+        text: str,
+        name: str = "",
+        *,
+        axes: Sequence[int] | None = None,
+        certificate: str | None = None,
+        deadline_s: float = 300.0,
     ) -> wire.RunRequestReply:
         """Ask for a run that an operator has to arm.
 
@@ -467,12 +473,19 @@ class MachineCalls:
             text: the program.
             name: for people.
             axes: the only axes that it may move; None: those that the text names.
+            certificate: a file of ``mcserver certify`` for this very run, which arms it; None: a person has
+                to.
         """
         self._declare_token()
         return await self._caller.ask(
             wire.RunRequestReply,
             "request_run",
-            {"text": text, "name": name, "axes": None if axes is None else list(axes)},
+            {
+                "text": text,
+                "name": name,
+                "axes": None if axes is None else list(axes),
+                "certificate": certificate,
+            },
             deadline_s,
         )
 

@@ -1394,11 +1394,17 @@ class RunRequestStatus:
 
 @dataclass(frozen=True, slots=True)
 class RunPreviewReply:
-    """A request with its text and the path of its simulation."""
+    """A request with its text and the path of its simulation.
+
+    Attributes:
+        certifiable: what ``mcserver certify`` signs of it, as JSON: all that its simulation began from,
+            and a digest of its setpoints.
+    """
 
     run: RunRequestStatus
     text: str
     path: RunPath
+    certifiable: str
 
 
 @dataclass(frozen=True, slots=True)

@@ -1055,6 +1055,11 @@ export interface RunPreviewReply {
   run: RunRequestStatus;
   text: string;
   path: RunPath;
+  /**
+   * what `mcserver certify` signs of it, as JSON: all that its simulation began from, and a digest of its
+   * setpoints.
+   */
+  certifiable: string;
 }
 
 /** What an operator looks at before arming: the text and its simulated path. */
@@ -1078,6 +1083,8 @@ export interface RunRequestRequest {
   name?: string | undefined;
   /** the only axes that it may move; null: those that the text names. */
   axes?: number[] | null | undefined;
+  /** a file of `mcserver certify` for this very run, which arms it; null: a person has to. */
+  certificate?: string | null | undefined;
 }
 
 /** A request: what would move, how far, how long; `remaining_s` until it or its arming is over. */

@@ -11,6 +11,7 @@ from typing import Annotated
 import typer
 
 from mcclient.cli.ahead import JobOptions
+from mcclient.cli.certified import run_certified
 from mcclient.cli.go_on import OutputsOption, WayOption
 from mcclient.cli.job import Job
 from mcclient.cli.options import (
@@ -55,12 +56,26 @@ def run(
     ] = OnDisconnectChoice.STOP,
     way: WayOption = False,
     outputs: OutputsOption = None,
+    certificate: Annotated[
+        Path | None,
+        typer.Option(
+            "--certificate", metavar="PATH", help="Run this very program as `mcserver certify` approved it."
+        ),
+    ] = None,
     json: JsonOption = False,
 ) -> None:
     """Run a program and follow it to its end.
 
     Ctrl-C asks whether to hold, abort or leave; without a terminal it aborts.
     """
+    if certificate is not None:
+        plain = (axes, record, outputs) == (None, None, None) and (from_line, step, way) == (1, False, False)
+        with errors_shown(json):
+            if not plain:
+                raise RequestRefused(
+                    "MC511", "a certificate is of the whole program, as it is", "leave other options out"
+                )
+        raise typer.Exit(run_certified(target, file, certificate, json))
     with errors_shown(json):
         options = JobOptions(
             target=target,

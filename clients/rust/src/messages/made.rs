@@ -1646,6 +1646,9 @@ pub struct RunPreviewReply {
     pub run: RunRequestStatus,
     pub text: String,
     pub path: RunPath,
+    /// what `mcserver certify` signs of it, as JSON: all that its simulation began from, and a digest of its
+    /// setpoints.
+    pub certifiable: String,
 }
 
 /// What an operator looks at before arming: the text and its simulated path.
@@ -1683,6 +1686,8 @@ pub struct RunRequestRequest {
     pub name: String,
     /// the only axes that it may move; none: those that the text names.
     pub axes: Option<Vec<u64>>,
+    /// a file of `mcserver certify` for this very run, which arms it; none: a person has to.
+    pub certificate: Option<String>,
 }
 
 impl RunRequestRequest {
@@ -1693,6 +1698,7 @@ impl RunRequestRequest {
             text: text.into(),
             name: String::new(),
             axes: None,
+            certificate: None,
         }
     }
 }

@@ -1163,8 +1163,12 @@ public final class Messages {
      */
     public record RunPath(List<Double> timeS, List<List<Double>> positions, List<ToolPath> tools) {}
 
-    /** A request with its text and the path of its simulation. */
-    public record RunPreviewReply(RunRequestStatus run, String text, RunPath path) {}
+    /**
+     * A request with its text and the path of its simulation.
+     * @param certifiable what `mcserver certify` signs of it, as JSON: all that its simulation began from, and a
+     *     digest of its setpoints.
+     */
+    public record RunPreviewReply(RunRequestStatus run, String text, RunPath path, String certifiable) {}
 
     /**
      * What an operator looks at before arming: the text and its simulated path.
@@ -1180,21 +1184,27 @@ public final class Messages {
      * @param text the program.
      * @param name for people.
      * @param axes the only axes that it may move; null: those that the text names.
+     * @param certificate a file of `mcserver certify` for this very run, which arms it; null: a person has to.
      */
-    public record RunRequestRequest(String text, String name, List<Long> axes) {
+    public record RunRequestRequest(String text, String name, List<Long> axes, String certificate) {
         /** All that may be left out as the server has it. */
         public RunRequestRequest(String text) {
-            this(text, "", null);
+            this(text, "", null, null);
         }
 
         /** The same with another {@code name}. */
         public RunRequestRequest withName(String name) {
-            return new RunRequestRequest(text, name, axes);
+            return new RunRequestRequest(text, name, axes, certificate);
         }
 
         /** The same with another {@code axes}. */
         public RunRequestRequest withAxes(List<Long> axes) {
-            return new RunRequestRequest(text, name, axes);
+            return new RunRequestRequest(text, name, axes, certificate);
+        }
+
+        /** The same with another {@code certificate}. */
+        public RunRequestRequest withCertificate(String certificate) {
+            return new RunRequestRequest(text, name, axes, certificate);
         }
     }
 
