@@ -157,13 +157,15 @@ $(BIN)/python:
 	@$(PYTHON) -c 'import ensurepip, venv' 2>/dev/null || { \
 		echo "$(PYTHON) has no venv module: on Debian and Ubuntu, apt-get install python3-venv" >&2; exit 1; }
 	$(PYTHON) -m venv $(VENV)
-	$(PIP) install --quiet --upgrade 'pip>=25.1'
+	$(PIP) install --quiet --no-compile --upgrade 'pip>=25.1'
 
 # pip ≥ 25.1 reads [dependency-groups]; the stamps are remade when a project file changes. pip would compile one
-# module after the other, those of its packages' own tests too
+# module after the other, those of its packages' own tests too. What few or none of the modules are imported of is
+# compiled by whoever does: pip itself, what has machine code beside its sources (mypy), lexers of other languages
 CONSTRAINTS := constraints.txt
 INSTALL := $(PIP) install --quiet --no-compile --constraint $(CONSTRAINTS)
-COMPILE = $(BIN)/python -m compileall -qq -j 0 -x '/tests/' $(VENV)/lib >/dev/null || true
+SELDOM := /(tests|cuda|docutils|fontTools|graphql|lexers|mypyc?|pip|pkg_resources|schemathesis|scipy|setuptools)/
+COMPILE = $(BIN)/python -m compileall -qq -j 0 -x '$(SELDOM)' $(VENV)/lib >/dev/null || true
 # beside what comes next: a server does not wait for it, tests do
 WARM_UP = $(BIN)/python -m mcserver.motion.warm_up background >/dev/null 2>&1 &
 
