@@ -55,16 +55,18 @@ class Agent:
         self._instance = int(self._devices_wall)
         self._changed = asyncio.Event()
 
-    def knows(self, machine: str, instance: str) -> bool:
-        """Return whether a machine was added as that start of its server has it."""
+    def wants(self, machine: str, instance: str) -> bool:
+        """Return whether a machine is to be added: there is room for it, or its server has started anew.
+
+        Another start may have another machine file.
+        """
         device = self.devices.get(machine)
-        return device is not None and device.instance == instance
+        return len(self.devices) < MOST_DEVICES if device is None else device.instance != instance
 
     def add(self, info: Info) -> None:
-        """Add a machine, or take its new axes; beyond `MOST_DEVICES` no more."""
-        if info.machine in self.devices or len(self.devices) < MOST_DEVICES:
-            self.devices[info.machine] = Device(info)
-            self._devices_wall = self._clock()
+        """Add a machine, or take its new axes."""
+        self.devices[info.machine] = Device(info)
+        self._devices_wall = self._clock()
 
     def see(self, machine: str, status: MachineStatus | None) -> None:
         """Take a state of a machine that was added; None: it does not answer."""

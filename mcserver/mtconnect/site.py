@@ -77,7 +77,7 @@ async def collect(agent: Agent, options: AgentOptions) -> None:
 
     async def watch(link: FleetLink) -> None:
         while True:
-            await _look(agent, link)
+            await look(agent, link)
             await asyncio.sleep(1.0 / options.rate_hz)
 
     def lost(error: MotionError) -> None:
@@ -88,14 +88,13 @@ async def collect(agent: Agent, options: AgentOptions) -> None:
     await keep_link(watch, lost, connect=options.connect, config_file=options.config_file)
 
 
-async def _look(agent: Agent, link: FleetLink) -> None:
+async def look(agent: Agent, link: FleetLink) -> None:
+    """Ask all machines for their states, and those that the agent does not know for their axes."""
     found = await link.states(timeout_s=ANSWER_S)
     for name, status in found.items():
-        if agent.knows(name, status.instance):
-            continue
-        # another start of its server may have another machine file
-        with contextlib.suppress(MotionError):
-            agent.add(await link.info(name))
+        if agent.wants(name, status.instance):
+            with contextlib.suppress(MotionError):
+                agent.add(await link.info(name))
     for name in agent.devices:
         agent.see(name, found.get(name))
 

@@ -23,7 +23,7 @@ from mcclient.types import (
 from starlette.testclient import TestClient
 
 from mcserver.mtconnect.agent import Agent
-from mcserver.mtconnect.site import build_app, multipart
+from mcserver.mtconnect.site import build_app, look, multipart
 from tests.wire_values import wire_value
 
 WALL = 1_800_000_000.0
@@ -55,6 +55,32 @@ def agent() -> Agent:
 def client(agent: Agent) -> Iterator[TestClient]:
     with TestClient(build_app(agent), base_url="http://localhost") as client:
         yield client
+
+
+class Fleet:
+    """A link to machines that answer, and whose descriptions have been asked for."""
+
+    def __init__(self, *names: str) -> None:
+        self.names = names
+        self.asked: list[str] = []
+
+    async def states(self, **_: object) -> dict[str, MachineStatus]:
+        return dict.fromkeys(self.names, state())
+
+    async def info(self, name: str) -> Info:
+        self.asked.append(name)
+        return info(name)
+
+
+def test_a_machine_for_which_there_is_no_room_is_not_asked_at_every_look(
+    agent: Agent, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("mcserver.mtconnect.agent.MOST_DEVICES", 2)
+    fleet: Any = Fleet("cell-1", "cell-2", "cell-3")
+    for _ in range(3):
+        asyncio.run(look(agent, fleet))
+    assert fleet.asked == ["cell-2"]
+    assert set(agent.devices) == {"cell-1", "cell-2"}
 
 
 def read(client: TestClient, address: str, status: int = 200) -> ElementTree.Element:
