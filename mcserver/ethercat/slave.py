@@ -38,6 +38,19 @@ class AlState(enum.IntEnum):
 ACKNOWLEDGE = ERROR = 0x10
 
 
+def line_errors() -> tuple[type[Exception], ...]:
+    """Return what pysoem, an optional package, raises where a frame, a counter or a mailbox fails."""
+    import pysoem
+
+    return (
+        pysoem.WkcError,
+        pysoem.PacketError,
+        pysoem.MailboxError,
+        pysoem.SdoError,
+        pysoem.NetworkInterfaceNotOpenError,
+    )
+
+
 class MailboxSdo:
     """CoE with one slave; one transfer at a time, the cycle goes on beside it.
 
@@ -62,7 +75,7 @@ class MailboxSdo:
         for left in range(attempts, -1, -1):
             try:
                 return bytes(self._device.sdo_read(index, subindex, size, release_gil=True))
-            except Exception as error:
+            except line_errors() as error:
                 abort = getattr(error, "abort_code", None)
                 if abort:
                     raise self._refused(index, subindex, "read", abort) from None
@@ -82,7 +95,7 @@ class MailboxSdo:
             try:
                 self._device.sdo_write(index, subindex, bytes(payload), release_gil=True)
                 return
-            except Exception as error:
+            except line_errors() as error:
                 abort = getattr(error, "abort_code", None)
                 if abort:
                     raise self._refused(index, subindex, "written", abort) from None
@@ -139,14 +152,14 @@ class EthercatSlave:
         """Read physical memory; empty where the slave does not answer."""
         try:
             return bytes(self.device._fprd(address, length))
-        except Exception:
+        except line_errors():
             return b""
 
     def write_register(self, address: int, data: bytes) -> bool:
         """Write physical memory; False: the slave has not taken it."""
         try:
             self.device._fpwr(address, data)
-        except Exception:
+        except line_errors():
             return False
         return True
 
