@@ -44,6 +44,7 @@ class IdealBus:
         self._following = np.zeros(len(axes), np.bool_)
         self._standing = np.ones(len(axes), np.bool_)
         self._torque = np.zeros(len(axes), np.bool_)
+        self._any = False
         self._marks = SimulatedMarks(axes)
         self._marks.place(self._feedback.position, self._feedback)
 
@@ -58,11 +59,13 @@ class IdealBus:
             feedback.state[:] = _STATE_OF_MODE[setpoints.mode]
             self._following = (setpoints.mode == DriveMode.POSITION) | (setpoints.mode == DriveMode.VELOCITY)
             self._torque = setpoints.mode == DriveMode.TORQUE
+            self._any = bool((self._following | self._torque).any())
             feedback.velocity[~self._following] = 0.0
             feedback.torque[:] = 0.0
-        np.copyto(feedback.position, setpoints.position, where=self._following)
-        np.copyto(feedback.velocity, setpoints.velocity, where=self._following)
-        np.copyto(feedback.torque, setpoints.torque, where=self._torque)
+        if self._any:
+            np.copyto(feedback.position, setpoints.position, where=self._following)
+            np.copyto(feedback.velocity, setpoints.velocity, where=self._following)
+            np.copyto(feedback.torque, setpoints.torque, where=self._torque)
         if self._marks.present:
             self._marks.pass_to(feedback.position, feedback)
         return feedback

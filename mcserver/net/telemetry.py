@@ -23,6 +23,8 @@ log = logging.getLogger(__name__)
 
 # messages in one turn, where the thread was late
 CATCH_UP = 20
+# how often it is looked for subscribers while there are none
+LOOK_S = 0.1
 CLOSE_LIMIT_S = 1.0
 
 
@@ -82,6 +84,7 @@ class CycleTelemetry:
             for axis in service.machine.axes
         ]
         self._next_cycle = 0
+        self._followed = False
         self._failed = DefectLog(log)
         self._ending = threading.Event()
         self._thread = threading.Thread(target=self._run, name="telemetry", daemon=True)
@@ -95,7 +98,7 @@ class CycleTelemetry:
     def _run(self) -> None:
         due = time.monotonic()
         while True:
-            due = max(due + self._period_s, time.monotonic())
+            due = max(due + (self._period_s if self._followed else LOOK_S), time.monotonic())
             if self._ending.wait(max(0.0, due - time.monotonic())):
                 return
             try:
@@ -109,7 +112,8 @@ class CycleTelemetry:
     def _publish(self) -> None:
         whole = self._batch.wanted
         single = [column for column, publisher in enumerate(self._axes) if publisher.wanted]
-        if not (whole or single):
+        self._followed = whole or bool(single)
+        if not self._followed:
             # whoever comes later begins with the newest cycles
             self._next_cycle = -1
             return
