@@ -204,13 +204,13 @@ class LimitedRequests:
         limits = self._door.limits
         body = limits.body_of(scope["path"])
         most = body.size
-        began = False
+        began = gone = False
         taken, complete = 0, False
         clock = asyncio.get_running_loop().time
         until = clock() + body.time_s
 
         async def take() -> Message:
-            nonlocal taken, complete
+            nonlocal taken, complete, gone
             if complete:
                 # whether the client is still there, for as long as its answer takes
                 return await receive()
@@ -218,8 +218,7 @@ class LimitedRequests:
                 message = await asyncio.wait_for(receive(), max(0.0, until - clock()))
             except TimeoutError:
                 raise _Refused(408) from None
-            if message["type"] == "http.disconnect":
-                raise _Gone
+            gone = message["type"] == "http.disconnect"
             taken += len(message.get("body", b""))
             if taken > most:
                 raise _Refused(413)
@@ -240,9 +239,10 @@ class LimitedRequests:
             if length.isdigit() and int(length) > most:
                 raise _Refused(413)
             await self._app(scope, take, give)
-        except _Gone:
-            # nobody is there to be answered
-            return
+        except Exception:
+            # what an application makes of a request that never came whole is no fault of its own
+            if not gone:
+                raise
         except _Refused as refused:
             if began:
                 self._door.abort(address)
@@ -264,7 +264,3 @@ class _Refused(BaseException):
 
     def __init__(self, status: int) -> None:
         self.status = status
-
-
-class _Gone(BaseException):
-    """The client has gone before its request was whole; applications would take that for their own fault."""

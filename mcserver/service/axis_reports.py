@@ -62,12 +62,10 @@ class AxisReports:
             offset, reading = event.values
             self._references.keep(event.axis, offset, reading)
             self._events.publish("axis.homed", message="", axis=event.axis, program=program)
-            self._warn()
         elif event.kind is EventKind.UNHOMED:
             self._references.forget(event.axis)
             reason = f"MC{event.code}" if event.code else ""
             self._events.publish("axis.unhomed", reason=reason, message="", axis=event.axis, program=program)
-            self._warn()
         else:
             return False
         return True
@@ -79,7 +77,3 @@ class AxisReports:
         }
         self.probe = ProbeStatus(program or "", event.line, bool(event.token), positions, event.time)
         self._events.publish("probe", program=program, line=event.line, probe=self.probe)
-
-    def _warn(self) -> None:
-        if self._references.failure:
-            self._events.publish("warning", reason="MC459", message=self._references.failure)

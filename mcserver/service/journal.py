@@ -251,13 +251,14 @@ class Journal:
         """Call back behind all that was written before."""
         self._inbox.put(Entry(None, on_committed))
 
-    def beside(self, write: Callable[[], None], on_written: OnCommitted) -> None:
+    def beside(self, write: Callable[[], None]) -> None:
         """Write a file where this may wait for the disk, and before anything put later is committed.
 
         Args:
-            write: raises nothing; called again where the transaction is tried again.
+            write: raises `OSError` where it cannot. Then the transaction is tried again; it is called again,
+                too, where that fails by itself.
         """
-        self._inbox.put(Entry(None, on_written, write))
+        self._inbox.put(Entry(None, None, write))
 
     def close(self, timeout_s: float = 5.0) -> None:
         """Write what is left, sync and close. Safe to call twice."""
@@ -352,7 +353,7 @@ class Journal:
                     if entry.statement is not None:
                         self._connection.execute(*entry.statement)
                 self._connection.execute(COUNT_COMMIT)
-        except sqlite3.Error as error:
+        except (sqlite3.Error, OSError) as error:
             return str(error)
         self._commits += 1
         self._record.committed(self._commits)

@@ -2,8 +2,17 @@
 
 from __future__ import annotations
 
+import contextlib
+import logging
 import os
+import threading
+from collections.abc import Callable, Mapping
 from pathlib import Path
+
+log = logging.getLogger(__name__)
+
+# runs what writes, which raises `OSError` where it cannot
+Write = Callable[[Callable[[], None]], None]
 
 
 def private(path: str, flags: int) -> int:
@@ -23,3 +32,60 @@ def replace_file(path: Path, content: bytes) -> None:
         file.flush()
         os.fsync(file.fileno())
     os.replace(aside, path)
+    folder = os.open(path.parent, os.O_RDONLY | os.O_CLOEXEC)
+    try:
+        # the new name, too
+        os.fsync(folder)
+    finally:
+        os.close(folder)
+
+
+def write_at_once(run: Callable[[], None]) -> None:
+    """Write in the caller's thread; what fails is in memory alone."""
+    with contextlib.suppress(OSError):
+        run()
+
+
+class KeptFiles:
+    """Files whose newest content is written in whatever thread its owner has for that.
+
+    Args:
+        code: of an error, for the log. what: is kept in them, for people.
+        write: may wait for the disk; each call of it is behind the one before, and what fails is tried again.
+
+    Attributes:
+        failure: why they could not be written; empty: they could, or nothing has been tried.
+    """
+
+    def __init__(self, code: str, what: str, write: Write) -> None:
+        self.failure = ""
+        self._code, self._what = code, what
+        self._write = write
+        # one write is ordered at a time, and takes the newest
+        self._lock = threading.Lock()
+        self._waiting: dict[Path, bytes] = {}
+        self._ordered = False
+
+    def put(self, files: Mapping[Path, bytes]) -> None:
+        """Have files written; those of one call in the order of their names."""
+        with self._lock:
+            self._waiting |= files
+            ordered, self._ordered = self._ordered, True
+        if not ordered:
+            self._write(self._write_waiting)
+
+    def _write_waiting(self) -> None:
+        with self._lock:
+            files, self._waiting, self._ordered = self._waiting, {}, False
+        try:
+            for path in sorted(files):
+                replace_file(path, files[path])
+        except OSError as error:
+            with self._lock:
+                self._waiting = {**files, **self._waiting}
+            failure = f"the {self._what} could not be kept in {min(files)}: {error}"
+            if failure != self.failure:
+                log.error("%s: %s", self._code, failure)
+            self.failure = failure
+            raise OSError(failure) from error
+        self.failure = ""

@@ -126,9 +126,9 @@ class ProgramTable:
             options.journal.with_name(f"{options.journal.name}.offsets.json"),
             machine.dialect.cutters,
             # before a line that changes them can be done
-            lambda write: self.journal.beside(write, self._offsets_written),
+            self.journal.beside,
         )
-        self.references = References(references_file(options.journal), machine)
+        self.references = References(references_file(options.journal), machine, self.journal.beside)
         self.axis_reports = AxisReports(machine.axes, self.references, self.events)
         self.pauses = Pauses(machine, self.leases, self.programs, self.journal, self.start_state)
         self.disk = DiskWatch(self._loop, self.journal, self.events, options.clock)
@@ -255,38 +255,48 @@ class ProgramTable:
     def _start(self, grants: Sequence[Grant]) -> None:
         for grant in grants:
             program = self.programs[grant.program]
-            program.slot = grant.slot
-            program.begun = self.port.snapshot().time
-            # as the executor does by itself
-            program.held = program.held or bool(self._holding)
-            # here, so that no hold or abort can reach the executor before it
-            self.references.may_move(grant.axes)
-            self.port.begin(
-                grant.slot,
+            if self.references.may_move(grant.axes):
+                # a reading that holds no longer must not be found after a power cut
+                self.enter(program, "held" if program.held else "running")
+                self.journal.after(partial(self._begin, program, grant))
+            else:
+                self._begin(program, grant)
+
+    def _begin(self, program: Program, grant: Grant) -> None:
+        """Let the executor and the planner have a program; until then its lease alone is there."""
+        if program.over:
+            return
+        program.slot = grant.slot
+        program.begun = self.port.snapshot().time
+        # as the executor does by itself
+        program.held = program.held or bool(self._holding)
+        # here, so that no hold or abort can reach the executor before it
+        self.port.begin(
+            grant.slot,
+            grant.axes,
+            ratio=program.override,
+            held=program.held,
+            unhomed=program.unhomed,
+            controls=() if self._planned(program) else program.controls,
+            envelope=program.envelope,
+        )
+        if self._planned(program):
+            request = PipelineRequest(
+                program.program,
                 grant.axes,
-                ratio=program.override,
-                held=program.held,
-                unhomed=program.unhomed,
-                controls=() if self._planned(program) else program.controls,
-                envelope=program.envelope,
+                self.start_state(program.modal),
+                program.unhomed,
+                machine_coordinates=program.by_hand,
+                approach=tuple(program.approach),
+                controls=tuple(program.controls),
             )
-            if self._planned(program):
-                request = PipelineRequest(
-                    program.program,
-                    grant.axes,
-                    self.start_state(program.modal),
-                    program.unhomed,
-                    machine_coordinates=program.by_hand,
-                    approach=tuple(program.approach),
-                    controls=tuple(program.controls),
-                )
-                if not program.controls:
-                    program.origin = program.origin or self.start_state()
-                    self.journal.program_begun(program.program, program.origin)
-                self.planner.send(Begin(request, grant.slot, program.step, program.begun))
-            program.modal = None
-            self.enter(program, "held" if program.held else "running")
-            self.publish("program.started", program)
+            if not program.controls:
+                program.origin = program.origin or self.start_state()
+                self.journal.program_begun(program.program, program.origin)
+            self.planner.send(Begin(request, grant.slot, program.step, program.begun))
+        program.modal = None
+        self.enter(program, "held" if program.held else "running")
+        self.publish("program.started", program)
 
     def _planned(self, program: Program) -> bool:
         """Return whether the planner has the program: where bodies may touch also one without lines."""
@@ -342,10 +352,6 @@ class ProgramTable:
         program.journaled = command.first + len(command.lines) - 1
         program.settle()
         self.acks.acknowledge(program)
-
-    def _offsets_written(self) -> None:
-        if self.offsets.failure:
-            self.events.publish("warning", reason="MC529", message=self.offsets.failure)
 
     def _journal_state(self, failure: str) -> None:
         if self.journal_failure == failure:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import logging
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 
@@ -10,9 +9,7 @@ import msgspec
 
 from mcserver.executor.stored_reference import StoredReference
 from mcserver.machine.machine_file import Axis, Machine
-from mcserver.service.kept_file import replace_file
-
-log = logging.getLogger(__name__)
+from mcserver.service.kept_file import KeptFiles, Write, write_at_once
 
 
 def references_file(journal: Path) -> Path:
@@ -28,18 +25,17 @@ class References:
     its power counts from anew. While its axis may move, nothing is known to compare with.
 
     Args:
-        path: of the file.
+        path: of the file. write: as of `KeptFiles`.
 
     Attributes:
         damage: why it could not be read; empty: it could.
-        failure: why it could not be written; empty: it could.
     """
 
-    def __init__(self, path: Path, machine: Machine) -> None:
+    def __init__(self, path: Path, machine: Machine, write: Write = write_at_once) -> None:
         self._path = path
+        self._file = KeptFiles("MC459", "references", write)
         self._kept = {axis.index: axis for axis in machine.axes if _is_kept(axis)}
         self.damage = ""
-        self.failure = ""
         found: dict[int, StoredReference] = {}
         try:
             found = msgspec.json.decode(path.read_bytes(), type=dict[int, StoredReference])
@@ -48,6 +44,11 @@ class References:
         except (OSError, ValueError, RecursionError) as error:
             self.damage = f"the references in {path} cannot be read: {error}; their axes are not homed"
         self._stored = {axis: each for axis, each in found.items() if axis in self._kept}
+
+    @property
+    def failure(self) -> str:
+        """Why it could not be written; empty: it could, or is to be."""
+        return self._file.failure
 
     @property
     def holding(self) -> Mapping[int, StoredReference]:
@@ -74,8 +75,8 @@ class References:
         if self._stored.pop(axis, None) is not None:
             self._write()
 
-    def may_move(self, axes: Iterable[int]) -> None:
-        """Axes may move from now on: their readings hold no longer."""
+    def may_move(self, axes: Iterable[int]) -> bool:
+        """Let no reading of axes hold any longer; return whether the file has to say so before they move."""
         changed = False
         for axis in axes:
             stored = self._stored.get(axis)
@@ -84,6 +85,7 @@ class References:
                 changed = True
         if changed:
             self._write()
+        return changed
 
     def stand(self, positions: Mapping[int, float]) -> None:
         """Axes stand at these positions as the server stops [m or rad]."""
@@ -98,12 +100,7 @@ class References:
         return homing is not None and homing.absolute
 
     def _write(self) -> None:
-        try:
-            replace_file(self._path, msgspec.json.encode(self._stored))
-            self.failure = ""
-        except OSError as error:
-            self.failure = f"the references could not be kept in {self._path}: {error}"
-            log.error("MC459: %s", self.failure)
+        self._file.put({self._path: msgspec.json.encode(self._stored)})
 
 
 def _is_kept(axis: Axis) -> bool:

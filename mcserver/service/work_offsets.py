@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import logging
-import threading
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any
@@ -15,9 +13,7 @@ from mcserver.errors import ServiceError
 from mcserver.gcode.profiles.codes import SYSTEM_NUMBERS
 from mcserver.gcode.profiles.frame import Frame, Offsets
 from mcserver.machine.dialect_section import Cutter
-from mcserver.service.kept_file import replace_file
-
-log = logging.getLogger(__name__)
+from mcserver.service.kept_file import KeptFiles, Write, write_at_once
 
 CHANGES_KEPT = 100
 NO_CUTTERS: Mapping[int, Cutter] = MappingProxyType({})
@@ -64,13 +60,11 @@ class WorkOffsets:
             beside it.
         cutters: the tool table of the machine file. A tool that was set otherwise counts until the machine
             file says something else of it than it did then.
-        write: runs what writes the files, which may wait for the disk, in a thread of its owner's; each call
-            of it is behind the one before.
+        write: as of `KeptFiles`.
 
     Attributes:
         systems: origins by the number of the system, 1 for G54.
         changes: the newest `CHANGES_KEPT`, oldest first.
-        failure: why they could not be kept; empty: they are.
 
     Raises:
         ServiceError: MC529 a file is there and cannot be read.
@@ -80,23 +74,23 @@ class WorkOffsets:
         self,
         path: Path,
         cutters: Mapping[int, Cutter] = NO_CUTTERS,
-        write: Callable[[Callable[[], None]], None] = lambda run: run(),
+        write: Write = write_at_once,
     ) -> None:
         self._path = path
-        self._write = write
-        # what the files are to hold; one write of it is ordered at a time, and takes the newest
-        self._lock = threading.Lock()
-        self._files: dict[Path, bytes] = {}
-        self._ordered = False
+        self._files = KeptFiles("MC529", "work offsets", write)
         self._tables_path = path.with_name(f"{path.name}.tables.json")
         self._file_cutters = cutters
-        self.failure = ""
         self.systems: dict[int, Offsets] = dict(_read(path, dict[int, dict[int, float]], {}))
         kept = _read(self._tables_path, _Tables, _Tables())
         self.changes: list[TableChange] = kept.changes
         self._set_cutters = {
             number: each.now for number, each in kept.cutters.items() if each.file == cutters.get(number)
         }
+
+    @property
+    def failure(self) -> str:
+        """Why they could not be kept; empty: they are, or are to be."""
+        return self._files.failure
 
     @property
     def cutters(self) -> dict[int, Cutter]:
@@ -118,8 +112,6 @@ class WorkOffsets:
     ) -> None:
         """Keep the tables of a program; a file that cannot be written leaves them in memory.
 
-        It is tried again with the next change.
-
         Args:
             wall: Unix time [s]. client, program, name: who changes them.
         """
@@ -138,26 +130,8 @@ class WorkOffsets:
         files = {self._tables_path: msgspec.json.encode(_Tables(cutters, self.changes))}
         if moved:
             files[self._path] = msgspec.json.encode(self.systems)
-        with self._lock:
-            self._files |= files
-            ordered, self._ordered = self._ordered, True
-        if not ordered:
-            self._write(self._write_files)
-
-    def _write_files(self) -> None:
-        """Write what waits; in any thread."""
-        with self._lock:
-            files, self._files, self._ordered = self._files, {}, False
-        try:
-            # systems first: who changed what is said of nothing that is not kept
-            for path in sorted(files):
-                replace_file(path, files[path])
-            self.failure = ""
-        except OSError as error:
-            with self._lock:
-                self._files = {**files, **self._files}
-            self.failure = f"the work offsets could not be kept in {self._path}: {error}"
-            log.error("MC529: %s", self.failure)
+        # systems first: who changed what is said of nothing that is not kept
+        self._files.put(files)
 
     def _rows(self) -> dict[str, dict[str, float]]:
         rows = {

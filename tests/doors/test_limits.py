@@ -7,7 +7,7 @@ import socket
 from collections.abc import Iterator
 
 import pytest
-from starlette.requests import HTTPConnection
+from starlette.requests import ClientDisconnect, HTTPConnection
 from starlette.types import Message, Receive, Scope, Send
 
 from mcserver.doors.limits import BodyLimit, Connection, Door, DoorLimits, LimitedRequests
@@ -164,6 +164,8 @@ class Exchange:
         more = True
         while more:
             message = await receive()
+            if message["type"] == "http.disconnect":
+                raise ClientDisconnect
             self.read += len(message["body"])
             more = message["more_body"]
         await send({"type": "http.response.start", "status": 200, "headers": []})

@@ -12,12 +12,15 @@ from typing import Any
 
 import pytest
 
+from mcserver.errors import ServiceError
 from mcserver.machine.machine_file import parse_machine
 from mcserver.service.journal_file import open_journal
 from mcserver.service.journal_reader import read_programs, read_recorded
+from mcserver.service.kept_file import replace_file
 from mcserver.service.line_queue import LineQueue
 from mcserver.service.program import Program
 from mcserver.service.progress_reports import LINES, ProgressReports
+from mcserver.service.work_offsets import WorkOffsets
 from tests.service.test_done import machine
 from tests.service.virtual_cell import VirtualCell
 
@@ -190,6 +193,105 @@ async def test_a_disk_that_stalls_under_the_tables_stalls_nothing_else_and_their
     goes_on.set()
     await cell.until(lambda: program.done == 3)
     assert in_vain == []
+    await cell.stop()
+
+
+REFERENCED = """[machine]
+name = "referenced"
+[[axis]]
+index = 0
+type = "linear"
+max_velocity = 200.0
+max_acceleration = 2000.0
+homing = { method = "manual" }
+drive = { kind = "ideal" }
+[[axis]]
+index = 1
+type = "linear"
+max_velocity = 200.0
+max_acceleration = 2000.0
+drive = { kind = "ideal" }
+"""
+
+
+class StallingSync:
+    """`os.fsync`, which waits while the disk stalls."""
+
+    def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        self.waits, self.goes_on = threading.Event(), threading.Event()
+        self.in_vain = False
+        monkeypatch.setattr("os.fsync", self._sync)
+
+    def _sync(self, _file: int) -> None:
+        self.waits.set()
+        self.in_vain |= not self.goes_on.wait(5.0)
+
+
+@pytest.mark.parametrize("order", ["", "hold", "abort", "estop"])
+async def test_an_axis_moves_once_the_disk_has_it_that_its_reading_holds_no_longer(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, order: str
+) -> None:
+    cell = VirtualCell(parse_machine(REFERENCED), tmp_path)
+    service = cell.service
+    other = await service.open("test", axes=[1])
+    await service.lines.submit("test", other.program, 1, ["G1010 P1", "G01 Y900 F600"], judge=False)
+    await cell.homing.reference("test", {0: 0.0})
+    await cell.until(lambda: cell.position(1) > 0.0)
+    disk = StallingSync(monkeypatch)
+    program = await service.open("test", axes=[0])
+    await cell.until(disk.waits.is_set)
+    assert program.state == "running"
+    taken = service.lines.submit("test", program.program, 1, ["G1010 P0", "G01 X20 F600"], judge=False)
+    # the others neither wait for it
+    service.hold(other.program)
+    await cell.until(lambda: not service.port.snapshot().velocity[1])
+    if order == "hold":
+        service.hold(program.program)
+    elif order == "abort":
+        service.abort(program.program)
+    elif order == "estop":
+        service.latch.emergency_stop("hmi", "test")
+    turns = iter(range(50))
+    await cell.until(lambda: next(turns, None) is None)
+    assert (cell.position(0), program.slot) == (0.0, None)
+    disk.goes_on.set()
+    if order in ("abort", "estop"):
+        await cell.until(lambda: program.ended)
+        assert cell.position(0) == 0.0
+    else:
+        await taken
+        await cell.until(lambda: program.slot is not None)
+        assert program.state == ("held" if order else "running")
+        service.resume(None)
+        await cell.until(lambda: cell.position(0) == pytest.approx(0.02))
+    assert not disk.in_vain
+    await cell.stop()
+
+
+async def test_on_a_full_disk_a_line_that_changes_the_tables_is_not_done_and_no_program_begins(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    cell = VirtualCell(parse_machine(MILL), tmp_path)
+    full = True
+
+    def write(path: Path, content: bytes) -> None:
+        if full:
+            raise OSError(28, "No space left on device")
+        replace_file(path, content)
+
+    monkeypatch.setattr("mcserver.service.kept_file.replace_file", write)
+    program = await cell.service.open("test", axes=[0])
+    await cell.service.lines.submit("test", program.program, 1, ["G10 L2 P1 X5", "G04 P0.01"], judge=False)
+    await cell.until(lambda: program.progress.done == 2)
+    await cell.until(lambda: any(event.reason == "MC519" for event in cell.events))
+    assert program.done == 0
+    assert journaled_done(cell, program.program) == 0
+    with pytest.raises(ServiceError, match=r"MC519.*No space left"):
+        await cell.service.open("test", axes=[0])
+    full = False
+    await cell.until(lambda: program.done == 2)
+    again = WorkOffsets(tmp_path / "journal.db.offsets.json")
+    assert again.systems == {1: {0: pytest.approx(0.005)}}
     await cell.stop()
 
 
