@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 
 from mcserver.clearance.mounted import NOT_KNOWN, Exchange, Mounted
 from mcserver.clearance.scene import Scene
+from mcserver.clearance.slow_zones import SLOWER, SlowZones
 from mcserver.errors import ConfigurationError, Diagnostic
 from mcserver.machine.dialect_section import Cutter
 from mcserver.machine.machine_file import Machine
@@ -70,6 +71,9 @@ class ClearanceMeter:
         assert machine.clearance is not None
         self._margin = machine.clearance.margin
         self._scene = Scene(machine)
+        self._slow = SlowZones(self._scene, machine.cycle_s)
+        # by names of the body and the slow zone the first time and line at which it was too fast
+        self._too_fast: dict[tuple[str, str], tuple[float, Diagnostic]] = {}
         self._last: Array = np.array(start, dtype=np.float64)
         self._block: list[tuple[Array, NDArray[np.int64], Array]] = []
         self._waiting = 0
@@ -87,7 +91,7 @@ class ClearanceMeter:
         self._scene.place(self._last)
         for pair in pairs:
             self._spent[pair] = 0.0
-            if not self._scene.active[pair]:
+            if not self._scene.active[pair] or self._scene.speeds[pair] < math.inf:
                 self._distance[pair] = math.inf
                 continue
             at = self._distance[pair] = self._scene.distance(pair)
@@ -118,7 +122,11 @@ class ClearanceMeter:
         for pair, nearest in self._by_time():
             if nearest.contact:
                 first.setdefault(pair.names, (nearest, pair.zone))
-        return [self._diagnostic(names, nearest, zone) for names, (nearest, zone) in first.items()]
+        found = [
+            (nearest.time, self._diagnostic(names, nearest, zone)) for names, (nearest, zone) in first.items()
+        ]
+        found += self._too_fast.values()
+        return [diagnostic for _, diagnostic in sorted(found, key=lambda each: each[0])]
 
     def report(self) -> dict[str, Any]:
         """Return ``margin_mm``, ``least_mm`` and ``pairs``, the nearest first; None: all stayed far apart."""
@@ -178,6 +186,7 @@ class ClearanceMeter:
             return
         times, lines, rows = (np.concatenate(each) for each in zip(*self._block, strict=True))
         self._block, self._waiting = [], 0
+        self._look_at_speeds(times, lines, np.vstack([self._last, rows]))
         moved = np.abs(np.diff(rows, axis=0, prepend=self._last[None])) @ self._scene.levers
         # motion of each pair up to each cycle; what of it lies before its distance was computed last
         total = self._spent + moved.cumsum(axis=0)
@@ -205,6 +214,17 @@ class ClearanceMeter:
                 heapq.heapreplace(due, (at + 1 + later, pair))
         self._spent = total[-1] - base
         self._last, self._time = rows[-1], float(times[-1])
+
+    def _look_at_speeds(self, times: Array, lines: NDArray[np.int64], way: Array) -> None:
+        """Note where bodies are too fast in slow zones; ``way``: from the cycle before on."""
+        while self._slow.pairs and (found := self._slow.first(way)) is not None:
+            names = self._scene.pairs[found.pair].names
+            time, line = float(times[found.step]), int(lines[found.step])
+            message = f"{found.message(names)} at {time:.3f} s"
+            fault = Diagnostic("MC322", message, line=line, column=1, end_column=2, hint=SLOWER)
+            self._too_fast[names] = time, fault
+            # said once
+            self._slow.pairs.remove(found.pair)
 
     def _spare(self, pair: int) -> float:
         """Return the motion after which a pair may be a contact, or nearer than it ever was [m]."""

@@ -7,6 +7,7 @@ axes carry hang on sliding joints of their own. Distances come from Coal (signed
 from __future__ import annotations
 
 import importlib
+import math
 import xml.etree.ElementTree as ElementTree
 from dataclasses import dataclass
 from pathlib import Path
@@ -50,11 +51,13 @@ class Pair:
     Attributes:
         names: of both; the second may be a zone. zone: whether it is one.
         tools: that they come with, each as its number and its place; the cutter's is 0, whatever it is.
+        max_speed: of a slow zone [m/s]; inf: the zone is no slow one.
     """
 
     names: tuple[str, str]
     zone: bool
     tools: tuple[tuple[int, int], ...] = ()
+    max_speed: float = math.inf
 
 
 class Scene:
@@ -66,6 +69,8 @@ class Scene:
     Attributes:
         pairs: that are judged. levers: shape (K, P), by axis column and pair the most that a unit of the
             axis changes their distance [m/rad or m/m].
+        speeds: how fast the first body of each pair may be in its second one, a slow zone, shape (P,)
+            [m/s]; inf for all others, which must not touch.
         with_tools: of each pair whether one of both comes with a tool, shape (P,). mounted: the tools that
             may be there; any at first. active: pairs that may be there by that, shape (P,).
 
@@ -114,6 +119,7 @@ class Scene:
         self._plain, self._plain_columns = self._places_in_q(1)
         self._circles, self._circle_columns = self._places_in_q(2)
         self.levers: Array = np.stack([self._lever(pair) for pair in self._geometry.collisionPairs], axis=1)
+        self.speeds: Array = np.array([each.max_speed for each in self.pairs])
         self.with_tools = np.array([bool(each.tools) for each in self.pairs])
         self.active = np.ones(len(self.pairs), np.bool_)
         self.mounted = Mounted()
@@ -155,6 +161,22 @@ class Scene:
     def distance(self, pair: int) -> float:
         """Return how far the bodies of a pair are apart as placed [m]; negative: they overlap."""
         return float(self._pin.computeDistance(self._geometry, self._placed, pair).min_distance)
+
+    def travel(self, pair: int, before: Array, after: Array) -> float:
+        """Return the most that a point of the ball around the first body of a pair moves between two places
+        of the axes, shape (K,) each [m].
+        """
+        number = int(self._geometry.collisionPairs[pair].first)
+        shape = self._geometry.geometryObjects[number].geometry
+        shape.computeLocalAABB()
+        middle = np.asarray(shape.aabb_center)
+        self.place(before)
+        one = self._placed.oMg[number].copy()
+        self.place(after)
+        other = self._placed.oMg[number]
+        # of a turn the chord at the radius: the greatest singular value of the difference
+        turn = float(np.linalg.norm(other.rotation - one.rotation)) / math.sqrt(2.0)
+        return float(np.linalg.norm(other.act(middle) - one.act(middle))) + turn * float(shape.aabb_radius)
 
     def middle_of(self, name: str, positions: Array) -> Array:
         """Return the middle of a body of that name at these positions, shape (3,) [m]."""
@@ -271,7 +293,7 @@ class Scene:
     def _add_zone(self, zone: Zone) -> None:
         placement = self._pose(zone.at_mm, zone.turned_deg)
         edges = [edge * MM for edge in zone.size_mm]
-        if zone.kind == "keep_out":
+        if zone.kind != "keep_in":
             self._zones[self._add(zone.name, 0, placement, self._coal.Box(*edges))] = zone
             return
         # what stays in a box stays out of the half spaces behind its six sides
@@ -310,7 +332,10 @@ class Scene:
                     continue
                 self._geometry.addCollisionPair(self._pin.CollisionPair(first, second))
                 tools = tuple(self._tools[each] for each in (first, second) if each in self._tools)
-                found.append(Pair(names, second in self._zones, tools))
+                zone = self._zones.get(second)
+                limit = None if zone is None else zone.max_speed_mm_s
+                speed = math.inf if limit is None else limit * MM
+                found.append(Pair(names, zone is not None, tools, speed))
         return found
 
     def _disabled(self) -> list[tuple[str, str]]:

@@ -67,9 +67,9 @@ class Sweep:
             before: floors so far, which do not fall again.
 
         Returns:
-            -inf for pairs whose tools are not mounted.
+            -inf for pairs whose tools are not mounted, and for slow zones.
         """
-        active = self.scene.active
+        active = self.scene.active & np.isinf(self.scene.speeds)
         low = np.where(active, self._margin, -np.inf)
         asked = np.flatnonzero(active if before is None else active & (before < self._margin)).tolist()
         if asked:

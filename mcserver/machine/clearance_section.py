@@ -89,15 +89,17 @@ Body = BoxBody | CylinderBody | CapsuleBody | SphereBody | MeshBody | CutterBody
 
 
 class Zone(msgspec.Struct, frozen=True, kw_only=True):
-    """A ``[[zone]]``: a box that bodies stay out of, or in, in the base's frame.
+    """A ``[[zone]]``: a box that bodies stay out of, or in, or are slow in, in the base's frame.
 
     Attributes:
+        max_speed_mm_s: of a slow one.
         bodies: names of the bodies and links that it is for; empty: all that move.
     """
 
     name: Annotated[str, Meta(min_length=1, max_length=60, description="give it a name")]
     size_mm: tuple[Length, Length, Length]
-    kind: Literal["keep_out", "keep_in"] = "keep_out"
+    kind: Literal["keep_out", "keep_in", "slow"] = "keep_out"
+    max_speed_mm_s: Annotated[float, Meta(gt=0.0, description="give mm/s above 0")] | None = None
     at_mm: Place = ORIGIN
     turned_deg: Place = ORIGIN
     bodies: list[str] = []
@@ -180,6 +182,11 @@ def read_clearance(
         if body is not None:
             _check_carrier(body, directions, ("body", position), mistakes)
             _check_tool(body, tools, ("body", position), mistakes)
+    for position, zone in enumerate(zones):
+        if zone is not None and (zone.kind == "slow") is (zone.max_speed_mm_s is None):
+            hint = "give it to a slow zone, and to no other"
+            what = "is missing" if zone.kind == "slow" else f"is not for {zone.kind}"
+            mistakes.add(("zone", position, "max_speed_mm_s"), what, hint)
     _check_cutters([each for each in bodies if each is not None], tools, mistakes)
     if None in bodies or None in zones:
         return None

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from mcserver.clearance.mounted import NOT_KNOWN, Exchange, Mounted
 from mcserver.clearance.scene import Scene
+from mcserver.clearance.slow_zones import ROUNDING, SLOWER, SlowZones, TooFast
 from mcserver.clearance.sweep import Contact, Sweep
 from mcserver.errors import Diagnostic
 from mcserver.executor.entries import Control, ControlKind, EventKind, ExecutorEvent
@@ -47,6 +48,8 @@ class ClearanceGuard:
     def __init__(self, machine: Machine, sweep: Sweep, space: SharedSpace, tenant: Tenant) -> None:
         self._machine = machine
         self._sweep = sweep
+        self._slow = SlowZones(sweep.scene, machine.cycle_s)
+        self._speeds = np.array([axis.max_velocity for axis in machine.axes])
         self._space = space
         self._tenant = tenant
         space.enter(tenant)
@@ -81,7 +84,11 @@ class ClearanceGuard:
         half = np.where(moved, 0.0, 0.5 * (extent.high - extent.low))
         contact = self._judge(way, half, moved)
         count = len(rows) if contact is None else contact.step
-        if contact is not None:
+        fast = self._slow.first(way[: count + 1])
+        if fast is not None:
+            count = fast.step
+            self._exceed(fast, int(rows.line[count]))
+        elif contact is not None:
             self._touch(contact, int(rows.line[count]), "take another way")
         for first in range(0, count, NOTED_ROWS):
             # with the place before them
@@ -189,7 +196,7 @@ class ClearanceGuard:
         else:
             way = np.vstack([0.5 * (low + high)] * 2)
             half = 0.5 * (high - low)
-        contact = self._judge(way, half, columns)
+        contact = self._judge(way, half, columns) or self._too_fast_alone(way, half, columns, control)
         if contact is not None:
             hint = "take another way"
             if control.kind is ControlKind.RAPID:
@@ -286,6 +293,21 @@ class ClearanceGuard:
         floors = self._floors if pairs is None else np.where(pairs, self._floors, -np.inf)
         return self._sweep.first_contact(way, half, moved, floors)
 
+    def _too_fast_alone(self, way: Array, half: Array, moved: Mask, control: Control) -> Contact | None:
+        """Return where a body may come into a slow zone at its axes' limits, which are too fast for it."""
+        scene = self._sweep.scene
+        speeds = self._speeds
+        if control.kind is ControlKind.PROBE:
+            speeds = np.minimum(speeds, control.seconds)
+        fast = scene.active & (np.where(moved, speeds, 0.0) @ scene.levers > ROUNDING * scene.speeds)
+        if not fast.any():
+            return None
+        return self._sweep.first_contact(way, half, moved, np.where(fast, 0.0, -np.inf))
+
+    def _exceed(self, fast: TooFast, line: int) -> None:
+        names = self._sweep.scene.pairs[fast.pair].names
+        self.contact = Diagnostic(code="MC322", message=fast.message(names), line=line, hint=SLOWER)
+
     def _touch(self, contact: Contact, line: int, hint: str) -> None:
         scene = self._sweep.scene
         pair = scene.pairs[contact.pair]
@@ -294,7 +316,11 @@ class ClearanceGuard:
         clearance = self._machine.clearance
         margin = 0.0 if clearance is None else clearance.margin / MM
         distance = f"{max(0.0, contact.distance) / MM:.2f} mm, {margin:g} wanted"
-        if not contact.shown:
+        slow = pair.max_speed
+        if slow < math.inf:
+            message = f"{one!r} may go faster than {slow / MM:g} mm/s in the slow zone {other!r}"
+            hint = SLOWER
+        elif not contact.shown:
             message = f"it cannot be shown that {one!r} stays clear of {other!r}"
         elif pair.zone:
             message = f"{one!r} would leave what the zone {other!r} leaves free"
@@ -305,9 +331,8 @@ class ClearanceGuard:
             hint = "let one wait until the other has ended or left, such as by M66"
         elif not scene.certain(contact.pair):
             hint = NOT_KNOWN
-        self.contact = Diagnostic(
-            code="MC321" if pair.zone else "MC320", message=message, line=line, hint=hint
-        )
+        code = "MC320" if not pair.zone else "MC321" if slow == math.inf else "MC322"
+        self.contact = Diagnostic(code=code, message=message, line=line, hint=hint)
 
 
 def _stopping_distance(axis: Axis) -> float:

@@ -30,7 +30,7 @@ def test_a_machine_file_without_bodies_has_no_clearance() -> None:
             '[[body]]\nname = "a"\nshape = "sphere"\nradius_mm = 1.0\nlink = "flange"\ncarried_by = [0]\n',
             "a link carries it already",
         ),
-        ('[[zone]]\nname = "a"\nkind = "slow"\nsize_mm = [1.0, 1.0, 1.0]\n', "is not one of"),
+        ('[[zone]]\nname = "a"\nkind = "fast"\nsize_mm = [1.0, 1.0, 1.0]\n', "is not one of"),
         ("[clearance]\nmargin_mm = -1.0\n", "margin_mm"),
     ],
 )

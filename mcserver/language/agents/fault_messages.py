@@ -19,6 +19,7 @@ WORDED = {
     "MC064": ("others would reach the page without login or TLS", "give --users, --certificate and --key"),
     "MC320": ("two bodies come nearer to each other than the margin", "take another way"),
     "MC321": ("a body enters a zone, or leaves the one it stays in", "take another way"),
+    "MC322": ("a body is too fast in a slow zone", "a lower F, and G01 instead of G00 there"),
     "MC330": (
         "an assertion does not hold in the simulated run",
         "change the program, or what is asked of it",
