@@ -159,7 +159,8 @@ def _run(arguments: list[str] | None, app: typer.Typer | None) -> int:
         code = run_app(app or build_app(called), arguments, name)
     except SystemExit as done:
         code = done.code
-    if sys.stdout is not None:
+    # a language server's library closes it when the editor says goodbye
+    if sys.stdout is not None and not sys.stdout.closed:
         # what does not fit on the disk must be noticed here, not at the interpreter's end
         sys.stdout.flush()
     return code if isinstance(code, int) else int(code is not None)

@@ -20,10 +20,18 @@ from mcserver.language.fix import fix_program, select_edits
 from mcserver.language.format import format_line, format_program, same_code
 from mcserver.language.grammar.derive import derive
 from mcserver.language.grammar.dialect import build_grammar
-from mcserver.machine.machine_file import load_machine
+from mcserver.machine.machine_file import load_machine, parse_machine
 
 CARTESIAN = load_machine("cartesian")
 GRAMMAR = build_grammar(CARTESIAN)
+AXIS = """
+[[axis]]
+index = 0
+type = "linear"
+max_velocity = 500.0
+max_acceleration = 5000.0
+drive = { kind = "ideal" }
+"""
 
 
 def check(text: str) -> Sequence[Diagnostic]:
@@ -200,3 +208,16 @@ def test_format_checks_without_writing(tmp_path: Path) -> None:
     assert run_command_line(["format", str(path)]) == 0
     assert path.read_text() == "G01 X5\n"
     assert run_command_line(["format", str(path), "--check"]) == 0
+
+
+@pytest.mark.parametrize("profile", ["cnc", "robot"])
+@pytest.mark.parametrize(
+    ("line", "fixed"), [("GO1 X1O", "G01 X10"), ("G1 X-1O.5", "G1 X-10.5"), ("G1 XO", "G1 X0")]
+)
+def test_the_letter_o_among_digits_has_its_remedy_in_profiles(profile: str, line: str, fixed: str) -> None:
+    machine = parse_machine(f'[machine]\nname = "m"\n[dialect]\nprofile = "{profile}"\n{AXIS}')
+    text = f"G90 F600\n{line}\n"
+    faults = [each for each in check_program(text, machine) if each.severity == "error"]
+    assert {each.code for each in faults} == {"MC101"}
+    text = fix_program(text, lambda each: check_program(each, machine)).text
+    assert text.split("\n")[1] == fixed

@@ -30,6 +30,7 @@ from mcserver.gcode.profiles.codes import (
     TAKES_AXES,
     code_name,
 )
+from mcserver.gcode.profiles.letter_o import found_letter_o
 from mcserver.gcode.text.parser import ParsedLine, scan_line
 from mcserver.gcode.text.profile_words import Action, ProfileWords
 from mcserver.gcode.text.profile_words import ProfileWord as Word
@@ -242,6 +243,9 @@ class ProfileReader:
 
     def _words(self, code: str, faults: FaultList) -> list[Word]:
         words: list[Word] = []
+        # a printer's words may lack their number, and its texts stand without brackets
+        if "O" in code and self._dialect.profile != "printer" and found_letter_o(code, faults):
+            return words
         exponents = self._dialect.profile != "printer" and "E" not in self._axes and not _IO_CODE.search(code)
         for match in _TOKEN.finditer(code):
             span = (match.start() + 1, match.end() + 1)

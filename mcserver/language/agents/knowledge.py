@@ -3,24 +3,21 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Collection, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 from mcserver.errors import Refused
 from mcserver.executor.fault_codes import remedy_of
 from mcserver.gcode.line_faults import TITLES
-from mcserver.gcode.profiles.codes import ACTING, IGNORED, MOTIONS, PROBING, PROGRAM, REFUSED, SETTINGS
-from mcserver.gcode.text.command_table import COMMANDS, find_command
+from mcserver.gcode.text.command_table import COMMANDS
 from mcserver.gcode.text.word_table import WORDS, find_word
 from mcserver.gcode.text.words import AXIS_LETTERS, INCREMENTAL_LETTERS
 from mcserver.language.agents.fault_messages import messages_of
-from mcserver.language.lsp.knowledge import describe_code, describe_word
+from mcserver.language.lsp.knowledge import describe_any_code, describe_word
 from mcserver.language.rules import rules
 from mcserver.machine.machine_file import Machine
 
 MAX_POINTS = 5000
-# Rules that are told of a code, the first that name it.
-MOST_RULES = 2
 TOPICS = {
     "lines": ("D-01", "D-01a", "D-02", "D-03", "D-04"),
     "modes": ("D-10", "D-11", "D-12", "D-13", "D-14", "D-15"),
@@ -78,69 +75,13 @@ def dialect_topic(topic: str, machine: Machine) -> str:
         return "\n\n".join(
             f"**{name}** {rules()[name].title}. {rules()[name].text}" for name in TOPICS[asked.lower()]
         )
-    known = _profile_code(asked, machine)
-    spec = find_command(asked[:1].upper(), asked[1:])
-    if spec is not None:
-        return describe_code(spec) + (f"\n\n{known}" if known else "")
-    if known:
-        return known
+    described = describe_any_code(asked, machine)
+    if described:
+        return described
     word = find_word(asked.upper())
     if word is not None:
         return describe_word(word, machine, asked.upper())
     return overview()
-
-
-def profile_codes(machine: Machine) -> str:
-    """List the codes of the machine's profile: those that act, are left alone, and are refused."""
-    profile = machine.dialect.profile
-    acting = _acting(machine)
-    ignored = IGNORED[profile] - acting
-    refused = {code: why for code, why in REFUSED.items() if code not in acting | ignored}
-    parts = [f"Profile {profile} of {machine.name}. Codes that act: {', '.join(_in_order(acting))}."]
-    if ignored:
-        parts.append(f"Without effect, listed once: {', '.join(_in_order(ignored))}.")
-    if profile != "reference":
-        parts += [f"{code}: refused; {refused[code]}" for code in _in_order(refused)]
-    return "\n\n".join([*parts, "`dialect` tells of each."])
-
-
-def _acting(machine: Machine) -> frozenset[str]:
-    outputs = frozenset({"M62", "M63", "M64", "M65", "M67", "M68"}) if machine.outputs else frozenset[str]()
-    inputs = frozenset({"M66"}) if machine.inputs else frozenset[str]()
-    probing = frozenset[str]() if machine.probe is None else PROBING
-    own = frozenset(spec.name for spec in COMMANDS) if machine.dialect.profile == "reference" else frozenset()
-    return ACTING[machine.dialect.profile] | SETTINGS | MOTIONS | PROGRAM | outputs | inputs | probing | own
-
-
-def _in_order(codes: Collection[str]) -> list[str]:
-    return sorted(
-        codes, key=lambda code: (code[:1], float(code[1:]) if code[1:].replace(".", "").isdigit() else 0.0)
-    )
-
-
-def _profile_code(asked: str, machine: Machine) -> str:
-    """Tell of a code that the machine's profile adds, with the rules that name it; empty: it adds none."""
-    found = re.fullmatch(r"([GM])0*([0-9]+(?:\.[0-9]+)?)", asked.upper())
-    if found is None:
-        return ""
-    code, profile = f"{found[1]}{float(found[2]):g}", machine.dialect.profile
-    if profile == "reference" and code in SETTINGS | MOTIONS | PROGRAM:
-        return ""
-    if code in _acting(machine):
-        does = f"acts in the profile {profile}"
-    elif code in IGNORED[profile]:
-        does = f"has no effect in the profile {profile}; `check` lists it once"
-    elif code in REFUSED:
-        does = f"is refused: {REFUSED[code]}"
-    else:
-        return ""
-    named = [rule for rule in rules().values() if re.search(rf"(?<![A-Z0-9.]){code}(?![0-9.])", rule.text)]
-    return "\n\n".join(
-        [
-            f"**{code}** {does}.",
-            *(f"**{rule.name}** {rule.title}. {rule.text}" for rule in named[:MOST_RULES]),
-        ]
-    )
 
 
 def overview() -> str:

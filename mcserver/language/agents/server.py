@@ -21,8 +21,9 @@ from mcp.types import CallToolResult, ImageContent, TextContent, ToolAnnotations
 from pydantic import Field, WithJsonSchema
 
 from mcserver.errors import McError, Refused
-from mcserver.language.agents.knowledge import dialect_topic, draft, fault_facts, machine_facts, profile_codes
+from mcserver.language.agents.knowledge import dialect_topic, draft, fault_facts, machine_facts
 from mcserver.language.agents.recordings import list_recordings
+from mcserver.language.profile_codes import profile_codes
 from mcserver.machine.machine_file import Machine
 from mcserver.service.approval_basis import server_version
 from mcserver.service.arming import hash_of

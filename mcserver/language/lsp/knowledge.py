@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator
 
 import msgspec
@@ -10,6 +11,7 @@ from mcserver.gcode.text.command_table import COMMANDS, CommandSpec, find_comman
 from mcserver.gcode.text.word_table import WORDS, WordSpec, find_word
 from mcserver.gcode.text.words import AXIS_LETTERS, INCREMENTAL_LETTERS
 from mcserver.language.lsp.words_at import WordAt, in_comment, word_at, words_of
+from mcserver.language.profile_codes import acting_codes, describe_profile_code, in_order
 from mcserver.language.rules import rules
 from mcserver.language.tables import words_of as listed_words
 from mcserver.machine.machine_file import Machine
@@ -73,8 +75,8 @@ def hover(line: str, position: int, machine: Machine) -> tuple[str, int, int] | 
     if word is None:
         return None
     if word.is_code:
-        spec = find_command(word.name, word.number)
-        return None if spec is None else (describe_code(spec), word.start, word.end)
+        shown = describe_any_code(word.name + word.number, machine)
+        return (shown, word.start, word.end) if shown else None
     known = find_word("[n]" if word.name.startswith("[") else word.name)
     return None if known is None else (describe_word(known, machine, word.name), word.start, word.end)
 
@@ -87,17 +89,39 @@ def complete(line: str, position: int, machine: Machine) -> list[Suggestion]:
     word = next((each for each in words_of(before) if each.end == position), None)
     if word is not None and word.is_code:
         written = word.name + word.number
-        return list(_codes(word.start, word.name, written))
+        return list(_codes(word.start, word.name, written, machine))
     if word is not None:
         return list(_tools(word.start, machine)) if word.name == "T" else []
-    return [*_codes(position, "", ""), *_words(before, position, machine)]
+    return [*_codes(position, "", "", machine), *_words(before, position, machine)]
 
 
-def _codes(start: int, letter: str, written: str) -> Iterator[Suggestion]:
+def _codes(start: int, letter: str, written: str, machine: Machine) -> Iterator[Suggestion]:
+    """Suggest codes of the reference, and those that act in the machine's profile."""
+    known = set()
     for spec in COMMANDS:
         short = spec.letter + str(spec.number)
+        known.add(short)
         if spec.name.startswith(letter) and (spec.name.startswith(written) or short.startswith(written)):
-            yield Suggestion(spec.name, spec.title, describe_code(spec), start)
+            yield Suggestion(spec.name, spec.title, describe_any_code(short, machine), start)
+    if machine.dialect.profile == "reference":
+        return
+    for code in in_order(acting_codes(machine) - known):
+        if code.startswith(letter) and code.startswith(written):
+            described = describe_profile_code(code, machine)
+            yield Suggestion(code, _title_of(described), described, start)
+
+
+def describe_any_code(code: str, machine: Machine) -> str:
+    """Describe a code of the reference or of the machine's profile in Markdown; empty: it is none."""
+    spec = find_command(code[:1].upper(), code[1:])
+    parts = ["" if spec is None else describe_code(spec), describe_profile_code(code, machine)]
+    return "\n\n".join(part for part in parts if part)
+
+
+def _title_of(described: str) -> str:
+    """Return the title of the first rule that is told of a code of a profile."""
+    found = re.search(r"\*\*D-[0-9a-z]+\*\* ([^.]*)\.", described)
+    return found[1] if found is not None else ""
 
 
 def _tools(start: int, machine: Machine) -> Iterator[Suggestion]:

@@ -18,6 +18,7 @@ from mcserver.language.format import format_program
 from mcserver.language.lsp.drawing import COMMAND, Drawings, NotDrawn
 from mcserver.language.lsp.knowledge import complete, hover
 from mcserver.language.lsp.outline import folding_ranges
+from mcserver.language.lsp.tokens import TOKEN_TYPES, tokens_of
 from mcserver.machine.machine_file import Machine
 from mcserver.simulation.program_checker import ProgramChecker
 
@@ -36,7 +37,7 @@ def build_server(machine: Machine, source: str) -> LanguageServer:
         release = version("mcserver")
     except PackageNotFoundError:
         release = "0"
-    server = LanguageServer("mcserver", release, text_document_sync_kind=lsp.TextDocumentSyncKind.Full)
+    server = LanguageServer("mcserver", release, text_document_sync_kind=lsp.TextDocumentSyncKind.Incremental)
     documents = _Documents(server, machine)
     drawings = Drawings(source)
     _register(server, documents, drawings)
@@ -233,6 +234,22 @@ def _register_questions(server: LanguageServer, documents: _Documents) -> None:
             for entry in await documents.times(uri)
             if entry["line"] - 1 in wanted and entry["line"] <= len(lines)
         ]
+
+    @server.feature(
+        lsp.TEXT_DOCUMENT_SEMANTIC_TOKENS_FULL,
+        lsp.SemanticTokensLegend(token_types=list(TOKEN_TYPES), token_modifiers=[]),
+    )
+    async def semantic_tokens(params: lsp.SemanticTokensParams) -> lsp.SemanticTokens:
+        lines = documents.lines(params.text_document.uri)
+        units, found, before, at = documents.server.workspace.position_codec.client_num_units, [], 0, 0
+        for number, line in enumerate(lines):
+            for token in tokens_of(line):
+                if number != before:
+                    at = 0
+                start, end = units(line[: token.start]), units(line[: token.end])
+                found += [number - before, start - at, end - start, TOKEN_TYPES.index(token.kind), 0]
+                before, at = number, start
+        return lsp.SemanticTokens(data=found)
 
     @server.feature(lsp.TEXT_DOCUMENT_FOLDING_RANGE)
     async def folding(params: lsp.FoldingRangeParams) -> list[lsp.FoldingRange]:
