@@ -182,6 +182,13 @@ async def test_an_offset_set_by_a_person_is_named(site: Site) -> None:
     assert "G55 Y moved by -7 mm" in await site.refusal()
 
 
+async def test_a_tool_that_a_person_measured_anew_voids_an_approval_and_names_it(site: Site) -> None:
+    text = "T2 M6\nG43 H2\nG1 Z-5 F600"
+    await site.arm(text)
+    await site.by_hand("G10 L1 P2 Z45")
+    assert "T2 length moved by 15 mm" in await site.refusal(text)
+
+
 async def test_another_override_than_was_allowed_does_not_count(site: Site) -> None:
     text = "G1 X50 F1200\nG1 X0"
     await site.arm(text, override=50.0)
