@@ -128,7 +128,7 @@ def test_what_stays_inside_ends_as_without_an_envelope() -> None:
 @pytest.mark.parametrize("override", [0.2, 0.37, 1.0, 1.63, 2.0])
 def test_at_every_override_the_extents_hold(override: float) -> None:
     envelope = msgspec.structs.replace(BOX, override=override)
-    text = "G1010\nG94 F1500\nG01 X55 Y1\nG01 X2 Y3\nG01 X90 Y30"
+    text = "G1010\nG94 F3000\nG01 X55 Y1\nG01 X40 Y3\nG01 X90 Y30"
     run = Run(text, envelope, override).play(cycles=80_000)
     assert run.fault.code == FaultCode.ENVELOPE_POSITION
     assert 0.05 <= run.setpoints().max() <= 0.060 + 1e-9
