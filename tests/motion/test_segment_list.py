@@ -10,7 +10,7 @@ import numpy as np
 from hypothesis import given
 
 from mcserver.motion.canonical import PathBatch
-from mcserver.motion.geometry.path_columns import PathColumns
+from mcserver.motion.geometry.path_columns import EVERY, PathColumns
 from mcserver.motion.geometry.path_segments import PathSegments
 from mcserver.motion.geometry.segment import Segment
 from mcserver.motion.geometry.segment_list import SegmentList
@@ -36,10 +36,7 @@ def objects(first: int, count: int) -> list[Segment]:
 
 
 def same_columns(one: PathColumns, other: PathColumns) -> bool:
-    return all(
-        np.array_equal(getattr(one, name), getattr(other, name))
-        for name in ("line", "active", "opens", "closes", "feed_scale", "kind", "spans", "bases", "ends")
-    )
+    return all(np.array_equal(getattr(one, name), getattr(other, name), equal_nan=True) for name in EVERY)
 
 
 @given(st.data())

@@ -10,8 +10,7 @@ from numpy.typing import NDArray
 
 from mcserver.motion.geometry.curves import Array
 from mcserver.motion.geometry.made_segments import MadeSegments
-from mcserver.motion.geometry.path_columns import SPLINE, PathColumns, SplineParts
-from mcserver.motion.geometry.plan_columns import PlanColumns, bits_of
+from mcserver.motion.geometry.path_columns import SPLINE, PathColumns, SplineParts, bits_of
 from mcserver.motion.geometry.segment import Segment, columns_of
 from mcserver.motion.geometry.spline_curve import Spline, SplineCurve
 
@@ -21,14 +20,13 @@ class PartSegments:
     """Parts of one spline, n of them, in a machine of K columns: a `SegmentSource`.
 
     Attributes:
-        path, plan: of the lines that they stand for. spline: moves ``columns_moved`` of the machine.
+        path: of the lines that they stand for. spline: moves ``columns_moved`` of the machine.
         places: its parameters where the parts begin and the last one ends, shape (n+1,).
         active: as of `Segment`, the same for all. feed, scale: as of `Segment`, shape (n,).
         slopes, bends: dp/ds and d²p/ds² at the start and the end of each, shape (2, n, K).
     """
 
     path: PathColumns
-    plan: PlanColumns
     spline: Spline
     columns_moved: NDArray[np.intp]
     places: Array
@@ -52,9 +50,9 @@ class PartSegments:
         return self._made.get(index, self._segment)
 
     def _segment(self, index: int) -> Segment:
-        path, plan = self.path, self.plan
+        path = self.path
         low, high = self.places[index : index + 2].tolist()
-        duration = float(plan.duration[index])
+        duration = float(path.duration[index])
         return Segment(
             line=int(path.line[index]),
             curves=(SplineCurve(tuple(self.columns_moved.tolist()), self.spline, low, high),),
@@ -62,7 +60,7 @@ class PartSegments:
             mask=self.mask,
             duration=None if math.isnan(duration) else duration,
             feed=float(self.feed[index]),
-            requested=float(plan.requested[index]),
+            requested=float(path.requested[index]),
             first=self.slopes[0, index],
             last=self.slopes[1, index],
             d2q_start=self.bends[0, index],
@@ -73,9 +71,9 @@ class PartSegments:
             active=self.active,
             opens=bool(path.opens[index]),
             closes=bool(path.closes[index]),
-            feed_speed=float(plan.feed_speed[index]),
-            feed_columns=columns_of(int(plan.fed[index])),
-            carried=() if plan.carried is None else plan.carried[index],
+            feed_speed=float(path.feed_speed[index]),
+            feed_columns=columns_of(int(path.fed[index])),
+            carried=() if path.carried is None else path.carried[index],
             feed_scale=float(path.feed_scale[index]),
         )
 
@@ -95,23 +93,17 @@ class PartSegments:
             path.bases[at],
             self.slopes[0, at],
             path.ends[at],
+            np.full(count, self.mask, np.uint64),
+            path.fed[at],
+            path.duration[at],
+            self.feed[at],
+            path.requested[at],
+            path.feed_speed[at],
+            np.zeros(count),
             None,
             np.column_stack((self.places[:-1][at], self.places[1:][at])),
             (SplineParts(self.spline, self.columns_moved, 0, count),),
-        )
-
-    def plan_columns(self, first: int, behind: int) -> PlanColumns:
-        """Return what smoothing and planning take of segments ``first`` … ``behind`` - 1."""
-        at, count, plan = slice(first, behind), behind - first, self.plan
-        return PlanColumns(
-            np.full(count, self.mask, np.uint64),
-            plan.fed[at],
-            plan.duration[at],
-            self.feed[at],
-            plan.requested[at],
-            plan.feed_speed[at],
-            np.zeros(count),
-            None if plan.carried is None else plan.carried[at],
+            None if path.carried is None else path.carried[at],
         )
 
     def feed_scales(self, first: int, behind: int) -> Array:

@@ -1,7 +1,8 @@
-"""What playing segments takes of each, in columns: their setpoints, and where their lines begin and end."""
+"""What smoothing, planning and playing take of segments, in columns."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import groupby
@@ -18,8 +19,13 @@ from mcserver.motion.kernels.arc_segments import ARC
 # Kinds of segments, by how they are sampled; those of any other kind by `Segment.sample`.
 STRAIGHT, ARC_KIND, SPLINE, OTHER = range(4)
 
+# Tools carried by each of some segments.
+Carried = tuple[tuple[int, ...], ...]
 # Columns of `PathColumns` that all segments have.
-EVERY = ("line", "active", "opens", "closes", "feed_scale", "kind", "spans", "bases", "travels", "ends")
+EVERY = (
+    "line", "active", "opens", "closes", "feed_scale", "kind", "spans", "bases", "travels", "ends",
+    "mask", "fed", "duration", "feed", "requested", "feed_speed", "tolerance",
+)  # fmt: skip
 
 
 class SplineParts(NamedTuple):
@@ -39,9 +45,12 @@ class PathColumns:
         line, active, opens, closes, feed_scale: as of `Segment`, shape (n,). kind: one of the kinds above.
         spans: scale, begin and finish, shape (n, 3). bases, travels, ends: `Segment.base`, ``first`` and
             ``end``, shape (n, K).
+        mask, feed, requested, feed_speed, tolerance: as of `Segment`, shape (n,). fed: ``feed_columns`` as
+            bits. duration: NaN without a T.
         arcs: `Segment.arc` of those that are arcs, shape (n, `ARC`); None where none is.
         domains: parameters of parts of splines at s = 0 and 1, shape (n, 2); of others not set.
         splines: these splines, in order.
+        carried: as of `Segment`; None where none carries a tool.
     """
 
     line: NDArray[np.int64]
@@ -54,9 +63,17 @@ class PathColumns:
     bases: Array
     travels: Array
     ends: Array
-    arcs: Array | None
-    domains: Array | None
-    splines: tuple[SplineParts, ...]
+    mask: NDArray[np.uint64]
+    fed: NDArray[np.uint64]
+    duration: Array
+    feed: Array
+    requested: Array
+    feed_speed: Array
+    tolerance: Array
+    arcs: Array | None = None
+    domains: Array | None = None
+    splines: tuple[SplineParts, ...] = ()
+    carried: Carried | None = None
 
     def __len__(self) -> int:
         return len(self.line)
@@ -66,6 +83,7 @@ class PathColumns:
         """Return the columns of segments, at least one."""
         arcs = [None if each.straight else each.arc for each in segments]
         splines, domains = _splines_of(segments)
+        carried = tuple([each.carried for each in segments])
         kinds = [
             STRAIGHT if each.straight else OTHER if arc is None else ARC_KIND
             for each, arc in zip(segments, arcs, strict=True)
@@ -83,9 +101,17 @@ class PathColumns:
             bases=np.array([each.base for each in segments]),
             travels=np.array([each.first for each in segments]),
             ends=np.array([each.end if len(each.end) else each.base for each in segments]),
+            mask=np.array([each.mask for each in segments], np.uint64),
+            fed=np.array([bits_of(each.feed_columns) for each in segments], np.uint64),
+            duration=np.array([math.nan if each.duration is None else each.duration for each in segments]),
+            feed=np.array([each.feed for each in segments]),
+            requested=np.array([each.requested for each in segments]),
+            feed_speed=np.array([each.feed_speed for each in segments]),
+            tolerance=np.array([each.tolerance for each in segments]),
             arcs=_arc_rows(arcs),
             domains=domains,
             splines=splines,
+            carried=carried if any(carried) else None,
         )
 
     @classmethod
@@ -109,6 +135,7 @@ class PathColumns:
             arcs=_joined_rows([part.arcs for part in parts], parts, ARC),
             domains=_joined_rows([part.domains for part in parts], parts, 2),
             splines=tuple(splines),
+            carried=_joined_tools(parts),
         )
 
     def part(self, first: int, behind: int) -> PathColumns:
@@ -126,6 +153,7 @@ class PathColumns:
             arcs=None if self.arcs is None else self.arcs[at],
             domains=None if self.domains is None else self.domains[at],
             splines=tuple(splines),
+            carried=None if self.carried is None else self.carried[at],
         )
 
 
@@ -164,3 +192,19 @@ def _joined_rows(rows: Sequence[Array | None], parts: Sequence[PathColumns], wid
             for each, part in zip(rows, parts, strict=True)
         ]
     )
+
+
+def _joined_tools(parts: Sequence[PathColumns]) -> Carried | None:
+    if all(part.carried is None for part in parts):
+        return None
+    return tuple(
+        each for part in parts for each in (((),) * len(part) if part.carried is None else part.carried)
+    )
+
+
+def bits_of(columns: NDArray[np.intp]) -> int:
+    """Return columns as bits."""
+    bits = 0
+    for column in columns.tolist():
+        bits |= 1 << column
+    return bits

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from mcserver.motion.canonical import PathBatch
 from mcserver.motion.geometry.curves import ArcCurve, Array, max_path_rates, samples_of_arcs
-from mcserver.motion.geometry.plan_columns import bits_of
+from mcserver.motion.geometry.path_columns import bits_of
 from mcserver.motion.geometry.run_feeds import RunFeeds
 from mcserver.motion.geometry.run_segments import RunSegments
 from mcserver.motion.geometry.segment import NO_TRAVEL

@@ -11,8 +11,7 @@ from numpy.typing import NDArray
 
 from mcserver.motion.geometry.curves import ArcCurve, Array
 from mcserver.motion.geometry.made_segments import MadeSegments
-from mcserver.motion.geometry.path_columns import ARC_KIND, STRAIGHT, PathColumns
-from mcserver.motion.geometry.plan_columns import PlanColumns, bits_of
+from mcserver.motion.geometry.path_columns import ARC_KIND, STRAIGHT, PathColumns, bits_of
 from mcserver.motion.geometry.run_feeds import RunFeeds
 from mcserver.motion.geometry.segment import Segment
 
@@ -87,7 +86,7 @@ class RunSegments:
 
     def columns(self, first: int, behind: int) -> PathColumns:
         """Return the columns of segments ``first`` … ``behind`` - 1."""
-        at, count = slice(first, behind), behind - first
+        at, count, feeds = slice(first, behind), behind - first, self.feeds
         whole = np.ones(count, np.bool_)
         spans = np.empty((count, 3))
         spans[:, 0], spans[:, 1], spans[:, 2] = self.scale[at], 0.0, 1.0
@@ -103,29 +102,20 @@ class RunSegments:
             self.active[at],
             whole,
             whole,
-            np.full(count, self.feeds.scale),
+            np.full(count, feeds.scale),
             kind,
             spans,
             self.points[first:behind],
             np.ascontiguousarray(self.ends[at, 0]),
             self.points[first + 1 : behind + 1],
-            arcs,
-            None,
-            (),
-        )
-
-    def plan_columns(self, first: int, behind: int) -> PlanColumns:
-        """Return what smoothing and planning take of segments ``first`` … ``behind`` - 1."""
-        at, feeds = slice(first, behind), self.feeds
-        fed = np.array([bits_of(each) for each in self.feed_columns], np.uint64)
-        return PlanColumns(
             self.mask[at],
-            fed[self.frame[at]],
+            np.array([bits_of(each) for each in self.feed_columns], np.uint64)[self.frame[at]],
             feeds.duration[at],
             feeds.feed[at],
             feeds.requested[at],
             feeds.feed_speed[at],
-            np.full(behind - first, self.tolerance),
+            np.full(count, self.tolerance),
+            arcs,
         )
 
     def feed_scales(self, first: int, behind: int) -> Array:

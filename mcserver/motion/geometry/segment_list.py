@@ -12,7 +12,6 @@ import numpy as np
 
 from mcserver.motion.geometry.curves import Array
 from mcserver.motion.geometry.path_columns import PathColumns
-from mcserver.motion.geometry.plan_columns import PlanColumns
 from mcserver.motion.geometry.segment import Segment
 
 
@@ -26,9 +25,6 @@ class SegmentSource(Protocol):
 
     def columns(self, first: int, behind: int) -> PathColumns:
         """Return the columns of segments ``first`` … ``behind`` - 1."""
-
-    def plan_columns(self, first: int, behind: int) -> PlanColumns:
-        """Return what smoothing and planning take of segments ``first`` … ``behind`` - 1."""
 
     def feed_scales(self, first: int, behind: int) -> Array:
         """Return the feed scales of segments ``first`` … ``behind`` - 1."""
@@ -53,9 +49,6 @@ class _Objects:
 
     def columns(self, first: int, behind: int) -> PathColumns:
         return PathColumns.of(self.segments[first:behind])
-
-    def plan_columns(self, first: int, behind: int) -> PlanColumns:
-        return PlanColumns.of(self.segments[first:behind])
 
     def feed_scales(self, first: int, behind: int) -> Array:
         return np.array([each.feed_scale for each in self.segments[first:behind]])
@@ -203,10 +196,6 @@ class SegmentList(Sequence[Segment]):
         """Return the columns of segments ``first`` … ``behind`` - 1, at least one of them."""
         parts = [source.columns(low, high) for source, low, high in self._between(first, behind)]
         return PathColumns.joined(parts)
-
-    def plan_columns(self) -> PlanColumns:
-        """Return what smoothing and planning take of all segments, at least one."""
-        return PlanColumns.joined([source.plan_columns(*at) for source, *at in self._blocks])
 
     def set_scales(self, scales: Array) -> None:
         """Set the scales of all segments, shape (n,)."""

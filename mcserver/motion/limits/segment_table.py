@@ -211,8 +211,8 @@ class SegmentTable:
             samples, offset: theirs, and where those of each begin and end, shape (n+1,).
         """
         columns = empty_columns(len(parts))
-        plan = parts.plan_columns()
-        scale, begin, finish = parts.columns(0, len(parts)).spans.T
+        plan = parts.columns(0, len(parts))
+        scale, begin, finish = plan.spans.T
         columns.length[:], columns.feed[:] = scale * (finish - begin), plan.feed * scale
         columns.requested[:] = plan.requested
         columns.junction_vmax[:] = np.inf

@@ -63,7 +63,7 @@ class Chords:
         even = np.minimum(one, other) >= ALIKE * np.maximum(one, other)
         even &= np.einsum("ij,ij->i", bends[:-1], bends[1:]) >= SAME_WAY * one * other
         remaining = path.spans[:, 2] - path.spans[:, 1]
-        return cls(lengths * remaining, turns, lines.plan_columns().tolerance[1:], even)
+        return cls(lengths * remaining, turns, path.tolerance[1:], even)
 
     def bends(self, vertex: int) -> bool:
         """Return whether a curve may pass a vertex."""

@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 from mcserver.motion.geometry.curves import Array
 from mcserver.motion.geometry.part_segments import PartSegments
 from mcserver.motion.geometry.path_columns import PathColumns
-from mcserver.motion.geometry.plan_columns import PlanColumns
 from mcserver.motion.geometry.segment import NO_TRAVEL, AxisLimits, Segment, columns_of
 from mcserver.motion.geometry.segment_list import SegmentList
 from mcserver.motion.geometry.spline_curve import Spline
@@ -206,14 +205,14 @@ class ChordSmoother:
         longest: float,
     ) -> tuple[Spline, Array, NDArray[np.intp]] | None:
         """Return the spline, the parameters of the lines' ends, shape (n+1,), and its columns."""
-        mask = int(np.bitwise_or.reduce(lines.plan_columns().mask))
+        path = lines.columns(0, len(lines))
+        mask = int(np.bitwise_or.reduce(path.mask))
         if jet is not None:
             # what still moves where the curve goes on
             for column in np.nonzero(jet[1:].any(axis=0))[0].tolist():
                 mask |= 1 << column
         columns = columns_of(mask)
         metric = self._metric[columns]
-        path = lines.columns(0, len(lines))
         begin = bounds.begin if jet is None else lines[0].begin
         places = np.concatenate((path.bases[:1] + begin * path.travels[:1], path.bases + path.travels))
         places[-1] = (
@@ -266,18 +265,17 @@ class ChordSmoother:
                     np.linalg.norm(line.first[columns] * self._metric[columns])
                 )
                 jets[index, 2:] = 0.0
-        path, plan = lines.columns(0, len(lines)), lines.plan_columns()
+        path = lines.columns(0, len(lines))
         spans = np.diff(t)
-        fed = (plan.fed[:, None] >> np.arange(width, dtype=np.uint64) & np.uint64(1)).astype(np.bool_)
+        fed = (path.fed[:, None] >> np.arange(width, dtype=np.uint64) & np.uint64(1)).astype(np.bool_)
         samples, slopes = self._samples(fed, spline, t, columns)
         source = PartSegments(
             path=path,
-            plan=plan,
             spline=spline,
             columns_moved=columns,
             places=t,
             active=int(np.bitwise_or.reduce(path.active)),
-            feed=_feeds(path, plan, fed, spans, slopes),
+            feed=_feeds(path, fed, spans, slopes),
             scale=np.linalg.norm(jets[:, 1], axis=1)[:-1] * spans,
             slopes=np.stack((jets[:-1, 1], jets[1:, 1])) * spans[:, None],
             bends=np.stack((jets[:-1, 2], jets[1:, 2])) * spans[:, None] ** 2,
@@ -360,16 +358,14 @@ def _share(line: Segment) -> float:
     return SHARE if line.duration is None else TIMED_SHARE
 
 
-def _feeds(
-    path: PathColumns, plan: PlanColumns, fed: NDArray[np.bool_], spans: Array, slopes: Array
-) -> Array:
+def _feeds(path: PathColumns, fed: NDArray[np.bool_], spans: Array, slopes: Array) -> Array:
     """Return the greatest ds/dt of each part that keeps the feed rate of its line [1/s].
 
     Args:
-        path, plan: of the lines. fed: columns that their path speeds count, shape (n, K). spans: of the parts
+        path: of the lines. fed: columns that their path speeds count, shape (n, K). spans: of the parts
             in the spline's parameter, shape (n,). slopes: as `sample_parts` writes them.
     """
-    travels, speeds, feeds = path.travels, plan.feed_speed, plan.feed
+    travels, speeds, feeds = path.travels, path.feed_speed, path.feed
     whole = np.linalg.norm(np.where(fed, travels, 0.0), axis=1)
     slopes = np.maximum(slopes, 1e-300)
     by_speed = np.isfinite(speeds) & (whole > NO_TRAVEL)

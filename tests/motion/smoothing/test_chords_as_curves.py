@@ -14,7 +14,6 @@ from hypothesis import strategies as st
 from mcserver.machine.machine_file import Machine
 from mcserver.motion.geometry.curves import Array
 from mcserver.motion.geometry.path_columns import PathColumns
-from mcserver.motion.geometry.plan_columns import PlanColumns
 from mcserver.motion.geometry.segment import AxisLimits, anchor, segment_of
 from mcserver.motion.geometry.segment_list import SegmentList
 from mcserver.motion.pieces import Piece
@@ -136,9 +135,8 @@ def test_parts_of_a_curve_are_the_same_in_columns_and_as_objects() -> None:
     assert (
         [each[2:] for each in columns.splines] == [each[2:] for each in objects.splines] == [(0, len(parts))]
     )
-    planned, of_objects = parts.plan_columns(), PlanColumns.of(list(parts))
     for name in ("mask", "fed", "duration", "feed", "requested", "feed_speed", "tolerance"):
-        assert np.array_equal(getattr(of_objects, name), getattr(planned, name), equal_nan=True)
+        assert np.array_equal(getattr(objects, name), getattr(columns, name), equal_nan=True)
 
 
 def test_parts_of_a_curve_meet_with_three_equal_derivatives() -> None:
