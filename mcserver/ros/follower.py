@@ -43,7 +43,7 @@ class Follower:
         if len(self._goals) >= MOST_GOALS:
             goal.end(Outcome(Status.ABORTED, INVALID_GOAL, f"{MOST_GOALS} goals wait already"))
             return
-        task = asyncio.ensure_future(self._begin(goal))
+        task = asyncio.ensure_future(self.begin(goal))
         self._goals[goal] = task
         task.add_done_callback(lambda _: self._goals.pop(goal, None))
 
@@ -54,7 +54,8 @@ class Follower:
             task.cancel()
         await asyncio.gather(*tasks, return_exceptions=True)
 
-    async def _begin(self, goal: Goal) -> None:
+    async def begin(self, goal: Goal) -> None:
+        """Bring a goal to where it is carried out, or refuse it."""
         try:
             job = await asyncio.to_thread(self._read, goal)
             async with self._turn:

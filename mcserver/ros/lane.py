@@ -9,11 +9,11 @@ from __future__ import annotations
 import asyncio
 import logging
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
-from mcclient import Machine, MotionError, NobodyAnswers
+from mcclient import Machine, MotionError, NobodyAnswers, ProgramAborted
 from mcclient.servo import Servo
 from mcclient.types import ENDED, AxisState, MachineStatus
 from numpy.typing import NDArray
@@ -50,6 +50,7 @@ TICK_S, STEP_S, REACH_S = 0.025, 0.02, 0.24
 # behind its last point
 COUNTS_S = 0.1
 FEEDBACK_TICKS = 2
+LOOKS_FOR_REASON = 20
 # how long drives may take until they are energized
 ENERGIZE_S = 30.0
 # How far ahead a trajectory may be asked to begin [s].
@@ -67,12 +68,17 @@ class Job(NamedTuple):
 
 
 class Surroundings(NamedTuple):
-    """What lanes of a machine share; ``status`` returns the newest state, or None."""
+    """What lanes of a machine share.
+
+    Attributes:
+        status: returns the newest state, or None. reasons: of programs that have ended, by id.
+    """
 
     machine: Machine
     states: AxisStates
     status: Callable[[], MachineStatus | None]
     feed: Feed
+    reasons: Mapping[str, str]
 
 
 def begin_of(job: Job) -> float:
@@ -116,7 +122,6 @@ class Lane:
         if self._offered is not None:
             self._offered.goal.end(PREEMPTED)
         self._offered = job
-        self._wake.set()
         return True
 
     def leave(self) -> None:
@@ -129,6 +134,8 @@ class Lane:
         outcome = LEAVING
         try:
             outcome = await self._carry_out()
+        except ProgramAborted as aborted:
+            outcome = await self._who_aborted(aborted)
         except MotionError as error:
             outcome = refused(error)
         except InvalidGoal as invalid:
@@ -140,6 +147,16 @@ class Lane:
             self._closing = True
             self._job.goal.end(outcome)
         return self._offered
+
+    async def _who_aborted(self, aborted: ProgramAborted) -> Outcome:
+        """Return the end of a goal with what the server says of it, which comes a moment later."""
+        for _ in range(LOOKS_FOR_REASON):
+            reason = self._around.reasons.get(aborted.program)
+            if reason is not None:
+                code = "" if reason.startswith("MC") else f"{aborted.code}: "
+                return Outcome(Status.ABORTED, INVALID_GOAL, f"{code}{reason}")
+            await asyncio.sleep(TICK_S)
+        return refused(aborted)
 
     async def _carry_out(self) -> Outcome:
         name = "ROS trajectory"

@@ -16,19 +16,17 @@ from mcserver.ros.axis_states import AxisStates
 from mcserver.ros.follower import Follower
 from mcserver.ros.goals import ActionServer, Goal
 from mcserver.ros.graph import ros_name
-from mcserver.ros.interfaces import interfaces
 from mcserver.ros.joints import Joint, joints_of
 from mcserver.ros.lane import Surroundings
 from mcserver.ros.node import Node, RosSession
-from mcserver.ros.outcome import Outcome, Status
 from mcserver.ros.program_service import ProgramService
 from mcserver.ros.state_topics import StateTopics
+from mcserver.ros.trajectory_topic import FOLLOW, TrajectoryTopic
 
 log = logging.getLogger(__name__)
 
 NODE_NAME = "mcserver"
-FOLLOW = "control_msgs/action/FollowJointTrajectory"
-TRAJECTORY = "trajectory_msgs/msg/JointTrajectory"
+REASONS_KEPT = 64
 MODEL_S = 30.0
 
 
@@ -73,13 +71,16 @@ async def serve_machine(session: RosSession, name: str, options: NodeOptions) ->
             prefix = f"{namespace[1:]}/" if namespace else ""
             topics = StateTopics(node, info, model, joints, prefix, options.rate_hz)
             view = _View(connected, topics, AxisStates(joints, time.monotonic))
-            follower = _serve_trajectories(node, connected, joints, view, options.controller)
+            follower = _serve_action(node, connected, joints, view, options.controller)
+            topic = TrajectoryTopic(node, f"{options.controller}/joint_trajectory", follower)
             ProgramService(node, connected)
             log.info("%s: %d joints in %s", name, len(joints), namespace or "/")
             try:
                 async with asyncio.TaskGroup() as group:
                     group.create_task(view.watch_samples())
                     group.create_task(view.watch_status())
+                    group.create_task(view.watch_ends())
+                    group.create_task(topic.run())
             finally:
                 await follower.close()
         except* _AnotherStart:
@@ -88,30 +89,18 @@ async def serve_machine(session: RosSession, name: str, options: NodeOptions) ->
             await node.close()
 
 
-def _serve_trajectories(
+def _serve_action(
     node: Node, machine: Machine, joints: tuple[Joint, ...], view: _View, controller: str
 ) -> Follower:
-    """Serve the action and the topic of a trajectory controller."""
+    """Serve the action of a trajectory controller; returns who carries its goals out."""
 
     def feed(goal: Goal, feedback: Any) -> None:
         action.feed(goal, feedback)
 
-    follower = Follower(Surroundings(machine, view.states, lambda: view.status, feed), joints)
+    around = Surroundings(machine, view.states, lambda: view.status, feed, view.reasons)
+    follower = Follower(around, joints)
     action = ActionServer(node, f"{controller}/follow_joint_trajectory", FOLLOW, follower.start)
-
-    def on_trajectory(message: Any) -> None:
-        goal = Goal(b"", interfaces().make(f"{FOLLOW}_Goal", trajectory=message), time.time(), lambda: None)
-        goal.ended.add_done_callback(_say_failed)
-        follower.start(goal)
-
-    node.subscribe(f"{controller}/joint_trajectory", TRAJECTORY, on_trajectory)
     return follower
-
-
-def _say_failed(ended: asyncio.Future[Outcome]) -> None:
-    outcome = ended.result()
-    if outcome.status is Status.ABORTED:
-        log.warning("a trajectory of the topic: %s", outcome.text)
 
 
 class _View:
@@ -122,12 +111,21 @@ class _View:
         self._topics = topics
         self.states = states
         self.status: MachineStatus | None = None
+        self.reasons: dict[str, str] = {}
 
     async def watch_samples(self) -> None:
         async with self._machine.samples() as samples:
             async for each in samples:
                 self.states.take(each)
                 self._topics.publish_samples(each)
+
+    async def watch_ends(self) -> None:
+        async with self._machine.events() as events:
+            async for event in events:
+                if event.kind == "program.ended" and event.program and event.reason:
+                    self.reasons[event.program] = event.reason
+                    while len(self.reasons) > REASONS_KEPT:
+                        del self.reasons[next(iter(self.reasons))]
 
     async def watch_status(self) -> None:
         instance = self._machine.info.instance

@@ -22,9 +22,9 @@ from mcserver.ros.interfaces import MalformedPayload, interfaces
 
 log = logging.getLogger(__name__)
 
-# Requests of a node under way: a client asks for the result of each of its goals at once.
-REQUESTS_AT_ONCE = 128
-WAITING = 256
+# Requests of one service under way: a client asks for the result of each of its goals as it sends it.
+REQUESTS_AT_ONCE = 64
+WAITING = 128
 
 Answer = Callable[[Any], Awaitable[Any]]
 
@@ -92,7 +92,8 @@ class Node:
         self._loop = asyncio.get_running_loop()
         self.name = name
         self._declared: list[Any] = [session.zenoh.liveliness().declare_token(name.token())]
-        self._answers: set[asyncio.Task[None]] = set()
+        # under way, a set for each service: those who wait for results keep nobody from cancelling
+        self._answers: list[set[asyncio.Task[None]]] = []
 
     def publisher(self, topic: str, kind: str, qos: Qos = DEFAULT_QOS) -> Publisher:
         """Declare a publisher; a relative topic is below the node's namespace."""
@@ -143,20 +144,31 @@ class Node:
     def serve(self, service: str, kind: str, answer: Answer) -> None:
         """Answer requests with what ``answer`` returns; what it raises is the reply of an error."""
         entity, _ = self._entity(Kind.SERVICE, service, kind, DEFAULT_QOS)
-        inbox: Inbox[zenoh.Query] = Inbox(
-            self._loop, lambda query: self._begin(query, kind, answer), limit=WAITING
-        )
+        under_way: set[asyncio.Task[None]] = set()
+        self._answers.append(under_way)
+
+        def begin(query: zenoh.Query) -> None:
+            if len(under_way) >= REQUESTS_AT_ONCE:
+                with query:
+                    query.reply_err("too many requests wait")
+                return
+            task = self._loop.create_task(self._answer(query, kind, answer))
+            under_way.add(task)
+            task.add_done_callback(under_way.discard)
+
+        inbox: Inbox[zenoh.Query] = Inbox(self._loop, begin, limit=WAITING)
         callback = zenoh.handlers.Callback(inbox.push, indirect=False)
         key = self.name.key_of(entity)
         self._declared.append(self._session.zenoh.declare_queryable(key, callback, complete=True))
 
     async def close(self) -> None:
         """Leave the graph; answers that are due within a moment are still given."""
-        if self._answers:
-            await asyncio.wait(self._answers, timeout=0.2)
-        for task in self._answers:
+        answers = [task for each in self._answers for task in each]
+        if answers:
+            await asyncio.wait(answers, timeout=0.2)
+        for task in answers:
             task.cancel()
-        await asyncio.gather(*self._answers, return_exceptions=True)
+        await asyncio.gather(*answers, return_exceptions=True)
         for each in reversed(self._declared):
             with contextlib.suppress(zenoh.ZError):
                 each.undeclare()
@@ -168,15 +180,6 @@ class Node:
         token = self.name.token_of(entity, next(self._session.numbers))
         self._declared.append(self._session.zenoh.liveliness().declare_token(token))
         return entity, gid_of(token)
-
-    def _begin(self, query: zenoh.Query, kind: str, answer: Answer) -> None:
-        if len(self._answers) >= REQUESTS_AT_ONCE:
-            with query:
-                query.reply_err("too many requests wait")
-            return
-        task = self._loop.create_task(self._answer(query, kind, answer))
-        self._answers.add(task)
-        task.add_done_callback(self._answers.discard)
 
     async def _answer(self, query: zenoh.Query, kind: str, answer: Answer) -> None:
         with query:

@@ -14,6 +14,9 @@ OLD_HEADER_TIMESTAMP = -3
 PATH_TOLERANCE_VIOLATED = -4
 GOAL_TOLERANCE_VIOLATED = -5
 
+# of what is said, which may have names of a goal in it
+LONGEST = 500
+
 
 class Status(IntEnum):
     """Of a goal, as of action_msgs/msg/GoalStatus."""
@@ -39,8 +42,8 @@ class InvalidGoal(Exception):
     """A goal that nothing moves for."""
 
     def __init__(self, code: int, text: str) -> None:
-        super().__init__(text)
-        self.outcome = Outcome(Status.ABORTED, code, text)
+        super().__init__(text[:LONGEST])
+        self.outcome = Outcome(Status.ABORTED, code, text[:LONGEST])
 
 
 CANCELED = Outcome(Status.CANCELED, SUCCESSFUL, "cancelled; the joints were stopped within their limits")

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import json
 import math
 import signal
 from collections.abc import AsyncIterator, Iterator
 
 import pytest
+import zenoh
 
+from tests.bench.server import free_port
 from tests.e2e.conftest import served
 from tests.e2e.ros_bridge import DOMAIN, JOINTS, start_bridge
 from tests.e2e.servers import ServerProcess
@@ -60,6 +63,24 @@ async def test_a_tip_is_where_the_links_have_it(peer: WirePeer) -> None:
             break
     at = transform.transform.translation
     assert (at.x, at.y, at.z) == pytest.approx((0.46, 0.0, 0.675), abs=1e-6)
+
+
+async def test_nodes_of_ros_may_be_on_a_network_of_their_own(arm_server: ServerProcess) -> None:
+    config = zenoh.Config()
+    endpoint = f"tcp/127.0.0.1:{free_port()}"
+    for name, value in (("mode", "router"), ("listen/endpoints", [endpoint])):
+        config.insert_json5(name, json.dumps(value))
+    config.insert_json5("scouting/multicast/enabled", "false")
+    with zenoh.open(config):
+        bridge = start_bridge(arm_server.endpoint, "--domain", str(DOMAIN + 2), "--ros-connect", endpoint)
+        try:
+            async with WirePeer(endpoint, DOMAIN + 2) as peer:
+                await peer.token("/SS/", "%send_goal/")
+            async with WirePeer(arm_server.endpoint, DOMAIN + 2) as other:
+                assert other.tokens() == []
+        finally:
+            bridge.send_signal(signal.SIGTERM)
+            assert bridge.wait(30.0) == 0
 
 
 async def test_another_domain_has_none_of_it(arm_server: ServerProcess, peer: WirePeer) -> None:

@@ -204,10 +204,16 @@ async def test_an_override_stretches_the_way(client: FollowClient, machine: Mach
 async def test_an_emergency_stop_ends_the_goal_with_its_code(client: FollowClient, machine: Machine) -> None:
     goal = await moving(client)
     await machine.estop("a test")
-    await ends(client, goal, Status.ABORTED, INVALID_GOAL, "MC")
+    await ends(client, goal, Status.ABORTED, INVALID_GOAL, "MC400: emergency stop: a test")
     refused, _ = await client.send(trajectory(["joint_1"], (1.0, [0.0])))
-    await ends(client, refused, Status.ABORTED, INVALID_GOAL, "MC")
+    await ends(client, refused, Status.ABORTED, INVALID_GOAL, "MC509")
     await machine.reset()
+
+
+async def test_an_abort_ends_the_goal_and_says_whose_it_was(client: FollowClient, machine: Machine) -> None:
+    goal = await moving(client)
+    await machine.abort()
+    await ends(client, goal, Status.ABORTED, INVALID_GOAL, f"MC535: aborted by {machine.client}")
 
 
 async def test_axes_that_a_program_has_are_refused_and_idle_ones_are_nobodys(
@@ -248,6 +254,21 @@ async def test_requests_that_are_none_get_an_error(client: FollowClient, peer: W
     # no id: a request, but none that is accepted
     assert not (await peer.call(f"{ACTION}/_action/send_goal", kind, payload)).accepted
     assert (await client.result(make("unique_identifier_msgs/msg/UUID"))).status == Status.UNKNOWN
+
+
+async def test_a_bridge_that_stands_still_is_late_and_the_axes_have_stopped(
+    cell: Cell, client: FollowClient, machine: Machine
+) -> None:
+    goal = await moving(client, takes_s=6.0)
+    cell.bridge.send_signal(signal.SIGSTOP)
+    try:
+        async with asyncio.timeout(10.0):
+            while any(each.state == "running" for each in await machine.programs()):
+                await asyncio.sleep(0.05)
+        assert 0.0 < (await machine.status()).axes.position[0] < math.degrees(0.9)
+    finally:
+        cell.bridge.send_signal(signal.SIGCONT)
+    await ends(client, goal, Status.ABORTED, INVALID_GOAL, "MC465")
 
 
 async def test_a_bridge_that_is_killed_leaves_axes_that_stop_and_are_free(
