@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import math
 from collections.abc import Callable, Sequence
 
@@ -32,14 +33,14 @@ class AxisStates:
         self._offset = math.inf
         self._seen = 0.0
         self.at = -math.inf
+        self._came = asyncio.Event()
         self.setpoint: Array = np.zeros(len(joints))
         self.position: Array = np.zeros(len(joints))
         self.velocity: Array = np.zeros(len(joints))
 
-    @property
-    def known(self) -> bool:
-        """Whether any sample has come."""
-        return self.at > -math.inf
+    async def until_known(self) -> None:
+        """Wait for the first sample."""
+        await self._came.wait()
 
     def take(self, samples: Samples) -> None:
         """Take the last of some cycles."""
@@ -47,6 +48,7 @@ class AxisStates:
         self._offset = min(self._offset + DRIFT * (now - self._seen), now - then)
         self._seen = now
         self.at = then + self._offset
+        self._came.set()
         self.setpoint = samples.setpoint[-1] * self._units
         self.position = samples.actual[-1] * self._units
         self.velocity = samples.velocity[-1] * self._units

@@ -80,8 +80,9 @@ class Bridge:
     async def _serve(self, session: RosSession, name: str) -> None:
         try:
             await serve_machine(session, name, self._options)
-        except MotionError as error:
-            log.warning("%s: %s", name, error.message)
+        except* MotionError as errors:
+            for error in errors.exceptions:
+                log.warning("%s: %s", name, error)
 
     async def _end(self, name: str) -> None:
         task = self._nodes.pop(name)

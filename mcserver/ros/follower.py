@@ -101,7 +101,7 @@ class Follower:
         """Refuse a goal before others make way for it."""
         states = self._around.states
         position = states.setpoint[states.columns(job.trajectory.joints)]
-        Motion(job.trajectory, begin_of(job), position, np.zeros_like(position))
+        Motion(job.trajectory, begin_of(job), position, np.zeros_like(position), looked_at=True)
 
     def _on_end(self, lane: Lane, ended: asyncio.Task[Job | None]) -> None:
         self._lanes.pop(lane, None)

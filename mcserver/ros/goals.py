@@ -34,7 +34,7 @@ class Goal:
     """One goal.
 
     Attributes:
-        message: of the action's goal. stamp_s: when it was accepted, Unix time [s].
+        message: of the action's goal, until it has ended. stamp_s: when it was accepted, Unix time [s].
         cancelled: is set once somebody has asked for its end.
         ended: its outcome, once there is one.
     """
@@ -72,6 +72,8 @@ class Goal:
             self._become(Status.CANCELING)
         elif self.status is Status.ACCEPTED:
             self._become(Status.EXECUTING)
+        # a result is kept, 10 000 points are not
+        self.message = None
         self.ended.set_result(outcome)
         self._become(outcome.status)
 

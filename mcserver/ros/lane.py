@@ -55,7 +55,7 @@ LOOKS_FOR_REASON = 20
 ENERGIZE_S = 30.0
 # How far ahead a trajectory may be asked to begin [s].
 LONGEST_WAIT_S = 60.0
-STANDING = frozenset({AxisState.STANDSTILL, AxisState.MOVING})
+ENERGIZED = frozenset({AxisState.STANDSTILL, AxisState.MOVING})
 
 
 class Job(NamedTuple):
@@ -134,6 +134,10 @@ class Lane:
         outcome = LEAVING
         try:
             outcome = await self._carry_out()
+        except asyncio.CancelledError:
+            if self._offered is not None:
+                self._offered.goal.end(LEAVING)
+            raise
         except ProgramAborted as aborted:
             outcome = await self._who_aborted(aborted)
         except MotionError as error:
@@ -172,6 +176,7 @@ class Lane:
     async def _lead(self, servo: Servo) -> Outcome:
         try:
             async with asyncio.timeout(ENERGIZE_S):
+                await self._around.states.until_known()
                 await self._until_energized(servo)
         except TimeoutError:
             return Outcome(
@@ -210,7 +215,7 @@ class Lane:
             order = [column[axis] for axis in job.trajectory.axes]
             position, velocity = positions[0, order], velocities[0, order] * self._rate
         begin_s = begin_of(job)
-        self._motion = Motion(job.trajectory, begin_s, position, velocity)
+        self._motion = Motion(job.trajectory, begin_s, position, velocity, looked_at=True)
         self._at, self._then = self._motion.begin_s, time.monotonic()
         self._job = job
         job.goal.execute()
@@ -265,9 +270,10 @@ class Lane:
         while not (self._job.goal.cancelled.is_set() or self._leave):
             self._check_there(servo)
             status = self._around.status()
-            if status is not None and self._around.states.known:
+            # a state of before says nothing: it does not know the program yet
+            if status is not None and any(each.program == servo.id for each in status.programs):
                 rows = {axis: row for row, axis in enumerate(status.axes.index)}
-                if all(status.axes.state[rows[axis]] in STANDING for axis in self.axes):
+                if all(status.axes.state[rows[axis]] in ENERGIZED for axis in self.axes):
                     return
             await asyncio.sleep(TICK_S / 5)
 

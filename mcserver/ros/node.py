@@ -25,6 +25,8 @@ log = logging.getLogger(__name__)
 # Requests of one service under way: a client asks for the result of each of its goals as it sends it.
 REQUESTS_AT_ONCE = 64
 WAITING = 128
+# It takes some milliseconds to read.
+LARGE_BYTES = 64 * 1024
 
 Answer = Callable[[Any], Awaitable[Any]]
 
@@ -120,20 +122,11 @@ class Node:
         return Publisher(made, kind, gid)
 
     def subscribe(
-        self, topic: str, kind: str, deliver: Callable[[Any], None], qos: Qos = DEFAULT_QOS
+        self, topic: str, kind: str, deliver: Callable[[bytes], None], qos: Qos = DEFAULT_QOS
     ) -> None:
-        """Call ``deliver`` in the loop with each message; of those that wait the newest are kept."""
+        """Call ``deliver`` in the loop with each payload; of those that wait the newest are kept."""
         entity, _ = self._entity(Kind.SUBSCRIPTION, topic, kind, qos)
-
-        def read(payload: bytes) -> None:
-            try:
-                message = interfaces().decode(kind, payload)
-            except MalformedPayload as error:
-                log.warning("a message on %s was not understood: %s", entity.name, error)
-                return
-            deliver(message)
-
-        inbox: Inbox[bytes] = Inbox(self._loop, read, limit=qos.depth)
+        inbox: Inbox[bytes] = Inbox(self._loop, deliver, limit=qos.depth)
 
         def on_sample(sample: zenoh.Sample) -> None:
             inbox.push(sample.payload.to_bytes())
@@ -185,7 +178,7 @@ class Node:
         with query:
             try:
                 payload = b"" if query.payload is None else query.payload.to_bytes()
-                request = interfaces().decode(f"{kind}_Request", payload)
+                request = await decoded(f"{kind}_Request", payload)
                 reply = interfaces().encode(f"{kind}_Response", await answer(request))
             except MalformedPayload as error:
                 query.reply_err(f"no request of {kind}: {error}")
@@ -200,3 +193,14 @@ class Node:
                 query.reply(
                     query.key_expr, reply, attachment=Attachment(number, time.time_ns(), gid).encoded()
                 )
+
+
+async def decoded(kind: str, payload: bytes) -> Any:
+    """Read a payload, a large one beside the loop: trajectories that are under way need it.
+
+    Raises:
+        MalformedPayload: it is none of this type.
+    """
+    if len(payload) < LARGE_BYTES:
+        return interfaces().decode(kind, payload)
+    return await asyncio.to_thread(interfaces().decode, kind, payload)

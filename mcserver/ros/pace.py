@@ -13,6 +13,8 @@ Array = NDArray[np.float64]
 # Where on the way axes may have come to a stand in a hold, around where their targets were [s].
 BEFORE_S, AFTER_S = 0.3, 0.7
 LOOKS = 201
+# What a second away from where the targets were costs, in seconds of distance at top speed.
+NEARNESS = 0.05
 
 
 def rate_of(status: MachineStatus | None, program: str) -> float:
@@ -29,11 +31,12 @@ def rate_of(status: MachineStatus | None, program: str) -> float:
 def place_of(motion: Motion, around_s: float, position: Array) -> float:
     """Return the time on a trajectory at which joints are nearest to where they are now [s].
 
-    Joints that a hold has stopped have gone on for a moment: from there they go on, not back.
+    Joints that a hold has stopped have gone on for a moment: from there they go on, not back. Of several
+    times at which they are there the nearest one is taken: nothing of the way is left out.
     """
     times = np.linspace(around_s - BEFORE_S, around_s + AFTER_S, LOOKS)
     times = np.clip(times, motion.begin_s, motion.end_s)
     speeds = np.array([joint.max_velocity for joint in motion.trajectory.joints])
     positions, _ = motion.at(times)
     off = np.linalg.norm((positions - position) / speeds, axis=1)
-    return float(times[int(np.argmin(off))])
+    return float(times[int(np.argmin(off + NEARNESS * np.abs(times - around_s)))])

@@ -30,6 +30,8 @@ START_LINEAR, START_ROTARY = 1e-3, 0.02
 OVERSPEED = 0.05
 # looked at between two points
 LOOKS = 8
+# points of the way onto a trajectory: where the joints are, and two of its own
+ONTO = 3
 
 
 @dataclass(frozen=True)
@@ -85,6 +87,9 @@ def read_trajectory(message: Any, known: Mapping[str, Joint]) -> Trajectory:
         raise InvalidGoal(INVALID_GOAL, "the last point has a velocity: the joints come to rest there")
     trajectory = Trajectory(tuple(known[name] for name in names), times, positions, velocities, accelerations)
     _check_travel(trajectory.joints, times, positions)
+    if len(times) > 1:
+        first = np.zeros(len(names)) if velocities is None else velocities[0]
+        Motion(trajectory, float(times[0]), positions[0], first)
     return trajectory
 
 
@@ -121,12 +126,22 @@ class Motion:
     Args:
         begin_s: time on the trajectory at which the joints leave where they are; below 0: it begins later.
         position, velocity: of the joints then, shape (n,).
+        looked_at: by `read_trajectory`: only the way onto the trajectory is looked at here, which is quick
+            even where there are 10 000 points.
 
     Raises:
         InvalidGoal: it begins elsewhere, or asks for more speed or travel than a joint has.
     """
 
-    def __init__(self, trajectory: Trajectory, begin_s: float, position: Array, velocity: Array) -> None:
+    def __init__(
+        self,
+        trajectory: Trajectory,
+        begin_s: float,
+        position: Array,
+        velocity: Array,
+        *,
+        looked_at: bool = False,
+    ) -> None:
         self.trajectory = trajectory
         self.begin_s = begin_s
         self.end_s = trajectory.duration_s
@@ -156,7 +171,7 @@ class Motion:
                 stacked = np.stack((positions, velocities, accelerations), axis=1)
                 self._curve = BPoly.from_derivatives(self.times, stacked)
         self._slope = self._curve.derivative()
-        self._check_between()
+        self._check_between(ONTO if looked_at else len(self.times))
 
     def at(self, times: Array) -> tuple[Array, Array]:
         """Return positions and velocities at times of the trajectory, (k, n) each; at rest outside of it."""
@@ -178,9 +193,10 @@ class Motion:
                     "give the first point time to get there",
                 )
 
-    def _check_between(self) -> None:
-        shares = np.arange(LOOKS) / LOOKS
-        looks = (self.times[:-1, None] + np.diff(self.times)[:, None] * shares).ravel()
+    def _check_between(self, count: int) -> None:
+        """Refuse what is wrong with the first ``count`` points and the ways between them."""
+        shares, times = np.arange(LOOKS) / LOOKS, self.times[:count]
+        looks = (times[:-1, None] + np.diff(times)[:, None] * shares).ravel()
         positions, velocities = self.at(looks)
         if not (np.isfinite(positions).all() and np.isfinite(velocities).all()):
             raise InvalidGoal(INVALID_GOAL, "its points are too close in time for the way between them")

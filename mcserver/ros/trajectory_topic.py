@@ -5,12 +5,11 @@ from __future__ import annotations
 import asyncio
 import logging
 import time
-from typing import Any
 
 from mcserver.ros.follower import Follower
 from mcserver.ros.goals import Goal
-from mcserver.ros.interfaces import interfaces
-from mcserver.ros.node import Node
+from mcserver.ros.interfaces import MalformedPayload, interfaces
+from mcserver.ros.node import Node, decoded
 from mcserver.ros.outcome import Outcome, Status
 
 log = logging.getLogger(__name__)
@@ -24,7 +23,7 @@ class TrajectoryTopic:
 
     def __init__(self, node: Node, name: str, follower: Follower) -> None:
         self._follower = follower
-        self._newest: Any = None
+        self._newest = b""
         self._came = asyncio.Event()
         node.subscribe(name, KIND, self._take)
 
@@ -33,13 +32,18 @@ class TrajectoryTopic:
         while True:
             await self._came.wait()
             self._came.clear()
-            message = interfaces().make(f"{FOLLOW}_Goal", trajectory=self._newest)
+            try:
+                trajectory = await decoded(KIND, self._newest)
+            except MalformedPayload as error:
+                log.warning("a trajectory of the topic was not understood: %s", error)
+                continue
+            message = interfaces().make(f"{FOLLOW}_Goal", trajectory=trajectory)
             goal = Goal(b"", message, time.time(), lambda: None)
             goal.ended.add_done_callback(_say_failed)
             await self._follower.begin(goal)
 
-    def _take(self, message: Any) -> None:
-        self._newest = message
+    def _take(self, payload: bytes) -> None:
+        self._newest = payload
         self._came.set()
 
 
