@@ -225,7 +225,9 @@ type Ack struct {
 	Program string `msgpack:"program" mc:"required"`
 	// Accepted: lines through this number are taken and journaled.
 	Accepted int64 `msgpack:"accepted" mc:"required"`
-	// Done: this line and every one before it have ended.
+	// Done: this line and every one before it have ended: their setpoints have been passed, and behind an exact
+	// stop the axes are in position. Between exact stops an axis may be behind by its following error, at most
+	// `max_following_error`: to ask for more would make a stop of each line.
 	Done int64 `msgpack:"done" mc:"required"`
 	// Credit: how many lines after `accepted` fit now.
 	Credit int64 `msgpack:"credit" mc:"required"`

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import logging
 import socket
 import time
 from collections import Counter
@@ -18,6 +19,10 @@ import msgspec
 from starlette.requests import HTTPConnection
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
+log = logging.getLogger(__name__)
+
+# as Starlette says it of an application that ends without an answer
+UNANSWERED = ("No response returned.",)
 Address = tuple[str, int]
 
 
@@ -205,23 +210,32 @@ class LimitedRequests:
         body = limits.body_of(scope["path"])
         most = body.size
         began = gone = False
+        # with which a limit that was not kept is answered; frameworks wrap the exception that ends them
+        refusal = 0
         taken, complete = 0, False
         clock = asyncio.get_running_loop().time
         until = clock() + body.time_s
+
+        def refuse(status: int) -> _Refused:
+            nonlocal refusal
+            refusal = status
+            return _Refused()
 
         async def take() -> Message:
             nonlocal taken, complete, gone
             if complete:
                 # whether the client is still there, for as long as its answer takes
-                return await receive()
+                message = await receive()
+                gone = message["type"] == "http.disconnect"
+                return message
             try:
                 message = await asyncio.wait_for(receive(), max(0.0, until - clock()))
             except TimeoutError:
-                raise _Refused(408) from None
+                raise refuse(408) from None
             gone = message["type"] == "http.disconnect"
             taken += len(message.get("body", b""))
             if taken > most:
-                raise _Refused(413)
+                raise refuse(413)
             complete = not message.get("more_body", False)
             return message
 
@@ -232,35 +246,40 @@ class LimitedRequests:
                 await asyncio.wait_for(send(message), limits.send_s)
             except TimeoutError:
                 self._door.abort(address)
-                raise _Refused(408) from None
+                raise refuse(408) from None
 
         try:
             length = dict(scope["headers"]).get(b"content-length", b"0")
             if length.isdigit() and int(length) > most:
-                raise _Refused(413)
+                raise refuse(413)
             await self._app(scope, take, give)
-        except Exception:
-            # what an application makes of a request that never came whole is no fault of its own
-            if not gone:
+        except asyncio.CancelledError:
+            raise
+        except BaseException as error:
+            # what frameworks make of a client that does not wait for its answer, or of a request to a socket
+            # that is none, is no fault of theirs
+            if not (refusal or gone or error.args == UNANSWERED):
                 raise
-        except _Refused as refused:
+            if not refusal:
+                log.warning("a request had no answer: %s", type(error).__name__)
             if began:
                 self._door.abort(address)
-                return
-            headers = [(b"content-type", b"application/json"), (b"connection", b"close")]
-            await send({"type": "http.response.start", "status": refused.status, "headers": headers})
-            await send({"type": "http.response.body", "body": _refusal(refused.status, most)})
+            elif not gone:
+                await _answer(send, refusal or 400, most)
 
 
-def _refusal(status: int, most: int) -> bytes:
-    large = status == 413
-    message = f"the body is larger than {most} bytes" if large else "the request took too long"
-    hint = "send the program in parts" if large else "send it again"
-    return msgspec.json.encode({"code": "MC500", "message": message, "hint": hint})
+async def _answer(send: Send, status: int, most: int) -> None:
+    """Refuse a request."""
+    message, hint = {
+        400: ("the request is none that is answered here", "see /openapi.json"),
+        408: ("the request took too long", "send it again"),
+        413: (f"the body is larger than {most} bytes", "send the program in parts"),
+    }[status]
+    headers = [(b"content-type", b"application/json"), (b"connection", b"close")]
+    await send({"type": "http.response.start", "status": status, "headers": headers})
+    body = msgspec.json.encode({"code": "MC500", "message": message, "hint": hint})
+    await send({"type": "http.response.body", "body": body})
 
 
 class _Refused(BaseException):
     """A request that keeps no limit; no handler of the application's takes it for an error of its own."""
-
-    def __init__(self, status: int) -> None:
-        self.status = status

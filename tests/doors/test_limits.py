@@ -7,7 +7,9 @@ import socket
 from collections.abc import Iterator
 
 import pytest
-from starlette.requests import ClientDisconnect, HTTPConnection
+from starlette.middleware.base import BaseHTTPMiddleware, RequestResponseEndpoint
+from starlette.requests import ClientDisconnect, HTTPConnection, Request
+from starlette.responses import Response
 from starlette.types import Message, Receive, Scope, Send
 
 from mcserver.doors.limits import BodyLimit, Connection, Door, DoorLimits, LimitedRequests
@@ -220,3 +222,32 @@ async def test_a_client_that_goes_within_its_body_is_answered_by_nobody(
     exchange = Exchange(here.door, "/any", [*begun, {"type": "http.disconnect"}], [])
     await exchange.run()
     assert (exchange.read, exchange.sent) == (100 * count, [])
+
+
+async def test_a_request_that_an_application_leaves_without_an_answer_is_refused(
+    visitors: list[Visitors],
+) -> None:
+    here = Visitors(LIMITS)
+    visitors.append(here)
+    exchange = Exchange(here.door, "/any", [], [])
+
+    async def leave(*_: object) -> None:
+        raise RuntimeError("No response returned.")
+
+    exchange._app._app = leave
+    assert await exchange.run() == 400
+
+
+@pytest.mark.parametrize(("path", "count", "status"), [("/login", 2, 413), ("/slow", 0, 408)])
+async def test_a_limit_is_said_through_a_framework_that_wraps_what_ends_it(
+    visitors: list[Visitors], path: str, count: int, status: int
+) -> None:
+    here = Visitors(LIMITS)
+    visitors.append(here)
+    exchange = Exchange(here.door, path, pieces(count, 100), [])
+
+    async def passed(request: Request, call_next: RequestResponseEndpoint) -> Response:
+        return await call_next(request)
+
+    exchange._app._app = BaseHTTPMiddleware(BaseHTTPMiddleware(exchange._answer, passed), passed)
+    assert await exchange.run() == status

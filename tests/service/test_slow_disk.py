@@ -138,6 +138,25 @@ async def test_a_program_is_said_to_be_open_once_it_can_be_found_after_a_kill(
     assert kept.program == program.program
 
 
+async def test_of_a_program_whose_opening_is_said_ahead_of_the_journal_no_line_runs(
+    tmp_path: Path, cell: VirtualCell, disk: StallingDisk
+) -> None:
+    await cell.run("G1010 P0", axes=[0])
+    disk.goes_on.clear()
+    program = await cell.service.open("test", axes=[0])
+    taken = cell.service.lines.submit("test", program.program, 1, ["G1010 P0", "G01 X20 F600"], judge=False)
+    kinds = {"program.opened", "program.started"}
+    await cell.until(lambda: kinds <= {each.kind for each in cell.events if each.program == program.program})
+    turns = iter(range(50))
+    await cell.until(lambda: next(turns, None) is None)
+    # what a killed server would leave behind
+    with pytest.raises(ServiceError, match="MC503"):
+        read_recorded(tmp_path / "journal.db", program.program)
+    assert (cell.position(0), program.progress.started) == (0.0, 0)
+    disk.goes_on.set()
+    await taken
+
+
 async def test_a_text_is_said_to_be_whole_once_the_journal_has_it(
     cell: VirtualCell, disk: StallingDisk
 ) -> None:

@@ -282,7 +282,10 @@ class Ack:
 
     Attributes:
         accepted: lines through this number are taken and journaled.
-        done: this line and every one before it have ended.
+        done: this line and every one before it have ended: their setpoints have been passed, and behind
+            an exact stop the axes are in position. Between exact stops an axis may be behind by its
+            following error, at most ``max_following_error``: to ask for more would make a stop of each
+            line.
         credit: how many lines after ``accepted`` fit now.
         state: the program's.
         rejected: number of the line that was found faulty; it is the next one expected. 0: none.

@@ -68,7 +68,11 @@ export interface Ack {
   program: string;
   /** lines through this number are taken and journaled. */
   accepted: number;
-  /** this line and every one before it have ended. */
+  /**
+   * this line and every one before it have ended: their setpoints have been passed, and behind an exact stop the
+   * axes are in position. Between exact stops an axis may be behind by its following error, at most
+   * `max_following_error`: to ask for more would make a stop of each line.
+   */
   done: number;
   /** how many lines after `accepted` fit now. */
   credit: number;

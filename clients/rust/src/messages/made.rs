@@ -110,7 +110,9 @@ pub struct Ack {
     pub program: String,
     /// lines through this number are taken and journaled.
     pub accepted: u64,
-    /// this line and every one before it have ended.
+    /// this line and every one before it have ended: their setpoints have been passed, and behind an exact
+    /// stop the axes are in position. Between exact stops an axis may be behind by its following error, at
+    /// most `max_following_error`: to ask for more would make a stop of each line.
     pub done: u64,
     /// how many lines after `accepted` fit now.
     pub credit: u64,

@@ -170,7 +170,9 @@ public final class Messages {
     /**
      * Payload of `ack/{program}`: cumulative, so that a lost one does not matter.
      * @param accepted lines through this number are taken and journaled.
-     * @param done this line and every one before it have ended.
+     * @param done this line and every one before it have ended: their setpoints have been passed, and behind an
+     *     exact stop the axes are in position. Between exact stops an axis may be behind by its following error,
+     *     at most `max_following_error`: to ask for more would make a stop of each line.
      * @param credit how many lines after `accepted` fit now.
      * @param state the program's.
      * @param rejected number of the line that was found faulty; it is the next one expected. 0: none.
