@@ -27,7 +27,7 @@ final class Wire {
 
     private Wire() {}
 
-    /** Writes null, Boolean, Number, CharSequence, byte[], Iterable or Map. */
+    /** Writes null, Boolean, Number, CharSequence, byte[], List, Map, a word of the wire or a message. */
     static byte[] encode(Object value) {
         try (MessageBufferPacker packer = MessagePack.newDefaultBufferPacker()) {
             pack(packer, value);
@@ -64,6 +64,10 @@ final class Wire {
                 pack(packer, entry.getKey());
                 pack(packer, entry.getValue());
             }
+        } else if (value instanceof Messages.Word word) {
+            packer.packString(word.word());
+        } else if (value instanceof Record record) {
+            pack(packer, params(record));
         } else {
             throw new MotionException.Protocol("a " + value.getClass().getSimpleName() + " cannot be sent");
         }

@@ -160,6 +160,16 @@ class ContractTest {
     }
 
     @Test
+    void aMessageInsideOfARequestIsSentByItsFields() {
+        Messages.Assertion asked = new Messages.Assertion(Messages.Quantity.POSITION, "T3.Z", null, 300.0);
+        Messages.SimulateRequest request = new Messages.SimulateRequest("G1 X1").withAssertions(List.of(asked));
+        Map<?, ?> sent = (Map<?, ?>) Wire.unpack(Wire.encode(Wire.params(request)));
+        Map<?, ?> one = (Map<?, ?>) ((List<?>) sent.get("assertions")).get(0);
+        assertEquals(List.of("position", "T3.Z", 300.0), List.of(one.get("what"), one.get("of"), one.get("most")));
+        assertTrue(one.containsKey("least") && one.get("least") == null);
+    }
+
+    @Test
     void garbageIsRefusedWhateverItIsTakenFor() throws Exception {
         for (JsonObject vector : list(read(FOLDER.resolve("garbage.json")), "refused")) {
             for (String message : DECISIVE) {
