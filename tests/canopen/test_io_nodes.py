@@ -2,11 +2,8 @@
 
 from __future__ import annotations
 
-import contextlib
 import select
-import socket
 import struct
-import threading
 from collections.abc import Callable, Iterator
 
 import pytest
@@ -14,7 +11,6 @@ import pytest
 from mcserver.canopen.canopen_errors import DriveError
 from mcserver.drive_sim.cia401_node import Cia401Node
 from mcserver.drive_sim.fault_injection import BadRequest
-from mcserver.drive_sim.from_machine import Choice, build_buses
 from mcserver.drive_sim.simulation import DriveSimulation
 from mcserver.drives.can_bus import CanBus
 from mcserver.drives.registry import create_buses
@@ -29,6 +25,7 @@ from mcserver.simulation.virtual_executor import VirtualExecutor
 from tests.canopen.eds_files import U8, eds, record
 from tests.canopen.local_drives import LocalDrive, until
 from tests.canopen.rig import RunningHub, Watched
+from tests.drive_sim.in_a_thread import simulated
 
 # python-canopen's own reader of EDS files
 pytestmark = pytest.mark.filterwarnings("ignore:The 'warn' method is deprecated:DeprecationWarning")
@@ -299,32 +296,6 @@ def test_a_drives_node_has_no_inputs_of_the_machine() -> None:
 # ---------------------------------------------------------------- the simulated node
 
 
-@contextlib.contextmanager
-def simulated(described: Machine) -> Iterator[DriveSimulation]:
-    """The simulated nodes of a machine, in a thread."""
-    simulation = DriveSimulation(build_buses(described, Choice()))
-    booted = threading.Event()
-    waking, bell = socket.socketpair()
-
-    def serve() -> None:
-        simulation.switch_on()
-        simulation.run(None, booted.set, waking.fileno())
-
-    thread = threading.Thread(target=serve)
-    thread.start()
-    try:
-        assert booted.wait(20.0)
-        yield simulation
-    finally:
-        simulation.stop()
-        bell.send(b".")
-        thread.join(20.0)
-        for bus in simulation.buses:
-            bus.port.close()
-        waking.close()
-        bell.close()
-
-
 def shown(simulation: DriveSimulation) -> dict[str, dict[str, int]]:
     nodes = simulation.answer({"state": True})["nodes"]
     return nodes[0]  # type: ignore[index,no-any-return]
@@ -334,7 +305,7 @@ def test_a_simulated_node_is_set_on_demand_and_is_safe_without_its_master(
     hub: RunningHub, watched: Watched
 ) -> None:
     described = machine(hub.address())
-    with simulated(described) as simulation:
+    with simulated(described) as (simulation, _):
         service = watched.start(described)
         buses = create_buses(described)
         executor = VirtualExecutor(described, buses=buses)

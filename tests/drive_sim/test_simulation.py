@@ -5,9 +5,7 @@ from __future__ import annotations
 import contextlib
 import itertools
 import json
-import socket
 import struct
-import threading
 from collections.abc import Iterator
 
 import pytest
@@ -16,13 +14,14 @@ from mcserver.can.cob import SYNC, Function, NmtCommand
 from mcserver.can.open import open_port
 from mcserver.can.port import CanPort
 from mcserver.drive_sim.cia402_node import Cia402Node
-from mcserver.drive_sim.control import MAX_LINE, Control, ControlServer
+from mcserver.drive_sim.control import MAX_LINE, Control
 from mcserver.drive_sim.fault_injection import BadRequest
 from mcserver.drive_sim.from_machine import Choice, build_buses, hardware_of, start_turns
 from mcserver.drive_sim.simulation import DriveSimulation, SimulatedBusSegment
 from mcserver.errors import RuntimeFault
 from mcserver.machine.machine_file import Machine, parse_machine
-from tests.can.hubs import LIMIT_S, address_of, receive, running_hub, wait_until
+from tests.can.hubs import address_of, receive, running_hub, wait_until
+from tests.drive_sim.in_a_thread import simulated
 
 AXES = """
 [machine]
@@ -172,39 +171,15 @@ def test_random_starts_stay_within_the_travel_and_are_the_same_for_a_seed() -> N
 Running = tuple[str, str, Control, DriveSimulation]
 
 
-@contextlib.contextmanager
-def simulated(left: str, right: str) -> Iterator[Running]:
-    """A simulation in a thread, on two channels of a hub."""
-    simulation = DriveSimulation(build_buses(machine_of(left, right), Choice()))
-    server = ControlServer("127.0.0.1", 0, simulation.answer)
-    booted = threading.Event()
-    waking, bell = socket.socketpair()
-
-    def serve() -> None:
-        simulation.switch_on()
-        simulation.run(server, booted.set, waking.fileno())
-
-    thread = threading.Thread(target=serve)
-    thread.start()
-    try:
-        assert booted.wait(LIMIT_S)
-        with Control("127.0.0.1", server.port) as control:
-            yield left, right, control, simulation
-    finally:
-        simulation.stop()
-        bell.send(b".")
-        thread.join(LIMIT_S)
-        server.close()
-        for bus in simulation.buses:
-            bus.port.close()
-        waking.close()
-        bell.close()
-
-
 @pytest.fixture
 def running() -> Iterator[Running]:
-    with running_hub() as hub, simulated(address_of(hub, "can0"), address_of(hub, "can1")) as running:
-        yield running
+    with running_hub() as hub:
+        left, right = address_of(hub, "can0"), address_of(hub, "can1")
+        with (
+            simulated(machine_of(left, right)) as (simulation, server),
+            Control("127.0.0.1", server.port) as control,
+        ):
+            yield left, right, control, simulation
 
 
 def read(port: CanPort, node: int, index: int, subindex: int) -> bytes:
@@ -282,7 +257,7 @@ def test_a_bus_that_goes_and_comes_is_used_again() -> None:
     with contextlib.ExitStack() as stack:
         with running_hub() as hub:
             number, left, right = hub.port, address_of(hub, "can0"), address_of(hub, "can1")
-            simulation = stack.enter_context(simulated(left, right))[3]
+            simulation, _ = stack.enter_context(simulated(machine_of(left, right)))
         counters = [bus.port.counters for bus in simulation.buses]
         wait_until(lambda: all(each.down for each in counters), "both buses are seen to be away")
         with running_hub(port=number):

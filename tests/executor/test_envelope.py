@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from typing import Any
 
 import msgspec
 import numpy as np
@@ -17,10 +18,9 @@ from mcserver.machine.machine_file import Machine, load_machine, parse_machine
 from mcserver.machine.machine_kinematics import build_kinematics
 from mcserver.motion.kernels.envelope import tip_positions
 from mcserver.motion.pieces import Rows
-from mcserver.planning.pipeline import Pipeline
 from mcserver.planning.start_state import StartState
 from mcserver.simulation.preview import preview
-from mcserver.simulation.virtual_executor import VirtualExecutor
+from tests.executor.planned import Planned
 
 VELOCITY, ACCELERATION, JERK = 0.1, 1.0, 20.0
 AXIS = """
@@ -46,30 +46,19 @@ def machine() -> Machine:
 BOX = Envelope(low=(-0.001, -0.001, -1e-9), high=(0.060, 0.060, 1e-9), speed=(0.1, 0.1, 7.0), seconds=60.0)
 
 
-class Run:
+class Run(Planned):
     """A text, planned without a word about the envelope: as by a planner that has gone wrong."""
 
-    def __init__(self, text: str, envelope: Envelope | None = BOX, override: float = 1.0) -> None:
-        self.machine = machine()
-        self.rows: list[Array] = []
-        self.executor = VirtualExecutor(self.machine, recorder=self._record)
-        self.sink = self.executor.open_slot(0, envelope=envelope, override=override)
-        self.pipeline = Pipeline(self.machine, self.sink, start=StartState.of(self.machine))
-        self.pipeline.lines.put(1, text.split("\n"))
-        self.pipeline.lines.closed = True
-        self.events: list[ExecutorEvent] = []
-
-    def _record(self, _time: float, _line: int, setpoint: Array, _actual: Array) -> None:
-        self.rows.append(setpoint.copy())
-
-    def step(self, cycles: int = 1) -> None:
-        for _ in range(cycles):
-            while self.pipeline.pump(self.executor.u(0)):
-                pass
-            self.executor.step()
-            for event in self.executor.events():
-                self.pipeline.on_event(event)
-                self.events.append(event)
+    def __init__(
+        self,
+        text: str,
+        envelope: Envelope | None = BOX,
+        override: float = 1.0,
+        *,
+        made: Machine | None = None,
+        **planned: Any,
+    ) -> None:
+        super().__init__(made or machine(), text, envelope=envelope, override=override, **planned)
 
     def play(self, orders: dict[int, Callable[[], None]] | None = None, cycles: int = 20_000) -> Run:
         """Play until the program has ended and everything stands."""
@@ -82,12 +71,8 @@ class Run:
         return self
 
     @property
-    def ended(self) -> bool:
-        return any(each.kind in (EventKind.FINISHED, EventKind.STOPPED) for each in self.events)
-
-    @property
     def fault(self) -> ExecutorEvent:
-        (found,) = [each for each in self.events if each.kind is EventKind.FAULT]
+        (found,) = self.of(EventKind.FAULT)
         return found
 
     def setpoints(self, axis: int = 0) -> Array:
@@ -120,7 +105,7 @@ def test_a_run_beyond_its_extents_is_stopped_before_it_leaves_and_within_limits(
 def test_what_stays_inside_ends_as_without_an_envelope() -> None:
     text = "G1010\nG94 F6000\nG01 X10 Y5\nG00 X0\nG1020 Y0\nG02 X5 Y5 R5\nG04 P0.1\nG01 X0 Y0"
     free, held = Run(text, None).play(), Run(text).play()
-    assert [each for each in held.events if each.kind is EventKind.FAULT] == []
+    assert held.faults == []
     assert np.array_equal(free.setpoints(), held.setpoints())
     assert np.array_equal(free.setpoints(1), held.setpoints(1))
 
@@ -256,17 +241,8 @@ def test_without_an_envelope_nothing_is_looked_at() -> None:
 
 def arm_run(text: str, envelope: Envelope | None) -> Run:
     """As `Run`, on the built-in arm, energized where it stands."""
-    run = Run.__new__(Run)
-    run.machine = load_machine("arm6")
-    run.rows, run.events = [], []
-    run.executor = VirtualExecutor(run.machine, recorder=run._record)
-    run.sink = run.executor.open_slot(0, envelope=envelope)
-    start = StartState.of(run.machine)
-    kinematics = build_kinematics(run.machine)
-    run.pipeline = Pipeline(run.machine, run.sink, start=start, kinematics=kinematics)
-    run.pipeline.lines.put(1, text.split("\n"))
-    run.pipeline.lines.closed = True
-    return run
+    arm = load_machine("arm6")
+    return Run(text, envelope, made=arm, kinematics=build_kinematics(arm))
 
 
 def test_a_tool_s_tip_stays_in_its_box_though_every_joint_stays_in_its_own() -> None:
@@ -282,7 +258,7 @@ def test_a_tool_s_tip_stays_in_its_box_though_every_joint_stays_in_its_own() -> 
     )
     allowed = enforced(free, arm, 1.0, [0.0] * len(arm.axes))
     inside = arm_run(text, allowed).play()
-    assert [each for each in inside.events if each.kind is EventKind.FAULT] == []
+    assert inside.faults == []
     further = arm_run(text.replace("Z20\n", "Z60\n"), allowed).play()
     assert further.fault.code == FaultCode.ENVELOPE_TIP
     assert further.fault.values[1] == 1.0
@@ -320,15 +296,8 @@ def test_a_probe_that_meets_nothing_comes_to_rest_at_the_bound() -> None:
     made = parse_machine('[machine]\nname = "bench"\n' + "".join(axes) + PROBING)
     low = (-0.001, -0.001, -0.02)
     box = Envelope(low, (0.01, 0.01, 0.001), (0.1, 0.1, 0.1), 60.0)
-    run = Run("", box)
-    run.machine, run.rows, run.events = made, [], []
     # a real machine: contact does not come by itself at the end of the move, as in a simulation
-    run.executor = VirtualExecutor(made, recorder=run._record, homed=False)
-    run.sink = run.executor.open_slot(0, envelope=box)
-    run.pipeline = Pipeline(made, run.sink, start=StartState.of(made))
-    run.pipeline.lines.put(1, ["G38.2 Z-50 F3000"])
-    run.pipeline.lines.closed = True
-    run.play()
+    run = Run("G38.2 Z-50 F3000", box, made=made, homed=False).play()
     assert run.fault.code == FaultCode.ENVELOPE_POSITION
     assert run.fault.axis == 2
     assert -0.020 - 1e-9 <= run.setpoints(2).min() <= -0.019

@@ -5,14 +5,13 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from mcserver.executor.entries import EventKind, ExecutorEvent
+from mcserver.executor.entries import EventKind
 from mcserver.executor.fault_codes import FaultCode
 from mcserver.gcode.program_check import check_program
 from mcserver.machine.machine_file import Machine, parse_machine
-from mcserver.planning.pipeline import Pipeline
 from mcserver.planning.start_state import StartState
 from mcserver.simulation.simulation import simulate
-from mcserver.simulation.virtual_executor import VirtualExecutor
+from tests.executor.planned import Planned, assert_within_limits
 from tests.executor.rig import Array
 
 MM = 1e-3
@@ -30,56 +29,19 @@ def machine(probe: str, *, drive: str = "simulated", profile: str = "cnc") -> Ma
     return parse_machine(text)
 
 
-class Cell:
-    """A program on a virtual executor, cycle by cycle."""
+class Cell(Planned):
+    """A program on axes that are not homed, as on a real machine: in a simulation its end is contact."""
 
     def __init__(self, made: Machine, text: str) -> None:
-        self.machine = made
-        # as on a real machine: a simulation takes the end of the move for contact
-        self.executor = VirtualExecutor(made, recorder=self._record, homed=False)
-        self.setpoints: list[Array] = []
-        self.actuals: list[Array] = []
-        self.events: list[ExecutorEvent] = []
-        ring = self.executor.open_slot(0)
-        self.pipeline = Pipeline(
-            made, ring, start=StartState.of(made).at({axis.index: 0.0 for axis in made.axes})
-        )
-        self.pipeline.lines.put(1, text.splitlines())
-        self.pipeline.lines.closed = True
-
-    def _record(self, _time: float, _line: int, setpoint: Array, actual: Array) -> None:
-        self.setpoints.append(setpoint.copy())
-        self.actuals.append(actual.copy())
-
-    def step(self) -> None:
-        while self.pipeline.pump():
-            continue
-        self.executor.step()
-        for event in self.executor.events():
-            self.events.append(event)
-            self.pipeline.on_event(event)
+        start = StartState.of(made).at({axis.index: 0.0 for axis in made.axes})
+        super().__init__(made, text, start=start, homed=False)
 
     def run(self, limit: int = 30000) -> None:
         for _ in range(limit):
             self.step()
-            if any(event.kind in (EventKind.FINISHED, EventKind.STOPPED) for event in self.events):
+            if self.ended:
                 return
         raise AssertionError(f"no end: {self.events}")
-
-    def of(self, kind: EventKind) -> list[ExecutorEvent]:
-        return [event for event in self.events if event.kind is kind]
-
-    @property
-    def faults(self) -> list[int]:
-        return [event.code for event in self.of(EventKind.FAULT)]
-
-    def check_limits(self) -> None:
-        path = np.array(self.setpoints)
-        for column, axis in enumerate(self.machine.axes):
-            steps = np.abs(np.diff(path[:, column])) / self.machine.cycle_s
-            assert steps.max() <= axis.max_velocity * (1 + 1e-6)
-            bends = np.abs(np.diff(path[:, column], 2)) / self.machine.cycle_s**2
-            assert bends.max() <= axis.max_acceleration * (1 + 1e-6)
 
 
 def probed(cell: Cell) -> tuple[bool, Array]:
@@ -96,14 +58,14 @@ def test_the_place_of_contact_is_latched_on_the_plane() -> None:
     # on the line from 0 to (4, -8)
     assert place == pytest.approx([1.6, 0.0, -3.2], abs=1e-4)
     # it stops behind it within the limits: v²/2a = 0.05 mm
-    assert cell.setpoints[-1][2] / MM == pytest.approx(-3.25, abs=0.02)
-    cell.check_limits()
+    assert cell.rows[-1][2] / MM == pytest.approx(-3.25, abs=0.02)
+    assert_within_limits(cell.machine, cell.rows)
 
 
 def test_the_move_stays_on_its_line_while_it_stops() -> None:
     cell = Cell(machine(PLANE), "G21 G90 G94\nG38.2 X4 Y-2 Z-8 F3000\nM2")
     cell.run()
-    path = np.array(cell.setpoints)
+    path = np.array(cell.rows)
     assert path[:, 0] == pytest.approx(path[:, 2] * -0.5, abs=1e-12)
     assert path[:, 1] == pytest.approx(path[:, 2] * 0.25, abs=1e-12)
 
@@ -112,14 +74,14 @@ def test_the_next_line_starts_where_the_probe_stopped() -> None:
     cell = Cell(machine(PLANE), "G21 G90 G94\nG38.2 Z-8 F600\nG91 G1 Z1 F600\nG90 G1 X5 Z0\nM2")
     cell.run()
     assert cell.faults == []
-    cell.check_limits()
-    assert cell.setpoints[-1] / MM == pytest.approx([5.0, 0.0, 0.0])
+    assert_within_limits(cell.machine, cell.rows)
+    assert cell.rows[-1] / MM == pytest.approx([5.0, 0.0, 0.0])
 
 
 def test_the_feed_of_the_probing_move_is_f() -> None:
     cell = Cell(machine(PLANE), "G21 G90 G94\nG38.2 X4 Z-3 F600\nM2")
     cell.run()
-    path = np.array(cell.setpoints)
+    path = np.array(cell.rows)
     speed = np.linalg.norm(np.diff(path, axis=0), axis=1) / cell.machine.cycle_s
     assert speed.max() == pytest.approx(10 * MM, rel=1e-6)
 
@@ -132,12 +94,12 @@ def test_no_contact_is_a_fault_or_goes_on(code: str, faults: list[FaultCode]) ->
     tripped, place = probed(cell)
     assert not tripped
     assert place[2] == pytest.approx(-2.0, abs=0.01)
-    assert cell.setpoints[-1][2] / MM == pytest.approx(-2.0 if faults else 0.0)
+    assert cell.rows[-1][2] / MM == pytest.approx(-2.0 if faults else 0.0)
 
 
 def test_an_input_trips_it_in_its_cycle() -> None:
     cell = Cell(machine(INPUT), "G21 G90 G94\nG38.2 Z-20 F600\nM2")
-    while not cell.setpoints or cell.setpoints[-1][2] > -5 * MM:
+    while not cell.rows or cell.rows[-1][2] > -5 * MM:
         cell.step()
     cell.executor.mailbox.set_input(0, 1.0)
     cell.step()
@@ -154,13 +116,13 @@ def test_a_probe_that_is_there_already_moves_nothing(code: str, closed: float) -
     cell.executor.mailbox.set_input(0, closed)
     cell.run()
     assert cell.faults == [FaultCode.PROBE_CLOSED]
-    assert cell.setpoints[-1][2] == 0.0
+    assert cell.rows[-1][2] == 0.0
 
 
 def test_away_from_contact() -> None:
     cell = Cell(machine(INPUT), "G21 G90 G94\nG38.4 Z20 F600\nM2")
     cell.executor.mailbox.set_input(0, 1.0)
-    while not cell.setpoints or cell.setpoints[-1][2] < 5 * MM:
+    while not cell.rows or cell.rows[-1][2] < 5 * MM:
         cell.step()
     cell.executor.mailbox.set_input(0, 0.0)
     cell.run()
@@ -171,26 +133,26 @@ def test_away_from_contact() -> None:
 
 def test_a_hold_stops_on_the_line_and_a_resume_goes_on() -> None:
     cell = Cell(machine(PLANE), "G21 G90 G94\nG38.2 X4 Z-8 F600\nM2")
-    while not cell.setpoints or cell.setpoints[-1][2] > -1 * MM:
+    while not cell.rows or cell.rows[-1][2] > -1 * MM:
         cell.step()
     cell.executor.mailbox.set_hold(True, 0)
     for _ in range(100):
         cell.step()
-    standing = cell.setpoints[-1].copy()
+    standing = cell.rows[-1].copy()
     for _ in range(20):
         cell.step()
-    assert np.array_equal(cell.setpoints[-1], standing)
+    assert np.array_equal(cell.rows[-1], standing)
     cell.executor.mailbox.set_hold(False, 0)
     cell.run()
     assert probed(cell)[0]
     assert probed(cell)[1][2] == pytest.approx(-3.2, abs=1e-4)
-    cell.check_limits()
+    assert_within_limits(cell.machine, cell.rows)
 
 
 @pytest.mark.parametrize("how", ["abort", "estop", "trip"])
 def test_a_stop_while_probing_keeps_the_limits(how: str) -> None:
     cell = Cell(machine(PLANE), "G21 G90 G94\nG38.2 X4 Z-8 F3000\nM2")
-    while not cell.setpoints or cell.setpoints[-1][2] > -1 * MM:
+    while not cell.rows or cell.rows[-1][2] > -1 * MM:
         cell.step()
     if how == "trip":
         cell.executor.buses[0].trip(0)  # type: ignore[attr-defined]
@@ -199,7 +161,7 @@ def test_a_stop_while_probing_keeps_the_limits(how: str) -> None:
     else:
         cell.executor.mailbox.emergency_stop()
     cell.run(2000)
-    path = np.array(cell.setpoints)[:, 2]
+    path = np.array(cell.rows)[:, 2]
     assert np.abs(np.diff(path, 2)).max() <= 1.0 * cell.machine.cycle_s**2 * (1 + 1e-6)
     assert cell.of(EventKind.PROBED) == []
 

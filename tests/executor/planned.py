@@ -1,0 +1,77 @@
+"""A text, planned beside a virtual executor cycle by cycle, and what the executor did."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from mckinematics.pose import Kinematics
+
+from mcserver.executor.entries import Array, EventKind, ExecutorEvent
+from mcserver.machine.machine_file import Machine
+from mcserver.planning.pipeline import Pipeline
+from mcserver.planning.start_state import StartState
+from mcserver.simulation.virtual_executor import VirtualExecutor
+
+
+class Planned:
+    """All lines of a text, from the planner to the drives.
+
+    Args:
+        start: where the planner begins; None: as the machine does. slot: what `open_slot` takes besides.
+
+    Attributes:
+        rows, actuals: setpoints and encoder readings of each cycle, shape (K,) each.
+    """
+
+    def __init__(
+        self,
+        made: Machine,
+        text: str,
+        *,
+        start: StartState | None = None,
+        kinematics: Kinematics | None = None,
+        homed: bool = True,
+        **slot: Any,
+    ) -> None:
+        self.machine = made
+        self.rows: list[Array] = []
+        self.actuals: list[Array] = []
+        self.events: list[ExecutorEvent] = []
+        self.executor = VirtualExecutor(made, recorder=self._record, homed=homed)
+        self.sink = self.executor.open_slot(0, **slot)
+        self.pipeline = Pipeline(made, self.sink, start=start or StartState.of(made), kinematics=kinematics)
+        self.pipeline.lines.put(1, text.split("\n"))
+        self.pipeline.lines.closed = True
+
+    def _record(self, _time: float, _line: int, setpoint: Array, actual: Array) -> None:
+        self.rows.append(setpoint.copy())
+        self.actuals.append(actual.copy())
+
+    def step(self, cycles: int = 1) -> None:
+        for _ in range(cycles):
+            while self.pipeline.pump(self.executor.u(0)):
+                pass
+            self.executor.step()
+            for event in self.executor.events():
+                self.pipeline.on_event(event)
+                self.events.append(event)
+
+    @property
+    def ended(self) -> bool:
+        return any(each.kind in (EventKind.FINISHED, EventKind.STOPPED) for each in self.events)
+
+    def of(self, kind: EventKind) -> list[ExecutorEvent]:
+        return [event for event in self.events if event.kind is kind]
+
+    @property
+    def faults(self) -> list[int]:
+        return [event.code for event in self.of(EventKind.FAULT)]
+
+
+def assert_within_limits(machine: Machine, path: list[Array]) -> None:
+    """No jump: setpoints keep the axes' speed and acceleration in every cycle."""
+    for column, axis in enumerate(machine.axes):
+        places = np.array(path)[:, column]
+        assert np.abs(np.diff(places)).max() / machine.cycle_s <= axis.max_velocity * (1 + 1e-6)
+        assert np.abs(np.diff(places, 2)).max() / machine.cycle_s**2 <= axis.max_acceleration * (1 + 1e-6)
