@@ -70,6 +70,8 @@ class CanBus:
         self.config = bus
         self.delay_cycles = delay_cycles
         self.port: CanPort | None = None
+        # of the port, asked once: a look at what a protocol asks for takes as long as a drive
+        self._clocked: ClockedPort | None = None
         self._opener = opener
         self._wait = wait
         self.columns = tuple(columns)
@@ -149,7 +151,7 @@ class CanBus:
 
     @property
     def clock_error_ns(self) -> int | None:
-        return self.port.clock_error_ns if isinstance(self.port, ClockedPort) else None
+        return None if self._clocked is None else self._clocked.clock_error_ns
 
     @property
     def short(self) -> int:
@@ -164,6 +166,7 @@ class CanBus:
             RuntimeFault: MC424 the bus cannot be opened; MC411 a drive does not answer.
         """
         self.port = port = self._opener(self.config.address)
+        self._clocked = port if isinstance(port, ClockedPort) else None
         try:
             self._prepare(port)
             missing = set(range(len(self._axes)))
@@ -226,7 +229,7 @@ class CanBus:
 
     def close(self) -> None:
         """Tell the drives to be off for some cycles, and close the port."""
-        port, self.port = self.port, None
+        port, self.port, self._clocked = self.port, None, None
         if port is None:
             return
         if self._servo is not None:
