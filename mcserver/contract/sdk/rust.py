@@ -72,6 +72,8 @@ RUST = Spelling(
 )
 CALLS = {"override": "set_override"}
 WIDTH = 110
+# What Rust's own defaults are.
+EMPTY = {"None", "0", "0.0", "false", "Vec::new()", "BTreeMap::new()", "String::new()"}
 
 
 def files(model: Model) -> dict[str, str]:
@@ -117,6 +119,7 @@ def _struct(message: Message) -> str:
     fields = "".join(_field(message, each) for each in message.fields)
     body = f" {{\n{fields}}}" if fields else " {}"
     derived = "Debug, Clone, PartialEq, Serialize, Deserialize"
+    derived += ", Default" if _is_empty_by_default(message) else ""
     made = f"{_comment(message.doc)}#[derive({derived})]\npub struct {message.name}{body}\n"
     defaults = "".join(
         f"\nfn {_default_name(message, each)}() -> {RUST.type(each.type)} {{\n    {RUST.default(each)}\n}}\n"
@@ -147,7 +150,16 @@ def _default_name(message: Message, field: Field) -> str:
     return f"{''.join(f'_{c.lower()}' if c.isupper() else c for c in message.name).lstrip('_')}_{field.name}"
 
 
+def _is_empty_by_default(message: Message) -> bool:
+    defaults = [each.required or RUST.default(each) for each in message.fields]
+    return message.sent and bool(defaults) and EMPTY.issuperset(defaults)
+
+
 def _constructor(message: Message) -> str:
+    doc = "    /// All that may be left out is as the server has it.\n"
+    head = f"\nimpl {message.name} {{\n{doc}    #[must_use]\n"
+    if _is_empty_by_default(message):
+        return f"{head}    pub fn new() -> Self {{\n        Self::default()\n    }}\n}}\n"
     required = [each for each in message.fields if each.required]
     arguments = ", ".join(
         f"{RUST.name(each.name)}: "
@@ -165,11 +177,7 @@ def _constructor(message: Message) -> str:
         )
         for each in message.fields
     )
-    made = (
-        f"\nimpl {message.name} {{\n    /// All that may be left out is as the server has it.\n"
-        "    #[must_use]\n"
-        f"    pub fn new({arguments}) -> Self {{\n        Self {{\n{values}        }}\n    }}\n}}\n"
-    )
+    made = f"{head}    pub fn new({arguments}) -> Self {{\n        Self {{\n{values}        }}\n    }}\n}}\n"
     if not required:
         made += f"\nimpl Default for {message.name} {{\n    fn default() -> Self {{\n"
         made += "        Self::new()\n    }\n}\n"

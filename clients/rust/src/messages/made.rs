@@ -310,7 +310,7 @@ pub struct CheckReply {
 }
 
 /// Every fault of a program's text; nothing runs.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, Default)]
 pub struct CheckRequest {
     /// the whole of it; or sha256: of one that was handed over by `put_text`.
     pub text: Option<String>,
@@ -323,17 +323,7 @@ impl CheckRequest {
     /// All that may be left out is as the server has it.
     #[must_use]
     pub fn new() -> Self {
-        Self {
-            text: None,
-            positions: None,
-            sha256: None,
-        }
-    }
-}
-
-impl Default for CheckRequest {
-    fn default() -> Self {
-        Self::new()
+        Self::default()
     }
 }
 
@@ -416,7 +406,7 @@ pub struct Continuation {
 }
 
 /// What a start in the middle of a program would do; nothing moves.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, Default)]
 pub struct ContinuationRequest {
     /// one that has ended; where others have gone on with it, the last of these is meant.
     pub program: Option<String>,
@@ -432,18 +422,7 @@ impl ContinuationRequest {
     /// All that may be left out is as the server has it.
     #[must_use]
     pub fn new() -> Self {
-        Self {
-            program: None,
-            line: None,
-            before: Vec::new(),
-            axes: None,
-        }
-    }
-}
-
-impl Default for ContinuationRequest {
-    fn default() -> Self {
-        Self::new()
+        Self::default()
     }
 }
 
@@ -598,7 +577,7 @@ pub struct DrivesScanReply {
 }
 
 /// Asks every node number of a bus who is there; `bus` empty: of all buses.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, Default)]
 pub struct DrivesScanRequest {
     pub bus: String,
 }
@@ -607,15 +586,7 @@ impl DrivesScanRequest {
     /// All that may be left out is as the server has it.
     #[must_use]
     pub fn new() -> Self {
-        Self {
-            bus: String::new(),
-        }
-    }
-}
-
-impl Default for DrivesScanRequest {
-    fn default() -> Self {
-        Self::new()
+        Self::default()
     }
 }
 
@@ -646,7 +617,7 @@ pub struct ErrorReply {
 }
 
 /// Emergency stop by rpc, and payload of the key `estop` (where it may be empty).
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, Default)]
 pub struct EstopRequest {
     /// for people.
     pub reason: String,
@@ -658,16 +629,7 @@ impl EstopRequest {
     /// All that may be left out is as the server has it.
     #[must_use]
     pub fn new() -> Self {
-        Self {
-            reason: String::new(),
-            client: String::new(),
-        }
-    }
-}
-
-impl Default for EstopRequest {
-    fn default() -> Self {
-        Self::new()
+        Self::default()
     }
 }
 
@@ -786,7 +748,7 @@ pub struct HomeReply {
 }
 
 /// Finds the references of axes, those with the lowest order first; none: of all that have a method.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, Default)]
 pub struct HomeRequest {
     pub axes: Option<Vec<u64>>,
 }
@@ -795,15 +757,7 @@ impl HomeRequest {
     /// All that may be left out is as the server has it.
     #[must_use]
     pub fn new() -> Self {
-        Self {
-            axes: None,
-        }
-    }
-}
-
-impl Default for HomeRequest {
-    fn default() -> Self {
-        Self::new()
+        Self::default()
     }
 }
 
@@ -1239,7 +1193,7 @@ pub struct ProbeStatus {
 }
 
 /// hold, resume, abort: one program, or every one (none).
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, Default)]
 pub struct ProgramRequest {
     pub program: Option<String>,
 }
@@ -1248,15 +1202,7 @@ impl ProgramRequest {
     /// All that may be left out is as the server has it.
     #[must_use]
     pub fn new() -> Self {
-        Self {
-            program: None,
-        }
-    }
-}
-
-impl Default for ProgramRequest {
-    fn default() -> Self {
-        Self::new()
+        Self::default()
     }
 }
 
@@ -1422,7 +1368,7 @@ impl Default for RecordSaveRequest {
 }
 
 /// Records every cycle into a file on the server from now on.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, Default)]
 pub struct RecordStartRequest {
     /// of the recording; empty: the time.
     pub name: String,
@@ -1434,21 +1380,12 @@ impl RecordStartRequest {
     /// All that may be left out is as the server has it.
     #[must_use]
     pub fn new() -> Self {
-        Self {
-            name: String::new(),
-            max_s: None,
-        }
-    }
-}
-
-impl Default for RecordStartRequest {
-    fn default() -> Self {
-        Self::new()
+        Self::default()
     }
 }
 
 /// Ends a recording; without a name the only one. The reply comes once the file is whole.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, Default)]
 pub struct RecordStopRequest {
     pub name: String,
 }
@@ -1457,15 +1394,7 @@ impl RecordStopRequest {
     /// All that may be left out is as the server has it.
     #[must_use]
     pub fn new() -> Self {
-        Self {
-            name: String::new(),
-        }
-    }
-}
-
-impl Default for RecordStopRequest {
-    fn default() -> Self {
-        Self::new()
+        Self::default()
     }
 }
 
@@ -1579,7 +1508,7 @@ impl RejectRequest {
 }
 
 /// Clears a latched fault or emergency stop; axes stay without energy until captured (G1010).
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, Default)]
 pub struct ResetRequest {
     pub axes: Option<Vec<u64>>,
 }
@@ -1588,15 +1517,7 @@ impl ResetRequest {
     /// All that may be left out is as the server has it.
     #[must_use]
     pub fn new() -> Self {
-        Self {
-            axes: None,
-        }
-    }
-}
-
-impl Default for ResetRequest {
-    fn default() -> Self {
-        Self::new()
+        Self::default()
     }
 }
 
@@ -1869,7 +1790,7 @@ pub struct ServoReply {
 }
 
 /// Leases axes for targets that the client streams, and energizes them.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, Default)]
 pub struct ServoRequest {
     /// the axes to lease, all free now; none: all of the machine.
     pub axes: Option<Vec<u64>>,
@@ -1881,16 +1802,7 @@ impl ServoRequest {
     /// All that may be left out is as the server has it.
     #[must_use]
     pub fn new() -> Self {
-        Self {
-            axes: None,
-            name: String::new(),
-        }
-    }
-}
-
-impl Default for ServoRequest {
-    fn default() -> Self {
-        Self::new()
+        Self::default()
     }
 }
 
