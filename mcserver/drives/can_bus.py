@@ -32,6 +32,8 @@ from mcserver.machine.bus_section import BusConfig
 from mcserver.machine.drive import CanDrive
 from mcserver.machine.machine_file import Machine
 
+# On EtherCAT a frame takes along what was sampled a cycle before: a reading is one more cycle behind.
+ETHERCAT_DELAY_CYCLES = DELAY_CYCLES + 1
 # Within this time every drive has to have answered once [s].
 BOOT_TIMEOUT_S = 5.0
 # Cycles in a row in which no frame could be sent: the bus is down.

@@ -8,8 +8,6 @@ from types import MappingProxyType
 
 from mcserver.can.port import CanPort
 from mcserver.drives.bus import DriveBus
-from mcserver.drives.can_bus import CanBus
-from mcserver.drives.cia402.loops import DELAY_CYCLES
 from mcserver.drives.ideal import IdealBus
 from mcserver.drives.simulated import SimulatedBus
 from mcserver.errors import ConfigurationError
@@ -21,8 +19,6 @@ from mcserver.machine.machine_file import Axis, Machine
 BusFactory = Callable[[Machine, Sequence[Axis], Sequence[int]], list[DriveBus]]
 # From a machine and one of its buses to a port on it.
 BusOpener = Callable[[Machine, BusConfig], CanPort]
-# The frame takes along what was sampled a cycle before, so that a reading is one more cycle behind.
-ETHERCAT_DELAY_CYCLES = DELAY_CYCLES + 1
 
 
 def _ideal(_machine: Machine, axes: Sequence[Axis], columns: Sequence[int]) -> list[DriveBus]:
@@ -49,6 +45,9 @@ def on_buses(openers: Mapping[str, BusOpener] = MappingProxyType({})) -> BusFact
 def _on_buses(
     machine: Machine, axes: Sequence[Axis], columns: Sequence[int], openers: Mapping[str, BusOpener]
 ) -> list[DriveBus]:
+    # an executor without such drives starts without their code
+    from mcserver.drives.can_bus import ETHERCAT_DELAY_CYCLES, CanBus
+
     on: dict[str, list[int]] = {bus.name: [] for bus in machine.buses}
     for axis, column in zip(axes, columns, strict=True):
         on[machine.bus_of(axis).name].append(column)

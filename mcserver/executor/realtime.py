@@ -12,8 +12,8 @@ from pathlib import Path
 PRIORITY = 80
 
 _MCL_CURRENT_AND_FUTURE = 3
-# LLVM's library, by the beginning of its file's name.
-_COMPILER = "libllvmlite"
+# LLVM's library, and NumPy's for linear algebra, by the beginnings of their files' names.
+_NOT_IN_A_CYCLE = ("libllvmlite", "libscipy_openblas")
 _TIMER_ABSTIME = 1
 
 
@@ -54,15 +54,18 @@ def take_realtime_priority(priority: int = PRIORITY) -> bool:
 def lock_memory() -> bool:
     """Keep all pages of this process in memory, also those to come; False without the right to.
 
-    The compiler's library is left out: 150 MB that no cycle calls, once kernels are compiled.
+    Libraries that no cycle calls are left out: 150 MB of the compiler's, once kernels are compiled, and 24 of
+    BLAS.
     """
     locked: int = ctypes.CDLL(None, use_errno=True).mlockall(_MCL_CURRENT_AND_FUTURE)
-    release_library(_COMPILER)
+    release_libraries(*_NOT_IN_A_CYCLE)
     return locked == 0
 
 
-def release_library(name: str) -> None:
-    """Unlock and drop the pages of a library, by the beginning of its file's name; a call reads them again.
+def release_libraries(*names: str) -> None:
+    """Unlock and drop the pages of libraries, by the beginnings of their files' names.
+
+    A call reads them again.
 
     Pages that were written to, as by the linker, stay: no file has them.
     """
@@ -76,5 +79,5 @@ def release_library(name: str) -> None:
             system.madvise(*place, mmap.MADV_DONTNEED)
         elif not first.endswith(":"):
             start, end = (int(each, 16) for each in first.split("-"))
-            if not Path(rest[-1]).name.startswith(name):
+            if not Path(rest[-1]).name.startswith(names):
                 start = 0

@@ -9,8 +9,7 @@ from dataclasses import dataclass, field
 from mcserver.can.pdo import ProcessData
 from mcserver.canopen.coe import agreed_on_ethercat, configure_coe
 from mcserver.canopen.settings import settings_of
-from mcserver.drives.can_bus import CanBus
-from mcserver.drives.registry import ETHERCAT_DELAY_CYCLES
+from mcserver.drives.can_bus import ETHERCAT_DELAY_CYCLES, CanBus
 from mcserver.ethercat.port import EthercatPort
 from mcserver.ethercat.slave import AlState, EthercatSlave, MailboxSdo
 from mcserver.executor.executor import Executor

@@ -7,7 +7,7 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from mcserver.drives.registry import ETHERCAT_DELAY_CYCLES
+from mcserver.drives.can_bus import ETHERCAT_DELAY_CYCLES
 from mcserver.ethercat.slave import AlState
 from mcserver.executor.entries import EventKind
 from mcserver.executor.fault_codes import FaultCode

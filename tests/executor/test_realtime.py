@@ -8,7 +8,7 @@ import sys
 RELEASED = """
 from pathlib import Path
 import llvmlite.binding as llvm
-from mcserver.executor.realtime import release_library
+from mcserver.executor.realtime import release_libraries
 
 def resident():
     total, inside = 0, False
@@ -22,7 +22,7 @@ def resident():
 
 llvm.initialize_native_target()
 before = resident()
-release_library("libllvmlite")
+release_libraries("libllvmlite")
 after = resident()
 assert 0 < after < before // 2, (before, after)
 print(llvm.parse_assembly("define double @one() {\\n ret double 1.0\\n}").get_function("one").name)
