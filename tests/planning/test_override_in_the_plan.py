@@ -313,3 +313,13 @@ def test_a_motion_is_not_cut_where_two_corners_in_a_time_of_their_own_meet() -> 
     assert velocity <= VELOCITY_SLACK
     assert acceleration <= ACCELERATION_SLACK
     assert jerk <= JERK_SLACK
+
+
+@pytest.mark.parametrize("jerk", [None, 50_000.0])
+def test_a_higher_override_takes_no_longer_where_vertices_bind_the_speed(jerk: float | None) -> None:
+    exact = ideal(axes=2, velocity=200.0, acceleration=1000.0, jerk=jerk)
+    x = 0.1 * np.arange(1, 160)
+    lines = ["G94 F1800", *(f"G01 X{a:.4f} Y{b:.4f}" for a, b in zip(x, 2.0 * np.sin(x), strict=True))]
+    programmed = play(exact, lines, []).moved_s
+    assert play(exact, lines, [(0, 1.7)]).moved_s <= programmed
+    assert play(exact, lines, [(round(250 * programmed), 1.7)]).moved_s <= programmed

@@ -88,14 +88,24 @@ class SegmentTable:
         """Return the table for kernels."""
         return Segments(self.columns, self.samples, self._dropped, self._passed)
 
-    def with_stops(self, at: NDArray[np.bool_]) -> Segments:
-        """Return the table for kernels, with stops at the starts of some segments: a vertex there asks for
+    @property
+    def programmed_view(self) -> Segments | None:
+        """The table for kernels with F as programmed; None where it is that already."""
+        scales = self.feed_scales
+        if not (scales > 1.0).any():
+            return None
+        feed = self.columns.feed / scales
+        vmax = np.minimum(self.columns.segment_vmax, feed)
+        return self.kernel_view._replace(columns=self.columns._replace(feed=feed, segment_vmax=vmax))
+
+    def with_stops(self, segments: Segments, at: NDArray[np.bool_]) -> Segments:
+        """Return a view for kernels with stops at the starts of some segments: a vertex there asks for
         nothing.
 
         Args:
-            at: the segments, shape (n,).
+            segments: the view. at: the segments, shape (n,).
         """
-        columns, samples = self.columns, self.samples.copy()
+        columns, samples = segments.columns, self.samples.copy()
         (after,) = np.nonzero(at)
         ends = columns.sample_end - self._dropped
         vertices = np.concatenate((ends[after - 1] - 1, ends[after] - 1 - columns.vertex_after[after]))

@@ -225,23 +225,37 @@ class Lookahead:
     def plan(self) -> PlannedRun:
         """Plan the whole run from the `entry` speed to rest."""
         table = self.table
-        law = self._law(table.kernel_view)
-        run = self._run_of(law)
-        if self._limits.torque is None:
-            slow = slow_vertices(table.kernel_view, law.times, self._limits.rows)
-        else:
-            # what a vertex asks of a torque counts on all of a segment
-            slow = table.columns.vertex_before != 0
-        if slow.any():
-            with contextlib.suppress(PlanningError):
-                other = self._law(table.with_stops(slow))
-                stopping = self._run_of(other)
-                if stopping.phases.duration < run.phases.duration:
-                    law, run = other, stopping
+        law, run = self._quickest(table.kernel_view)
+        if table.columns.vertex_before.any() and not table.timed.any():
+            # beside vertices the acceleration that is left falls with speed: where they bind, a greater F may
+            # take longer
+            programmed = table.programmed_view
+            if programmed is not None and self.entry <= programmed.columns.segment_vmax[0]:
+                with contextlib.suppress(PlanningError):
+                    other, slower = self._quickest(programmed)
+                    if slower.phases.duration < run.phases.duration:
+                        law, run = other, slower
         groups, knots = law.groups, law.solution.knots
         inner = knots[(knots > 0) & (knots < len(groups.starts))]
         table.mark_knots(groups.starts[inner], groups.bits[inner])
         return run
+
+    def _quickest(self, segments: Segments) -> tuple[_Law, PlannedRun]:
+        """Plan the run past its vertices, and with stops at those where that might be as quick."""
+        law = self._law(segments)
+        run = self._run_of(law)
+        if self._limits.torque is None:
+            slow = slow_vertices(segments, law.times, self._limits.rows)
+        else:
+            # what a vertex asks of a torque counts on all of a segment
+            slow = segments.columns.vertex_before != 0
+        if slow.any():
+            with contextlib.suppress(PlanningError):
+                other = self._law(self.table.with_stops(segments, slow))
+                stopping = self._run_of(other)
+                if stopping.phases.duration < run.phases.duration:
+                    return other, stopping
+        return law, run
 
     def _run_of(self, law: _Law) -> PlannedRun:
         bound_by: list[Bound | None] = [None] * len(self.table)
