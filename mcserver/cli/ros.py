@@ -59,7 +59,7 @@ def ros(
 
     async def run() -> None:
         stop_on_terminate()
-        await Bridge(options).run()
+        await Bridge(options, narration().print).run()
 
     with contextlib.suppress(KeyboardInterrupt, asyncio.CancelledError):
         asyncio.run(run())

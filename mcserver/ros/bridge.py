@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import asyncio
-import logging
+from collections.abc import Callable
 
 import zenoh
 from mcclient import MotionError, NobodyAnswers
@@ -12,8 +12,6 @@ from mcclient.fleet import FleetLink, keep_link
 from mcserver.ros.machine_node import NodeOptions, serve_machine
 from mcserver.ros.node import RosSession
 
-log = logging.getLogger(__name__)
-
 LOOK_S = 1.0
 CONNECT_S = 3.0
 # a machine that is not found so often in a row is gone
@@ -21,12 +19,18 @@ MISSED = 2
 
 
 class Bridge:
-    """Nodes of the machines that are there, until `run` is cancelled."""
+    """Nodes of the machines that are there, until `run` is cancelled.
 
-    def __init__(self, options: NodeOptions) -> None:
+    Args:
+        say: tells a person which machines are shown, and why one is not.
+    """
+
+    def __init__(self, options: NodeOptions, say: Callable[[str], None]) -> None:
         self._options = options
+        self._say = say
         self._nodes: dict[str, asyncio.Task[None]] = {}
         self._refused: set[str] = set()
+        self._waited = False
 
     async def run(self) -> None:
         """Run until it is cancelled."""
@@ -49,7 +53,7 @@ class Bridge:
         try:
             while True:
                 found = await link.find(timeout_s=LOOK_S)
-                wanted = self._shown(found)
+                wanted = self.shown(found)
                 for name in wanted:
                     missed[name] = 0
                     if name not in self._nodes or self._nodes[name].done():
@@ -64,25 +68,29 @@ class Bridge:
                 await self._end(name)
             await session.close()
 
-    def _shown(self, found: list[str]) -> list[str]:
+    def shown(self, found: list[str]) -> list[str]:
         """Return which machines are shown; of those whose names are the same in ROS the first one is."""
-        if self._options.machine is not None:
-            return [each for each in found if each == self._options.machine]
+        only = self._options.machine
+        if only is not None:
+            if only not in found and not self._waited:
+                self._waited = True
+                self._say(f"waiting for {only}; there are {', '.join(found) or 'no machines'}")
+            return [each for each in found if each == only]
         first: dict[str, str] = {}
         for name in found:
             namespace = self._options.namespace(name)
             shown = first.setdefault(namespace, name)
             if shown != name and name not in self._refused:
                 self._refused.add(name)
-                log.warning("MC083: %s is %s in ROS, as %s is: it is not shown", name, namespace, shown)
+                self._say(f"MC083: {name} is {namespace} in ROS, as {shown} is: it is not shown")
         return list(first.values())
 
     async def _serve(self, session: RosSession, name: str) -> None:
         try:
-            await serve_machine(session, name, self._options)
+            await serve_machine(session, name, self._options, self._say)
         except* MotionError as errors:
             for error in errors.exceptions:
-                log.warning("%s: %s", name, error)
+                self._say(f"{name}: {error}")
 
     async def _end(self, name: str) -> None:
         task = self._nodes.pop(name)
@@ -90,4 +98,4 @@ class Bridge:
         await asyncio.gather(task, return_exceptions=True)
 
     def _lost(self, error: MotionError) -> None:
-        log.warning("%s; trying again", error.message)
+        self._say(f"{error.message}; trying again")

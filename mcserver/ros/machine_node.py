@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import asyncio
-import logging
 import time
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -22,8 +22,6 @@ from mcserver.ros.node import Node, RosSession
 from mcserver.ros.program_service import ProgramService
 from mcserver.ros.state_topics import StateTopics
 from mcserver.ros.trajectory_topic import FOLLOW, TrajectoryTopic
-
-log = logging.getLogger(__name__)
 
 NODE_NAME = "mcserver"
 REASONS_KEPT = 64
@@ -54,7 +52,9 @@ class NodeOptions(msgspec.Struct, frozen=True):
         return "" if self.machine is not None else f"/{ros_name(machine)}"
 
 
-async def serve_machine(session: RosSession, name: str, options: NodeOptions) -> None:
+async def serve_machine(
+    session: RosSession, name: str, options: NodeOptions, say: Callable[[str], None]
+) -> None:
     """Be a machine's node until this is cancelled, or its server is gone or another start of it.
 
     Raises:
@@ -74,7 +74,7 @@ async def serve_machine(session: RosSession, name: str, options: NodeOptions) ->
             follower = _serve_action(node, connected, joints, view, options.controller)
             topic = TrajectoryTopic(node, f"{options.controller}/joint_trajectory", follower)
             ProgramService(node, connected)
-            log.info("%s: %d joints in %s", name, len(joints), namespace or "/")
+            say(f"{name}: {len(joints)} joints in {namespace or '/'}")
             try:
                 async with asyncio.TaskGroup() as group:
                     group.create_task(view.watch_samples())
@@ -84,7 +84,7 @@ async def serve_machine(session: RosSession, name: str, options: NodeOptions) ->
             finally:
                 await follower.close()
         except* _AnotherStart:
-            log.info("%s: its server was started again", name)
+            say(f"{name}: its server was started again")
         finally:
             await node.close()
 
