@@ -25,7 +25,7 @@ class Exchange(msgspec.Struct, frozen=True):
     Attributes:
         line: its number. tools: by place the one that is mounted from here on.
         certain: it is; else it may be, as from when somebody is asked to change it.
-        cutters: the tool table of then.
+        cutters: lines of the tool table that it sets, by number.
     """
 
     line: int
@@ -53,7 +53,23 @@ class Mounted(msgspec.Struct, frozen=True):
                 at[place] = frozenset((tool,))
             elif place in at:
                 at[place] |= {tool}
-        return Mounted(at, exchange.cutters)
+        return Mounted(at, {**self.cutters, **exchange.cutters})
+
+    def with_table(self, table: Mapping[int, Cutter], *, beside_others: bool) -> Mounted:
+        """Return what may be mounted where a program begins with a tool table.
+
+        Args:
+            beside_others: programs run that may have set a line of it meanwhile: the larger size counts.
+        """
+        if beside_others:
+            kept = {number: self.cutters.get(number, each) for number, each in table.items()}
+            table = {
+                number: Cutter(
+                    max(each.length, kept[number].length), max(each.diameter, kept[number].diameter)
+                )
+                for number, each in table.items()
+            }
+        return Mounted(self.at, {**self.cutters, **table})
 
     def may_be(self, tool: int, place: int) -> bool:
         """Return whether a tool may be mounted at its place."""

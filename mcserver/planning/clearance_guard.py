@@ -15,7 +15,7 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
-from mcserver.clearance.mounted import NOT_KNOWN, Exchange, Mounted
+from mcserver.clearance.mounted import NOT_KNOWN, Exchange
 from mcserver.clearance.scene import Scene
 from mcserver.clearance.slow_zones import ROUNDING, SLOWER, SlowZones, TooFast
 from mcserver.clearance.sweep import Contact, Sweep
@@ -367,6 +367,6 @@ class ClearanceGuards:
         """
         mounted = self._sweep.scene.mounted
         if cutters is not None and mounted.cutters != cutters:
-            self._sweep.mount(Mounted(mounted.at, cutters))
+            self._sweep.mount(mounted.with_table(cutters, beside_others=self._space.running))
         lease = np.array([axis.index in axes for axis in self._machine.axes], np.bool_)
         return ClearanceGuard(self._machine, self._sweep, self._space, Tenant(program, slot, lease))

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from mcserver.clearance.mounted import SPINDLE, Exchange, place_of, places_with_bodies
-from mcserver.gcode.profiles.frame import Frame, tool_table
+from mcserver.gcode.profiles.frame import Frame
 from mcserver.gcode.semantics.modal import ModalState
 from mcserver.machine.dialect_section import Cutter
 from mcserver.machine.machine_file import Machine
@@ -24,9 +24,8 @@ class Exchanges:
         self._places = places_with_bodies(machine)
         self._tools: dict[int, int] = {}
         self._carried: tuple[int, ...] = ()
-        # what G10 L1 has set, and the whole table
+        # what G10 L1 has set
         self._set: Mapping[int, Cutter] = {} if frame is None else frame.cutters
-        self._cutters = tool_table(machine, frame)
 
     def by(self, line: int, modal: ModalState) -> list[Exchange]:
         """Return what a line has exchanged, by the modal state behind it; empty: nothing that has a body."""
@@ -38,13 +37,14 @@ class Exchanges:
         if frame is not None and frame.changed is not None:
             tools[SPINDLE] = frame.changed
         tools = {place: each for place, each in tools.items() if place in self._places}
-        measured = SPINDLE in self._places and frame is not None and frame.cutters is not self._set
+        measured = {}
+        if SPINDLE in self._places and frame is not None and frame.cutters is not self._set:
+            measured = {each: size for each, size in frame.cutters.items() if self._set.get(each) != size}
+            self._set = frame.cutters
         if self._tools.items() >= tools.items() and not measured:
             return []
-        if measured and frame is not None:
-            self._set, self._cutters = frame.cutters, tool_table(self._machine, frame)
         self._tools.update(tools)
-        return [Exchange(line, dict(self._tools), True, self._cutters)]
+        return [Exchange(line, dict(self._tools), True, measured)]
 
     def asked_for(self, pause: PauseLine) -> list[Exchange]:
         """Return that a tool which somebody is asked to fit may be there from the pause on."""
@@ -52,4 +52,4 @@ class Exchanges:
             return []
         # what is fitted when the pause has ended is said again
         self._tools.pop(SPINDLE, None)
-        return [Exchange(pause.line, {SPINDLE: pause.tool}, False, self._cutters)]
+        return [Exchange(pause.line, {SPINDLE: pause.tool}, False, {})]

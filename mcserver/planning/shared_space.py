@@ -101,6 +101,11 @@ class SharedSpace:
                 each.ended = -math.inf
         self._tenants.append(tenant)
 
+    @property
+    def running(self) -> bool:
+        """Return whether a program runs."""
+        return any(each.ended is None for each in self._tenants)
+
     def anywhere(self, column: int, here: float) -> tuple[float, float]:
         """Return the travel of a column, or a turn about ``here`` where it has no limit [SI]."""
         low, high, turn = self.travel.low[column], self.travel.high[column], self._turn[column]

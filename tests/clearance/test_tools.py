@@ -8,7 +8,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from mcserver.clearance.mounted import SPINDLE, Mounted
 from mcserver.clearance.scene import Scene
+from mcserver.machine.dialect_section import Cutter
 from mcserver.machine.machine_file import Machine, parse_machine
 from mcserver.machine.machine_kinematics import build_kinematics
 from mcserver.machine.section_reader import MachineFileRejected
@@ -302,3 +304,23 @@ async def test_another_program_stops_before_the_tool_that_is_in(start: Start) ->
         assert (await cell.run(f"T{tool} M6", axes=[2])).state == "finished"
         assert (await cell.run("G1 X200 F6000", "G1 X0", axes=[0])).state == state
     assert place(cell, 0) == pytest.approx(84.0, abs=0.3)
+
+
+async def test_a_length_that_a_program_beside_has_measured_counts(start: Start) -> None:
+    # T1 of 30 mm passes over the sledge, with 80 mm it does not
+    cell = start(spindle(SLEDGE))
+    assert (await cell.run("T1 M6", axes=[2])).state == "finished"
+    sledge = await cell.service.open("test", axes=[0])
+    await cell.service.lines.submit("test", sledge.program, 1, ["G1 X10 F6000"])
+    await cell.until(lambda: sledge.done == 1)
+    assert (await cell.run("G10 L1 P1 Z80", axes=[1])).state == "finished"
+    await cell.service.lines.submit("test", sledge.program, 2, ["G1 X200"])
+    assert fault_of(await cell.ended(sledge)) == ("MC320", 2)
+    assert place(cell, 0) == pytest.approx(84.0, abs=0.3)
+
+
+def test_the_larger_size_counts_while_programs_run() -> None:
+    table = {1: Cutter(0.03, 0.01), 2: Cutter(0.08, 0.01)}
+    mounted = Mounted({SPINDLE: frozenset((1,))}, {1: Cutter(0.05, 0.006)})
+    assert mounted.with_table(table, beside_others=True).cutter() == Cutter(0.05, 0.01)
+    assert mounted.with_table(table, beside_others=False).cutter() == Cutter(0.03, 0.01)
