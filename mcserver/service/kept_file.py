@@ -6,6 +6,7 @@ import contextlib
 import logging
 import os
 import threading
+import zlib
 from collections.abc import Callable, Mapping
 from pathlib import Path
 
@@ -38,6 +39,25 @@ def replace_file(path: Path, content: bytes) -> None:
         os.fsync(folder)
     finally:
         os.close(folder)
+
+
+def sealed(content: bytes) -> bytes:
+    """Return what a file is to hold: one line, and its checksum in another."""
+    return b"%b\n%08x\n" % (content, zlib.crc32(content))
+
+
+def unsealed(held: bytes) -> bytes:
+    """Return the content of a file as it was written; one of before there was a checksum is one line.
+
+    Raises:
+        ValueError: it is not as it was written.
+    """
+    content, line_end, checksum = held.partition(b"\n")
+    if line_end and held != sealed(content):
+        raise ValueError(
+            f"its checksum is {checksum[:8]!r}, of what it holds it is {zlib.crc32(content):08x}"
+        )
+    return content
 
 
 def write_at_once(run: Callable[[], None]) -> None:

@@ -8,6 +8,7 @@ from enum import IntEnum
 
 from mcserver.executor.entries import Control
 from mcserver.executor.envelope_bounds import Envelope
+from mcserver.gcode.profiles.frame import Frame
 from mcserver.gcode.semantics.modal import ModalState
 from mcserver.planning.start_state import StartState
 from mcserver.service.deferred import Deferred
@@ -74,6 +75,8 @@ class Program:
         # for the pipeline, until it begins
         self.modal: ModalState | None = None
         self.slot: int | None = None
+        # work offsets and tools as it had them last: what differs from them it has changed itself
+        self.frame = Frame()
         # all of a program that needs no planner; and whether it may move axes that are not homed
         self.controls: Sequence[Control] = ()
         self.unhomed = False

@@ -14,6 +14,7 @@ from typing import Any
 from mcserver.errors import Diagnostic
 from mcserver.executor.entries import EventKind, ExecutorEvent
 from mcserver.executor.fault_codes import WARNINGS, FaultCode
+from mcserver.gcode.profiles.frame import Frame
 from mcserver.gcode.semantics.modal import ModalState
 from mcserver.machine.machine_file import Machine
 from mcserver.planning.planner_messages import (
@@ -241,7 +242,9 @@ class ProgramTable:
         """Let a program go on behind its pause; `Pauses.refuse_lent` comes before."""
         if program.slot is None:
             return
-        self.planner.send(EndPause(program.program, self.pauses.end(program)))
+        end = self.pauses.end(program)
+        program.frame = end.frame or program.frame
+        self.planner.send(EndPause(program.program, end))
         self.port.end_pause(program.slot)
         program.paused = False
 
@@ -281,10 +284,12 @@ class ProgramTable:
             envelope=program.envelope,
         )
         if self._planned(program):
+            begins = self.start_state(program.modal)
+            program.frame = (program.modal and program.modal.frame) or begins.frame or Frame()
             request = PipelineRequest(
                 program.program,
                 grant.axes,
-                self.start_state(program.modal),
+                begins,
                 program.unhomed,
                 machine_coordinates=program.by_hand,
                 approach=tuple(program.approach),
@@ -389,8 +394,10 @@ class ProgramTable:
                 case Consumed():
                     self._consumed(program, event)
                 case FrameChanged():
+                    before, program.frame = program.frame, event.frame
                     self.offsets.keep(
                         event.frame,
+                        before=before,
                         wall=self.options.clock(),
                         client=program.client,
                         program=program.program,

@@ -13,10 +13,11 @@ from mcserver.errors import ServiceError
 from mcserver.gcode.profiles.codes import SYSTEM_NUMBERS
 from mcserver.gcode.profiles.frame import Frame, Offsets
 from mcserver.machine.dialect_section import Cutter
-from mcserver.service.kept_file import KeptFiles, Write, write_at_once
+from mcserver.service.kept_file import KeptFiles, Write, sealed, unsealed, write_at_once
 
 CHANGES_KEPT = 100
 NO_CUTTERS: Mapping[int, Cutter] = MappingProxyType({})
+NO_CUTTER = Cutter(0.0)
 
 
 class TableChange(msgspec.Struct, frozen=True):
@@ -56,7 +57,7 @@ class WorkOffsets:
     """The systems and tools that the last program left behind.
 
     Args:
-        path: of the file that keeps the systems, JSON: system → axis → m or rad. Tools and changes are kept
+        path: of the file that keeps the systems, JSON: system → axis → m or rad, and a checksum. Tools and changes are kept
             beside it.
         cutters: the tool table of the machine file. A tool that was set otherwise counts until the machine
             file says something else of it than it did then.
@@ -108,30 +109,61 @@ class WorkOffsets:
         return Frame(systems=self.systems, cutters=self._set_cutters)
 
     def keep(
-        self, frame: Frame, *, wall: float = 0.0, client: str = "", program: str = "", name: str = ""
+        self,
+        frame: Frame,
+        *,
+        before: Frame | None = None,
+        wall: float = 0.0,
+        client: str = "",
+        program: str = "",
+        name: str = "",
     ) -> None:
-        """Keep the tables of a program; a file that cannot be written leaves them in memory.
+        """Keep what a program has changed; a file that cannot be written leaves it in memory.
 
         Args:
+            frame: as the program has it now. before: as it had it last: what is the same in both it has not
+                changed, and another program may have; None: all of ``frame`` counts.
             wall: Unix time [s]. client, program, name: who changes them.
         """
-        if frame.systems == self.systems and frame.cutters == self._set_cutters:
+        systems, cutters = dict(frame.systems), dict(frame.cutters)
+        if before is not None:
+            systems = {
+                number: _merged(
+                    self.systems.get(number, {}), before.systems.get(number, {}), systems.get(number, {})
+                )
+                for number in self.systems.keys() | systems.keys()
+            }
+            cutters = self._set_cutters | {
+                number: self._merged_cutter(number, before.cutters.get(number), now)
+                for number, now in cutters.items()
+                if now != before.cutters.get(number)
+            }
+        if systems == self.systems and cutters == self._set_cutters:
             return
-        before = self._rows()
-        moved = frame.systems != self.systems
-        self.systems, self._set_cutters = dict(frame.systems), dict(frame.cutters)
+        rows = self._rows()
+        moved = systems != self.systems
+        self.systems, self._set_cutters = systems, cutters
         after = self._rows()
-        for row in [row for row in {**before, **after} if before.get(row) != after.get(row)]:
-            self._note(TableChange(wall, client, program, name, row, before.get(row, {}), after.get(row, {})))
-        cutters = {
+        for row in [row for row in {**rows, **after} if rows.get(row) != after.get(row)]:
+            self._note(TableChange(wall, client, program, name, row, rows.get(row, {}), after.get(row, {})))
+        set_cutters = {
             number: _SetCutter(each, self._file_cutters.get(number))
             for number, each in self._set_cutters.items()
         }
-        files = {self._tables_path: msgspec.json.encode(_Tables(cutters, self.changes))}
+        files = {self._tables_path: sealed(msgspec.json.encode(_Tables(set_cutters, self.changes)))}
         if moved:
-            files[self._path] = msgspec.json.encode(self.systems)
+            files[self._path] = sealed(msgspec.json.encode(self.systems))
         # systems first: who changed what is said of nothing that is not kept
         self._files.put(files)
+
+    def _merged_cutter(self, number: int, then: Cutter | None, now: Cutter) -> Cutter:
+        """Return a tool as it is kept, with what a program has changed of it."""
+        then = then or self._file_cutters.get(number, NO_CUTTER)
+        kept = self.cutters.get(number, NO_CUTTER)
+        return Cutter(
+            kept.length if now.length == then.length else now.length,
+            kept.diameter if now.diameter == then.diameter else now.diameter,
+        )
 
     def _rows(self) -> dict[str, dict[str, float]]:
         rows = {
@@ -151,6 +183,11 @@ class WorkOffsets:
         self.changes = [*self.changes, change][-CHANGES_KEPT:]
 
 
+def _merged(kept: Offsets, then: Offsets, now: Offsets) -> Offsets:
+    """Return what is kept with what one program has changed of it."""
+    return {**kept, **{axis: at for axis, at in now.items() if then.get(axis) != at}}
+
+
 def _read(path: Path, kind: Any, missing: Any) -> Any:
     """Return what a file holds.
 
@@ -158,7 +195,7 @@ def _read(path: Path, kind: Any, missing: Any) -> Any:
         ServiceError: MC529 it is there and cannot be read.
     """
     try:
-        return msgspec.json.decode(path.read_bytes(), type=kind)
+        return msgspec.json.decode(unsealed(path.read_bytes()), type=kind)
     except FileNotFoundError:
         return missing
     except (OSError, ValueError, RecursionError) as error:

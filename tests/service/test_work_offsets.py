@@ -164,3 +164,40 @@ def test_an_approval_names_a_tool_that_is_another_one() -> None:
     before, now = (StartState.of(MILL, Frame(cutters={1: Cutter(length)})) for length in (0.02, 0.025))
     assert frame_changes(MILL, None, before.frame) == []
     assert frame_changes(MILL, before.frame, now.frame) == [("T1", "length", "5 mm")]
+
+
+def test_of_programs_side_by_side_each_changes_what_it_has_set_and_nothing_else(tmp_path: Path) -> None:
+    path = tmp_path / "offsets.json"
+    offsets = WorkOffsets(path)
+    begun = Frame(systems={1: {0: 0.1, 1: 0.2}}, cutters={3: Cutter(0.05, 0.006)})
+    offsets.keep(begun)
+    one, other = (
+        Frame(systems={1: {0: 0.7, 1: 0.2}}, cutters={3: Cutter(0.08, 0.006)}),
+        Frame(systems={1: {0: 0.1, 1: 0.9}, 2: {0: 0.3}}, cutters={3: Cutter(0.05, 0.01)}),
+    )
+    offsets.keep(one, before=begun)
+    offsets.keep(other, before=begun)
+    # what one sets again counts from what it has set, whatever others did meanwhile
+    offsets.keep(Frame(systems={1: {0: 0.6, 1: 0.2}}, cutters=one.cutters), before=one)
+    again = WorkOffsets(path)
+    assert again.systems == {1: {0: 0.6, 1: 0.9}, 2: {0: 0.3}}
+    assert again.cutters == {3: Cutter(0.08, 0.01)}
+
+
+def test_no_flipped_bit_of_the_tables_is_taken_for_another_offset(tmp_path: Path) -> None:
+    path = tmp_path / "offsets.json"
+    WorkOffsets(path).keep(Frame(systems={1: {0: 0.125}}, cutters={3: Cutter(0.08, 0.01)}))
+    for file in (path, path.with_name("offsets.json.tables.json")):
+        sound = file.read_bytes()
+        for bit in range(8 * len(sound)):
+            damaged = bytearray(sound)
+            damaged[bit // 8] ^= 1 << bit % 8
+            file.write_bytes(damaged)
+            with pytest.raises(ServiceError, match="MC529"):
+                WorkOffsets(path)
+        file.write_bytes(sound)
+
+
+def test_tables_of_before_they_had_a_checksum_are_read(tmp_path: Path) -> None:
+    (tmp_path / "offsets.json").write_bytes(b'{"1":{"0":0.125}}')
+    assert WorkOffsets(tmp_path / "offsets.json").systems == {1: {0: 0.125}}
