@@ -57,8 +57,8 @@ class WorkOffsets:
     """The systems and tools that the last program left behind.
 
     Args:
-        path: of the file that keeps the systems, JSON: system → axis → m or rad, and a checksum. Tools and changes are kept
-            beside it.
+        path: of the file that keeps the systems, JSON: system → axis → m or rad, and a checksum. Tools and
+            changes are kept beside it.
         cutters: the tool table of the machine file. A tool that was set otherwise counts until the machine
             file says something else of it than it did then.
         write: as of `KeptFiles`.

@@ -149,3 +149,17 @@ async def test_an_override_set_ahead_is_kept_until_something_has_moved(cell: Vir
     cell.service.set_override(0.25, None)
     await cell.run("G10 L2 P1 X15", axes=[0])
     assert cell.service.override == 0.25
+
+
+async def test_two_programs_that_set_zeros_side_by_side_keep_both(cell: VirtualCell) -> None:
+    service = cell.service
+    programs = []
+    for axis, word in enumerate("XY"):
+        program = await service.open("test", axes=[axis])
+        lines = [f"G10 L2 P1 {word}{number}" for number in range(1, 6)]
+        await service.lines.submit("test", program.program, 1, lines, judge=False)
+        programs.append(program)
+    for program in programs:
+        service.lines.close("test", program.program)
+        assert (await cell.ended(program)).state == "finished"
+    assert service.work_tables.systems == {1: {0: pytest.approx(0.005), 1: pytest.approx(0.005)}}
