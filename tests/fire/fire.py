@@ -106,7 +106,7 @@ def burn(
     moved = None if killed_server else position - before
     wrong = disagreement(said, lines, kept, moved)
     if heard.get(program, 0) > kept.done:
-        wrong = wrong or f"its status said {heard[program]} lines done, the journal has {kept.done}"
+        wrong = wrong or f"its status or events said {heard[program]} lines done, the journal has {kept.done}"
     if fault is Fault.NOTHING and said["state"] != "finished":
         wrong = wrong or f"on a quiet link it ended {said}"
     return Outcome(wrong, str(kept.state), kept.accepted, kept.done, recovery)
@@ -171,14 +171,16 @@ def _stall(
     *,
     kill: bool,
 ) -> bool:
-    """Let the journal's disk stall, and note what the status says of programs; whether the server was
+    """Let the journal's disk stall, and note what status and events say of programs; whether the server was
     killed."""
     disk.stall()
     try:
         time.sleep(chance.uniform(0.2, 4.0))
         state = _ask(link, server)
         if state is not None:
-            heard.update(state["done"])  # type: ignore[call-overload]
+            done: dict[str, int] = state["done"]  # type: ignore[assignment]
+            ended: dict[str, int] = state["ended"]  # type: ignore[assignment]
+            heard.update({each: max(done[each], ended.get(each, 0)) for each in done})
         if kill:
             os.kill(server.pid, signal.SIGKILL)
     finally:
@@ -206,7 +208,22 @@ with zenoh.open(client_config(sys.argv[1])) as session:
         for reply in session.get(key, payload=payload, timeout=5.0):
             if reply.ok is not None:
                 last = msgspec.msgpack.decode(reply.ok.payload.to_bytes())
-print(json.dumps({"axes": last["axes"]["position"], "state": last["state"],
+    key = f"mc/@v1/{sys.argv[2]}/@rpc/fire-watch/events"
+    ended, since = {}, 0
+    for limit in (1, 1000):
+        number += 1
+        payload = msgspec.msgpack.encode({"request": number, "since": since, "limit": limit})
+        for reply in session.get(key, payload=payload, timeout=5.0):
+            if reply.ok is None:
+                continue
+            told = msgspec.msgpack.decode(reply.ok.payload.to_bytes())
+            since = max(0, told["newest"] - 990)
+            for event in told["events"]:
+                lines = [each["line"] for each in event.get("lines", [])]
+                if event["kind"] in ("lines.ended", "program.ended"):
+                    lines += [event.get("line", 0), ended.get(event["program"], 0)]
+                    ended[event["program"]] = max(lines)
+print(json.dumps({"axes": last["axes"]["position"], "state": last["state"], "ended": ended,
                   "done": {p["program"]: p["done"] for p in last["programs"]},
                   "open": [p["program"] for p in last["programs"] if p.get("ended_at") is None]}))
 """
