@@ -151,7 +151,7 @@ async def serve_until_stopped(
 class WithoutTracebacks(logging.Filter):
     """Shortens what libraries log of bytes that they cannot read: that ends one connection or one event.
 
-    A fault that has come through this project's own code keeps its traceback.
+    A fault that has come through this project's own code, beyond the door, keeps its traceback.
     """
 
     def filter(self, record: logging.LogRecord) -> bool:
@@ -159,7 +159,9 @@ class WithoutTracebacks(logging.Filter):
         if error is None:
             return True
         frames = [frame for frame, _ in traceback.walk_tb(error.__traceback__)]
-        packages = {frame.f_globals.get("__name__", "").partition(".")[0] for frame in frames}
+        names = [frame.f_globals.get("__name__", "") for frame in frames]
+        # all requests come through the door
+        packages = {name.partition(".")[0] for name in names if not name.startswith("mcserver.doors.limits")}
         if not packages & OWN_PACKAGES:
             record.msg = "what a client sent could not be understood: %s: %s"
             record.args = (type(error).__name__, visible(str(error)))
