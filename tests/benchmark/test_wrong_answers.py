@@ -37,6 +37,8 @@ SHIPPED = {task.id: task for task in shipped_tasks()}
         ("one-joint", "G1010\nG94 F6000\nG01 [0]10\nG00 [5]-80\n", Check.STRAY),
         # a rest that nobody asked for
         ("relative-and-back", "G1010\nG94 F6000\nG91 G01 X10 Y-5\nG04 P2\nG90 G01 X30 Y0\n", Check.PATH),
+        # by less than the tolerance of what was asked for
+        ("spin-and-stop", "G1030 [3]-120\nG04 P0.3\nG1030 [3]0\nG04 P0.1\nG00 X3\n", Check.STRAY),
         # there and back on the way of an axis that only its end is named of
         ("rapid-of-many-axes", "G1010\nG00 Z20\nG00 X30 Z-10 [3]90 [7]-45\n", Check.STRAY),
     ],

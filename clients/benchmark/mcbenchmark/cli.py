@@ -200,7 +200,9 @@ def _show_trial(tasks: Sequence[Task], count: int, seed: int, json: bool) -> Non
         return
     console = results()
     for missed in trial.missed:
-        console.print(Text(f"{missed.task}, {missed.kind}, passes though it is wrong:\n{missed.text}"))
+        console.print(Text(f"{missed.task}, {missed.kind}, passes though it is wrong:"))
+        for line in missed.text.strip().split("\n"):
+            console.print(Text(f"  {line}"))
     for name in trial.refused:
         console.print(Text(f"the solution of {name} fails"))
     console.print(f"{100 * trial.caught:.2f} % of {trial.wrong} wrong answers caught")

@@ -10,6 +10,9 @@ from mcbenchmark.motion_record import Array, MotionRecord
 from mcbenchmark.path_check import Followed
 from mcbenchmark.tasks import Expectation, Leg
 
+# What rests moves no more, however loose the tolerance of what moves is [mm or deg].
+RESTS = 0.05
+
 
 def stray_motion(record: MotionRecord, expect: Expectation, followed: Sequence[Followed]) -> Iterator[str]:
     """Find motion that a task does not ask for, in sentences.
@@ -47,9 +50,9 @@ def stray_motion(record: MotionRecord, expect: Expectation, followed: Sequence[F
 
 
 def _resting(record: MotionRecord, path: Array, part: Followed, tolerance: float, name: str) -> Iterator[str]:
-    off = np.abs(path[part.start : part.end + 1] - path[part.start])
-    if off.max() > tolerance:
-        when = record.time_s[part.start + int(np.argmax(off > tolerance))]
+    off, allowed = np.abs(path[part.start : part.end + 1] - path[part.start]), min(tolerance, RESTS)
+    if off.max() > allowed:
+        when = record.time_s[part.start + int(np.argmax(off > allowed))]
         yield f"{name} is not to move, and does at {when:.3f} s, by {off.max():.6g}"
 
 
