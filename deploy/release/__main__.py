@@ -59,7 +59,7 @@ def build(root: Path, output: Path, version: str, without: frozenset[str]) -> No
         run(["git", "worktree", "add", "--detach", "--quiet", str(source), "HEAD"], root)
         try:
             contents.write_contents(source, output)
-            packages.build_python(source, output, epoch, output / "mcserver.cdx.json")
+            packages.build_python(source, output, epoch, output / "sbom.cdx.json")
             for name, make in packages.OTHERS.items():
                 if name not in without:
                     print(f"{name} …", file=sys.stderr)

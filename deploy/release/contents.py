@@ -16,12 +16,12 @@ Bom = dict[str, Any]
 
 
 def write_contents(root: Path, output: Path) -> Bom:
-    """Write ``requirements.lock``, ``mcserver.cdx.json`` and ``licences.md`` of what the server needs to run.
+    """Write ``requirements.lock``, ``sbom.cdx.json`` and ``licences.md`` of what the server needs to run.
 
     The lock file has the versions of ``constraints.txt``, which the tests ran with; pip takes it with
     ``--require-hashes``.
     """
-    lock, bom = output / "requirements.lock", output / "mcserver.cdx.json"
+    lock, bom = output / "requirements.lock", output / "sbom.cdx.json"
     pins = [
         "--constraint",
         str(root / "constraints.txt"),

@@ -4,17 +4,20 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Protocol
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mcserver.clearance.meter import ClearanceMeter
-from mcserver.executor.block import Block
 from mcserver.machine.io_section import Input, Output
 from mcserver.machine.machine_file import Machine
 from mcserver.simulation.path_sampler import PathSampler
 from mcserver.simulation.tool_poses import ToolPoses
+
+if TYPE_CHECKING:
+    # it brings the compiler with it, and a command is there before a run is
+    from mcserver.executor.block import Block
 
 Array = NDArray[np.float64]
 
