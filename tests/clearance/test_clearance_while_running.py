@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import random
-from collections.abc import AsyncIterator, Callable, Sequence
-from pathlib import Path
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
@@ -22,41 +21,19 @@ from mcserver.service.program import Program
 from mcserver.simulation.simulation import simulate
 from mcserver.simulation.virtual_executor import VirtualExecutor
 from mcserver.units import MM
+from tests.clearance.cells import Start, fault_of, place
 from tests.clearance.machines import MILL, TOOL, VISE, block, mill
 from tests.service.virtual_cell import VirtualCell
 
 Make = Callable[..., VirtualCell]
-Start = Callable[..., VirtualCell]
 
 # face of the vise at X100, its top at Z40; the tool has a radius of 5 mm, the margin is 1 mm
 LAST_X, LAST_Z = 94.0, 41.0
 
 
 @pytest.fixture
-async def start(tmp_path: Path) -> AsyncIterator[Start]:
-    cells: list[VirtualCell] = []
-
-    def started(machine: Machine, cycles_a_turn: int = 50) -> VirtualCell:
-        cells.append(VirtualCell(machine, tmp_path, cycles_a_turn=cycles_a_turn))
-        return cells[-1]
-
-    yield started
-    for cell in cells:
-        await cell.stop()
-
-
-@pytest.fixture
 def make(start: Start) -> Make:
     return lambda *more: start(mill(VISE, *more))
-
-
-def fault_of(program: Program) -> tuple[str, int]:
-    assert program.fault is not None, program.state
-    return program.fault.code, program.fault.line
-
-
-def place(cell: VirtualCell, axis: int) -> float:
-    return cell.position(axis) / MM
 
 
 async def test_a_program_stops_before_what_it_would_hit_and_names_line_and_bodies(make: Make) -> None:

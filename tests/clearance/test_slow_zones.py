@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import AsyncIterator, Callable, Sequence
-from pathlib import Path
+from collections.abc import Sequence
 
 import pytest
 
@@ -11,8 +10,8 @@ from mcserver.machine.machine_file import Machine
 from mcserver.machine.section_reader import MachineFileRejected
 from mcserver.simulation.simulation import simulate_lines
 from mcserver.units import MM
+from tests.clearance.cells import Start
 from tests.clearance.machines import arm, mill
-from tests.service.virtual_cell import VirtualCell
 
 # from X50 on; the tool has a radius of 5 mm
 DESK = """
@@ -90,22 +89,6 @@ def test_a_mistake_is_named_with_its_place(old: str, new: str, message: str) -> 
     with pytest.raises(MachineFileRejected) as refused:
         mill(DESK.replace(old, new))
     assert message in str(refused.value)
-
-
-Start = Callable[[Machine], VirtualCell]
-
-
-@pytest.fixture
-async def start(tmp_path: Path) -> AsyncIterator[Start]:
-    cells: list[VirtualCell] = []
-
-    def started(machine: Machine) -> VirtualCell:
-        cells.append(VirtualCell(machine, tmp_path, cycles_a_turn=50))
-        return cells[-1]
-
-    yield started
-    for cell in cells:
-        await cell.stop()
 
 
 async def test_a_program_stops_before_it_is_too_fast_and_a_slower_one_goes_on(start: Start) -> None:

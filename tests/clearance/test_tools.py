@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import AsyncIterator, Callable
-from pathlib import Path
-
 import numpy as np
 import pytest
 
@@ -17,6 +14,7 @@ from mcserver.machine.section_reader import MachineFileRejected
 from mcserver.service.program import Program
 from mcserver.simulation.simulation import Simulation, simulate
 from mcserver.units import DEGREE, MM
+from tests.clearance.cells import Start, fault_of, place
 from tests.clearance.machines import MILL, VISE, arm, block
 from tests.service.virtual_cell import VirtualCell
 
@@ -199,30 +197,6 @@ def test_a_mistake_is_named_with_its_place(sections: str, message: str) -> None:
 
 
 # ---------------------------------------------------------------- on a server
-
-Start = Callable[..., VirtualCell]
-
-
-@pytest.fixture
-async def start(tmp_path: Path) -> AsyncIterator[Start]:
-    cells: list[VirtualCell] = []
-
-    def started(machine: Machine) -> VirtualCell:
-        cells.append(VirtualCell(machine, tmp_path, cycles_a_turn=50))
-        return cells[-1]
-
-    yield started
-    for cell in cells:
-        await cell.stop()
-
-
-def place(cell: VirtualCell, axis: int) -> float:
-    return cell.position(axis) / MM
-
-
-def fault_of(program: Program) -> tuple[str, int]:
-    assert program.fault is not None, program.state
-    return program.fault.code, program.fault.line
 
 
 async def jog(cell: VirtualCell, axis: int, distance: float) -> Program:

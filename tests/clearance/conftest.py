@@ -1,0 +1,25 @@
+"""Servers on a virtual clock, of machines that name bodies."""
+
+from __future__ import annotations
+
+from collections.abc import AsyncIterator
+from pathlib import Path
+
+import pytest
+
+from mcserver.machine.machine_file import Machine
+from tests.clearance.cells import Start
+from tests.service.virtual_cell import VirtualCell
+
+
+@pytest.fixture
+async def start(tmp_path: Path) -> AsyncIterator[Start]:
+    cells: list[VirtualCell] = []
+
+    def started(machine: Machine, cycles_a_turn: int = 50) -> VirtualCell:
+        cells.append(VirtualCell(machine, tmp_path, cycles_a_turn=cycles_a_turn))
+        return cells[-1]
+
+    yield started
+    for cell in cells:
+        await cell.stop()
