@@ -11,7 +11,7 @@ import typer
 
 from mcserver.cli.console import narration
 from mcserver.cli.options import ConnectOption, ZenohConfigOption
-from mcserver.cli.serving import require_packages, say_lost
+from mcserver.cli.serving import require_packages, run_until_stopped, say_lost
 
 if TYPE_CHECKING:
     from mcclient.fleet import FleetLink
@@ -40,9 +40,7 @@ def history(
     kept = HistoryFolder(folder, time.time, period)
     narration().print(f"history: {folder} (Ctrl-C ends)")
     try:
-        asyncio.run(_run(kept, tuple(connect or ()), zenoh, states))
-    except (KeyboardInterrupt, asyncio.CancelledError):
-        return
+        run_until_stopped(_run(kept, tuple(connect or ()), zenoh, states))
     finally:
         kept.close()
 
@@ -52,7 +50,6 @@ async def _run(kept: HistoryFolder, connect: tuple[str, ...], zenoh: Path | None
 
     from mcserver.web.fleet_events import FleetEvents
 
-    stop_on_terminate()
     events = FleetEvents(history=True)
 
     async def watch(link: FleetLink) -> None:
@@ -77,12 +74,3 @@ async def _collect(kept: HistoryFolder, link: FleetLink, events: FleetEvents, st
             for name, event in await events.poll(link, EVENTS_PERIOD_S):
                 kept.append(event_rows(name, event))
         await asyncio.sleep(max(0.0, period_s - (time.monotonic() - begun)))
-
-
-def stop_on_terminate() -> None:
-    """SIGTERM ends as Ctrl-C does: what has gathered is written."""
-    import signal
-
-    task = asyncio.current_task()
-    assert task is not None
-    asyncio.get_running_loop().add_signal_handler(signal.SIGTERM, task.cancel)

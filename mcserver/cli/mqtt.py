@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import asyncio
 import contextlib
 import os
 import time
@@ -13,9 +12,8 @@ from urllib.parse import urlsplit
 import typer
 
 from mcserver.cli.console import narration
-from mcserver.cli.history import stop_on_terminate
 from mcserver.cli.options import ConnectOption, ZenohConfigOption
-from mcserver.cli.serving import require_packages
+from mcserver.cli.serving import require_packages, run_until_stopped
 from mcserver.errors import ConfigurationError
 
 if TYPE_CHECKING:
@@ -57,13 +55,7 @@ def mqtt(
         group, node = _levels(sparkplug, 2)
         publisher = SparkplugNode(group, node, time.time)
     narration().print(f"MQTT: {found.host}:{found.port} (Ctrl-C ends)")
-
-    async def run() -> None:
-        stop_on_terminate()
-        await Bridge(publisher, 1.0 / rate).run(found, tuple(connect or ()), zenoh)
-
-    with contextlib.suppress(KeyboardInterrupt, asyncio.CancelledError):
-        asyncio.run(run())
+    run_until_stopped(Bridge(publisher, 1.0 / rate).run(found, tuple(connect or ()), zenoh))
 
 
 def _broker_at(address: str, authority: Path | None) -> Broker:

@@ -2,18 +2,16 @@
 
 from __future__ import annotations
 
-import asyncio
-import contextlib
 import re
 from typing import Annotated
 
 import typer
 
 from mcserver.cli.console import narration
-from mcserver.cli.history import stop_on_terminate
 from mcserver.cli.options import ConnectOption, ZenohConfigOption
-from mcserver.cli.serving import require_packages
+from mcserver.cli.serving import require_packages, run_until_stopped
 from mcserver.errors import ConfigurationError
+from mcserver.ros.graph import MAX_DOMAIN
 
 CONTROLLER = re.compile(r"[A-Za-z_][A-Za-z0-9_]*(/[A-Za-z_][A-Za-z0-9_]*)*")
 
@@ -28,7 +26,7 @@ def ros(
         ),
     ] = None,
     domain: Annotated[
-        int, typer.Option("--domain", min=0, max=232, envvar="ROS_DOMAIN_ID", help="Domain of ROS.")
+        int, typer.Option("--domain", min=0, max=MAX_DOMAIN, envvar="ROS_DOMAIN_ID", help="Domain of ROS.")
     ] = 0,
     machine: Annotated[
         str | None,
@@ -56,10 +54,4 @@ def ros(
         tuple(connect or ()), zenoh, tuple(ros_connect or ()), domain, machine, rate, controller
     )
     narration().print(f"ROS 2: domain {domain} (Ctrl-C ends)")
-
-    async def run() -> None:
-        stop_on_terminate()
-        await Bridge(options, narration().print).run()
-
-    with contextlib.suppress(KeyboardInterrupt, asyncio.CancelledError):
-        asyncio.run(run())
+    run_until_stopped(Bridge(options, narration().print).run())

@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import asyncio
+import contextlib
 import importlib.util
+import signal
 from typing import TYPE_CHECKING
 
 from mcserver.cli.console import narration, write_json
 from mcserver.errors import ConfigurationError
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Coroutine
 
     from mcclient import MotionError
 
@@ -48,6 +51,19 @@ def role_of(name: str, code: str) -> Role:
 def say_lost(error: MotionError) -> None:
     """Say that a process which watches all machines has lost them for now."""
     narration().print(f"{error.message}; trying again")
+
+
+def run_until_stopped(main: Coroutine[object, object, None]) -> None:
+    """Run what watches machines until Ctrl-C or SIGTERM, which cancel it: what has gathered is written."""
+
+    async def run() -> None:
+        task = asyncio.current_task()
+        assert task is not None
+        asyncio.get_running_loop().add_signal_handler(signal.SIGTERM, task.cancel)
+        await main
+
+    with contextlib.suppress(KeyboardInterrupt, asyncio.CancelledError):
+        asyncio.run(run())
 
 
 def announcing(served: str, *, json: bool) -> Callable[[str], None]:
