@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mcserver.errors import Refused
-from mcserver.gcode.text.words import AXIS_LETTERS, INCREMENTAL_LETTERS
+from mcserver.gcode.text.words import ABSOLUTE_LETTERS
 from mcserver.machine.machine_file import Machine
 from mcserver.simulation.tool_poses import ToolPoses
 
@@ -85,8 +85,7 @@ class Coordinates:
         Raises:
             Refused: MC331 the machine has no such axis.
         """
-        words = {letter for letter in AXIS_LETTERS if letter not in INCREMENTAL_LETTERS}
-        letters = {**{each: AXIS_LETTERS[each] for each in words}, **self._machine.dialect.letters}
+        letters = {**ABSOLUTE_LETTERS, **self._machine.dialect.letters}
         axis = letters.get(name, int(name) if re.fullmatch(r"[0-9]{1,4}", name) else -1)
         if axis not in self._column:
             raise Refused("MC331", f"the machine has no axis {name[:40]}", self._known())

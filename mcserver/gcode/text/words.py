@@ -20,6 +20,9 @@ def axis_letters(dialect: Dialect) -> dict[str, int]:
 
 
 INCREMENTAL_LETTERS = frozenset("UVW")
+ABSOLUTE_LETTERS: Mapping[str, int] = MappingProxyType(
+    {letter: axis for letter, axis in AXIS_LETTERS.items() if letter not in INCREMENTAL_LETTERS}
+)
 LETTERS = frozenset("ABCFGIJKMNPRTUVWXYZ")
 MAX_AXIS = 63
 LARGEST = 1e9  # in any unit; keeps every square and product finite

@@ -11,7 +11,7 @@ from mcserver.executor.fault_codes import remedy_of
 from mcserver.gcode.line_faults import TITLES
 from mcserver.gcode.text.command_table import COMMANDS
 from mcserver.gcode.text.word_table import WORDS, find_word
-from mcserver.gcode.text.words import AXIS_LETTERS, INCREMENTAL_LETTERS
+from mcserver.gcode.text.words import ABSOLUTE_LETTERS
 from mcserver.language.agents.fault_messages import messages_of
 from mcserver.language.lsp.knowledge import describe_any_code, describe_word
 from mcserver.language.rules import rules
@@ -32,7 +32,7 @@ TOPICS = {
 
 def machine_facts(machine: Machine) -> dict[str, Any]:
     """Describe a machine in the units of programs: mm, degrees and seconds."""
-    letters = {axis: letter for letter, axis in AXIS_LETTERS.items() if letter not in INCREMENTAL_LETTERS}
+    letters = {axis: letter for letter, axis in ABSOLUTE_LETTERS.items()}
     axes = []
     for axis in machine.axes:
         unit = axis.type.si_per_unit

@@ -6,7 +6,7 @@ from collections.abc import Iterable
 
 import msgspec
 
-from mcserver.gcode.text.words import AXIS_LETTERS, INCREMENTAL_LETTERS, MAX_AXIS
+from mcserver.gcode.text.words import ABSOLUTE_LETTERS, MAX_AXIS
 from mcserver.language.grammar.expressions import (
     Chars,
     Expression,
@@ -45,15 +45,14 @@ class Vocabulary(msgspec.Struct, frozen=True):
 
 def vocabulary(machine: Machine | None) -> Vocabulary:
     """Return what a machine's programs may name; without a machine, everything that the dialect can name."""
-    letters = {letter: axis for letter, axis in AXIS_LETTERS.items() if letter not in INCREMENTAL_LETTERS}
     if machine is None:
         every = tuple(range(MAX_AXIS + 1))
         return Vocabulary(
             "G-code of mcserver, any machine",
             every,
-            frozenset(letters),
+            frozenset(ABSOLUTE_LETTERS),
             every,
-            frozenset(letters),
+            frozenset(ABSOLUTE_LETTERS),
             tuple(range(MAX_TOOL + 1)),
         )
     axes = tuple(sorted(axis.index for axis in machine.axes))
@@ -64,9 +63,9 @@ def vocabulary(machine: Machine | None) -> Vocabulary:
     return Vocabulary(
         f"G-code of mcserver, machine {machine.name}",
         axes,
-        frozenset(letter for letter, axis in letters.items() if axis in axes or letter in pose),
+        frozenset(letter for letter, axis in ABSOLUTE_LETTERS.items() if axis in axes or letter in pose),
         tuple(sorted(linear)),
-        frozenset(letter for letter, axis in letters.items() if axis in linear or letter in pose),
+        frozenset(letter for letter, axis in ABSOLUTE_LETTERS.items() if axis in linear or letter in pose),
         tuple(sorted(tool.number for tool in machine.tools)),
     )
 

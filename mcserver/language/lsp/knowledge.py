@@ -9,7 +9,7 @@ import msgspec
 
 from mcserver.gcode.text.command_table import COMMANDS, CommandSpec, find_command
 from mcserver.gcode.text.word_table import WORDS, WordSpec, find_word
-from mcserver.gcode.text.words import AXIS_LETTERS, INCREMENTAL_LETTERS
+from mcserver.gcode.text.words import ABSOLUTE_LETTERS, AXIS_LETTERS
 from mcserver.language.lsp.words_at import WordAt, in_comment, word_at, words_of
 from mcserver.language.profile_codes import acting_codes, describe_profile_code, in_order
 from mcserver.language.rules import rules
@@ -154,9 +154,7 @@ def _words(before: str, start: int, machine: Machine) -> Iterator[Suggestion]:
 
 
 def _axis_words(start: int, machine: Machine, taken: set[str]) -> Iterator[Suggestion]:
-    letter_of = {
-        number: letter for letter, number in AXIS_LETTERS.items() if letter not in INCREMENTAL_LETTERS
-    }
+    letter_of = {number: letter for letter, number in ABSOLUTE_LETTERS.items()}
     for axis in machine.axes:
         name = letter_of.get(axis.index, f"[{axis.index}]")
         entry = find_word(name if name in AXIS_LETTERS else "[n]")
