@@ -104,12 +104,10 @@ def simulate_program(
             described = with_zeros(with_inputs(load_machine(machine), inputs or ()), zero or ())
             program = stack.enter_context(program_lines(file))
             prepare_planner(SHORT_LINES + 1 if program.has_more_than(SHORT_LINES) else 0)
-            from mcserver.simulation.difference import CycleKeeper, difference_from
             from mcserver.simulation.simulation import simulate_lines
 
             kinematics = build_kinematics(described)
             collect_seldom()
-            kept = CycleKeeper()
             with live_progress() as progress:
                 simulation = simulate_lines(
                     program.source,
@@ -119,12 +117,7 @@ def simulate_program(
                     record=output is not None,
                     stops=stops,
                     assertions=[read_assertion(each) for each in assertions or ()],
-                    takers=() if against is None else (kept,),
-                )
-            if against is not None and simulation.end is not None:
-                duration = simulation.report["duration_s"]
-                simulation.report["difference"] = difference_from(
-                    decode(read_program(against)), kept, duration, described, kinematics=kinematics
+                    against=None if against is None else decode(read_program(against)),
                 )
             if output is not None and simulation.recording is not None:
                 poses = ToolPoses(described, kinematics)

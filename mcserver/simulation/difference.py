@@ -114,11 +114,9 @@ def difference_from(
     Raises:
         Refused: MC332 the other program has a fault, or one of the runs is too long.
     """
-    from mckinematics.solver import MachineKinematics
+    from mcserver.simulation.simulation import simulate, solver_of
 
-    from mcserver.simulation.simulation import simulate
-
-    kept, kinematics = CycleKeeper(), given.get("kinematics")
+    kept = CycleKeeper()
     given["takers"] = (kept,)
     report = simulate(text, machine, **given).report
     if not report["ok"]:
@@ -130,8 +128,7 @@ def difference_from(
         )
     mine, theirs = this.cycles(), kept.cycles()
     same = len(mine[2]) == len(theirs[2]) and bool(np.array_equal(mine[2], theirs[2]))
-    solver = kinematics if isinstance(kinematics, MachineKinematics) else None
-    poses = ToolPoses(machine, solver)
+    poses = ToolPoses(machine, solver_of(given))
     tools = poses.numbers or (None,)
     tips = [_tip(tool, mine, theirs, machine, poses) for tool in tools]
     found = Difference(

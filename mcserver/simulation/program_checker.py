@@ -288,8 +288,6 @@ def simulate_text(
     """`mcserver.simulation.simulation.simulate`, its report and marks; runs in the worker."""
     simulation = importlib.import_module("mcserver.simulation.simulation")
     kinematics = importlib.import_module("mcserver.machine.machine_kinematics").build_kinematics(machine)
-    difference = importlib.import_module("mcserver.simulation.difference")
-    kept = difference.CycleKeeper()
     found = simulation.simulate(
         text,
         machine,
@@ -297,12 +295,8 @@ def simulate_text(
         kinematics=kinematics,
         path_points=path_points,
         assertions=assertions,
-        takers=() if against is None else (kept,),
+        against=against,
     )
-    if against is not None and found.end is not None:
-        found.report["difference"] = difference.difference_from(
-            against, kept, found.report["duration_s"], machine, start=start, kinematics=kinematics
-        )
     if not lines:
         found.report["lines"] = []
     # an assertion that does not hold takes nothing from the times

@@ -32,6 +32,7 @@ from mcserver.planning.shared_space import SharedSpace
 from mcserver.planning.start_state import PauseEnd, StartState
 from mcserver.planning.unhomed import machine_for
 from mcserver.simulation.assertions import Assertion, AssertionMeter, check_assertions
+from mcserver.simulation.difference import CycleKeeper, difference_from
 from mcserver.simulation.line_times import LineTimes
 from mcserver.simulation.path_sampler import PathSampler
 from mcserver.simulation.recorder import CycleTaker, Recorded, Recorder
@@ -106,6 +107,7 @@ class Conditions(TypedDict, total=False):
         clock: what ``planning_s`` is measured with [s].
         takers: are shown the setpoints of every cycle.
         assertions: are judged; one that does not hold is a fault (MC330).
+        against: another program's text: the report has the ``difference`` to its motion from the same start.
         stops: of a machine with bodies or zones, judge as the server does while it runs, wherever holds,
             overrides, aborts and emergency stops may bring axes.
     """
@@ -119,6 +121,7 @@ class Conditions(TypedDict, total=False):
     clock: Callable[[], float]
     takers: Sequence[CycleTaker]
     assertions: Sequence[Assertion]
+    against: str | None
     stops: bool
 
 
@@ -150,14 +153,13 @@ def simulate_lines(
 
     Raises:
         ConfigurationError: MC323 stops are to be judged, and the machine names no bodies.
-        Refused: MC331 assertions name what the machine has not, or bound nothing.
+        Refused: MC331 assertions name what the machine has not, or bound nothing; MC332 as `difference_from`.
     """
     if given.get("stops", False) and machine.clearance is None:
         raise ConfigurationError(
             "MC323", f"{machine.name} names no bodies, so stops cannot be judged", "add [clearance]"
         )
-    kinematics = given.get("kinematics")
-    solver = kinematics if isinstance(kinematics, MachineKinematics) else None
+    kinematics, solver, described = given.get("kinematics"), solver_of(given), machine
     check_assertions(given.get("assertions", ()), machine, solver)
     start = given.get("start") or StartState.of(machine)
     machine = machine_for(starting_at(machine, start.positions), start.homed, moves_unhomed=False)
@@ -172,11 +174,24 @@ def simulate_lines(
         sampler = PathSampler(machine, ToolPoses(machine, solver), path_points)
     if times is None:
         times = LineTimes(planning=bool(machine.tools))
-    run = _Run(source, machine, {**given, "start": start}, sampler, times)
-    found = run.run(faults)
+    given = {**given, "start": start}
+    against, kept = given.get("against"), CycleKeeper()
+    if against is not None:
+        given["takers"] = (*given.get("takers", ()), kept)
+    found = _Run(source, machine, given, sampler, times).run(faults)
     if sampler is not None:
         found.report["path"] = sampler.path()
+    if against is not None and found.end is not None:
+        found.report["difference"] = difference_from(
+            against, kept, found.report["duration_s"], described, start=start, kinematics=kinematics
+        )
     return found
+
+
+def solver_of(given: Conditions) -> MachineKinematics | None:
+    """Return what solves a machine's tools; None: none of them moves."""
+    kinematics = given.get("kinematics")
+    return kinematics if isinstance(kinematics, MachineKinematics) else None
 
 
 def _rejected(machine: Machine, faults: list[Diagnostic]) -> dict[str, Any]:
@@ -241,9 +256,7 @@ class _Run:
         if machine.clearance is not None:
             positions = np.array([axis.initial_position for axis in machine.axes])
             self._clearance = ClearanceMeter(machine, positions, tool_table(machine, start.frame))
-        kinematics = given.get("kinematics")
-        solver = kinematics if isinstance(kinematics, MachineKinematics) else None
-        self._assertions = AssertionMeter(given.get("assertions", ()), machine, solver)
+        self._assertions = AssertionMeter(given.get("assertions", ()), machine, solver_of(given))
         channels, keep = (row.inputs, row.outputs), given.get("record", False)
         takers = (*given.get("takers", ()), *([self._assertions] if given.get("assertions") else []))
         self._recorder = Recorder(machine, keep, channels, sampler, takers, self._clearance)
