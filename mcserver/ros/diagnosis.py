@@ -10,7 +10,7 @@ from mcserver.ros.interfaces import interfaces
 from mcserver.ros.joints import Joint
 
 KIND = "diagnostic_msgs/msg/DiagnosticArray"
-OK, WARN, ERROR, STALE = 0, 1, 2, 3
+OK, WARN, ERROR = 0, 1, 2
 
 
 def diagnosis(machine: str, status: MachineStatus, joints: tuple[Joint, ...], stamp: Any) -> Any:

@@ -54,8 +54,9 @@ LEAVING = Outcome(Status.ABORTED, INVALID_GOAL, "MC530: the server or the bridge
 
 def refused(error: MotionError) -> Outcome:
     """Return the end of a goal that the machine refuses or has ended; the action has no code for that."""
-    return Outcome(Status.ABORTED, INVALID_GOAL, f"{error.code}: {error.message}" + _hint(error.hint))
+    return Outcome(Status.ABORTED, INVALID_GOAL, f"{error.code}: {with_hint(error)}")
 
 
-def _hint(hint: str) -> str:
-    return f" ({hint})" if hint else ""
+def with_hint(error: MotionError) -> str:
+    """Return what an error says, and its remedy."""
+    return error.message + (f" ({error.hint})" if error.hint else "")

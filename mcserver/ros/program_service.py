@@ -15,6 +15,7 @@ from mcclient import Machine, MotionError
 
 from mcserver.ros.interfaces import interfaces
 from mcserver.ros.node import Node
+from mcserver.ros.outcome import with_hint
 
 log = logging.getLogger(__name__)
 
@@ -48,9 +49,7 @@ class ProgramService:
                 raise
         except MotionError as error:
             where = f"line {error.line}: " if error.line else ""
-            return _reply(
-                False, error.code, f"{where}{error.message}" + (f" ({error.hint})" if error.hint else "")
-            )
+            return _reply(False, error.code, where + with_hint(error))
         finally:
             self._under_way -= 1
         return _reply(True)

@@ -63,12 +63,6 @@ def read_tolerances(goal: Any, joints: Sequence[Joint]) -> Tolerances:
     return Tolerances(path, path_velocity, end, end_velocity, settle_s if settle_s > 0.0 else SETTLE_S)
 
 
-def default_tolerances(joints: Sequence[Joint]) -> Tolerances:
-    """Return those of a trajectory without a goal."""
-    path, velocity = _read((), joints, np.full(len(joints), math.inf))
-    return Tolerances(path, velocity, path, velocity)
-
-
 def _read(given: Sequence[Any], joints: Sequence[Joint], default: Array) -> tuple[Array, Array]:
     positions, velocities = default.copy(), np.full(len(joints), math.inf)
     columns = {joint.name: column for column, joint in enumerate(joints)}
