@@ -47,8 +47,8 @@ def build_python(root: Path, output: Path, epoch: str, bom: Path | None) -> None
                 if name == "mcserver" and bom is not None:
                     _add_bom(made, bom, epoch)
             digests.append(digests_of(made))
-            for file in made.iterdir():
-                shutil.copy(file, output)
+            if len(digests) == 1:
+                _copy(made, "*", output)
     if digests[0] != digests[1]:
         other = [name for name in digests[0] if digests[0][name] != digests[1].get(name)]
         raise NotReleasable([f"two builds of {', '.join(other)} have different bytes"])

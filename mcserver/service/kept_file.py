@@ -41,19 +41,19 @@ def replace_file(path: Path, content: bytes) -> None:
         os.close(folder)
 
 
-def sealed(content: bytes) -> bytes:
+def with_checksum(content: bytes) -> bytes:
     """Return what a file is to hold: one line, and its checksum in another."""
     return b"%b\n%08x\n" % (content, zlib.crc32(content))
 
 
-def unsealed(held: bytes) -> bytes:
+def without_checksum(held: bytes) -> bytes:
     """Return the content of a file as it was written; one of before there was a checksum is one line.
 
     Raises:
         ValueError: it is not as it was written.
     """
     content, line_end, checksum = held.partition(b"\n")
-    if line_end and held != sealed(content):
+    if line_end and held != with_checksum(content):
         raise ValueError(
             f"its checksum is {checksum[:8]!r}, of what it holds it is {zlib.crc32(content):08x}"
         )

@@ -9,7 +9,7 @@ import msgspec
 
 from mcserver.executor.stored_reference import StoredReference
 from mcserver.machine.machine_file import Axis, Machine
-from mcserver.service.kept_file import KeptFiles, Write, sealed, unsealed, write_at_once
+from mcserver.service.kept_file import KeptFiles, Write, with_checksum, without_checksum, write_at_once
 
 
 def references_file(journal: Path) -> Path:
@@ -38,7 +38,7 @@ class References:
         self.damage = ""
         found: dict[int, StoredReference] = {}
         try:
-            found = msgspec.json.decode(unsealed(path.read_bytes()), type=dict[int, StoredReference])
+            found = msgspec.json.decode(without_checksum(path.read_bytes()), type=dict[int, StoredReference])
         except FileNotFoundError:
             pass
         except (OSError, ValueError, RecursionError) as error:
@@ -100,7 +100,7 @@ class References:
         return homing is not None and homing.absolute
 
     def _write(self) -> None:
-        self._file.put({self._path: sealed(msgspec.json.encode(self._stored))})
+        self._file.put({self._path: with_checksum(msgspec.json.encode(self._stored))})
 
 
 def _is_kept(axis: Axis) -> bool:

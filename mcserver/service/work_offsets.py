@@ -13,7 +13,7 @@ from mcserver.errors import ServiceError
 from mcserver.gcode.profiles.codes import SYSTEM_NUMBERS
 from mcserver.gcode.profiles.frame import Frame, Offsets
 from mcserver.machine.dialect_section import Cutter
-from mcserver.service.kept_file import KeptFiles, Write, sealed, unsealed, write_at_once
+from mcserver.service.kept_file import KeptFiles, Write, with_checksum, without_checksum, write_at_once
 
 CHANGES_KEPT = 100
 NO_CUTTERS: Mapping[int, Cutter] = MappingProxyType({})
@@ -150,9 +150,9 @@ class WorkOffsets:
             number: _SetCutter(each, self._file_cutters.get(number))
             for number, each in self._set_cutters.items()
         }
-        files = {self._tables_path: sealed(msgspec.json.encode(_Tables(set_cutters, self.changes)))}
+        files = {self._tables_path: with_checksum(msgspec.json.encode(_Tables(set_cutters, self.changes)))}
         if moved:
-            files[self._path] = sealed(msgspec.json.encode(self.systems))
+            files[self._path] = with_checksum(msgspec.json.encode(self.systems))
         # systems first: who changed what is said of nothing that is not kept
         self._files.put(files)
 
@@ -195,7 +195,7 @@ def _read(path: Path, kind: Any, missing: Any) -> Any:
         ServiceError: MC529 it is there and cannot be read.
     """
     try:
-        return msgspec.json.decode(unsealed(path.read_bytes()), type=kind)
+        return msgspec.json.decode(without_checksum(path.read_bytes()), type=kind)
     except FileNotFoundError:
         return missing
     except (OSError, ValueError, RecursionError) as error:
