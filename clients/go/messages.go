@@ -767,7 +767,7 @@ type Judged struct {
 	Most *float64 `msgpack:"most" mc:"required"`
 	// Holds: whether the run keeps to it.
 	Holds bool `msgpack:"holds" mc:"required"`
-	// Value: the extreme that counts; nil: bodies stay farther apart than is told.
+	// Value: the extreme that counts; nil: bodies stay farther apart than is reported.
 	Value *float64 `msgpack:"value" mc:"required"`
 	// TimeS: when and in which line it has this value, or leaves the bounds of a position or speed.
 	TimeS float64 `msgpack:"time_s" mc:"required"`

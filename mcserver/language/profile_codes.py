@@ -10,7 +10,7 @@ from mcserver.gcode.text.command_table import COMMANDS
 from mcserver.language.rules import rules
 from mcserver.machine.machine_file import Machine
 
-# Rules that are told of a code, the first that name it.
+# Rules that describe a code, the first that name it.
 MOST_RULES = 2
 
 

@@ -22,8 +22,8 @@ if TYPE_CHECKING:
     from mckinematics.solver import MachineKinematics
 
 MOST_ASSERTIONS = 100
-# Bodies that stay this much above the margin apart are not told of by the clearance report [mm].
-TOLD_MM = 50.0
+# Bodies that stay this much above the margin apart are not in the clearance report [mm].
+REPORTED_MM = 50.0
 
 # A bound holds that is passed by no more [mm or deg, per second].
 ROUNDING = 1e-9
@@ -59,7 +59,7 @@ class Judged(msgspec.Struct, frozen=True):
 
     Attributes:
         what, of, least, most: of the assertion. holds: whether the run keeps to it.
-        value: the extreme that counts; None: bodies stay farther apart than is told.
+        value: the extreme that counts; None: bodies stay farther apart than is reported.
         time_s, line: when and in which line it has this value, or leaves the bounds of a position or speed.
     """
 
@@ -133,10 +133,10 @@ def check_assertions(
 def _check_clearance(bound: float, machine: Machine) -> None:
     if machine.clearance is None:
         raise Refused("MC331", f"{machine.name} names no bodies, so nothing is clear", "add [clearance]")
-    told = TOLD_MM + machine.clearance.margin * 1e3
-    if bound > told:
+    reported = REPORTED_MM + machine.clearance.margin * 1e3
+    if bound > reported:
         raise Refused(
-            "MC331", f"a clearance of {bound:g} mm: distances up to {told:g} mm are told", "ask for less"
+            "MC331", f"a clearance of {bound:g} mm: distances up to {reported:g} mm are told", "ask for less"
         )
 
 

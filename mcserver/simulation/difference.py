@@ -23,7 +23,7 @@ MOST_CYCLES = 2_000_000
 # Points of a tip's path that are compared, evenly along it.
 TIP_POINTS = 2000
 _ROWS_AT_ONCE = 256
-# An axis that differs by no more is not told of [mm or deg].
+# An axis that differs by no more is not reported [mm or deg].
 ROUNDING = 1e-9
 
 
@@ -106,7 +106,7 @@ class CycleKeeper:
 def difference_from(
     text: str, this: CycleKeeper, duration_s: float, machine: Machine, **given: Unpack[Conditions]
 ) -> dict[str, Any]:
-    """Simulate another program as this one was, and tell how it moves otherwise, as plain values.
+    """Simulate another program as this one was, and return how it moves otherwise, as plain values.
 
     Args:
         this: cycles of the run to compare with. duration_s: of it.

@@ -125,7 +125,7 @@ class ProgramChecker:
         Args:
             path_points: with the ``path`` of the tips in so many points at most; 0: without.
             lines: with the times of every line. assertions: are judged. against: another text, from whose
-                motion this one's ``difference`` is told.
+                motion this one's ``difference`` is computed.
 
         Returns:
             The object; the marks, None where the program has faults. Raises as `check`.

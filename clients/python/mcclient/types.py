@@ -1018,7 +1018,7 @@ class Judged:
         least: of the assertion.
         most: of the assertion.
         holds: whether the run keeps to it.
-        value: the extreme that counts; None: bodies stay farther apart than is told.
+        value: the extreme that counts; None: bodies stay farther apart than is reported.
         time_s: when and in which line it has this value, or leaves the bounds of a position or speed.
         line: when and in which line it has this value, or leaves the bounds of a position or speed.
     """

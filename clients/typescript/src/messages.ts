@@ -628,7 +628,7 @@ export interface Judged {
   most: number | null;
   /** whether the run keeps to it. */
   holds: boolean;
-  /** the extreme that counts; null: bodies stay farther apart than is told. */
+  /** the extreme that counts; null: bodies stay farther apart than is reported. */
   value: number | null;
   /** when and in which line it has this value, or leaves the bounds of a position or speed. */
   time_s: number;

@@ -119,7 +119,7 @@ def describe_any_code(code: str, machine: Machine) -> str:
 
 
 def _title_of(described: str) -> str:
-    """Return the title of the first rule that is told of a code of a profile."""
+    """Return the title of the first rule that describes a code of a profile."""
     found = re.search(r"\*\*D-[0-9a-z]+\*\* ([^.]*)\.", described)
     return found[1] if found is not None else ""
 

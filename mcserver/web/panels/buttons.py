@@ -22,11 +22,13 @@ class ButtonsPanel:
         self._actions = actions
         self._shown: tuple[ButtonInfo, ...] = ()
         self._cards = ui.element("div").classes("mc-place")
+        self._cards.set_visibility(False)
 
     def update(self, info: Info) -> None:
         if info.buttons == self._shown:
             return
         self._shown = info.buttons
+        self._cards.set_visibility(bool(info.buttons))
         self._cards.clear()
         groups = dict.fromkeys(each.group for each in info.buttons)
         with self._cards:

@@ -876,7 +876,7 @@ pub struct Judged {
     pub most: Option<f64>,
     /// whether the run keeps to it.
     pub holds: bool,
-    /// the extreme that counts; none: bodies stay farther apart than is told.
+    /// the extreme that counts; none: bodies stay farther apart than is reported.
     #[serde(deserialize_with = "Option::deserialize")]
     pub value: Option<f64>,
     /// when and in which line it has this value, or leaves the bounds of a position or speed.

@@ -707,7 +707,7 @@ public final class Messages {
      * @param least of the assertion.
      * @param most of the assertion.
      * @param holds whether the run keeps to it.
-     * @param value the extreme that counts; null: bodies stay farther apart than is told.
+     * @param value the extreme that counts; null: bodies stay farther apart than is reported.
      * @param timeS when and in which line it has this value, or leaves the bounds of a position or speed.
      * @param line when and in which line it has this value, or leaves the bounds of a position or speed.
      */
