@@ -244,6 +244,8 @@ type Ack struct {
 	// Rejections: how many lines of the program have been rejected so far. An acknowledgement with a smaller count
 	// than one before is older: its numbers are of lines that are given up.
 	Rejections int64 `msgpack:"rejections"`
+	// Reason: why it was aborted: by whom, or a code; empty in programs of an earlier start of the server.
+	Reason string `msgpack:"reason"`
 }
 
 // ArgumentInfo: A number that a button asks for, in the units of its text; `first` is shown first.
@@ -1029,6 +1031,8 @@ type ProgramStatus struct {
 	Rejections int64 `msgpack:"rejections"`
 	// Servo: of a program in servo mode; nil: it is none.
 	Servo *ServoStatus `msgpack:"servo"`
+	// Reason: as in `Ack`.
+	Reason string `msgpack:"reason"`
 }
 
 // ProgramsReply: Newest first.

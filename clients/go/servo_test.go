@@ -5,6 +5,7 @@ import (
 	"math"
 	"path/filepath"
 	"reflect"
+	"strings"
 	"testing"
 	"time"
 )
@@ -76,9 +77,9 @@ func (p *targetPlayer) step(number int, what string, value json.RawMessage) {
 			t.Fatalf("step %d: it is %s, not %s", number, p.stream.state, wanted.State)
 		}
 	case "fails":
-		var wanted struct{ Code string }
+		var wanted struct{ Code, Says string }
 		must(t, json.Unmarshal(value, &wanted))
-		if Code(p.failed) != wanted.Code || p.put != nil {
+		if Code(p.failed) != wanted.Code || !strings.Contains(p.failed.Error(), wanted.Says) || p.put != nil {
 			t.Fatalf("step %d: %v with %v, not %s", number, p.failed, p.put, wanted.Code)
 		}
 	default:

@@ -128,7 +128,8 @@ func (s *stream) refused(refusal *RefusedError) error {
 		}
 	case cause.Code == "MC510":
 		if state, found := cause.Details["state"].(string); found && ProgramState(state).Ended() {
-			s.ended(ProgramState(state), nil, nil)
+			reason, _ := cause.Details["reason"].(string)
+			s.ended(ProgramState(state), nil, nil, reason)
 		}
 		if s.failure == nil {
 			s.failure = s.closed()
@@ -151,7 +152,7 @@ func (s *stream) acknowledged(ack *Ack) {
 		return
 	}
 	s.numbers(ack.Rejections, ack.Accepted, ack.Done, ack.Credit)
-	s.enter(ack.State, ack.Fault, ack.Diagnostics)
+	s.enter(ack.State, ack.Fault, ack.Diagnostics, ack.Reason)
 	s.leftOver()
 }
 
@@ -164,7 +165,7 @@ func (s *stream) asked(status *ProgramStatus) {
 	}
 	ack := &Ack{
 		Program: status.Program, Accepted: status.Accepted, Done: status.Done, Credit: status.Credit, State: status.State, Rejected: status.Rejected,
-		Diagnostics: status.Diagnostics, Fault: status.Fault, Rejections: status.Rejections,
+		Diagnostics: status.Diagnostics, Fault: status.Fault, Rejections: status.Rejections, Reason: status.Reason,
 	}
 	s.report(ack)
 	if s.isOld(ack) {
@@ -242,23 +243,26 @@ func (s *stream) cut(line int64) {
 	s.accepted = min(s.accepted, line-1)
 }
 
-func (s *stream) enter(state ProgramState, fault *Fault, diagnostics []Diagnostic) {
+func (s *stream) enter(state ProgramState, fault *Fault, diagnostics []Diagnostic, reason string) {
 	if s.state.Ended() {
 		return
 	}
 	if state.Ended() {
-		s.ended(state, fault, diagnostics)
+		s.ended(state, fault, diagnostics, reason)
 		return
 	}
 	s.state = state
 }
 
-func (s *stream) ended(state ProgramState, fault *Fault, diagnostics []Diagnostic) {
+func (s *stream) ended(state ProgramState, fault *Fault, diagnostics []Diagnostic, reason string) {
 	if s.state.Ended() {
 		return
 	}
 	s.state = state
-	cause := &Error{Code: CodeAborted, Message: fmt.Sprintf("the program was aborted; lines through %d are done", s.done), Hint: "an operator did so, or the server saw this client go"}
+	if reason != "" {
+		reason = " (" + reason + ")"
+	}
+	cause := &Error{Code: CodeAborted, Message: fmt.Sprintf("the program was aborted%s; lines through %d are done", reason, s.done), Hint: "once the machine is clear, open another one"}
 	switch {
 	case state == ProgramStateFinished:
 		return
@@ -284,7 +288,7 @@ func (s *stream) abandon() {
 }
 
 // unknown: the server knows no such program, so that it was another start of it that ran the program.
-func (s *stream) unknown() { s.ended(ProgramStateInterrupted, nil, nil) }
+func (s *stream) unknown() { s.ended(ProgramStateInterrupted, nil, nil, "") }
 
 // leftOver raises that lines wait for a program that has finished without them.
 func (s *stream) leftOver() {

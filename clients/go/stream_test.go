@@ -6,6 +6,7 @@ import (
 	"os"
 	"path/filepath"
 	"reflect"
+	"strings"
 	"testing"
 )
 
@@ -133,12 +134,12 @@ func (p *player) step(number int, what string, value json.RawMessage) {
 		}
 	case "fails":
 		var wanted struct {
-			Code         string
+			Code, Says   string
 			Line, Column int64
 		}
 		must(t, json.Unmarshal(value, &wanted))
-		if Code(p.stream.failure) != wanted.Code {
-			t.Fatalf("step %d: fails with %v, not %s", number, p.stream.failure, wanted.Code)
+		if Code(p.stream.failure) != wanted.Code || !strings.Contains(p.stream.failure.Error(), wanted.Says) {
+			t.Fatalf("step %d: fails with %v, not %s %s", number, p.stream.failure, wanted.Code, wanted.Says)
 		}
 		var rejected *RejectedError
 		if wanted.Line > 0 && (!errors.As(p.stream.failure, &rejected) || rejected.Line != wanted.Line || rejected.Column != wanted.Column) {

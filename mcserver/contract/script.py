@@ -106,7 +106,7 @@ class Script:
         program = self.program
         self._note("knows", {"accepted": program.journaled, "done": program.done, "state": program.state})
 
-    def fails(self, code: str, **place: int) -> None:
+    def fails(self, code: str, **place: int | str) -> None:
         """The application learns a failure."""
         self._note("fails", {"code": code, **place})
 
@@ -175,9 +175,10 @@ class Script:
         self.program.reject(line, [wire_diagnostic(diagnostic)])
         self._unheard = line
 
-    def ends(self, state: ProgramState, fault: Fault | None = None) -> None:
+    def ends(self, state: ProgramState, fault: Fault | None = None, reason: str = "") -> None:
         """The program ends; the acknowledgement says how."""
         self.program.fault = fault
+        self.program.reason = reason
         if state == "finished":
             self._run(self.program.journaled)
         self.program.state = state

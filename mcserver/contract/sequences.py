@@ -244,13 +244,13 @@ def _behind_the_end() -> Script:
 
 def _aborted() -> Script:
     script = Script(
-        "aborted", "an operator's abort is raised to the application; nothing more is sent", room=2
+        "aborted", "an abort is raised to the application with its reason; nothing more is sent", room=2
     )
     script.give(*lines(5))
     script.exchange(1, 2)
     script.enters("ending")
-    script.ends("aborted")
-    script.fails("MC535")
+    script.ends("aborted", reason="aborted by ann")
+    script.fails("MC535", says="(aborted by ann)")
     script.settled()
     return script
 

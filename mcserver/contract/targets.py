@@ -75,18 +75,19 @@ class TargetScript:
             self.program.targets.take(targets_in_si(self.program, message), self._sent)
         self._sent = round(self._sent + PERIOD_S, 3)
 
-    def give_in_vain(self, positions: Rows, code: str) -> None:
+    def give_in_vain(self, positions: Rows, code: str, says: str = "") -> None:
         """The application gives targets once the program has ended: nothing goes out."""
         self._given(positions, None, None, 0.1)
-        self._note("fails", {"code": code})
+        self._note("fails", {"code": code, "says": says})
 
     def refuses(self, refusal: Refused) -> None:
         """The server does not let the axes follow."""
         self._steps.append(error_message(refusal))
-        self._note("fails", {"code": refusal.code})
+        self._note("fails", {"code": refusal.code, "says": refusal.message})
 
-    def ends(self, state: ProgramState) -> None:
+    def ends(self, state: ProgramState, reason: str = "") -> None:
         """The program ends; the acknowledgement says how."""
+        self.program.reason = reason
         self.program.state = state
         self._note("ack", shown_message(self.program.ack()))
         self._note("knows", {"state": state})
@@ -179,6 +180,6 @@ def _silence() -> TargetScript:
         "silence", "a program that was stopped, as for want of targets, says so at the next ones"
     )
     script.give([[2.0, 2.0]])
-    script.ends("aborted")
-    script.give_in_vain([[3.0, 3.0]], "MC535")
+    script.ends("aborted", "MC465: no targets came in time")
+    script.give_in_vain([[3.0, 3.0]], "MC535", says="(MC465: no targets came in time)")
     return script

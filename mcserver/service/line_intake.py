@@ -150,6 +150,7 @@ class LineIntake:
                 f"{program.program} takes no more lines: {program.state}",
                 "open another program",
                 state=program.state,
+                reason=program.reason,
                 **_numbers(program),
             )
         if not of_now:

@@ -159,6 +159,7 @@ class Program:
             fault=self.fault,
             expected=expected,
             rejections=self.epoch,
+            reason=self.reason,
         )
 
     @property
@@ -202,6 +203,7 @@ class Program:
             rejected=self.rejected,
             diagnostics=self.diagnostics,
             rejections=self.epoch,
+            reason=self.reason,
             resume_of=self.resume_of,
             servo=None if self.targets is None else self.targets.status,
             opened_at=self.opened_at,

@@ -100,6 +100,7 @@ class Ack(msgspec.Struct, frozen=True, omit_defaults=True):
         expected: set where the message acknowledged held a gap: the number that is expected.
         rejections: how many lines of the program have been rejected so far. An acknowledgement with a smaller
             count than one before is older: its numbers are of lines that are given up.
+        reason: why it was aborted: by whom, or a code; empty in programs of an earlier start of the server.
     """
 
     program: str
@@ -112,6 +113,7 @@ class Ack(msgspec.Struct, frozen=True, omit_defaults=True):
     fault: Fault | None = None
     expected: int = 0
     rejections: int = 0
+    reason: str = ""
 
 
 class ServoStatus(msgspec.Struct, frozen=True):
@@ -151,7 +153,7 @@ class ProgramStatus(msgspec.Struct, frozen=True, omit_defaults=True):
             the lines so far.
         pauses: how many of its lines to come wait for an operator, as far as simulated; `eta_s` is without
             these waits.
-        rejections: as in `Ack`; 0 in programs of an earlier start of the server.
+        rejections: as in `Ack`; 0 in programs of an earlier start of the server. reason: as in `Ack`.
         servo: of a program in servo mode; None: it is none.
         opened_at, ended_at: Unix time [s].
     """
@@ -182,6 +184,7 @@ class ProgramStatus(msgspec.Struct, frozen=True, omit_defaults=True):
     pauses: int = 0
     rejections: int = 0
     servo: ServoStatus | None = None
+    reason: str = ""
 
 
 class AxesStatus(msgspec.Struct, frozen=True):

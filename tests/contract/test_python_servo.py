@@ -92,6 +92,7 @@ class Player:
             case "fails":
                 assert self.failure is not None
                 assert self.failure.code == value["code"]
+                assert value["says"] in self.failure.message
                 assert not self.server.sent
             case _:
                 raise AssertionError(f"there is no step {what}")

@@ -155,6 +155,7 @@ class Player:
     async def fails(self, value: dict[str, Any]) -> None:
         error = await self._failure()
         assert error.code == value["code"]
+        assert value.get("says", "") in error.message
         if "line" in value:
             assert (error.line, error.column) == (value["line"], value["column"])
 

@@ -25,7 +25,7 @@ class Extent(NamedTuple):
 
 
 def ending(
-    state: str, extent: Extent, fault: Fault | None, diagnostics: tuple[Diagnostic, ...]
+    state: str, extent: Extent, fault: Fault | None, diagnostics: tuple[Diagnostic, ...], reason: str = ""
 ) -> MotionError | None:
     """The error for a program that has ended in this state; None where it has ended well."""
     if state == "finished":
@@ -36,10 +36,11 @@ def ending(
         return rejected(diagnostics[0].line if diagnostics else extent.accepted + 1, extent, diagnostics)
     if state == "interrupted":
         return interrupted(extent)
+    why = f" ({reason})" if reason else ""
     return ProgramAborted(
         "MC535",
-        f"the program was aborted; lines through {extent.done} are done",
-        "an operator did so, or the server saw this client's link go",
+        f"the program was aborted{why}; lines through {extent.done} are done",
+        "once the machine is clear, open another one with machine.program()",
         **extent._asdict(),
     )
 

@@ -157,7 +157,7 @@ class ProgramFaulted(ProgramError):
 
 
 class ProgramAborted(ProgramError):
-    """An operator ended the program, or the server saw this client's link go."""
+    """The program was stopped before its end; the message says why."""
 
 
 class ProgramInterrupted(ProgramError):

@@ -193,7 +193,7 @@ class Servo:
                 accepted=0,
                 done=0,
             )
-        return endings.ending(report.state, Extent(self.id, 0, 0), report.fault, ())
+        return endings.ending(report.state, Extent(self.id, 0, 0), report.fault, (), report.reason)
 
 
 def _nothing() -> None:

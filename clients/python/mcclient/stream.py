@@ -234,13 +234,14 @@ class LineStream:
         done: int,
         fault: Fault | None = None,
         diagnostics: tuple[Diagnostic, ...] = (),
+        reason: str = "",
     ) -> None:
         """Takes the program's state; the first one that is an end stays."""
         self.done = max(self.done, done)
         if not self.ended:
             self.state = state
             if self.ended and (self.failure is None or state != "finished"):
-                self._fail(endings.ending(state, self.extent, fault, diagnostics))
+                self._fail(endings.ending(state, self.extent, fault, diagnostics, reason))
         self._changed.set()
         self._wake.set()
 
@@ -258,7 +259,7 @@ class LineStream:
             self._hear_rejection(report)
         self._take(report.accepted, report.credit, report.rejections, expected)
         if report.rejections >= self.rejections or report.state in ENDED:
-            self.progress(report.state, report.done, report.fault, report.diagnostics)
+            self.progress(report.state, report.done, report.fault, report.diagnostics, report.reason)
 
     def _take(self, accepted: int, credit: int, rejections: int, expected: int = 0) -> None:
         """Takes numbers, unless a line before them has been rejected since, or one that is not heard of."""

@@ -294,6 +294,8 @@ class Ack:
         expected: set where the message acknowledged held a gap: the number that is expected.
         rejections: how many lines of the program have been rejected so far. An acknowledgement with a
             smaller count than one before is older: its numbers are of lines that are given up.
+        reason: why it was aborted: by whom, or a code; empty in programs of an earlier start of the
+            server.
     """
 
     program: str
@@ -306,6 +308,7 @@ class Ack:
     fault: Fault | None = None
     expected: int = 0
     rejections: int = 0
+    reason: str = ""
 
 
 @dataclass(frozen=True, slots=True)
@@ -1081,6 +1084,7 @@ class ProgramStatus:
             without these waits.
         rejections: as in `Ack`; 0 in programs of an earlier start of the server.
         servo: of a program in servo mode; None: it is none.
+        reason: as in `Ack`.
     """
 
     program: str
@@ -1109,6 +1113,7 @@ class ProgramStatus:
     pauses: int = 0
     rejections: int = 0
     servo: ServoStatus | None = None
+    reason: str = ""
 
 
 @dataclass(frozen=True, slots=True)

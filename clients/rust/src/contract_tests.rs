@@ -273,6 +273,8 @@ impl Player {
                 let error =
                     self.verdict.take().or_else(|| core.check_wait(false, core.heard()).err()).expect(place);
                 assert_eq!(error.code(), text(value, "code"), "{place}");
+                let says = value["says"].as_str().unwrap_or_default();
+                assert!(error.to_string().contains(says), "{place}: {error}");
                 if let Some(line) = value.get("line") {
                     assert_eq!(
                         (&json!(error.line()), &json!(error.column())),
@@ -337,10 +339,11 @@ impl TargetPlayer {
                 "{place}"
             ),
             "fails" => {
-                assert_eq!(
-                    self.failed.as_ref().map(Error::code),
-                    value["code"].as_str(),
-                    "{place}"
+                let error = self.failed.as_ref().expect(place);
+                assert_eq!(error.code(), text(value, "code"), "{place}");
+                assert!(
+                    error.to_string().contains(text(value, "says")),
+                    "{place}: {error}"
                 );
                 assert_eq!(self.put, None, "{place}");
             }

@@ -258,7 +258,7 @@ impl Core {
     /// Takes the answer to [`Step::Ask`]; none: the server knows no such program.
     pub fn on_status(&mut self, status: Option<&ProgramStatus>, now: Duration) {
         let Some(status) = status else {
-            self.progress(&ProgramState::Interrupted, 0, None, &[]);
+            self.progress(&ProgramState::Interrupted, 0, None, &[], "");
             return;
         };
         let ack = Ack {
@@ -272,6 +272,7 @@ impl Core {
             fault: status.fault.clone(),
             expected: 0,
             rejections: status.rejections,
+            reason: status.reason.clone(),
         };
         self.on_ack(&ack, now);
         if !self.judging {
@@ -286,7 +287,13 @@ impl Core {
         }
         self.take(ack.accepted, ack.credit, ack.rejections, ack.expected, now);
         if ack.rejections >= self.rejections || ack.state.is_end() {
-            self.progress(&ack.state, ack.done, ack.fault.as_ref(), &ack.diagnostics);
+            self.progress(
+                &ack.state,
+                ack.done,
+                ack.fault.as_ref(),
+                &ack.diagnostics,
+                &ack.reason,
+            );
         }
     }
 
@@ -316,6 +323,7 @@ impl Core {
         done: u64,
         fault: Option<&Fault>,
         diagnostics: &[Diagnostic],
+        reason: &str,
     ) {
         self.done = self.done.max(done);
         if self.ended() {
@@ -323,7 +331,7 @@ impl Core {
         }
         self.state = state.clone();
         if self.ended() && (self.failure.is_none() || *state != ProgramState::Finished) {
-            let ending = self.extent().ending(state, fault, diagnostics);
+            let ending = self.extent().ending(state, fault, diagnostics, reason);
             self.fail(ending);
         }
     }
@@ -331,7 +339,7 @@ impl Core {
     /// Takes the reply to a line under judgement.
     pub fn on_reply(&mut self, reply: &SubmitReply, now: Duration) {
         self.take(reply.accepted, reply.credit, reply.rejections, 0, now);
-        self.progress(&self.state.clone(), reply.done, None, &[]);
+        self.progress(&self.state.clone(), reply.done, None, &[], "");
     }
 
     /// Takes the refusal of line `number`: it, or one before it that had been accepted, is faulty. Returns the error.
@@ -357,6 +365,7 @@ impl Core {
             refusal.number("done").unwrap_or(0),
             None,
             &[],
+            "",
         );
         let rejection = self.extent().rejected(line, diagnostics);
         if line < number {

@@ -72,6 +72,7 @@ fn ack(accepted: u64, done: u64, credit: u64, expected: u64) -> Ack {
         fault: None,
         expected,
         rejections: 0,
+        reason: String::new(),
     }
 }
 

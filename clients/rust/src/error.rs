@@ -42,7 +42,7 @@ pub enum Error {
     /// A fault of the machine ended the program.
     #[error("{0}")]
     ProgramFaulted(Box<ProgramProblem>),
-    /// An operator ended the program, or the server saw this client's link go.
+    /// The program was stopped before its end; the message says why.
     #[error("{0}")]
     ProgramAborted(Box<ProgramProblem>),
     /// The server that ran the program went away: lines through `done` have surely ended, the one after may have
@@ -247,6 +247,7 @@ impl Extent {
         state: &ProgramState,
         fault: Option<&Fault>,
         diagnostics: &[Diagnostic],
+        reason: &str,
     ) -> Option<Error> {
         match state {
             ProgramState::Finished => None,
@@ -256,7 +257,7 @@ impl Extent {
                 Some(self.rejected(line, diagnostics.to_vec()))
             }
             ProgramState::Interrupted => Some(self.interrupted()),
-            _ => Some(self.aborted()),
+            _ => Some(self.aborted(reason)),
         }
     }
 
@@ -301,11 +302,19 @@ impl Extent {
         Error::ProgramFaulted(self.about(problem, Some(fault)))
     }
 
-    fn aborted(&self) -> Error {
+    fn aborted(&self, reason: &str) -> Error {
+        let why = if reason.is_empty() {
+            String::new()
+        } else {
+            format!(" ({reason})")
+        };
         let problem = Problem::new(
             "MC535",
-            format!("the program was aborted; lines through {} are done", self.done),
-            "an operator did so, or the server saw this client's link go",
+            format!(
+                "the program was aborted{why}; lines through {} are done",
+                self.done
+            ),
+            "once the machine is clear, open another one",
         );
         Error::ProgramAborted(self.about(problem, None))
     }

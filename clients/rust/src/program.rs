@@ -249,7 +249,7 @@ impl Program {
             // the reply does not say why it ended
             return stream.resynchronise().await;
         }
-        stream.with(|core, _| core.progress(&reply.state, reply.done, None, &[]));
+        stream.with(|core, _| core.progress(&reply.state, reply.done, None, &[], ""));
         stream.tell();
         Ok(())
     }

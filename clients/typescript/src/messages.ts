@@ -91,6 +91,8 @@ export interface Ack {
    * before is older: its numbers are of lines that are given up.
    */
   rejections?: number;
+  /** why it was aborted: by whom, or a code; empty in programs of an earlier start of the server. */
+  reason?: string;
 }
 
 /** A number that a button asks for, in the units of its text; `first` is shown first. */
@@ -895,6 +897,8 @@ export interface ProgramStatus {
   rejections?: number;
   /** of a program in servo mode; null: it is none. */
   servo?: ServoStatus | null;
+  /** as in `Ack`. */
+  reason?: string;
 }
 
 /** Newest first. */

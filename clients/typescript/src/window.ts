@@ -93,7 +93,7 @@ export class LineWindow {
     if (refusal.code === "MC505" || refusal.code === "MC503") this.stale ||= !this.failure;
     else if (refusal.code === "MC510") {
       const state = String(refusal.details["state"] ?? "");
-      if (ENDED.has(state)) this.#end(state as ProgramState);
+      if (ENDED.has(state)) this.#end(state as ProgramState, null, [], String(refusal.details["reason"] ?? ""));
       this.failure ??= this.#closed();
     } else {
       // such as MC519: whether the lines will be taken is not said
@@ -109,7 +109,7 @@ export class LineWindow {
     this.#report(ack);
     if (this.#isOld(ack)) return;
     this.#numbers(ack.rejections ?? 0, ack.accepted, ack.done, ack.credit);
-    this.#enter(ack.state, ack.fault, ack.diagnostics ?? []);
+    this.#enter(ack.state, ack.fault, ack.diagnostics ?? [], ack.reason);
     this.#leftOver();
   }
 
@@ -176,12 +176,12 @@ export class LineWindow {
     this.accepted = Math.min(this.accepted, line - 1);
   }
 
-  #enter(state: ProgramState, fault: Fault | null | undefined, diagnostics: Diagnostic[]): void {
+  #enter(state: ProgramState, fault: Fault | null | undefined, diagnostics: Diagnostic[], reason?: string): void {
     if (this.ended) return;
-    if (ENDED.has(state)) this.#end(state, fault, diagnostics); else this.state = state;
+    if (ENDED.has(state)) this.#end(state, fault, diagnostics, reason); else this.state = state;
   }
 
-  #end(state: ProgramState, fault: Fault | null = null, diagnostics: Diagnostic[] = []): void {
+  #end(state: ProgramState, fault: Fault | null = null, diagnostics: Diagnostic[] = [], reason = ""): void {
     if (this.ended) return;
     this.state = state;
     if (state === "finished") return;
@@ -189,7 +189,7 @@ export class LineWindow {
     const code = state === "interrupted" ? "MC534" : fault ? fault.code : state === "faulted" ? "MC400" : "MC535";
     const message = state === "interrupted"
       ? `the server that ran the program went away; lines through ${this.done} are done, line ${this.done + 1} may have begun`
-      : fault?.message ?? `the program was ${state}; lines through ${this.done} are done`;
+      : fault?.message ?? `the program was ${state}${reason && ` (${reason})`}; lines through ${this.done} are done`;
     const hint = state === "interrupted" ? `machine.continueProgram({ program: "${this.#program}" }) goes on` : fault?.hint ?? "";
     this.failure = new ProgramEnded(state, code, message, hint, this.accepted, this.done);
   }

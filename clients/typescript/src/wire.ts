@@ -12,11 +12,11 @@ const OPENED = { program: "string", state: "string", axes: "array", expected: "n
 const FIELDS: Record<string, Record<string, Kind | `${Kind}?`>> = {
   Ack: {
     program: "string", accepted: "number", done: "number", credit: "number", state: "string",
-    rejected: "number?", diagnostics: "array?", fault: "object?", expected: "number?", rejections: "number?",
+    rejected: "number?", diagnostics: "array?", fault: "object?", expected: "number?", rejections: "number?", reason: "string?",
   },
   ProgramStatus: {
     program: "string", accepted: "number", done: "number", credit: "number", state: "string",
-    rejected: "number?", diagnostics: "array?", fault: "object?", rejections: "number?",
+    rejected: "number?", diagnostics: "array?", fault: "object?", rejections: "number?", reason: "string?",
   },
   OpenReply: OPENED,
   ContinueReply: { ...OPENED, line: "number", resume_of: "string", whole: "boolean" },

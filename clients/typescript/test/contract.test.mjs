@@ -68,9 +68,10 @@ const steps = {
     } else play.window.answered(play.message("SubmitReply", answer.reply));
   },
   knows(play, { accepted, done, state }) { assert.deepEqual({ accepted: play.window.accepted, done: play.window.done, state: play.window.state }, { accepted, done, state }); },
-  fails(play, { code, line, column }) {
+  fails(play, { code, line, column, says = "" }) {
     const failure = play.window.failure;
     assert.equal(failure?.code, code);
+    assert.ok(failure.message.includes(says), failure.message);
     if (line) assert.ok(failure instanceof ProgramRejected && failure.diagnostics[0].line === line && failure.diagnostics[0].column === column);
     // from here on the application knows
     play.window.forgive();
@@ -123,7 +124,11 @@ const servoSteps = {
   },
   ack(play, { bytes: hex }) { play.deliver(decode(bytes(hex))); },
   knows(play, { state }) { assert.equal(play.servo.state, state); },
-  fails(play, { code }) { assert.equal(play.failed?.code, code); assert.deepEqual(play.put, []); },
+  fails(play, { code, says }) {
+    assert.equal(play.failed?.code, code);
+    assert.ok(play.failed.message.includes(says), play.failed.message);
+    assert.deepEqual(play.put, []);
+  },
 };
 
 for (const name of readdirSync(new URL("targets/", folder))) {

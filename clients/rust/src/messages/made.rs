@@ -134,6 +134,9 @@ pub struct Ack {
     /// one before is older: its numbers are of lines that are given up.
     #[serde(default)]
     pub rejections: u64,
+    /// why it was aborted: by whom, or a code; empty in programs of an earlier start of the server.
+    #[serde(default)]
+    pub reason: String,
 }
 
 /// A number that a button asks for, in the units of its text; `first` is shown first.
@@ -1262,6 +1265,9 @@ pub struct ProgramStatus {
     /// of a program in servo mode; none: it is none.
     #[serde(default)]
     pub servo: Option<ServoStatus>,
+    /// as in `Ack`.
+    #[serde(default)]
+    pub reason: String,
 }
 
 fn program_status_simulated() -> f64 {

@@ -293,7 +293,7 @@ final class LineCore {
             String end = String.valueOf(refusal.details().getOrDefault("state", "closed"));
             for (ProgramState each : ENDED) {
                 if (each.word().equals(end)) {
-                    progress(each, done, null, List.of());
+                    progress(each, done, null, List.of(), String.valueOf(refusal.details().getOrDefault("reason", "")));
                 }
             }
             if (failure == null && !end.equals("ending")) {
@@ -318,7 +318,7 @@ final class LineCore {
             return;
         }
         take(ack.accepted(), ack.credit(), ack.rejections());
-        progress(ack.state(), ack.done(), ack.fault(), ack.diagnostics());
+        progress(ack.state(), ack.done(), ack.fault(), ack.diagnostics(), ack.reason());
     }
 
     /** Takes the program as the server knows it; null: it knows no such program. */
@@ -326,19 +326,19 @@ final class LineCore {
         lost = false;
         if (status == null) {
             underWay = false;
-            progress(ProgramState.INTERRUPTED, 0, null, List.of());
+            progress(ProgramState.INTERRUPTED, 0, null, List.of(), "");
             return;
         }
         underWay = underWay && judging;
         onAck(new Messages.Ack(
                 program, status.accepted(), status.done(), status.credit(), status.state(), status.rejected(), status.diagnostics(),
-                status.fault(), 0, status.rejections()));
+                status.fault(), 0, status.rejections(), status.reason()));
     }
 
     void onClosed(Messages.CloseReply reply) {
         closed = true;
         if (!ENDED.contains(reply.state())) {
-            progress(reply.state(), reply.done(), null, List.of());
+            progress(reply.state(), reply.done(), null, List.of(), "");
         }
     }
 
@@ -393,18 +393,19 @@ final class LineCore {
     }
 
     /** Takes the program's state; the first one that is an end stays. */
-    private void progress(ProgramState now, long done, Messages.Fault fault, List<Messages.Diagnostic> diagnostics) {
+    private void progress(
+            ProgramState now, long done, Messages.Fault fault, List<Messages.Diagnostic> diagnostics, String reason) {
         this.done = Math.max(this.done, done);
         if (ended()) {
             return;
         }
         state = now;
         if (ended() && (failure == null || now != ProgramState.FINISHED)) {
-            fail(ending(fault, diagnostics));
+            fail(ending(fault, diagnostics, reason));
         }
     }
 
-    private MotionException ending(Messages.Fault fault, List<Messages.Diagnostic> diagnostics) {
+    private MotionException ending(Messages.Fault fault, List<Messages.Diagnostic> diagnostics, String reason) {
         return switch (state) {
             case FINISHED -> null;
             case FAULTED -> new MotionException.ProgramFaulted(
@@ -413,7 +414,7 @@ final class LineCore {
             case REJECTED -> new MotionException.ProgramRejected(
                     diagnostics.isEmpty() ? accepted + 1 : diagnostics.get(0).line(), extent(), diagnostics);
             case INTERRUPTED -> new MotionException.ProgramInterrupted(extent());
-            default -> new MotionException.ProgramAborted(extent());
+            default -> new MotionException.ProgramAborted(extent(), reason);
         };
     }
 

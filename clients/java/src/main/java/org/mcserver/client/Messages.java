@@ -181,10 +181,12 @@ public final class Messages {
      * @param expected set where the message acknowledged held a gap: the number that is expected.
      * @param rejections how many lines of the program have been rejected so far. An acknowledgement with a smaller
      *     count than one before is older: its numbers are of lines that are given up.
+     * @param reason why it was aborted: by whom, or a code; empty in programs of an earlier start of the server.
      */
     public record Ack(
             String program, long accepted, long done, long credit, ProgramState state, @Sparse long rejected, @Sparse
-            List<Diagnostic> diagnostics, @Sparse Fault fault, @Sparse long expected, @Sparse long rejections) {}
+            List<Diagnostic> diagnostics, @Sparse Fault fault, @Sparse long expected, @Sparse long rejections, @Sparse
+            String reason) {}
 
     /** A number that a button asks for, in the units of its text; `first` is shown first. */
     public record ArgumentInfo(String name, double low, double high, double first, String unit) {}
@@ -960,13 +962,15 @@ public final class Messages {
      *     these waits.
      * @param rejections as in `Ack`; 0 in programs of an earlier start of the server.
      * @param servo of a program in servo mode; null: it is none.
+     * @param reason as in `Ack`.
      */
     public record ProgramStatus(
             String program, ProgramState state, String client, String name, List<Long> axes, long startLine, long line,
             long accepted, long done, long credit, boolean closed, double override, double progress, double openedAt,
             @Sparse Double etaS, @Sparse Fault fault, @Sparse long rejected, @Sparse List<Diagnostic> diagnostics,
             @Sparse("null") String resumeOf, @Sparse Double endedAt, @Sparse Double durationS, @Sparse String notice,
-            @Sparse("1") double simulated, @Sparse long pauses, @Sparse long rejections, @Sparse ServoStatus servo) {}
+            @Sparse("1") double simulated, @Sparse long pauses, @Sparse long rejections, @Sparse ServoStatus servo,
+            @Sparse String reason) {}
 
     /** Newest first. */
     public record ProgramsReply(List<ProgramStatus> programs) {}

@@ -196,13 +196,13 @@ public sealed class MotionException extends RuntimeException {
         }
     }
 
-    /** An operator ended the program, or the server saw this client go. */
+    /** The program was stopped before its end; the message says why. */
     public static final class ProgramAborted extends OfProgram {
         private static final long serialVersionUID = 1L;
 
-        ProgramAborted(Extent extent) {
-            super("MC535", "the program was aborted; lines through " + extent.done() + " are done",
-                    "an operator did so, or the server saw this client go", extent, List.of());
+        ProgramAborted(Extent extent, String reason) {
+            super("MC535", "the program was aborted" + (reason.isEmpty() ? "" : " (" + reason + ")") + "; lines through " + extent.done() + " are done",
+                    "once the machine is clear, open another one", extent, List.of());
         }
     }
 

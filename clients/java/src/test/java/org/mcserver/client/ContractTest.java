@@ -259,6 +259,7 @@ class ContractTest {
                 case "fails" -> {
                     assertNotNull(failed, where);
                     assertEquals(value.getAsJsonObject().get("code").getAsString(), failed.code(), where);
+                    assertTrue(failed.getMessage().contains(value.getAsJsonObject().get("says").getAsString()), where);
                     assertEquals(null, put, where);
                 }
                 default -> throw new AssertionError(where + ": a step that is not known here");
@@ -380,6 +381,9 @@ class ContractTest {
                 assertThrows(MotionException.class, core::check, where);
             }
             assertEquals(meant.get("code").getAsString(), error.code(), where);
+            if (meant.has("says")) {
+                assertTrue(error.getMessage().contains(meant.get("says").getAsString()), where);
+            }
             if (meant.has("line")) {
                 assertEquals(meant.get("line").getAsLong(), error.line(), where);
                 assertEquals(meant.get("column").getAsLong(), error.column(), where);
