@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import subprocess
 import sys
 from pathlib import Path
@@ -15,7 +16,7 @@ ROOT = Path(__file__).parents[2]
 
 # of Linux or of Unix alone: what Python itself and its packages need of them was imported before
 WITHOUT = """
-import asyncio, importlib.abc, os, runpy, signal, socket, subprocess, sys
+import asyncio, importlib.abc, os, signal, socket, subprocess, sys
 
 class Without(importlib.abc.MetaPathFinder):
     def find_spec(self, name, path=None, target=None):
@@ -33,37 +34,44 @@ for module, names in {
 for name in ("fcntl", "grp", "pwd", "resource", "termios", "tty"):
     sys.modules.pop(name, None)
 """
-MCSERVER = "sys.argv[0] = 'mcserver'\nrunpy.run_module('mcserver', run_name='__main__')\n"
-MCCTL = "from mcclient.cli import main\nsys.argv[0] = 'mcctl'\nmain()\n"
+# each command in turn, in the one process that all this was taken from
+COMMANDS = (
+    WITHOUT
+    + """
+import json
+from mcclient.cli import main
+from mcserver.cli.app import run_command_line
+for words in json.loads(sys.argv[1]):
+    assert run_command_line(words) == 0, words
+sys.argv = ["mcctl", "--help"]
+main()
+"""
+)
 
 
-def command(program: str, *words: str) -> str:
+def test_what_needs_no_cycle_checks_simulates_draws_serves_editors_and_operates(tmp_path: Path) -> None:
+    square = "examples/square.gcode"
+    commands = [
+        ["check", square],
+        ["simulate", square],
+        ["plot", square, "--output", str(tmp_path / "square.png")],
+        *([name, "--help"] for name in ("lsp", "mcp", "grammar", "machine")),
+    ]
     done = subprocess.run(
-        [sys.executable, "-c", WITHOUT + program, *words],
+        [sys.executable, "-c", COMMANDS, json.dumps(commands)],
         cwd=ROOT,
         capture_output=True,
         text=True,
         timeout=300,
         check=False,
     )
-    assert done.returncode == 0, done.stdout + done.stderr
-    return done.stdout + done.stderr
-
-
-def test_programs_are_checked_simulated_and_drawn(tmp_path: Path) -> None:
-    assert "no faults" in command(MCSERVER, "check", "examples/square.gcode")
-    assert "8.361 s" in command(MCSERVER, "simulate", "examples/square.gcode")
-    command(MCSERVER, "plot", "examples/square.gcode", "--output", str(tmp_path / "square.png"))
+    told = done.stdout + done.stderr
+    assert done.returncode == 0, told
+    assert "no faults" in told
+    assert "8.361 s" in told
+    assert told.count("Usage") == 5
+    assert "jog" in told
     assert (tmp_path / "square.png").stat().st_size > 10_000
-
-
-@pytest.mark.parametrize("name", ["lsp", "mcp", "grammar", "machine"])
-def test_editors_and_language_models_are_served(name: str) -> None:
-    assert "Usage" in command(MCSERVER, name, "--help")
-
-
-def test_machines_are_operated() -> None:
-    assert "jog" in command(MCCTL, "--help")
 
 
 def test_a_server_names_what_it_needs(monkeypatch: pytest.MonkeyPatch) -> None:
