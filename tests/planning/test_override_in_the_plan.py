@@ -132,7 +132,6 @@ def long_timed(k: float) -> list[str]:
     return ["G93", *(f"G01 X{30 * index} F{12 * k:g}" for index in range(1, 4))]
 
 
-@pytest.mark.parametrize("every", [0, 3])
 @pytest.mark.parametrize(
     ("program", "first"),
     [
@@ -147,12 +146,13 @@ def long_timed(k: float) -> list[str]:
     ],
 )
 def test_an_order_above_100_percent_is_wholly_effective_within_half_a_second(
-    program: Program, first: int, every: int
+    program: Program, first: int
 ) -> None:
     # the first lines of each: some seconds, of which an order leaves more than the half one
     lines = program(1.0)[:first]
-    whole = play(machine(), lines, [], every=every)
-    for share in (0.21, 0.53):
+    whole = play(machine(), lines, [])
+    # lines come one every few cycles, or are all there at once
+    for share, every in ((0.21, 3), (0.53, 0)):
         order: Order = (int(share * whole.moved_s / machine().cycle_s), 2.0)
         run = play(machine(), lines, [order], every=every)
         after = run.planned_after(order)
