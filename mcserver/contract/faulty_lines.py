@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from mcserver.contract.script import Script
+from mcserver.contract.script import Script, scripted
 from mcserver.errors import Diagnostic
 from mcserver.service.reports import wire_diagnostic
 
@@ -25,20 +25,17 @@ def faulty_lines() -> tuple[Script, ...]:
     )
 
 
-def _faulty_line() -> Script:
-    script = Script(
-        "faulty line", "`accepted` steps back before the faulty line, which is reported with its place"
-    )
+@scripted("`accepted` steps back before the faulty line, which is reported with its place")
+def _faulty_line(script: Script) -> None:
     script.give("G1010", "G91 GO1", "G01 X2", "G01 X3")
     script.exchange(1, 4)
     script.rejects(2, FAULTY)
     script.fails("MC101", line=2, column=5)
     script.settled()
-    return script
 
 
-def _faulty_line_again() -> Script:
-    script = Script("faulty line again", "the program lives on: the corrected line has the same number")
+@scripted("the program lives on: the corrected line has the same number")
+def _faulty_line_again(script: Script) -> None:
     script.give("G1010", "G91 GO1", "G01 X2")
     script.exchange(1, 3)
     script.rejects(2, FAULTY)
@@ -49,15 +46,10 @@ def _faulty_line_again() -> Script:
     script.knows()
     script.runs(3)
     script.knows()
-    return script
 
 
-def _faulty_with_lines_under_way() -> Script:
-    script = Script(
-        "faulty with lines under way",
-        "what was sent behind a faulty line is a gap, and is not sent again",
-        chunk_lines=3,
-    )
+@scripted("what was sent behind a faulty line is a gap, and is not sent again", chunk_lines=3)
+def _faulty_with_lines_under_way(script: Script) -> None:
     script.give("G1010", "G91 GO1", "G01 X2", "G01 X3", "G01 X4")
     script.exchange(1, 3)
     script.sends(4, 5)
@@ -65,14 +57,10 @@ def _faulty_with_lines_under_way() -> Script:
     script.fails("MC101", line=2, column=5)
     script.answer()
     script.settled()
-    return script
 
 
-def _rejection_heard_late() -> Script:
-    script = Script(
-        "rejection heard late",
-        "lines that were given in ignorance of a rejection are given up with it, whatever their numbers",
-    )
+@scripted("lines that were given in ignorance of a rejection are given up with it, whatever their numbers")
+def _rejection_heard_late(script: Script) -> None:
     script.give("G1010", "G91 GO1", "G01 X2")
     script.exchange(1, 3)
     script.rejects_unheard(2, FAULTY)
@@ -87,15 +75,13 @@ def _rejection_heard_late() -> Script:
     script.exchange(2, 3)
     script.runs(3)
     script.knows()
-    return script
 
 
-def _crossing_acknowledgements() -> Script:
-    script = Script(
-        "crossing acknowledgements",
-        "an acknowledgement from before the corrected line came, or from before the rejection, says nothing"
-        " of it: its count of rejections is no greater than the one known",
-    )
+@scripted(
+    "an acknowledgement from before the corrected line came, or from before the rejection, says nothing"
+    " of it: its count of rejections is no greater than the one known"
+)
+def _crossing_acknowledgements(script: Script) -> None:
     script.give("G1010", "G91 GO1", "G01 X2")
     script.exchange(1, 3)
     before = script.keep_ack()
@@ -119,11 +105,10 @@ def _crossing_acknowledgements() -> Script:
     script.knows()
     script.runs(4)
     script.knows()
-    return script
 
 
-def _rejected_twice() -> Script:
-    script = Script("rejected twice", "a rejection of the corrected line is heard, and is another one")
+@scripted("a rejection of the corrected line is heard, and is another one")
+def _rejected_twice(script: Script) -> None:
     script.give("G1010", "G91 GO1", "G01 X2")
     script.exchange(1, 3)
     script.rejects(2, FAULTY)
@@ -145,14 +130,10 @@ def _rejected_twice() -> Script:
     script.knows()
     script.runs(3)
     script.knows()
-    return script
 
 
-def _rejected_under_way() -> Script:
-    script = Script(
-        "rejected under way",
-        "a rejection that is said by an acknowledgement and by the answer as well is one",
-    )
+@scripted("a rejection that is said by an acknowledgement and by the answer as well is one")
+def _rejected_under_way(script: Script) -> None:
     script.give("G1010")
     script.exchange(1, 1)
     script.give("G91 GO1", "G01 X2")
@@ -167,14 +148,10 @@ def _rejected_under_way() -> Script:
     script.knows()
     script.runs(3)
     script.knows()
-    return script
 
 
-def _verdict_twice() -> Script:
-    script = Script(
-        "verdict twice",
-        "the corrected line is judged by its own answer, not by what is said of the first one",
-    )
+@scripted("the corrected line is judged by its own answer, not by what is said of the first one")
+def _verdict_twice(script: Script) -> None:
     script.judge("G1010")
     script.exchange(1, 1)
     script.judge("G91 GO1")
@@ -193,13 +170,10 @@ def _verdict_twice() -> Script:
     script.late_ack(rejected)
     script.answer()
     script.knows()
-    return script
 
 
-def _verdict() -> Script:
-    script = Script(
-        "verdict", "a single line is judged before the call returns; a faulty one may be sent again"
-    )
+@scripted("a single line is judged before the call returns; a faulty one may be sent again")
+def _verdict(script: Script) -> None:
     script.judge("G1010")
     script.exchange(1, 1)
     script.knows()
@@ -211,11 +185,10 @@ def _verdict() -> Script:
     script.judge("G91 G01")
     script.exchange(2, 2)
     script.knows()
-    return script
 
 
-def _rejected_at_the_end() -> Script:
-    script = Script("rejected at the end", "a closed program ends at a faulty line")
+@scripted("a closed program ends at a faulty line")
+def _rejected_at_the_end(script: Script) -> None:
     script.give("G1010", "G91 GO1")
     script.exchange(1, 2)
     script.closes(2)
@@ -224,4 +197,3 @@ def _rejected_at_the_end() -> Script:
     script.ends("rejected")
     script.fails("MC101", line=2, column=5)
     script.knows()
-    return script

@@ -6,7 +6,7 @@ progress the script gives.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import msgspec
@@ -326,6 +326,20 @@ def _opened(program: Program) -> dict[str, Any]:
         "credit": program.credit,
         "instance": program.program.partition("-")[0],
     }
+
+
+def scripted(why: str, **options: Any) -> Callable[[Callable[[Script], None]], Callable[[], Script]]:
+    """Make of what plays a script the sequence of its name; ``why`` and options as of `Script`."""
+
+    def made(play: Callable[[Script], None]) -> Callable[[], Script]:
+        def sequence() -> Script:
+            script = Script(play.__name__.strip("_").replace("_", " "), why, **options)
+            play(script)
+            return script
+
+        return sequence
+
+    return made
 
 
 def error_message(error: BaseException) -> dict[str, Any]:

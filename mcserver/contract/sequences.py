@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from mcserver.contract.faulty_lines import faulty_lines
-from mcserver.contract.script import Script, lines
+from mcserver.contract.script import Script, lines, scripted
 from mcserver.service.reports import Fault
 
 
@@ -38,8 +38,8 @@ def sequences() -> list[dict[str, Any]]:
     return [script.sequence() for script in made]
 
 
-def _numbering() -> Script:
-    script = Script("numbering", "lines are numbered from 1 and sent in order")
+@scripted("lines are numbered from 1 and sent in order")
+def _numbering(script: Script) -> None:
     script.give("G1010", "G01 X10 F600", "", "(Fräse ß€𝄞)", "G01 X0")
     script.exchange(1, 5)
     script.settled()
@@ -48,32 +48,27 @@ def _numbering() -> Script:
     script.give("G01 X1")
     script.exchange(6, 6)
     script.knows()
-    return script
 
 
-def _start_line() -> Script:
-    script = Script(
-        "start line", "the first number is that which the reply to `open` expects", start_line=120
-    )
+@scripted("the first number is that which the reply to `open` expects", start_line=120)
+def _start_line(script: Script) -> None:
     script.knows()
     script.give(*lines(2))
     script.exchange(120, 121)
     script.knows()
-    return script
 
 
-def _chunks() -> Script:
-    script = Script("chunks", "no message holds more lines than it may", chunk_lines=3)
+@scripted("no message holds more lines than it may", chunk_lines=3)
+def _chunks(script: Script) -> None:
     script.give(*lines(7))
     script.exchange(1, 3)
     script.exchange(4, 6)
     script.exchange(7, 7)
     script.settled()
-    return script
 
 
-def _credit() -> Script:
-    script = Script("credit", "never more than `credit` lines beyond `accepted`", room=4)
+@scripted("never more than `credit` lines beyond `accepted`", room=4)
+def _credit(script: Script) -> None:
     script.give(*lines(9))
     script.exchange(1, 4)
     script.quiet()
@@ -83,22 +78,20 @@ def _credit() -> Script:
     script.runs(5)
     script.exchange(6, 9)
     script.settled()
-    return script
 
 
-def _no_credit_at_first() -> Script:
-    script = Script("no credit at first", "a credit of 0 means that the client waits", room=0)
+@scripted("a credit of 0 means that the client waits", room=0)
+def _no_credit_at_first(script: Script) -> None:
     script.give(*lines(2))
     script.quiet()
     script.program.queue = type(script.program.queue)(1, limit_lines=10)
     script.ack()
     script.exchange(1, 2)
     script.knows()
-    return script
 
 
-def _taken_in_part() -> Script:
-    script = Script("taken in part", "of a message that is longer than the credit its beginning is taken")
+@scripted("of a message that is longer than the credit its beginning is taken")
+def _taken_in_part(script: Script) -> None:
     script.give(*lines(6))
     script.sends(1, 6)
     # by now less fits than the reply to `open` has said
@@ -110,34 +103,29 @@ def _taken_in_part() -> Script:
     script.asked()
     script.exchange(5, 6)
     script.knows()
-    return script
 
 
-def _answer_lost() -> Script:
-    script = Script("answer lost", "lines that were taken are not sent again once the client has asked")
+@scripted("lines that were taken are not sent again once the client has asked")
+def _answer_lost(script: Script) -> None:
     script.give(*lines(3))
     script.sends(1, 3)
     script.answer_lost()
     script.asked()
     script.settled()
-    return script
 
 
-def _message_lost() -> Script:
-    script = Script("message lost", "lines that were not taken are sent again, under their numbers")
+@scripted("lines that were not taken are sent again, under their numbers")
+def _message_lost(script: Script) -> None:
     script.give(*lines(3))
     script.sends(1, 3)
     script.message_lost()
     script.asked()
     script.exchange(1, 3)
     script.settled()
-    return script
 
 
-def _lost_in_part() -> Script:
-    script = Script(
-        "lost in part", "of two messages the second is lost: it alone is sent again", chunk_lines=2
-    )
+@scripted("of two messages the second is lost: it alone is sent again", chunk_lines=2)
+def _lost_in_part(script: Script) -> None:
     script.give(*lines(4))
     script.exchange(1, 2)
     script.sends(3, 4)
@@ -145,16 +133,14 @@ def _lost_in_part() -> Script:
     script.asked()
     script.exchange(3, 4)
     script.knows()
-    return script
 
 
-def _gap() -> Script:
-    script = Script(
-        "gap",
-        "a message is lost and the next one arrives: the client goes back to the number expected",
-        chunk_lines=2,
-        puts_only=True,
-    )
+@scripted(
+    "a message is lost and the next one arrives: the client goes back to the number expected",
+    chunk_lines=2,
+    puts_only=True,
+)
+def _gap(script: Script) -> None:
     script.give(*lines(4))
     script.sends(1, 2)
     script.message_lost()
@@ -162,16 +148,10 @@ def _gap() -> Script:
     script.exchange(1, 2)
     script.exchange(3, 4)
     script.settled()
-    return script
 
 
-def _gap_answered_once() -> Script:
-    script = Script(
-        "gap answered once",
-        "each message behind a gap is answered; going back once is enough",
-        chunk_lines=2,
-        puts_only=True,
-    )
+@scripted("each message behind a gap is answered; going back once is enough", chunk_lines=2, puts_only=True)
+def _gap_answered_once(script: Script) -> None:
     script.give(*lines(6))
     script.sends(1, 2)
     script.message_lost()
@@ -187,24 +167,20 @@ def _gap_answered_once() -> Script:
     script.answer()
     script.answer()
     script.settled()
-    return script
 
 
-def _old_acknowledgement() -> Script:
-    script = Script(
-        "old acknowledgement", "one that is older than what is known changes nothing", chunk_lines=3
-    )
+@scripted("one that is older than what is known changes nothing", chunk_lines=3)
+def _old_acknowledgement(script: Script) -> None:
     script.give(*lines(6))
     script.exchange(1, 3)
     late = script.keep_ack()
     script.exchange(4, 6)
     script.late_ack(late)
     script.settled()
-    return script
 
 
-def _foreign_numbers() -> Script:
-    script = Script("foreign numbers", "lines that were never given cannot have been accepted")
+@scripted("lines that were never given cannot have been accepted")
+def _foreign_numbers(script: Script) -> None:
     script.give(*lines(2))
     script.sends(1, 2)
     script.foreign_ack(50, 100)
@@ -213,11 +189,10 @@ def _foreign_numbers() -> Script:
     script.give("G01 X3")
     script.exchange(3, 3)
     script.knows()
-    return script
 
 
-def _close_and_finish() -> Script:
-    script = Script("close and finish", "a program is closed behind its last line and ends once all have run")
+@scripted("a program is closed behind its last line and ends once all have run")
+def _close_and_finish(script: Script) -> None:
     script.give(*lines(3))
     script.exchange(1, 3)
     script.closes(3)
@@ -225,13 +200,10 @@ def _close_and_finish() -> Script:
     script.knows()
     script.ends("finished")
     script.knows()
-    return script
 
 
-def _behind_the_end() -> Script:
-    script = Script(
-        "behind the end", "lines behind M02 are refused once the program has ended", chunk_lines=2
-    )
+@scripted("lines behind M02 are refused once the program has ended", chunk_lines=2)
+def _behind_the_end(script: Script) -> None:
     script.give("G01 X1", "M02", "G01 X2")
     script.exchange(1, 2)
     script.sends(3, 3)
@@ -239,35 +211,30 @@ def _behind_the_end() -> Script:
     script.answer()
     script.fails("MC536")
     script.knows()
-    return script
 
 
-def _aborted() -> Script:
-    script = Script(
-        "aborted", "an abort is raised to the application with its reason; nothing more is sent", room=2
-    )
+@scripted("an abort is raised to the application with its reason; nothing more is sent", room=2)
+def _aborted(script: Script) -> None:
     script.give(*lines(5))
     script.exchange(1, 2)
     script.enters("ending")
     script.ends("aborted", reason="aborted by ann")
     script.fails("MC535", says="(aborted by ann)")
     script.settled()
-    return script
 
 
-def _faulted() -> Script:
-    script = Script("faulted", "a fault of the machine is raised with its code")
+@scripted("a fault of the machine is raised with its code")
+def _faulted(script: Script) -> None:
     script.give(*lines(2))
     script.exchange(1, 2)
     script.runs(1)
     script.ends("faulted", Fault("MC401", "axis 2 has a following error", axis=2, line=2, t=4.5))
     script.fails("MC401")
     script.settled()
-    return script
 
 
-def _held_and_paused() -> Script:
-    script = Script("held and paused", "states come and go; lines are taken all the same", chunk_lines=1)
+@scripted("states come and go; lines are taken all the same", chunk_lines=1)
+def _held_and_paused(script: Script) -> None:
     script.give(*lines(2))
     script.exchange(1, 1)
     script.enters("held")
@@ -277,13 +244,10 @@ def _held_and_paused() -> Script:
     script.knows()
     script.enters("running")
     script.knows()
-    return script
 
 
-def _restart() -> Script:
-    script = Script(
-        "restart", "a server that was restarted knows no such program: it was interrupted", room=3
-    )
+@scripted("a server that was restarted knows no such program: it was interrupted", room=3)
+def _restart(script: Script) -> None:
     script.give(*lines(5))
     script.exchange(1, 3)
     script.runs(2)
@@ -294,11 +258,10 @@ def _restart() -> Script:
     script.quiet()
     script.program.state = "interrupted"
     script.knows()
-    return script
 
 
-def _continuation() -> Script:
-    script = Script("continuation", "lines that the server had are not sent again, and are not done either")
+@scripted("lines that the server had are not sent again, and are not done either")
+def _continuation(script: Script) -> None:
     script.give(*lines(5))
     script.exchange(1, 5)
     script.runs(3)
@@ -313,11 +276,10 @@ def _continuation() -> Script:
     script.closes(7)
     script.ends("finished")
     script.knows()
-    return script
 
 
-def _whole_continuation() -> Script:
-    script = Script("whole continuation", "where the server had the whole text, it runs to its end by itself")
+@scripted("where the server had the whole text, it runs to its end by itself")
+def _whole_continuation(script: Script) -> None:
     script.give(*lines(5))
     script.exchange(1, 5)
     script.closes(5)
@@ -329,4 +291,3 @@ def _whole_continuation() -> Script:
     script.runs(4)
     script.ends("finished")
     script.settled()
-    return script
