@@ -83,6 +83,12 @@ def print_report(report: Mapping[str, Any], times: LineTimes, source_lines: Sequ
         f"{name}: {report['duration_s']:.3f} s, feed path {report['feed_length_mm']:.1f} mm, "
         f"{count} timed line{'s' * (count != 1)}, {times.stretched_count()} stretched by the machine's limits"
     )
+    if "shaping" in report:
+        shaping = report["shaping"]
+        console.print(
+            f"shapers: paths come {shaping['delay_s']:.3f} s later, and are left by up to "
+            f"{shaping['path_deviation_mm']:.3f} of the {shaping['path_tolerance_mm']:g} mm allowed"
+        )
     for pair in report.get("clearance", {"pairs": ()})["pairs"][:1]:
         one, other = pair["bodies"]
         where = f"line {pair['line']}, {pair['time_s']:.3f} s"

@@ -19,6 +19,7 @@ from mcserver.drives.bus import (
     Foreseen,
     Setpoints,
 )
+from mcserver.drives.flexible_loads import FlexibleLoads
 from mcserver.drives.servo_model import ServoModel
 from mcserver.drives.simulated_marks import SimulatedMarks
 from mcserver.machine.machine_file import Axis
@@ -86,6 +87,7 @@ class SimulatedBus:
         self._past: deque[tuple[Array, Array, Array]] = deque(maxlen=MAX_DELAY + 1)
         self._cycles = 0
         self._marks = SimulatedMarks(axes)
+        self._loads = FlexibleLoads(axes, cycle_s)
         self._homing = np.zeros(count, np.int64)
 
     # ------------------------------------------------------------------ the bus
@@ -111,6 +113,8 @@ class SimulatedBus:
             self._position[np.abs(self._position) < FLUSH_BELOW] = 0.0
         if self._marks.present:
             self._marks.pass_to(self._position, self._feedback)
+        if self._loads.present:
+            self._loads.follow(self._position)
         self._report()
         return self._feedback
 
@@ -131,7 +135,7 @@ class SimulatedBus:
     @property
     def foreseeable(self) -> bool:
         """Whether every axis follows positions or stands, and nothing changes by itself."""
-        plain = not (self._any_jammed or self._any_mute or self._delay)
+        plain = not (self._any_jammed or self._any_mute or self._delay or self._loads.present)
         return plain and self._simple and not (self._changing or self._marks.present or self._marks.stops)
 
     def foresee(self, position: Array, velocity: Array) -> Foreseen:
@@ -357,21 +361,29 @@ class SimulatedBus:
 
     # ------------------------------------------------------------------ feedback
 
+    def _measured(self) -> tuple[Array, Array]:
+        """Return positions and velocities where encoders read: those of the loads."""
+        if not self._loads.present:
+            return self._position, self._loop[1]
+        swing, rate = self._loads.swing
+        return self._position + swing, self._loop[1] + rate
+
     def _report(self) -> None:
         feedback = self._feedback
         feedback.state[:] = self._true_state
         if self._delay or self._any_mute:
             self._report_badly()
             return
-        self._model.encoder(self._position, feedback.position)
-        feedback.velocity[:] = self._loop[1]
+        position, feedback.velocity[:] = self._measured()
+        self._model.encoder(position, feedback.position)
         np.multiply(self._change, self._model.torque_per_step, out=feedback.torque)
 
     def _report_badly(self) -> None:
         feedback = self._feedback
         position = np.empty_like(self._position)
-        self._model.encoder(self._position, position)
-        self._past.append((position, self._loop[1].copy(), self._change * self._model.torque_per_step))
+        measured, velocity = self._measured()
+        self._model.encoder(measured, position)
+        self._past.append((position, velocity.copy(), self._change * self._model.torque_per_step))
         shown = self._past[max(0, len(self._past) - 1 - self._delay)]
         answering = self._mute == 0
         for target, source in zip(

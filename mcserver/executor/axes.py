@@ -24,6 +24,7 @@ from mcserver.drives.bus import (
     UnclockedBus,
 )
 from mcserver.executor.entries import Array
+from mcserver.executor.shaping import Shaper
 from mcserver.executor.shm.feedback import AxisCondition, FeedbackRow
 from mcserver.machine.machine_file import Machine
 
@@ -132,12 +133,16 @@ class AxisBank:
         standing_speed: shape (K,), the greatest speed that counts as standing where an axis is captured.
         failed: columns whose drive has newly gone into FAULT. dropped: columns whose drive has newly
             de-energized by itself.
+        shaper: makes setpoints of what is ordered; None: they are the same.
     """
 
     def __init__(self, machine: Machine, buses: Sequence[DriveBus], row: FeedbackRow) -> None:
         count = len(machine.axes)
         self.row = row
         self.masks = ColumnMasks(count)
+        self.shaper: Shaper | None = None
+        if machine.shaping is not None:
+            row.separate_orders()
         self.torque: Array = np.zeros(count)
         self.goal: Array = np.full(count, np.nan)
         self.goal_speed: Array = np.zeros(count)
@@ -179,6 +184,8 @@ class AxisBank:
         except BaseException:
             self.close()
             raise
+        if machine.shaping is not None:
+            self.shaper = Shaper(machine.shaping, row, machine.cycle_s)
 
     def _attach(self, bus: DriveBus, count: int) -> None:
         feedback = bus.boot()
@@ -193,7 +200,7 @@ class AxisBank:
             port = _Port.of(bus, np.array(columns, np.intp), Setpoints.of(len(columns)), feedback)
         self._ports.append(port)
         row.actual[list(columns)] = feedback.position
-        row.setpoint[list(columns)] = feedback.position
+        row.setpoint[list(columns)] = row.ordered[list(columns)] = feedback.position
         if bus.delay_cycles:
             self.delayed[list(columns)] = True
             self.delay_cycles = max(self.delay_cycles, bus.delay_cycles)
@@ -265,6 +272,8 @@ class AxisBank:
             self._read_marks()
         if self._any_free:
             np.copyto(row.setpoint, row.actual, where=self._free)
+            if self.shaper is not None:
+                self.shaper.show(self._free, row.actual)
         self.failed = self.dropped = 0
         states = self.states.tobytes()
         if states != self._state_bytes or self.starting or self.resetting or self.stopping:
@@ -287,9 +296,19 @@ class AxisBank:
         """Let a column's positions read ``distance`` more from now on; its drive notices nothing."""
         self.offset[column] += distance
         self.row.setpoint[column] += distance
+        if self.shaper is not None:
+            self.row.ordered[column] += distance
+            self.shaper.shift(column, distance)
         self.row.actual[column] += distance
         self.switch_at[column] += distance
         self.index_at[column] += distance
+
+    def take_over(self, column: int, position: float, velocity: float) -> None:
+        """Have shaped setpoints of an axis go on from a place and a speed [m or rad, per second]."""
+        if self.shaper is not None:
+            count = len(self.row.setpoint)
+            where = self.masks.bools(1 << column)
+            self.shaper.take_over(where, np.full(count, position), np.full(count, velocity))
 
     @property
     def follows(self) -> bool:
@@ -355,7 +374,8 @@ class AxisBank:
         if arrived:
             self.energized |= arrived
             self.starting &= ~arrived
-            self.row.velocity[self.masks.bools(arrived & self.positioned)] = 0.0
+            standing = self.masks.bools(arrived & self.positioned)
+            self.row.velocity[standing] = self.row.ordered_velocity[standing] = 0.0
             self._refresh()
         self.failed = faulty & ~self.fault & ~self.resetting
         self.dropped = self.energized & ~energized & ~faulty
@@ -403,7 +423,7 @@ class AxisBank:
         ):
             setattr(self, name, getattr(self, name) & ~mask)
         bools = self.masks.bools(mask)
-        self.row.velocity[bools] = 0.0
+        self.row.velocity[bools] = self.row.ordered_velocity[bools] = 0.0
         self.torque[bools] = 0.0
 
     def power(self, mask: int, mode: DriveMode) -> None:

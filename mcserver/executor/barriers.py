@@ -115,7 +115,24 @@ class AtRest(Barrier):
     @property
     def _moving(self) -> bool:
         motions = self._cycle.motions
-        return motions.mask & ~motions.speeding & self._axes != 0
+        return (motions.mask & ~motions.speeding | self._cycle.settling) & self._axes != 0
+
+
+class Settled(Barrier):
+    """Shaped setpoints have come to where axes were ordered, and what was put off to them is done.
+
+    Args:
+        settled: whether that is so.
+    """
+
+    def __init__(self, settled: Callable[[], bool]) -> None:
+        self._settled = settled
+
+    def before(self, left: float, held: bool) -> float | None:  # noqa: ARG002
+        return None
+
+    def after(self, held: bool) -> bool:
+        return not held and self._settled()
 
 
 class ExactStop(Barrier):

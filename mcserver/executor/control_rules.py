@@ -160,7 +160,8 @@ def _brake_captured(slot: ProgramSlot, axes: int, left: float) -> None:
     for column in cycle.bank.masks.columns(axes & cycle.bank.positioned & ~cycle.motions.mask):
         velocity = float(cycle.row.actual_velocity[column])
         if abs(velocity) > cycle.bank.standing_speed[column]:
-            state = (float(cycle.row.setpoint[column]), velocity, 0.0)
+            cycle.bank.take_over(column, float(cycle.row.actual[column]), velocity)
+            state = (float(cycle.row.ordered[column]), velocity, 0.0)
             cycle.motions.halt_from(column, slot.index, state, left)
 
 
@@ -185,7 +186,7 @@ def _rapid(slot: ProgramSlot, control: Control, left: float, waited: bool) -> Ba
     hold_position(cycle, control.axes & (bank.speed | bank.torque_mode), slot.index, left)
     for column in bank.masks.columns(control.axes):
         motions.move(column, slot.index, targets[column], left, slot.rapid_rate)
-    cycle.row.velocity[bank.masks.bools(control.axes & ~motions.mask)] = 0.0
+    cycle.row.ordered_velocity[bank.masks.bools(control.axes & ~motions.mask)] = 0.0
     return None
 
 
@@ -229,7 +230,7 @@ def _torque(slot: ProgramSlot, control: Control, _left: float, waited: bool) -> 
         if barrier is not None:
             return barrier
     cycle.motions.drop(control.axes)
-    cycle.row.velocity[bank.masks.bools(control.axes)] = 0.0
+    cycle.row.ordered_velocity[bank.masks.bools(control.axes)] = 0.0
     bank.power(control.axes, DriveMode.TORQUE)
     for column in bank.masks.columns(control.axes):
         bank.torque[column] = control.values[column]
@@ -366,7 +367,7 @@ def _settle(slot: ProgramSlot, control: Control, left: float, waited: bool) -> B
     cycle, bank, row = slot.cycle, slot.cycle.bank, slot.cycle.row
     if not waited:
         return AtRest(cycle, control.axes)
-    setpoints = row.setpoint.tolist()
+    setpoints = row.ordered.tolist()
     encoders = row.actual.tolist()
     for column in bank.masks.columns(bank.exact & bank.energized & bank.positioned):
         encoders[column] = setpoints[column]

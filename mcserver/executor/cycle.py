@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from mcserver.executor.axes import AxisBank
+from mcserver.executor.axes import AxisBank, mask_of
 from mcserver.executor.entries import Array, EventKind, ExecutorEvent
 from mcserver.executor.fault_codes import FaultCode
 from mcserver.executor.homed import HomedAxes
@@ -58,6 +58,14 @@ class Cycle:
         self.shifted: list[Callable[[int, float], None]] = []
         self.homed = HomedAxes(machine, bank, self.shifted, assume=assume_homed)
         self._events = events
+
+    @property
+    def settling(self) -> int:
+        """Columns whose shaped setpoints are still on their way, though nothing moves them any more."""
+        shaper = self.bank.shaper
+        if shaper is None:
+            return 0
+        return mask_of(shaper.unsettled) & self.bank.energized & ~self.motions.mask
 
     def emit(
         self,

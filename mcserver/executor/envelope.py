@@ -117,7 +117,7 @@ class EnvelopeGuard:
         self._speed = np.array(envelope.speed)
         self._step = self._speed * cycle.cycle_s
         self._tips = [_Tip(tip) for tip in envelope.tips]
-        self._before = cycle.row.setpoint.copy()
+        self._before = cycle.row.ordered.copy()
         self._followed = 0
         self._left = envelope.seconds
         self._checked = -1
@@ -166,7 +166,7 @@ class EnvelopeGuard:
                 self._breach = self._outside(column, line, float(ring.position[at, column]))
             self._limit = written
         for tip in self._tips:
-            wrong = tip.first_outside(ring, first, written, self._cycle.row.setpoint)
+            wrong = tip.first_outside(ring, first, written, self._cycle.row.ordered)
             if wrong is not None:
                 written, excess = wrong
                 line = int(ring.row_line[written % ring.rows])
@@ -221,7 +221,7 @@ class EnvelopeGuard:
         line = slot.shown_line
         factor = self._override if not cycle.motions.mask & held else max(1.0, self._override)
         found = find_excess(
-            row.setpoint,
+            row.ordered,
             self._before,
             self._low,
             self._high,
@@ -230,23 +230,23 @@ class EnvelopeGuard:
             bank.masks.bools(held & ~bank.speed),
             bank.masks.bools(held & self._followed),
         )
-        np.copyto(self._before, row.setpoint)
+        np.copyto(self._before, row.ordered)
         self._followed = held
         breach = None
         if found != INSIDE:
             column = found >> 1
             if found & 1 == FAST:
-                speed = abs(float(row.velocity[column]))
+                speed = abs(float(row.ordered_velocity[column]))
                 bound = factor * float(self._speed[column])
                 breach = Breach(FaultCode.ENVELOPE_SPEED, column, line, speed, bound)
             else:
-                breach = self._outside(column, line, float(row.setpoint[column]))
+                breach = self._outside(column, line, float(row.ordered[column]))
         for tip in self._tips:
             if slot.lends:
                 # at a pause others may move its joints
                 tip.lose()
                 continue
-            excess, went = tip.step(row.setpoint)
+            excess, went = tip.step(row.ordered)
             if excess > 0.0 or went > factor * tip.speed * cycle.cycle_s:
                 breach = breach or Breach(FaultCode.ENVELOPE_TIP, -1, line, excess, tip.tool)
         # a program that neither moves nor stands at an entry waits for its planner

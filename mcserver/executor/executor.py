@@ -6,6 +6,7 @@ exchanged with; faults are looked for; barriers see the fresh feedback; the cycl
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Mapping, Sequence
 
 from mcserver.drives.bus import DriveBus, DriveMode
@@ -101,6 +102,8 @@ class Executor:
         self._reset_estop = self._estop_seen
         self._hold = False
         self._override = 1.0
+        # lines of the latest cycles: a shaped path comes later than the rows that it is made of
+        self._lines = deque([0], maxlen=1 if self.bank.shaper is None else self.bank.shaper.delay + 1)
         self._longest_cycle = machine.stall_limit_s + 1.5 * machine.cycle_s
         self.late_cycles = 0
 
@@ -114,7 +117,7 @@ class Executor:
         itself; and every output has its value.
         """
         running = any(slot.running for slot in self._slots)
-        moving = self.motions.mask & ~self.motions.speeding
+        moving = self.motions.mask & ~self.motions.speeding | self._cycle.settling
         return not (running or moving or self.bank.starting) and self._io.settled
 
     def u(self, slot: int) -> float:
@@ -128,10 +131,7 @@ class Executor:
 
     def line(self) -> int:
         """Return the line that set the latest cycle's row; 0: none."""
-        for slot in self._used:
-            if slot.shown_line:
-                return slot.shown_line
-        return 0
+        return self._lines[0]
 
     @property
     def row(self) -> FeedbackRow:
@@ -150,6 +150,10 @@ class Executor:
         for slot in self._used:
             if slot.guard is not None and slot.running:
                 slot.guard.before_exchange(slot)
+        if self.bank.shaper is not None:
+            self.bank.shaper.shape()
+            for slot in self._used:
+                slot.do_put_off()
         if self._has_io:
             self._io.before_exchange(self._path_speeds)
         profiled = cycle.profiled
@@ -208,6 +212,9 @@ class Executor:
         Returns:
             The cycles played; None where the next one is no such cycle.
         """
+        if self.bank.shaper is not None:
+            # what was ordered before goes on to act in each cycle
+            return None
         running = [slot for slot in self._used if slot.running]
         quiet = self._mailbox.changes == self._changes and self._mailbox.estop == self._estop_seen
         if len(running) != 1 or not quiet or self._cycle.estop or self._reset_wanted:
@@ -219,6 +226,7 @@ class Executor:
         block = play_block(self._cycle, slot, self._supervision, rates, time, limit)
         if block is not None:
             self._feedback.skip(len(block.lines))
+            self._lines.append(self._line())
         return block
 
     def _path_speeds(self, slot: int, axes: int) -> Array:
@@ -243,7 +251,9 @@ class Executor:
     @property
     def standing(self) -> bool:
         """Whether no program runs and nothing is commanded to move, speeds included."""
-        return not self.motions.mask and not any(slot.running for slot in self._slots)
+        return not (self.motions.mask | self._cycle.settling) and not any(
+            slot.running for slot in self._slots
+        )
 
     def _read_inputs(self) -> None:
         """Take the inputs of this cycle, and do what they ask of the machine."""
@@ -284,6 +294,8 @@ class Executor:
         unowned = self.bank.all & ~self._owned()
         self.motions.rest(unowned)
         stop_independent(cycle, unowned, -1)
+        if self.bank.shaper is not None:
+            self.bank.shaper.rest(self.bank.masks.bools(self.bank.all & ~self.bank.speed))
 
     def _stop_for(self, code: FaultCode, column: float) -> None:
         """Stop all motion within its limits: an input or output is lost."""
@@ -375,7 +387,8 @@ class Executor:
             if slot.running:
                 stopping |= slot.axes
         if self._cycle.estop:
-            still = (bank.energized | bank.starting) & ~stopping & ~self.motions.mask
+            moving = self.motions.mask | self._cycle.settling
+            still = (bank.energized | bank.starting) & ~stopping & ~moving
             if still:
                 bank.off(still)
         if self._reset_estop < self._estop_seen:
@@ -413,9 +426,12 @@ class Executor:
         rates[-1] = 0.0 if self._hold else min(1.0, self._override)
         return rates
 
+    def _line(self) -> int:
+        return next((slot.shown_line for slot in self._used if slot.shown_line), 0)
+
     def _report(self) -> None:
         cells = self._row.cells
-        active = self.motions.mask
+        active = self.motions.mask | self._cycle.settling
         for slot in self._used:
             active |= slot.playback.active
             self._row.set_slot(slot.index, slot.u, slot.ramp.rate, slot.state, slot.generation)
@@ -424,6 +440,7 @@ class Executor:
         cells[CYCLE] = self._cycle.number
         cells[LATE] = self.late_cycles
         cells[LOST_EVENTS] = self._events.lost
+        self._lines.append(self._line())
         cells[LINE] = self.line()
         cells[ESTOP] = self._cycle.estop
         if self._has_io:

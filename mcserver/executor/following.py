@@ -54,7 +54,7 @@ class Follows(Barrier):
         self._columns = np.array(columns, np.intp)
         count = len(columns)
         self._states = np.zeros((count, 3))
-        self._states[:, POSITION] = cycle.row.setpoint[self._columns]
+        self._states[:, POSITION] = cycle.row.ordered[self._columns]
         self._limits = self._limits_of(columns)
         self._reference = self._states.copy()
         self._knots = np.zeros((POINTS + 1, 1 + 2 * count))
@@ -152,8 +152,8 @@ class Follows(Barrier):
             # whatever positions come next begin where the axes are
             self._reference[:, POSITION] = self._states[:, POSITION]
         row = self._cycle.row
-        row.setpoint[self._columns] = self._states[:, POSITION]
-        row.velocity[self._columns] = self._states[:, VELOCITY]
+        row.ordered[self._columns] = self._states[:, POSITION]
+        row.ordered_velocity[self._columns] = self._states[:, VELOCITY]
 
     def _ends(self, *, lost: bool) -> bool:
         """Return whether the axes stand where the last targets have them, or where those stopped counting."""

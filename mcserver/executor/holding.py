@@ -35,8 +35,10 @@ def hold_position(cycle: Cycle, mask: int, slot: int, left: float = 0.0) -> None
             motions.halt(column, slot, left, jerk=not cycle.estop)
             continue
         motions.drop(bit)
-        row.setpoint[column] = row.actual[column]
-        state = (float(row.actual[column]), float(row.actual_velocity[column]), 0.0)
+        velocity = float(row.actual_velocity[column])
+        row.ordered[column] = row.actual[column]
+        bank.take_over(column, float(row.actual[column]), velocity)
+        state = (float(row.ordered[column]), velocity, 0.0)
         motions.halt_from(column, slot, state, left, jerk=not cycle.estop)
 
 

@@ -155,12 +155,12 @@ class AxisHoming:
 
     @property
     def _moving(self) -> bool:
-        return bool(self._cycle.motions.mask & self._bit)
+        return bool((self._cycle.motions.mask | self._cycle.settling) & self._bit)
 
     def _go(self, distance: float, velocity: float) -> None:
         """Move from here, positive towards the reference [m or rad]."""
         self._go_to(
-            float(self._cycle.row.setpoint[self._column]) + self._homing.direction * distance, velocity
+            float(self._cycle.row.ordered[self._column]) + self._homing.direction * distance, velocity
         )
 
     def _go_to(self, target: float, velocity: float) -> None:
@@ -227,7 +227,7 @@ class AxisHoming:
         """Stop behind the contact, then move away from it."""
         homing = self._homing
         away = self._contact - homing.direction * homing.back_off
-        setpoint = float(self._cycle.row.setpoint[self._column])
+        setpoint = float(self._cycle.row.ordered[self._column])
         if self._moving:
             return None
         if setpoint != away:
@@ -377,7 +377,7 @@ class Refers(Barrier):
         for column in cycle.bank.masks.columns(self._axes):
             value = self._values[column]
             if math.isfinite(value):
-                cycle.homed.refer(column, value, float(cycle.row.setpoint[column]))
+                cycle.homed.refer(column, value, float(cycle.row.ordered[column]))
                 report_homed(cycle, self._slot, column)
         return True
 

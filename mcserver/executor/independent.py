@@ -84,7 +84,7 @@ class IndependentMotions:
             targets: by column, all at rest [m or rad]; one of them differs from where it is.
             limits: of the column that leads.
         """
-        start = {column: float(self._row.setpoint[column]) for column in targets}
+        start = {column: float(self._row.ordered[column]) for column in targets}
         lead = max(targets, key=lambda column: abs(targets[column] - start[column]))
         travel = targets[lead] - start[lead]
         self._go(lead, slot, (start[lead], 0.0, 0.0), targets[lead], rate, limits)
@@ -143,7 +143,7 @@ class IndependentMotions:
         mask &= self.mask & ~self.speeding & ~self._profiled
         for column, bit in enumerate(1 << column for column in range(len(self._axes))):
             if mask & bit:
-                self._row.velocity[column] = 0.0
+                self._row.ordered_velocity[column] = 0.0
         self.drop(mask)
 
     def drop(self, mask: int) -> None:
@@ -172,7 +172,7 @@ class IndependentMotions:
         """Return the axis's setpoint state, ``left`` cycles before the end of this cycle."""
         motion = self._motions.get(column)
         if motion is None:
-            return float(self._row.setpoint[column]), 0.0, 0.0
+            return float(self._row.ordered[column]), 0.0, 0.0
         return motion.at(motion.elapsed - left * self._cycle)
 
     def stands(self, slot: int) -> bool:
@@ -320,11 +320,11 @@ class IndependentMotions:
     def _set(self, motion: Motion, position: float, velocity: float) -> None:
         row = self._row
         if not motion.lost:
-            row.setpoint[motion.column] = position
-            row.velocity[motion.column] = velocity
+            row.ordered[motion.column] = position
+            row.ordered_velocity[motion.column] = velocity
         for column, (start, share) in motion.followers.items():
-            row.setpoint[column] = start + share * (position - motion.anchor)
-            row.velocity[column] = share * velocity
+            row.ordered[column] = start + share * (position - motion.anchor)
+            row.ordered_velocity[column] = share * velocity
 
     def _start(
         self,

@@ -69,7 +69,7 @@ class ProfiledAxes:
                 if abs(row.actual_velocity[column]) > bank.standing_speed[column]:
                     pending |= bit
                 if not motions.mask & bit:
-                    row.setpoint[column] = row.actual[column]
+                    row.ordered[column] = row.setpoint[column] = row.actual[column]
                 continue
             ended = row.setpoint[column] == bank.goal[column]
             if ended and abs(row.setpoint[column] - row.actual[column]) <= self._tolerance[column]:

@@ -7,10 +7,12 @@ cycles: 1 at its beginning, 0 at the exchange with the drives.
 
 from __future__ import annotations
 
+from collections import deque
+
 import numpy as np
 from numpy.typing import NDArray
 
-from mcserver.executor.barriers import Barrier, BarrierFault, Paused
+from mcserver.executor.barriers import Barrier, BarrierFault, Paused, Settled
 from mcserver.executor.block import LineEvents, Passing, passing_cycles, passing_times
 from mcserver.executor.control_queue import ControlQueue
 from mcserver.executor.control_rules import pass_control
@@ -34,6 +36,19 @@ START_ROWS = 16.0
 STANDSTILL = 1e-6
 
 _ALWAYS = (ControlKind.LINE_END, ControlKind.END, ControlKind.PASSED)
+# On a machine with shapers: entries that are done where the shaped path is at their place, and those that say
+# how rows and motions go on; all others wait until shaped setpoints have arrived.
+_PUT_OFF = frozenset((ControlKind.LINE_START, ControlKind.LINE_END, ControlKind.PASSED, ControlKind.OUTPUT))
+_GOING_ON = frozenset(
+    (
+        ControlKind.BEGIN,
+        ControlKind.END,
+        ControlKind.WAIT,
+        ControlKind.RAPID,
+        ControlKind.HALT_AXES,
+        ControlKind.PAYLOAD,
+    )
+)
 
 
 class ProgramSlot:
@@ -62,12 +77,18 @@ class ProgramSlot:
         self.shown_line = 0
         # holds an approved run within its envelope; None: nobody has to approve what runs here
         self.guard: EnvelopeGuard | None = None
+        # entries that wait for the shaped path: the cycle that they are due in, and what of it is left then
+        self._put_off: deque[tuple[int, Control, float]] = deque()
+        # columns that rows drove along a line in the latest cycles, up to those whose shaped path this is
+        shaper = cycle.bank.shaper
+        self._driven = deque([0], maxlen=1 if shaper is None else shaper.delay + 1)
         self.generation = 0
         self.orders: SlotOrders | None = None
         self._begin(0)
 
     def _begin(self, base: int) -> None:
         self._queue.open(base)
+        self._put_off.clear()
         self.barrier: Barrier | None = None
         self.pending: Control | None = None
         self._started = False
@@ -194,9 +215,12 @@ class ProgramSlot:
             velocity: of cycles, shape (n, K). axes: mask of columns; 0: all that it moves.
         """
         playback = self.playback
-        if not playback.active or not playback.line:
+        driven = playback.active if playback.line else 0
+        if self.cycle.bank.shaper is not None:
+            driven = self._driven[0]
+        if not driven:
             return np.zeros(len(velocity))
-        columns = self.cycle.bank.masks.bools(playback.active & (axes or playback.active))
+        columns = self.cycle.bank.masks.bools(driven & (axes or driven))
         speeds: Array = np.sqrt(np.square(velocity[:, columns]).sum(axis=-1))
         return speeds
 
@@ -213,6 +237,8 @@ class ProgramSlot:
             self.barrier = None
             self.pending = None
             self.cycle.io.make_safe(self.index)
+            waiting = [each for each in self._put_off if each[1].kind is not ControlKind.OUTPUT]
+            self._put_off = deque(waiting)
             mask = self.cycle.motions.owned_by(self.index) | self.axes & ~self.cycle.motions.mask
             stop_independent(self.cycle, mask, self.index)
         elif state is SlotState.FAULTED:
@@ -229,7 +255,7 @@ class ProgramSlot:
         One that is held, or has nothing that moves (paused, or out of lines), goes on.
         """
         motions = self.cycle.motions
-        moves = self.playback.active or motions.owned_by(self.index)
+        moves = self.playback.active or motions.owned_by(self.index) or self._settling
         stands = self._state is SlotState.HELD or not moves
         if not self.running or not self._started or stands:
             return
@@ -237,6 +263,9 @@ class ProgramSlot:
         # from rest in real time: the next setpoint is the last one
         self.ramp.jump(0.0)
         self.fault(FaultCode.CYCLE_STALLED, self.line, -1, (seconds, limit))
+        if self.cycle.bank.shaper is not None:
+            # drives stand behind the rows: these are not gone to any more
+            self.playback.leave(self.playback.active)
 
     def lose(self, column: int) -> None:
         """Take axis ``column``, which has faulted, out of the program's motion."""
@@ -246,6 +275,8 @@ class ProgramSlot:
     def _finish_stop(self) -> None:
         cycle = self.cycle
         if cycle.motions.mask & cycle.motions.owned_by(self.index) or self.playback.active:
+            return
+        if self._put_off or self._settling:
             return
         if cycle.estop:
             cycle.bank.off(self.axes & ~cycle.bank.fault)
@@ -257,6 +288,7 @@ class ProgramSlot:
     def _drop(self) -> None:
         self.playback.drop()
         self._queue.drop()
+        self._put_off.clear()
 
     # ------------------------------------------------------------------ the cycle
 
@@ -426,7 +458,52 @@ class ProgramSlot:
             whole = round(reach)
             self.u = float(whole) if abs(reach - whole) < NEAR_U else reach
 
+    # ------------------------------------------------------------------ shaped setpoints
+
+    @property
+    def _settling(self) -> int:
+        return self.cycle.settling & self.axes
+
+    @property
+    def _settled(self) -> bool:
+        """Whether shaped setpoints are where the program has ordered its axes, and nothing waits for that."""
+        return not (self._put_off or self._settling)
+
+    def _waits_for_shape(self, control: Control, left: float) -> bool:
+        """Put off an entry to where the shaped path is at its place; False: it is done now."""
+        shaper = self.cycle.bank.shaper
+        if shaper is None or control.kind in _GOING_ON:
+            return False
+        if control.kind not in _PUT_OFF:
+            if self._settled:
+                return False
+            self.barrier, self.pending = Settled(lambda: self._settled), control
+            return True
+        if control.kind is not ControlKind.OUTPUT and self._settled and not self.playback.active:
+            return False
+        self._put_off.append((self.cycle.number + shaper.delay, control, left))
+        return True
+
+    def do_put_off(self) -> None:
+        """Do what is due, in order; the end of a line at rest once its shaped setpoints have arrived."""
+        self._driven.append(self.playback.active if self.playback.line else 0)
+        shown = self.shown_line
+        while self._put_off:
+            due, control, left = self._put_off[0]
+            ends = control.kind in (ControlKind.LINE_END, ControlKind.PASSED)
+            if due > self.cycle.number or (ends and not self.playback.active and self._settling):
+                break
+            self._put_off.popleft()
+            try:
+                pass_control(self, control, left if due == self.cycle.number else 0.0)
+            except BarrierFault as fault:
+                self.fault(fault.code, control.line, fault.column, fault.values)
+        # that of the row which is ordered now
+        self.shown_line = shown
+
     def _pass(self, control: Control, left: float) -> None:
+        if self._waits_for_shape(control, left):
+            return
         try:
             barrier = pass_control(self, control, left)
         except BarrierFault as fault:
@@ -437,11 +514,13 @@ class ProgramSlot:
             self.pending = control
 
     def _clear_barrier(self, left: float) -> None:
+        # only now it is begun with
+        waited = not isinstance(self.barrier, Settled)
         control, self.barrier, self.pending = self.pending, None, None
         if control is None:
             return
         try:
-            self.barrier = pass_control(self, control, left, waited=True)
+            self.barrier = pass_control(self, control, left, waited=waited)
         except BarrierFault as fault:
             self.fault(fault.code, control.line, fault.column, fault.values)
             return
@@ -459,8 +538,8 @@ class ProgramSlot:
         if jump is None:
             return
         row, start = self.cycle.row, self.playback.start_of(jump.column)
-        row.setpoint[jump.column] = start
-        row.velocity[jump.column] = 0.0
+        row.ordered[jump.column] = start
+        row.ordered_velocity[jump.column] = 0.0
         self.playback.leave(1 << jump.column)
         self.fault(FaultCode.SETPOINT_JUMP, self.line, jump.column, (jump.distance, jump.allowed))
 
@@ -527,7 +606,7 @@ class ProgramSlot:
     def _note_state(self) -> None:
         if isinstance(self.barrier, Paused):
             self.state = SlotState.PAUSED
-        elif self._held and self.cycle.motions.stands(self.index):
+        elif self._held and self.cycle.motions.stands(self.index) and not self._settling:
             self.state = SlotState.HELD
         elif self._starved:
             self.state = SlotState.STARVED

@@ -76,7 +76,7 @@ class Supervision:
             self._count_limits()
         if not (self._limited and self._cycle.bank.energized):
             return
-        setpoint = self._cycle.row.setpoint
+        setpoint = self._cycle.row.ordered
         np.less_equal(setpoint, self._high, out=self._within)
         np.greater_equal(setpoint, self._low, out=self._above)
         if b"\x00" in self._within.tobytes() or b"\x00" in self._above.tobytes():
@@ -84,20 +84,21 @@ class Supervision:
 
     def _refuse_setpoints(self) -> None:
         bank, row = self._cycle.bank, self._cycle.row
-        before = self._feedback.newest_setpoint(len(row.setpoint))
+        shaper = bank.shaper
+        before = self._feedback.newest_setpoint(len(row.setpoint)) if shaper is None else shaper.before
         # axes that move by themselves are kept inside by their trajectories, or are on their way back
         guarded = bank.energized & bank.positioned & ~self._cycle.motions.mask
         outside = mask_of(~(self._within & self._above)) & guarded
         for column in bank.masks.columns(outside):
             low, high = float(self._low[column]), float(self._high[column])
-            wanted, old = float(row.setpoint[column]), float(before[column])
+            wanted, old = float(row.ordered[column]), float(before[column])
             excess = max(wanted - high, low - wanted)
             old_excess = max(old - high, low - old)
             if old_excess > 0.0 and excess <= old_excess:
                 # it was captured outside, and does not go further
                 continue
-            row.setpoint[column] = min(max(wanted, low), high) if old_excess <= 0.0 else old
-            row.velocity[column] = 0.0
+            row.ordered[column] = min(max(wanted, low), high) if old_excess <= 0.0 else old
+            row.ordered_velocity[column] = 0.0
             limit = high if wanted > high else low
             slot = self._slot_of(column)
             if slot is None:

@@ -9,6 +9,7 @@ from msgspec import Meta
 Limit = Annotated[float, Meta(gt=0.0, description="leave the key out where there is no limit")]
 Positive = Annotated[float, Meta(gt=0.0, description="give a number above 0")]
 NotNegative = Annotated[float, Meta(ge=0.0, description="leave the key out if it is not known")]
+Damping = Annotated[float, Meta(ge=0.0, le=0.5, description="0.05 to 0.1 is usual")]
 Milliseconds = Annotated[int, Meta(ge=0, le=0xFFFF, description="100 is usual")]
 Unsigned32 = Annotated[int, Meta(ge=0, le=0xFFFFFFFF, description="see 1018h of the drive")]
 Count = Annotated[int, Meta(ge=1, le=0xFFFFFFFF)]

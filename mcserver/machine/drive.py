@@ -17,7 +17,7 @@ import msgspec
 from msgspec import Meta
 
 from mcserver.can.cob import GREATEST_NODE, LEAST_NODE
-from mcserver.machine.constraints import Count, Milliseconds, NotNegative, Positive
+from mcserver.machine.constraints import Count, Damping, Milliseconds, NotNegative, Positive
 
 if TYPE_CHECKING:
     from mcserver.machine.bus_load import Share
@@ -45,6 +45,8 @@ class Drive(msgspec.Struct, frozen=True, tag_field="kind", tag="simulated"):
         home_switch: from where to where the home switch is active, index_at: one place of the encoder's
             index, of which there is one a turn of the motor, hard_stops: ends of the mechanics; all by the
             encoder [mm, deg].
+        flexible_hz: the load hangs on the motor by a spring and rings at this, and the encoder reads it; 0:
+            it is rigid. flexible_damping: of that [1].
         other_kinds_keys_are_idle: keys of other kinds are let pass: a machine is tried without its drives by
             changing ``kind`` alone. agreed: fields that no key gives.
         has_inertia: its position is not simply its setpoint. has_switches: the home switch comes with its
@@ -62,6 +64,8 @@ class Drive(msgspec.Struct, frozen=True, tag_field="kind", tag="simulated"):
     home_switch: tuple[float, float] | None = None
     index_at: float | None = None
     hard_stops: tuple[float, float] | None = None
+    flexible_hz: NotNegative = 0.0
+    flexible_damping: Damping = 0.05
     other_kinds_keys_are_idle: ClassVar[bool] = True
     agreed: ClassVar[frozenset[str]] = frozenset()
     has_inertia: ClassVar[bool] = True

@@ -46,6 +46,7 @@ from mcserver.machine.sections import (
     MotionSection,
     RecorderSection,
 )
+from mcserver.machine.shaper_section import Shaper, Shaping, check_shapers
 from mcserver.machine.toml_positions import Path as TomlPath
 from mcserver.machine.tool_section import Tool, read_tools
 from mcserver.units import DEGREE, MM, TURN, AxisType
@@ -64,6 +65,7 @@ class Axis(msgspec.Struct, frozen=True):
     ``travel_per_motor_turn`` is m or rad of the axis for one turn of the motor (G1030).
     ``homing``: how it finds its reference; None: its encoder's reading is its position.
     ``max_torque``: of its joint [N·m, N]; None: the URDF's effort.
+    ``shaper``: of its setpoints; None: they are not shaped.
     """
 
     index: int
@@ -80,6 +82,7 @@ class Axis(msgspec.Struct, frozen=True):
     drive: AnyDrive
     homing: Homing | None = None
     max_torque: float | None = math.inf
+    shaper: Shaper | None = None
 
     @property
     def profiled(self) -> bool:
@@ -107,6 +110,7 @@ class Machine(msgspec.Struct, frozen=True):
         clearance: what must not touch what; None: nothing is said of it.
         buttons: programs that operators start from the page.
         setpoint_timeout: longest time that drives bridge without a setpoint [s]; see `stall_limit_s`.
+        shaping: of the setpoints of all axes; None: no axis has a shaper.
     """
 
     name: str
@@ -132,6 +136,7 @@ class Machine(msgspec.Struct, frozen=True):
     setpoint_timeout: float = 0.05
     clearance: Clearance | None = None
     buttons: tuple[Button, ...] = ()
+    shaping: Shaping | None = None
 
     @property
     def cycle_s(self) -> float:
@@ -141,6 +146,18 @@ class Machine(msgspec.Struct, frozen=True):
     def stall_limit_s(self) -> float:
         """Time between two setpoints from which on the cycle has stalled: motion does not go on then [s]."""
         return max(self.setpoint_timeout, LEAST_STALL_CYCLES * self.cycle_s)
+
+    def corner_tolerance(self, programmed: float | None) -> float:
+        """Return how far corners may be rounded where a path may be left by ``programmed`` [m]; None: by the
+        machine's own tolerance. What shapers may take of it is not there for corners.
+        """
+        tolerance = self.path_tolerance if programmed is None else programmed
+        return tolerance if self.shaping is None else max(0.0, tolerance - self.shaping_deviation)
+
+    @property
+    def shaping_deviation(self) -> float:
+        """How far shapers leave a path at the most [m]."""
+        return 0.0 if self.shaping is None else self.shaping.path_deviation
 
     def axis(self, index: int) -> Axis | None:
         """The axis of that number, or None."""
@@ -278,6 +295,11 @@ def _read_machine(raw: dict[str, Any], folder: Path | None, mistakes: Mistakes) 
     motion: MotionSection | None = file.get("motion", MotionSection())
     if section is None or motion is None:
         return None
+    shaping = None
+    if sound:
+        joints = frozenset(index for tool in tools for index in tool.axes)
+        by_path = {path[:-1]: axes[index] for path, index, _ in drives}
+        shaping = check_shapers(by_path, joints, 1.0 / cycle_hz, motion.path_tolerance_mm * MM, mistakes)
     urdf = None if kinematics is None else kinematics.urdf
     if urdf is not None and folder is not None:
         urdf = str(folder / urdf)
@@ -304,6 +326,7 @@ def _read_machine(raw: dict[str, Any], folder: Path | None, mistakes: Mistakes) 
         recovery=read_recovery(file.get("recovery"), axes, mistakes) if sound else None,
         setpoint_timeout=section.setpoint_timeout_s,
         buttons=read_buttons(file.get("button") or (), mistakes),
+        shaping=shaping,
         clearance=read_clearance(
             file.get("clearance"),
             file.get("body") or (),
@@ -417,6 +440,7 @@ def _axis_to_si(
         drive=drive,
         homing=homing,
         max_torque=_torque_of(axis),
+        shaper=axis.shaper,
     )
 
 

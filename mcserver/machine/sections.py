@@ -19,6 +19,7 @@ from mcserver.machine.families import AnyDrive
 from mcserver.machine.homing_section import HomingSection, ProbeSection
 from mcserver.machine.io_section import InputSection, OutputSection
 from mcserver.machine.recovery_section import RecoverySection
+from mcserver.machine.shaper_section import Shaper
 
 MAX_AXES = 64
 
@@ -45,6 +46,7 @@ class AxisSection(msgspec.Struct, frozen=True):
     max_torque: Torque | None = None
     drive: AnyDrive = Drive()
     homing: HomingSection | None = None
+    shaper: Shaper | None = None
 
 
 class MachineSection(msgspec.Struct, frozen=True):

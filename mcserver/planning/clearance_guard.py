@@ -50,6 +50,9 @@ class ClearanceGuard:
         self._sweep = sweep
         self._slow = SlowZones(sweep.scene, machine.cycle_s)
         self._speeds = np.array([axis.max_velocity for axis in machine.axes])
+        # how far drives may be from what is handed over
+        shaping = machine.shaping
+        self._beside: Array = np.zeros(len(machine.axes)) if shaping is None else np.array(shaping.deviations)
         self._space = space
         self._tenant = tenant
         space.enter(tenant)
@@ -81,7 +84,7 @@ class ClearanceGuard:
         # what a row does not drive stays where the row before left it
         last = np.where(np.vstack([np.ones_like(moved), driven]), np.arange(len(way))[:, None], 0)
         way = np.take_along_axis(way, np.maximum.accumulate(last, axis=0), axis=0)
-        half = np.where(moved, 0.0, 0.5 * (extent.high - extent.low))
+        half = np.where(moved, self._beside, 0.5 * (extent.high - extent.low))
         contact = self._judge(way, half, moved)
         count = len(rows) if contact is None else contact.step
         fast = self._slow.first(way[: count + 1])
@@ -192,10 +195,10 @@ class ClearanceGuard:
             # straight, and nowhere else
             way = np.vstack([0.5 * (extent.low + extent.high)] * 2)
             way[1, columns] = np.array(control.values)[columns]
-            half = np.where(columns, 0.0, 0.5 * (extent.high - extent.low))
+            half = np.where(columns, self._beside, 0.5 * (extent.high - extent.low))
         else:
             way = np.vstack([0.5 * (low + high)] * 2)
-            half = 0.5 * (high - low)
+            half = 0.5 * (high - low) + np.where(columns, self._beside, 0.0)
         contact = self._judge(way, half, columns) or self._too_fast_alone(way, half, columns, control)
         if contact is not None:
             hint = "take another way"
@@ -275,6 +278,7 @@ class ClearanceGuard:
 
     def _claim(self, columns: Mask, extent: Extent, until: float, *, alone: bool) -> None:
         self._claims += 1
+        extent = Extent(extent.low - self._beside, extent.high + self._beside)
         self._tenant.claim(columns, extent, until, self._claims, alone=alone)
 
     def _columns(self, mask: int) -> Mask:

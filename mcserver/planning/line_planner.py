@@ -104,7 +104,10 @@ class LinePlanner:
         self.source: Iterator[Piece | Control] | None = None
         self.canonical: deque[Canonical | PathBatch | InPosition | Exchange] = deque()
         self._energized = set(energized)
-        self._ideal = frozenset(axis.index for axis in machine.axes if not axis.drive.has_inertia)
+        # axes whose exact stop is a stop: nothing comes later than its setpoints
+        self._ideal = frozenset(
+            axis.index for axis in machine.axes if not (axis.drive.has_inertia or machine.shaping)
+        )
         # axes that G1020 may still be moving
         self._independent: set[int] = set()
         self.captured: set[int] = set()

@@ -23,6 +23,7 @@ class EnvelopeMeter:
 
     def __init__(self, machine: Machine, kinematics: MachineKinematics | None, axes: tuple[int, ...]) -> None:
         self._cycle = machine.cycle_s
+        self._shaping = machine.shaping
         start = np.array([axis.initial_position for axis in machine.axes])
         self._low, self._high = start.copy(), start.copy()
         self._step = np.zeros(len(start))
@@ -46,11 +47,16 @@ class EnvelopeMeter:
         self._last = setpoint[-1].copy()
 
     def envelope(self, seconds: float, turning: int) -> Envelope:
-        """Return the extents and speeds so far, without tolerances."""
+        """Return the extents and speeds so far, without tolerances.
+
+        Of shaped axes they are those that could have been ordered: what is ordered is judged.
+        """
+        shaping = self._shaping
+        beyond, faster = (0.0, 0.0) if shaping is None else (shaping.deviations, shaping.speed_changes)
         return Envelope(
-            low=tuple(self._low.tolist()),
-            high=tuple(self._high.tolist()),
-            speed=tuple((self._step / self._cycle).tolist()),
+            low=tuple((self._low - beyond).tolist()),
+            high=tuple((self._high + beyond).tolist()),
+            speed=tuple((self._step / self._cycle + faster).tolist()),
             seconds=seconds,
             turning=turning,
             tips=tuple(tip.envelope(self._cycle) for tip in self._tips),

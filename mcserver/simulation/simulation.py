@@ -474,6 +474,13 @@ class _Run:
             "axes": axes,
             "diagnostics": [each.as_json() for each in (*warnings, *self._faults)],
         }
+        if machine.shaping is not None:
+            report["shaping"] = {
+                "delay_s": machine.shaping.delay * machine.cycle_s,
+                "length_s": machine.shaping.length * machine.cycle_s,
+                "path_deviation_mm": machine.shaping.path_deviation / MM,
+                "path_tolerance_mm": machine.path_tolerance / MM,
+            }
         if self._clearance is not None:
             judged = {"stops": True} if self._stops else {}
             report["clearance"] = {**self._clearance.report(), **judged}

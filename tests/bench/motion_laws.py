@@ -8,13 +8,15 @@ order, and the end; a T is not ended sooner than it says, and later only with a 
 planned for 100 % or for more. ``--wide`` draws from `tests.bench.wide_programs`, ``--timed`` chains of timed
 lines from `tests.bench.timed_programs`, ``--text`` programs as text from `tests.bench.text_programs`,
 ``--tools`` those of an arm's tool from `tests.bench.tool_programs`; these two are simulated, or with
-``--orders`` played beside the planner. ``--servo`` draws hostile streams of targets from
+``--orders`` played beside the planner. With ``--shaped`` axes have random shapers, and what drives get is
+judged under orders. ``--servo`` draws hostile streams of targets from
 `tests.bench.servo_streams`. Seeds that break a law are printed; each replays alone.
 """
 
 from __future__ import annotations
 
 import argparse
+import dataclasses
 import functools
 import itertools
 import math
@@ -29,6 +31,7 @@ from mcserver.motion.bound import PlanningError
 from mcserver.motion.canonical import FeedGroup
 from mcserver.motion.geometry.curves import Array
 from tests.bench.servo_streams import broken_laws_of_streams
+from tests.bench.shaped_machines import broken_by_shapers, shaped
 from tests.bench.text_laws import broken_laws_of_text
 from tests.bench.timed_programs import many_commits, timed_moves
 from tests.bench.tool_programs import broken_laws_of_tools
@@ -280,14 +283,16 @@ def broken_under_orders(motion: Motion, seed: int) -> list[str]:
             broken.append(f"{name} {value:.6g} > {most:.6g} under orders")
     if not np.array_equal(points[-1], motion.position[-1]):
         broken.append("the end is missed under orders")
-    return broken
+    return broken + broken_by_shapers(rig)
 
 
-def judge(seed: int, draw: Draw, *, orders: bool) -> tuple[list[str], int, int]:
+def judge(seed: int, draw: Draw, *, orders: bool, shapers: bool) -> tuple[list[str], int, int]:
     """Name the laws that the program of a seed breaks; and return its lines and cycles."""
     machine, moves, commits = draw(seed)
     motion = plan(machine, moves, commits=commits)
     broken = broken_laws(motion)
+    if shapers:
+        motion = dataclasses.replace(motion, machine=shaped(machine, seed))
     if orders and len(motion.position) <= MOST_ROWS:
         broken += broken_under_orders(motion, seed)
     return broken, len(moves), len(motion.position)
@@ -328,6 +333,7 @@ def main() -> int:
     options.add_argument("--text", action="store_true")
     options.add_argument("--tools", action="store_true")
     options.add_argument("--servo", action="store_true")
+    options.add_argument("--shaped", action="store_true")
     chosen = options.parse_args()
     judged: Judge
     if chosen.servo:
@@ -335,10 +341,13 @@ def main() -> int:
     elif chosen.tools:
         judged = functools.partial(broken_laws_of_tools, orders=chosen.orders)
     elif chosen.text:
-        judged = functools.partial(broken_laws_of_text, orders=chosen.orders)
+        judged = functools.partial(
+            broken_laws_of_text, orders=chosen.orders or chosen.shaped, shapers=chosen.shaped
+        )
     else:
         draw = wide_program_of if chosen.wide else timed_program_of if chosen.timed else program_of
-        judged = functools.partial(judge, draw=draw, orders=chosen.orders)
+        orders = chosen.orders or chosen.shaped
+        judged = functools.partial(judge, draw=draw, orders=orders, shapers=chosen.shaped)
     return min(run(chosen.first, chosen.count, judged), 1)
 
 

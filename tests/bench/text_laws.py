@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
+from dataclasses import replace
 
 import numpy as np
 
@@ -11,6 +12,7 @@ from mcserver.machine.machine_file import Machine
 from mcserver.motion.geometry.curves import Array
 from mcserver.simulation.simulation import Simulation, simulate
 from tests.bench.override import Run, play, worst_ratios
+from tests.bench.shaped_machines import shaped
 from tests.bench.text_programs import TOLERANCES, Asked, Text, orders_of, text_program_of
 from tests.motion.measure import ACCELERATION_SLACK, JERK_SLACK, VELOCITY_SLACK
 
@@ -21,14 +23,16 @@ EXACT = 1e-9
 ROUNDED = 10.0 * max(TOLERANCES)
 
 
-def broken_laws_of_text(seed: int, *, orders: bool) -> tuple[list[str], int, int]:
+def broken_laws_of_text(seed: int, *, orders: bool, shapers: bool = False) -> tuple[list[str], int, int]:
     """Name the laws that the program of a seed breaks; and return its lines and cycles.
 
     Args:
         orders: play it beside a planner that works meanwhile, under overrides of 0 to 200 %, its lines all
-            there at once or streamed.
+            there at once or streamed. shapers: axes have random ones.
     """
     text = text_program_of(seed)
+    if shapers:
+        text = replace(text, machine=shaped(text.machine, seed))
     if orders:
         given, every = orders_of(seed)
         run = play(text.machine, text.lines, given, every=every)

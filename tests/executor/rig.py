@@ -54,6 +54,7 @@ class Rig:
     events: list[ExecutorEvent] = field(default_factory=list)
     setpoints: list[Array] = field(default_factory=list)
     actuals: list[Array] = field(default_factory=list)
+    orders: list[Array] = field(default_factory=list)
     lines: list[int] = field(default_factory=list)
 
     def __post_init__(self) -> None:
@@ -67,6 +68,7 @@ class Rig:
         self.lines.append(line)
         self.setpoints.append(setpoint.copy())
         self.actuals.append(actual.copy())
+        self.orders.append(self.executor.executor.row.ordered.copy())
 
     def step(self, cycles: int = 1) -> None:
         self.executor.step(cycles)
@@ -127,6 +129,11 @@ class Rig:
     def setpoint(self) -> Array:
         """Shape (cycles, K)."""
         return np.array(self.setpoints)
+
+    @property
+    def ordered(self) -> Array:
+        """What the setpoints are made of, shape (cycles, K)."""
+        return np.array(self.orders)
 
     @property
     def actual(self) -> Array:

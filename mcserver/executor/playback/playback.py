@@ -87,7 +87,7 @@ class Playback:
         self._unchecked = 0
         self._begun = 0.0
         self.line = 0
-        self._recent[:] = self._row.setpoint
+        self._recent[:] = self._row.ordered
 
     def shift(self, column: int, distance: float) -> None:
         """Shift a column at rest: its positions read ``distance`` more from now on."""
@@ -155,7 +155,7 @@ class Playback:
         self._fresh |= mask
         self._unchecked |= mask
         bools = self._masks.bools(mask)
-        np.copyto(self._start_position, self._row.setpoint, where=bools)
+        np.copyto(self._start_position, self._row.ordered, where=bools)
         self._start_u[bools] = u
         self._begun = u
 
@@ -167,7 +167,7 @@ class Playback:
         bools = self._masks.bools(mask)
         ring, number = self._ring, self.following
         if final is not None:
-            np.copyto(self._row.setpoint, np.array(final), where=bools)
+            np.copyto(self._row.ordered, np.array(final), where=bools)
         else:
             self._interpolate(u, 0.0)
             current = number - 1
@@ -176,8 +176,8 @@ class Playback:
                 # the row after a fractional end holds the target where it stands still
                 at = number % ring.rows
                 resting = bools & self._masks.bools(self._mask_cells[at]) & (ring.velocity[at] == 0.0)
-                np.copyto(self._row.setpoint, ring.position[at], where=resting)
-        self._row.velocity[bools] = 0.0
+                np.copyto(self._row.ordered, ring.position[at], where=resting)
+        self._row.ordered_velocity[bools] = 0.0
         self.active &= ~mask
         self._fresh &= ~mask
         self._unchecked &= ~mask
@@ -188,7 +188,7 @@ class Playback:
     def leave(self, mask: int) -> None:
         """Drive these columns no more; their setpoints stay."""
         mask &= self.active
-        self._row.velocity[self._masks.bools(mask)] = 0.0
+        self._row.ordered_velocity[self._masks.bools(mask)] = 0.0
         self.active &= ~mask
         self._fresh &= ~mask
         self._unchecked &= ~mask
@@ -300,7 +300,7 @@ class Playback:
 
     def note(self) -> None:
         """Note this cycle's setpoints, once they are set."""
-        self._recent[self._cycles & 3] = self._row.setpoint
+        self._recent[self._cycles & 3] = self._row.ordered
         self._cycles += 1
 
     def _recent_setpoints(self) -> Array:
@@ -328,7 +328,7 @@ class Playback:
             begun=self._begun,
             start=self._start_position,
             driven=driven,
-            displaced=fresh & (self._start_position != self._row.setpoint),
+            displaced=fresh & (self._start_position != self._row.ordered),
             recent=self._recent_setpoints(),
         )
 
@@ -359,12 +359,12 @@ class Playback:
         self._fresh &= ~mask
         self.line = self._line_cells[at]
         bools = self._masks.bools(mask)
-        np.copyto(row.setpoint, ring.position[at], where=bools)
+        np.copyto(row.ordered, ring.position[at], where=bools)
         if rate == 1.0:
-            np.copyto(row.velocity, ring.velocity[at], where=bools)
+            np.copyto(row.ordered_velocity, ring.velocity[at], where=bools)
         else:
             np.multiply(ring.velocity[at], rate, out=self._scratch)
-            np.copyto(row.velocity, self._scratch, where=bools)
+            np.copyto(row.ordered_velocity, self._scratch, where=bools)
 
     def _interpolate(self, u: float, rate: float) -> None:
         ring = self._ring
@@ -395,8 +395,8 @@ class Playback:
                 rate,
                 self.bounds,
                 self._masks.bools(joined),
-                self._row.setpoint,
-                self._row.velocity,
+                self._row.ordered,
+                self._row.ordered_velocity,
             )
         for column in self._masks.columns(driven & ~joined):
             self._lead_in(column, at, after_u, u, rate)
@@ -420,15 +420,15 @@ class Playback:
         span = after_u - start
         share = (u - start) / span if span > NEAR_U else 1.0
         if share <= 0.0:
-            row.velocity[column] = 0.0
+            row.ordered_velocity[column] = 0.0
             return
         target, speed = float(ring.position[at, column]), float(ring.velocity[at, column])
         seconds = span * self._cycle
         rise = share * share * (3.0 - 2.0 * share)
-        row.setpoint[column] = (
+        row.ordered[column] = (
             origin + rise * (target - origin) + seconds * speed * share * share * (share - 1.0)
         )
         slope = (
             6.0 * share * (1.0 - share) * (target - origin) / seconds + share * (3.0 * share - 2.0) * speed
         )
-        row.velocity[column] = slope * rate
+        row.ordered_velocity[column] = slope * rate

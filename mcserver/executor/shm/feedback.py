@@ -121,15 +121,25 @@ class FeedbackState:
 
 
 class FeedbackRow:
-    """The row that the executor fills in the course of a cycle: views of one array of doubles."""
+    """The row that the executor fills in the course of a cycle: views of one array of doubles.
+
+    Attributes:
+        ordered, ordered_velocity: shape (K,), what programs and motions set. Without shapers they are the
+            setpoints of drives themselves.
+    """
 
     def __init__(self, axes: int, slots: int, inputs: int = 0, outputs: int = 0) -> None:
         self.row: Array = np.zeros(row_width(axes, slots, inputs, outputs))
         self.cells: Any = memoryview(self.row)  # type: ignore[arg-type]
         views = [self.row[_HEAD + block * axes : _HEAD + (block + 1) * axes] for block in range(_BLOCKS)]
         self.setpoint, self.velocity, self.actual, self.actual_velocity, self.torque, self.condition = views
+        self.ordered, self.ordered_velocity = self.setpoint, self.velocity
         self._slots_at = _HEAD + _BLOCKS * axes
         self.inputs, self.outputs, self.owners = _io_blocks(self.row, axes, slots, inputs, outputs)
+
+    def separate_orders(self) -> None:
+        """Let what is ordered be something else than what drives get, which is made of it."""
+        self.ordered, self.ordered_velocity = self.setpoint.copy(), self.velocity.copy()
 
     def set_homed(self, mask: int) -> None:
         """Write which columns have a reference; a double holds 53 bits, so in two halves."""

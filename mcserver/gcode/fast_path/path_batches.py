@@ -72,13 +72,12 @@ class _Lines(NamedTuple):
 class PathBatchInterpreter:
     """Interprets lines with a table of the usable axes."""
 
-    __slots__ = ("_profile", "_reader", "_rows", "_setup", "_tolerance", "_vocabulary")
+    __slots__ = ("_profile", "_reader", "_rows", "_setup", "_vocabulary")
 
     def __init__(self, setup: Setup) -> None:
         self._setup = setup
         self._rows = axis_rows(setup)
         self._profile = setup.machine.dialect.profile
-        self._tolerance = setup.machine.path_tolerance
         self._vocabulary = vocabulary_of(setup.machine)
         self._reader = WordReader(self._vocabulary)
 
@@ -122,7 +121,7 @@ class PathBatchInterpreter:
             move_duration(numbers) if modal.inverse_time else lengths[:count] / speeds,
             None if modal.inverse_time else speeds,
             modal.exact_stop,
-            self._tolerance if modal.tolerance is None else modal.tolerance,
+            self._setup.machine.corner_tolerance(modal.tolerance),
         )
         batch = PathBatch(
             number + table.lines,

@@ -8,10 +8,11 @@ import msgspec
 
 from mcserver.gcode.semantics.block_state import ASSUMED_FEED, ASSUMED_TOOL, BlockState
 from mcserver.gcode.semantics.modal import SMALLEST_FEED, apply_setting, read_feed, smallest_feed
-from mcserver.gcode.semantics.program_units import axis_scale
+from mcserver.gcode.semantics.program_units import axis_scale, length_scale
 from mcserver.gcode.text.syntax import Command, Setting
 from mcserver.gcode.text.words import INCREMENTAL_LETTERS, Word
 from mcserver.machine.machine_file import Axis
+from mcserver.units import MM
 
 
 class ModalWord(msgspec.Struct, frozen=True, gc=False):
@@ -85,6 +86,16 @@ def apply_setting_item(block: BlockState, setting: Setting) -> None:
                 f"a path tolerance of {argument.shown[1:]} is negative",
                 block.span(argument),
                 "P0 keeps the exact path; G64 alone takes the machine file's tolerance",
+            )
+            tolerance = None
+        elif tolerance * length_scale(block.modal.inch) < block.setup.machine.shaping_deviation:
+            most = block.setup.machine.shaping_deviation / MM
+            block.faults.add(
+                "MC116",
+                f"a path tolerance of {argument.shown[1:]} cannot be kept: the shapers of this machine leave "
+                f"a path by up to {most:.3f} mm",
+                block.span(argument),
+                f"give {most:.3f} mm or more, or G61, which stops exactly on every corner",
             )
             tolerance = None
     block.modal = apply_setting(setting.spec.number, block.modal, tolerance)

@@ -101,9 +101,8 @@ class BlockState:
 
     @property
     def path_tolerance(self) -> float:
-        """The path tolerance in force [m]."""
-        tolerance = self.modal.tolerance
-        return self.setup.machine.path_tolerance if tolerance is None else tolerance
+        """The path tolerance in force for corners [m]."""
+        return self.setup.machine.corner_tolerance(self.modal.tolerance)
 
     @property
     def arc_tolerance(self) -> RadiusTolerance:

@@ -1,0 +1,171 @@
+"""``shaper`` of an axis: impulses that leave no vibration of a flexible axis behind, and what they cost.
+
+The shaped position is a mean of past setpoints with weights that are not negative: velocity, acceleration,
+jerk and travel hold for it as they hold for what comes in. Impulses are those of Singer and Seering (ZV),
+Singhose, Seering and Singer (EI and two-hump EI, for 5 % of residual vibration) and of Klipper (MZV).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Annotated, Literal
+
+import msgspec
+from msgspec import Meta
+
+from mcserver.machine.constraints import Damping
+from mcserver.machine.section_reader import Mistakes
+from mcserver.machine.toml_positions import Path
+from mcserver.units import AxisType
+
+if TYPE_CHECKING:
+    from mcserver.machine.machine_file import Axis
+
+# Residual vibration that EI and 2HEI are made for [1].
+RESIDUAL = 0.05
+# The executor keeps accelerations to this multiple of their limits where a rate changes.
+ACCELERATION_SLACK = 1.01
+# A shaper is at most so many cycles long: what the executor keeps of each axis.
+MAX_CYCLES = 1000
+
+ShaperType = Literal["zv", "mzv", "ei", "2hei"]
+
+
+class Shaper(msgspec.Struct, frozen=True):
+    """``shaper`` as written.
+
+    Attributes:
+        frequency_hz: at which the axis rings. damping: of that, as a ratio.
+    """
+
+    type: ShaperType
+    frequency_hz: Annotated[float, Meta(ge=1.0, le=500.0, description="`mcserver resonance` measures it")]
+    damping: Damping = 0.1
+
+    def impulses(self) -> tuple[tuple[float, float], ...]:
+        """Return times, from 0 [s], and weights, which sum to 1."""
+        root = math.sqrt(1.0 - self.damping**2)
+        period = 1.0 / (self.frequency_hz * root)
+
+        def decay(periods: float) -> float:
+            """Return how much a vibration decays in a time."""
+            return math.exp(-2.0 * math.pi * self.damping / root * periods)
+
+        if self.type == "zv":
+            parts = [(0.0, 1.0), (0.5, 1.0)]
+        elif self.type == "mzv":
+            end = 1.0 - 1.0 / math.sqrt(2.0)
+            parts = [(0.0, end), (0.375, math.sqrt(2.0) - 1.0), (0.75, end)]
+        elif self.type == "ei":
+            parts = [(0.0, 1.0 + RESIDUAL), (0.5, 2.0 * (1.0 - RESIDUAL)), (1.0, 1.0 + RESIDUAL)]
+        else:
+            square = RESIDUAL**2
+            x = (square * (math.sqrt(1.0 - square) + 1.0)) ** (1.0 / 3.0)
+            outer = (3.0 * x * x + 2.0 * x + 3.0 * square) / (16.0 * x)
+            parts = [(0.0, outer), (0.5, 0.5 - outer), (1.0, 0.5 - outer), (1.5, outer)]
+        weights = [weight * decay(at) for at, weight in parts]
+        whole = sum(weights)
+        return tuple((at * period, weight / whole) for (at, _), weight in zip(parts, weights, strict=True))
+
+    def mean_s(self) -> float:
+        """Return by how much it delays the path [s]."""
+        return sum(at * weight for at, weight in self.impulses())
+
+
+class Shaping(msgspec.Struct, frozen=True):
+    """The shapers of a machine in cycles. Every axis that follows a path has the same mean delay.
+
+    Attributes:
+        delay: mean delay of them all [cycles].
+        weights: by column, of the setpoint 0, 1, 2, … cycles ago; of an axis without a shaper 1, ``delay``
+            ago; of one whose drive makes its profiles itself 1, at once.
+        deviations: by column, how far the shaped position may be from the delayed one at the most [m or rad].
+        speed_changes: by column, by how much its velocity may differ from the delayed one [m/s or rad/s].
+        path_deviation: how far a path may be left by that [m]; a degree counts as a millimetre.
+    """
+
+    delay: int
+    weights: tuple[tuple[float, ...], ...]
+    deviations: tuple[float, ...]
+    speed_changes: tuple[float, ...]
+    path_deviation: float
+
+    @property
+    def length(self) -> int:
+        """Cycles from the end of what comes in to the end of what goes out."""
+        return max(len(each) for each in self.weights) - 1
+
+    @classmethod
+    def of(cls, axes: Sequence[Axis], cycle_s: float) -> Shaping | None:
+        """Return the shaping of a machine's axes; None where none has a shaper."""
+        shapers = [axis.shaper for axis in axes]
+        means = [shaper.mean_s() / cycle_s for shaper in shapers if shaper is not None]
+        if not means:
+            return None
+        # a whole number, so that axes without a shaper are delayed exactly
+        delay = math.ceil(max(means) - 1e-9)
+        weights, deviations, changes, path = [], [], [], 0.0
+        for axis in axes:
+            each = (1.0,) if axis.profiled else _weights(axis.shaper, delay, cycle_s)
+            variance = sum(weight * (at - delay) ** 2 for at, weight in enumerate(each))
+            spread = sum(weight * abs(at - delay) for at, weight in enumerate(each))
+            most = 0.0 if axis.profiled else ACCELERATION_SLACK * axis.max_acceleration * cycle_s
+            # Taylor's theorem about the mean, at which the first order cancels
+            deviations.append(0.5 * variance * most * cycle_s)
+            changes.append(spread * most)
+            scale = 1.0 if axis.type is AxisType.LINEAR else 1e-3 / axis.type.si_per_unit
+            path += (scale * deviations[-1]) ** 2
+            weights.append(each)
+        return cls(delay, tuple(weights), tuple(deviations), tuple(changes), math.sqrt(path))
+
+
+def _weights(shaper: Shaper | None, delay: int, cycle_s: float) -> tuple[float, ...]:
+    """Return weights by cycles of delay; an impulse between two is shared by them, which keeps the mean."""
+    if shaper is None:
+        return (*[0.0] * delay, 1.0)
+    lead = delay - shaper.mean_s() / cycle_s
+    places = [(max(lead, 0.0) + at / cycle_s, weight) for at, weight in shaper.impulses()]
+    weights = [0.0] * (math.floor(places[-1][0]) + 2)
+    for at, weight in places:
+        whole = math.floor(at)
+        weights[whole] += weight * (1.0 - (at - whole))
+        weights[whole + 1] += weight * (at - whole)
+    if weights[-1] == 0.0:
+        weights.pop()
+    return tuple(weights)
+
+
+def check_shapers(
+    axes: Mapping[Path, Axis], tool_axes: frozenset[int], cycle_s: float, tolerance: float, mistakes: Mistakes
+) -> Shaping | None:
+    """Return the shaping of a machine, in the order of its axes' numbers; note shapers that it cannot have.
+
+    Args:
+        axes: by the paths of their sections. tool_axes: joints of tools. tolerance: of paths [m].
+    """
+    for path, axis in axes.items():
+        if axis.shaper is None:
+            continue
+        what = None
+        if axis.profiled:
+            what = "its drive makes the profiles itself", 'use csp or ip there: mode = "pp" goes to points'
+        elif axis.index in tool_axes:
+            what = (
+                "it is a joint of a tool, at whose tip the deviation is not known",
+                "shape axes that no [[tool]] names",
+            )
+        elif axis.shaper.impulses()[-1][0] > MAX_CYCLES * cycle_s:
+            what = f"it is longer than {MAX_CYCLES} cycles", "give a higher frequency_hz"
+        if what is not None:
+            mistakes.add((*path, "shaper"), what[0], what[1])
+            return None
+    shaping = Shaping.of(sorted(axes.values(), key=lambda axis: axis.index), cycle_s)
+    if shaping is not None and shaping.path_deviation >= tolerance:
+        most = shaping.path_deviation * 1e3
+        mistakes.add(
+            ("motion", "path_tolerance_mm"),
+            f"{tolerance * 1e3:g} mm leave nothing for corners: shapers leave a path by up to {most:.3f} mm",
+            f"give more than {most:.3f}, a lower max_acceleration, or a shorter shaper, such as zv",
+        )
+    return shaping
