@@ -51,6 +51,7 @@ COMMANDS: Mapping[str, str] = MappingProxyType(
         "simulate": "simulate.simulate_program",
         "certify": "certify.certify",
         "plot": "plot.plot",
+        "resonance": "resonance.resonance",
         "view": "view.view",
         "web": "web.web",
         "webhooks": "webhooks.webhooks",

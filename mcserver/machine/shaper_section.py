@@ -7,6 +7,7 @@ Singhose, Seering and Singer (EI and two-hump EI, for 5 % of residual vibration)
 
 from __future__ import annotations
 
+import cmath
 import math
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Annotated, Literal
@@ -67,6 +68,18 @@ class Shaper(msgspec.Struct, frozen=True):
         weights = [weight * decay(at) for at, weight in parts]
         whole = sum(weights)
         return tuple((at * period, weight / whole) for (at, _), weight in zip(parts, weights, strict=True))
+
+    def residual(self, frequency_hz: float, damping: float) -> float:
+        """Return what it leaves of a vibration, as a share of that without it, behind its last impulse."""
+        omega, root = 2.0 * math.pi * frequency_hz, math.sqrt(1.0 - damping**2)
+        impulses = self.impulses()
+        end = impulses[-1][0]
+        return abs(
+            sum(
+                cmath.rect(weight * math.exp(-damping * omega * (end - at)), omega * root * at)
+                for at, weight in impulses
+            )
+        )
 
     def mean_s(self) -> float:
         """Return by how much it delays the path [s]."""

@@ -1,0 +1,142 @@
+"""How an axis rings after its moves, from a recording, and the shapers that take that away."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import get_args
+
+import msgspec
+import numpy as np
+
+from mcserver.executor.entries import Array
+from mcserver.machine.machine_file import Axis
+from mcserver.machine.shaper_section import RESIDUAL, Shaper, ShaperType, Shaping
+from mcserver.units import TURN
+
+# A ring is looked at for so long, and is of use from so long on [s].
+LONGEST_S, SHORTEST_S = 1.0, 0.08
+# Frequencies that are looked for [Hz], and the damping ratios that the search begins with.
+LOWEST_HZ, HIGHEST_HZ = 2.0, 400.0
+DAMPINGS = (0.003, 0.01, 0.03, 0.1, 0.2)
+FREQUENCIES = 200
+REFINEMENTS = 8
+# A shaper is to leave `RESIDUAL` at frequencies beside the measured one by this share, too.
+BESIDE = 0.1
+
+
+@dataclass(frozen=True)
+class Resonance:
+    """A vibration that dies away.
+
+    Attributes:
+        damping: as a ratio. explained: share of the rings that it explains [1]. rings: how many these are.
+    """
+
+    frequency_hz: float
+    damping: float
+    explained: float
+    rings: int
+
+
+class ShaperCost(msgspec.Struct, frozen=True):
+    """What a shaper leaves and costs.
+
+    Attributes:
+        residual: of a vibration at its frequency, worst: within a tenth beside it [1]. delay_s: of the path.
+        length_s: by which an exact stop takes longer. deviation: of the axis from the delayed path at its
+            acceleration limit [m or rad].
+    """
+
+    shaper: Shaper
+    residual: float
+    worst: float
+    delay_s: float
+    length_s: float
+    deviation: float
+
+
+def rings_of(setpoint: Array, actual: Array, cycle_s: float) -> list[Array]:
+    """Return how the axis swings about its setpoint in each rest behind a move, shapes (n,)."""
+    (moves,) = np.nonzero(np.diff(setpoint))
+    if not len(moves):
+        return []
+    ends = np.append(moves[1:], len(setpoint) - 1)
+    swing = actual - setpoint
+    shortest, longest = round(SHORTEST_S / cycle_s), round(LONGEST_S / cycle_s)
+    return [
+        swing[move + 1 : min(end + 1, move + 1 + longest)]
+        for move, end in zip(moves.tolist(), ends.tolist(), strict=True)
+        if end - move >= shortest
+    ]
+
+
+def ring_from_peak(signal: Array, step_s: float) -> Array:
+    """Return an accelerometer's signal from its greatest value on, shape (n,)."""
+    first = int(np.argmax(np.abs(signal - np.median(signal))))
+    return signal[first : first + round(LONGEST_S / step_s)]
+
+
+def fit(rings: Sequence[Array], step_s: float) -> Resonance | None:
+    """Return the vibration that explains rings best, each with its own size and phase; None without any.
+
+    Least squares over frequency and damping; size, phase and rest position follow linearly.
+    """
+    rings = [ring for ring in rings if len(ring) * step_s >= SHORTEST_S / 2 and np.ptp(ring) > 0.0]
+    if not rings:
+        return None
+    whole = sum(float(((ring - ring.mean()) ** 2).sum()) for ring in rings)
+
+    def left(frequency: float, damping: float) -> float:
+        return sum(_unexplained(ring, step_s, frequency, damping) for ring in rings)
+
+    highest = min(HIGHEST_HZ, 0.4 / step_s)
+    tried = [(f, d) for f in np.geomspace(LOWEST_HZ, highest, FREQUENCIES).tolist() for d in DAMPINGS]
+    frequency, damping = min(tried, key=lambda each: left(*each))
+    wide, deep = (highest / LOWEST_HZ) ** (1.0 / FREQUENCIES), 2.0
+    for _ in range(REFINEMENTS):
+        tried = [
+            (frequency * wide**across, min(damping * deep**down, 0.5))
+            for across in (-1.0, -0.5, 0.0, 0.5, 1.0)
+            for down in (-1.0, -0.5, 0.0, 0.5, 1.0)
+        ]
+        frequency, damping = min(tried, key=lambda each: left(*each))
+        wide, deep = wide**0.5, deep**0.6
+    return Resonance(frequency, damping, 1.0 - left(frequency, damping) / whole, len(rings))
+
+
+def _unexplained(ring: Array, step_s: float, frequency_hz: float, damping: float) -> float:
+    """Return the sum of squares of what a vibration leaves of a ring."""
+    at = np.arange(len(ring)) * step_s * frequency_hz * TURN
+    damped, decay = at * np.sqrt(1.0 - damping**2), np.exp(-damping * at)
+    basis = np.stack([decay * np.cos(damped), decay * np.sin(damped), np.ones(len(ring))], axis=1)
+    found, *_ = np.linalg.lstsq(basis, ring, rcond=None)
+    return float(((ring - basis @ found) ** 2).sum())
+
+
+def compare_shapers(found: Resonance, axis: Axis, cycle_s: float) -> list[ShaperCost]:
+    """Return what each shaper leaves and costs on an axis, the shortest first."""
+    costs = []
+    for kind in get_args(ShaperType):
+        # no more digits than a measurement has
+        shaper = Shaper(kind, round(found.frequency_hz, 2), round(min(found.damping, 0.5), 4))
+        shaping = Shaping.of([msgspec.structs.replace(axis, shaper=shaper)], cycle_s)
+        assert shaping is not None
+        beside = np.linspace(1.0 - BESIDE, 1.0 + BESIDE, 21) * found.frequency_hz
+        costs.append(
+            ShaperCost(
+                shaper=shaper,
+                residual=shaper.residual(found.frequency_hz, found.damping),
+                worst=max(shaper.residual(each, found.damping) for each in beside.tolist()),
+                delay_s=shaping.delay * cycle_s,
+                length_s=shaping.length * cycle_s,
+                deviation=shaping.deviations[0],
+            )
+        )
+    return costs
+
+
+def proposed(costs: Sequence[ShaperCost]) -> ShaperCost:
+    """Return the shortest shaper that leaves little enough beside its frequency, else that with the least."""
+    good = [cost for cost in costs if cost.worst <= 1.02 * RESIDUAL]
+    return good[0] if good else min(costs, key=lambda cost: cost.worst)
