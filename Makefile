@@ -145,6 +145,7 @@ pictures: $(VENV)/.for-development  ## draw the pictures of the documentation an
 		--output docs/images/clearance.png || [ $$? = 1 ]  # it ends in a contact
 	$(BIN)/mcserver plot examples/robot-dog.gcode --machine robot-dog --no-limits --output docs/images/dog.png
 	$(BIN)/python -m tests.bench.servo_picture docs/images/servo.png
+	$(BIN)/python -m tests.bench.shaping_picture docs/images/shaping.png
 	$(BIN)/python -m tests.browser.picture docs/images
 	$(BIN)/python -m tests.motion.picture docs/images/chords.png docs/images/stretches.png
 
