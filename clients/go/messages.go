@@ -177,6 +177,15 @@ const (
 	RecordingStateUnfinished RecordingState = "unfinished"
 )
 
+// RunRole is a word of the wire. A later server may know further ones.
+type RunRole string
+
+// The words that this version knows.
+const (
+	RunRoleAgent    RunRole = "agent"
+	RunRoleOperator RunRole = "operator"
+)
+
 // RunState is a word of the wire. A later server may know further ones.
 type RunState string
 
@@ -400,6 +409,8 @@ type ClearanceReport struct {
 	LeastMm *float64 `msgpack:"least_mm" mc:"required"`
 	// Pairs: that came nearer, the nearest first, 20 at most.
 	Pairs []PairClearance `msgpack:"pairs" mc:"required"`
+	// AssumedOn: zones that an input switches, which count as on.
+	AssumedOn []string `msgpack:"assumed_on"`
 }
 
 // CloseReply: `accepted`: the last line that will run.
@@ -1421,6 +1432,9 @@ type SimulateRequest struct {
 	Assertions []Assertion `msgpack:"assertions"`
 	// Against: another program's text, from the same start: the reply has the `difference` to its motion.
 	Against string `msgpack:"against"`
+	// Role: whose run it is to be: `agent`, one that a person approves, or `operator`, any other; zones of the
+	// other do not count. nil: all zones do.
+	Role *RunRole `msgpack:"role"`
 }
 
 // SimulatedPath: Points at even distances along the axes' travel.

@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mcserver.clearance.mounted import NOT_KNOWN, Exchange, Mounted
-from mcserver.clearance.scene import Scene
+from mcserver.clearance.scene import Pair, Scene
 from mcserver.clearance.slow_zones import SLOWER, SlowZones
 from mcserver.errors import ConfigurationError, Diagnostic
 from mcserver.machine.dialect_section import Cutter
@@ -62,16 +62,28 @@ class ClearanceMeter:
     Args:
         machine: has a clearance. start: positions of its axes before the first cycle, shape (K,) [SI].
         cutters: the tool table; None: that of the machine file.
+        role: whose run it is; None: whoever's, so that all zones count.
+
+    Zones that an input switches count as on; what enters them is a warning, for a server holds it there.
 
     Raises:
         ConfigurationError: as `Scene`.
     """
 
-    def __init__(self, machine: Machine, start: Array, cutters: Mapping[int, Cutter] | None = None) -> None:
+    def __init__(
+        self,
+        machine: Machine,
+        start: Array,
+        cutters: Mapping[int, Cutter] | None = None,
+        role: str | None = None,
+    ) -> None:
         assert machine.clearance is not None
         self._margin = machine.clearance.margin
+        zones = machine.clearance.zones
+        self._assumed_on = [each.name for each in zones if each.switch is not None and each.binds(role)]
         self._scene = Scene(machine)
-        self._slow = SlowZones(self._scene, machine.cycle_s)
+        self._binding = self._scene.binding(role)
+        self._slow = SlowZones(self._scene, machine.cycle_s, self._binding)
         # by names of the body and the slow zone the first time and line at which it was too fast
         self._too_fast: dict[tuple[str, str], tuple[float, Diagnostic]] = {}
         self._last: Array = np.array(start, dtype=np.float64)
@@ -91,7 +103,8 @@ class ClearanceMeter:
         self._scene.place(self._last)
         for pair in pairs:
             self._spent[pair] = 0.0
-            if not self._scene.active[pair] or self._scene.speeds[pair] < math.inf:
+            counts = self._scene.active[pair] and self._binding[pair]
+            if not counts or self._scene.speeds[pair] < math.inf:
                 self._distance[pair] = math.inf
                 continue
             at = self._distance[pair] = self._scene.distance(pair)
@@ -118,18 +131,18 @@ class ClearanceMeter:
     def contacts(self) -> list[Diagnostic]:
         """Return the first contact of each pair of names, in the order of their times."""
         self._look()
-        first: dict[tuple[str, str], tuple[Nearest, bool]] = {}
+        first: dict[tuple[str, str], tuple[Nearest, Pair]] = {}
         for pair, nearest in self._by_time():
             if nearest.contact:
-                first.setdefault(pair.names, (nearest, pair.zone))
-        found = [
-            (nearest.time, self._diagnostic(names, nearest, zone)) for names, (nearest, zone) in first.items()
-        ]
+                first.setdefault(pair.names, (nearest, pair))
+        found = [(nearest.time, self._diagnostic(pair, nearest)) for nearest, pair in first.values()]
         found += self._too_fast.values()
         return [diagnostic for _, diagnostic in sorted(found, key=lambda each: each[0])]
 
     def report(self) -> dict[str, Any]:
-        """Return ``margin_mm``, ``least_mm`` and ``pairs``, the nearest first; None: all stayed far apart."""
+        """Return ``margin_mm``, ``least_mm`` (None: all stayed far apart), ``pairs``, the nearest first, and
+        ``assumed_on``, the zones that an input switches.
+        """
         self._look()
         least: dict[tuple[str, str], Nearest] = {}
         for pair, nearest in sorted(self._by_time(), key=lambda each: each[1].distance):
@@ -148,17 +161,18 @@ class ClearanceMeter:
             "margin_mm": self._margin / MM,
             "least_mm": rows[0]["least_mm"] if rows else None,
             "pairs": rows[:MOST_SHOWN],
+            "assumed_on": self._assumed_on,
         }
 
-    def _by_time(self) -> list[tuple[Any, Nearest]]:
+    def _by_time(self) -> list[tuple[Pair, Nearest]]:
         found = zip(self._scene.pairs, self._nearest, strict=True)
         return sorted(found, key=lambda each: each[1].time)
 
-    def _diagnostic(self, names: tuple[str, str], nearest: Nearest, zone: bool) -> Diagnostic:
-        one, other = names
+    def _diagnostic(self, pair: Pair, nearest: Nearest) -> Diagnostic:
+        one, other = pair.names
         away = f"{max(0.0, nearest.distance) / MM:.2f} mm, {self._margin / MM:g} wanted"
         where = f"at {nearest.time:.3f} s" if nearest.line else "before the program begins"
-        if zone:
+        if pair.zone:
             message, hint = (
                 f"{one!r} leaves what the zone {other!r} leaves free {where}",
                 "take another way, or change the [[zone]]",
@@ -170,14 +184,15 @@ class ClearanceMeter:
             )
         if not nearest.certain:
             hint = NOT_KNOWN
-        return Diagnostic(
-            code="MC321" if zone else "MC320",
+        fault = Diagnostic(
+            code="MC321" if pair.zone else "MC320",
             message=message,
             line=nearest.line,
             column=1,
             end_column=2,
             hint=hint,
         )
+        return fault if pair.switch < 0 else held_there(fault)
 
     # ------------------------------------------------------------------ the motion
 
@@ -222,6 +237,8 @@ class ClearanceMeter:
             time, line = float(times[found.step]), int(lines[found.step])
             message = f"{found.message(names)} at {time:.3f} s"
             fault = Diagnostic("MC322", message, line=line, column=1, end_column=2, hint=SLOWER)
+            if self._scene.pairs[found.pair].switch >= 0:
+                fault = held_there(fault)
             self._too_fast[names] = time, fault
             # said once
             self._slow.pairs.remove(found.pair)
@@ -252,6 +269,16 @@ class ClearanceMeter:
         halfway, least = self._between(pair, before, middle, start, 0.5 * moved)
         rest = self._between(pair, middle, after, halfway, 0.5 * moved)
         return end, min(least, *rest)
+
+
+def held_there(fault: Diagnostic) -> Diagnostic:
+    """Return what a contact with a zone is that an input switches: a hold, where it is on."""
+    return msgspec.structs.replace(
+        fault,
+        severity="warning",
+        message=f"{fault.message}, where its input has it on",
+        hint="the program is held there until the input has it off, and goes on when it is resumed",
+    )
 
 
 def find_clearance_faults(machine: Machine) -> list[Diagnostic]:

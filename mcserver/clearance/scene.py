@@ -52,12 +52,14 @@ class Pair:
         names: of both; the second may be a zone. zone: whether it is one.
         tools: that they come with, each as its number and its place; the cutter's is 0, whatever it is.
         max_speed: of a slow zone [m/s]; inf: the zone is no slow one.
+        switch: what switches the zone, by its place in `Clearance.switches`; -1: it is always on.
     """
 
     names: tuple[str, str]
     zone: bool
     tools: tuple[tuple[int, int], ...] = ()
     max_speed: float = math.inf
+    switch: int = -1
 
 
 class Scene:
@@ -71,6 +73,7 @@ class Scene:
             axis changes their distance [m/rad or m/m].
         speeds: how fast the first body of each pair may be in its second one, a slow zone, shape (P,)
             [m/s]; inf for all others, which must not touch.
+        switches: of each pair what switches its zone, as `Pair`, shape (P,).
         with_tools: of each pair whether one of both comes with a tool, shape (P,). mounted: the tools that
             may be there; any at first. active: pairs that may be there by that, shape (P,).
 
@@ -120,6 +123,7 @@ class Scene:
         self._circles, self._circle_columns = self._places_in_q(2)
         self.levers: Array = np.stack([self._lever(pair) for pair in self._geometry.collisionPairs], axis=1)
         self.speeds: Array = np.array([each.max_speed for each in self.pairs])
+        self.switches = np.array([each.switch for each in self.pairs])
         self.with_tools = np.array([bool(each.tools) for each in self.pairs])
         self.active = np.ones(len(self.pairs), np.bool_)
         self.mounted = Mounted()
@@ -139,6 +143,11 @@ class Scene:
                 mounted.may_be(tool, place) if tool else cutter is not None
                 for tool, place in self.pairs[pair].tools
             )
+
+    def binding(self, role: str | None) -> NDArray[np.bool_]:
+        """Return which pairs count for a role, shape (P,); None: for whoever it may be."""
+        free = {each.name for each in self._clearance.zones if not each.binds(role)}
+        return np.array([not (each.zone and each.names[1] in free) for each in self.pairs])
 
     def certain(self, pair: int) -> bool:
         """Return whether it is known that the tools of a pair are mounted."""
@@ -321,6 +330,7 @@ class Scene:
         """Register all pairs that are judged with the geometry model, and describe them."""
         allowed = {frozenset(pair) for pair in (*self._clearance.allowed, *self._disabled())}
         found = []
+        switches = self._clearance.switches
         numbers = sorted(self._names)
         for place, one in enumerate(numbers):
             for other in numbers[place + 1 :]:
@@ -335,7 +345,9 @@ class Scene:
                 zone = self._zones.get(second)
                 limit = None if zone is None else zone.max_speed_mm_s
                 speed = math.inf if limit is None else limit * MM
-                found.append(Pair(names, zone is not None, tools, speed))
+                switch = None if zone is None else zone.switch
+                number = -1 if switch is None else switches.index(switch)
+                found.append(Pair(names, zone is not None, tools, speed, number))
         return found
 
     def _disabled(self) -> list[tuple[str, str]]:

@@ -42,13 +42,13 @@ class SlowZones:
     """Looks at ways through the slow zones of a scene.
 
     Args:
-        cycle_s: time of a step [s].
+        cycle_s: time of a step [s]. counted: pairs that count, shape (P,).
     """
 
-    def __init__(self, scene: Scene, cycle_s: float) -> None:
+    def __init__(self, scene: Scene, cycle_s: float, counted: NDArray[np.bool_]) -> None:
         self._scene = scene
         self._cycle = cycle_s
-        self.pairs = np.flatnonzero(np.isfinite(scene.speeds)).tolist()
+        self.pairs = np.flatnonzero(np.isfinite(scene.speeds) & counted).tolist()
 
     def first(self, way: Array) -> TooFast | None:
         """Return the first step of a way, shape (n + 1, K), on which a body is too fast; None: none is."""

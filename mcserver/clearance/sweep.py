@@ -78,6 +78,10 @@ class Sweep:
             low[pair] = min(self._margin, self.scene.distance(pair) - NOISE)
         return low if before is None else np.where(active, np.maximum(low, before), low)
 
+    def margins(self) -> Array:
+        """Return how near each pair may come that is not nearer already, shape (P,) [m]; -inf as `floors`."""
+        return np.where(self.scene.active & np.isinf(self.scene.speeds), self._margin, -np.inf)
+
     def mount(self, mounted: Mounted) -> None:
         """Take bodies of the tools that may be mounted from now on."""
         self.scene.mount(mounted)

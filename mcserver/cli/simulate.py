@@ -25,6 +25,7 @@ from mcserver.cli.simulation_report import (
     write_report,
 )
 from mcserver.gcode.text.source import decode
+from mcserver.machine.clearance_section import RunRole
 from mcserver.machine.machine_file import load_machine
 from mcserver.machine.machine_kinematics import build_kinematics
 from mcserver.motion.compiling import SHORT_LINES
@@ -64,6 +65,16 @@ StopsOption = Annotated[
 ]
 
 
+RoleOption = Annotated[
+    RunRole | None,
+    typer.Option(
+        "--role",
+        help="Whose run it is to be: agent, one that a person approves, or operator, any other. Zones of the "
+        "other do not count; without it all do.",
+    ),
+]
+
+
 AssertOption = Annotated[
     list[str] | None,
     typer.Option(
@@ -92,6 +103,7 @@ def simulate_program(
     inputs: InputsOption = None,
     zero: ZeroOption = None,
     stops: StopsOption = False,
+    role: RoleOption = None,
     assertions: AssertOption = None,
     against: AgainstOption = None,
     json: JsonOption = False,
@@ -116,6 +128,7 @@ def simulate_program(
                     progress=progress,
                     record=output is not None,
                     stops=stops,
+                    role=role,
                     assertions=[read_assertion(each) for each in assertions or ()],
                     against=None if against is None else decode(read_program(against)),
                 )

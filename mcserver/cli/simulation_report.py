@@ -93,6 +93,9 @@ def print_report(report: Mapping[str, Any], times: LineTimes, source_lines: Sequ
         one, other = pair["bodies"]
         where = f"line {pair['line']}, {pair['time_s']:.3f} s"
         console.print(f"least clearance {pair['least_mm']:g} mm: {one} and {other}, {where}", markup=False)
+    switched = report.get("clearance", {}).get("assumed_on", ())
+    if switched:
+        console.print(f"taken to be switched on by their inputs: {', '.join(switched)}", markup=False)
     judged = report.get("assertions", ())
     if judged and all(each["holds"] for each in judged):
         console.print(f"{len(judged)} assertion{'s' * (len(judged) != 1)}: the run keeps to all")

@@ -105,6 +105,9 @@ class MotionSink(Protocol):
                 so that u does not run on past a motion that begins.
         """
 
+    def put_zones_ahead(self, zones: int) -> None:
+        """Say which zones that an input switches the motion may come into, a bit each; before it is put."""
+
     def put_edges(self, edges: LineEdges, rows: int = 0) -> None:
         """Put `LINE_START` and `LINE_END` entries, as `put_control` does one by one."""
 

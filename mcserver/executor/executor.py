@@ -145,6 +145,8 @@ class Executor:
         if elapsed > self._longest_cycle:
             self._stall(elapsed)
         self._read_mailbox()
+        if self._io.zones:
+            self._hold_before_zones()
         self._advance()
         self._supervision.before_exchange()
         for slot in self._used:
@@ -278,6 +280,21 @@ class Executor:
                     slot.interlock()
         if io.stopping and not cycle.estop:
             self._latch_estop(FaultCode.INTERLOCK_STOP, (float(io.stopping[0]), io.value(io.stopping[0])))
+
+    def _hold_before_zones(self) -> None:
+        """Hold programs whose motion comes into zones that are on, or is in them."""
+        io, cycle = self._io, self._cycle
+        met = [slot for slot in self._used if slot.zones_on]
+        for slot in met:
+            if slot.running and not slot.interlocked:
+                column, bit = io.switching(slot.zones_on)
+                values = (float(column), float(bit))
+                cycle.fault(FaultCode.ZONE_HOLD, slot.index, slot.line, values=values)
+                slot.interlock()
+        unowned = self.bank.all & ~self._owned() & self.motions.mask if met else 0
+        if unowned:
+            # nobody could resume what no program owns: it ends
+            stop_independent(cycle, unowned, -1)
 
     def _stall(self, seconds: float) -> None:
         """End all motion where it is: the drives got no setpoint for longer than they bridge.

@@ -58,6 +58,7 @@ class FaultCode(enum.IntEnum):
     IO_LOST = 444
     INTERLOCK_FREE = 447
     RUNAWAY = 448
+    ZONE_HOLD = 449
     NOT_HOMED = 450
     SWITCH_NOT_FOUND = 451
     SWITCH_STUCK = 452
@@ -85,6 +86,7 @@ WARNINGS = frozenset(
         FaultCode.BUS_BACK,
         FaultCode.INTERLOCK_HOLD,
         FaultCode.INTERLOCK_FREE,
+        FaultCode.ZONE_HOLD,
         FaultCode.TARGETS_LOST,
     }
 )
@@ -150,6 +152,7 @@ _OF_CHANNELS = frozenset(
         FaultCode.INTERLOCK_HOLD,
         FaultCode.INTERLOCK_STOP,
         FaultCode.INTERLOCK_FREE,
+        FaultCode.ZONE_HOLD,
         FaultCode.IO_LOST,
     }
 )
@@ -329,6 +332,10 @@ _TEXT: dict[int, tuple[str, str]] = {
     FaultCode.INTERLOCK_FREE: (
         "{input} holds the programs no longer",
         "they go on when they are resumed",
+    ),
+    FaultCode.ZONE_HOLD: (
+        "{input} has switched on a zone that the program is about to come into",
+        "once the zone is off, resume the program",
     ),
     FaultCode.INTERLOCK_STOP: (
         "{input} has stopped the machine like an emergency stop",

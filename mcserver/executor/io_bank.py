@@ -32,6 +32,7 @@ class IoBank:
 
     Attributes:
         holding, stopping: columns of the inputs that hold or stop the machine now.
+        zones: bits of `Clearance.switches` that have their zones on now.
         lost: columns of inputs, and behind them of outputs, whose node is silent for the first time in this
             cycle. missing: the first of those whose node is silent now; -1: none.
     """
@@ -43,6 +44,9 @@ class IoBank:
         self._cycle = machine.cycle_s
         self.holding: tuple[int, ...] = ()
         self.stopping: tuple[int, ...] = ()
+        self.zones = 0
+        # of each switch the column of its input, and its level
+        self._switches = switches_of(machine)
         self.lost: tuple[int, ...] = ()
         self.missing = -1
         self._interlocked = [
@@ -225,6 +229,14 @@ class IoBank:
         self.stopping = tuple(
             column for column in self._interlocked if self._inputs[column].stops(float(values[column]))
         )
+        self.zones = sum(
+            1 << bit for bit, (column, high) in enumerate(self._switches) if bool(values[column]) is high
+        )
+
+    def switching(self, zones: int) -> tuple[int, int]:
+        """Return the column of the input that has one of these zones on, and the bit's number."""
+        bit = (self.zones & zones).bit_length() - 1
+        return self._switches[bit][0], bit
 
     # ------------------------------------------------------------------ buses
 
@@ -252,6 +264,13 @@ class IoBank:
         self.missing = int(missing[0]) if len(missing) else -1
         if self._pending and any(self._pending):
             self._moving = True
+
+
+def switches_of(machine: Machine) -> list[tuple[int, bool]]:
+    """Return of each of `Clearance.switches` the column of its input, and its level."""
+    columns = {each.number: at for at, each in enumerate(machine.inputs) if each.digital}
+    switches = () if machine.clearance is None else machine.clearance.switches
+    return [(columns[each.input], each.high) for each in switches]
 
 
 def _never(low: float, high: float) -> bool:

@@ -154,7 +154,7 @@ class ProgramSlot:
         self._hold = orders.hold or machine.hold
         self._override = orders.override * machine.override
         resumes = (orders.resume, machine.resume)
-        if resumes != self._resumes and not self.cycle.io.holding:
+        if resumes != self._resumes and not (self.cycle.io.holding or self.zones_on):
             self._interlocked = False
         self._resumes = resumes
         if not self._started:
@@ -195,6 +195,11 @@ class ProgramSlot:
     def interlock(self) -> None:
         """Hold the program for an input, until someone resumes it."""
         self._interlocked = True
+
+    @property
+    def zones_on(self) -> int:
+        """Bits of the switched zones that lie ahead and are on."""
+        return self.cycle.io.zones & self.ring.zones_ahead
 
     @property
     def interlocked(self) -> bool:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Literal, NamedTuple
 import msgspec
 from msgspec import Meta
 
-from mcserver.machine.section_reader import Mistakes
+from mcserver.machine.section_reader import Mistakes, did_you_mean
 from mcserver.machine.toml_positions import Path as TomlPath
 from mcserver.units import AxisType
 
@@ -22,6 +22,12 @@ Place = tuple[Number, Number, Number]
 AxisIndex = Annotated[int, Meta(ge=0, le=63, description="an axis of this file")]
 # How many bodies and zones a machine file may name, each.
 MOST_BODIES = 200
+# Inputs, with a level each, that switch zones: a bit each in what the executor is told.
+MOST_SWITCHES = 63
+# Whom a zone may bind: runs that a person has approved, and all other motion, which only operators and
+# engineers can ask for.
+RunRole = Literal["agent", "operator"]
+AGENT, OPERATOR = ROLES = ("agent", "operator")
 
 ORIGIN: Place = (0.0, 0.0, 0.0)
 
@@ -88,12 +94,21 @@ class CutterBody(Carried, frozen=True, kw_only=True, tag_field="shape", tag="cut
 Body = BoxBody | CylinderBody | CapsuleBody | SphereBody | MeshBody | CutterBody
 
 
+class Switch(NamedTuple):
+    """What switches zones on: number of a digital input, and whether it is high then."""
+
+    input: int
+    high: bool
+
+
 class Zone(msgspec.Struct, frozen=True, kw_only=True):
     """A ``[[zone]]``: a box that bodies stay out of, or in, or are slow in, in the base's frame.
 
     Attributes:
         max_speed_mm_s: of a slow one.
         bodies: names of the bodies and links that it is for; empty: all that move.
+        roles: whom it binds (`AGENT`, `OPERATOR`); empty: everybody.
+        input, active: number of the digital input that switches it, and its level where the zone is on.
     """
 
     name: Annotated[str, Meta(min_length=1, max_length=60, description="give it a name")]
@@ -103,6 +118,18 @@ class Zone(msgspec.Struct, frozen=True, kw_only=True):
     at_mm: Place = ORIGIN
     turned_deg: Place = ORIGIN
     bodies: list[str] = []
+    roles: list[str] = []
+    input: Annotated[int, Meta(ge=0, le=63, description="give the number of a digital input")] | None = None
+    active: Literal["high", "low"] | None = None
+
+    @property
+    def switch(self) -> Switch | None:
+        """What switches it on; None: it is always on."""
+        return None if self.input is None else Switch(self.input, self.active == "high")
+
+    def binds(self, role: str | None) -> bool:
+        """Return whether it counts for a role; None: for whoever it may be."""
+        return role is None or not self.roles or role in self.roles
 
 
 class ClearanceSection(msgspec.Struct, frozen=True):
@@ -137,6 +164,11 @@ class Clearance(msgspec.Struct, frozen=True):
     def follows_cutter(self) -> bool:
         """Return True if one of the bodies is the cutter."""
         return any(isinstance(each, CutterBody) for each in self.bodies)
+
+    @property
+    def switches(self) -> tuple[Switch, ...]:
+        """What switches zones, each once; its place is its bit."""
+        return tuple(dict.fromkeys(each.switch for each in self.zones if each.switch is not None))
 
 
 class ToolsOfBodies(NamedTuple):
@@ -187,6 +219,8 @@ def read_clearance(
             hint = "give it to a slow zone, and to no other"
             what = "is missing" if zone.kind == "slow" else f"is not for {zone.kind}"
             mistakes.add(("zone", position, "max_speed_mm_s"), what, hint)
+        if zone is not None:
+            _check_roles(zone, ("zone", position), mistakes)
     _check_cutters([each for each in bodies if each is not None], tools, mistakes)
     if None in bodies or None in zones:
         return None
@@ -204,6 +238,33 @@ def read_clearance(
         zones=tuple(each for each in zones if each is not None),
         letters=directions,
     )
+
+
+def check_switches(zones: Sequence[Zone | None], digital: Container[int], mistakes: Mistakes) -> None:
+    """Refuse zones whose input is not there; ``digital``: numbers of the digital inputs."""
+    for position, zone in enumerate(zones):
+        if zone is None:
+            continue
+        path = ("zone", position)
+        if zone.input is not None and zone.input not in digital:
+            message = f"the machine has no digital input {zone.input}"
+            mistakes.add((*path, "input"), message, f"add [[input]] with number = {zone.input}")
+        if (zone.input is None) is not (zone.active is None):
+            what = "is missing" if zone.active is None else "is not for a zone without input"
+            hint = 'give "low" where a cut wire has to count as on, as of a light curtain, else "high"'
+            mistakes.add((*path, "active"), what, hint)
+    if len({each.switch for each in zones if each is not None} - {None}) > MOST_SWITCHES:
+        mistakes.add(("zone",), f"more than {MOST_SWITCHES} inputs switch zones", "let zones share some")
+
+
+def _check_roles(zone: Zone, path: TomlPath, mistakes: Mistakes) -> None:
+    for role in zone.roles:
+        if role in ROLES:
+            continue
+        hint = 'take "agent" (runs that a person has approved) or "operator" (all other motion)'
+        if role == "engineer":
+            hint = 'take "operator": the server cannot tell engineers from operators'
+        mistakes.add((*path, "roles"), f"there is no role {role!r} to bind", did_you_mean(role, ROLES, hint))
 
 
 def _check_names(key: str, names: Sequence[str], mistakes: Mistakes) -> None:

@@ -20,7 +20,7 @@ from mcserver.errors import ConfigurationError
 from mcserver.machine.bus_load import refuse_overload
 from mcserver.machine.bus_section import BusConfig, read_buses
 from mcserver.machine.button_section import Button, read_buttons
-from mcserver.machine.clearance_section import Clearance, ToolsOfBodies, read_clearance
+from mcserver.machine.clearance_section import Clearance, ToolsOfBodies, check_switches, read_clearance
 from mcserver.machine.dialect_section import Dialect, read_dialect
 from mcserver.machine.drive import CanDrive, Drive
 from mcserver.machine.families import AnyDrive
@@ -284,8 +284,9 @@ def _read_machine(raw: dict[str, Any], folder: Path | None, mistakes: Mistakes) 
     if probe is not None:
         dialect = msgspec.structs.replace(dialect, probes=True)
     if file.get("input") is None or None not in file["input"]:
-        switches = _home_switches(file["axis"])
-        check_inputs(switches, probe, {each.number for each in inputs if each.digital}, mistakes)
+        digital = {each.number for each in inputs if each.digital}
+        check_inputs(_home_switches(file["axis"]), probe, digital, mistakes)
+        check_switches(file.get("zone") or (), digital, mistakes)
     check_nodes(inputs, outputs, drives, mistakes)
     kinematics: KinematicsSection | None = file.get("kinematics")
     if "tool" in raw and "kinematics" not in raw:

@@ -18,6 +18,7 @@ import msgspec
 from msgspec import Meta
 
 from mcserver.errors import Edit as Edit
+from mcserver.machine.clearance_section import RunRole
 from mcserver.service.approach import Outputs
 from mcserver.service.reports import (
     Ack as Ack,
@@ -324,6 +325,8 @@ class SimulateRequest(Request, frozen=True, kw_only=True):
         lines: whether the reply has the times of every line.
         assertions: are judged on every setpoint; one that does not hold is a fault (MC330).
         against: another program's text, from the same start: the reply has the `difference` to its motion.
+        role: whose run it is to be: `agent`, one that a person approves, or `operator`, any other; zones of
+            the other do not count. None: all zones do.
     """
 
     text: str
@@ -332,6 +335,7 @@ class SimulateRequest(Request, frozen=True, kw_only=True):
     lines: bool = True
     assertions: Annotated[list[Assertion], Meta(max_length=MOST_ASSERTIONS)] = []
     against: str | None = None
+    role: RunRole | None = None
 
 
 class InfoRequest(Request, frozen=True, kw_only=True):

@@ -84,11 +84,13 @@ class ClearanceReport(msgspec.Struct, frozen=True):
     Attributes:
         least_mm: None where all stayed more than 50 mm above the margin apart. pairs: that came nearer, the
             nearest first, 20 at most.
+        assumed_on: zones that an input switches, which count as on.
     """
 
     margin_mm: float
     least_mm: float | None
     pairs: list[PairClearance]
+    assumed_on: list[str] = []
 
 
 class SimulateReply(msgspec.Struct, frozen=True, omit_defaults=True):

@@ -55,6 +55,7 @@ class TextMethods:
             request.lines,
             request.assertions,
             request.against,
+            request.role,
         )
         if marks is not None:
             self._service.foresee(hash_of(request.text), marks)

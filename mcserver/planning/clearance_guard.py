@@ -4,28 +4,33 @@ Rows are judged on their way. Motion that the executor makes by itself (rapids, 
 torques) is judged as all places where its axes may be on it, whatever holds, overrides and stops do to their
 times. The axes of other programs may be wherever they stand, and wherever what they have handed over still
 brings them.
+
+Zones that an input switches are judged as well, and what enters them is handed over all the same: with it the
+executor is told which of them lie ahead, and holds the program in the cycle in which one is on.
 """
 
 from __future__ import annotations
 
 import math
 from collections import deque
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
+from mcserver.clearance.meter import held_there
 from mcserver.clearance.mounted import NOT_KNOWN, Exchange
 from mcserver.clearance.scene import Scene
 from mcserver.clearance.slow_zones import ROUNDING, SLOWER, SlowZones, TooFast
 from mcserver.clearance.sweep import Contact, Sweep
 from mcserver.errors import Diagnostic
 from mcserver.executor.entries import Control, ControlKind, EventKind, ExecutorEvent
+from mcserver.executor.fault_codes import FaultCode
 from mcserver.machine.dialect_section import Cutter
 from mcserver.machine.machine_file import Axis, Machine
 from mcserver.motion.canonical import AxisOperation
 from mcserver.motion.pieces import Rows
-from mcserver.planning.shared_space import Extent, Mask, SharedSpace, Tenant
+from mcserver.planning.shared_space import Claim, Extent, Mask, SharedSpace, Tenant
 from mcserver.units import MM
 
 Array = NDArray[np.float64]
@@ -35,20 +40,62 @@ NOTED_ROWS = 50
 _CAPTURE = list(AxisOperation).index(AxisOperation.CAPTURE)
 
 
+class SwitchedZones:
+    """The zones that one input switches on, as they bind one program.
+
+    Attributes:
+        bit: of them, in what the executor is told. counted: their pairs, shape (P,). slow: slow ones of them.
+        number, high: of the input, and its level where they are on.
+        movers: columns that move their bodies, shape (K,).
+    """
+
+    def __init__(self, machine: Machine, scene: Scene, number: int, binding: Mask) -> None:
+        assert machine.clearance is not None
+        self.bit = 1 << number
+        self.counted: Mask = binding & (scene.switches == number)
+        self.slow = SlowZones(scene, machine.cycle_s, self.counted)
+        self.movers: Mask = np.asarray(scene.levers[:, self.counted].any(axis=1))
+        switch = machine.clearance.switches[number]
+        self._high = switch.high
+        self._column = [(each.digital, each.number) for each in machine.inputs].index((True, switch.input))
+
+    def on(self, inputs: Array) -> bool:
+        """Return whether they are on by the inputs' values."""
+        return bool(inputs[self._column]) is self._high
+
+
 class ClearanceGuard:
     """Judges what one program hands over, in order.
 
     Args:
-        machine: has a clearance. space: of all programs. tenant: this one.
+        machine: has a clearance. space: of all programs. tenant: this one. role: as which it runs; None: any.
+        by_hand: it is a jog, which may lead out of a zone that is on.
 
     Attributes:
         contact: where it would touch; nothing from there on is handed over. None: it stays clear.
+        held: what would come into zones that an input switches, the first of each pair.
     """
 
-    def __init__(self, machine: Machine, sweep: Sweep, space: SharedSpace, tenant: Tenant) -> None:
+    def __init__(
+        self,
+        machine: Machine,
+        sweep: Sweep,
+        space: SharedSpace,
+        tenant: Tenant,
+        *,
+        role: str | None = None,
+        by_hand: bool = False,
+    ) -> None:
         self._machine = machine
         self._sweep = sweep
-        self._slow = SlowZones(sweep.scene, machine.cycle_s)
+        scene = sweep.scene
+        binding = scene.binding(role)
+        self._counted: Mask = binding & (scene.switches < 0)
+        self._slow = SlowZones(scene, machine.cycle_s, self._counted)
+        numbers = sorted(set(scene.switches[binding].tolist()) - {-1})
+        self._switched = [SwitchedZones(machine, scene, each, binding) for each in numbers]
+        self._by_hand = by_hand
+        self.held: dict[int, Diagnostic] = {}
         self._speeds = np.array([axis.max_velocity for axis in machine.axes])
         # how far drives may be from what is handed over
         shaping = machine.shaping
@@ -90,14 +137,21 @@ class ClearanceGuard:
         fast = self._slow.first(way[: count + 1])
         if fast is not None:
             count = fast.step
-            self._exceed(fast, int(rows.line[count]))
+            self.contact = self._too_fast(fast, int(rows.line[count]))
         elif contact is not None:
-            self._touch(contact, int(rows.line[count]), "take another way")
+            self.contact = self._touching(contact, int(rows.line[count]), "take another way")
+        ahead = []
+        for zones in self._switched:
+            entered = self._entered(zones, way[: count + 1], half, moved, rows.line)
+            if entered is not None:
+                ahead.append((entered, zones))
         for first in range(0, count, NOTED_ROWS):
             # with the place before them
             part = way[first : min(first + NOTED_ROWS, count) + 1]
             until = float(rows.first + first + len(part) - 2)
-            self._claim(moved, Extent(part.min(axis=0), part.max(axis=0)), until, alone=False)
+            zones_ahead = [zones for step, zones in ahead if step < first + NOTED_ROWS]
+            extent = Extent(part.min(axis=0), part.max(axis=0))
+            self._claim(moved, extent, until, zones_ahead, alone=False)
         if count:
             self._put(moved, way[count], way[count])
         return count
@@ -140,7 +194,7 @@ class ClearanceGuard:
         half = 0.5 * (extent.high - extent.low)
         contact = self._judge(way, half, np.ones(len(half), np.bool_), sweep.scene.with_tools)
         if contact is not None:
-            self._touch(contact, exchange.line, "take another way")
+            self.contact = self._touching(contact, exchange.line, "take another way")
 
     def stand(self, positions: Mapping[int, float]) -> None:
         """Note that others have moved axes, by number, to where they stand now [m or rad]."""
@@ -165,6 +219,13 @@ class ClearanceGuard:
             self._pass(self._claims)
         elif event.kind in (EventKind.FINISHED, EventKind.STOPPED):
             self._tenant.ended = event.time
+        elif event.kind is EventKind.FAULT and event.code == FaultCode.ZONE_HOLD:
+            self.contact = self.contact or self._inside(int(event.values[1]), event.line)
+
+    def refresh(self) -> None:
+        """Tell the executor which switched zones lie ahead, as motion passes."""
+        if self._switched and self._tenant.tell is not None:
+            self._space.refresh()
 
     # ------------------------------------------------------------------ what the executor moves by itself
 
@@ -199,16 +260,25 @@ class ClearanceGuard:
         else:
             way = np.vstack([0.5 * (low + high)] * 2)
             half = 0.5 * (high - low) + np.where(columns, self._beside, 0.0)
-        contact = self._judge(way, half, columns) or self._too_fast_alone(way, half, columns, control)
+        contact = self._judge(way, half, columns) or self._fast_alone(
+            way, half, columns, control, self._counted
+        )
         if contact is not None:
             hint = "take another way"
             if control.kind is ControlKind.RAPID:
                 hint = "its axes each come in their own time: give each a G00 of its own, or use G01"
             elif control.kind is ControlKind.HOME:
                 hint = "home the axis that lifts the tool first, by a lower order, or jog clear of it"
-            self._touch(contact, control.line, hint)
+            self.contact = self._touching(contact, control.line, hint)
             return False
-        self._claim(columns, swept, control.u, alone=True)
+        line = np.array([control.line])
+        ahead = [
+            zones
+            for zones in self._switched
+            if self._entered(zones, way, half, columns, line) is not None
+            or self._may_be_fast(zones, way, half, columns, control)
+        ]
+        self._claim(columns, swept, control.u, ahead, alone=True)
         self._put(columns, ends.low, ends.high)
         if control.kind is ControlKind.RAPID and control.values is not None:
             self._targets.update((each, control.values[each]) for each in np.flatnonzero(columns).tolist())
@@ -276,10 +346,24 @@ class ClearanceGuard:
         for column in np.flatnonzero(columns).tolist():
             self._targets.pop(column, None)
 
-    def _claim(self, columns: Mask, extent: Extent, until: float, *, alone: bool) -> None:
+    def _claim(
+        self,
+        columns: Mask,
+        extent: Extent,
+        until: float,
+        ahead: Sequence[SwitchedZones],
+        *,
+        alone: bool,
+    ) -> None:
+        """Note motion; ``ahead``: switched zones that it may come into."""
         self._claims += 1
         extent = Extent(extent.low - self._beside, extent.high + self._beside)
-        self._tenant.claim(columns, extent, until, self._claims, alone=alone)
+        zones = sum(each.bit for each in ahead)
+        movers = columns.copy()
+        for each in ahead:
+            movers |= each.movers
+        self._tenant.claim(Claim(columns, extent, until, alone, self._claims, zones, movers))
+        self._space.tell()
 
     def _columns(self, mask: int) -> Mask:
         return np.array([mask >> column & 1 for column in range(len(self._known))], np.bool_)
@@ -294,25 +378,80 @@ class ClearanceGuard:
             self._floors[scene.with_tools] = -np.inf
         self._mounted = scene.mounted
         self._floors = self._sweep.floors(self._now, self._floors)
-        floors = self._floors if pairs is None else np.where(pairs, self._floors, -np.inf)
-        return self._sweep.first_contact(way, half, moved, floors)
+        judged = self._counted if pairs is None else self._counted & pairs
+        return self._sweep.first_contact(way, half, moved, np.where(judged, self._floors, -np.inf))
 
-    def _too_fast_alone(self, way: Array, half: Array, moved: Mask, control: Control) -> Contact | None:
+    def _entered(
+        self, zones: SwitchedZones, way: Array, half: Array, moved: Mask, lines: NDArray[np.int64]
+    ) -> int | None:
+        """Return the first step on which a body comes into switched zones, or is in them; None: none does.
+
+        A jog may lead out of them while they are on. ``lines``: of each step, or of all.
+        """
+        assert self._floors is not None
+        floors = self._sweep.margins()
+        if self._by_hand and zones.on(self._space.inputs):
+            floors = self._floors
+        contact = self._sweep.first_contact(way, half, moved, np.where(zones.counted, floors, -np.inf))
+        step = len(way) - 1 if contact is None else contact.step
+        fast = zones.slow.first(way[: step + 1])
+        if fast is not None:
+            fault = self._too_fast(fast, int(lines[min(fast.step, len(lines) - 1)]))
+            self.held.setdefault(fast.pair, held_there(fault))
+            return fast.step
+        if contact is not None:
+            fault = self._touching(contact, int(lines[min(step, len(lines) - 1)]), "")
+            self.held.setdefault(contact.pair, held_there(fault))
+            return step
+        return None
+
+    def _may_be_fast(
+        self, zones: SwitchedZones, way: Array, half: Array, moved: Mask, control: Control
+    ) -> bool:
+        contact = self._fast_alone(way, half, moved, control, zones.counted)
+        if contact is not None:
+            self.held.setdefault(contact.pair, held_there(self._touching(contact, control.line, "")))
+        return contact is not None
+
+    def _fast_alone(
+        self, way: Array, half: Array, moved: Mask, control: Control, counted: Mask
+    ) -> Contact | None:
         """Return where a body may come into a slow zone at its axes' limits, which are too fast for it."""
         scene = self._sweep.scene
         speeds = self._speeds
         if control.kind is ControlKind.PROBE:
             speeds = np.minimum(speeds, control.seconds)
-        fast = scene.active & (np.where(moved, speeds, 0.0) @ scene.levers > ROUNDING * scene.speeds)
+        fast = (
+            counted & scene.active & (np.where(moved, speeds, 0.0) @ scene.levers > ROUNDING * scene.speeds)
+        )
         if not fast.any():
             return None
         return self._sweep.first_contact(way, half, moved, np.where(fast, 0.0, -np.inf))
 
-    def _exceed(self, fast: TooFast, line: int) -> None:
-        names = self._sweep.scene.pairs[fast.pair].names
-        self.contact = Diagnostic(code="MC322", message=fast.message(names), line=line, hint=SLOWER)
+    def _inside(self, switch: int, line: int) -> Diagnostic | None:
+        """Return that a body which the program moves is inside of zones as they are switched on."""
+        scene = self._sweep.scene
+        mine = scene.levers[self._tenant.lease].any(axis=0)
+        _, now = self._space.extent(self._tenant)
+        scene.place(now)
+        for zones in self._switched:
+            stopped = zones.counted & scene.active & mine & np.isinf(scene.speeds)
+            for pair in np.flatnonzero(stopped).tolist() if zones.bit == 1 << switch else ():
+                if scene.distance(pair) < 0.0:
+                    body, zone = scene.pairs[pair].names
+                    return Diagnostic(
+                        code="MC324",
+                        message=f"{body!r} was inside of the zone {zone!r} when its input switched it on",
+                        line=line,
+                        hint="see who is there; a jog may lead out of it, then begin the program again",
+                    )
+        return None
 
-    def _touch(self, contact: Contact, line: int, hint: str) -> None:
+    def _too_fast(self, fast: TooFast, line: int) -> Diagnostic:
+        names = self._sweep.scene.pairs[fast.pair].names
+        return Diagnostic(code="MC322", message=fast.message(names), line=line, hint=SLOWER)
+
+    def _touching(self, contact: Contact, line: int, hint: str) -> Diagnostic:
         scene = self._sweep.scene
         pair = scene.pairs[contact.pair]
         one, other = pair.names
@@ -336,7 +475,7 @@ class ClearanceGuard:
         elif not scene.certain(contact.pair):
             hint = NOT_KNOWN
         code = "MC320" if not pair.zone else "MC321" if slow == math.inf else "MC322"
-        self.contact = Diagnostic(code=code, message=message, line=line, hint=hint)
+        return Diagnostic(code=code, message=message, line=line, hint=hint)
 
 
 def _stopping_distance(axis: Axis) -> float:
@@ -362,15 +501,26 @@ class ClearanceGuards:
         self._space = space
 
     def guard(
-        self, program: str, slot: int, axes: frozenset[int], cutters: Mapping[int, Cutter] | None = None
+        self,
+        program: str,
+        slot: int,
+        axes: frozenset[int],
+        cutters: Mapping[int, Cutter] | None = None,
+        *,
+        tell: Callable[[int], None] | None = None,
+        role: str | None = None,
+        by_hand: bool = False,
     ) -> ClearanceGuard:
         """Return the guard of a program that begins now.
 
         Args:
             axes: its lease. cutters: the tool table; None: as it was.
+            tell: takes which switched zones lie ahead of it, a bit each; None: nobody holds it.
+            role, by_hand: as `ClearanceGuard`.
         """
         mounted = self._sweep.scene.mounted
         if cutters is not None and mounted.cutters != cutters:
             self._sweep.mount(mounted.with_table(cutters, beside_others=self._space.running))
         lease = np.array([axis.index in axes for axis in self._machine.axes], np.bool_)
-        return ClearanceGuard(self._machine, self._sweep, self._space, Tenant(program, slot, lease))
+        tenant = Tenant(program, slot, lease, tell)
+        return ClearanceGuard(self._machine, self._sweep, self._space, tenant, role=role, by_hand=by_hand)

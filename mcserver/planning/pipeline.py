@@ -17,7 +17,7 @@ from mckinematics.pose import Kinematics
 from mcserver.clearance.mounted import Exchange, places_with_bodies
 from mcserver.errors import Diagnostic, ProgramRejected
 from mcserver.executor.entries import Control, EventKind, ExecutorEvent, MotionSink
-from mcserver.executor.fault_codes import WARNINGS
+from mcserver.executor.fault_codes import WARNINGS, FaultCode
 from mcserver.executor.stopping import longest_stop, stopping_rows
 from mcserver.gcode.computing.expansion import Expansion
 from mcserver.gcode.computing.machine_values import Unsettled
@@ -216,7 +216,9 @@ class Pipeline:
             contact = self._guard.contact
             # with few rows left a motion at rest does not begin again
             last = event.kind is EventKind.SETTLED and event.token == LAST_TOKEN
-            if contact is not None and (last or event.kind is EventKind.STARVED):
+            # a zone that is switched on around a body has held it
+            met = event.kind is EventKind.FAULT and event.code == FaultCode.ZONE_HOLD
+            if contact is not None and (last or met or event.kind is EventKind.STARVED):
                 self._plan.reports.append(Report(ReportKind.CONTACT, contact.line, diagnostics=(contact,)))
         if event.kind is EventKind.SETTLED and event.token == self._plan.waiting_for:
             observed = self._plan.settled(event.values[: self._width])
@@ -275,6 +277,8 @@ class Pipeline:
             True if something was done.
         """
         plan = self._plan
+        if self._guard is not None:
+            self._guard.refresh()
         plan.motion.feed_scale = max(1.0, override)
         worked = plan.output.flush()
         if plan.output.blocked or self._phase is Phase.ABORTED:

@@ -15,6 +15,7 @@ from mcserver.clearance.mounted import Exchange
 from mcserver.errors import Diagnostic
 from mcserver.executor.entries import Control, ExecutorEvent
 from mcserver.gcode.profiles.frame import Frame
+from mcserver.machine.clearance_section import OPERATOR
 from mcserver.machine.machine_file import Machine
 from mcserver.planning.start_state import PauseEnd, StartState, StateBefore
 
@@ -41,7 +42,7 @@ class PipelineRequest(msgspec.Struct, frozen=True):
 
     Attributes:
         axes: that the program may name. start: all that it starts from.
-        unhomed: it may move axes that are not homed, slowly.
+        role: whose zones bind it. unhomed: it may move axes that are not homed, slowly.
         machine_coordinates: its lines are in positions of the axes, as the reference has them: a jog.
         approach: lines in machine coordinates that bring the axes to where its first line starts.
         controls: all of a program that has no lines, on a machine whose motion has to stay clear.
@@ -54,6 +55,7 @@ class PipelineRequest(msgspec.Struct, frozen=True):
     machine_coordinates: bool = False
     approach: tuple[str, ...] = ()
     controls: tuple[Control, ...] = ()
+    role: str = OPERATOR
 
 
 class Begin(msgspec.Struct, frozen=True, tag=True):

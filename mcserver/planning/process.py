@@ -89,7 +89,15 @@ class PipelineFactory:
         guard = None
         if self._guards is not None:
             table = tool_table(self._machine, request.start.frame)
-            guard = self._guards.guard(request.program, slot, request.axes, table)
+            guard = self._guards.guard(
+                request.program,
+                slot,
+                request.axes,
+                table,
+                tell=sink.put_zones_ahead,
+                role=request.role,
+                by_hand=request.machine_coordinates,
+            )
         return Pipeline(
             machine_for(self._machine, request.start.homed, moves_unhomed=request.unhomed),
             sink,

@@ -41,6 +41,8 @@ class Claim(NamedTuple):
         until: on the program's time axis [cycles]. alone: the columns move by themselves from there on, and
             may go on when the program has ended.
         number: counts the program's claims.
+        zones: switched zones that it may come into, a bit each. movers: columns that move what may come
+            there, shape (K,).
     """
 
     columns: Mask
@@ -48,6 +50,8 @@ class Claim(NamedTuple):
     until: float
     alone: bool
     number: int
+    zones: int
+    movers: Mask
 
 
 @dataclass(eq=False)
@@ -57,12 +61,14 @@ class Tenant:
     Attributes:
         lease: columns that nobody else moves, shape (K,). moved: those of them that it has moved itself; the
             others may still be under way from before. claims: of its motion, in order.
+        tell: takes the switched zones that lie ahead of it, a bit each; None: nobody asks.
         ended: executor time of its end [s]; None: it runs.
     """
 
     program: str
     slot: int
     lease: Mask
+    tell: Callable[[int], None] | None = None
     claims: list[Claim] = field(default_factory=list)
     ended: float | None = None
     moved: Mask = field(init=False)
@@ -70,10 +76,10 @@ class Tenant:
     def __post_init__(self) -> None:
         self.moved = np.zeros_like(self.lease)
 
-    def claim(self, columns: Mask, extent: Extent, until: float, number: int, *, alone: bool) -> None:
+    def claim(self, claim: Claim) -> None:
         """Note motion that is about to be handed over."""
-        self.moved |= columns
-        self.claims.append(Claim(columns, extent, until, alone, number))
+        self.moved |= claim.columns
+        self.claims.append(claim)
 
 
 class SharedSpace:
@@ -86,6 +92,8 @@ class SharedSpace:
     def __init__(self, machine: Machine, feedback: Callable[[], FeedbackState | None]) -> None:
         self._feedback = feedback
         self._tenants: list[Tenant] = []
+        # by slot what takes the switched zones ahead of it
+        self._slots: dict[int, Callable[[int], None]] = {}
         self.travel = Extent(
             np.array([axis.min_position for axis in machine.axes]),
             np.array([axis.max_position for axis in machine.axes]),
@@ -100,6 +108,8 @@ class SharedSpace:
             if each.slot == tenant.slot and each.ended is None:
                 each.ended = -math.inf
         self._tenants.append(tenant)
+        if tenant.tell is not None:
+            self._slots[tenant.slot] = tenant.tell
 
     @property
     def running(self) -> bool:
@@ -136,6 +146,33 @@ class SharedSpace:
         for column in np.flatnonzero(np.isin(newest.condition, MOVES) & ~known).tolist():
             low[column], high[column] = self.anywhere(column, float(newest.setpoint[column]))
         return Extent(low, high), newest.setpoint
+
+    @property
+    def inputs(self) -> Array:
+        """Values of the machine's inputs now, shape (I,)."""
+        newest = self._feedback()
+        assert newest is not None
+        return newest.inputs
+
+    def refresh(self) -> None:
+        """Forget motion that is over, and tell which switched zones lie ahead of the programs."""
+        newest = self._feedback()
+        assert newest is not None
+        self._forget(newest)
+        self.tell()
+
+    def tell(self) -> None:
+        """Tell each program's slot which switched zones lie ahead: of its own motion, and of others' whose
+        bodies it moves too.
+        """
+        ahead = [claim for tenant in self._tenants for claim in tenant.claims if claim.zones]
+        zones = dict.fromkeys(self._slots, 0)
+        for tenant in self._tenants:
+            for claim in ahead:
+                if tenant.slot in zones and (claim.movers & tenant.lease).any():
+                    zones[tenant.slot] |= claim.zones
+        for slot, bits in zones.items():
+            self._slots[slot](bits)
 
     def mover(self, columns: Mask, asking: Tenant) -> str | None:
         """Return another program that may move one of these columns; None: there is none."""

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Container, Sequence
 from typing import TypeVar
 
 from mcserver.errors import Refused
-from mcserver.executor.io_bank import NOBODY, OPERATOR
+from mcserver.executor.io_bank import NOBODY, OPERATOR, switches_of
 from mcserver.machine.io_section import Input, Output
 from mcserver.machine.machine_file import Machine
 from mcserver.service.motion_port import MotionPort, Snapshot
@@ -48,6 +48,16 @@ class Channels:
     def holding(self) -> list[str]:
         """Return the names of the inputs that hold the programs now."""
         return self._interlocks(lambda each, value: each.holds(value))
+
+    def switching(self, columns: Container[int | None]) -> list[str]:
+        """Return the names of those of the inputs that have zones on now; by a level that any zone has."""
+        values = self._port.snapshot().inputs
+        on = {column for column, high in switches_of(self._machine) if bool(values[column]) is high}
+        return [
+            each.name
+            for column, each in enumerate(self._machine.inputs)
+            if column in on and column in columns
+        ]
 
     def stopping(self) -> list[str]:
         """Return the names of the inputs that stop the machine now."""

@@ -16,6 +16,7 @@ from mcserver.executor.entries import EventKind, ExecutorEvent
 from mcserver.executor.fault_codes import WARNINGS, FaultCode
 from mcserver.gcode.profiles.frame import Frame
 from mcserver.gcode.semantics.modal import ModalState
+from mcserver.machine.clearance_section import AGENT, OPERATOR
 from mcserver.machine.machine_file import Machine
 from mcserver.planning.planner_messages import (
     Begin,
@@ -294,6 +295,8 @@ class ProgramTable:
                 machine_coordinates=program.by_hand,
                 approach=tuple(program.approach),
                 controls=tuple(program.controls),
+                # what a person has approved is bound as an agent's, whoever asked for it
+                role=OPERATOR if program.envelope is None else AGENT,
             )
             if not program.controls:
                 program.origin = program.origin or self.start_state()
@@ -534,7 +537,7 @@ class ProgramTable:
             message = f"{fault.message}: {fault.hint}"
             where = {"program": fault.program, "line": fault.line, "axis": fault.axis}
             self.events.publish("warning", reason=fault.code, message=message, **where)
-            self._interlock(event, fault)
+            self._interlock(event, fault, program)
             if event.code == FaultCode.TARGETS_LOST and program is not None:
                 # the executor ends it
                 program.reason = f"{fault.code}: {fault.message}"
@@ -565,8 +568,17 @@ class ProgramTable:
         for each in hit:
             self.stop(each, "faulted", fault.message, fault)
 
-    def _interlock(self, event: ExecutorEvent, fault: Fault) -> None:
-        """Note that an input holds the programs, or does so no more: they stay held until resumed."""
+    def _interlock(self, event: ExecutorEvent, fault: Fault, met: Program | None) -> None:
+        """Note that an input holds the programs, or does so no more: they stay held until resumed.
+
+        Args:
+            met: the program before whose axes an input has switched on a zone.
+        """
+        if event.code == FaultCode.ZONE_HOLD:
+            if met is not None and not met.over:
+                met.zone_input = int(event.values[0])
+                self._hold_for(met, fault)
+            return
         if event.code == FaultCode.INTERLOCK_FREE:
             self._holding.discard(int(event.values[0]))
         if event.code != FaultCode.INTERLOCK_HOLD:
@@ -574,9 +586,14 @@ class ProgramTable:
         self._holding.add(int(event.values[0]))
         for program in self.programs.values():
             if not (program.over or program.held or program.slot is None):
-                program.held = True
-                self.enter(program, "held")
-                self.publish("program.held", program, reason=fault.code, message=fault.message)
+                self._hold_for(program, fault)
+
+    def _hold_for(self, program: Program, fault: Fault) -> None:
+        """Note that the executor holds a program for an input."""
+        if not program.held:
+            program.held = True
+            self.enter(program, "held")
+            self.publish("program.held", program, reason=fault.code, message=fault.message)
 
     def program_in(self, slot: int) -> str | None:
         """Return the id of the program in an executor's slot."""

@@ -419,11 +419,13 @@ class MachineService:
             for program in open_programs(self._table.programs, program_id)
             if program.held or program.paused
         ]
+        zones = self.channels.switching({each.zone_input for each in chosen} - {None})
+        self.channels.refuse_interlocked(zones, "resume")
         for program in chosen:
             if not program.held:
                 self._table.pauses.refuse_lent(program)
         for program in chosen:
-            held, program.held = program.held, False
+            held, program.held, program.zone_input = program.held, False, None
             if program.slot is not None and held:
                 self.port.resume(program.slot)
             else:

@@ -7,6 +7,7 @@ from typing import Any
 import msgspec
 
 from mcserver.executor.envelope_bounds import Envelope
+from mcserver.machine.clearance_section import AGENT
 from mcserver.machine.machine_file import Machine
 from mcserver.planning.line_marks import LineMarks
 from mcserver.planning.start_state import StartState, axis_word, frame_changes
@@ -58,6 +59,7 @@ def preview(text: str, machine: Machine, start: StartState, axes: tuple[int, ...
         lease=frozenset(axes),
         kinematics=kinematics,
         takers=(sampler, meter, digest),
+        role=AGENT,
     )
     path = path_of(sampler, machine, poses, axes)
     if not found.report["ok"] or found.end is None:

@@ -119,19 +119,20 @@ class ProgramChecker:
         lines: bool = True,
         assertions: Sequence[Assertion] = (),
         against: str | None = None,
+        role: str | None = None,
     ) -> tuple[dict[str, Any], LineMarks | None]:
         """Make the object of ``mcserver simulate --json``, and marks of its times; the others as in `check`.
 
         Args:
             path_points: with the ``path`` of the tips in so many points at most; 0: without.
             lines: with the times of every line. assertions: are judged. against: another text, from whose
-                motion this one's ``difference`` is computed.
+                motion this one's ``difference`` is computed. role: whose zones bind it; None: all do.
 
         Returns:
             The object; the marks, None where the program has faults. Raises as `check`.
         """
         start = start or StartState.of(self._machine)
-        wanted = (path_points, lines, tuple(assertions), against)
+        wanted = (path_points, lines, tuple(assertions), against, role)
         return await self._run(client, simulate_text, text, self._machine, start, *wanted)
 
     async def preview(
@@ -284,6 +285,7 @@ def simulate_text(
     lines: bool = True,
     assertions: Sequence[Assertion] = (),
     against: str | None = None,
+    role: str | None = None,
 ) -> tuple[dict[str, Any], LineMarks | None]:
     """`mcserver.simulation.simulation.simulate`, its report and marks; runs in the worker."""
     simulation = importlib.import_module("mcserver.simulation.simulation")
@@ -296,6 +298,7 @@ def simulate_text(
         path_points=path_points,
         assertions=assertions,
         against=against,
+        role=role,
     )
     if not lines:
         found.report["lines"] = []

@@ -110,6 +110,7 @@ class Conditions(TypedDict, total=False):
         against: another program's text: the report has the ``difference`` to its motion from the same start.
         stops: of a machine with bodies or zones, judge as the server does while it runs, wherever holds,
             overrides, aborts and emergency stops may bring axes.
+        role: whose run it is: zones of others do not bind it; None: whoever's, so that all zones count.
     """
 
     start: StartState | None
@@ -123,6 +124,7 @@ class Conditions(TypedDict, total=False):
     assertions: Sequence[Assertion]
     against: str | None
     stops: bool
+    role: str | None
 
 
 def simulate(text: str, machine: Machine, **given: Unpack[Conditions]) -> Simulation:
@@ -234,10 +236,12 @@ class _Run:
         self._times = times
         self._progress = given.get("progress")
         self._stops = given.get("stops", False)
+        self._role = given.get("role")
         self._executor = VirtualExecutor(machine)
         self._executor.bring_to(start)
         mask = (1 << len(machine.axes)) - 1
         self._executor.open_slot(SLOT, mask)
+        self._guard = self._guarded(start, given.get("lease")) if self._stops else None
         self._pipeline = Pipeline(
             machine,
             self._executor.sink(SLOT),
@@ -245,7 +249,7 @@ class _Run:
             lease=given.get("lease"),
             kinematics=given.get("kinematics"),
             clock=given.get("clock", time.perf_counter),
-            guard=self._guard(start, given.get("lease")) if self._stops else None,
+            guard=self._guard,
         )
         self._feed_length = 0.0
         self._end = 0.0
@@ -255,7 +259,7 @@ class _Run:
         self._clearance: ClearanceMeter | None = None
         if machine.clearance is not None:
             positions = np.array([axis.initial_position for axis in machine.axes])
-            self._clearance = ClearanceMeter(machine, positions, tool_table(machine, start.frame))
+            self._clearance = ClearanceMeter(machine, positions, tool_table(machine, start.frame), self._role)
         self._assertions = AssertionMeter(given.get("assertions", ()), machine, solver_of(given))
         channels, keep = (row.inputs, row.outputs), given.get("record", False)
         takers = (*given.get("takers", ()), *([self._assertions] if given.get("assertions") else []))
@@ -286,6 +290,7 @@ class _Run:
         # before a contact motion ends as near as the margin: the meter would tell of it once more
         if self._clearance is not None and not (self._stops and self._failed):
             self._faults += self._clearance.contacts()
+        self._faults += self._held_alone()
         report = self._report(warnings)
         return Simulation(
             report,
@@ -311,12 +316,20 @@ class _Run:
 
     # ------------------------------------------------------------------ the run
 
-    def _guard(self, start: StartState, lease: frozenset[int] | None) -> ClearanceGuard:
+    def _guarded(self, start: StartState, lease: frozenset[int] | None) -> ClearanceGuard:
         """Return what the server judges its programs by."""
         machine, executor = self._machine, self._executor
         axes = frozenset(axis.index for axis in machine.axes) if lease is None else lease
         guards = ClearanceGuards(machine, SharedSpace(machine, lambda: executor.feedback))
-        return guards.guard("the program", SLOT, axes, tool_table(machine, start.frame))
+        return guards.guard("the program", SLOT, axes, tool_table(machine, start.frame), role=self._role)
+
+    def _held_alone(self) -> list[Diagnostic]:
+        """Return before which switched zones stops may hold the program, where its setpoints stay out."""
+        found = [] if self._guard is None else [*self._guard.held.values()]
+        known = {each.line for each in self._faults}
+        return [
+            msgspec.structs.replace(each, column=1, end_column=2) for each in found if each.line not in known
+        ]
 
     def _feed(self) -> None:
         """Give the planner lines, more than it reads in one go: a window that runs dry ends in a stop."""

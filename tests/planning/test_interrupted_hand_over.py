@@ -33,6 +33,9 @@ class InterruptedSink:
         self._pause()
         self._ring.put_control(control, rows)
 
+    def put_zones_ahead(self, zones: int) -> None:
+        """Nothing is told apart."""
+
     def put_edges(self, edges: LineEdges, rows: int = 0) -> None:
         self._pause()
         self._ring.put_edges(edges, rows)

@@ -35,6 +35,9 @@ class NarrowSink:
         self.controls_free -= 1
         self.taken.append(("control", control.u))
 
+    def put_zones_ahead(self, zones: int) -> None:
+        """Nothing is told apart."""
+
     def put_edges(self, edges: LineEdges, rows: int = 0) -> None:  # noqa: ARG002
         assert 0 < len(edges) <= self.controls_free
         self.controls_free -= len(edges)

@@ -200,6 +200,9 @@ class FakeSink:
     def put_control(self, _control: object, _rows: int = 0) -> None:
         """Entries go nowhere."""
 
+    def put_zones_ahead(self, zones: int) -> None:
+        """Nothing is told apart."""
+
     def put_edges(self, *_edges: object) -> None:
         """Beginnings and ends of lines go nowhere."""
 

@@ -409,6 +409,7 @@ class MachineCalls:
         lines: bool = True,
         assertions: Sequence[wire.Assertion] = (),
         against: str | None = None,
+        role: wire.RunRoleWord | None = None,
         deadline_s: float = 300.0,
     ) -> wire.SimulateReply:
         """Run a program's text on a virtual clock: its times, travels and faults.
@@ -421,6 +422,8 @@ class MachineCalls:
             assertions: are judged on every setpoint; one that does not hold is a fault (MC330).
             against: another program's text, from the same start: the reply has the `difference` to its
                 motion.
+            role: whose run it is to be: `agent`, one that a person approves, or `operator`, any other; zones
+                of the other do not count. None: all zones do.
         """
         return await self._caller.ask(
             wire.SimulateReply,
@@ -434,6 +437,7 @@ class MachineCalls:
                 "lines": lines,
                 "assertions": list(assertions),
                 "against": against,
+                "role": role,
             },
             deadline_s,
         )

@@ -171,6 +171,16 @@ class RecordingState(Word):
     UNFINISHED = "unfinished"
 
 
+class RunRole(Word):
+    """One of the words of the wire."""
+
+    AGENT = "agent"
+    OPERATOR = "operator"
+
+
+RunRoleWord = RunRole | Literal["agent", "operator"]
+
+
 class RunState(Word):
     """One of the words of the wire."""
 
@@ -515,11 +525,13 @@ class ClearanceReport:
     Attributes:
         least_mm: None where all stayed more than 50 mm above the margin apart.
         pairs: that came nearer, the nearest first, 20 at most.
+        assumed_on: zones that an input switches, which count as on.
     """
 
     margin_mm: float
     least_mm: float | None
     pairs: tuple[PairClearance, ...]
+    assumed_on: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)

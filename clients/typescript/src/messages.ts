@@ -53,6 +53,9 @@ export type RecordingKind =
 export type RecordingState =
   | "writing" | "done" | "unfinished";
 
+export type RunRole =
+  | "agent" | "operator";
+
 export type RunState =
   | "waiting" | "armed" | "started" | "rejected";
 
@@ -253,6 +256,8 @@ export interface ClearanceReport {
   least_mm: number | null;
   /** that came nearer, the nearest first, 20 at most. */
   pairs: PairClearance[];
+  /** zones that an input switches, which count as on. */
+  assumed_on?: string[];
 }
 
 /** `accepted`: the last line that will run. */
@@ -1291,6 +1296,11 @@ export interface SimulateRequest {
   assertions?: Assertion[] | undefined;
   /** another program's text, from the same start: the reply has the `difference` to its motion. */
   against?: string | null | undefined;
+  /**
+   * whose run it is to be: `agent`, one that a person approves, or `operator`, any other; zones of the other do
+   * not count. null: all zones do.
+   */
+  role?: RunRole | null | undefined;
 }
 
 /** Points at even distances along the axes' travel. */

@@ -26,7 +26,7 @@ ROWS = 4096
 CONTROLS = 4096
 
 _HEADER_WORDS = 8
-_ROWS_WRITTEN, _ROWS_READ, _CONTROLS_WRITTEN, _CONTROLS_READ, _TORQUE_STOP = range(5)
+_ROWS_WRITTEN, _ROWS_READ, _CONTROLS_WRITTEN, _CONTROLS_READ, _TORQUE_STOP, _ZONES_AHEAD = range(6)
 # number of the row after those that come with it; kind, u, line, axes, seconds, operation, token, channel,
 # value, whether values follow
 _CONTROL = struct.Struct("<qqdqQdqqqdq")
@@ -132,8 +132,15 @@ class ProgramRing:
         self._last_u = -1
         self._last_control_u = 0.0
         self._counters[_TORQUE_STOP] = 0
+        self._counters[_ZONES_AHEAD] = 0
         self.targets.restart()
         return self._counters[_ROWS_WRITTEN], self._counters[_CONTROLS_WRITTEN]
+
+    def put_zones_ahead(self, zones: int) -> None:
+        """Say which zones that an input switches the motion may come into, a bit each (`Clearance.switches`);
+        before the motion is put.
+        """
+        self._counters[_ZONES_AHEAD] = zones
 
     def row_room(self) -> int:
         """Return how many rows fit now."""
@@ -260,6 +267,11 @@ class ProgramRing:
     def torque_stop(self) -> int:
         """The longest stop that the torques of this program's rows ask for [cycles]."""
         return self._counters[_TORQUE_STOP]
+
+    @property
+    def zones_ahead(self) -> int:
+        """What `put_zones_ahead` has said last."""
+        return self._counters[_ZONES_AHEAD]
 
     @property
     def rows_written(self) -> int:

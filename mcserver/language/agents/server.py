@@ -24,6 +24,7 @@ from mcserver.errors import McError, Refused
 from mcserver.language.agents.knowledge import dialect_topic, draft, fault_facts, machine_facts
 from mcserver.language.agents.recordings import list_recordings
 from mcserver.language.profile_codes import profile_codes
+from mcserver.machine.clearance_section import AGENT
 from mcserver.machine.machine_file import Machine
 from mcserver.service.approval_basis import server_version
 from mcserver.service.arming import hash_of
@@ -155,7 +156,9 @@ class AgentTools:
         report = _too_long(text) or _too_long(against or "")
         if report is None:
             asked = _assertions(assertions or [])
-            simulated = await self._checker.simulate(CLIENT, text, assertions=asked, against=against)
+            simulated = await self._checker.simulate(
+                CLIENT, text, assertions=asked, against=against, role=AGENT
+            )
             report = simulated[0]
         lines = report.get("lines", [])
         shown = {**report, "lines": lines[:MAX_SHOWN_LINES], "lines_in_all": len(lines)}

@@ -90,6 +90,10 @@ words!(RecordingState {
     Writing = "writing", Done = "done", Unfinished = "unfinished",
 });
 
+words!(RunRole {
+    Agent = "agent", Operator = "operator",
+});
+
 words!(RunState {
     Waiting = "waiting", Armed = "armed", Started = "started", Rejected = "rejected",
 });
@@ -339,6 +343,9 @@ pub struct ClearanceReport {
     pub least_mm: Option<f64>,
     /// that came nearer, the nearest first, 20 at most.
     pub pairs: Vec<PairClearance>,
+    /// zones that an input switches, which count as on.
+    #[serde(default)]
+    pub assumed_on: Vec<String>,
 }
 
 /// `accepted`: the last line that will run.
@@ -1928,6 +1935,9 @@ pub struct SimulateRequest {
     pub assertions: Vec<Assertion>,
     /// another program's text, from the same start: the reply has the `difference` to its motion.
     pub against: Option<String>,
+    /// whose run it is to be: `agent`, one that a person approves, or `operator`, any other; zones of the
+    /// other do not count. none: all zones do.
+    pub role: Option<RunRole>,
 }
 
 impl SimulateRequest {
@@ -1941,6 +1951,7 @@ impl SimulateRequest {
             lines: true,
             assertions: Vec::new(),
             against: None,
+            role: None,
         }
     }
 }

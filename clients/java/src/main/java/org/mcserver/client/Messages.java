@@ -153,6 +153,11 @@ public final class Messages {
     }
 
     /** A word of the wire. */
+    public enum RunRole implements Word {
+        AGENT, OPERATOR, UNKNOWN
+    }
+
+    /** A word of the wire. */
     public enum RunState implements Word {
         WAITING, ARMED, STARTED, REJECTED, UNKNOWN
     }
@@ -328,8 +333,10 @@ public final class Messages {
      * The least distances of a run's bodies.
      * @param leastMm null where all stayed more than 50 mm above the margin apart.
      * @param pairs that came nearer, the nearest first, 20 at most.
+     * @param assumedOn zones that an input switches, which count as on.
      */
-    public record ClearanceReport(double marginMm, @Nil Double leastMm, List<PairClearance> pairs) {}
+    public record ClearanceReport(
+            double marginMm, @Nil Double leastMm, List<PairClearance> pairs, @Sparse List<String> assumedOn) {}
 
     /** `accepted`: the last line that will run. */
     public record CloseReply(String program, long accepted, long done, ProgramState state) {}
@@ -1406,38 +1413,45 @@ public final class Messages {
      * @param lines whether the reply has the times of every line.
      * @param assertions are judged on every setpoint; one that does not hold is a fault (MC330).
      * @param against another program's text, from the same start: the reply has the `difference` to its motion.
+     * @param role whose run it is to be: `agent`, one that a person approves, or `operator`, any other; zones of
+     *     the other do not count. null: all zones do.
      */
     public record SimulateRequest(
             String text, Map<String, Double> positions, long pathPoints, boolean lines, List<Assertion> assertions,
-            String against) {
+            String against, RunRole role) {
         /** All that may be left out as the server has it. */
         public SimulateRequest(String text) {
-            this(text, null, 0, true, List.of(), null);
+            this(text, null, 0, true, List.of(), null, null);
         }
 
         /** The same with another {@code positions}. */
         public SimulateRequest withPositions(Map<String, Double> positions) {
-            return new SimulateRequest(text, positions, pathPoints, lines, assertions, against);
+            return new SimulateRequest(text, positions, pathPoints, lines, assertions, against, role);
         }
 
         /** The same with another {@code pathPoints}. */
         public SimulateRequest withPathPoints(long pathPoints) {
-            return new SimulateRequest(text, positions, pathPoints, lines, assertions, against);
+            return new SimulateRequest(text, positions, pathPoints, lines, assertions, against, role);
         }
 
         /** The same with another {@code lines}. */
         public SimulateRequest withLines(boolean lines) {
-            return new SimulateRequest(text, positions, pathPoints, lines, assertions, against);
+            return new SimulateRequest(text, positions, pathPoints, lines, assertions, against, role);
         }
 
         /** The same with another {@code assertions}. */
         public SimulateRequest withAssertions(List<Assertion> assertions) {
-            return new SimulateRequest(text, positions, pathPoints, lines, assertions, against);
+            return new SimulateRequest(text, positions, pathPoints, lines, assertions, against, role);
         }
 
         /** The same with another {@code against}. */
         public SimulateRequest withAgainst(String against) {
-            return new SimulateRequest(text, positions, pathPoints, lines, assertions, against);
+            return new SimulateRequest(text, positions, pathPoints, lines, assertions, against, role);
+        }
+
+        /** The same with another {@code role}. */
+        public SimulateRequest withRole(RunRole role) {
+            return new SimulateRequest(text, positions, pathPoints, lines, assertions, against, role);
         }
     }
 

@@ -1,0 +1,98 @@
+"""Zones that bind a role: in simulations for it, and in its runs."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+
+from mcserver.machine.section_reader import MachineFileRejected
+from mcserver.planning.start_state import StartState
+from mcserver.simulation.preview import preview
+from mcserver.simulation.simulation import simulate_lines
+from tests.clearance.cells import Start, fault_of, place
+from tests.clearance.machines import VISE, mill
+from tests.service.virtual_cell import VirtualCell
+
+# the zone begins at X85, the tool has a radius of 5 mm, the margin is 1 mm
+GLASS = """
+[[zone]]
+name = "glass"
+roles = ["agent"]
+size_mm = [100.0, 400.0, 400.0]
+at_mm = [135.0, 0.0, 100.0]
+"""
+SLOW = GLASS.replace("size_mm", 'kind = "slow"\nmax_speed_mm_s = 50.0\nsize_mm')
+INTO = ["G1010", "G1 X120 F6000", "G0 X0"]
+
+
+def codes(zone: str, role: str | None, *, stops: bool = False) -> list[tuple[str, int]]:
+    found = simulate_lines(lambda: iter(INTO), mill(zone), role=role, stops=stops)
+    return [(each["code"], each["line"]) for each in found.report["diagnostics"]]
+
+
+@pytest.mark.parametrize("stops", [False, True])
+@pytest.mark.parametrize(("zone", "code"), [(GLASS, "MC321"), (SLOW, "MC322")])
+def test_a_simulation_counts_the_zones_of_its_role(zone: str, code: str, stops: bool) -> None:
+    assert codes(zone, "operator", stops=stops) == []
+    assert codes(zone, "agent", stops=stops) == [(code, 2)]
+    # of whom nothing is said may be an agent's
+    assert codes(zone, None, stops=stops) == [(code, 2)]
+    others = zone.replace('"agent"', '"operator"')
+    assert codes(others, "operator", stops=stops) == [(code, 2)]
+    assert codes(others, "agent", stops=stops) == []
+
+
+def test_what_a_person_is_to_approve_is_simulated_as_an_agents() -> None:
+    machine = mill(GLASS)
+    seen = preview("\n".join(INTO), machine, StartState.of(machine), (0,))
+    assert [each["code"] for each in seen.report["diagnostics"]] == ["MC321"]
+    assert seen.envelope is None
+
+
+async def run(cell: VirtualCell, *lines: str, **more: Any) -> Any:
+    program = await cell.service.open("planner.mcp-1", **more)
+    await cell.service.lines.submit("planner.mcp-1", program.program, 1, list(lines))
+    cell.service.lines.close("planner.mcp-1", program.program)
+    return await cell.ended(program)
+
+
+def within(cell: VirtualCell) -> Any:
+    """An envelope of a run that stays out of the zone."""
+    machine = cell.service.machine
+    seen = preview("G1010\nG1 X200 F6000\nG0 X0\n", mill(VISE), StartState.of(machine), (0, 1, 2))
+    return seen.envelope
+
+
+async def test_the_zone_of_agents_binds_a_run_that_was_approved_and_no_other(start: Start) -> None:
+    cell = start(mill(GLASS))
+    program = await run(cell, *INTO, envelope=within(cell))
+    assert fault_of(program) == ("MC321", 2)
+    assert place(cell, 0) == pytest.approx(79.0, abs=0.3)
+
+    async def jog(distance: float) -> str:
+        name = await cell.jogging.jog(
+            "page", 0, distance=distance, velocity=100.0, hold_s=None, program_id=None
+        )
+        return (await cell.ended(cell.service.program(name))).state
+
+    assert await jog(-place(cell, 0)) == "finished"
+    # who goes on with it has the same envelope, and so the same zones
+    again = await cell.service.continue_program("alice.page", program.program, 2)
+    assert fault_of(await cell.ended(again)) == ("MC321", 2)
+    assert (await run(cell, *INTO)).state == "finished"
+    assert await jog(100.0) == "finished"
+
+
+@pytest.mark.parametrize(
+    ("role", "message"),
+    [
+        ("agents", "zone[0].roles: there is no role 'agents' to bind (did you mean 'agent'?)"),
+        ("engineer", "cannot tell engineers from operators"),
+        ("root", 'take "agent"'),
+    ],
+)
+def test_a_role_that_is_not_there_is_refused(role: str, message: str) -> None:
+    with pytest.raises(MachineFileRejected) as refused:
+        mill(GLASS.replace("agent", role))
+    assert message in str(refused.value)
