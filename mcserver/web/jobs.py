@@ -317,7 +317,9 @@ class JobQueue:
             return
         points = 0 if job.start is None else PATH_POINTS
         try:
-            report = await self._link.connected().simulate(text, positions=job.start, path_points=points)
+            report = await self._link.connected().simulate(
+                text, positions=job.start, path_points=points, role="operator"
+            )
         except MotionError:
             return
         if report.ok:

@@ -38,11 +38,12 @@ class RunRequests:
     """Follows the requests of one machine.
 
     Attributes:
-        shown: the oldest first.
+        shown: the oldest first. approvals: what is approved for a while, maps `RunRequestStatus`.
     """
 
     def __init__(self) -> None:
         self.shown: tuple[RunToArm, ...] = ()
+        self.approvals: tuple[dict[str, Any], ...] = ()
 
     async def follow(self, machine: Machine) -> None:
         """Ask until cancelled; what cannot be had, as by who may not see it, is not shown."""
@@ -50,7 +51,7 @@ class RunRequests:
             try:
                 await self.refresh(machine)
             except MotionError as error:
-                self.shown = ()
+                self.shown = self.approvals = ()
                 log.debug("%s: no requests: %s", machine.name, error)
             await asyncio.sleep(PERIOD_S)
 
@@ -74,3 +75,4 @@ class RunRequests:
                 continue
             found.append(RunToArm(preview["run"], preview["text"], run_picture(preview)))
         self.shown = tuple(found)
+        self.approvals = tuple(msgspec.to_builtins((await machine.run_approvals())[:MAX_SHOWN]))

@@ -41,12 +41,18 @@ def test_an_operator_sees_a_run_that_is_asked_for_and_arms_it_once(
         with pytest.raises(RequestRefused, match="waits for an operator"):
             agent.run_armed(TEXT)
         choose(page, part.get_by_label("Override up to"), "50 %")
+        choose(page, part.get_by_label("Approve"), "and for 15 min")
         part.get_by_role("button", name="Arm once").click()
         expect(part).to_contain_text("up to 50 %")
         assert agent.run_armed(TEXT).override == pytest.approx(50.0)
         expect(part).to_contain_text("started")
         with pytest.raises(RequestRefused, match="started already"):
             agent.run_armed(TEXT)
+        approved = page.get_by_role("region", name="Approved")
+        expect(approved).to_contain_text(f"may run what stays inside of {run.sha256[:12]}")
+        approved.get_by_role("button", name="End").click()
+        expect(approved).not_to_contain_text("may run")
+        assert not agent.run_approvals()
 
 
 @pytest.mark.usefixtures("machine")

@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 from mcclient import MotionError, RequestRefused
 
-from mcserver.web.panels.arming import _effects, _extents, _heading, _listing, _state_text
+from mcserver.web.panels.arming import _approval_text, _effects, _extents, _heading, _listing, _state_text
 from mcserver.web.run_requests import RunRequests, RunToArm
 
 NASTY = '"><script>alert(1)</script>\x1b[2J'
@@ -42,6 +42,10 @@ class OneMachine:
         self.requests = [request()]
         self.over: set[str] = set()
         self.previews = 0
+        self.approvals: list[dict[str, Any]] = []
+
+    async def run_approvals(self) -> list[dict[str, Any]]:
+        return self.approvals
 
     async def run_requests(self) -> list[dict[str, Any]]:
         return self.requests
@@ -77,6 +81,15 @@ async def test_a_request_that_is_over_while_it_is_looked_at_hides_no_other() -> 
     machine.over = {"cd" * 32}
     await requests.refresh(machine)  # type: ignore[arg-type]
     assert [each.run["sha256"] for each in requests.shown] == ["ab" * 32]
+
+
+async def test_what_is_approved_for_a_while_is_followed_beside_the_requests() -> None:
+    machine, requests = OneMachine(), RunRequests()
+    machine.approvals = [request(operator=f"alice{NASTY}", override=50.0, remaining_s=754.0)]
+    await requests.refresh(machine)  # type: ignore[arg-type]
+    (run,) = requests.approvals
+    for words in ("for another 12:34", "up to 50 %", "approved by alice"):
+        assert words in _approval_text(run)
 
 
 async def test_who_may_not_see_requests_is_shown_none() -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import html
 import math
+from collections.abc import Sequence
 from functools import partial
 from typing import Any
 
@@ -19,17 +20,21 @@ OVERRIDES = {10: "10 %", 25: "25 %", 50: "50 %", 75: "75 %", 100: "100 %"}
 
 
 class ArmingPanel:
-    """A part for each request: who asks, picture, extents, duration and text; hidden without any."""
+    """A part for each request: who asks, picture, extents, duration and text; and what is approved for a while,
+    which ends here too. Hidden without any.
+    """
 
     def __init__(self, actions: Actions) -> None:
         self._actions = actions
         self._known: tuple[tuple[str, int], ...] = ()
         self._states: dict[tuple[str, int], ui.label] = {}
         self._buttons: dict[tuple[str, int], tuple[ui.button, ui.button]] = {}
+        self._approvals: dict[str, ui.label] = {}
         self._card = ui.card().classes("mc-card")
         with self._card:
             ui.html("<h2>Runs to arm</h2>", sanitize=False)
             self._list = ui.column().classes("w-full gap-4").props('role=region aria-label="Runs to arm"')
+            self._standing = ui.column().classes("w-full gap-1").props('role=region aria-label="Approved"')
         self._card.set_visibility(False)
 
     def update(self) -> None:
@@ -39,6 +44,12 @@ class ArmingPanel:
         if keys != self._known:
             self._known = keys
             self._build(shown)
+        approvals = self._actions.link.run_requests.approvals
+        if [each["sha256"] for each in approvals] != [*self._approvals]:
+            self._build_approvals(approvals)
+        for run in approvals:
+            self._approvals[run["sha256"]].set_text(_approval_text(run))
+        self._card.set_visibility(bool(shown or approvals))
         for each in shown:
             self._states[each.key].set_text(_state_text(each))
             arm, reject = self._buttons[each.key]
@@ -46,7 +57,6 @@ class ArmingPanel:
             reject.set_enabled(each.run["state"] in ("waiting", "armed"))
 
     def _build(self, shown: tuple[RunToArm, ...]) -> None:
-        self._card.set_visibility(bool(shown))
         self._states, self._buttons = {}, {}
         self._list.clear()
         with self._list:
@@ -76,6 +86,20 @@ class ArmingPanel:
                 reject = ui.button("Reject", on_click=partial(self._reject, each, reason)).props("outline")
                 self._buttons[each.key] = arm, reject
             self._states[each.key] = ui.label("").props("aria-live=polite")
+
+    def _build_approvals(self, approvals: Sequence[dict[str, Any]]) -> None:
+        self._approvals = {}
+        self._standing.clear()
+        with self._standing:
+            for run in approvals:
+                with ui.row().classes("w-full items-center gap-2"):
+                    self._approvals[run["sha256"]] = ui.label("")
+                    ui.button("End", on_click=partial(self._end, run["sha256"])).props("outline")
+
+    async def _end(self, sha256: str) -> None:
+        await self._actions.do(
+            "reject", f"end the approval {sha256[:12]}", lambda machine: machine.reject(sha256)
+        )
 
     async def _reject(self, each: RunToArm, reason: ui.input) -> None:
         run, said = each.run, str(reason.value or "")[:500]
@@ -156,6 +180,14 @@ def _listing(text: str) -> str:
     width = len(str(len(lines)))
     shown = "\n".join(f"{number:{width}}  {html.escape(line)}" for number, line in enumerate(lines, 1))
     return f'<pre class="mc-program" tabindex="0" aria-label="Program to arm">{shown}</pre>'
+
+
+def _approval_text(run: dict[str, Any]) -> str:
+    left, limit = clock_text(run["remaining_s"]), f"{run['override']:g} %"
+    return (
+        f"{run['client']} may run what stays inside of {run['sha256'][:12]} for another {left}, up to {limit}: "
+        f"approved by {run['operator']}"
+    )
 
 
 def _state_text(each: RunToArm) -> str:

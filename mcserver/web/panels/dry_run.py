@@ -6,7 +6,7 @@ import html
 from collections.abc import Callable
 
 from mcclient import MotionError
-from mcclient.types import SimulateReply
+from mcclient.types import RunRoleWord, SimulateReply
 from nicegui import ui
 
 from mcserver.errors import McError
@@ -35,7 +35,8 @@ async def show_dry_run(
         machine = actions.link.connected()
         status = await machine.status()
         start = dict(zip(status.axes.index, status.axes.setpoint, strict=True))
-        report = await machine.simulate(text, positions=start, path_points=PATH_POINTS)
+        role: RunRoleWord = "operator" if actions.visitor.may("open") else "agent"
+        report = await machine.simulate(text, positions=start, path_points=PATH_POINTS, role=role)
     except (MotionError, McError) as error:
         show_refusal(f"{error.message} [{error.code}]", error.hint)
         return

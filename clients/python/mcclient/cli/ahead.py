@@ -136,7 +136,9 @@ class Ahead:
             if self._text is None:
                 await self._hand_over(machine)
                 return
-            report = await machine.simulate(self._text, positions=self._standing, lines=False)
+            report = await machine.simulate(
+                self._text, positions=self._standing, lines=False, role="operator"
+            )
         except MotionError:
             # the run says its own faults; the time left is estimated from the lines then
             return
