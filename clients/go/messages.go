@@ -1365,10 +1365,12 @@ type ServoStatus struct {
 	Reordered int64 `msgpack:"reordered" mc:"required"`
 	// Jumped: too far from the point before, and not confirmed by the next one.
 	Jumped int64 `msgpack:"jumped" mc:"required"`
-	// Refused: not finite, or not of the program's axes.
+	// Refused: not finite, not of the program's axes, or a pose that the tool cannot be led to.
 	Refused int64 `msgpack:"refused" mc:"required"`
 	// Clipped: of those taken, beyond an axis's travel.
 	Clipped int64 `msgpack:"clipped" mc:"required"`
+	// Slowed: of those taken, faster for a tool than its axes go.
+	Slowed int64 `msgpack:"slowed" mc:"required"`
 	// IntervalS: between messages, by the sender's clock.
 	IntervalS float64 `msgpack:"interval_s" mc:"required"`
 	// AgeS: of the newest one, beyond the quickest.

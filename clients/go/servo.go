@@ -18,7 +18,7 @@ type ServoOptions struct {
 	Counts time.Duration
 }
 
-// Targets say where axes are to be. At least one of Positions and Velocities is given: a row for each point, in it a number for each axis.
+// Targets say where axes, or a tool, are to be. At least one of Positions and Velocities is given: a row for each point, in it a number for each axis.
 type Targets struct {
 	// Positions are in mm and deg, of one row without Times; the axes come to rest there, unless the next ones lead on.
 	Positions [][]float64
@@ -28,6 +28,10 @@ type Targets struct {
 	Times []time.Duration
 	// Counts is as of ServoOptions; 0: as there.
 	Counts time.Duration
+	// Tool is the number of a tool, whose poses X Y Z A B C and twists the rows are then (X Y Z of one without orientation); nil: rows of axes.
+	Tool *int64
+	// InToolFrame: a tool's Velocities are along and about its own axes, else the base's; poses are in the base's.
+	InToolFrame bool
 }
 
 // Row is one point of Targets.
@@ -106,7 +110,10 @@ func (s *Servo) Send(targets Targets) error {
 
 // message is StreamTargets.
 func (t *Targets) message(seq int64, sent float64) []any {
-	made := []any{seq, sent, t.Counts.Seconds(), t.Positions, t.Velocities, nil}
+	made := []any{seq, sent, t.Counts.Seconds(), t.Positions, t.Velocities, nil, t.Tool, "base"}
+	if t.InToolFrame {
+		made[7] = "tool"
+	}
 	if t.Times != nil {
 		times := make([]float64, len(t.Times))
 		for index, each := range t.Times {

@@ -94,12 +94,14 @@ func (p *targetPlayer) targets(value json.RawMessage) {
 		Counts     float64 `json:"counts_s"`
 		Positions  [][]float64
 		Velocities [][]float64
+		Tool       *int64
+		Frame      string
 	}
 	must(p.t, json.Unmarshal(value, &given))
 	if p.failed = p.stream.open(); p.failed != nil {
 		return
 	}
-	targets := Targets{Positions: given.Positions, Velocities: given.Velocities, Counts: seconds(given.Counts)}
+	targets := Targets{Positions: given.Positions, Velocities: given.Velocities, Counts: seconds(given.Counts), Tool: given.Tool, InToolFrame: given.Frame == "tool"}
 	for _, each := range given.Times {
 		targets.Times = append(targets.Times, seconds(each))
 	}

@@ -242,6 +242,12 @@ def _refuse_posture(number: int, chain: Chain, rank: int, posture: Array) -> Non
         )
 
 
+def pose_difference(targets: Targets, others: Targets) -> Array:
+    """From the first of some poses to that of others, shape (rows,): a vector [m], then a turn [rad]."""
+    difference: Array = _residual(targets, others.positions, others.rotations)[0]
+    return difference
+
+
 def without_units(chain: Chain, jacobians: Array) -> Array:
     """Jacobians (n, rows, K) with lengths divided by the chain's reach."""
     scaled = jacobians.copy()
@@ -250,9 +256,9 @@ def without_units(chain: Chain, jacobians: Array) -> Array:
     return scaled
 
 
-def _residual(targets: Targets, positions: Array, rotations: Array) -> Array:
+def _residual(targets: Targets, positions: Array, rotations: Array | None) -> Array:
     missing = targets.positions - positions
-    if targets.rotations is None:
+    if targets.rotations is None or rotations is None:
         return missing
     return np.concatenate([missing, rotation_vectors(targets.rotations @ rotations.swapaxes(-1, -2))], axis=1)
 

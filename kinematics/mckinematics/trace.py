@@ -62,7 +62,7 @@ class _Place:
 
 
 @dataclass(frozen=True)
-class _Goal:
+class Goal:
     """One target with its rate, as plain numbers; ``rotation`` row by row."""
 
     position: Floats
@@ -83,7 +83,7 @@ class _Reached:
 
 
 @dataclass(frozen=True)
-class _Linear:
+class Linear:
     """``gap`` to a goal, ``step`` there, whether it ``closes`` the gap; ``slope``, ``exact``: not damped."""
 
     gap: Floats
@@ -101,7 +101,7 @@ def trace(tool: ToolModel, path: TargetPath, start: Array, grid: Grid, aside: fl
     goals = _goals(grid.targets, grid.rates)
     units = tool.unit.tolist()
     first = start.tolist()
-    begun = _linear(tool, first, goals[0], aside)
+    begun = linear_step(tool, first, goals[0], aside)
     here, before = _Place(0.0, first, begun.slope), None
     places = [here]
     misses: list[float] = []
@@ -115,7 +115,7 @@ def trace(tool: ToolModel, path: TargetPath, start: Array, grid: Grid, aside: fl
         goal = _goal_at(path, s) if rest else goals[cell]
         guess = _predict(tool, here, before, s)
         reached = None
-        if _largest(guess, here.joints, units) <= LARGEST_STEP:
+        if largest_change(guess, here.joints, units) <= LARGEST_STEP:
             reached = _correct(tool, guess, goal, aside, units)
         if reached is None:
             stride //= 2
@@ -129,7 +129,7 @@ def trace(tool: ToolModel, path: TargetPath, start: Array, grid: Grid, aside: fl
         if stride < finest and at % (2 * stride) == 0:
             stride *= 2
     complete = at == last
-    ended = _linear(tool, here.joints, goals[-1], aside) if complete else None
+    ended = linear_step(tool, here.joints, goals[-1], aside) if complete else None
     return Trace(
         np.array([place.s for place in places]),
         np.array([place.joints for place in places]),
@@ -140,22 +140,22 @@ def trace(tool: ToolModel, path: TargetPath, start: Array, grid: Grid, aside: fl
     )
 
 
-def _exact_slope(linear: _Linear) -> Array | None:
+def _exact_slope(linear: Linear) -> Array | None:
     return np.array(linear.slope) if linear.exact else None
 
 
-def _goal_at(path: TargetPath, s: float) -> _Goal:
+def _goal_at(path: TargetPath, s: float) -> Goal:
     place = np.array([s])
     return _goals(path.at(place), path.rates(place))[0]
 
 
-def _goals(targets: Targets, rates: Array) -> list[_Goal]:
+def _goals(targets: Targets, rates: Array) -> list[Goal]:
     positions = targets.positions.tolist()
     rows = rates.tolist()
     if targets.rotations is None:
-        return [_Goal(position, None, rate) for position, rate in zip(positions, rows, strict=True)]
+        return [Goal(position, None, rate) for position, rate in zip(positions, rows, strict=True)]
     rotations = targets.rotations.reshape(-1, 9).tolist()
-    return [_Goal(*each) for each in zip(positions, rotations, rows, strict=True)]
+    return [Goal(*each) for each in zip(positions, rotations, rows, strict=True)]
 
 
 def _predict(tool: ToolModel, here: _Place, before: _Place | None, s: float) -> list[float]:
@@ -181,18 +181,16 @@ def _predict(tool: ToolModel, here: _Place, before: _Place | None, s: float) -> 
     return guess
 
 
-def _correct(
-    tool: ToolModel, guess: list[float], goal: _Goal, aside: float, units: Floats
-) -> _Reached | None:
+def _correct(tool: ToolModel, guess: list[float], goal: Goal, aside: float, units: Floats) -> _Reached | None:
     """The joints at a goal and their slope, from a guess; None if the guess is not safely near."""
     joints, miss = guess, -1.0
     for _ in range(CORRECTIONS):
-        linear = _linear(tool, joints, goal, aside)
+        linear = linear_step(tool, joints, goal, aside)
         if miss < 0.0:
             miss = _miss(tool, linear.gap)
         joints = [joint + change for joint, change in zip(joints, linear.step, strict=True)]
         # a step that is no number is not below the bound either
-        if not _largest(joints, guess, units) <= LARGEST_CORRECTION:
+        if not largest_change(joints, guess, units) <= LARGEST_CORRECTION:
             return None
         moved = max(abs(change / unit) for change, unit in zip(linear.step, units, strict=True))
         if linear.closes and moved <= SETTLED_STEP:
@@ -200,7 +198,7 @@ def _correct(
     return None
 
 
-def _linear(tool: ToolModel, joints: Floats, goal: _Goal, aside: float) -> _Linear:
+def linear_step(tool: ToolModel, joints: Floats, goal: Goal, aside: float) -> Linear:
     """Newton's step to the goal, and the joints' slope there."""
     if tool.square and aside == 0.0:
         solved = _solve(tool, joints, goal)
@@ -215,10 +213,10 @@ def _linear(tool: ToolModel, joints: Floats, goal: _Goal, aside: float) -> _Line
     # damping near a singular position makes steps small that do not close the gap
     left = np.abs(residual[0] - jacobian[0] @ step).max()
     closes = left <= max(0.1 * np.abs(residual).max(), ROUGH_RESIDUAL) or tool.rank < tool.rows
-    return _Linear(residual[0].tolist(), step.tolist(), slope.tolist(), bool(closes), False)
+    return Linear(residual[0].tolist(), step.tolist(), slope.tolist(), bool(closes), False)
 
 
-def _solve(tool: ToolModel, joints: Floats, goal: _Goal) -> _Linear | None:
+def _solve(tool: ToolModel, joints: Floats, goal: Goal) -> Linear | None:
     """The exact solution, if the goal is near and the Jacobian far from singular."""
     now = tool.chain.single.linearise(joints)
     gap = [wanted - there for wanted, there in zip(goal.position, now.position, strict=True)]
@@ -233,7 +231,7 @@ def _solve(tool: ToolModel, joints: Floats, goal: _Goal) -> _Linear | None:
     step, slope = solved
     if max(_size(step), _size(slope)) > largest_gain(tool) * max(_size(gap), _size(goal.rate)):
         return None
-    return _Linear(gap, step, slope, True, True)
+    return Linear(gap, step, slope, True, True)
 
 
 def _miss(tool: ToolModel, gap: Floats) -> float:
@@ -241,7 +239,7 @@ def _miss(tool: ToolModel, gap: Floats) -> float:
     return max(off, math.hypot(*gap[3:]) / tool.tolerance_angle) if tool.orientation else off
 
 
-def _largest(joints: Floats, others: Floats, units: Floats) -> float:
+def largest_change(joints: Floats, others: Floats, units: Floats) -> float:
     return max(abs((a - b) / unit) for a, b, unit in zip(joints, others, units, strict=True))
 
 

@@ -9,25 +9,26 @@ from collections.abc import Sequence
 from typing import Any
 
 import msgspec
+import numpy as np
 
 from mcserver.contract.script import error_message, program_of, shown_message
 from mcserver.errors import Refused
 from mcserver.machine.machine_file import load_machine
-from mcserver.net.servo_messages import ServoReply, StreamTargets
+from mcserver.machine.machine_kinematics import build_kinematics
+from mcserver.net.servo_messages import Frame, ServoReply, StreamTargets
 from mcserver.net.servo_methods import targets_in_si
 from mcserver.service.reports import ProgramState
-from mcserver.service.target_stream import TargetStream
+from mcserver.service.target_stream import Now, TargetStream
 
 PROGRAM = "b4c1-1"
-AXES = (0, 1)
 PERIOD_S = 0.01
-COUNTED = ("taken", "lost", "doubled", "reordered", "late", "jumped", "refused", "clipped")
+COUNTED = ("taken", "lost", "doubled", "reordered", "late", "jumped", "refused", "clipped", "slowed")
 Rows = Sequence[Sequence[float]]
 
 
 def target_sequences() -> list[dict[str, Any]]:
     """All of them, in the order in which one reads them."""
-    made = (_targets(), _chunk(), _loss(), _refused(), _refused_targets(), _end(), _silence())
+    made = (_targets(), _chunk(), _tool(), _loss(), _refused(), _refused_targets(), _end(), _silence())
     return [script.sequence() for script in made]
 
 
@@ -36,19 +37,23 @@ class TargetScript:
 
     Args:
         name: of the sequence, which is its file's name too. why: what a client has to get right.
-        opened: the server lets the axes follow.
+        opened: the server lets the axes follow. built_in: whose first axes follow.
     """
 
-    def __init__(self, name: str, why: str, *, opened: bool = True) -> None:
+    def __init__(
+        self, name: str, why: str, *, opened: bool = True, built_in: str = "cartesian", axes: int = 2
+    ) -> None:
         self._head = {"name": name, "why": why}
         self._steps: list[dict[str, Any]] = []
         self._seq = 0
         self._sent = 83.412
         self.program = program_of(PROGRAM, 1, 100)
-        machine = load_machine("cartesian")
-        self.program.targets = TargetStream(machine.axes[: len(AXES)], machine.cycle_s)
+        machine = load_machine(built_in)
+        followed = machine.axes[:axes]
+        self._setpoint = np.array([axis.initial_position for axis in followed])
+        self.program.targets = TargetStream(followed, machine.cycle_s, build_kinematics(machine))
         if opened:
-            self._note("servo", shown_message(ServoReply(PROGRAM, list(AXES))))
+            self._note("servo", shown_message(ServoReply(PROGRAM, list(range(axes)))))
 
     def sequence(self) -> dict[str, Any]:
         return {**self._head, "steps": self._steps}
@@ -60,24 +65,27 @@ class TargetScript:
         times: Sequence[float] | None = None,
         *,
         counts_s: float = 0.1,
+        tool: int | None = None,
+        frame: Frame = "base",
         lost: bool = False,
     ) -> None:
         """The application gives targets, and the client puts them; ``lost``: they do not arrive."""
-        self._given(positions, velocities, times, counts_s)
+        self._given(positions, velocities, times, counts_s=counts_s, tool=tool, frame=frame)
         self._seq += 1
-        payload = [self._seq, self._sent, counts_s, positions, velocities, times]
+        payload = [self._seq, self._sent, counts_s, positions, velocities, times, tool, frame]
         self._note("puts", payload)
         if lost:
             self._note("lost", "the message")
         else:
             message = msgspec.convert(payload, StreamTargets)
             assert self.program.targets is not None
-            self.program.targets.take(targets_in_si(self.program, message), self._sent)
+            given = targets_in_si(self.program, message)
+            self.program.targets.take(given, Now(self._sent, self._setpoint))
         self._sent = round(self._sent + PERIOD_S, 3)
 
     def give_in_vain(self, positions: Rows, code: str, says: str = "") -> None:
         """The application gives targets once the program has ended: nothing goes out."""
-        self._given(positions, None, None, 0.1)
+        self._given(positions)
         self._note("fails", {"code": code, "says": says})
 
     def refuses(self, refusal: Refused) -> None:
@@ -100,7 +108,14 @@ class TargetScript:
         self._note("counts", {name: getattr(status.servo, name) for name in COUNTED})
 
     def _given(
-        self, positions: Rows | None, velocities: Rows | None, times: Sequence[float] | None, counts_s: float
+        self,
+        positions: Rows | None,
+        velocities: Rows | None = None,
+        times: Sequence[float] | None = None,
+        *,
+        counts_s: float = 0.1,
+        tool: int | None = None,
+        frame: Frame = "base",
     ) -> None:
         self._note(
             "targets",
@@ -110,6 +125,8 @@ class TargetScript:
                 "positions": positions,
                 "velocities": velocities,
                 "times": times,
+                "tool": tool,
+                "frame": frame,
             },
         )
 
@@ -131,6 +148,19 @@ def _chunk() -> TargetScript:
     times = [0.0, 0.02, 0.04]
     script.give([[0.0, 0.0], [0.1, 0.2], [0.2, 0.4]], None, times)
     script.give([[0.1, 0.2], [0.2, 0.4], [0.3, 0.5]], [[5.0, 10.0], [5.0, 7.5], [0.0, 0.0]], times)
+    script.asked()
+    return script
+
+
+def _tool() -> TargetScript:
+    script = TargetScript(
+        "tool", "a tool's poses and twists go as positions and velocities", built_in="arm6", axes=6
+    )
+    start = [460.0, 0.0, 675.0, 0.0, 0.0, 0.0]
+    script.give([start], tool=1)
+    script.give([start], [[0.0, 50.0, 0.0, 0.0, 0.0, 10.0]], tool=1)
+    script.give(None, [[0.0, 0.0, -20.0, 0.0, 0.0, 0.0]], tool=1, frame="tool")
+    script.give([start], tool=2)
     script.asked()
     return script
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+from typing import Annotated, Literal
 
 import msgspec
 from msgspec import Meta
@@ -10,6 +10,7 @@ from msgspec import Meta
 from mcserver.executor.shm.target_box import POINTS
 from mcserver.net.messages import AxisIndex, Request
 
+Frame = Literal["base", "tool"]
 Row = Annotated[list[float], Meta(max_length=64)]
 Rows = Annotated[list[Row], Meta(min_length=1, max_length=POINTS)]
 
@@ -36,15 +37,18 @@ class ServoReply(msgspec.Struct, frozen=True):
 
 class StreamTargets(msgspec.Struct, frozen=True, array_like=True):
     """Payload of ``in/{client}/{program}`` in servo mode, an array: ``[seq, sent, counts_s, positions,
-    velocities, times]``.
+    velocities, times, tool, frame]``.
 
     Attributes:
         seq: grows by one with each message.
         sent: when it was sent, by any clock of the sender's that does not step [s].
         counts_s: how long it counts; without a newer one by then the axes stop and the program ends.
         positions, velocities: one row for each point, one number for each of the program's axes [mm, deg, per
-            s]; at least one of the two.
+            s]; at least one of the two. Of a tool they are poses and twists: X Y Z [mm] and, where it has
+            orientation, A B C in its order [deg]; velocities along and about the axes of ``frame``.
         times: of the points after ``sent``, ascending [s]; None: one point, for now.
+        tool: its number; None: positions and velocities are those of axes.
+        frame: ``base`` or ``tool``: whose axes the velocities of a tool are along; poses are in the base's.
     """
 
     seq: Annotated[int, Meta(ge=1, le=2**53)]
@@ -53,3 +57,5 @@ class StreamTargets(msgspec.Struct, frozen=True, array_like=True):
     positions: Rows | None = None
     velocities: Rows | None = None
     times: Annotated[list[float], Meta(min_length=1, max_length=POINTS)] | None = None
+    tool: Annotated[int, Meta(ge=0, le=2**31)] | None = None
+    frame: Frame = "base"

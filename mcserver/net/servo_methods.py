@@ -12,8 +12,13 @@ from mcserver.service import servo
 from mcserver.service.program import Program
 from mcserver.service.service import MachineService
 from mcserver.service.target_stream import TargetMessage
+from mcserver.units import DEGREE, MM
 
 Array = NDArray[np.float64]
+
+# Of X Y Z A B C, and of what they change by.
+POSE_SCALE: Array = np.array([MM] * 3 + [DEGREE] * 3)
+POSE_SCALE.setflags(write=False)
 
 
 class ServoMethods:
@@ -37,6 +42,9 @@ class ServoMethods:
 def targets_in_si(program: Program, message: wire.StreamTargets) -> TargetMessage:
     """Return a message of targets in SI; rows that do not fit each other as arrays that fit no axes."""
     scale = np.ones(0) if program.targets is None else program.targets.si_per_unit
+    if message.tool is not None:
+        # a tool without orientation has the first three alone
+        scale = POSE_SCALE[: len((message.positions or message.velocities or [[]])[0])]
     return TargetMessage(
         message.seq,
         message.sent,
@@ -44,6 +52,8 @@ def targets_in_si(program: Program, message: wire.StreamTargets) -> TargetMessag
         _rows(message.positions, scale),
         _rows(message.velocities, scale),
         None if message.times is None else np.array(message.times, np.float64),
+        message.tool,
+        message.frame == "tool",
     )
 
 

@@ -123,7 +123,8 @@ class ServoStatus(msgspec.Struct, frozen=True):
         taken: messages that count. lost: numbers that never came, or came behind later ones.
         late: came later than they count for. doubled, reordered: of the newest number, or a lower one.
         jumped: too far from the point before, and not confirmed by the next one.
-        refused: not finite, or not of the program's axes. clipped: of those taken, beyond an axis's travel.
+        refused: not finite, not of the program's axes, or a pose that the tool cannot be led to. clipped: of
+            those taken, beyond an axis's travel. slowed: of those taken, faster for a tool than its axes go.
         interval_s: between messages, by the sender's clock. age_s: of the newest one, beyond the quickest.
     """
 
@@ -135,6 +136,7 @@ class ServoStatus(msgspec.Struct, frozen=True):
     jumped: int
     refused: int
     clipped: int
+    slowed: int
     interval_s: float
     age_s: float
 

@@ -4,13 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+import numpy as np
+
 from mcserver.errors import Refused
 from mcserver.executor.entries import Control, ControlKind
+from mcserver.machine.machine_kinematics import build_kinematics
 from mcserver.motion.canonical import AxisOperation
 from mcserver.service.axes_of_requests import axes_of
 from mcserver.service.program import Program
 from mcserver.service.service import MachineService
-from mcserver.service.target_stream import TargetMessage, TargetStream
+from mcserver.service.target_stream import Now, TargetMessage, TargetStream
 
 _CAPTURE = list(AxisOperation).index(AxisOperation.CAPTURE)
 
@@ -59,7 +62,9 @@ async def open_servo(
     if program.state == "queued":
         service.abort(program.program, "its axes are in use")
         raise Refused("MC512", "the axes are in use, or 8 programs run", "wait until one has ended")
-    program.targets = TargetStream([machine.axes[column] for column in columns], machine.cycle_s)
+    program.targets = TargetStream(
+        [machine.axes[column] for column in columns], machine.cycle_s, build_kinematics(machine)
+    )
     return program
 
 
@@ -67,7 +72,12 @@ def put_targets(service: MachineService, program: Program, message: TargetMessag
     """Take a message of targets for a program in servo mode; what does not count is counted."""
     if program.targets is None or program.slot is None or program.over:
         return
-    targets = program.targets.take(message, service.port.snapshot().time)
+    snapshot = service.port.snapshot()
+    now = Now(snapshot.time)
+    if message.tool is not None:
+        setpoint = [snapshot.setpoint[service.machine.column_of(axis)] for axis in program.axes]
+        now = Now(snapshot.time, np.array(setpoint), min(1.0, program.override))
+    targets = program.targets.take(message, now)
     if targets is not None:
         service.port.put_targets(program.slot, targets)
 

@@ -9,6 +9,7 @@ confirms it. What is dropped is counted. The limits are kept elsewhere, whatever
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import TYPE_CHECKING, Literal, NamedTuple
 
 import msgspec
 import numpy as np
@@ -17,6 +18,10 @@ from numpy.typing import NDArray
 from mcserver.executor.shm.target_box import POINTS, Targets
 from mcserver.machine.machine_file import Axis
 from mcserver.service.reports import ServoStatus
+from mcserver.service.tool_targets import REACH, ToolTargets
+
+if TYPE_CHECKING:
+    from mckinematics.solver import MachineKinematics
 
 Array = NDArray[np.float64]
 
@@ -24,14 +29,17 @@ Array = NDArray[np.float64]
 FIRST_INTERVAL_S = 0.01
 # How fast the clocks of sender and server may drift apart [1].
 DRIFT = 1e-3
-# A point is too far off above this share of what the axis goes at its top speed.
-REACH = 2.0
 # The least share of an interval in which a target is reached, however late it comes.
 LEAST_SHARE = 0.5
 # Longest chunk [s].
 LONGEST_S = 60.0
-# Where an axis without limits of travel is asked to go at most [m or rad].
+# Where an axis without limits of travel, or a tool, is asked to go at most [m or rad, per s].
 FARTHEST = 1e6
+# Share of the top speed at which axes go to where a tool is to be and they cannot be in time, and by which
+# share they are late before they are slowed.
+SLOWED_SHARE, LATE_SHARE = 0.8, 1.1
+# Least share of the top speed that is reckoned with where an override stops the axes.
+LEAST_RATE = 1e-3
 
 
 class TargetMessage(msgspec.Struct, frozen=True):
@@ -39,8 +47,9 @@ class TargetMessage(msgspec.Struct, frozen=True):
 
     Attributes:
         seq, sent, counts_s: as of the wire.
-        positions, velocities: shape (m, n) [m or rad, per s].
+        positions, velocities: shape (m, n) [m or rad, per s]; of a tool poses and twists, n 3 or 6.
         times: shape (m,) after ``sent`` [s]; None: m is 1, and it is for now.
+        tool: whose poses and twists they are; None: positions of axes. in_tool: twists along its own axes.
     """
 
     seq: int
@@ -49,20 +58,38 @@ class TargetMessage(msgspec.Struct, frozen=True):
     positions: Array | None
     velocities: Array | None
     times: Array | None
+    tool: int | None = None
+    in_tool: bool = False
+
+
+class Now(NamedTuple):
+    """The machine as a message comes.
+
+    Attributes:
+        time: executor time [s]. setpoint: of the program's axes, shape (n,) [m or rad]; None: at rest at 0.
+        rate: share of their top speed that an override leaves them.
+    """
+
+    time: float
+    setpoint: Array | None = None
+    rate: float = 1.0
 
 
 class TargetStream:
     """The targets of one program.
 
     Args:
-        axes: of the program, in order. cycle_s: the executor's cycle [s].
+        axes: of the program, in order. cycle_s: the executor's cycle [s]. kinematics: of the machine's tools.
 
     Attributes:
         si_per_unit: of the axes, shape (n,). status: what has come, counted.
     """
 
-    def __init__(self, axes: Sequence[Axis], cycle_s: float) -> None:
+    def __init__(
+        self, axes: Sequence[Axis], cycle_s: float, kinematics: MachineKinematics | None = None
+    ) -> None:
         self._cycle_s = cycle_s
+        self._tools = ToolTargets(kinematics, axes)
         self._width = len(axes)
         self.si_per_unit: Array = np.array([axis.type.si_per_unit for axis in axes])
         self._low = np.maximum([axis.min_position for axis in axes], -FARTHEST)
@@ -80,15 +107,11 @@ class TargetStream:
         self._placed = 0.0
         # one that was too far off, until the next one confirms it
         self._doubtful: Array | None = None
-        self.status = ServoStatus(0, 0, 0, 0, 0, 0, 0, 0, 0.0, 0.0)
+        self.status = ServoStatus(0, 0, 0, 0, 0, 0, 0, 0, 0, 0.0, 0.0)
 
-    def take(self, message: TargetMessage, now: float) -> Targets | None:
-        """Return the curve that a message asks for; None: it does not count, and is counted as what it is.
-
-        Args:
-            now: executor time at which it came [s].
-        """
-        status = self.status
+    def take(self, message: TargetMessage, at: Now) -> Targets | None:
+        """Return the curve that a message asks for; None: it does not count, and is counted as what it is."""
+        status, now = self.status, at.time
         if not self._is_sound(message):
             self._unsound += 1
             self.status = _more(status, "refused")
@@ -111,9 +134,18 @@ class TargetStream:
             return None
         interval = min(max(interval, self._cycle_s), message.counts_s)
         gap = min(max(message.sent - self._placed, interval), message.counts_s)
-        if message.times is None and self._is_doubtful(message.positions, gap):
-            self.status = _more(status, "jumped")
-            return None
+        slowed = False
+        if message.tool is not None:
+            led = self._lead(message, at, interval, gap)
+            if isinstance(led, str):
+                self.status = _more(status, led)
+                return None
+            message, slowed = led
+        else:
+            self._tools.forget()
+            if message.times is None and self._is_doubtful(message.positions, gap):
+                self.status = _more(status, "jumped")
+                return None
         status = self.status = msgspec.structs.replace(status, interval_s=interval)
         with np.errstate(all="ignore"):
             curve = self._curve(message, now, age, gap)
@@ -123,6 +155,11 @@ class TargetStream:
             return None
         if message.positions is not None and self._outside(message.positions):
             status = _more(status, "clipped")
+        if message.tool is not None and message.positions is not None and message.times is None:
+            later = self._slowed(message.positions, curve, at)
+            curve, slowed = later or curve, later is not None
+        if slowed:
+            status = _more(status, "slowed")
         self.status = _more(status, "taken")
         return curve
 
@@ -133,7 +170,8 @@ class TargetStream:
         times = message.times
         count = 1 if times is None else len(times)
         given = [each for each in (message.positions, message.velocities) if each is not None]
-        shaped = all(each.shape == (count, self._width) for each in given) and given
+        width = self._width if message.tool is None else self._tools.rows(message.tool)
+        shaped = all(each.shape == (count, width) for each in given) and given and width
         if not shaped or not 0 < count <= POINTS or not np.isfinite(message.sent):
             return False
         if times is not None:
@@ -142,6 +180,8 @@ class TargetStream:
                 return False
             if times[-1] > LONGEST_S:
                 return False
+        if message.tool is not None and not all((np.abs(each) <= FARTHEST).all() for each in given):
+            return False
         return all(np.isfinite(each).all() for each in given) and 0.0 < message.counts_s < np.inf
 
     def _is_doubtful(self, positions: Array | None, gap: float) -> bool:
@@ -159,6 +199,53 @@ class TargetStream:
     def _outside(self, positions: Array) -> bool:
         return bool((positions < self._low).any() or (positions > self._high).any())
 
+    # ------------------------------------------------------------------ tools
+
+    def _lead(
+        self, message: TargetMessage, at: Now, interval: float, gap: float
+    ) -> tuple[TargetMessage, bool] | Literal["jumped", "refused"]:
+        """Return a message of a tool as one of the axes, and whether they are too slow for it."""
+        tools, number, times = self._tools, message.tool, message.times
+        assert number is not None
+        here = np.zeros(self._width) if at.setpoint is None else at.setpoint
+        rate = max(at.rate, LEAST_RATE)
+        positions, velocities, slowed = message.positions, message.velocities, False
+        if positions is None:
+            assert velocities is not None
+            steps = np.array([interval]) if times is None else np.diff(times, prepend=0.0)
+            velocities, slowed = tools.twists(
+                number, velocities, steps, here=here, share=rate, in_tool=message.in_tool
+            )
+        else:
+            rest = here if self._position is None else self._position
+            found = tools.poses(
+                number, positions, near=(here, rest), gap=gap if times is None else None, now=at.time
+            )
+            if isinstance(found, str):
+                return found
+            positions = found
+            if velocities is not None:
+                velocities = tools.rates_at(number, positions, velocities, in_tool=message.in_tool)
+            if times is not None and len(times) > 1:
+                # all of it slower, so that it keeps its shape
+                slower = float((tools.time_to(positions[1:], positions[0], rate) / np.diff(times)).max())
+                slowed = slower > LATE_SHARE
+                if slowed:
+                    times = slower / SLOWED_SHARE * times
+                    velocities = None if velocities is None else velocities * SLOWED_SHARE / slower
+        return msgspec.structs.replace(
+            message, positions=positions, velocities=velocities, times=times
+        ), slowed
+
+    def _slowed(self, positions: Array, curve: Targets, at: Now) -> Targets | None:
+        """Return the way of all axes together to where they cannot be in time; None: they can."""
+        here = np.zeros(self._width) if at.setpoint is None else at.setpoint
+        least = float(self._tools.time_to(positions, here, max(at.rate, LEAST_RATE))[0])
+        if least <= LATE_SHARE * (curve.knots[-1, 0] - at.time):
+            return None
+        knots = _knots(np.array([at.time + least / SLOWED_SHARE]), positions, np.zeros_like(positions))
+        return curve._replace(knots=knots)
+
     # ------------------------------------------------------------------ the curve
 
     def _curve(self, message: TargetMessage, now: float, age: float, gap: float) -> Targets:
@@ -168,6 +255,8 @@ class TargetStream:
             velocities = np.clip(velocities, -self._top, self._top)
         if positions is None:
             assert velocities is not None
+            # the axes go elsewhere
+            self._position = self._doubtful = None
             times, last = np.array([self.status.interval_s]), 0.0
             if message.times is not None:
                 times, last = message.times, float(message.times[-1])

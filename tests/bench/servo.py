@@ -13,7 +13,7 @@ from ruckig import InputParameter, OutputParameter, Ruckig
 
 from mcserver.executor.shm.target_box import Targets
 from mcserver.motion.kernels.target_tracking import follow_targets, read_reference
-from mcserver.service.target_stream import TargetMessage, TargetStream
+from mcserver.service.target_stream import Now, TargetMessage, TargetStream
 from tests.bench.figures import Figure, percentile
 from tests.bench.machines import ideal
 
@@ -136,7 +136,7 @@ def followed(*, with_velocities: bool) -> Followed:
         if cycle % PERIOD == 0:
             speeds = np.array([[velocity]]) if with_velocities else None
             message = TargetMessage(cycle // PERIOD + 1, now, 1.0, np.array([[position]]), speeds, None)
-            targets = stream.take(message, now)
+            targets = stream.take(message, Now(now))
             assert isinstance(targets, Targets)
             knots = np.concatenate(([[now, found[0, 0], found[0, 1]]], targets.knots))
         read_reference(knots, len(knots), now + CYCLE_S, False, found)

@@ -9,7 +9,7 @@ import matplotlib as mpl
 import numpy as np
 
 from mcserver.executor.entries import Control, ControlKind
-from mcserver.service.target_stream import TargetMessage, TargetStream
+from mcserver.service.target_stream import Now, TargetMessage, TargetStream
 from mcserver.simulation.virtual_executor import VirtualExecutor
 from tests.bench.machines import ideal
 from tests.bench.servo_streams import CAPTURE
@@ -46,7 +46,7 @@ def main() -> None:
         target, now = target_at(cycle), executor.executor.time
         if target is not None:
             message = TargetMessage(cycle // PERIOD + 1, now, 0.12, np.array([[target * 1e-3]]), None, None)
-            taken = stream.take(message, now)
+            taken = stream.take(message, Now(now))
             sent.append((cycle * 1e-3, target, taken is not None))
             if taken is not None:
                 ring.targets.put(taken)

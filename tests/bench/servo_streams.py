@@ -1,10 +1,11 @@
 """Hostile streams of targets: ``make laws ARGS="--servo --first 0 --count 1000"``.
 
-Each seed is a machine of 2, 6 or 64 axes with limits of its own and a client that streams whatever there is:
-positions, velocities, chunks; jumps, NaN, infinities, numbers beyond all bounds; messages lost, doubled, out
-of order and in bursts, clocks that stand and jump, garbage straight in the executor's box; silences after
-which servo mode is opened again; holds, overrides, aborts and missed cycles. Judged from outside, on the
-setpoints of every cycle: velocity, acceleration, jerk and travel of every axis.
+Each seed is a machine of 2, 6 or 64 axes with limits of its own, or an arm with a tool, and a client that
+streams whatever there is: positions, velocities, chunks, the tool's poses and twists; jumps, NaN, infinities,
+numbers beyond all bounds; messages lost, doubled, out of order and in bursts, clocks that stand and jump,
+garbage straight in the executor's box; silences after which servo mode is opened again; holds, overrides,
+aborts and missed cycles. Judged from outside, on the setpoints of every cycle: velocity, acceleration, jerk
+and travel of every axis.
 """
 
 from __future__ import annotations
@@ -18,9 +19,10 @@ from numpy.typing import NDArray
 
 from mcserver.executor.entries import Control, ControlKind
 from mcserver.executor.shm.target_box import POINTS, Targets
-from mcserver.machine.machine_file import Machine, parse_machine
+from mcserver.machine.machine_file import Machine, load_machine, parse_machine
+from mcserver.machine.machine_kinematics import build_kinematics
 from mcserver.motion.canonical import AxisOperation
-from mcserver.service.target_stream import TargetMessage, TargetStream
+from mcserver.service.target_stream import Now, TargetMessage, TargetStream
 from mcserver.simulation.virtual_executor import VirtualExecutor
 
 Array = NDArray[np.float64]
@@ -34,8 +36,14 @@ CAPTURE = list(AxisOperation).index(AxisOperation.CAPTURE)
 WRONG = (math.nan, math.inf, -math.inf, 1e300, -1e300, 1e9, 5e-324)
 
 
-def machine_of(chance: random.Random) -> Machine:
-    """Axes as slow as a crane or as quick as a wafer stage, some without limits of jerk or travel."""
+# Every so many seeds an arm, led by its tool.
+ARMS = 4
+
+
+def machine_of(chance: random.Random, seed: int) -> Machine:
+    """Axes as slow as a crane or as quick as a wafer stage, some without limits; or an arm with a tool."""
+    if seed % ARMS == ARMS - 1:
+        return load_machine("arm6")
     text = '[machine]\nname = "streamed"\n'
     kind = chance.choice(("ideal", "ideal", "ideal", "simulated"))
     for index in range(chance.choice(WIDTHS)):
@@ -72,7 +80,15 @@ class Client:
         self._held: list[TargetMessage] = []
         self._clock = chance.uniform(-1e6, 1e6)
         self._silent = 0
-        self.stream = TargetStream(machine.axes, machine.cycle_s)
+        kinematics = build_kinematics(machine)
+        self._tools = 0.0 if kinematics is None else chance.choice((0.3, 0.9, 1.0))
+        start = {axis.index: axis.initial_position for axis in machine.axes}
+        self._pose = np.zeros(6)
+        if kinematics is not None:
+            pose = kinematics.pose(1, start)
+            self._pose = np.array([*pose.position, *pose.angles])
+        self._tip = 10.0 ** np.array([chance.uniform(-4.0, 0.3)] * 3 + [chance.uniform(-4.0, 0.8)] * 3)
+        self.stream = TargetStream(machine.axes, machine.cycle_s, kinematics)
         self.seq = 0
         self.sent = 0
 
@@ -129,6 +145,8 @@ class Client:
         if chance.random() < 0.1:
             times = np.cumsum(self._numbers.uniform(1e-3, 0.03, chance.choice((2, 10, 100))))
             at = t + times
+        if chance.random() < self._tools:
+            return self._tool_message(t, at, times)
         angle = self._turn * at[:, None] + np.arange(width)
         positions: Array = self._place + self._reach * np.sin(angle)
         velocities: Array = self._turn * self._reach * np.cos(angle)
@@ -145,6 +163,32 @@ class Client:
             None if kind == 0 else positions,
             None if kind in (1, 2) else velocities,
             times,
+        )
+
+    def _tool_message(self, t: float, at: Array, times: Array | None) -> TargetMessage:
+        """Poses about where the tool began, on the way through singular positions and out of reach."""
+        chance = self._chance
+        turn = min(self._turn, 6.0)
+        # from rest, and now and then from anywhere
+        grown = np.minimum(at, 1.0)[:, None] if self._rough < 0.3 else 1.0
+        angle = turn * at[:, None] + np.arange(6)
+        poses: Array = self._pose + grown * self._tip * (np.sin(angle) - np.sin(np.arange(6)))
+        twists: Array = turn * self._tip * np.cos(angle)
+        if chance.random() < 0.2 * self._rough:
+            self._pose = self._pose + self._numbers.choice([0.0, 0.0, 2.0, -2.0, math.pi], 6)
+        for rows in (poses, twists):
+            if chance.random() < 0.3 * self._rough:
+                self._spoil(rows)
+        kind = chance.randrange(4)
+        return TargetMessage(
+            self.seq,
+            self._clock + t,
+            chance.choice((0.02, 0.1, 0.1, 1.0)),
+            None if kind == 0 else poses,
+            None if kind in (1, 2) else twists,
+            times,
+            1 if chance.random() >= 0.1 * self._rough else chance.choice((0, 2, 10**9)),
+            chance.random() < 0.3,
         )
 
     def _spoil(self, rows: Array) -> None:
@@ -171,7 +215,7 @@ class Played(NamedTuple):
 def play(seed: int) -> Played:
     """Stream to the machine of a seed."""
     chance = random.Random(seed)
-    machine = machine_of(chance)
+    machine = machine_of(chance, seed)
     setpoints = np.zeros((CYCLES, len(machine.axes)))
     velocities, shares = np.zeros_like(setpoints), np.ones(CYCLES)
     executor = VirtualExecutor(machine)
@@ -191,7 +235,8 @@ def play(seed: int) -> Played:
         else:
             now = executor.executor.time
             for message in client.messages(cycle):
-                targets = client.stream.take(message, now)
+                rate = chance.choice((1.0, 0.3, 0.0))
+                targets = client.stream.take(message, Now(now, row.setpoint.copy(), rate))
                 if targets is not None:
                     box.put(targets)
             if chance.random() < straight_in:

@@ -73,6 +73,8 @@ class Player:
                         value["velocities"],
                         times=value["times"],
                         counts_s=value["counts_s"],
+                        tool=value["tool"],
+                        frame=value["frame"],
                     )
                 except MotionError as error:
                     self.failure = error

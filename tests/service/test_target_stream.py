@@ -9,7 +9,7 @@ import pytest
 from numpy.typing import NDArray
 
 from mcserver.executor.shm.target_box import POINTS, Targets
-from mcserver.service.target_stream import TargetMessage, TargetStream
+from mcserver.service.target_stream import Now, TargetMessage, TargetStream
 from tests.executor.rig import machine
 
 Array = NDArray[np.float64]
@@ -40,7 +40,7 @@ class Sender:
         rows = [None if each is None else np.array(each) for each in (positions, velocities)]
         at = None if times is None else np.array(times)
         message = TargetMessage(self.seq, CLOCK + sent, counts_s, rows[0], rows[1], at)
-        return self.stream.take(message, sent if arrives is None else arrives)
+        return self.stream.take(message, Now(sent if arrives is None else arrives))
 
     def ramp(self, count: int) -> Targets | None:
         """Positions at 0.1 m/s, a message each period."""

@@ -6,7 +6,7 @@ import asyncio
 import contextlib
 import time
 from collections.abc import Callable
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 import zenoh
@@ -70,8 +70,10 @@ class Servo:
         *,
         times: ArrayLike | None = None,
         counts_s: float | None = None,
+        tool: int | None = None,
+        frame: Literal["base", "tool"] = "base",
     ) -> None:
-        """Sends where the axes are to be; it replaces what was sent before.
+        """Sends where the axes, or a tool, are to be; it replaces what was sent before.
 
         Args:
             positions: shape (n,) [mm, deg]; without ``velocities`` the axes come to rest there, unless the
@@ -80,6 +82,9 @@ class Servo:
                 on at them.
             times: shape (m,), ascending [s from now]: the others are of shape (m, n), points at these times.
             counts_s: how long it counts, as of `mcclient.Machine.servo`.
+            tool: its number. The rows are poses X Y Z A B C and twists then, n = 6, of a tool without
+                orientation X Y Z, n = 3 [mm, deg, per s].
+            frame: whose axes a tool's velocities are along and about; poses are in the base's.
 
         Raises:
             ProgramAborted: the program has ended: nothing came in time, or somebody stopped it.
@@ -100,6 +105,8 @@ class Servo:
             _rows(positions),
             _rows(velocities),
             None if times is None else np.atleast_1d(np.asarray(times, np.float64)).tolist(),
+            tool,
+            frame,
         ]
         await self._link.put(
             self._key, encode(message), priority=zenoh.Priority.INTERACTIVE_HIGH, express=True, drop=True

@@ -358,6 +358,8 @@ impl TargetPlayer {
             velocities: serde_json::from_value(given["velocities"].clone()).unwrap(),
             times: given["times"].as_array().map(|times| times.iter().map(seconds).collect()),
             counts: Some(seconds(&given["counts_s"])),
+            tool: given["tool"].as_u64(),
+            in_tool_frame: given["frame"] == "tool",
         };
         self.seq += 1;
         let message = targets.message(self.seq, given["sent"].as_f64().unwrap(), Duration::ZERO);

@@ -51,8 +51,8 @@ impl ServoOptions {
     }
 }
 
-/// Where axes are to be: positions [mm, deg], velocities [per s] or both; a row for each point, in it a number for each
-/// axis.
+/// Where axes, or a tool, are to be: positions [mm, deg], velocities [per s] or both; a row for each point, in it a number
+/// for each axis.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Targets {
     /// The axes come to rest there, unless the next ones lead on.
@@ -63,6 +63,10 @@ pub struct Targets {
     pub times: Option<Vec<Duration>>,
     /// As of [`ServoOptions::counts`]; none: as there.
     pub counts: Option<Duration>,
+    /// A tool's number: the rows are its poses X Y Z A B C and twists (X Y Z of one without orientation).
+    pub tool: Option<u64>,
+    /// A tool's velocities are along and about its own axes, else the base's; poses are in the base's.
+    pub in_tool_frame: bool,
 }
 
 impl Targets {
@@ -82,6 +86,13 @@ impl Targets {
         self
     }
 
+    /// The same, as poses and twists of a tool.
+    #[must_use]
+    pub fn of_tool(mut self, number: u64) -> Self {
+        self.tool = Some(number);
+        self
+    }
+
     /// Points at these times from now.
     #[must_use]
     pub fn chunk(times: impl Into<Vec<Duration>>, positions: impl Into<Vec<Vec<f64>>>) -> Self {
@@ -97,7 +108,8 @@ impl Targets {
         let times: Option<Vec<f64>> =
             self.times.as_ref().map(|times| times.iter().map(Duration::as_secs_f64).collect());
         let counts = self.counts.unwrap_or(counts).as_secs_f64();
-        (seq, sent, counts, &self.positions, &self.velocities, times)
+        let frame = if self.in_tool_frame { "tool" } else { "base" };
+        (seq, sent, counts, &self.positions, &self.velocities, times, self.tool, frame)
     }
 }
 

@@ -1229,10 +1229,12 @@ export interface ServoStatus {
   reordered: number;
   /** too far from the point before, and not confirmed by the next one. */
   jumped: number;
-  /** not finite, or not of the program's axes. */
+  /** not finite, not of the program's axes, or a pose that the tool cannot be led to. */
   refused: number;
   /** of those taken, beyond an axis's travel. */
   clipped: number;
+  /** of those taken, faster for a tool than its axes go. */
+  slowed: number;
   /** between messages, by the sender's clock. */
   interval_s: number;
   /** of the newest one, beyond the quickest. */

@@ -13,7 +13,7 @@ export interface ServoOptions {
   countsS?: number;
 }
 
-/** Where the axes are to be; it replaces what was sent before. At least one of `positions` and `velocities`. */
+/** Where the axes, or a tool, are to be; it replaces what was sent before. At least one of `positions` and `velocities`. */
 export interface Targets {
   /** One number for each axis [mm, deg]; with `times` a row of them for each point. */
   positions?: number[] | number[][];
@@ -23,6 +23,10 @@ export interface Targets {
   times?: number[];
   /** As of `ServoOptions`. */
   countsS?: number;
+  /** A tool's number: the rows are its poses X Y Z A B C and twists (X Y Z of one without orientation). */
+  tool?: number;
+  /** Whose axes a tool's velocities are along and about; poses are in the base's. Default `base`. */
+  frame?: "base" | "tool";
 }
 
 const COUNTS_S = 0.1;
@@ -60,6 +64,7 @@ export class Servo {
     if (this.program.ended) throw new RequestRefused("MC536", `the program takes no more targets: it is ${this.state}`, "open another one");
     const message = [
       ++this.#seq, this.clock(), targets.countsS ?? this.countsS, rows(targets.positions), rows(targets.velocities), targets.times ?? null,
+      targets.tool ?? null, targets.frame ?? "base",
     ];
     this.gateway.put({ op: "targets", machine: this.machine.name, program: this.id, message });
   }

@@ -111,9 +111,9 @@ const servoSteps = {
     play.refusal = new RequestRefused(code, why, hint);
     play.failed = await scripted(play).catch((error) => error);
   },
-  targets(play, { sent, counts_s: countsS, positions, velocities, times }) {
+  targets(play, { sent, counts_s: countsS, positions, velocities, times, tool, frame }) {
     play.now = sent;
-    try { play.servo.send({ countsS, positions: positions ?? undefined, velocities: velocities ?? undefined, times: times ?? undefined }); } catch (error) { play.failed = error; }
+    try { play.servo.send({ countsS, positions: positions ?? undefined, velocities: velocities ?? undefined, times: times ?? undefined, tool: tool ?? undefined, frame }); } catch (error) { play.failed = error; }
   },
   puts(play, wanted) { assert.deepEqual(play.put.shift(), { op: "targets", machine: "cell", program: play.servo.id, message: wanted }); },
   lost() {},

@@ -1834,10 +1834,12 @@ pub struct ServoStatus {
     pub reordered: u64,
     /// too far from the point before, and not confirmed by the next one.
     pub jumped: u64,
-    /// not finite, or not of the program's axes.
+    /// not finite, not of the program's axes, or a pose that the tool cannot be led to.
     pub refused: u64,
     /// of those taken, beyond an axis's travel.
     pub clipped: u64,
+    /// of those taken, faster for a tool than its axes go.
+    pub slowed: u64,
     /// between messages, by the sender's clock.
     pub interval_s: f64,
     /// of the newest one, beyond the quickest.

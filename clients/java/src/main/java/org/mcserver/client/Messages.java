@@ -1370,14 +1370,15 @@ public final class Messages {
      * @param doubled of the newest number, or a lower one.
      * @param reordered of the newest number, or a lower one.
      * @param jumped too far from the point before, and not confirmed by the next one.
-     * @param refused not finite, or not of the program's axes.
+     * @param refused not finite, not of the program's axes, or a pose that the tool cannot be led to.
      * @param clipped of those taken, beyond an axis's travel.
+     * @param slowed of those taken, faster for a tool than its axes go.
      * @param intervalS between messages, by the sender's clock.
      * @param ageS of the newest one, beyond the quickest.
      */
     public record ServoStatus(
             long taken, long lost, long late, long doubled, long reordered, long jumped, long refused, long clipped,
-            double intervalS, double ageS) {}
+            long slowed, double intervalS, double ageS) {}
 
     /** Sets a simulated input by its name, as `SetOutputRequest`; its script ends. */
     public record SetInputRequest(String input, double value) {}

@@ -4,14 +4,20 @@ import java.util.ArrayList;
 import java.util.List;
 
 /**
- * Where axes are to be: a row for each point, in it a number for each axis.
+ * Where axes, or a tool, are to be: a row for each point, in it a number for each axis.
  *
  * @param positions [mm, deg]: the axes come to rest there, unless the next ones lead on; null: velocities alone
  * @param velocities [mm/s, deg/s]: with positions, the axes pass there at them; alone, they go on at them; null: none
  * @param times of the points, ascending [s from now]; null: one point, for now
  * @param countsS how long they count [s]; null: as long as {@link Machine#servo} says
+ * @param tool its number: the rows are its poses X Y Z A B C and twists (X Y Z of one without orientation); null: rows of axes
+ * @param inToolFrame whether a tool's velocities are along and about its own axes, else the base's; poses are in the base's
  */
-public record Targets(double[][] positions, double[][] velocities, double[] times, Double countsS) {
+public record Targets(double[][] positions, double[][] velocities, double[] times, Double countsS, Long tool, boolean inToolFrame) {
+    public Targets(double[][] positions, double[][] velocities, double[] times, Double countsS) {
+        this(positions, velocities, times, countsS, null, false);
+    }
+
     /** One point to come to rest at. */
     public static Targets at(double... positions) {
         return new Targets(new double[][] {positions}, null, null, null);
@@ -29,12 +35,22 @@ public record Targets(double[][] positions, double[][] velocities, double[] time
 
     /** The same, passed at velocities: a row for each point. */
     public Targets passing(double[]... velocities) {
-        return new Targets(positions, velocities, times, countsS);
+        return new Targets(positions, velocities, times, countsS, tool, inToolFrame);
     }
 
     /** The same, counting for another time. */
     public Targets withCounts(double seconds) {
-        return new Targets(positions, velocities, times, seconds);
+        return new Targets(positions, velocities, times, seconds, tool, inToolFrame);
+    }
+
+    /** The same, as poses of a tool, and twists along and about the axes of the base. */
+    public Targets ofTool(long number) {
+        return new Targets(positions, velocities, times, countsS, number, false);
+    }
+
+    /** The same, with twists along and about the tool's own axes. */
+    public Targets inToolFrame() {
+        return new Targets(positions, velocities, times, countsS, tool, true);
     }
 
     /** The message {@code StreamTargets}, an array. */
@@ -46,6 +62,8 @@ public record Targets(double[][] positions, double[][] velocities, double[] time
         made.add(rows(positions));
         made.add(rows(velocities));
         made.add(times == null ? null : row(times));
+        made.add(tool);
+        made.add(inToolFrame ? "tool" : "base");
         return made;
     }
 

@@ -276,7 +276,8 @@ class ContractTest {
             Gson gson = new Gson();
             Targets targets = new Targets(
                     gson.fromJson(given.get("positions"), double[][].class), gson.fromJson(given.get("velocities"), double[][].class),
-                    gson.fromJson(given.get("times"), double[].class), given.get("counts_s").getAsDouble());
+                    gson.fromJson(given.get("times"), double[].class), given.get("counts_s").getAsDouble(),
+                    gson.fromJson(given.get("tool"), Long.class), given.get("frame").getAsString().equals("tool"));
             put = targets.message(++seq, given.get("sent").getAsDouble(), 0.0);
         }
     }

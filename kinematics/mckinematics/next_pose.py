@@ -1,0 +1,91 @@
+"""One pose after the other, as they come: the joints that go on to each from where the last one left them."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from mckinematics.errors import KinematicsError
+from mckinematics.newton import joint_slope
+from mckinematics.pose import Array, Pose, ToolPath
+from mckinematics.rotation import euler_to_matrix, matrix_to_euler
+from mckinematics.search import within_limits
+from mckinematics.target_path import TargetPath
+from mckinematics.tool import ToolModel
+from mckinematics.trace import LARGEST_CORRECTION, Goal, largest_change, linear_step, trace
+
+# Newton's steps to a pose near by, and the one behind which nothing is left: its square [rad]
+STEPS, SETTLED = 6, 1e-4
+# how strongly joints to spare are moved away from a limit that they would pass
+ASIDE = 4.0
+# share of a twist that a singular position may take away
+LOST = 0.1
+
+
+def solve_near(tool: ToolModel, pose: Pose, joints: Array) -> Array | None:
+    """Joints, shape (K,), at a pose that is close to ``joints``; None: it is not, or they pass a limit.
+
+    No joint goes further than a configuration reaches (`LARGEST_CORRECTION`), so the chain never changes over
+    to another one. Joints to spare go to the tool's posture by what the tool travels.
+    """
+    found = _newton(tool, pose, joints, 0.0)
+    if found is not None and not within_limits(tool, found[None])[0] and tool.chain.size > tool.rank:
+        found = _newton(tool, pose, joints, ASIDE)
+    return found if found is not None and within_limits(tool, found[None])[0] else None
+
+
+def _newton(tool: ToolModel, pose: Pose, joints: Array, aside: float) -> Array | None:
+    turned = euler_to_matrix(pose.angles, tool.euler).ravel().tolist() if tool.orientation else None
+    goal = Goal(pose.position, turned, (0.0,) * tool.rows)
+    start, units = joints.tolist(), tool.unit.tolist()
+    guess = start
+    if tool.posture is not None or aside:
+        residual, jacobian = tool.linearise(joints[None], tool.target(pose))
+        guess = (joints + joint_slope(tool, joints[None], jacobian, residual, aside)[0]).tolist()
+    for _ in range(STEPS):
+        linear = linear_step(tool, guess, goal, 0.0)
+        guess = [joint + change for joint, change in zip(guess, linear.step, strict=True)]
+        # a step that is no number is not below the bound either
+        if not largest_change(guess, start, units) <= LARGEST_CORRECTION:
+            return None
+        if linear.closes and largest_change(linear.step, (0.0,) * len(guess), units) <= SETTLED:
+            return np.array(guess)
+    return None
+
+
+def solve_along_line(tool: ToolModel, pose: Pose, joints: Array) -> Array | None:
+    """Joints at a pose further away, reached on the straight line to it; None: the line cannot be followed."""
+    positions, rotations = tool.chain.forward(joints[None])
+    start, end = positions[0], np.array(pose.position)
+    angles = matrix_to_euler(rotations[0], tool.euler) if tool.orientation else None
+    way = end - start
+    line = ToolPath(
+        lambda s: start + s[:, None] * way,
+        lambda s: np.broadcast_to(way, (len(s), 3)),
+        angles,
+        pose.angles if tool.orientation else None,
+    )
+    try:
+        path = TargetPath(tool, line, joints)
+        followed = trace(tool, path, joints, path.grid())
+    except KinematicsError:
+        return None
+    if not followed.complete or not within_limits(tool, followed.joints).all():
+        return None
+    return solve_near(tool, pose, followed.joints[-1])
+
+
+def joint_rates(tool: ToolModel, joints: Array, twist: Array) -> tuple[Array, float]:
+    """Rates of the joints, shape (K,), at which the tool moves at ``twist``, shape (rows,), along the base's
+    axes; and how much faster than the tool they are [1], infinite where it cannot move so.
+
+    Both without units (`ToolModel.unit`), as of `ToolModel.joint_gain`.
+    """
+    jacobian = tool.chain.jacobian(joints[None], tool.rows)[2]
+    rates = joint_slope(tool, joints[None], jacobian, twist[None], 0.0)
+    fastest = float(tool.tool_speed(twist[None])[0])
+    if fastest == 0.0:
+        return rates[0], 0.0
+    # damping and a chain of too few joints leave a part of it out
+    lost = twist[None] - (jacobian @ rates[..., None])[..., 0]
+    gain = float(tool.joint_speed(rates)[0]) / fastest
+    return rates[0], gain if tool.tool_speed(lost)[0] <= LOST * fastest else np.inf
