@@ -109,7 +109,16 @@ impl Targets {
             self.times.as_ref().map(|times| times.iter().map(Duration::as_secs_f64).collect());
         let counts = self.counts.unwrap_or(counts).as_secs_f64();
         let frame = if self.in_tool_frame { "tool" } else { "base" };
-        (seq, sent, counts, &self.positions, &self.velocities, times, self.tool, frame)
+        (
+            seq,
+            sent,
+            counts,
+            &self.positions,
+            &self.velocities,
+            times,
+            self.tool,
+            frame,
+        )
     }
 }
 
