@@ -58,10 +58,11 @@ class PayloadDescription(Protocol):
 
 
 class ToolDescription(Protocol):
-    """A tool: a frame of the URDF, the axes of its chain from the base on, and what of a pose it keeps.
+    """A tool: a frame of the URDF, the axes of its chain, and what of a pose it keeps.
 
-    ``offset`` is in m in the frame's own axes; ``euler`` names the order of A B C; ``posture`` is where the
-    axes of a chain with joints to spare had best be [rad or m], None without a preference.
+    ``work`` is the frame in which its poses are and from which its chain goes, None: the base. ``offset`` is
+    in m in the frame's own axes; ``euler`` names the order of A B C; ``posture`` is where the axes of a chain
+    with joints to spare had best be [rad or m], None without a preference.
     """
 
     @property
@@ -80,6 +81,8 @@ class ToolDescription(Protocol):
     def payload(self) -> PayloadDescription | None: ...
     @property
     def posture(self) -> tuple[float, ...] | None: ...
+    @property
+    def work(self) -> str | None: ...
 
 
 class MachineDescription(Protocol):
@@ -134,6 +137,7 @@ class ToolFrame:
     offset: tuple[float, float, float] = (0.0, 0.0, 0.0)
     payload: Payload | None = None
     posture: tuple[float, ...] | None = None
+    work: str | None = None
 
 
 @dataclass(frozen=True)

@@ -87,7 +87,9 @@ class JointDynamics:
         self._tools = {tool.number: tool for tool in machine.tools}
         # tools that share a parent joint carry one payload at a time
         self._flange = {
-            tool.number: int(model.frames[frame_id(self._pinocchio, robot, tool)].parentJoint)
+            tool.number: int(
+                model.frames[frame_id(self._pinocchio, robot, tool.number, tool.frame)].parentJoint
+            )
             for tool in machine.tools
         }
         self._gravity = np.array(machine.gravity, dtype=float)
@@ -255,7 +257,7 @@ class JointDynamics:
             model = self._pinocchio.Model(self._robot.pinocchio_model)
             for number in loads:
                 tool = self._tools[number]
-                frame = model.frames[frame_id(self._pinocchio, self._robot, tool)]
+                frame = model.frames[frame_id(self._pinocchio, self._robot, tool.number, tool.frame)]
                 model.appendBodyToJoint(self._flange[number], self._inertia(tool), frame.placement)
             model.gravity.linear = self._gravity
             known = self._loaded[loads] = model, model.createData()

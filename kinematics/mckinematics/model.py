@@ -18,7 +18,7 @@ import numpy as np
 from mckinematics.chain import Chain
 from mckinematics.description import AxisDescription, ToolDescription
 from mckinematics.errors import ModelError
-from mckinematics.pose import Array, BoolArray
+from mckinematics.pose import Array
 
 
 @dataclass(frozen=True)
@@ -101,11 +101,15 @@ def load_model(urdf: str) -> RobotModel:
 
 
 def build_chain(robot: RobotModel, tool: ToolDescription, axes: dict[int, AxisDescription]) -> Chain:
-    """The chain from the base to a tool's frame.
+    """The chain from the tool's work frame, or from the base, to its frame.
+
+    Joints that move the work frame come first, from it to the base: the tool moves against them, so that
+    their directions are reversed. Joints that carry both frames move neither against the other and are left
+    out.
 
     Args:
         robot: the loaded URDF.
-        tool: the tool of the machine file; ``tool.axes`` are the moving joints' axis numbers, base to frame.
+        tool: the tool of the machine file; ``tool.axes`` are the moving joints' axis numbers, in this order.
         axes: the machine's axes by number.
 
     Raises:
@@ -114,19 +118,29 @@ def build_chain(robot: RobotModel, tool: ToolDescription, axes: dict[int, AxisDe
     """
     pinocchio = import_pinocchio()
     model = robot.pinocchio_model
-    frame = model.frames[frame_id(pinocchio, robot, tool)]
-    joints = [int(joint) for joint in model.supports[frame.parentJoint] if joint != 0]
+    frame = model.frames[frame_id(pinocchio, robot, tool.number, tool.frame)]
+    carrying, carried = _supports(model, frame), []
+    base = pinocchio.SE3.Identity()
+    data = model.createData()
+    pinocchio.framesForwardKinematics(model, data, pinocchio.neutral(model))
+    pinocchio.computeJointJacobians(model, data, pinocchio.neutral(model))
+    where, lengths = "the base", [carrying]
+    if tool.work is not None:
+        number = frame_id(pinocchio, robot, tool.number, tool.work)
+        base, where = data.oMf[number], repr(tool.work)
+        below = _supports(model, model.frames[number])
+        shared = sum(one == other for one, other in zip(below, carrying, strict=False))
+        carried, carrying = below[shared:][::-1], carrying[shared:]
+        lengths = [carried[::-1], carrying]
+    joints = [*carried, *carrying]
     names = tuple(model.names[joint] for joint in joints)
     if len(joints) != len(tool.axes):
         raise ModelError(
-            f"tool {tool.number}: from the base to {tool.frame!r} there are {len(joints)} moving joints"
+            f"tool {tool.number}: from {where} to {tool.frame!r} there are {len(joints)} moving joints"
             f" ({', '.join(names) or 'none'}), but axes lists {len(tool.axes)}",
             "list one axis number for each of these joints, in this order",
             tool=tool.number,
         )
-    data = model.createData()
-    pinocchio.framesForwardKinematics(model, data, pinocchio.neutral(model))
-    pinocchio.computeJointJacobians(model, data, pinocchio.neutral(model))
     count = len(joints)
     revolute = np.zeros(count, dtype=bool)
     directions, points = np.zeros((count, 3)), np.zeros((count, 3))
@@ -140,7 +154,8 @@ def build_chain(robot: RobotModel, tool: ToolDescription, axes: dict[int, AxisDe
                 tool=tool.number,
             )
         jacobian = pinocchio.getJointJacobian(model, data, joint, pinocchio.ReferenceFrame.WORLD)
-        screw = jacobian.reshape(6, -1)[:, model.idx_vs[joint]].copy()
+        motion = pinocchio.Motion(jacobian.reshape(6, -1)[:, model.idx_vs[joint]])
+        screw = base.actInv(motion).vector * (-1.0 if column < len(carried) else 1.0)
         spin = float(np.linalg.norm(screw[3:]))
         revolute[column] = spin > 0.5
         if revolute[column] != (axis.type.value == "rotary"):
@@ -156,10 +171,10 @@ def build_chain(robot: RobotModel, tool: ToolDescription, axes: dict[int, AxisDe
         if revolute[column]:
             points[column] = np.cross(screw[3:], screw[:3])
         lower[column], upper[column] = _limits(model, joint, names[column], axis, tool.number)
-    tip = data.oMf[model.getFrameId(frame.name, frame.type)]
+    tip = base.actInv(data.oMf[model.getFrameId(frame.name, frame.type)])
     rotation, offset = tip.rotation.copy(), np.asarray(tool.offset)
-    for shared in (revolute, directions, points, lower, upper):
-        shared.setflags(write=False)
+    for shared_array in (revolute, directions, points, lower, upper):
+        shared_array.setflags(write=False)
     return Chain(
         axes=tuple(tool.axes),
         joint_names=names,
@@ -170,12 +185,17 @@ def build_chain(robot: RobotModel, tool: ToolDescription, axes: dict[int, AxisDe
         tip_position=tip.translation + rotation @ offset,
         lower=lower,
         upper=upper,
-        reach=_reach(model, joints, frame, offset, revolute, upper - lower),
+        reach=_reach(model, lengths, frame, offset, (upper - lower)[~revolute]),
     )
 
 
-def frame_id(pinocchio: Any, robot: RobotModel, tool: ToolDescription) -> int:
-    """Return the index of a tool's frame.
+def _supports(model: Any, frame: Any) -> list[int]:
+    """The moving joints from the base to a frame."""
+    return [int(joint) for joint in model.supports[frame.parentJoint] if joint != 0]
+
+
+def frame_id(pinocchio: Any, robot: RobotModel, tool: int, name: str) -> int:
+    """Return the index of a frame that a tool names.
 
     Raises:
         ModelError: no frame has that name.
@@ -183,13 +203,13 @@ def frame_id(pinocchio: Any, robot: RobotModel, tool: ToolDescription) -> int:
     # a link and a joint may share a name: the link is meant
     model = robot.pinocchio_model
     for kind in (pinocchio.FrameType.BODY, pinocchio.FrameType.FIXED_JOINT, pinocchio.FrameType.JOINT):
-        if model.existFrame(tool.frame, kind):
-            return int(model.getFrameId(tool.frame, kind))
-    near = difflib.get_close_matches(tool.frame, robot.links, n=1, cutoff=0.5)
+        if model.existFrame(name, kind):
+            return int(model.getFrameId(name, kind))
+    near = difflib.get_close_matches(name, robot.links, n=1, cutoff=0.5)
     raise ModelError(
-        f"tool {tool.number}: {robot.name!r} has no frame {tool.frame!r}",
+        f"tool {tool}: {robot.name!r} has no frame {name!r}",
         (f"did you mean {near[0]!r}? " if near else "") + f"its links are: {', '.join(robot.links)}",
-        tool=tool.number,
+        tool=tool,
     )
 
 
@@ -210,11 +230,14 @@ def _limits(model: Any, joint: int, name: str, axis: AxisDescription, tool: int)
     return lower, upper
 
 
-def _reach(
-    model: Any, joints: list[int], frame: Any, offset: Array, revolute: BoolArray, travel: Array
-) -> float:
-    lengths = [float(np.linalg.norm(model.jointPlacements[joint].translation)) for joint in joints[1:]]
+def _reach(model: Any, branches: list[list[int]], frame: Any, offset: Array, travel: Array) -> float:
+    """Sum of the distances from joint to joint to tool, along each branch, and of all travel."""
+    lengths = [
+        float(np.linalg.norm(model.jointPlacements[joint].translation))
+        for branch in branches
+        for joint in branch[1:]
+    ]
     placement = frame.placement
     lengths.append(float(np.linalg.norm(placement.translation + placement.rotation @ offset)))
-    lengths += [float(span) for span in travel[~revolute] if np.isfinite(span)]
+    lengths += [float(span) for span in travel if np.isfinite(span)]
     return sum(lengths) if sum(lengths) > 1e-6 else 1.0

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 if TYPE_CHECKING:
     from mckinematics.dynamics import JointDynamics
+    from mckinematics.tip_control import TipControl
 
 Array = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
@@ -95,3 +96,6 @@ class Kinematics(Protocol):
 
     def solve_path(self, tool: int, path: ToolPath, joints: Mapping[int, float]) -> JointPath:
         """Joint path that starts at ``joints``; raises `KinematicsError`; nothing is clipped."""
+
+    def tip_control(self, tool: int, length: float) -> TipControl:
+        """The tool with a cutter of a length [m], led by its tip; raises `ModelError`."""

@@ -14,6 +14,7 @@ from mckinematics.path_solver import solve_tool_path
 from mckinematics.pose import Array, JointPath, Pose, ToolPath, Triple
 from mckinematics.pose_solver import solve_target
 from mckinematics.rotation import euler_to_matrix, matrix_to_euler, rotation_vectors
+from mckinematics.tip_control import TipControl
 from mckinematics.tool import ToolModel, build_tool
 
 
@@ -119,6 +120,14 @@ class MachineKinematics:
         """
         model = self.tool(tool)
         return solve_tool_path(model, path, _column(model, joints))
+
+    def tip_control(self, tool: int, length: float) -> TipControl:
+        """The tool with a cutter of a length [m], led by its tip while its turning joints go as written.
+
+        Raises:
+            ModelError: the tool has not three sliding joints.
+        """
+        return TipControl(self.tool(tool), length)
 
 
 def load_machine_model(machine: MachineDescription) -> RobotModel:

@@ -77,6 +77,8 @@ TITLES: Mapping[str, str] = MappingProxyType(
         "MC168": "a measured value is not known",
         "MC169": "the cutter would cut into the part",
         "MC170": "this does not go with cutter compensation",
+        "MC171": "the machine cannot lead a tip",
+        "MC172": "this does not go with tool centre point control",
         "MC155": "the probing move cannot be made",
         "MC153": "words of two codes would be mixed up",
         "MC201": "the move leaves the axis's travel",

@@ -21,7 +21,9 @@ def modal_codes(modal: ModalState) -> list[str]:
     frame = modal.frame
     if frame is not None:
         codes.append({number: name for name, number in SYSTEM_NUMBERS.items()}[frame.system])
-        if frame.tool_length:
+        if frame.tip_tool is not None:
+            codes.append("G43.4")
+        elif frame.tool_length:
             codes.append("G43")
         if frame.tool:
             codes.append(f"T{frame.tool}")

@@ -106,6 +106,7 @@ class ToolSection(msgspec.Struct, frozen=True):
 
     Attributes:
         posture: where its axes had best be, where a pose leaves a choice [mm, deg].
+        work: frame in which its poses are, such as a rotary table; the chain goes from it to ``frame``.
     """
 
     number: Annotated[int, Meta(ge=0, description="number each tool once, from 0")]
@@ -116,6 +117,7 @@ class ToolSection(msgspec.Struct, frozen=True):
     offset_mm: tuple[float, float, float] = (0.0, 0.0, 0.0)
     payload: PayloadSection | None = None
     posture: list[float] | None = None
+    work: str | None = None
 
 
 class BusSection(msgspec.Struct, frozen=True):

@@ -22,7 +22,11 @@ class Payload(msgspec.Struct, frozen=True):
 
 
 class Tool(msgspec.Struct, frozen=True):
-    """One end effector; ``offset`` in m in the frame's own axes, ``posture`` of its axes in rad or m."""
+    """One end effector.
+
+    ``offset`` is in m in the frame's own axes, ``posture`` of its axes in rad or m, ``work`` the frame in
+    which its poses are, None: the URDF's base.
+    """
 
     number: int
     frame: str
@@ -32,6 +36,7 @@ class Tool(msgspec.Struct, frozen=True):
     offset: tuple[float, float, float]
     payload: Payload | None = None
     posture: tuple[float, ...] | None = None
+    work: str | None = None
 
 
 def read_tools(
@@ -70,6 +75,7 @@ def read_tools(
             (x, y, z),
             _payload(tool.payload),
             _posture(tool, scales),
+            tool.work,
         )
     return tuple(tools[number] for number in sorted(tools))
 

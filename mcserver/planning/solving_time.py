@@ -6,6 +6,7 @@ from collections.abc import Callable, Mapping
 
 from mckinematics.dynamics import JointDynamics
 from mckinematics.pose import Array, JointPath, Kinematics, Pose, ToolPath, Triple
+from mckinematics.tip_control import TipControl
 
 
 class TimedKinematics:
@@ -63,6 +64,10 @@ class TimedKinematics:
             return self._kinematics.solve_pose(tool, pose, joints)
         finally:
             self._spent += self._clock() - began
+
+    def tip_control(self, tool: int, length: float) -> TipControl:
+        """The tool with a cutter of a length [m], led by its tip; not measured."""
+        return self._kinematics.tip_control(tool, length)
 
     def solve_path(self, tool: int, path: ToolPath, joints: Mapping[int, float]) -> JointPath:
         """Joint path along a tool's path; raises `KinematicsError`."""

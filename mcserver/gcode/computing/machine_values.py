@@ -210,11 +210,13 @@ class MachineValues:
     def _position(self, letter: int, span: Span, *, absolute: bool) -> float:
         """Return where an axis of the program stands before the line, in the program's units."""
         axis = self._axes[letter]
-        positions = self._interpreter.positions
+        positions = self._interpreter.positions if absolute else self._interpreter.coordinates
         if axis not in positions:
             return 0.0
-        if axis in self._interpreter.unsynced:
-            self._wait(f"where {_LETTERS[letter]} is", span, frozenset((axis,)))
+        unsynced = frozenset((axis,) if absolute else self._interpreter.axes_of(axis))
+        unsynced = frozenset(each for each in unsynced if each in self._interpreter.unsynced)
+        if unsynced:
+            self._wait(f"where {_LETTERS[letter]} is", span, unsynced)
         modal = self._interpreter.modal
         zero = 0.0 if absolute else (modal.shift or {}).get(axis, 0.0)
         return (positions[axis] - zero) / self._scale(axis, inch=modal.inch)

@@ -32,6 +32,7 @@ from mcserver.gcode.semantics.program_units import (
     shown_position,
 )
 from mcserver.gcode.semantics.rapids import rapid_group
+from mcserver.gcode.semantics.tip_moves import lead_by_tip
 from mcserver.gcode.semantics.travel_limits import ROUNDING
 from mcserver.gcode.text.profile_words import Action, ProfileWord
 from mcserver.machine.dialect_section import Cutter
@@ -101,7 +102,7 @@ def act_before(block: BlockState, actions: tuple[Action, ...], effects: Effects)
             _dwell(block, action, effects)
         elif code in SYSTEM_NUMBERS:
             block.frame = msgspec.structs.replace(frame, system=SYSTEM_NUMBERS[code])
-        elif code in ("G43", "G49"):
+        elif code in ("G43", "G43.4", "G49"):
             _tool_length(block, action)
         elif code in ("M82", "M83"):
             letters = block.setup.machine.dialect.letters if code == "M83" else {}
@@ -303,16 +304,17 @@ def _set_cutter(block: BlockState, action: Action) -> None:
 def _tool_length(block: BlockState, action: Action) -> None:
     frame = block.frame
     if action.code == "G49":
-        block.frame = msgspec.structs.replace(frame, tool_length=0.0)
+        block.frame = msgspec.structs.replace(frame, tool_length=0.0, tip_tool=None)
         return
     cutters = tool_table(block.setup.machine, block.frame)
     word = action.words.get("H")
     number = frame.tool if word is None else int(word.value)
     if number and number not in cutters:
         _unknown_tool(block, number, action if word is None else word)
-    block.frame = msgspec.structs.replace(
-        frame, tool_length=cutters[number].length if number in cutters else 0.0
-    )
+    length = cutters[number].length if number in cutters else 0.0
+    block.frame = msgspec.structs.replace(frame, tool_length=length, tip_tool=None)
+    if action.code == "G43.4":
+        lead_by_tip(block, action)
 
 
 def _choose_tool(block: BlockState, action: Action) -> None:

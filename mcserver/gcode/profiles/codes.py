@@ -21,7 +21,7 @@ SYSTEM_NUMBERS: Final[Mapping[str, int]] = MappingProxyType(
 _FRAME = {"G10", "G28", "G28.1", "G30", "G30.1", "G52", "G53", "G92", "G92.1", "G92.2", "G92.3", *_SYSTEMS}
 # cutter compensation: its side, left of the path is 1 (D-85)
 COMPENSATING: Final[Mapping[str, int]] = MappingProxyType({"G41": 1, "G41.1": 1, "G42": -1, "G42.1": -1})
-_MACHINING = {"G4", "G43", "G49", "M3", "M4", "M5", "M6"}
+_MACHINING = {"G4", "G43", "G43.4", "G49", "M3", "M4", "M5", "M6"}
 # canned cycles, and what goes with them (D-75)
 DRILLING: Final = frozenset({"G73", "G81", "G82", "G83", "G85", "G89"})
 _CYCLE_MODES: Final = frozenset({"G80", "G98", "G99"})
@@ -44,7 +44,7 @@ _SHIFTS_OF_PRINTERS: Final = ("M206", "M218", "M290", "M428")
 # codes that act, by profile
 ACTING: Final[Mapping[str, frozenset[str]]] = MappingProxyType(
     {
-        "reference": frozenset(_MACHINING - {"G43", "G49", "M6"}),
+        "reference": frozenset(_MACHINING - {"G43", "G43.4", "G49", "M6"}),
         "cnc": frozenset(
             _FRAME | _MACHINING | DRILLING | _CYCLE_MODES | COMPENSATING.keys() | {"G40", "G90.1", "G91.1"}
         ),
@@ -110,6 +110,7 @@ OWN_WORDS: Final[Mapping[str, str]] = MappingProxyType(
         "G4": "P",
         "G10": "LP",
         "G43": "H",
+        "G43.4": "H",
         "G49": "H",
         "G64": "Q",
         **dict.fromkeys((*COMPENSATING, "G40"), "D"),
@@ -137,6 +138,8 @@ REFUSED: Final[Mapping[str, str]] = MappingProxyType(
         "G33": "threads need a spindle whose turning is followed; let the CAM mill the thread",
         "G41": "cutter compensation is for the profile cnc; let the CAM compute the tool's own path",
         "G42": "cutter compensation is for the profile cnc; let the CAM compute the tool's own path",
+        "G43.4": "the tip is led on the work piece in the profile cnc only; let the post write the axes",
+        "G43.5": "the tool's direction is not read as I J K; let the post write G43.4 and the rotary axes",
         "G50": "with words it sets coordinates or the spindle's limit on a lathe; let the post write G92",
         "G50.1": "mirroring is not done here; let the CAM mirror the part",
         "G51": "scaling is not done here; let the CAM scale the part",

@@ -44,7 +44,8 @@ class Frame(msgspec.Struct, frozen=True):
         system: 1 … 9, of G54 … G59.3. systems: origins of the work coordinate systems, axis → [m or rad].
         cutters: of the tool table, by number, as G10 L1 set them; they go before the machine file's.
         g92: offsets of G92. g92_on: they count (G92.2 takes them out, G92.3 in). local: of G52.
-        tool_length: of G43 [m]. tool: number of the last T. changed: number of the last M6.
+        tool_length: of G43 or G43.4 [m]. tool: number of the last T. changed: number of the last M6.
+        tip_tool: number of the ``[[tool]]`` whose tip X Y Z lead (G43.4); None: they are the axes.
         stored: positions of G28.1 (28) and G30.1 (30).
         cycle: the last canned cycle; it is in force as long as no motion code is.
         to_initial: between holes the tool goes where it was before the cycle (G98), not to R (G99).
@@ -60,6 +61,7 @@ class Frame(msgspec.Struct, frozen=True):
     tool_length: float = 0.0
     tool: int = 0
     changed: int | None = None
+    tip_tool: int | None = None
     stored: Mapping[int, Offsets] = {}
     cycle: DrillCycle | None = None
     to_initial: bool = True
@@ -67,7 +69,10 @@ class Frame(msgspec.Struct, frozen=True):
     spindle_rpm: float = 0.0
 
     def shift(self) -> dict[int, float] | None:
-        """Return the program's zero by axis [m or rad]; None where it is the machine's zero."""
+        """Return the program's zero by axis [m or rad]; None where it is the machine's zero.
+
+        Under G43.4 the tip is led to where the words say, so that the tool's length is no part of it.
+        """
         total: dict[int, float] = {}
         parts = [self.systems.get(self.system, {}), self.local]
         if self.g92_on:
@@ -75,7 +80,7 @@ class Frame(msgspec.Struct, frozen=True):
         for part in parts:
             for axis, offset in part.items():
                 total[axis] = total.get(axis, 0.0) + offset
-        if self.tool_length:
+        if self.tool_length and self.tip_tool is None:
             total[LENGTH_AXIS] = total.get(LENGTH_AXIS, 0.0) + self.tool_length
         total = {axis: offset for axis, offset in total.items() if offset != 0.0}
         return total or None

@@ -18,6 +18,7 @@ from mcserver.gcode.semantics.feed_time import FeedMove, feed_group
 from mcserver.gcode.semantics.holding_torque import check_holding
 from mcserver.gcode.semantics.modal import initial_modal
 from mcserver.gcode.semantics.moves import arc, line, rapid, transmit_speed, transmit_torque
+from mcserver.gcode.semantics.tip_moves import refuse_beside_tip, tip_feed_move, tip_rapid
 from mcserver.gcode.semantics.tool_moves import tool_feed_move, tool_rapid
 from mcserver.gcode.text.command_table import Kind
 from mcserver.gcode.text.profile_words import ProfileWord, ProfileWords
@@ -64,6 +65,8 @@ class BlockInterpreter:
         block = self.block
         effects = Effects()
         act_before(block, profile.actions, effects)
+        if block.frame.tip_tool is not None:
+            refuse_beside_tip(block, profile)
         self.groups += effects.groups
         if any(isinstance(each, EndLine) for each in effects.before):
             self.ended = True
@@ -191,11 +194,15 @@ class BlockInterpreter:
         tool = block.modal.tool
         if tool == ASSUMED_TOOL:
             return
+        by_tip = block.frame.tip_tool is not None
         if number == 0:
             start = block.commanded.path_starts()
-            group = (
-                rapid(block, command, words, wait=True) if tool is None else tool_rapid(block, command, words)
-            )
+            if by_tip:
+                group = tip_rapid(block, command, words)
+            elif tool is not None:
+                group = tool_rapid(block, command, words)
+            else:
+                group = rapid(block, command, words, wait=True)
             if isinstance(group, RapidGroup):
                 begin = tuple(start[axis] for axis in group.axes)
                 check_holding(block, command, [LineCurve(group.axes, begin, group.targets)], start)
@@ -204,7 +211,9 @@ class BlockInterpreter:
             if group is not None:
                 self.groups.append(group)
             return
-        if tool is not None:
+        if by_tip:
+            move = tip_feed_move(block, command, words, number)
+        elif tool is not None:
             move = tool_feed_move(block, command, words, number)
         elif number == 1:
             move = line(block, command, words)
@@ -272,6 +281,14 @@ class BlockInterpreter:
                     "write G1050 before it, or move the tool by G00",
                     tool=block.modal.tool,
                 )
+            return
+        if block.frame.tip_tool is not None:
+            block.faults.add(
+                "MC172",
+                f"{name} does not go together with G43.4",
+                block.span(command),
+                "write it behind G49",
+            )
             return
         group: canonical.Group | None
         if number == 1020:

@@ -20,6 +20,7 @@ from mcserver.gcode.semantics.compensation import compensate, release
 from mcserver.gcode.semantics.compensation_state import Compensation
 from mcserver.gcode.semantics.modal import INITIAL, ModalState, initial_modal, with_tables
 from mcserver.gcode.semantics.position_sync import find_axes_to_sync
+from mcserver.gcode.semantics.tip_moves import tip_coordinates
 from mcserver.gcode.text.command_table import Kind
 from mcserver.gcode.text.parser import ParsedLine
 from mcserver.gcode.text.words import Word
@@ -121,6 +122,26 @@ class Interpreter:
         held = None if self._compensation is None else self._compensation.held
         return None if held is None else held.line.line
 
+    @property
+    def _led_by_tip(self) -> bool:
+        frame = self._modal.frame
+        return frame is not None and frame.tip_tool is not None
+
+    @property
+    def coordinates(self) -> Mapping[int, float]:
+        """Where the program is, by axis [m or rad]: as `positions`, but under G43.4 the tip's X Y Z."""
+        positions = self.positions
+        frame = self._modal.frame
+        if frame is None or frame.tip_tool is None:
+            return positions
+        return {**positions, **dict(enumerate(tip_coordinates(self._setup, frame, positions)))}
+
+    def axes_of(self, axis: int) -> tuple[int, ...]:
+        """Return the axes that a coordinate of the program depends on: itself, under G43.4 the tool's."""
+        frame = self._modal.frame
+        tool = None if frame is None else frame.tip_tool
+        return (axis,) if tool is None else (axis, *self._setup.chains[tool])
+
     def finish(self) -> list[Canonical]:
         """Return what is held, behind the last line of a text that has no M2."""
         released = release(self._compensation)
@@ -208,6 +229,7 @@ class Interpreter:
         """
         one_by_one = self._ended or self._capture_due or self._setup.dynamics is not None
         one_by_one = one_by_one or self._program is not None or self._compensation is not None
+        one_by_one = one_by_one or self._led_by_tip
         return 0 if one_by_one else self._batches.window(number)
 
     def interpret_batch(
@@ -228,6 +250,8 @@ class Interpreter:
             The batch; None below `mcserver.gcode.fast_path.interpreted_batch.MIN_LINES`.
         """
         if self._ended or self._setup.dynamics is not None or self._compensation is not None:
+            return None
+        if self._led_by_tip:
             return None
         found = self._batches.interpret(texts, number, self._modal, self._commanded, most)
         if found is None:

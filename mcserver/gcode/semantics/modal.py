@@ -77,6 +77,7 @@ def initial_modal(machine: Machine, frame: Frame | None = None) -> ModalState:
         frame = Frame(systems=machine.dialect.systems)
     if frame is None or profile not in ("cnc", "robot"):
         return start
+    frame = msgspec.structs.replace(frame, tip_tool=None)
     return msgspec.structs.replace(start, frame=frame, shift=frame.shift())
 
 

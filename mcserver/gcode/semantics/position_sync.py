@@ -51,6 +51,10 @@ def find_axes_to_sync(
                 if motion in (2, 3):
                     named |= {0, 1, 2}
                 needed |= {axis for axis in named if axis in unsynced}
+    led = modal.frame is not None and modal.frame.tip_tool is not None
+    if led or (parsed.profile is not None and any(each.code == "G43.4" for each in parsed.profile.actions)):
+        # the tip's place follows from all axes of its tool
+        needed |= {axis for chain in setup.chains.values() for axis in chain}
     if parsed.profile is not None:
         # what the encoder reads decides offsets and where G28 goes from
         needed |= {word.axis for action in parsed.profile.actions for word in action.axes}

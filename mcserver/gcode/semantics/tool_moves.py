@@ -34,7 +34,7 @@ def tool_rapid(block: BlockState, command: Command, words: Words) -> RapidGroup 
     try:
         joints = kinematics.solve_pose(tool, end, block.commanded.positions)
     except KinematicsError as error:
-        _report(block, command, tool, error)
+        report_unsolved(block, command, tool, error)
         return None
     _arrive(block, tool, end, tuple(joints))
     return RapidGroup(tuple(chain), tuple(joints), wait=True, carried=block.modal.carried)
@@ -56,7 +56,7 @@ def tool_feed_move(block: BlockState, command: Command, words: Words, number: in
         end = with_words(end, stay)
     block.claim(kinematics.axes(tool), command, {})
     try:
-        path = _tool_curve(block, command, words, plane, start, end)
+        path = tool_curve(block, command, words, plane, start, end)
         if path is None:
             return None
         position, derivative, travel = path
@@ -74,7 +74,7 @@ def tool_feed_move(block: BlockState, command: Command, words: Words, number: in
             block.commanded.path_starts(),
         )
     except KinematicsError as error:
-        _report(block, command, tool, error)
+        report_unsolved(block, command, tool, error)
         _recover(block, tool, end)
         return None
     curve = SampledCurve(
@@ -119,7 +119,7 @@ def _read_poses(block: BlockState, command: Command, words: Words) -> Found | No
         pose = commanded_pose(kinematics, tool, euler, block.commanded)
         start = start_pose(kinematics, tool, block.commanded, pose)
     except KinematicsError as error:
-        _report(block, command, tool, error)
+        report_unsolved(block, command, tool, error)
         return None
     values: dict[int, float] = {}
     for entry in words.axes:
@@ -155,10 +155,10 @@ def refuse_indices(block: BlockState, words: Words) -> bool:
 Callables = tuple[Callable[[Array], Array], Callable[[Array], Array], float]
 
 
-def _tool_curve(
+def tool_curve(
     block: BlockState, command: Command, words: Words, plane: tuple[int, int] | None, start: Pose, end: Pose
 ) -> Callables | None:
-    """Return position and derivative in X Y Z over s, and the length of the tool's path [m]."""
+    """Return position and derivative in X Y Z over s, and the path's length [m]; None after a fault."""
     first, last = start.position, end.position
     if plane is None:
         travel = math.dist(first, last)
@@ -193,7 +193,8 @@ def _recover(block: BlockState, tool: int, end: Pose) -> None:
     _arrive(block, tool, end, tuple(joints))
 
 
-def _report(block: BlockState, command: Command, tool: int, error: KinematicsError) -> None:
+def report_unsolved(block: BlockState, command: Command, tool: int, error: KinematicsError) -> None:
+    """Report why a path of a tool has no solution."""
     block.faults.add(
         error.code,
         error.message,

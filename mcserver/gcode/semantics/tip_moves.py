@@ -1,0 +1,273 @@
+"""Interpret moves under tool centre point control, G43.4: X Y Z are the tip's place on the work piece (D-86).
+
+X Y Z are coordinates of the work piece's frame, which turns with its rotary axes. They read as the axes X Y Z
+do under G43 where the rotary axes stand at the program's zero.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+
+import msgspec
+import numpy as np
+from mckinematics.errors import KinematicsError, ModelError
+from mckinematics.pose import Array, Pose, Triple
+from mckinematics.tip_control import Lead, TipControl
+
+from mcserver.gcode.profiles.codes import COMPENSATING, TAKES_AXES
+from mcserver.gcode.profiles.frame import Frame
+from mcserver.gcode.semantics.arcs import find_plane
+from mcserver.gcode.semantics.axis_words import Words
+from mcserver.gcode.semantics.block_state import BlockState, Setup
+from mcserver.gcode.semantics.feed_time import FeedBasis, FeedMove
+from mcserver.gcode.semantics.program_units import axis_scale
+from mcserver.gcode.semantics.rapids import NO_TIME
+from mcserver.gcode.semantics.tool_moves import NO_TRAVEL, report_unsolved, tool_curve
+from mcserver.gcode.semantics.travel_limits import check_travel
+from mcserver.gcode.text.profile_words import Action, ProfileWords
+from mcserver.gcode.text.syntax import Command
+from mcserver.motion.canonical import FeedGroup, RapidGroup
+from mcserver.motion.geometry.curves import SampledCurve
+from mcserver.units import AxisType
+
+# axes X, Y and Z
+_COORDINATES = (0, 1, 2)
+# what reads or sets places of axes, not of the tip
+_REFUSED = TAKES_AXES | COMPENSATING.keys() | {"M6", "G92.1", "G92.2", "G92.3"}
+
+
+class TipFrame(msgspec.Struct, frozen=True):
+    """The coordinates that X Y Z are under G43.4: the tip is at base + across·(x, y, z) on the work piece.
+
+    Attributes:
+        control: leads the tip. across: shape (3, 3), base: shape (3,) [m].
+        columns: of the axes X Y Z in the chain.
+    """
+
+    control: TipControl
+    across: Array
+    base: Array
+    columns: tuple[int, ...]
+
+    def coordinates(self, joints: Array) -> Triple:
+        """Return where the tip is [m], with the chain's joints (K,), in coordinates of the axes."""
+        x, y, z = (self.control.tip(joints[None])[0] - self.base) @ self.across
+        return float(x), float(y), float(z)
+
+    def points(self, coordinates: Array) -> Array:
+        """Return places on the work piece of coordinates (n, 3) [m]."""
+        return np.asarray(self.base + coordinates @ self.across.T)
+
+
+def tip_frame(setup: Setup, frame: Frame) -> TipFrame:
+    """Return the coordinates of a frame with G43.4 in force.
+
+    Raises:
+        KinematicsError: the tool cannot be led by its tip.
+    """
+    assert setup.kinematics is not None
+    assert frame.tip_tool is not None
+    control = setup.kinematics.tip_control(frame.tip_tool, frame.tool_length)
+    axes = control.tool.chain.axes
+    zero = frame.shift() or {}
+    across, base = control.base(np.array([zero.get(axes[column], 0.0) for column in control.turning]))
+    sliding = [axes[column] for column in control.sliding]
+    order = [sliding.index(axis) for axis in _COORDINATES]
+    columns = tuple(int(control.sliding[place]) for place in order)
+    return TipFrame(control, across[:, order], base, columns)
+
+
+def tip_coordinates(setup: Setup, frame: Frame, positions: Mapping[int, float]) -> Triple:
+    """Return the tip's coordinates [m] where the axes stand at ``positions`` [m or rad]."""
+    found = tip_frame(setup, frame)
+    return found.coordinates(np.array([positions[axis] for axis in found.control.tool.chain.axes]))
+
+
+def lead_by_tip(block: BlockState, action: Action) -> None:
+    """Begin tool centre point control, with the machine's tool that the axes X Y Z and rotary ones move."""
+    setup = block.setup
+    reason = ""
+    if block.modal.tool is not None:
+        reason = f"T{block.modal.tool} is in force"
+    elif block.compensation is not None:
+        reason = f"cutter compensation is on since line {block.compensation.line}"
+    if reason:
+        block.faults.add("MC172", f"{action.code} while {reason}", action.span, "end that before it")
+        return
+    if setup.kinematics is None and setup.machine.tools:
+        block.faults.add(
+            "MC313", f"{action.code} needs inverse kinematics, which is not installed", action.span,
+            "pip install pin scipy",
+        )  # fmt: skip
+        return
+    fitting = [number for number, chain in setup.chains.items() if _leads(setup, chain)]
+    if len(fitting) != 1:
+        known = ", ".join(f"T{number}" for number in fitting)
+        block.faults.add(
+            "MC171",
+            f"{action.code}: the machine {setup.machine.name} has "
+            + (
+                f"several tools that X Y Z and rotary axes move: {known}" if known else "no kinematics for it"
+            ),
+            action.span,
+            "keep one of them in the machine file"
+            if known
+            else "give the machine file [kinematics] urdf and one [[tool]] whose axes lead from the work "
+            "piece's frame (work) to the spindle: X Y Z and the rotary ones (docs/five-axis.md)",
+        )
+        return
+    frame = msgspec.structs.replace(block.frame, tip_tool=fitting[0])
+    try:
+        tip_frame(setup, frame)
+    except ModelError as error:
+        block.faults.add("MC171", f"{action.code}: {error.message}", action.span, error.hint)
+        return
+    block.frame = frame
+
+
+def _leads(setup: Setup, chain: tuple[int, ...]) -> bool:
+    linear = {axis for axis in chain if axis in setup.axes and setup.axes[axis].type is AxisType.LINEAR}
+    return linear == set(_COORDINATES) and len(chain) > len(linear)
+
+
+def refuse_beside_tip(block: BlockState, profile: ProfileWords) -> None:
+    """Report what does not go together with tool centre point control (MC172)."""
+    code = next((each.code for each in profile.actions if each.code in _REFUSED), "")
+    what = "G53" if profile.machine_frame else code
+    if what:
+        shown = "a canned cycle" if what == "REPEAT" else what
+        block.faults.add(
+            "MC172",
+            f"{shown} does not go together with G43.4",
+            (1, len(block.parsed.text) + 1),
+            "write it behind G49",
+        )
+
+
+class _Way(msgspec.Struct, frozen=True):
+    """A move of the tip: its path, the joints at both ends, and how far it goes.
+
+    Attributes:
+        travel: of the tip on the work piece [m]. turn: of the rotary axes together [rad].
+    """
+
+    frame: TipFrame
+    curve: SampledCurve
+    end: Array
+    travel: float
+    turn: float
+
+
+def tip_rapid(block: BlockState, command: Command, words: Words) -> FeedGroup | RapidGroup | None:
+    """Interpret G00: the tip goes straight on the work piece, as fast as the slowest axis allows."""
+    way = _way(block, command, words, 0)
+    if way is None:
+        return None
+    axes = way.curve.axes
+    slopes = np.abs(way.curve.derivatives(way.curve.samples())[0]).max(axis=0)
+    limits = np.array([block.setup.axes[axis].max_velocity for axis in axes])
+    least = float((slopes / limits).max())
+    if least <= 0.0:
+        return RapidGroup(axes, tuple(way.end.tolist()), True, block.modal.carried)
+    curve = msgspec.structs.replace(way.curve, length=way.travel if way.travel > NO_TRAVEL else way.turn)
+    return FeedGroup((curve,), NO_TIME, speed=curve.length / least, carried=block.modal.carried)
+
+
+def tip_feed_move(block: BlockState, command: Command, words: Words, number: int) -> FeedMove | None:
+    """Interpret G01, G02 or G03: the tip goes on a line or an arc on the work piece, F is its speed there."""
+    way = _way(block, command, words, number)
+    if way is None:
+        return None
+    turns = way.travel <= NO_TRAVEL and way.turn > 0.0
+    curve = msgspec.structs.replace(
+        way.curve,
+        length=way.turn if turns else way.travel,
+        tool_rates=way.frame.control.rates if block.path_tolerance > 0.0 else None,
+    )
+    block.feed_length += way.travel
+    measure = FeedBasis.TURN if turns else FeedBasis.PATH
+    return FeedMove(command, curve, measure, block.modal.inverse_time, block.modal.feed)
+
+
+def _way(block: BlockState, command: Command, words: Words, number: int) -> _Way | None:
+    """Read and solve a move; None after a fault, or from a guessed position."""
+    plane = find_plane(block, command, words) if number > 1 else None
+    try:
+        frame = tip_frame(block.setup, block.frame)
+        chain = frame.control.tool.chain
+        start = np.array([block.commanded.path_starts()[axis] for axis in chain.axes])
+        base = np.array([block.commanded.positions[axis] for axis in chain.axes])
+        targets = _targets(block, words, frame, base)
+        usable = [block.usable_axis(axis, command) is not None for axis in chain.axes]
+        block.claim(chain.axes, command, {})
+        if targets is None or not all(usable) or (plane is None and number > 1):
+            return None
+        if not block.commanded.guessed.isdisjoint(chain.axes):
+            return None
+        first = frame.coordinates(start)
+        # an arc's endpoint word left out stays where the path starts (D-22)
+        stays = first if number > 1 else frame.coordinates(base)
+        x, y, z = (targets.get(index, stays[index]) for index in _COORDINATES)
+        turns = np.array([targets.get(chain.axes[column], base[column]) for column in frame.control.turning])
+        path = tool_curve(block, command, words, plane, Pose(first), Pose((x, y, z)))
+        if path is None:
+            return None
+        return _solved(block, frame, path, start, turns)
+    except KinematicsError as error:
+        report_unsolved(block, command, block.frame.tip_tool or 0, error)
+        return None
+
+
+def _solved(
+    block: BlockState,
+    frame: TipFrame,
+    path: tuple[Callable[[Array], Array], Callable[[Array], Array], float],
+    start: Array,
+    turns: Array,
+) -> _Way:
+    position, derivative, travel = path
+    control = frame.control
+    lead = Lead(lambda s: frame.points(position(s)), lambda s: derivative(s) @ frame.across.T, start, turns)
+    found = control.path(lead)
+    curve = SampledCurve(found.axes, found.knots, found.coefficients, travel)
+    end = curve.position(np.ones(1))[0]
+    for axis, joint in zip(found.axes, end.tolist(), strict=True):
+        block.end_at(axis, joint)
+    return _Way(frame, curve, end, travel, math.dist(turns, start[control.turning]))
+
+
+def _targets(block: BlockState, words: Words, frame: TipFrame, base: Array) -> dict[int, float] | None:
+    """Return the ends that words give: of the tip by X Y Z, of rotary axes [m or rad]; None after a fault.
+
+    Args:
+        base: the commanded joints, shape (K,): what increments count from.
+    """
+    chain = frame.control.tool.chain
+    place = frame.coordinates(base)
+    zero = block.modal.shift or {}
+    found: dict[int, float] = {}
+    usable = True
+    for entry in words.axes:
+        word = entry.word
+        axis = block.setup.axes.get(word.axis)
+        if axis is None or word.axis not in chain.axes or (word.letter == "[" and word.axis in _COORDINATES):
+            block.faults.add(
+                "MC172",
+                f"{word.name} does not name a coordinate of the tip, nor a rotary axis of its tool",
+                block.span(word),
+                "under G43.4 X Y Z and the tool's rotary axes move; write the others behind G49",
+            )
+            usable = False
+            continue
+        if word.value != word.value:
+            usable = False
+            continue
+        end = word.value * axis_scale(axis.type, entry.inch)
+        column = chain.axes.index(word.axis)
+        start = place[word.axis] if word.axis in _COORDINATES else float(base[column])
+        end += start if entry.incremental else zero.get(word.axis, 0.0)
+        if word.axis not in _COORDINATES:
+            check_travel(block, axis, start, min(start, end), max(start, end), end, word)
+        found[word.axis] = end
+    return found if usable else None
