@@ -22,6 +22,7 @@ from mcserver.canopen.drive_events import CanopenEvent
 from mcserver.errors import ServiceError
 from mcserver.executor.client import ExecutorProcess
 from mcserver.machine.machine_file import Machine
+from mcserver.machine.machine_kinematics import build_kinematics
 from mcserver.motion.compiling import COMPILING_EXECUTOR, needs_compiler
 from mcserver.net.configuration import NetworkOptions
 from mcserver.net.endpoint import MachineEndpoint
@@ -144,7 +145,13 @@ async def running(
             stack.callback(watching.cancel)
         if drives is not None:
             stack.enter_context(drives.published(partial(publish_drive_event, service.events)))
-        face.serve(service, Jogging(service), checker, None if drives is None else drives.access, recorder)
+        face.serve(
+            service,
+            Jogging(service, build_kinematics(machine)),
+            checker,
+            None if drives is None else drives.access,
+            recorder,
+        )
         if recorder is not None:
             recorder.start()
         yield service, face

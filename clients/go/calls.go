@@ -50,6 +50,7 @@ var deadlines = map[string]time.Duration{
 	"abort":               5 * time.Second,
 	"override":            5 * time.Second,
 	"jog":                 5 * time.Second,
+	"jog_tool":            5 * time.Second,
 	"open_servo":          5 * time.Second,
 	"home":                5 * time.Second,
 	"reference":           5 * time.Second,
@@ -190,6 +191,11 @@ func (m *Machine) Jog(ctx context.Context, request JogRequest) (string, error) {
 		return "", err
 	}
 	return reply.Program, nil
+}
+
+// JogTool: Move a tool by hand while it is held: straight on, or turning, until a joint ends its way.
+func (m *Machine) JogTool(ctx context.Context, request ToolJogRequest) (*ToolJogReply, error) {
+	return callFor[ToolJogReply](ctx, m, "jog_tool", paramsOf(request))
 }
 
 // OpenServo: Let axes follow targets that this client streams. They are energized and leased until `close`, or

@@ -229,6 +229,28 @@ const (
 	SeverityWarning Severity = "warning"
 )
 
+// ToolDirection is a word of the wire. A later server may know further ones.
+type ToolDirection string
+
+// The words that this version knows.
+const (
+	ToolDirectionX ToolDirection = "X"
+	ToolDirectionY ToolDirection = "Y"
+	ToolDirectionZ ToolDirection = "Z"
+	ToolDirectionA ToolDirection = "A"
+	ToolDirectionB ToolDirection = "B"
+	ToolDirectionC ToolDirection = "C"
+)
+
+// ToolFrame is a word of the wire. A later server may know further ones.
+type ToolFrame string
+
+// The words that this version knows.
+const (
+	ToolFrameBase ToolFrame = "base"
+	ToolFrameTool ToolFrame = "tool"
+)
+
 // Ack: Payload of `ack/{program}`: cumulative, so that a lost one does not matter.
 type Ack struct {
 	Program string `msgpack:"program" mc:"required"`
@@ -1566,6 +1588,33 @@ type ToolInfo struct {
 	Axes        []int64 `msgpack:"axes" mc:"required"`
 	Orientation bool    `msgpack:"orientation" mc:"required"`
 	Euler       string  `msgpack:"euler" mc:"required"`
+}
+
+// ToolJogReply: The jog's program, for `abort` and for keeping it alive.
+type ToolJogReply struct {
+	Program string `msgpack:"program" mc:"required"`
+	// Obstacle: which joint ends the way, and why, for people; empty: nothing within the tool's reach, or the jog
+	// was kept alive.
+	Obstacle string `msgpack:"obstacle"`
+}
+
+// ToolJogRequest: Moves a tool's tip straight on, by all its joints, until it is stopped or cannot go on.
+type ToolJogRequest struct {
+	// Tool: number of the machine file.
+	Tool int64 `msgpack:"tool" mc:"required"`
+	// Word: X Y Z to go along that axis of `frame`, A B C to turn about it with the tip at rest.
+	Word ToolDirection `msgpack:"word" mc:"required"`
+	// Velocity: of the tip [mm/s], of a turn [deg/s], signed. Near a singular position, and where a joint has less,
+	// it goes slower.
+	Velocity float64 `msgpack:"velocity" mc:"required"`
+	// Frame: the base, or the tool itself.
+	Frame *ToolFrame `msgpack:"frame"`
+	// HoldS: dead man's time, as of `jog` (default 0.5 s).
+	HoldS *float64 `msgpack:"hold_s"`
+	// Program: id of the jog under way that this request keeps alive.
+	Program string `msgpack:"program"`
+	// By: the person, where a client serves several.
+	By string `msgpack:"by"`
 }
 
 // ToolPath: Where a tool is at the moments of a `RunPath`: `position` has X, Y and Z, a value a moment [mm].

@@ -81,6 +81,7 @@ var readers = map[string]func([]byte) (any, error){
 	"TipPath":          reader[TipPath],
 	"ToolExtent":       reader[ToolExtent],
 	"ToolInfo":         reader[ToolInfo],
+	"ToolJogReply":     reader[ToolJogReply],
 	"ToolPath":         reader[ToolPath],
 	"ToolPose":         reader[ToolPose],
 	"ToolRow":          reader[ToolRow],

@@ -71,6 +71,7 @@ from mcserver.service.reports import (
 from mcserver.service.reports import (
     WorkOffset as WorkOffset,
 )
+from mcserver.service.tool_reach import ToolDirection, ToolFrame
 from mcserver.simulation.assertions import MOST_ASSERTIONS, Assertion
 from mcserver.simulation.assertions import Quantity as Quantity
 
@@ -257,6 +258,27 @@ class JogRequest(Request, frozen=True, kw_only=True):
     by: Annotated[str, Meta(max_length=100)] = ""
 
 
+class ToolJogRequest(Request, frozen=True, kw_only=True):
+    """Moves a tool's tip straight on, by all its joints, until it is stopped or cannot go on.
+
+    Attributes:
+        tool: number of the machine file. word: X Y Z to go along that axis of ``frame``, A B C to turn about
+            it with the tip at rest. frame: the base, or the tool itself.
+        velocity: of the tip [mm/s], of a turn [deg/s], signed. Near a singular position, and where a joint
+            has less, it goes slower.
+        hold_s: dead man's time, as of ``jog`` (default 0.5 s). program: id of the jog under way that this
+            request keeps alive. by: the person, where a client serves several.
+    """
+
+    tool: int
+    word: ToolDirection
+    velocity: float
+    frame: ToolFrame = "base"
+    hold_s: Annotated[float, Meta(gt=0.0, le=10.0)] | None = None
+    program: ProgramId | None = None
+    by: Annotated[str, Meta(max_length=100)] = ""
+
+
 class HomeRequest(Request, frozen=True, kw_only=True):
     """Finds the references of axes, those with the lowest order first; None: of all that have a method."""
 
@@ -401,6 +423,18 @@ class JogReply(msgspec.Struct, frozen=True):
     """The jog's program id: for ``abort``, and for keeping it alive."""
 
     program: str
+
+
+class ToolJogReply(msgspec.Struct, frozen=True):
+    """The jog's program, for ``abort`` and for keeping it alive.
+
+    Attributes:
+        obstacle: which joint ends the way, and why, for people; empty: nothing within the tool's reach, or
+            the jog was kept alive.
+    """
+
+    program: str
+    obstacle: str = ""
 
 
 class HomeReply(msgspec.Struct, frozen=True):

@@ -170,6 +170,15 @@ METHODS: tuple[Method, ...] = (
     ),
     Method("jog", wire.JogRequest, wire.JogReply, MOVERS, "Move one axis by hand.", changes=True, held=True),
     Method(
+        "jog_tool",
+        wire.ToolJogRequest,
+        wire.ToolJogReply,
+        MOVERS,
+        "Move a tool by hand while it is held: straight on, or turning, until a joint ends its way.",
+        changes=True,
+        held=True,
+    ),
+    Method(
         "open_servo",
         servo.ServoRequest,
         servo.ServoReply,

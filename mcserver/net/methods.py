@@ -174,6 +174,21 @@ class ProgramMethods:
             self._record(client, "jog", program, f"axis {request.axis}")
         return wire.JogReply(program)
 
+    async def jog_tool(self, client: str, request: wire.ToolJogRequest) -> wire.ToolJogReply:
+        program, obstacle = await self._jogging.jog_tool(
+            client,
+            request.tool,
+            request.word,
+            request.velocity,
+            frame=request.frame,
+            by=request.by,
+            hold_s=request.hold_s,
+            program_id=request.program,
+        )
+        if request.program is None:
+            self._record(client, "jog_tool", program, f"tool {request.tool} {request.word}")
+        return wire.ToolJogReply(program, obstacle)
+
     async def home(self, client: str, request: wire.HomeRequest) -> wire.HomeReply:
         program = await self._homing.home(client, request.axes)
         self._record(client, "home", program.program, " ".join(f"axis {axis}" for axis in program.axes))

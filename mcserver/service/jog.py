@@ -4,18 +4,26 @@ They are in machine coordinates, whatever work offsets, tools and units programs
 that come while one is under way wait for its end; anybody else is told who moves the axis.
 
 A jog without a distance runs on while its client asks for it again; when that stops, the axis stops. So a
-button that nobody releases, because the network broke, cannot keep an axis moving.
+button that nobody releases, because the network broke, cannot keep an axis moving. A tool's jog is such a jog
+of all its joints, along a straight line.
 """
 
 from __future__ import annotations
 
 import asyncio
 import math
+from typing import TYPE_CHECKING
 
 from mcserver.errors import Refused
 from mcserver.machine.machine_file import Axis
+from mcserver.service.axes_of_requests import axes_of
 from mcserver.service.program import Program
 from mcserver.service.service import MachineService
+from mcserver.service.tool_reach import ToolDirection, ToolFrame, reachable_move
+from mcserver.units import DEGREE, MM
+
+if TYPE_CHECKING:
+    from mckinematics.solver import MachineKinematics
 
 DEFAULT_HOLD_S = 0.5
 # the longest jog without an end, at its velocity, where the axis has no limit
@@ -30,13 +38,20 @@ READING_S = 0.05
 
 
 class Jogging:
-    """Jogs of one machine. All of it runs in the loop."""
+    """Jogs of one machine. All of it runs in the loop.
 
-    def __init__(self, service: MachineService) -> None:
+    Args:
+        kinematics: of its tools; None: none is moved.
+    """
+
+    def __init__(self, service: MachineService, kinematics: MachineKinematics | None = None) -> None:
         self._service = service
         self._watches: dict[str, asyncio.TimerHandle] = {}
-        # jogs that have not ended: the axis, and the person at the client
-        self._open: dict[str, tuple[int, str]] = {}
+        self._kinematics = kinematics
+        # jogs that have not ended: the axes, and the person at the client
+        self._open: dict[str, tuple[tuple[int, ...], str]] = {}
+        # set when one ends
+        self._end = asyncio.Event()
         service.on_program_ended.append(self._ended)
 
     async def jog(
@@ -70,21 +85,92 @@ class Jogging:
                 "see `info`",
                 axis=axis_index,
             )
-        self._refuse_taken(client, by, axis_index, step=distance is not None)
+        self._refuse_taken(client, by, (axis_index,), step=distance is not None)
         move = self._move(axis, distance, velocity)
         if distance is None and hold_s is None:
             hold_s = DEFAULT_HOLD_S
+        return await self._start(
+            client, f"axis {axis_index}", (axis_index,), move, by=by, hold_s=hold_s, unhomed=True
+        )
+
+    async def jog_tool(
+        self,
+        client: str,
+        number: int,
+        word: ToolDirection,
+        velocity: float,
+        *,
+        frame: ToolFrame,
+        by: str,
+        hold_s: float | None,
+        program_id: str | None,
+    ) -> tuple[str, str]:
+        """Move a tool until it is stopped or cannot go on, or keep ``program_id`` alive.
+
+        Args:
+            word: X Y Z to go along that axis of the frame, A B C to turn about it.
+            velocity: of the tip [mm/s], of a turn [deg/s], signed.
+
+        Returns:
+            The program's id, and what ends the way; empty: nothing within reach, or not asked anew.
+
+        Raises:
+            ServiceError: MC303 … MC305 the tool cannot move there, MC310 no such tool, MC311 no orientation,
+                MC511, MC512 an axis is leased.
+        """
+        if program_id is not None:
+            return self._keep(client, program_id, hold_s), ""
+        kinematics = self._kinematics
+        if kinematics is None or number not in kinematics.tools:
+            raise Refused("MC310", f"the machine has no tool {number}", "see `info`")
+        if velocity == 0.0 or not math.isfinite(velocity):
+            raise _no_velocity(velocity)
+        chain = kinematics.axes(number)
+        self._refuse_taken(client, by, chain, step=False)
+        while any(self._service.holder(axis, at_pause=True) for axis in chain):
+            # the way is from where the joints stand: one's own jog is coming to rest
+            await self._end.wait()
+            self._refuse_taken(client, by, chain, step=False)
+        longest, unit = 2.0 * kinematics.tool(number).chain.reach, MM if word in "XYZ" else DEGREE
+        way = velocity * unit * ENDLESS_S
+        if word in "XYZ":
+            way = math.copysign(min(abs(way), longest), way)
+        setpoint = self._service.port.snapshot().setpoint
+        joints = dict(zip(axes_of(self._service.machine, None), setpoint, strict=True))
+        # tens of milliseconds; whoever moves a joint meanwhile has its lease, and the planner solves it again
+        found = await asyncio.to_thread(reachable_move, kinematics, number, joints, word, frame, way)
+        move = f"G21 G94 F{60.0 * abs(velocity):.6f} {found.words}"
+        hold_s = hold_s or DEFAULT_HOLD_S
+        # a tool is only where its joints are known
+        program = await self._start(
+            client, f"tool {number} {word}", chain, move, by=by, hold_s=hold_s, unhomed=False
+        )
+        return program, found.obstacle
+
+    async def _start(
+        self,
+        client: str,
+        what: str,
+        axes: tuple[int, ...],
+        move: str,
+        *,
+        by: str,
+        hold_s: float | None,
+        unhomed: bool,
+    ) -> str:
+        """Run one move, watched where there is a dead man's time."""
         program = await self._service.open(
             client,
-            name=f"jog axis {axis_index}" + (f" by {by}" if by else ""),
-            axes=[axis_index],
-            unhomed=True,
+            name=f"jog {what}" + (f" by {by}" if by else ""),
+            axes=axes,
+            unhomed=unhomed,
             by_hand=True,
             at_pause=True,
         )
-        self._open[program.program] = axis_index, by
+        self._open[program.program] = axes, by
+        captures = [f"G1010 P{axis}" for axis in axes]
         try:
-            await self._service.lines.submit(client, program.program, 1, [f"G1010 P{axis_index}", move])
+            await self._service.lines.submit(client, program.program, 1, [*captures, move])
         except Exception:
             self._service.abort(program.program, "the jog was refused")
             raise
@@ -93,20 +179,25 @@ class Jogging:
             self._watch(program.program, hold_s)
         return program.program
 
-    def _refuse_taken(self, client: str, by: str, axis: int, *, step: bool) -> None:
-        """Refuse a jog of an axis that anything moves but earlier steps of the same person."""
-        holder = self._service.holder(axis, at_pause=True)
-        if holder is None:
-            return
-        own = holder.client == client and self._open.get(holder.program) == (axis, by)
-        if not own or not (step or holder.state == "ending"):
-            self._service.refuse_leased(axis, at_pause=True)
-        if sum(jog == (axis, by) for jog in self._open.values()) >= STEPS:
-            raise Refused("MC508", f"{STEPS} steps of axis {axis} wait", "let some of them end", limit=STEPS)
+    def _refuse_taken(self, client: str, by: str, axes: tuple[int, ...], *, step: bool) -> None:
+        """Refuse a jog of axes that anything moves but earlier jogs of them by the same person."""
+        for axis in axes:
+            holder = self._service.holder(axis, at_pause=True)
+            if holder is None:
+                continue
+            own = holder.client == client and self._open.get(holder.program) == (axes, by)
+            if not own or not (step or holder.state == "ending"):
+                self._service.refuse_leased(axis, at_pause=True)
+            if sum(jog == (axes, by) for jog in self._open.values()) >= STEPS:
+                raise Refused(
+                    "MC508", f"{STEPS} steps of axis {axis} wait", "let some of them end", limit=STEPS
+                )
 
     def _ended(self, program: Program) -> None:
         """Forget a jog; the steps behind one that was broken off do not run either."""
         ended = self._open.pop(program.program, None)
+        self._end.set()
+        self._end.clear()
         if ended is None or program.ended_as == "finished":
             return
         behind = [each for each, jog in self._open.items() if jog == ended]
@@ -157,9 +248,7 @@ class Jogging:
         if velocity is None and distance is not None:
             velocity = limit * DEFAULT_SHARE
         if velocity is None or velocity == 0.0 or not math.isfinite(velocity):
-            raise Refused(
-                "MC511", f"a jog needs a velocity, not {velocity}", "give its sign for the direction"
-            )
+            raise _no_velocity(velocity)
         speed = min(abs(velocity), limit)
         if distance is None:
             return self._endless(axis, math.copysign(speed, velocity), homed=homed)
@@ -173,3 +262,7 @@ class Jogging:
         if homed and math.isfinite(limit):
             return f"{feed} G90 G01 [{axis.index}]{limit:.6f}"
         return f"{feed} G91 G01 [{axis.index}]{velocity * ENDLESS_S:.6f}"
+
+
+def _no_velocity(velocity: float | None) -> Refused:
+    return Refused("MC511", f"a jog needs a velocity, not {velocity}", "give its sign for the direction")

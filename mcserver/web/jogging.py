@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import asyncio
 import logging
-from collections.abc import Callable
+from collections.abc import Awaitable, Callable
 from typing import Protocol
 
 from mcclient.errors import MotionError
@@ -24,21 +24,14 @@ HOLD_S = 0.35
 MAX_DELAY_S = 0.3
 
 
-class JogsAxes(Protocol):
-    """The part of `mcclient.Machine` that jogging needs."""
-
-    async def jog(
-        self,
-        axis: int,
-        distance: float | None = None,
-        *,
-        velocity: float | None = None,
-        hold_s: float | None = None,
-        program: str | None = None,
-        by: str = "",
-    ) -> str: ...
+class Machine(Protocol):
+    """The part of `mcclient.Machine` that a jog's end needs."""
 
     async def abort(self, program: str | None = None) -> object: ...
+
+
+# starts a move, or keeps the one of that id alive with the dead man's time `HOLD_S`; returns its id
+Move = Callable[[str | None], Awaitable[str]]
 
 
 class DelayGate:
@@ -62,40 +55,36 @@ class HeldJog:
     """The one jog that one browser may hold.
 
     Args:
-        machine: what moves. by: whose browser it is, for others who want the axis.
+        machine: what moves.
         clock: seconds, never stepping.
         on_error: takes the sentence for the operator.
     """
 
-    def __init__(
-        self, machine: JogsAxes, clock: Callable[[], float], on_error: Callable[[str], None], by: str = ""
-    ) -> None:
+    def __init__(self, machine: Machine, clock: Callable[[], float], on_error: Callable[[str], None]) -> None:
         self.machine = machine
-        self._by = by
         self._clock = clock
         self._on_error = on_error
         self._gate = DelayGate()
         self._press: int | None = None
         self._released_press: int | None = None
         self._program: str | None = None
-        self._axis = 0
-        self._velocity = 0.0
+        self._move: Move | None = None
         self._busy = asyncio.Lock()
 
     def observe(self, sent_s: float) -> None:
         """Take the time of any message of this browser: the more it has seen, the better it judges."""
         self._gate.is_late(sent_s, self._clock())
 
-    async def press(self, press: int, axis: int, velocity: float, sent_s: float) -> None:
-        """Start an axis; ``velocity`` is signed [mm/s, deg/s], ``press`` numbers the touch."""
+    async def press(self, press: int, move: Move, sent_s: float) -> None:
+        """Start a move; ``press`` numbers the touch."""
         if self._gate.is_late(sent_s, self._clock()) or (self._press is not None and press <= self._press):
             return
-        self._press, self._axis, self._velocity, self._program = press, axis, velocity, None
+        self._press, self._move, self._program = press, move, None
         async with self._busy:
             if self._press != press:
                 return
             try:
-                program = await self.machine.jog(axis, velocity=velocity, hold_s=HOLD_S, by=self._by)
+                program = await move(None)
             except MotionError as error:
                 self._on_error(error.message)
                 return
@@ -113,11 +102,11 @@ class HeldJog:
             # the one before it is still under way: this one would only queue behind it
             return
         async with self._busy:
-            program = self._program
-            if program is None:
+            program, move = self._program, self._move
+            if program is None or move is None:
                 return
             try:
-                await self.machine.jog(self._axis, velocity=self._velocity, hold_s=HOLD_S, program=program)
+                await move(program)
             except MotionError as error:
                 # it has stopped by itself: at a limit, by a fault, or because the keeps were late
                 if self._program == program:

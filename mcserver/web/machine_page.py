@@ -21,6 +21,7 @@ from mcserver.web.panels.channels import ChannelsPanel
 from mcserver.web.panels.charts import ChartPanel
 from mcserver.web.panels.control import ControlPanel
 from mcserver.web.panels.drives import DrivesPanel
+from mcserver.web.panels.held_buttons import HeldButtons
 from mcserver.web.panels.homing import HomingPanel
 from mcserver.web.panels.jog import JogPanel
 from mcserver.web.panels.mdi import MdiPanel
@@ -66,6 +67,7 @@ class MachinePage:
         # a browser is connected to this page; who only asks for it takes no place
         self._looking = False
         self._header(visitor)
+        self._held = HeldButtons(actions)
         with ui.element("div").classes("w-full p-2"):
             ui.html(f"<h1 class='sr-only'>{link.name}</h1>", sanitize=False)
             with ui.element("div").classes("mc-grid"):
@@ -91,9 +93,9 @@ class MachinePage:
                     with _place(5):
                         self._positions = PositionsPanel(actions)
                     with _place(4):
-                        self._jog = JogPanel(actions)
+                        self._jog = JogPanel(actions, self._held)
                     with _place(4):
-                        self._tool_jog = ToolJogPanel(actions)
+                        self._tool_jog = ToolJogPanel(actions, self._held)
                     with _place(5):
                         self._teach = TeachPanel(actions, self._tool_jog)
                     with _place(7):
@@ -121,7 +123,7 @@ class MachinePage:
         ui.timer(REFRESH_S, self.update)
         ui.timer(SLOW_S, self.ask)
         client.on_connect(self._enter)
-        client.on_disconnect(self._jog.release)
+        client.on_disconnect(self._held.release)
         client.on_disconnect(self._tool_jog.drop)
         client.on_disconnect(lambda: link.control.leave(client.id))
         client.on_disconnect(lambda: None if client.has_socket_connection else self._leave())

@@ -71,13 +71,23 @@ def test_the_tool_is_stepped_in_the_frames_of_base_and_tool_and_steps_queue(
     choose(page, page.get_by_label("Along axes of"), "base")
     choose(page, page.get_by_label("Step", exact=True), "5 mm, deg")
     for _ in range(2):
-        page.get_by_role("button", name="step tool Z minus").click()
+        page.get_by_role("button", name="jog tool Z minus").click()
     stepped(page, robot, [x, y, z - 10.0, a, b, c])
-    page.get_by_role("button", name="step tool B plus").press("Enter")
+    page.get_by_role("button", name="jog tool B plus").press("Enter")
     stepped(page, robot, [x, y, z - 10.0, a, b + 5.0, c])
     choose(page, page.get_by_label("Along axes of"), "tool")
-    page.get_by_role("button", name="step tool B minus").press(" ")
+    page.get_by_role("button", name="jog tool B minus").press(" ")
     stepped(page, robot, [x, y, z - 10.0, a, b, c])
+    # held, it goes on until the finger leaves, and says which joint would end its way
+    choose(page, page.get_by_label("Along axes of"), "base")
+    choose(page, page.get_by_label("Step", exact=True), "while held")
+    page.get_by_role("button", name="jog tool Z plus").hover()
+    page.mouse.down()
+    wait_for(robot, page, lambda status: status.tools[0].position[2] > z - 9.0)
+    expect(page.get_by_text(re.compile(r"^Z\+ ends where .*axis \d \(joint '"))).to_be_visible()
+    page.mouse.up()
+    wait_for(robot, page, at_rest)
+    assert pose(robot)[2] < z + 200.0
 
 
 def test_joints_are_called_by_their_names(page: Page, arm_site: PageProcess, robot: sync.Machine) -> None:
@@ -97,7 +107,7 @@ def test_poses_are_taught_edited_replayed_and_kept(
     expect(text).to_have_value(re.compile(r"^G1010 P0\n(.*\n)+G01 X.* T1 F600\n$"))
     choose(page, page.get_by_label("Along axes of"), "base")
     choose(page, page.get_by_label("Step", exact=True), "10 mm, deg")
-    page.get_by_role("button", name="step tool Y plus").click()
+    page.get_by_role("button", name="jog tool Y plus").click()
     stepped(page, robot, [x, y + 10.0, z, a, b, c])
     page.get_by_role("button", name="Take pose").click()
     expect(text).to_have_value(re.compile(r"(G01 X.* T1 F600\n){2}$"))
@@ -126,7 +136,7 @@ def test_a_step_that_the_arm_cannot_make_names_the_joint_and_moves_nothing(
     before = pose(robot)
     for _ in range(20):
         before = pose(robot)
-        page.get_by_role("button", name="step tool Z plus").click()
+        page.get_by_role("button", name="jog tool Z plus").click()
         page.wait_for_timeout(300)
         wait_for(robot, page, at_rest)
         if refused.count():

@@ -15,6 +15,7 @@ from mcserver.executor.shm.mailbox import CommandMailbox
 from mcserver.executor.shm.rings import ProgramRing
 from mcserver.executor.view import SlotView
 from mcserver.machine.machine_file import Machine
+from mcserver.machine.machine_kinematics import build_kinematics
 from mcserver.planning.planner import Planner
 from mcserver.planning.planner_messages import OnPlannerEvents
 from mcserver.planning.process import PipelineFactory
@@ -144,7 +145,7 @@ class VirtualCell:
             on_event=self.events.append,
         )
         self.homing = HomingService(self.service)
-        self.jogging = Jogging(self.service)
+        self.jogging = Jogging(self.service, build_kinematics(machine))
         self.service.start()
         self._clock = asyncio.ensure_future(self._run())
 

@@ -26,6 +26,7 @@ class BlockingCalls(Blocking[T]):
     abort = waited(MachineCalls.abort)
     override = waited(MachineCalls.override)
     jog = waited(MachineCalls.jog)
+    jog_tool = waited(MachineCalls.jog_tool)
     open_servo = waited(MachineCalls.open_servo)
     home = waited(MachineCalls.home)
     reference = waited(MachineCalls.reference)

@@ -11,7 +11,7 @@ BROKEN_OFF = frozenset({"interrupted", "faulted", "aborted"})
 # Names of programs that nobody goes on with: those of the operator's page, and how the server's own begin.
 ENERGIZE, MANUAL_INPUT, WORK_OFFSET = "energize", "manual input", "work offset"
 TOOL_STEP = "step tool "
-_MOVES_OF_AXES = ("jog axis ", "home axis ", "reference axis ", f"{WORK_OFFSET} by ", TOOL_STEP)
+_MOVES_OF_AXES = ("jog axis ", "jog tool ", "home axis ", "reference axis ", f"{WORK_OFFSET} by ", TOOL_STEP)
 
 
 def broken_off(programs: Sequence[ProgramStatus], *, lines_left: bool = False) -> ProgramStatus | None:

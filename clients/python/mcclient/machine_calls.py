@@ -286,6 +286,46 @@ class MachineCalls:
             )
         ).program
 
+    async def jog_tool(
+        self,
+        tool: int,
+        word: wire.ToolDirectionWord,
+        velocity: float,
+        frame: wire.ToolFrameWord = "base",
+        *,
+        hold_s: float | None = None,
+        program: str | None = None,
+        by: str = "",
+        deadline_s: float = 5.0,
+    ) -> wire.ToolJogReply:
+        """Move a tool by hand while it is held: straight on, or turning, until a joint ends its way.
+
+        Args:
+            tool: number of the machine file.
+            word: X Y Z to go along that axis of ``frame``, A B C to turn about it with the tip at rest.
+            velocity: of the tip [mm/s], of a turn [deg/s], signed. Near a singular position, and where a
+                joint has less, it goes slower.
+            frame: the base, or the tool itself.
+            hold_s: dead man's time, as of ``jog`` (default 0.5 s).
+            program: id of the jog under way that this request keeps alive.
+            by: the person, where a client serves several.
+        """
+        self._declare_token()
+        return await self._caller.ask(
+            wire.ToolJogReply,
+            "jog_tool",
+            {
+                "tool": tool,
+                "word": word,
+                "velocity": velocity,
+                "frame": frame,
+                "hold_s": hold_s,
+                "program": program,
+                "by": by,
+            },
+            deadline_s,
+        )
+
     async def open_servo(
         self, axes: Sequence[int] | None = None, *, name: str = "", deadline_s: float = 5.0
     ) -> wire.ServoReply:

@@ -241,6 +241,30 @@ class Severity(Word):
     WARNING = "warning"
 
 
+class ToolDirection(Word):
+    """One of the words of the wire."""
+
+    X = "X"
+    Y = "Y"
+    Z = "Z"
+    A = "A"
+    B = "B"
+    C = "C"
+
+
+ToolDirectionWord = ToolDirection | Literal["X", "Y", "Z", "A", "B", "C"]
+
+
+class ToolFrame(Word):
+    """One of the words of the wire."""
+
+    BASE = "base"
+    TOOL = "tool"
+
+
+ToolFrameWord = ToolFrame | Literal["base", "tool"]
+
+
 @dataclass(frozen=True, slots=True)
 class Edit:
     """A certain remedy: characters of the diagnostic's line and what replaces them.
@@ -1599,3 +1623,16 @@ class Tables:
     tool_table: bool
     tools: tuple[ToolRow, ...]
     changes: tuple[TableChange, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class ToolJogReply:
+    """The jog's program, for ``abort`` and for keeping it alive.
+
+    Attributes:
+        obstacle: which joint ends the way, and why, for people; empty: nothing within the tool's reach,
+            or the jog was kept alive.
+    """
+
+    program: str
+    obstacle: str = ""

@@ -83,6 +83,7 @@ pub fn reader_of(message: &str) -> Option<Read> {
         "TipPath" => reader::<messages::TipPath>,
         "ToolExtent" => reader::<messages::ToolExtent>,
         "ToolInfo" => reader::<messages::ToolInfo>,
+        "ToolJogReply" => reader::<messages::ToolJogReply>,
         "ToolPath" => reader::<messages::ToolPath>,
         "ToolPose" => reader::<messages::ToolPose>,
         "ToolRow" => reader::<messages::ToolRow>,

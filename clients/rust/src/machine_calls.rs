@@ -16,7 +16,7 @@ use crate::messages::{
     RunArmedRequest, RunPreviewReply, RunPreviewRequest, RunRequestReply, RunRequestRequest, RunRequestStatus,
     RunRequestsReply, SdoReadRequest, SdoReply, SdoWriteRequest, ServoReply, ServoRequest, SetInputRequest,
     SetOutputRequest, SetReply, SimulateReply, SimulateRequest, StepRequest, SubmitReply, SubmitRequest,
-    Tables, WithdrawRequest,
+    Tables, ToolJogReply, ToolJogRequest, WithdrawRequest,
 };
 
 /// Every remote method of a machine (docs/wire/calls.md).
@@ -159,6 +159,15 @@ impl Machine {
         self.declare_token().await?;
         let reply: JogReply = self.ask_within("jog", request, 5).await?;
         Ok(reply.program)
+    }
+
+    /// Move a tool by hand while it is held: straight on, or turning, until a joint ends its way.
+    ///
+    /// # Errors
+    /// As [`Machine::refresh_info`].
+    pub async fn jog_tool(&self, request: &ToolJogRequest) -> Result<ToolJogReply> {
+        self.declare_token().await?;
+        self.ask_within("jog_tool", request, 5).await
     }
 
     /// Let axes follow targets that this client streams. They are energized and leased until `close`, or

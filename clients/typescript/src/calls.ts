@@ -61,6 +61,8 @@ import type {
   SubmitReply,
   SubmitRequest,
   Tables,
+  ToolJogReply,
+  ToolJogRequest,
 } from "./messages.js";
 
 /** How long a server may take for an answer [s], and whether a call may be sent again under any
@@ -82,6 +84,7 @@ export const METHODS: Readonly<Record<string, { deadlineS: number; repeatable: b
   abort: { deadlineS: 5, repeatable: true },
   override: { deadlineS: 5, repeatable: false },
   jog: { deadlineS: 5, repeatable: false },
+  jog_tool: { deadlineS: 5, repeatable: false },
   open_servo: { deadlineS: 5, repeatable: false },
   home: { deadlineS: 5, repeatable: false },
   reference: { deadlineS: 5, repeatable: false },
@@ -203,6 +206,11 @@ export abstract class MachineCalls {
   /** Move one axis by hand. */
   async jog(request: JogRequest): Promise<string> {
     return (await this.call<JogReply>("jog", request)).program;
+  }
+
+  /** Move a tool by hand while it is held: straight on, or turning, until a joint ends its way. */
+  jogTool(request: ToolJogRequest): Promise<ToolJogReply> {
+    return this.call("jog_tool", request);
   }
 
   /**

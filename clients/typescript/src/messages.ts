@@ -66,6 +66,12 @@ export type SdoType =
 export type Severity =
   | "error" | "warning";
 
+export type ToolDirection =
+  | "X" | "Y" | "Z" | "A" | "B" | "C";
+
+export type ToolFrame =
+  | "base" | "tool";
+
 /** Payload of `ack/{program}`: cumulative, so that a lost one does not matter. */
 export interface Ack {
   program: string;
@@ -1436,6 +1442,37 @@ export interface ToolInfo {
   axes: number[];
   orientation: boolean;
   euler: string;
+}
+
+/** The jog's program, for `abort` and for keeping it alive. */
+export interface ToolJogReply {
+  program: string;
+  /**
+   * which joint ends the way, and why, for people; empty: nothing within the tool's reach, or the jog was kept
+   * alive.
+   */
+  obstacle?: string;
+}
+
+/** Moves a tool's tip straight on, by all its joints, until it is stopped or cannot go on. */
+export interface ToolJogRequest {
+  /** number of the machine file. */
+  tool: number;
+  /** X Y Z to go along that axis of `frame`, A B C to turn about it with the tip at rest. */
+  word: ToolDirection;
+  /**
+   * of the tip [mm/s], of a turn [deg/s], signed. Near a singular position, and where a joint has less, it goes
+   * slower.
+   */
+  velocity: number;
+  /** the base, or the tool itself. */
+  frame?: ToolFrame | undefined;
+  /** dead man's time, as of `jog` (default 0.5 s). */
+  hold_s?: number | null | undefined;
+  /** id of the jog under way that this request keeps alive. */
+  program?: string | null | undefined;
+  /** the person, where a client serves several. */
+  by?: string | undefined;
 }
 
 /** Where a tool is at the moments of a `RunPath`: `position` has X, Y and Z, a value a moment [mm]. */

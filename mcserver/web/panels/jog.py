@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-import time
-from typing import Any
-
 from mcclient import AxisInfo, Info
-from nicegui import events, ui
+from nicegui import ui
 
-from mcserver.web.actions import Actions, show_refusal
+from mcserver.web.actions import Actions
 from mcserver.web.formatting import axis_name, limits_text
-from mcserver.web.jogging import HeldJog
+from mcserver.web.jogging import HOLD_S, Move
+from mcserver.web.panels.held_buttons import HeldButtons, JogPad
 
 STEPS = (0.0, 0.01, 0.1, 1.0, 10.0, 100.0)
 SPEEDS = (1, 5, 10, 25, 50, 100)
@@ -19,9 +17,8 @@ SPEEDS = (1, 5, 10, 25, 50, 100)
 class JogPanel:
     """Two buttons an axis; the pad is built anew when the machine's axes change."""
 
-    def __init__(self, actions: Actions) -> None:
+    def __init__(self, actions: Actions, held: HeldButtons) -> None:
         self._actions = actions
-        self._held: HeldJog | None = None
         self._axes: dict[int, AxisInfo] = {}
         self._joints: dict[int, str] = {}
         # two browsers of one person are two people to an axis
@@ -38,8 +35,7 @@ class JogPanel:
                     {each: f"{each} %" for each in SPEEDS}, value=10, label="Speed"
                 ).classes("min-w-28")
             self._pad = ui.element("div").classes("mc-jog")
-        ui.on("mc_jog", self._on_jog)
-        ui.on("mc_clock", lambda event: self._held and self._held.observe(float(event.args["sent_s"])))
+        held.add("axis", JogPad("jog", self._press, self._move))
 
     def update(self, info: Info) -> None:
         axes, joints = {axis.index: axis for axis in info.axes}, self._actions.link.joints
@@ -56,50 +52,34 @@ class JogPanel:
                             ui.label(joints[axis.index]).classes("text-xs break-words")
                     for direction, sign, word in ((-1, "−", "minus"), (1, "+", "plus")):
                         ui.button(f"{axis_name(axis.index)}{sign}").props(
-                            f"outline data-jog data-axis={axis.index} data-direction={direction} "
+                            f"outline data-jog=axis data-what={axis.index} data-direction={direction} "
                             f'aria-label="jog axis {axis_name(axis.index)} {word}"'
                         )
 
-    async def release(self) -> None:
-        """Stop what this browser holds: it has gone."""
-        if self._held is not None:
-            await self._held.release()
-
-    async def _on_jog(self, event: events.GenericEventArguments) -> None:
-        message: dict[str, Any] = event.args
-        kind = message.get("kind")
-        if kind == "release":
-            await self.release()
-            return
-        try:
-            press, axis, sent_s = (
-                int(message["press"]),
-                self._axes[int(message["axis"])],
-                float(message["sent_s"]),
-            )
-            direction = 1.0 if int(message["direction"]) > 0 else -1.0
-        except (KeyError, TypeError, ValueError):
-            return
-        if kind == "press" and not self._actions.allowed("jog"):
-            return
-        if not self._actions.has_control:
-            # it was taken away, or the login has ended
-            await self.release()
-            return
-        if self._actions.link.machine is None:
-            return
-        if self._held is None:
-            self._held = HeldJog(self._actions.link.machine, time.monotonic, show_refusal, self._by)
-        self._held.machine = self._actions.link.machine
+    def _move(self, what: str, direction: int) -> Move | None:
+        axis = self._axis(what)
+        if axis is None or self._step.value:
+            return None
         velocity = direction * axis.max_velocity * self._speed.value / 100.0
-        if kind == "keep":
-            await self._held.keep(press, sent_s)
-        elif kind == "press" and self._step.value:
-            distance = direction * self._step.value
-            await self._actions.do(
-                "jog",
-                f"jog {axis_name(axis.index)} {distance:+g} {axis.unit}",
-                lambda machine: machine.jog(axis.index, distance, velocity=abs(velocity), by=self._by),
+
+        async def move(program: str | None) -> str:
+            machine = self._actions.link.connected()
+            return await machine.jog(
+                axis.index, velocity=velocity, hold_s=HOLD_S, program=program, by=self._by
             )
-        elif kind == "press":
-            await self._held.press(press, axis.index, velocity, sent_s)
+
+        return move
+
+    async def _press(self, what: str, direction: int) -> None:
+        axis, distance = self._axis(what), direction * self._step.value
+        if axis is None or not distance:
+            return
+        velocity = axis.max_velocity * self._speed.value / 100.0
+        await self._actions.do(
+            "jog",
+            f"jog {axis_name(axis.index)} {distance:+g} {axis.unit}",
+            lambda machine: machine.jog(axis.index, distance, velocity=velocity, by=self._by),
+        )
+
+    def _axis(self, what: str) -> AxisInfo | None:
+        return self._axes.get(int(what)) if what.isdecimal() else None

@@ -1,17 +1,18 @@
-"""The tool's jog pad: steps of a robot's tip along and about the axes of the base or of the tool itself."""
+"""The tool's jog pad: a robot's tip along and about axes of the base or of the tool, held or by steps."""
 
 from __future__ import annotations
 
 import asyncio
-from functools import partial
 
 from mcclient import Info, Machine, MotionError, ToolInfo
 from mcclient.broken_off import TOOL_STEP
-from mcclient.types import ToolPose
+from mcclient.types import ToolDirection, ToolPose
 from nicegui import ui
 
 from mcserver.web.actions import Actions, show_refusal
+from mcserver.web.jogging import HOLD_S, Move
 from mcserver.web.open_programs import refusal_of
+from mcserver.web.panels.held_buttons import HeldButtons, JogPad
 from mcserver.web.tool_steps import Frame, step_lines
 
 STEPS = (0.1, 1.0, 5.0, 10.0, 50.0)
@@ -28,7 +29,7 @@ class ToolJogPanel:
         tool: the chosen one; None: there is none. speed: chosen [mm/s].
     """
 
-    def __init__(self, actions: Actions) -> None:
+    def __init__(self, actions: Actions, held: HeldButtons) -> None:
         self._actions = actions
         self._tools: dict[int, ToolInfo] = {}
         self._turn = asyncio.Lock()
@@ -43,12 +44,16 @@ class ToolJogPanel:
                     {"base": "base", "tool": "tool"}, value="base", label="Along axes of"
                 ).classes("min-w-28")
                 self._step = ui.select(
-                    {step: f"{step:g} mm, deg" for step in STEPS}, value=1.0, label="Step"
+                    {0.0: "while held", **{step: f"{step:g} mm, deg" for step in STEPS}},
+                    value=0.0,
+                    label="Step",
                 ).classes("min-w-32")
                 self._speed = ui.select(
                     {each: f"{each} mm/s, deg/s" for each in SPEEDS}, value=10, label="Speed of the tip"
                 ).classes("min-w-36")
             self._pad = ui.element("div").classes("mc-jog")
+            self._end = ui.label("").classes("text-sm break-words").props("aria-live=polite")
+        held.add("tool", JogPad("jog_tool", self._press, self._held_move))
         self._card.set_visibility(False)
 
     @property
@@ -81,17 +86,37 @@ class ToolJogPanel:
                 with ui.element("div").classes("mc-jog-axis"):
                     ui.label(word).classes("font-bold")
                     for direction, sign, name in ((-1, "−", "minus"), (1, "+", "plus")):
-                        ui.button(f"{word}{sign}", on_click=partial(self._press, word, direction)).props(
-                            f'outline aria-label="step tool {word} {name}"'
+                        ui.button(f"{word}{sign}").props(
+                            f"outline data-jog=tool data-what={word} data-direction={direction} "
+                            f'aria-label="jog tool {word} {name}"'
                         )
 
     def drop(self) -> None:
         """Let no step run that still waits: its browser is gone, or the one before it was broken off."""
         self._round += 1
 
+    def _held_move(self, word: str, direction: int) -> Move | None:
+        tool = self.tool
+        if tool is None or self._step.value or word not in list(ToolDirection):
+            return None
+        self._end.set_text("")
+        towards = ToolDirection(word)
+        velocity, frame, by = direction * self.speed, self._frame.value, self._actions.driver.name
+
+        async def move(program: str | None) -> str:
+            reply = await self._actions.link.connected().jog_tool(
+                tool.number, towards, velocity, frame=frame, hold_s=HOLD_S, program=program, by=by
+            )
+            if reply.obstacle:
+                self._end.set_text(f"{word}{'+' if direction > 0 else '−'} ends where {reply.obstacle}")
+            return reply.program
+
+        return move
+
     async def _press(self, word: str, direction: int) -> None:
         tool = self.tool
-        if tool is None or not self._actions.allowed("open"):
+        known = word in list(ToolDirection)
+        if tool is None or not known or not self._step.value or not self._actions.allowed("open"):
             return
         if self._waiting >= MOST:
             show_refusal(f"{MOST} steps of the tool wait", "let some of them end")

@@ -5,14 +5,13 @@
   let held = null;
 
   const send = (kind) => emitEvent("mc_jog", {
-    kind, press: held.press, axis: held.axis, direction: held.direction, sent_s: performance.now() / 1000,
+    kind, press: held.press, pad: held.pad, what: held.what, direction: held.direction, sent_s: performance.now() / 1000,
   });
 
   const press = (button) => {
     if (held || button.disabled || button.getAttribute("aria-disabled") === "true") return;
-    held = {
-      press: Date.now(), axis: Number(button.dataset.axis), direction: Number(button.dataset.direction), button,
-    };
+    const { jog: pad, what, direction } = button.dataset;
+    held = { press: Date.now(), pad, what, direction: Number(direction), button };
     button.classList.add("held");
     send("press");
     held.timer = setInterval(() => (document.hasFocus() && !document.hidden ? send("keep") : release()), KEEP_MS);

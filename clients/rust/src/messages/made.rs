@@ -108,6 +108,14 @@ words!(Severity {
     Error = "error", Warning = "warning",
 });
 
+words!(ToolDirection {
+    X = "X", Y = "Y", Z = "Z", A = "A", B = "B", C = "C",
+});
+
+words!(ToolFrame {
+    Base = "base", Tool = "tool",
+});
+
 /// Payload of `ack/{program}`: cumulative, so that a lost one does not matter.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Ack {
@@ -2127,6 +2135,52 @@ pub struct ToolInfo {
     pub axes: Vec<u64>,
     pub orientation: bool,
     pub euler: String,
+}
+
+/// The jog's program, for `abort` and for keeping it alive.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct ToolJogReply {
+    pub program: String,
+    /// which joint ends the way, and why, for people; empty: nothing within the tool's reach, or the jog was
+    /// kept alive.
+    #[serde(default)]
+    pub obstacle: String,
+}
+
+/// Moves a tool's tip straight on, by all its joints, until it is stopped or cannot go on.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct ToolJogRequest {
+    /// number of the machine file.
+    pub tool: u64,
+    /// X Y Z to go along that axis of `frame`, A B C to turn about it with the tip at rest.
+    pub word: ToolDirection,
+    /// of the tip \[mm/s\], of a turn \[deg/s\], signed. Near a singular position, and where a joint has
+    /// less, it goes slower.
+    pub velocity: f64,
+    /// the base, or the tool itself.
+    pub frame: ToolFrame,
+    /// dead man's time, as of `jog` (default 0.5 s).
+    pub hold_s: Option<f64>,
+    /// id of the jog under way that this request keeps alive.
+    pub program: Option<String>,
+    /// the person, where a client serves several.
+    pub by: String,
+}
+
+impl ToolJogRequest {
+    /// All that may be left out is as the server has it.
+    #[must_use]
+    pub fn new(tool: u64, word: ToolDirection, velocity: f64) -> Self {
+        Self {
+            tool,
+            word,
+            velocity,
+            frame: ToolFrame::Base,
+            hold_s: None,
+            program: None,
+            by: String::new(),
+        }
+    }
 }
 
 /// Where a tool is at the moments of a `RunPath`: `position` has X, Y and Z, a value a moment \[mm\].

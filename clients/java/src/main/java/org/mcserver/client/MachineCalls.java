@@ -38,6 +38,7 @@ public abstract class MachineCalls {
             Map.entry("abort", Duration.ofSeconds(5)),
             Map.entry("override", Duration.ofSeconds(5)),
             Map.entry("jog", Duration.ofSeconds(5)),
+            Map.entry("jog_tool", Duration.ofSeconds(5)),
             Map.entry("open_servo", Duration.ofSeconds(5)),
             Map.entry("home", Duration.ofSeconds(5)),
             Map.entry("reference", Duration.ofSeconds(5)),
@@ -153,6 +154,11 @@ public abstract class MachineCalls {
     /** Move one axis by hand. */
     public CompletableFuture<String> jog(Messages.JogRequest request) {
         return ask("jog", Wire.params(request), Messages.JogReply.class).thenApply(Messages.JogReply::program);
+    }
+
+    /** Move a tool by hand while it is held: straight on, or turning, until a joint ends its way. */
+    public CompletableFuture<Messages.ToolJogReply> jogTool(Messages.ToolJogRequest request) {
+        return ask("jog_tool", Wire.params(request), Messages.ToolJogReply.class);
     }
 
     /**

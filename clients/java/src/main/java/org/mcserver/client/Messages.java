@@ -172,6 +172,34 @@ public final class Messages {
         ERROR, WARNING, UNKNOWN
     }
 
+    /** A word of the wire. */
+    public enum ToolDirection implements Word {
+        X("X"),
+        Y("Y"),
+        Z("Z"),
+        A("A"),
+        B("B"),
+        C("C"),
+        /** A word of a later version. */
+        UNKNOWN("");
+
+        private final String word;
+
+        ToolDirection(String word) {
+            this.word = word;
+        }
+
+        @Override
+        public String word() {
+            return word;
+        }
+    }
+
+    /** A word of the wire. */
+    public enum ToolFrame implements Word {
+        BASE, TOOL, UNKNOWN
+    }
+
     /**
      * Payload of `ack/{program}`: cumulative, so that a lost one does not matter.
      * @param accepted lines through this number are taken and journaled.
@@ -1556,6 +1584,52 @@ public final class Messages {
 
     /** One tool of G01 … Tn. */
     public record ToolInfo(long number, String frame, List<Long> axes, boolean orientation, String euler) {}
+
+    /**
+     * The jog's program, for `abort` and for keeping it alive.
+     * @param obstacle which joint ends the way, and why, for people; empty: nothing within the tool's reach, or
+     *     the jog was kept alive.
+     */
+    public record ToolJogReply(String program, @Sparse String obstacle) {}
+
+    /**
+     * Moves a tool's tip straight on, by all its joints, until it is stopped or cannot go on.
+     * @param tool number of the machine file.
+     * @param word X Y Z to go along that axis of `frame`, A B C to turn about it with the tip at rest.
+     * @param velocity of the tip [mm/s], of a turn [deg/s], signed. Near a singular position, and where a joint
+     *     has less, it goes slower.
+     * @param frame the base, or the tool itself.
+     * @param holdS dead man's time, as of `jog` (default 0.5 s).
+     * @param program id of the jog under way that this request keeps alive.
+     * @param by the person, where a client serves several.
+     */
+    public record ToolJogRequest(
+            long tool, ToolDirection word, double velocity, ToolFrame frame, Double holdS, String program, String by) {
+        /** All that may be left out as the server has it. */
+        public ToolJogRequest(long tool, ToolDirection word, double velocity) {
+            this(tool, word, velocity, ToolFrame.BASE, null, null, "");
+        }
+
+        /** The same with another {@code frame}. */
+        public ToolJogRequest withFrame(ToolFrame frame) {
+            return new ToolJogRequest(tool, word, velocity, frame, holdS, program, by);
+        }
+
+        /** The same with another {@code holdS}. */
+        public ToolJogRequest withHoldS(Double holdS) {
+            return new ToolJogRequest(tool, word, velocity, frame, holdS, program, by);
+        }
+
+        /** The same with another {@code program}. */
+        public ToolJogRequest withProgram(String program) {
+            return new ToolJogRequest(tool, word, velocity, frame, holdS, program, by);
+        }
+
+        /** The same with another {@code by}. */
+        public ToolJogRequest withBy(String by) {
+            return new ToolJogRequest(tool, word, velocity, frame, holdS, program, by);
+        }
+    }
 
     /** Where a tool is at the moments of a `RunPath`: `position` has X, Y and Z, a value a moment [mm]. */
     public record ToolPath(long tool, List<List<Double>> position) {}
