@@ -42,6 +42,12 @@ def web(
             "--programs", metavar="DIR", help="Folder of uploaded programs; default: your state folder."
         ),
     ] = None,
+    history: Annotated[
+        Path | None,
+        typer.Option(
+            "--history", metavar="DIR", envvar="MC_HISTORY", help="Folder of mcserver history, to be shown."
+        ),
+    ] = None,
     add_user: Annotated[
         str | None,
         typer.Option(
@@ -70,6 +76,7 @@ def web(
         connect=tuple(connect or ()),
         config_file=zenoh,
         users=users,
+        history=history,
     )
     asyncio.run(serve(options))
 

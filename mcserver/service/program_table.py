@@ -176,7 +176,7 @@ class ProgramTable:
             sha256=program.sha256,
             by_hand=program.by_hand or bool(program.controls),
         )
-        self.publish("program.opened", program)
+        self.publish("program.opened", program, message=program.name)
         for at in range(0, len(known), KNOWN_LINES):
             taken = program.queue.take(program.start_line + at, known[at : at + KNOWN_LINES])
             assert isinstance(taken, Taken)

@@ -15,11 +15,14 @@ from mcclient.fleet import FleetLink, keep_link
 
 from mcserver.web.control import needs_control
 from mcserver.web.link import MachineLink
+from mcserver.web.past import Past
 from mcserver.web.store import ProgramStore
 
 log = logging.getLogger(__name__)
 
 PERIOD_S = 1.0
+# between two questions to the history [s]
+LOOK_BACK_S = 300.0
 # an offline machine stays in the table this long
 REMEMBERED_S = 24 * 3600.0
 # connected at a time; each is a Zenoh session. Those that nobody looks at give their place up
@@ -49,9 +52,19 @@ class Fleet:
 
     Args:
         connect: Zenoh endpoints. config_file: a Zenoh configuration. folder: of the programs kept.
+        past: what `mcserver history` has written; None: nothing is known.
+
+    Attributes:
+        running_today: share of the day in which a program ran, by machine [%].
     """
 
-    def __init__(self, connect: tuple[str, ...], config_file: Path | None, folder: Path) -> None:
+    def __init__(
+        self, connect: tuple[str, ...], config_file: Path | None, folder: Path, past: Past | None = None
+    ) -> None:
+        self.past = past
+        self.running_today: dict[str, float] = {}
+        self._looking_back: asyncio.Future[None] | None = None
+        self._look_back_at = 0.0
         self.machines: dict[str, Seen] = {}
         self.failure = ""
         self._connect = connect
@@ -198,10 +211,24 @@ class Fleet:
         try:
             while True:
                 await self._look(link)
+                self._look_back()
                 self.release_unused()
                 await asyncio.sleep(PERIOD_S)
         finally:
             self._link = None
+
+    def _look_back(self) -> None:
+        """Ask the history now and then how long machines have run today; nobody waits for it."""
+        if self.past is None or (self._looking_back is not None and not self._looking_back.done()):
+            return
+        if time.monotonic() < self._look_back_at:
+            return
+        self._look_back_at = time.monotonic() + LOOK_BACK_S
+
+        async def look(past: Past) -> None:
+            self.running_today = await past.running_today()
+
+        self._looking_back = asyncio.ensure_future(look(self.past))
 
     async def _look(self, link: FleetLink) -> None:
         now = time.monotonic()

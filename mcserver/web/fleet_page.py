@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+from collections.abc import Mapping
 from functools import partial
 from typing import Any
 
@@ -49,6 +50,7 @@ COLUMNS: list[dict[str, Any]] = [
     {"field": "remaining", "headerName": "Time left", "minWidth": 105},
     {"field": "program", "minWidth": 160, "flex": 2},
     {"field": "faults", "minWidth": 200, "flex": 3},
+    {"field": "today", "headerName": "Today %", "minWidth": 100},
     {"field": "late", "headerName": "Late cycles", "minWidth": 115},
     {"field": "group", "filter": True, "minWidth": 110},
 ]
@@ -132,7 +134,7 @@ class FleetPage:
         if not self._visitor.is_known():
             ui.navigate.to("/login")
             return
-        rows = {seen.name: _row(seen) for seen in self._fleet.machines.values()}
+        rows = {seen.name: _row(seen, self._fleet.running_today) for seen in self._fleet.machines.values()}
         added = [row for name, row in rows.items() if name not in self._sent]
         changed = [row for name, row in rows.items() if name in self._sent and row != self._sent[name]]
         removed = [{"machine": name} for name in self._sent if name not in rows]
@@ -254,7 +256,7 @@ def group_of(name: str) -> str:
     return name[:cut] if cut > 0 else ""
 
 
-def _row(seen: Seen) -> dict[str, Any]:
+def _row(seen: Seen, running_today: Mapping[str, float]) -> dict[str, Any]:
     status = seen.status
     word, kind = banner(status, seen.online)
     program = current_program(status) if seen.online else None
@@ -271,5 +273,6 @@ def _row(seen: Seen) -> dict[str, Any]:
         "faults": "; ".join(f"{fault.code} {fault.message}" for fault in status.faults)
         if status is not None
         else "",
+        "today": running_today.get(seen.name),
         "late": status.late_cycles if status is not None else None,
     }

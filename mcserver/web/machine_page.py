@@ -27,6 +27,7 @@ from mcserver.web.panels.jog import JogPanel
 from mcserver.web.panels.mdi import MdiPanel
 from mcserver.web.panels.messages import EventPanel, FaultPanel
 from mcserver.web.panels.notices import NoticePanel
+from mcserver.web.panels.past import PastPanel
 from mcserver.web.panels.people import PeoplePanel
 from mcserver.web.panels.picture import PicturePanel
 from mcserver.web.panels.positions import PositionsPanel
@@ -36,6 +37,7 @@ from mcserver.web.panels.run_from import RecoveryPanel
 from mcserver.web.panels.tables import TablesPanel
 from mcserver.web.panels.teach import TeachPanel
 from mcserver.web.panels.tool_jog import ToolJogPanel
+from mcserver.web.past import Past
 from mcserver.web.sessions import Visitor
 
 REFRESH_S = 0.1
@@ -54,7 +56,7 @@ OVERRIDES = (10, 25, 50, 75, 100, 125, 150, 200)
 class MachinePage:
     """Built once for each browser that opens it; refreshed from the machine's one shared state."""
 
-    def __init__(self, visitor: Visitor, link: MachineLink) -> None:
+    def __init__(self, visitor: Visitor, link: MachineLink, past: Past | None) -> None:
         self._link = link
         self._visitor = visitor
         client = ui.context.client
@@ -117,6 +119,9 @@ class MachinePage:
                         self._people = PeoplePanel(link)
                     with _place(15):
                         self._events = EventPanel(link)
+                    if past is not None:
+                        with _place(16):
+                            PastPanel(link, past)
         ui.on("mc_key", self._on_key)
         if not visitor.may("open"):
             client.on_connect(lambda: ui.run_javascript("mcWatchOnly()"))

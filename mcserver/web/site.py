@@ -25,6 +25,7 @@ from mcserver.web.frame import MAX_FRAME_BYTES, STATIC, add_head, new_site, run_
 from mcserver.web.machine_files import add_machine_files
 from mcserver.web.machine_page import MachinePage
 from mcserver.web.metrics import metrics_text
+from mcserver.web.past import Past
 from mcserver.web.sessions import COOKIE, Sessions, Visitor
 from mcserver.web.store import MAX_PROGRAM_BYTES
 from mcserver.web.users import read_users
@@ -51,6 +52,7 @@ class WebOptions(msgspec.Struct, frozen=True):
     Attributes:
         connect: Zenoh endpoints; empty: this computer. config_file: a Zenoh configuration for TLS.
         users: the password file; None: loopback only, no login. folder: uploaded programs.
+        history: the folder of ``mcserver history``; None: the page shows none.
     """
 
     address: Address
@@ -58,6 +60,7 @@ class WebOptions(msgspec.Struct, frozen=True):
     connect: tuple[str, ...] = ()
     config_file: Path | None = None
     users: Path | None = None
+    history: Path | None = None
 
 
 PROTECTION = Protection(
@@ -79,7 +82,8 @@ async def serve(options: WebOptions) -> None:
     address = options.address
     PROTECTION.require(address, has_secrets=users is not None)
     sessions = Sessions(users, time.monotonic)
-    fleet = Fleet(options.connect, options.config_file, options.folder)
+    past = None if options.history is None else Past(options.history)
+    fleet = Fleet(options.connect, options.config_file, options.folder, past)
     site = build_site(sessions, fleet, secure=address.certificate is not None, host=address.host)
     listener = listen(address.host, address.port)
     fleet.start()
@@ -156,7 +160,7 @@ def build_site(sessions: Sessions, fleet: Fleet, *, secure: bool, host: str) -> 
                 # this process may have begun a moment ago, or the machine comes later
                 ui.timer(SEEN_S, lambda: ui.navigate.reload() if fleet.knows(name) else None)
             return None
-        MachinePage(visitor, link)
+        MachinePage(visitor, link, fleet.past)
         return None
 
     add_machine_files(site, sessions, fleet)

@@ -15,6 +15,8 @@ from mcclient.types import AxesStatus, Fault, LineReport, MachineStatus
 
 from mcserver.errors import ServiceError
 from mcserver.web.history import SPOOL, HistoryFolder, event_rows, state_row
+from mcserver.web.panels.past import recordings_of, table_html
+from mcserver.web.past import Past
 from tests.clock import Clock
 from tests.wire_values import wire_value
 
@@ -89,6 +91,37 @@ def test_every_ready_question_is_sound(tmp_path: Path, question: str, span: str)
     filled(tmp_path)
     names, _ = ask(f"{question} {span}".strip(), tmp_path)
     assert names
+
+
+def test_a_run_has_its_name_and_its_time_and_a_fault_its_black_box(tmp_path: Path) -> None:
+    kept = folder_of(tmp_path)
+    kinds = (("program.opened", "part.nc"), ("program.started", ""), ("recording", "blackbox-1"))
+    for number, (kind, message) in enumerate(kinds):
+        event = Event(
+            seq=number, t=2.0, wall=NOON + number, instance="i", kind=kind, program="p", message=message
+        )
+        for machine in ("cell-1", "cell-2"):
+            kept.append(event_rows(machine, event))
+    kept.append(event_rows("cell-1", dataclasses.replace(FAULT, wall=NOON + 1.0)))
+    kept.append(event_rows("cell-1", ENDED))
+    kept.close()
+    names, (row,) = ask("programs", tmp_path)
+    assert (row[names.index("name")], row[names.index("took_s")]) == ("part.nc", 2.0)
+    found = ask("faults", tmp_path, machine="cell-1", threads=1)
+    assert recordings_of(found) == ["blackbox-1"]
+    assert "<th scope=col>recording</th>" in table_html(found)
+    assert "cell-1" not in table_html(found)
+    assert ask("faults", tmp_path, machine="cell-2' OR '1'='1")[1] == []
+
+
+async def test_the_page_asks_ready_questions_alone(tmp_path: Path) -> None:
+    filled(tmp_path)
+    past = Past(tmp_path)
+    assert len((await past.ask("faults", ""))[1]) == 1
+    with pytest.raises(RequestRefused, match="MC511"):
+        await past.ask("SELECT * FROM read_text('/etc/passwd')", "")
+    assert await past.running_today() == {}
+    assert await Past(tmp_path / "none").running_today() == {}
 
 
 def test_slow_lines_are_those_that_took_longer_than_asked(tmp_path: Path) -> None:

@@ -12,6 +12,7 @@ from nicegui import ui
 from mcserver.web.actions import Actions
 from mcserver.web.formatting import axis_name, page_hint
 from mcserver.web.link import MachineLink
+from mcserver.web.panels.replay import show_replay
 
 SHOWN = 60
 
@@ -23,11 +24,16 @@ class FaultPanel:
         self._link = actions.link
         self._card = ui.card().classes("mc-card")
         self._shown: tuple[object, ...] = ()
+        self._box = ""
         with self._card:
             self._list = ui.html("", sanitize=False).classes("w-full").props("role=alert")
             ui.button(
                 "Reset", on_click=lambda: actions.do("reset", "reset", lambda machine: machine.reset())
             ).props("color=warning")
+            self._play = ui.button("Play what led to it", on_click=self._play_box).props("outline")
+
+    async def _play_box(self) -> None:
+        await show_replay(self._link, self._box)
 
     def update(self, status: MachineStatus) -> None:
         self._card.set_visibility(bool(status.faults))
@@ -35,7 +41,8 @@ class FaultPanel:
         shown = (box, *((fault.code, fault.message, fault.axis) for fault in status.faults))
         if shown == self._shown:
             return
-        self._shown = shown
+        self._shown, self._box = shown, box
+        self._play.set_visibility(bool(box))
         rows = []
         # the emergency stop before what it has caused
         for fault in sorted(status.faults, key=lambda each: each.code != "MC400"):

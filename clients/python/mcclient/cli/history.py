@@ -24,12 +24,21 @@ SPANS = {
     "": "true",
 }
 QUESTIONS = {
-    "faults": "SELECT time, machine, code, axis, line, program, message FROM events"
-    " WHERE kind IN ('fault', 'estop') AND {span} ORDER BY time DESC",
+    # beside a fault the black box that was written for it
+    "faults": "SELECT time, machine, code, axis, line, program, message,"
+    " (SELECT min_by(box.message, box.time) FROM events box WHERE box.kind = 'recording'"
+    " AND box.machine = events.machine AND box.message LIKE 'blackbox-%'"
+    " AND box.time BETWEEN events.time AND events.time + INTERVAL 2 MINUTE) AS recording"
+    " FROM events WHERE kind IN ('fault', 'estop') AND {span} ORDER BY time DESC",
     "fault counts": "SELECT machine, coalesce(code, kind) AS code, count(*) AS times, max(time) AS latest"
     " FROM events WHERE kind IN ('fault', 'estop') AND {span} GROUP BY ALL ORDER BY times DESC",
-    "programs": "SELECT time, machine, program, state, client, reason FROM events"
-    " WHERE kind = 'program.ended' AND {span} ORDER BY time DESC",
+    "programs": "SELECT time, machine, program, name, state, round(epoch(time - began), 1) AS took_s,"
+    " client, reason FROM (SELECT * FROM events WHERE kind = 'program.ended' AND {span})"
+    " LEFT JOIN (SELECT machine, program, any_value(message) FILTER (kind = 'program.opened') AS name,"
+    " min(time) FILTER (kind = 'program.started') AS began FROM events WHERE program IS NOT NULL"
+    " GROUP BY ALL) USING (machine, program) ORDER BY time DESC",
+    "recordings": "SELECT time, machine, message AS recording FROM events"
+    " WHERE kind = 'recording' AND {span} ORDER BY time DESC",
     "slow lines": "SELECT machine, program, line, end_s - start_s AS taken_s, requested_s, stretched_by,"
     " bound_by FROM lines WHERE stretched_by > 1.05 AND {span} ORDER BY taken_s - requested_s DESC",
     "running time": "SELECT machine, CAST(time AS DATE) AS day,"
@@ -89,8 +98,13 @@ def sql_of(question: str) -> str:
     return question
 
 
-def ask(question: str, folder: Path) -> tuple[list[str], list[tuple[Any, ...]]]:
+def ask(
+    question: str, folder: Path, *, machine: str | None = None, threads: int | None = None
+) -> tuple[list[str], list[tuple[Any, ...]]]:
     """Names of the columns, and the first rows of the answer.
+
+    Args:
+        machine: the only one that is asked about. threads: the most that DuckDB may use.
 
     Raises:
         RequestRefused: MC511 there is no history, DuckDB is missing, or the question cannot be understood.
@@ -102,14 +116,18 @@ def ask(question: str, folder: Path) -> tuple[list[str], list[tuple[Any, ...]]]:
     with duckdb.connect() as connection:
         # times are UTC
         connection.execute("SET TimeZone = 'UTC'")
+        if threads is not None:
+            connection.execute(f"SET threads = {threads:d}")
         there = [table for table in TABLES if any((folder / table).glob("machine=*/day=*/*.parquet"))]
         if not there:
             raise RequestRefused(
                 "MC511", f"{folder} has no history", f"mcserver history {folder} writes it; --folder names it"
             )
         for table in there:
-            files = str(folder / table / "*" / "*" / "*.parquet").replace("'", "''")
-            rows = f"SELECT * FROM read_parquet('{files}', hive_partitioning = true, union_by_name = true)"
+            files = _quoted(str(folder / table / "*" / "*" / "*.parquet"))
+            rows = f"SELECT * FROM read_parquet({files}, hive_partitioning = true, union_by_name = true)"
+            if machine is not None:
+                rows += f" WHERE machine = {_quoted(machine)}"
             if table == "events":
                 # a collector that starts anew reads again what a server still has
                 rows = f"SELECT DISTINCT ON (machine, instance, seq) * FROM ({rows})"
@@ -126,3 +144,7 @@ def ask(question: str, folder: Path) -> tuple[list[str], list[tuple[Any, ...]]]:
                 str(error).strip().splitlines()[0],
                 "SQL over " + ", ".join(there) + "; or one of: " + ", ".join(QUESTIONS),
             ) from error
+
+
+def _quoted(text: str) -> str:
+    return "'" + text.replace("'", "''") + "'"

@@ -1,0 +1,89 @@
+"""The machine's past: runs, faults and recordings from the folder of ``mcserver history``."""
+
+from __future__ import annotations
+
+import html
+from datetime import datetime
+from functools import partial
+from typing import Any
+
+from mcclient import MotionError
+from nicegui import ui
+
+from mcserver.web.actions import show_refusal
+from mcserver.web.link import MachineLink
+from mcserver.web.panels.replay import show_replay
+from mcserver.web.past import WHATS, WHENS, Answer, Past
+
+SHOWN = 100
+# an answer is kept so long [s], whoever asks
+KEPT_S = 10.0
+RECORDING = "recording"
+
+
+class PastPanel:
+    """One ready question at a time, answered when it is asked; recordings are played from their rows."""
+
+    def __init__(self, link: MachineLink, past: Past) -> None:
+        self._link = link
+        self._past = past
+        with ui.card().classes("mc-card"):
+            ui.html("<h2>History</h2>", sanitize=False)
+            with ui.row().classes("items-center w-full gap-4"):
+                self._what = ui.select(list(WHATS), value=WHATS[0], label="What").classes("min-w-32")
+                self._when = ui.select(list(WHENS), value=WHENS[0], label="When").classes("min-w-28")
+                ui.button("Look up", on_click=self._look_up).props("outline")
+            self._state = ui.label("").classes("text-xs").props("aria-live=polite")
+            self._table = ui.html("", sanitize=False).classes("mc-events")
+            self._table.props('tabindex=0 aria-label="History"')
+            self._recordings = ui.element("div").classes("w-full")
+
+    async def _look_up(self) -> None:
+        what, when, link = str(self._what.value), str(self._when.value), self._link
+        self._state.set_text("…")
+        try:
+            names, rows = await link.answers.get(
+                f"past {what} {when}", KEPT_S, partial(self._past.ask, what, when, link.name)
+            )
+        except MotionError as error:
+            self._state.set_text("")
+            show_refusal(f"{error.message} [{error.code}]", error.hint)
+            return
+        more = f", the newest {SHOWN} are shown" if len(rows) > SHOWN else ""
+        self._state.set_text(f"{len(rows)} rows{more}; times are UTC")
+        self._table.set_content(table_html((names, rows)))
+        self._recordings.clear()
+        with self._recordings:
+            for name in recordings_of((names, rows)):
+                ui.button(f"Play {name}", on_click=partial(show_replay, link, name)).props(
+                    "flat dense no-caps"
+                )
+
+
+def table_html(answer: Answer) -> str:
+    """Return an answer as a table; the machine's own column is left out, for it is its page."""
+    names, rows = answer
+    columns = [at for at, name in enumerate(names) if name != "machine"]
+    head = "".join(f"<th scope=col>{html.escape(names[at].replace('_', ' '))}</th>" for at in columns)
+    body = "".join(
+        "<tr>" + "".join(f"<td>{html.escape(_shown(row[at]))}</td>" for at in columns) + "</tr>"
+        for row in rows[:SHOWN]
+    )
+    return f"<table class='mc-table'><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table>"
+
+
+def recordings_of(answer: Answer) -> list[str]:
+    """Return the recordings that an answer's rows name, the newest first, each once."""
+    names, rows = answer
+    if RECORDING not in names:
+        return []
+    at = names.index(RECORDING)
+    return list(dict.fromkeys(str(row[at]) for row in rows[:SHOWN] if row[at]))
+
+
+def _shown(value: Any) -> str:
+    if value is None:
+        return ""
+    if isinstance(value, float):
+        return f"{value:.6g}"
+    return f"{value:%Y-%m-%d %H:%M:%S}" if isinstance(value, datetime) else str(value)

@@ -1,0 +1,52 @@
+"""What the folder of ``mcserver history`` says about machines, for the page."""
+
+from __future__ import annotations
+
+import asyncio
+from pathlib import Path
+from typing import Any
+
+from mcclient import MotionError
+from mcclient.cli.history import QUESTIONS, SPANS, ask
+from mcclient.errors import RequestRefused
+
+# of one core beside motion servers
+THREADS = 1
+WHATS = ("programs", "faults", "recordings", "who", "slow lines", "running time")
+WHENS = tuple(span for span in SPANS if span)
+
+Answer = tuple[list[str], list[tuple[Any, ...]]]
+
+
+class Past:
+    """Ready questions to the history of a fleet, one at a time.
+
+    Args:
+        folder: of ``mcserver history``; read only.
+    """
+
+    def __init__(self, folder: Path) -> None:
+        self._folder = folder
+        self._turn = asyncio.Lock()
+
+    async def ask(self, what: str, when: str, machine: str | None = None) -> Answer:
+        """Names of the columns, and at most 1000 rows; about one machine, or all.
+
+        Raises:
+            MotionError: MC511 there is no such question, no history, or no DuckDB.
+        """
+        if what not in QUESTIONS or when not in SPANS:
+            raise RequestRefused("MC511", f"{what} {when} is no question", "choose one of the list")
+        async with self._turn:
+            return await asyncio.to_thread(
+                ask, f"{what} {when}".strip(), self._folder, machine=machine, threads=THREADS
+            )
+
+    async def running_today(self) -> dict[str, float]:
+        """Share of the day's states in which a program ran, by machine [%]; empty: nothing is known."""
+        try:
+            names, rows = await self.ask("running time", "today")
+        except MotionError:
+            return {}
+        machine, percent = names.index("machine"), names.index("running_percent")
+        return {str(row[machine]): float(row[percent]) for row in rows}
