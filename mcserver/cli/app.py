@@ -60,6 +60,7 @@ COMMANDS: Mapping[str, str] = MappingProxyType(
         "gateway": "gateway.gateway",
         "mtconnect": "mtconnect.mtconnect",
         "mqtt": "mqtt.mqtt",
+        "opcua": "opcua.opcua",
         "ros": "ros.ros",
         "examples": "examples.examples",
         "doctor": "doctor.doctor",

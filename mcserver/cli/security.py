@@ -1,4 +1,4 @@
-"""``mcserver security init | check | router``: who may do what on a site's network."""
+"""``mcserver security init | check | router | opcua``: who may do what on a site's network."""
 
 from __future__ import annotations
 
@@ -34,6 +34,7 @@ def build_app() -> typer.Typer:
     app.command("init")(init)
     app.command("check")(check)
     app.command("router")(router)
+    app.command("opcua")(opcua)
     return app
 
 
@@ -202,3 +203,25 @@ def router(
         signal.signal(number, lambda *_: stopped.set())
     stopped.wait()
     session.close()  # type: ignore[no-untyped-call]
+
+
+def opcua(
+    folder: FolderArgument,
+    name: Annotated[str, typer.Argument(metavar="NAME", help="Of the server or client.")],
+    host: Annotated[
+        list[str] | None,
+        typer.Option("--host", metavar="HOST", help="At which a server is reached. Repeatable."),
+    ] = None,
+    json: JsonOption = False,
+) -> None:
+    """Make certificate and key of an OPC UA server or client, signed by the site's authority."""
+    with json_answer_on_error(json):
+        from mcserver.security.site_folder import write_application
+
+        now = datetime.datetime.now(datetime.UTC)
+        written = write_application(folder, name, tuple(host or ()), now)
+    if json:
+        write_json({"ok": True, "files": [str(path) for path in written]})
+        return
+    for path in written:
+        results().print(str(path))

@@ -10,15 +10,14 @@ from pathlib import Path
 
 import aiomqtt
 import msgspec
-from mcclient import MotionError
-from mcclient.fleet import FleetLink, keep_link
+from mcclient import MachineStatus, MotionError
+from mcclient.fleet import FleetLink, keep_states
 
 from mcserver.mqtt.metrics import Value, metrics_of
 from mcserver.mqtt.publishers import Message, Publisher
 
 log = logging.getLogger(__name__)
 
-ANSWER_S = 1.0
 RETRY_S = 2.0
 SEND_S = 10.0
 # between two births that the other side asks for
@@ -52,7 +51,10 @@ class Bridge:
         """Run until it is cancelled."""
         async with asyncio.TaskGroup() as group:
             group.create_task(self.keep_connected(broker))
-            group.create_task(keep_link(self._watch, self._lost, connect=connect, config_file=config_file))
+            watching = keep_states(
+                self._look, self._lost, period_s=self._period_s, connect=connect, config_file=config_file
+            )
+            group.create_task(watching)
 
     async def see(self, states: Mapping[str, Mapping[str, Value]]) -> None:
         """Publish what is other than before."""
@@ -72,11 +74,8 @@ class Bridge:
                 elif changed:
                     await self._send(self._publisher.changed(machine, changed))
 
-    async def _watch(self, link: FleetLink) -> None:
-        while True:
-            states = await link.states(timeout_s=ANSWER_S)
-            await self.see({name: metrics_of(status) for name, status in states.items()})
-            await asyncio.sleep(self._period_s)
+    async def _look(self, _: FleetLink, states: Mapping[str, MachineStatus]) -> None:
+        await self.see({name: metrics_of(status) for name, status in states.items()})
 
     def _lost(self, error: MotionError) -> None:
         log.info("%s; trying again", error.message)

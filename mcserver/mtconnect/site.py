@@ -7,13 +7,13 @@ import contextlib
 import logging
 import secrets
 import socket
-from collections.abc import AsyncIterator
+from collections.abc import AsyncIterator, Mapping
 from contextlib import asynccontextmanager
 from pathlib import Path
 
 import msgspec
-from mcclient import MotionError
-from mcclient.fleet import FleetLink, keep_link
+from mcclient import MachineStatus, MotionError
+from mcclient.fleet import FleetLink, keep_states
 from starlette.applications import Starlette
 from starlette.middleware import Middleware
 from starlette.middleware.trustedhost import TrustedHostMiddleware
@@ -27,7 +27,6 @@ from mcserver.mtconnect.agent import Agent, Refusal, interval_of
 
 log = logging.getLogger(__name__)
 
-ANSWER_S = 1.0
 XML = "text/xml"
 
 
@@ -75,22 +74,20 @@ async def serve(options: AgentOptions) -> None:
 async def collect(agent: Agent, options: AgentOptions) -> None:
     """Ask all machines for their states, again and again, until it is cancelled."""
 
-    async def watch(link: FleetLink) -> None:
-        while True:
-            await look(agent, link)
-            await asyncio.sleep(1.0 / options.rate_hz)
+    async def see(link: FleetLink, found: Mapping[str, MachineStatus]) -> None:
+        await look(agent, link, found)
 
     def lost(error: MotionError) -> None:
         log.info("%s; trying again", error.message)
         for name in agent.devices:
             agent.see(name, None)
 
-    await keep_link(watch, lost, connect=options.connect, config_file=options.config_file)
+    period_s = 1.0 / options.rate_hz
+    await keep_states(see, lost, period_s=period_s, connect=options.connect, config_file=options.config_file)
 
 
-async def look(agent: Agent, link: FleetLink) -> None:
-    """Ask all machines for their states, and those that the agent does not know for their axes."""
-    found = await link.states(timeout_s=ANSWER_S)
+async def look(agent: Agent, link: FleetLink, found: Mapping[str, MachineStatus]) -> None:
+    """Show the agent all states, and ask machines that it does not know for their axes."""
     for name, status in found.items():
         if agent.wants(name, status.instance):
             with contextlib.suppress(MotionError):

@@ -12,7 +12,7 @@ from mcserver.errors import ConfigurationError
 try:
     from cryptography import x509
     from cryptography.hazmat.primitives import hashes, serialization
-    from cryptography.hazmat.primitives.asymmetric import ec
+    from cryptography.hazmat.primitives.asymmetric import ec, rsa
     from cryptography.x509.oid import ExtendedKeyUsageOID, NameOID
 except ImportError as error:
     raise ConfigurationError(
@@ -24,6 +24,9 @@ AUTHORITY_DAYS = 3650
 IDENTITY_DAYS = 825
 # clocks of machines differ
 EARLIER = datetime.timedelta(hours=1)
+# of OPC UA's policies in common use, whose keys are RSA [bit]
+RSA_SIZE = 3072
+Key = ec.EllipticCurvePrivateKey | rsa.RSAPrivateKey
 
 
 class Credentials(msgspec.Struct, frozen=True):
@@ -63,6 +66,16 @@ def new_signer(authority: Credentials, name: str, now: datetime.datetime) -> Cre
     return _signed(authority, name, now, [ExtendedKeyUsageOID.CODE_SIGNING], ())
 
 
+def new_application(
+    authority: Credentials, name: str, now: datetime.datetime, hosts: tuple[str, ...]
+) -> Credentials:
+    """A certificate of an OPC UA application, server or client (OPC 10000-6, 6.2.2)."""
+    key = rsa.generate_private_key(public_exponent=65537, key_size=RSA_SIZE)
+    names = (x509.UniformResourceIdentifier(f"urn:mcserver:opcua:{name}"), *map(_general_name, hosts))
+    purposes = [ExtendedKeyUsageOID.CLIENT_AUTH, ExtendedKeyUsageOID.SERVER_AUTH]
+    return _signed_for(key, authority, name, now, purposes, names)
+
+
 def _signed(
     authority: Credentials,
     name: str,
@@ -70,17 +83,28 @@ def _signed(
     purposes: list[x509.ObjectIdentifier],
     hosts: tuple[str, ...],
 ) -> Credentials:
+    names = tuple(_general_name(host) for host in hosts) or (x509.DNSName(name),)
+    return _signed_for(ec.generate_private_key(ec.SECP256R1()), authority, name, now, purposes, names)
+
+
+def _signed_for(
+    key: Key,
+    authority: Credentials,
+    name: str,
+    now: datetime.datetime,
+    purposes: list[x509.ObjectIdentifier],
+    names: tuple[x509.GeneralName, ...],
+) -> Credentials:
     issuer = x509.load_pem_x509_certificate(authority.certificate)
     signer = serialization.load_pem_private_key(authority.key, None)
     assert isinstance(signer, ec.EllipticCurvePrivateKey), "made by new_authority"
-    key = ec.generate_private_key(ec.SECP256R1())
-    alternative = [_general_name(host) for host in hosts] or [x509.DNSName(name)]
+    rsa_key = isinstance(key, rsa.RSAPrivateKey)
     certificate = (
         _builder(_subject(name), issuer.subject, key.public_key(), now, IDENTITY_DAYS)
         .add_extension(x509.BasicConstraints(ca=False, path_length=None), critical=True)
-        .add_extension(_usage(sign_certificates=False), critical=True)
+        .add_extension(_usage(sign_certificates=False, encipher=rsa_key), critical=True)
         .add_extension(x509.ExtendedKeyUsage(purposes), critical=False)
-        .add_extension(x509.SubjectAlternativeName(alternative), critical=False)
+        .add_extension(x509.SubjectAlternativeName(names), critical=False)
         .add_extension(
             x509.AuthorityKeyIdentifier.from_issuer_public_key(signer.public_key()), critical=False
         )
@@ -92,7 +116,7 @@ def _signed(
 def _builder(
     subject: x509.Name,
     issuer: x509.Name,
-    key: ec.EllipticCurvePublicKey,
+    key: ec.EllipticCurvePublicKey | rsa.RSAPublicKey,
     now: datetime.datetime,
     days: int,
 ) -> x509.CertificateBuilder:
@@ -119,12 +143,12 @@ def _general_name(host: str) -> x509.GeneralName:
         return x509.DNSName(host)
 
 
-def _usage(*, sign_certificates: bool) -> x509.KeyUsage:
+def _usage(*, sign_certificates: bool, encipher: bool = False) -> x509.KeyUsage:
     return x509.KeyUsage(
         digital_signature=not sign_certificates,
-        content_commitment=False,
-        key_encipherment=False,
-        data_encipherment=False,
+        content_commitment=encipher,
+        key_encipherment=encipher,
+        data_encipherment=encipher,
         key_agreement=False,
         key_cert_sign=sign_certificates,
         crl_sign=sign_certificates,
@@ -133,7 +157,7 @@ def _usage(*, sign_certificates: bool) -> x509.KeyUsage:
     )
 
 
-def _credentials(certificate: x509.Certificate, key: ec.EllipticCurvePrivateKey) -> Credentials:
+def _credentials(certificate: x509.Certificate, key: Key) -> Credentials:
     return Credentials(
         certificate.public_bytes(serialization.Encoding.PEM),
         key.private_bytes(

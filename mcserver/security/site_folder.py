@@ -11,7 +11,7 @@ import datetime
 import json
 import os
 import secrets
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -21,7 +21,13 @@ from mcserver.errors import ConfigurationError
 from mcserver.net.keys import is_name
 from mcserver.net.qos import reply_qos
 from mcserver.security.access import access_control
-from mcserver.security.certificates import Credentials, new_authority, new_identity, new_signer
+from mcserver.security.certificates import (
+    Credentials,
+    new_application,
+    new_authority,
+    new_identity,
+    new_signer,
+)
 from mcserver.security.site import Site, checked, machine_identity
 from mcserver.security.site_files import ROUTER, SITE_FILE, configuration_path
 
@@ -70,6 +76,22 @@ def signer_of(folder: Path, name: str, now: datetime.datetime) -> Credentials:
     Raises:
         ConfigurationError: MC560 the folder is no site's, or the name does not fit.
     """
+    return _made_once(folder, "signer", name, lambda authority: new_signer(authority, name, now))
+
+
+def write_application(
+    folder: Path, name: str, hosts: tuple[str, ...], now: datetime.datetime
+) -> tuple[Path, Path]:
+    """Return certificate and key of an OPC UA application, made when they are first asked for.
+
+    Raises:
+        ConfigurationError: MC560 the folder is no site's, or the name does not fit.
+    """
+    _made_once(folder, "opcua", name, lambda authority: new_application(authority, name, now, hosts))
+    return folder / f"opcua.{name}.pem", folder / f"opcua.{name}.key"
+
+
+def _made_once(folder: Path, kind: str, name: str, make: Callable[[Credentials], Credentials]) -> Credentials:
     authority = _kept(folder, AUTHORITY)
     if authority is None:
         raise ConfigurationError(
@@ -78,8 +100,7 @@ def signer_of(folder: Path, name: str, now: datetime.datetime) -> Credentials:
     if not is_name(name):
         raise ConfigurationError("MC560", f"{name[:40]!r} is no name", "letters, digits, '-', '_', '.'")
     try:
-        kept = _kept(folder, f"signer.{name}")
-        return kept or _keep(folder, f"signer.{name}", new_signer(authority, name, now))
+        return _kept(folder, f"{kind}.{name}") or _keep(folder, f"{kind}.{name}", make(authority))
     except OSError as error:
         raise ConfigurationError(
             "MC560", f"{folder} cannot be written: {error}", "give another folder"

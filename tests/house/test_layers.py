@@ -29,7 +29,7 @@ LAYERS: tuple[tuple[str, ...], ...] = (
     ("net", "plot", "doors"),
     ("view", "doctor", "security", "language", "fleet_sim"),
     ("web", "foxglove"),
-    ("gateway", "mqtt", "mtconnect", "ros"),
+    ("gateway", "mqtt", "mtconnect", "opcua", "ros"),
     ("server", "contract"),
     ("cli",),
     ("__main__", "__init__"),

@@ -78,7 +78,7 @@ def test_a_machine_for_which_there_is_no_room_is_not_asked_at_every_look(
     monkeypatch.setattr("mcserver.mtconnect.agent.MOST_DEVICES", 2)
     fleet: Any = Fleet("cell-1", "cell-2", "cell-3")
     for _ in range(3):
-        asyncio.run(look(agent, fleet))
+        asyncio.run(look(agent, fleet, dict.fromkeys(fleet.names, state())))
     assert fleet.asked == ["cell-2"]
     assert set(agent.devices) == {"cell-1", "cell-2"}
 

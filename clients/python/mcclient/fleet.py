@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Awaitable, Callable, Sequence
+from collections.abc import Awaitable, Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Self
 
@@ -14,11 +14,13 @@ from mcclient.estop import send_until_confirmed
 from mcclient.keys import ALL_MACHINES, Keys, machine_of_call, server_of
 from mcclient.presence import Presence
 from mcclient.transport import Link, endpoints_of, user_of
-from mcclient.types import EventsReply, Info, MachineStatus
+from mcclient.types import EventsReply, Info, MachineStatus, Tables
 from mcclient.wire import decode
 
 ORDER_S = 3.0
 RETRY_S = 2.0
+# in which machines answer
+STATES_S = 1.0
 
 
 class FleetLink:
@@ -107,6 +109,15 @@ class FleetLink:
         caller = Caller(self._link, Keys(machine, self._client), Presence(machine, self._live))
         return decode(Info, await caller.call("info", deadline_s=ORDER_S))
 
+    async def tables(self, machine: str) -> Tables:
+        """Work offsets and tools that programs of one machine start with.
+
+        Raises:
+            MotionError: it does not answer, or refuses.
+        """
+        caller = Caller(self._link, Keys(machine, self._client), Presence(machine, self._live))
+        return decode(Tables, await caller.call("tables", deadline_s=ORDER_S))
+
     async def order(self, machine: str, method: str) -> None:
         """``hold``, ``resume`` or ``abort`` for every program of one machine, or its ``reset``.
 
@@ -153,3 +164,26 @@ async def keep_link(
         except MotionError as error:
             lost(error)
         await asyncio.sleep(RETRY_S)
+
+
+async def keep_states(
+    see: Callable[[FleetLink, Mapping[str, MachineStatus]], Awaitable[None]],
+    lost: Callable[[MotionError], None],
+    *,
+    period_s: float,
+    connect: Sequence[str] = (),
+    config_file: Path | None = None,
+) -> None:
+    """Show the states of all machines again and again, over another link whenever one breaks.
+
+    Args:
+        see: is given the link and the states of those that answer, by name. lost: as in `keep_link`.
+        period_s: pause between two looks.
+    """
+
+    async def watch(link: FleetLink) -> None:
+        while True:
+            await see(link, await link.states(timeout_s=STATES_S))
+            await asyncio.sleep(period_s)
+
+    await keep_link(watch, lost, connect=connect, config_file=config_file)

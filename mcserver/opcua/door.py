@@ -1,0 +1,217 @@
+"""The server's door: who gets in by which certificate and password, and what a connection may take.
+
+asyncua leaves open, as of 2.1: a message may announce any size and is gathered before it is looked at;
+answers that nobody reads gather without a bound; a session is taken over from another channel by its
+number, which can be guessed, whether or not the attempt shows a valid user; anybody registers servers.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import datetime
+import socket
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from asyncua import Server, ua
+from asyncua.common.connection import TransportLimits
+from asyncua.common.utils import ServiceError
+from asyncua.crypto.permission_rules import PermissionRuleset, User, UserRole
+from asyncua.server.binary_server_asyncio import BinaryServer, OPCUAProtocol
+from asyncua.server.internal_server import InternalServer
+from asyncua.server.internal_session import InternalSession
+from cryptography import x509
+from cryptography.exceptions import InvalidSignature
+from cryptography.hazmat.primitives.asymmetric import rsa
+
+from mcserver.errors import ConfigurationError
+from mcserver.web.users import Users
+
+MOST_CONNECTIONS = 300
+# until a session is activated [s]
+ARRIVAL_S = 10.0
+# of a message from a client [B]: a read or a subscription of some thousand nodes
+MOST_MESSAGE = 2**20
+# values of a node that wait for one who does not ask for them
+MOST_QUEUED = 100
+# Reading, and the Call that ConditionRefresh is; no node has a method that changes anything.
+SERVICES = (
+    "Browse BrowseNext Call CreateMonitoredItems CreateSubscription DeleteMonitoredItems DeleteSubscriptions "
+    "ModifyMonitoredItems ModifySubscription Publish Read RegisterNodes Republish SetMonitoringMode "
+    "SetPublishingMode TransferSubscriptions TranslateBrowsePathsToNodeIds UnregisterNodes"
+)
+ALLOWED = frozenset(
+    ua.NodeId(getattr(ua.ObjectIds, f"{name}Request_Encoding_DefaultBinary")) for name in SERVICES.split(" ")
+)
+
+
+class ReadOnly(PermissionRuleset):
+    """Whoever has got in may read, and nobody may do anything else."""
+
+    def check_validity(self, user: User, action_type: ua.NodeId, _: Any) -> bool:
+        return user.role is not UserRole.Anonymous and action_type in ALLOWED
+
+
+class Trust:
+    """Certificates of clients, and authorities whose certificates are as good.
+
+    Raises:
+        ConfigurationError: MC085 the file cannot be read, or has none.
+    """
+
+    def __init__(self, path: Path) -> None:
+        try:
+            self._known = x509.load_pem_x509_certificates(path.read_bytes())
+        except (OSError, ValueError) as error:
+            raise ConfigurationError(
+                "MC085", f"the certificates {path} cannot be read: {error}", "a PEM file of one or more"
+            ) from error
+
+    def holds(self, der: bytes | None) -> bool:
+        """Return whether a valid certificate is one of these, or signed by an authority among them."""
+        try:
+            certificate = x509.load_der_x509_certificate(der or b"")
+        except ValueError:
+            return False
+        now = datetime.datetime.now(datetime.UTC)
+        if not certificate.not_valid_before_utc <= now <= certificate.not_valid_after_utc:
+            return False
+        return certificate in self._known or any(_signed_by(certificate, each) for each in self._known)
+
+
+class Guard(InternalServer):
+    """Sessions: each of one channel.
+
+    Args:
+        users: passwords; None: none are asked for. trust: None: every client's certificate does.
+    """
+
+    def __init__(self, users: Users | None, trust: Trust | None) -> None:
+        super().__init__(user_manager=self)
+        self._users, self._trust = users, trust
+        self._address = ""
+        self.max_connections = MOST_CONNECTIONS
+        self.max_pending_activation_seconds = ARRIVAL_S
+        self.max_monitored_item_queue_size = MOST_QUEUED
+        self.max_unacked_messages_per_subscription = MOST_QUEUED
+        self.max_subscriptions = MOST_CONNECTIONS
+        token = ua.AnonymousIdentityToken if users is None else ua.UserNameIdentityToken
+        self.supported_tokens = (token,)
+
+    def lookup_external_session(self, _: ua.NodeId) -> InternalSession | None:
+        """Return no session: another channel has to make one of its own."""
+        return None
+
+    def register_server(self, *_: Any) -> None:
+        raise ServiceError(ua.StatusCodes.BadServiceUnsupported)
+
+    register_server2 = register_server
+
+    def decrypt_user_token(self, isession: Any, token: ua.UserNameIdentityToken) -> tuple[str, str]:
+        self._address = str(isession.name)
+        found: tuple[str, str] = super().decrypt_user_token(isession, token)
+        return found
+
+    def get_user(
+        self, _: InternalServer, username: str | None, password: str | None, certificate: bytes | None
+    ) -> User | None:
+        """Return who a session is; the certificate: of the channel."""
+        if self._trust is not None and not self._trust.holds(certificate):
+            raise ServiceError(ua.StatusCodes.BadCertificateUntrusted)
+        if username is not None:
+            host = self._address.rpartition(",")[0]
+            if self._users is None or self._users.log_in(username, password or "", host) is None:
+                raise ServiceError(ua.StatusCodes.BadUserAccessDenied)
+        return User(UserRole.User, username)
+
+
+class Connection(OPCUAProtocol):
+    """A connection that is read only as far as it takes its answers."""
+
+    def connection_made(self, transport: asyncio.BaseTransport) -> None:
+        self._room = asyncio.Event()
+        self._room.set()
+        super().connection_made(transport)
+
+    def pause_writing(self) -> None:
+        self._room.clear()
+
+    def resume_writing(self) -> None:
+        self._room.set()
+
+    def data_received(self, data: bytes) -> None:
+        super().data_received(data)
+        if len(self._buffer) > MOST_MESSAGE and self.transport is not None:
+            self.transport.abort()
+
+    async def _process_one_msg(self, header: Any, buf: Any) -> bool:
+        await self._room.wait()
+        goes_on: bool = await super()._process_one_msg(header, buf)
+        return goes_on
+
+
+class Listener(BinaryServer):
+    """Takes connections at a socket that listens."""
+
+    def __init__(self, guard: InternalServer, listener: socket.socket, limits: TransportLimits) -> None:
+        super().__init__(guard, *listener.getsockname()[:2], limits)
+        self._listener = listener
+
+    def _make_protocol(self) -> OPCUAProtocol:
+        return Connection(self.iserver, self._policies, self.clients, self.closing_tasks, self.limits)
+
+    async def start(self) -> None:
+        self._server = await asyncio.get_running_loop().create_server(
+            self._make_protocol, sock=self._listener
+        )
+        self.cleanup_task = asyncio.create_task(self._close_task_loop())
+
+
+class ReadOnlyServer(Server):
+    """A server behind this door."""
+
+    def __init__(self, guard: Guard, listener: socket.socket) -> None:
+        super().__init__(iserver=guard)
+        self._listener = listener
+        self.listening_port: int = listener.getsockname()[1]
+        self.limits = TransportLimits(65535, 65535, MOST_MESSAGE // 65535 + 1, MOST_MESSAGE)
+
+    async def start(self) -> None:
+        await self._setup_server_nodes()
+        await self.iserver.start()
+        self.bserver = Listener(self.iserver, self._listener, self.limits)
+        self.bserver.set_policies(self._policies)
+        await self.bserver.start()
+
+
+def application_uri(path: Path) -> str:
+    """Return the URI in a server's certificate, which its description has to have, too (Part 6, 6.2.2).
+
+    Raises:
+        ConfigurationError: MC085 there is none, its key is not RSA, or it cannot be read.
+    """
+    try:
+        certificate = x509.load_pem_x509_certificate(path.read_bytes())
+        names = certificate.extensions.get_extension_for_class(x509.SubjectAlternativeName).value
+        uris: Sequence[str] = names.get_values_for_type(x509.UniformResourceIdentifier)
+        if not isinstance(certificate.public_key(), rsa.RSAPublicKey):
+            raise ValueError("its key is not RSA")
+        if not uris:
+            raise ValueError("it has no URI")
+    except (OSError, ValueError, x509.ExtensionNotFound) as error:
+        raise ConfigurationError(
+            "MC085",
+            f"the certificate {path} does not do for OPC UA: {error}",
+            "mcserver security opcua FOLDER NAME --host HOST makes one",
+        ) from error
+    return uris[0]
+
+
+def _signed_by(certificate: x509.Certificate, authority: x509.Certificate) -> bool:
+    try:
+        constraints = authority.extensions.get_extension_for_class(x509.BasicConstraints).value
+        certificate.verify_directly_issued_by(authority)
+    except (x509.ExtensionNotFound, ValueError, TypeError, InvalidSignature):
+        return False
+    return constraints.ca

@@ -1,0 +1,104 @@
+"""What a state of a machine is in the terms of OPC 40501-1: values by the names of their variables."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import NamedTuple
+
+from mcclient import MachineStatus
+from mcclient.broken_off import MANUAL_INPUT, is_by_hand
+from mcclient.types import ProgramStatus
+
+from mcserver.opcua.nodesets import State
+from mcserver.terminal import visible
+from mcserver.web.formatting import current_program, is_live
+
+EMERGENCY_STOP = "EMERGENCY_STOP"
+# OPC 40501-1: ChannelState, ChannelMode, MachineOperationMode
+ACTIVE, INTERRUPTED, RESET = 0, 1, 2
+AUTOMATIC, MANUAL_DATA, JOG = 0, 1, 2
+MANUAL_OPERATION, AUTOMATIC_OPERATION = 0, 1
+# of a program that has not ended; every other end is Aborted
+PROGRAM_STATES = {
+    "queued": "Initializing",
+    "running": "Running",
+    "ending": "Running",
+    "held": "Interrupted",
+    "paused": "Interrupted",
+    "finished": "Ended",
+}
+CHANNEL_STATES = {"Running": ACTIVE, "Interrupted": INTERRUPTED}
+
+Value = int | float | str | State
+
+
+class Alert(NamedTuple):
+    """A fault that lasts; ``key``: which one it is."""
+
+    key: str
+    code: str
+    message: str
+
+
+def readings_of(
+    status: MachineStatus | None, program_states: dict[str, State], item_states: dict[str, State]
+) -> dict[str, Value | None]:
+    """Return the value of every variable by its path below the machine; None: it is not known.
+
+    Args:
+        status: None: the machine does not answer.
+    """
+    program = current_program(status)
+    state = _program_state(program)
+    live = is_live(program)
+    channel = CHANNEL_STATES.get(state, RESET) if live else RESET
+    by_hand = live and program is not None and is_by_hand(program.name)
+    found: dict[str, Value | None] = {
+        "Monitoring.MachineTool.OperationMode": MANUAL_OPERATION if by_hand else AUTOMATIC_OPERATION,
+        "Monitoring.Channel.ChannelMode": _mode(program) if by_hand else AUTOMATIC,
+        "Monitoring.Channel.ChannelState": channel,
+        "Production.ActiveProgram.Name": "" if program is None else visible(program.name or program.program),
+        "Production.ActiveProgram.NumberInList": 0,
+        "Production.ActiveProgram.State.CurrentState": program_states[state],
+    }
+    for place in ("MachineTool", "Channel"):
+        found[f"Monitoring.{place}.FeedOverride"] = None if status is None else status.override
+    if status is None:
+        found = dict.fromkeys(found, None)
+    item = _item_state(status, channel)
+    return found | {"Monitoring.MachineTool.MachineryItemState.CurrentState": item_states[item]}
+
+
+def alerts_of(status: MachineStatus) -> list[Alert]:
+    """Return the emergency stop, latched faults, and the fault that the newest program ended with."""
+    found: dict[str, Alert] = {}
+    if status.state == "estop":
+        found[EMERGENCY_STOP] = Alert(EMERGENCY_STOP, EMERGENCY_STOP, "emergency stop until the reset")
+    program = current_program(status)
+    ended = [] if program is None or program.fault is None else [program.fault]
+    for fault in (*status.faults, *ended):
+        key = fault.code if fault.axis is None else f"{fault.code}.{fault.axis}"
+        found.setdefault(key, Alert(key, fault.code, visible(fault.message)))
+    return list(found.values())
+
+
+def gone(before: Iterable[Alert], now: Iterable[Alert]) -> list[Alert]:
+    """Return those of ``before`` that are over."""
+    keys = {each.key for each in now}
+    return [each for each in before if each.key not in keys]
+
+
+def _program_state(program: ProgramStatus | None) -> str:
+    return "Initializing" if program is None else PROGRAM_STATES.get(program.state.value, "Aborted")
+
+
+def _mode(program: ProgramStatus | None) -> int:
+    return MANUAL_DATA if program is not None and program.name == MANUAL_INPUT else JOG
+
+
+def _item_state(status: MachineStatus | None, channel: int) -> str:
+    if status is None:
+        return "NotAvailable"
+    if status.state != "ready":
+        return "OutOfService"
+    return "Executing" if channel == ACTIVE else "NotExecuting"
