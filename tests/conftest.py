@@ -41,6 +41,7 @@ GROUPS = {
         "language/test_agents_http.py",
         "mqtt/test_broker.py",
         "net",
+        "opcua/test_server.py",
         "packaging",
         "planning/test_planner_process.py",
         "security",

@@ -18,9 +18,11 @@ from asyncua import Server, ua
 from asyncua.common.connection import TransportLimits
 from asyncua.common.utils import ServiceError
 from asyncua.crypto.permission_rules import PermissionRuleset, User, UserRole
+from asyncua.server.address_space import AttributeService
 from asyncua.server.binary_server_asyncio import BinaryServer, OPCUAProtocol
 from asyncua.server.internal_server import InternalServer
 from asyncua.server.internal_session import InternalSession
+from asyncua.server.subscription_service import SubscriptionService
 from cryptography import x509
 from cryptography.exceptions import InvalidSignature
 from cryptography.hazmat.primitives.asymmetric import rsa
@@ -34,12 +36,16 @@ ARRIVAL_S = 10.0
 # of a message from a client [B]: a read or a subscription of some thousand nodes
 MOST_MESSAGE = 2**20
 # values of a node that wait for one who does not ask for them
-MOST_QUEUED = 100
-# Reading, and the Call that ConditionRefresh is; no node has a method that changes anything.
+MOST_QUEUED = 20
+# nodes that all clients together have subscribed to
+MOST_ITEMS = 100_000
+# Reading; Call for ConditionRefresh: no node has a method that changes anything; Write, which is answered
+# node by node: clients take a refused service for a broken connection. Not ModifyMonitoredItems, which
+# takes any length of a queue.
 SERVICES = (
     "Browse BrowseNext Call CreateMonitoredItems CreateSubscription DeleteMonitoredItems DeleteSubscriptions "
-    "ModifyMonitoredItems ModifySubscription Publish Read RegisterNodes Republish SetMonitoringMode "
-    "SetPublishingMode TransferSubscriptions TranslateBrowsePathsToNodeIds UnregisterNodes"
+    "ModifySubscription Publish Read RegisterNodes Republish SetMonitoringMode "
+    "SetPublishingMode TransferSubscriptions TranslateBrowsePathsToNodeIds UnregisterNodes Write"
 )
 ALLOWED = frozenset(
     ua.NodeId(getattr(ua.ObjectIds, f"{name}Request_Encoding_DefaultBinary")) for name in SERVICES.split(" ")
@@ -51,6 +57,29 @@ class ReadOnly(PermissionRuleset):
 
     def check_validity(self, user: User, action_type: ua.NodeId, _: Any) -> bool:
         return user.role is not UserRole.Anonymous and action_type in ALLOWED
+
+
+class ReadOnlyAttributes(AttributeService):
+    """Attributes that this process alone writes, whatever access the models' nodes say."""
+
+    async def write(self, params: ua.WriteParameters, user: User) -> list[ua.StatusCode]:
+        if user.role is not UserRole.Admin:
+            return [ua.StatusCode(ua.StatusCodes.BadNotWritable) for _ in params.NodesToWrite]
+        written: list[ua.StatusCode] = await super().write(params, user)
+        return written
+
+
+class BoundedSubscriptions(SubscriptionService):
+    """Subscriptions whose items are bounded in number."""
+
+    async def create_monitored_items(
+        self, params: ua.CreateMonitoredItemsParameters, *rest: Any
+    ) -> list[ua.MonitoredItemCreateResult]:
+        there = sum(len(each.monitored_item_srv._monitored_items) for each in self.subscriptions.values())
+        if there + len(params.ItemsToCreate) > MOST_ITEMS:
+            raise ServiceError(ua.StatusCodes.BadTooManyMonitoredItems)
+        made: list[ua.MonitoredItemCreateResult] = await super().create_monitored_items(params, *rest)
+        return made
 
 
 class Trust:
@@ -89,6 +118,9 @@ class Guard(InternalServer):
 
     def __init__(self, users: Users | None, trust: Trust | None) -> None:
         super().__init__(user_manager=self)
+        self.attribute_service = ReadOnlyAttributes(self.aspace)
+        self.subscription_service = BoundedSubscriptions(self.aspace, iserver=self)
+        self.isession.subscription_service = self.subscription_service
         self._users, self._trust = users, trust
         self._address = ""
         self.max_connections = MOST_CONNECTIONS

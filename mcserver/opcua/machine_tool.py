@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+import functools
 import uuid
 from collections.abc import Sequence
 from datetime import UTC, datetime
@@ -177,6 +178,7 @@ class MachineTool:
         messages = self._nodeid("Notification.Messages")
         for emitting in (messages, ua.NodeId(ua.ObjectIds.Server)):
             event = copy.copy(self._alert)
+            event.to_event_fields = functools.partial(_fields, event)
             event.emitting_node = emitting
             values: dict[str, object] = {
                 "EventId": uuid.uuid4().bytes,
@@ -186,7 +188,6 @@ class MachineTool:
                 "SourceName": self._name,
                 "Message": ua.LocalizedText(alert.message),
                 "Severity": SEVERITY,
-                "ErrorCode": alert.code,
                 "ConditionName": alert.code,
                 "Retain": active,
                 "EnabledState": ua.LocalizedText("Enabled"),
@@ -200,6 +201,7 @@ class MachineTool:
                 setattr(event, name, value)
             condition = ua.NodeId(f"{messages.Identifier}.{alert.key}", messages.NamespaceIndex)
             event.add_property("NodeId", condition, ua.VariantType.NodeId)
+            event.add_property("ErrorCode", alert.code, ua.VariantType.String)
             await self._server.iserver.subscription_service.trigger_event(event)
 
     def _nodeid(self, path: str) -> ua.NodeId:
@@ -207,3 +209,17 @@ class MachineTool:
 
     def _node(self, path: str) -> Node:
         return self._server.get_node(self._nodeid(path))
+
+
+def _fields(event: Any, clauses: Sequence[ua.SimpleAttributeOperand]) -> list[ua.Variant]:
+    """Return the fields that a client selects, nothing for those that the event does not have.
+
+    asyncua takes any attribute of the object for a field, and fails where that has no data type.
+    """
+    names = ["/".join(each.Name or "" for each in clause.BrowsePath) or "NodeId" for clause in clauses]
+    return [
+        ua.Variant(getattr(event, name), event.data_types[name])
+        if name in event.data_types and getattr(event, name) is not None
+        else ua.Variant()
+        for name in names
+    ]

@@ -58,12 +58,16 @@ class OpcUaOptions(msgspec.Struct, frozen=True):
 
 
 class Machines:
-    """Nodes of the machines that were seen."""
+    """Nodes of the machines that were seen.
+
+    Attributes:
+        server: has them. tools_due: when tool tables are looked at again [s of the monotonic clock].
+    """
 
     def __init__(self, server: ReadOnlyServer, model: Model) -> None:
-        self._server, self._model = server, model
+        self.server, self._model = server, model
         self._known: dict[str, MachineTool] = {}
-        self._tools_due = 0.0
+        self.tools_due = 0.0
 
     async def look(self, link: FleetLink, states: Mapping[str, MachineStatus]) -> None:
         """Show all states, and add the machines that are new."""
@@ -72,8 +76,8 @@ class Machines:
         for name, machine in self._known.items():
             found = states.get(name)
             await machine.show(found, time.time() if found is None else found.wall)
-        if time.monotonic() >= self._tools_due:
-            self._tools_due = time.monotonic() + TOOLS_S
+        if time.monotonic() >= self.tools_due:
+            self.tools_due = time.monotonic() + TOOLS_S
             present = [name for name in self._known if name in states]
             await asyncio.gather(*(self._show_tools(link, name) for name in present))
 
@@ -86,7 +90,7 @@ class Machines:
         if name not in self._known and len(self._known) < MOST_MACHINES:
             with contextlib.suppress(MotionError):
                 self._known[name] = await MachineTool.create(
-                    self._server, self._model, name, (await link.info(name)).server
+                    self.server, self._model, name, (await link.info(name)).server
                 )
 
     async def _show_tools(self, link: FleetLink, name: str) -> None:

@@ -1,0 +1,143 @@
+"""Machines as a link shows them, and the site that serves them."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import datetime
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from mcclient.types import (
+    AxesStatus,
+    Fault,
+    Info,
+    MachineStatus,
+    ProgramState,
+    ProgramStatus,
+    Tables,
+    ToolRow,
+)
+
+from mcserver.doors.listening import Address
+from mcserver.net.roles import Role
+from mcserver.opcua.site import Machines, OpcUaOptions, serving
+from mcserver.security.site import Site
+from mcserver.security.site_folder import write_application, write_site
+from mcserver.web.users import add_user
+from tests.wire_values import wire_value
+
+WALL = 1_800_000_000.0
+LOST_DRIVE = Fault("MC407", "axis 1 does not answer", axis=1)
+
+
+def state(*faults: Fault, **fields: Any) -> MachineStatus:
+    axes = wire_value(AxesStatus, (0,), (0.0,), (0.0,), (0.0,))
+    return wire_value(MachineStatus, wall=WALL, axes=axes, faults=faults, **fields)
+
+
+def program(now: str, name: str = "part.nc", **fields: Any) -> ProgramStatus:
+    return wire_value(ProgramStatus, "id-1", ProgramState(now), "alice", name, **fields)
+
+
+class Fleet:
+    """A link to machines with these tools."""
+
+    def __init__(self, *tools: int) -> None:
+        self.tools = tools
+
+    async def info(self, name: str) -> Info:
+        return wire_value(Info, name, "0.1.0")
+
+    async def tables(self, _: str) -> Tables:
+        rows = tuple(ToolRow(number, 10.0, 5.0) for number in self.tools)
+        return wire_value(Tables, tool_table=True, tools=rows)
+
+
+class Files(NamedTuple):
+    """Of a site: server's and client's certificates and keys, one of another site, users, the authority."""
+
+    server: tuple[Path, Path]
+    client: tuple[Path, Path]
+    other: tuple[Path, Path]
+    users: Path
+    authority: Path
+
+
+def site_files(folder: Path) -> Files:
+    now = datetime.datetime.now(datetime.UTC)
+    site, other = folder / "site", folder / "other"
+    for each in (site, other):
+        write_site(each, Site("127.0.0.1"), now)
+    add_user(folder / "users", "mes", Role.OBSERVER, "a long secret")
+    return Files(
+        write_application(site, "hall", ("127.0.0.1",), now),
+        write_application(site, "mes", (), now),
+        write_application(other, "mes", (), now),
+        folder / "users",
+        site / "authority.pem",
+    )
+
+
+class Served:
+    """A server that a test may kill and start again, always at one port."""
+
+    def __init__(self, files: Files | None = None) -> None:
+        self._files = files
+        self._stack = contextlib.AsyncExitStack()
+        self.port = 0
+        self.machines: Machines
+
+    @property
+    def url(self) -> str:
+        return f"opc.tcp://127.0.0.1:{self.port}/"
+
+    async def start(self) -> None:
+        urls: list[str] = []
+        address = Address("127.0.0.1", self.port, on_ready=urls.append)
+        options = OpcUaOptions(address)
+        if self._files is not None:
+            address = Address("127.0.0.1", self.port, *self._files.server, urls.append)
+            options = OpcUaOptions(address, self._files.users, self._files.authority)
+        self.machines = await self._stack.enter_async_context(serving(options))
+        self.port = int(urls[0].rstrip("/").rpartition(":")[2])
+
+    async def stop(self) -> None:
+        await self._stack.aclose()
+
+    async def look(self, states: dict[str, MachineStatus], *tools: int) -> None:
+        fleet: Any = Fleet(*tools)
+        self.machines.tools_due = 0.0
+        await self.machines.look(fleet, states)
+
+
+class GoClient:
+    """The client of another make, by what it says."""
+
+    def __init__(self, binary: Path) -> None:
+        self._binary = binary
+        self._process: asyncio.subprocess.Process
+
+    async def start(self, *arguments: object) -> None:
+        words = [str(each) for each in arguments]
+        self._process = await asyncio.create_subprocess_exec(
+            self._binary, *words, stdout=asyncio.subprocess.PIPE, stderr=asyncio.subprocess.DEVNULL
+        )
+
+    async def says(self, *beginnings: str) -> list[str]:
+        """Lines up to the one that begins with the last of these; those between may be others."""
+        assert self._process.stdout is not None
+        wanted, found = list(beginnings), []
+        async with asyncio.timeout(60.0):
+            while wanted:
+                line = (await self._process.stdout.readline()).decode().rstrip()
+                assert line, f"it ended without {wanted[0]!r}: {found}"
+                found.append(line)
+                if line.startswith(wanted[0]):
+                    wanted.pop(0)
+        return found
+
+    async def stop(self) -> None:
+        if self._process.returncode is None:
+            self._process.kill()
+        await self._process.wait()
