@@ -100,6 +100,15 @@ const (
 	EventKindBusBack          EventKind = "bus.back"
 )
 
+// ToolFrame is a word of the wire. A later server may know further ones.
+type ToolFrame string
+
+// The words that this version knows.
+const (
+	ToolFrameBase ToolFrame = "base"
+	ToolFrameTool ToolFrame = "tool"
+)
+
 // MachineState is a word of the wire. A later server may know further ones.
 type MachineState string
 
@@ -240,15 +249,6 @@ const (
 	ToolDirectionA ToolDirection = "A"
 	ToolDirectionB ToolDirection = "B"
 	ToolDirectionC ToolDirection = "C"
-)
-
-// ToolFrame is a word of the wire. A later server may know further ones.
-type ToolFrame string
-
-// The words that this version knows.
-const (
-	ToolFrameBase ToolFrame = "base"
-	ToolFrameTool ToolFrame = "tool"
 )
 
 // Ack: Payload of `ack/{program}`: cumulative, so that a lost one does not matter.

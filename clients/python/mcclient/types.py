@@ -102,6 +102,16 @@ class EventKind(Word):
     BUS_BACK = "bus.back"
 
 
+class ToolFrame(Word):
+    """One of the words of the wire."""
+
+    BASE = "base"
+    TOOL = "tool"
+
+
+ToolFrameWord = ToolFrame | Literal["base", "tool"]
+
+
 class MachineState(Word):
     """One of the words of the wire."""
 
@@ -253,16 +263,6 @@ class ToolDirection(Word):
 
 
 ToolDirectionWord = ToolDirection | Literal["X", "Y", "Z", "A", "B", "C"]
-
-
-class ToolFrame(Word):
-    """One of the words of the wire."""
-
-    BASE = "base"
-    TOOL = "tool"
-
-
-ToolFrameWord = ToolFrame | Literal["base", "tool"]
 
 
 @dataclass(frozen=True, slots=True)

@@ -31,6 +31,9 @@ export type EventKind =
   | "drive.back" | "drive.rebooted" | "drive.started" | "drive.failed" | "bus.foreign_master" | "bus.lost"
   | "bus.back";
 
+export type ToolFrame =
+  | "base" | "tool";
+
 export type MachineState =
   | "ready" | "fault" | "estop";
 
@@ -68,9 +71,6 @@ export type Severity =
 
 export type ToolDirection =
   | "X" | "Y" | "Z" | "A" | "B" | "C";
-
-export type ToolFrame =
-  | "base" | "tool";
 
 /** Payload of `ack/{program}`: cumulative, so that a lost one does not matter. */
 export interface Ack {

@@ -59,6 +59,10 @@ words!(EventKind {
     BusLost = "bus.lost", BusBack = "bus.back",
 });
 
+words!(ToolFrame {
+    Base = "base", Tool = "tool",
+});
+
 words!(MachineState {
     Ready = "ready", Fault = "fault", Estop = "estop",
 });
@@ -110,10 +114,6 @@ words!(Severity {
 
 words!(ToolDirection {
     X = "X", Y = "Y", Z = "Z", A = "A", B = "B", C = "C",
-});
-
-words!(ToolFrame {
-    Base = "base", Tool = "tool",
 });
 
 /// Payload of `ack/{program}`: cumulative, so that a lost one does not matter.

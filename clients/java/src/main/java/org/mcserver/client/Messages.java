@@ -118,6 +118,11 @@ public final class Messages {
     }
 
     /** A word of the wire. */
+    public enum ToolFrame implements Word {
+        BASE, TOOL, UNKNOWN
+    }
+
+    /** A word of the wire. */
     public enum MachineState implements Word {
         READY, FAULT, ESTOP, UNKNOWN
     }
@@ -193,11 +198,6 @@ public final class Messages {
         public String word() {
             return word;
         }
-    }
-
-    /** A word of the wire. */
-    public enum ToolFrame implements Word {
-        BASE, TOOL, UNKNOWN
     }
 
     /**
