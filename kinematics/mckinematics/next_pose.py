@@ -53,7 +53,7 @@ def _newton(tool: ToolModel, pose: Pose, joints: Array, aside: float) -> Array |
 
 
 def solve_along_line(tool: ToolModel, pose: Pose, joints: Array) -> Array | None:
-    """Joints at a pose further away, reached on the straight line to it; None: the line cannot be followed."""
+    """Return joints at a pose further away, reached on a straight line; None: it cannot be followed."""
     positions, rotations = tool.chain.forward(joints[None])
     start, end = positions[0], np.array(pose.position)
     angles = matrix_to_euler(rotations[0], tool.euler) if tool.orientation else None

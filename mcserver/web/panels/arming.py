@@ -20,8 +20,8 @@ OVERRIDES = {10: "10 %", 25: "25 %", 50: "50 %", 75: "75 %", 100: "100 %"}
 
 
 class ArmingPanel:
-    """A part for each request: who asks, picture, extents, duration and text; and what is approved for a while,
-    which ends here too. Hidden without any.
+    """A part for each request: who asks, picture, extents, duration and text; and what is approved for a
+    while, which ends here too. Hidden without any.
     """
 
     def __init__(self, actions: Actions) -> None:
@@ -185,8 +185,8 @@ def _listing(text: str) -> str:
 def _approval_text(run: dict[str, Any]) -> str:
     left, limit = clock_text(run["remaining_s"]), f"{run['override']:g} %"
     return (
-        f"{run['client']} may run what stays inside of {run['sha256'][:12]} for another {left}, up to {limit}: "
-        f"approved by {run['operator']}"
+        f"{run['client']} may run what stays inside of {run['sha256'][:12]} for another {left}, "
+        f"up to {limit}: approved by {run['operator']}"
     )
 
 
