@@ -67,7 +67,7 @@ def draw_derivative(axes: Any, scene: Scene, trace: AxisTrace, order: int, *, to
             for bound in (limit, -limit):
                 axes.axhline(bound, color=LIMIT, linewidth=1.0, linestyle=(0, (5, 3)))
             axes.set_ylim(-1.18 * max(limit, peak), 1.18 * max(limit, peak))
-        said = f"peak {peak:,.0f} of {limit:,.0f} {unit} ({100.0 * peak / limit:.0f} %)"
+        said = f"{peak:,.0f} of {limit:,.0f} {unit} ({100.0 * peak / limit:.0f} %)"
     else:
         said = f"peak {peak:,.0f} {unit}, not limited"
     axes.set_title(f"{trace.name} {QUANTITIES[order]}")
@@ -146,7 +146,7 @@ def draw_times(axes: Any, scene: Scene, colours: Mapping[int, str]) -> None:
     axes.set_xlabel("time [s]")
     axes.set_ylabel("line")
     rest = len(scene.timed_lines) - len(shown)
-    axes.set_title("Time of each line, | asked" + (f" (the {len(shown)} most stretched)" if rest else ""))
+    axes.set_title("Time of each line, | asked" + (f" ({len(shown)} of {len(scene.timed_lines)})" if rest else ""))
 
 
 def _most_telling(lines: tuple[TimedLine, ...]) -> list[TimedLine]:
