@@ -864,12 +864,45 @@ type MachineStatus struct {
 	WorkOffsets []WorkOffset `msgpack:"work_offsets"`
 	// Disk: how slow the disk under the journal is; nil: it keeps up.
 	Disk *DiskStatus `msgpack:"disk"`
+	// Mounted: tools that have bodies and are known to be there.
+	Mounted []MountedTool `msgpack:"mounted"`
 }
 
 // MeshInfo: A mesh that the URDF names: `name` as it stands there; `size` in bytes, 0: it is not to be had.
 type MeshInfo struct {
 	Name string `msgpack:"name" mc:"required"`
 	Size int64  `msgpack:"size" mc:"required"`
+}
+
+// ModelBody: A body or zone of `[clearance]`.
+type ModelBody struct {
+	Name string `msgpack:"name" mc:"required"`
+	// Shape: `box` (of a zone too), `cylinder`, `capsule`, `sphere`, `mesh` or `cutter`.
+	Shape string `msgpack:"shape" mc:"required"`
+	// SizeMm: edges of a box, radius and length of what is round.
+	SizeMm []float64 `msgpack:"size_mm" mc:"required"`
+	// AtMm: in the frame of what carries it, Rz(C)·Ry(B)·Rx(A).
+	AtMm []float64 `msgpack:"at_mm" mc:"required"`
+	// TurnedDeg: in the frame of what carries it, Rz(C)·Ry(B)·Rx(A).
+	TurnedDeg []float64 `msgpack:"turned_deg" mc:"required"`
+	// Mesh: its place in `ModelReply.meshes`, in mm.
+	Mesh *int64 `msgpack:"mesh"`
+	// Link: of the URDF that carries it.
+	Link string `msgpack:"link"`
+	// CarriedBy: axes that do instead
+	CarriedBy []int64 `msgpack:"carried_by"`
+	// Directions: of them, 0 to 2 for X to Z.
+	Directions []int64 `msgpack:"directions"`
+	// Opposite: against their sense. Neither: it stands.
+	Opposite bool `msgpack:"opposite"`
+	// Tool: that it comes with; nil: it is always there.
+	Tool *int64 `msgpack:"tool"`
+	// Zone: `keep_out`, `keep_in` or `slow`; empty: a body.
+	Zone string `msgpack:"zone"`
+	// Input: name of what switches it on; empty: it is always on.
+	Input string `msgpack:"input"`
+	// High: the input's level then.
+	High bool `msgpack:"high"`
 }
 
 // ModelMeshRequest: Part of a mesh's file: `mesh` counts from 0 in `ModelReply.meshes`.
@@ -886,7 +919,7 @@ type ModelPart struct {
 	Data   []byte `msgpack:"data" mc:"required"`
 }
 
-// ModelReply: A robot's URDF.
+// ModelReply: A robot's URDF, and the bodies and zones of a machine.
 type ModelReply struct {
 	// Urdf: its text; empty: the machine has none.
 	Urdf string `msgpack:"urdf" mc:"required"`
@@ -894,8 +927,9 @@ type ModelReply struct {
 	Digest string `msgpack:"digest" mc:"required"`
 	// Joints: the joint that each axis moves, by axis number.
 	Joints map[string]string `msgpack:"joints" mc:"required"`
-	// Meshes: of the visuals, in the order of `ModelMeshRequest.mesh`.
-	Meshes []MeshInfo `msgpack:"meshes" mc:"required"`
+	// Meshes: of the visuals, and behind them those of bodies, in the order of `ModelMeshRequest.mesh`.
+	Meshes []MeshInfo  `msgpack:"meshes" mc:"required"`
+	Bodies []ModelBody `msgpack:"bodies"`
 }
 
 // ModelRequest: What the machine looks like: a `ModelReply`.
@@ -907,6 +941,15 @@ type MonitoredValue struct {
 	Value    Value  `msgpack:"value" mc:"required"`
 	Index    int64  `msgpack:"index"`
 	Subindex int64  `msgpack:"subindex"`
+}
+
+// MountedTool: A tool that has a body and is mounted, as a program has said.
+type MountedTool struct {
+	Number int64 `msgpack:"number" mc:"required"`
+	// Spindle: it is the cutter there, with `length` and `diameter` of the tool table [mm]; else both are 0.
+	Spindle  bool    `msgpack:"spindle" mc:"required"`
+	Length   float64 `msgpack:"length" mc:"required"`
+	Diameter float64 `msgpack:"diameter" mc:"required"`
 }
 
 // Need: What stands in the way of going on.

@@ -12,32 +12,21 @@ from mckinematics.solver import MachineKinematics
 
 from mcserver.clearance.outlines import turned
 from mcserver.errors import ConfigurationError
-from mcserver.machine.clearance_section import (
-    Body,
-    BoxBody,
-    CapsuleBody,
-    Clearance,
-    CutterBody,
-    CylinderBody,
-    MeshBody,
-    SphereBody,
-    Zone,
-)
+from mcserver.machine.clearance_section import Body, Clearance, MeshBody, Zone, measures
 from mcserver.machine.machine_file import Machine
 from mcserver.machine.plausibility import axis_name
 from mcserver.net.model_methods import look
 from mcserver.units import MM, AxisType
+from mcserver.view.bodies import BODY, ZONE, body_solids
 from mcserver.view.gantry import gantry_parts, gantry_space
 from mcserver.view.meshes import load_mesh
 from mcserver.view.robot import robot_parts
-from mcserver.view.solids import Array, Colour, Part, Solid, ball, box, capsule, cylinder
+from mcserver.view.solids import Array, Part, Solid
 from mcserver.view.stage import Tool, Up, tree_up
 from mcserver.view.urdf import Joint, Link, Tree, read_tree
 
 # frames: all others hang on the first one, which stands with Z up
 WORLD, PORTAL = "world", "machine"
-BODY: Colour = (150, 156, 165)
-ZONE: Colour = (170, 51, 119)
 
 
 class Shape(NamedTuple):
@@ -181,7 +170,8 @@ def _body_part(body: Body, root: str) -> Part:
 
 
 def _zone_part(zone: Zone, root: str) -> Part:
-    return Part(root, (box(np.array(zone.size_mm) * MM, ZONE).moved(_pose(zone)),))
+    (solid,) = body_solids("box", zone.size_mm, ZONE)
+    return Part(root, (solid.moved(_pose(zone)),))
 
 
 def _pose(placed: Body | Zone) -> Array:
@@ -192,26 +182,15 @@ def _pose(placed: Body | Zone) -> Array:
 
 
 def _solids(body: Body) -> Sequence[Solid]:
-    match body:
-        case BoxBody():
-            return [box(np.array(body.size_mm) * MM, BODY)]
-        case CylinderBody():
-            return [cylinder(body.radius_mm * MM, body.length_mm * MM, BODY)]
-        case SphereBody():
-            return [ball(body.radius_mm * MM, BODY)]
-        case CapsuleBody():
-            half = np.array([0.0, 0.0, 0.5 * body.length_mm * MM])
-            return [capsule(-half, half, body.radius_mm * MM, BODY)]
-        case CutterBody():
-            # the shape of a machine stays as it is: what programs fit is not in it
-            return []
-        case MeshBody():
-            try:
-                scale = np.diag([MM, MM, MM, 1.0])
-                return [solid.moved(scale) for solid in load_mesh(Path(body.file), BODY)]
-            except (OSError, ValueError) as error:
-                raise ConfigurationError(
-                    "MC323",
-                    f"the mesh {body.file!r} of {body.name!r} cannot be read: {error}",
-                    "give an STL, OBJ or DAE file, relative to the machine file",
-                ) from error
+    if not isinstance(body, MeshBody):
+        # the shape of a machine stays as it is: what programs fit is not in it
+        return body_solids(*measures(body))
+    try:
+        scale = np.diag([MM, MM, MM, 1.0])
+        return [solid.moved(scale) for solid in load_mesh(Path(body.file), BODY)]
+    except (OSError, ValueError) as error:
+        raise ConfigurationError(
+            "MC323",
+            f"the mesh {body.file!r} of {body.name!r} cannot be read: {error}",
+            "give an STL, OBJ or DAE file, relative to the machine file",
+        ) from error

@@ -94,6 +94,25 @@ class CutterBody(Carried, frozen=True, kw_only=True, tag_field="shape", tag="cut
 Body = BoxBody | CylinderBody | CapsuleBody | SphereBody | MeshBody | CutterBody
 
 
+def measures(body: Body) -> tuple[str, tuple[float, ...]]:
+    """Return a body's shape, and its sizes [mm]: edges of a box, radius and length of what is round; none
+    of a mesh or the cutter.
+    """
+    match body:
+        case BoxBody():
+            return "box", body.size_mm
+        case CylinderBody():
+            return "cylinder", (body.radius_mm, body.length_mm)
+        case CapsuleBody():
+            return "capsule", (body.radius_mm, body.length_mm)
+        case SphereBody():
+            return "sphere", (body.radius_mm,)
+        case MeshBody():
+            return "mesh", ()
+        case CutterBody():
+            return "cutter", ()
+
+
 class Switch(NamedTuple):
     """What switches zones on: number of a digital input, and whether it is high then."""
 

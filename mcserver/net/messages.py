@@ -45,6 +45,9 @@ from mcserver.service.reports import (
     MachineStatus as MachineStatus,
 )
 from mcserver.service.reports import (
+    MountedTool as MountedTool,
+)
+from mcserver.service.reports import (
     OnDisconnect as OnDisconnect,
 )
 from mcserver.service.reports import (

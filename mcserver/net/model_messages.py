@@ -23,19 +23,51 @@ class MeshInfo(msgspec.Struct, frozen=True):
     size: int
 
 
+class ModelBody(msgspec.Struct, frozen=True):
+    """A body or zone of ``[clearance]``.
+
+    Attributes:
+        shape: ``box`` (of a zone too), ``cylinder``, ``capsule``, ``sphere``, ``mesh`` or ``cutter``.
+        size_mm: edges of a box, radius and length of what is round.
+        mesh: its place in `ModelReply.meshes`; the file is in mm.
+        at_mm, turned_deg: in the frame of what carries it, Rz(C)·Ry(B)·Rx(A).
+        link: of the URDF that carries it. carried_by: axes that do instead; directions: of them, 0 to 2 for X
+            to Z. opposite: against their sense. Neither: it stands.
+        tool: that it comes with; None: it is always there.
+        zone: ``keep_out``, ``keep_in`` or ``slow``; empty: a body. input: name of what switches it on; empty:
+            it is always on. high: the input's level then.
+    """
+
+    name: str
+    shape: str
+    size_mm: list[float]
+    at_mm: list[float]
+    turned_deg: list[float]
+    mesh: int | None = None
+    link: str = ""
+    carried_by: list[int] = []
+    directions: list[int] = []
+    opposite: bool = False
+    tool: int | None = None
+    zone: str = ""
+    input: str = ""
+    high: bool = False
+
+
 class ModelReply(msgspec.Struct, frozen=True):
-    """A robot's URDF.
+    """A robot's URDF, and the bodies and zones of a machine.
 
     Attributes:
         urdf: its text; empty: the machine has none. digest: of the text and the meshes.
         joints: the joint that each axis moves, by axis number.
-        meshes: of the visuals, in the order of `ModelMeshRequest.mesh`.
+        meshes: of the visuals, and behind them those of bodies, in the order of `ModelMeshRequest.mesh`.
     """
 
     urdf: str
     digest: str
     joints: dict[str, str]
     meshes: list[MeshInfo]
+    bodies: list[ModelBody] = []
 
 
 class ModelMeshRequest(Request, frozen=True, kw_only=True):

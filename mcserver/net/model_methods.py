@@ -5,13 +5,16 @@ from __future__ import annotations
 import asyncio
 import hashlib
 import os
+from collections.abc import Mapping
 from pathlib import Path
 from types import MappingProxyType
 
+import msgspec
 from mckinematics.errors import ModelError
 from mckinematics.model import read_urdf
 
 from mcserver.errors import Refused
+from mcserver.machine.clearance_section import Body, MeshBody, Zone, measures
 from mcserver.machine.machine_file import Machine
 from mcserver.machine.machine_kinematics import build_kinematics
 from mcserver.machine.mesh_files import find_mesh, mesh_names
@@ -59,34 +62,78 @@ def look(machine: Machine) -> tuple[wire.ModelReply, list[Path | None]]:
         Refused: MC587 its URDF cannot be read.
     """
     kinematics = build_kinematics(machine)
-    if machine.urdf is None or kinematics is None:
+    text, joints = "", dict[str, str]()
+    found: list[tuple[str, Path | None]] = []
+    if machine.urdf is not None and kinematics is not None:
+        try:
+            text = read_urdf(machine.urdf)
+        except ModelError as error:
+            raise Refused("MC587", str(error), "look at the machine file's [kinematics]") from error
+        for tool in kinematics.tools:
+            chain = kinematics.tool(tool).chain
+            joints |= {str(axis): name for axis, name in zip(chain.axes, chain.joint_names, strict=True)}
+        roots = [
+            Path(folder) / below
+            for name, below in PACKAGE_PATHS.items()
+            for folder in os.environ.get(name, "").split(":")
+            if folder
+        ]
+        found = [(name, find_mesh(name, Path(machine.urdf), roots)) for name in mesh_names(text)]
+    bodies = []
+    if machine.clearance is not None:
+        for body in machine.clearance.bodies:
+            mesh = None
+            if isinstance(body, MeshBody):
+                mesh = len(found)
+                found.append((f"body {body.name}", Path(body.file)))
+            bodies.append(_body(body, mesh, machine.clearance.letters))
+        names = {each.number: each.name for each in machine.inputs if each.digital}
+        bodies += [_zone(zone, names) for zone in machine.clearance.zones]
+    if not text and not bodies:
         return wire.ModelReply("", "", {}, []), []
-    try:
-        text = read_urdf(machine.urdf)
-    except ModelError as error:
-        raise Refused("MC587", str(error), "look at the machine file's [kinematics]") from error
-    joints: dict[str, str] = {}
-    for tool in kinematics.tools:
-        chain = kinematics.tool(tool).chain
-        joints |= {str(axis): name for axis, name in zip(chain.axes, chain.joint_names, strict=True)}
-    roots = [
-        Path(folder) / below
-        for name, below in PACKAGE_PATHS.items()
-        for folder in os.environ.get(name, "").split(":")
-        if folder
-    ]
-    digest = hashlib.sha256(text.encode())
+    digest = hashlib.sha256(text.encode() + msgspec.json.encode(bodies))
     meshes, paths = [], []
-    for name in mesh_names(text):
-        path = find_mesh(name, Path(machine.urdf), roots)
-        size = 0 if path is None or path.suffix.lower() not in SUFFIXES else path.stat().st_size
+    for name, path in found:
+        size = 0
+        if path is not None and path.suffix.lower() in SUFFIXES and path.is_file():
+            size = path.stat().st_size
         if not 0 < size <= MAX_MESH_BYTES:
             size, path = 0, None
         changed = 0 if path is None else path.stat().st_mtime_ns
         digest.update(f"{name} {size} {changed}".encode())
         meshes.append(wire.MeshInfo(name, size))
         paths.append(path)
-    return wire.ModelReply(text, digest.hexdigest()[:32], joints, meshes), paths
+    return wire.ModelReply(text, digest.hexdigest()[:32], joints, meshes, bodies), paths
+
+
+def _body(body: Body, mesh: int | None, letters: Mapping[int, int]) -> wire.ModelBody:
+    shape, size = measures(body)
+    return wire.ModelBody(
+        body.name,
+        shape,
+        list(size),
+        list(body.at_mm),
+        list(body.turned_deg),
+        mesh=mesh,
+        link=body.link or "",
+        carried_by=body.carried_by,
+        directions=[letters[axis] for axis in body.carried_by],
+        opposite=body.opposite,
+        tool=body.tool,
+    )
+
+
+def _zone(zone: Zone, inputs: Mapping[int, str]) -> wire.ModelBody:
+    return wire.ModelBody(
+        zone.name,
+        "box",
+        list(zone.size_mm),
+        list(zone.at_mm),
+        list(zone.turned_deg),
+        zone=zone.kind,
+        input="" if zone.input is None else inputs[zone.input],
+        high=zone.active == "high",
+    )
 
 
 def _part(path: Path, offset: int, size: int) -> wire.ModelPart:

@@ -9,8 +9,10 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
+from mcserver.clearance.mounted import SPINDLE
 from mcserver.gcode.profiles.codes import SYSTEM_NUMBERS
 from mcserver.gcode.text.source import MAX_LINE_LENGTH
+from mcserver.machine.dialect_section import Cutter
 from mcserver.machine.io_section import Input, Output
 from mcserver.machine.machine_file import Axis, Machine
 from mcserver.machine.machine_kinematics import build_kinematics
@@ -32,6 +34,7 @@ from mcserver.net.messages import (
     PROTOCOL_VERSION,
     AxesStatus,
     MachineStatus,
+    MountedTool,
     ToolPose,
     WorkOffset,
 )
@@ -48,6 +51,9 @@ from mcserver.units import MM
 TELEMETRY_FIELDS = ("setpoint", "position", "velocity", "torque")
 CYCLES_A_MESSAGE = 10
 STATE_HZ = 20.0
+
+
+NO_SIZE = Cutter(0.0)
 
 
 class EdgeUnits:
@@ -152,7 +158,19 @@ def machine_status(service: MachineService, units: EdgeUnits) -> MachineStatus:
         inputs=service.channels.inputs(snapshot),
         outputs=service.channels.outputs(snapshot),
         disk=service.disk,
+        mounted=_mounted(service),
     )
+
+
+def _mounted(service: MachineService) -> list[MountedTool]:
+    """Return the tools that have bodies and are known to be there, cutters with their sizes."""
+    found: list[MountedTool] = []
+    for place, tools in service.mounted.at.items():
+        for number in tools if len(tools) == 1 else ():
+            size = service.work_tables.cutters.get(number, NO_SIZE) if place == SPINDLE else NO_SIZE
+            if number:
+                found.append(MountedTool(number, place == SPINDLE, size.length / MM, size.diameter / MM))
+    return found
 
 
 def machine_info(service: MachineService, methods: list[str]) -> Info:

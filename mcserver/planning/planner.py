@@ -43,6 +43,7 @@ from mcserver.planning.planner_messages import (
     Report,
     ReportKind,
     StepLine,
+    ToolsExchanged,
     Validated,
 )
 from mcserver.planning.start_state import PauseEnd
@@ -250,6 +251,8 @@ class Planner:
         for report in reports:
             if report.frame is not None:
                 self._events.append(FrameChanged(plan.program, report.frame))
+            if report.exchange is not None:
+                self._events.append(ToolsExchanged(plan.program, report.exchange))
             if report.kind is ReportKind.MESSAGE:
                 self._events.append(ProgramMessage(plan.program, report.line, report.message))
             if report.kind is ReportKind.CONTACT:

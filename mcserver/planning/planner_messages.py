@@ -217,6 +217,13 @@ class ContactAhead(msgspec.Struct, frozen=True, tag=True):
     diagnostic: Diagnostic
 
 
+class ToolsExchanged(msgspec.Struct, frozen=True, tag=True):
+    """A program has exchanged tools that have bodies, where it stands."""
+
+    program: str
+    exchange: Exchange
+
+
 class Planned(msgspec.Struct, frozen=True, tag=True):
     """Lines now have a time; ``reports`` in order."""
 
@@ -257,6 +264,7 @@ PlannerEvent = (
     | ContactAhead
     | FrameChanged
     | ProgramMessage
+    | ToolsExchanged
     | Planned
     | Validated
     | ExecutorEvents

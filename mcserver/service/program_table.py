@@ -11,6 +11,7 @@ from collections.abc import Callable, Sequence
 from functools import partial
 from typing import Any
 
+from mcserver.clearance.mounted import Mounted
 from mcserver.errors import Diagnostic
 from mcserver.executor.entries import EventKind, ExecutorEvent
 from mcserver.executor.fault_codes import WARNINGS, FaultCode
@@ -38,6 +39,7 @@ from mcserver.planning.planner_messages import (
     PlannerEvent,
     PlannerFailed,
     ProgramMessage,
+    ToolsExchanged,
     Validated,
 )
 from mcserver.planning.start_state import StartState
@@ -81,7 +83,7 @@ class ProgramTable:
         faults: latched until a reset. time: of this start.
         offsets: work coordinate systems and tools, which outlive programs and the server.
         references: of axes, which outlive the server. axis_reports: of homing and probing.
-        pauses: of programs.
+        pauses: of programs. mounted: tools that have bodies, as programs have said.
         journal_damage: of the journal as it was found at this start; None: it is sound.
         journal_failure: why the journal cannot be written now; empty: it can.
     """
@@ -132,6 +134,7 @@ class ProgramTable:
         )
         self.references = References(references_file(options.journal), machine, self.journal.beside)
         self.axis_reports = AxisReports(machine.axes, self.references, self.events)
+        self.mounted = Mounted()
         self.pauses = Pauses(machine, self.leases, self.programs, self.journal, self.start_state)
         self.disk = DiskWatch(self._loop, self.journal, self.events, options.clock)
         self.planner = planner(self._planner_events)
@@ -407,6 +410,8 @@ class ProgramTable:
                         name=program.name,
                     )
                     self.pauses.offsets_changed()
+                case ToolsExchanged():
+                    self.mounted = self.mounted.behind(event.exchange)
                 case ProgramMessage():
                     program.messages.append((event.line, event.message))
                 case Planned():

@@ -275,6 +275,20 @@ class DiskStatus(msgspec.Struct, frozen=True):
     worst_s: float
 
 
+class MountedTool(msgspec.Struct, frozen=True):
+    """A tool that has a body and is mounted, as a program has said.
+
+    Attributes:
+        spindle: it is the cutter there, with ``length`` and ``diameter`` of the tool table [mm]; else both
+            are 0.
+    """
+
+    number: int
+    spindle: bool
+    length: float
+    diameter: float
+
+
 class MachineStatus(msgspec.Struct, frozen=True):
     """Payload of ``tele/state`` and reply of ``status``.
 
@@ -285,6 +299,7 @@ class MachineStatus(msgspec.Struct, frozen=True):
         inputs, outputs: those of the machine file, in the order of ``info``.
         work_offsets: systems that were set, in which the next program starts (G54 is in force then).
         disk: how slow the disk under the journal is; None: it keeps up.
+        mounted: tools that have bodies and are known to be there.
     """
 
     t: float
@@ -302,6 +317,7 @@ class MachineStatus(msgspec.Struct, frozen=True):
     probe: ProbeStatus | None = None
     work_offsets: list[WorkOffset] = []
     disk: DiskStatus | None = None
+    mounted: list[MountedTool] = []
 
 
 class LineReport(msgspec.Struct, frozen=True, omit_defaults=True):

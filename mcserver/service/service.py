@@ -11,6 +11,7 @@ import logging
 import math
 from collections.abc import Callable, Sequence
 
+from mcserver.clearance.mounted import Mounted
 from mcserver.errors import Refused
 from mcserver.executor.entries import Control
 from mcserver.executor.envelope_bounds import Envelope
@@ -172,6 +173,11 @@ class MachineService:
     def work_tables(self) -> WorkOffsets:
         """Work coordinate systems and tools that a program starts with, and who changed them."""
         return self._table.offsets
+
+    @property
+    def mounted(self) -> Mounted:
+        """Tools that have bodies, as programs have said since this start."""
+        return self._table.mounted
 
     def start_state(self) -> StartState:
         """Return what a program that begins now starts from."""

@@ -7,16 +7,19 @@ import contextlib
 import json
 import math
 import shutil
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 from xml.etree.ElementTree import ParseError
 
 import numpy as np
 from mcclient import Machine, MotionError
-from mcclient.types import ModelReply
+from mcclient.types import ModelBody, ModelReply
+from mckinematics.rotation import euler_to_matrix
 
+from mcserver.view.bodies import BODY, ZONE, body_solids
 from mcserver.view.gantry import gantry_parts
+from mcserver.view.meshes import load_mesh
 from mcserver.view.robot import robot_parts
 from mcserver.view.solids import Array, Part, Solid
 from mcserver.view.stage import Tool, Up, tree_up, up_of
@@ -33,7 +36,8 @@ async def fetch_model(machine: Machine, folder: Path) -> bytes:
         folder: keeps the answers between starts of the page; those of older models are deleted.
 
     Returns:
-        JSON for static/space.js: ``up``, and ``parts``, each a link with its joint and its ``solids``.
+        JSON for static/space.js: ``up``, and ``parts``, each a link with its joint and its ``solids``, then
+        frames, bodies and zones.
 
     Raises:
         MotionError: the machine does not answer, or its files cannot be read.
@@ -51,7 +55,7 @@ async def fetch_model(machine: Machine, folder: Path) -> bytes:
         work.mkdir(parents=True, exist_ok=True)
         meshes = await fetch_meshes(machine, found, work)
         joints = {int(axis): name for axis, name in found.joints.items()}
-        content = model_json(found.urdf, joints, meshes, machine.info.tools)
+        content = model_json(found.urdf, joints, meshes, machine.info.tools, bodies=found.bodies)
         kept.write_bytes(content)
     except OSError as error:
         raise MotionError("MC061", f"the model cannot be kept: {error.strerror}", "make room") from error
@@ -84,14 +88,16 @@ def model_json(
     meshes: Mapping[str, Path],
     tools: Iterable[Tool],
     up: Up = Up.AUTO,
+    bodies: Sequence[ModelBody] = (),
 ) -> bytes:
-    """Return a robot as JSON, see `fetch_model`; of a machine without a URDF no parts.
+    """Return a robot as JSON, see `fetch_model`; of a machine without a URDF no parts but bodies and zones.
 
     Args:
         joints: names by axis number. meshes: files by the names that the URDF has for them.
     """
+    extra = [part for body in bodies for part in _body_parts(body, meshes)]
     if not urdf:
-        return _json(up_of(up, (), ()), [])
+        return _json(up_of(up, (), ()), extra)
     tree = read_tree(urdf)
     axes = {name: axis for axis, name in joints.items()}
     by_child = {joint.child: joint for joint in tree.joints}
@@ -99,7 +105,31 @@ def model_json(
     # parents come first
     names = [tree.root, *(joint.child for joint in tree.joints)]
     parts = [_part(shapes[name], by_child.get(name), axes) for name in names if name in shapes]
-    return _json(tree_up(tree, joints, tools, up), parts)
+    return _json(tree_up(tree, joints, tools, up), [*parts, *extra])
+
+
+def _body_parts(body: ModelBody, meshes: Mapping[str, Path]) -> list[dict[str, Any]]:
+    """Return a body's or zone's part, behind the frames of the axes that carry it."""
+    found, parent = [], body.link or None
+    for axis, direction in zip(body.carried_by, body.directions, strict=True):
+        child, sense = f"{body.name} on {axis}", -1.0 if body.opposite else 1.0
+        slide = Joint(child, "prismatic", parent or "", child, np.eye(4), np.eye(3)[direction], child, sense)
+        found.append(_part(Part(child, ()), slide, {child: axis}))
+        parent = child
+    pose = np.eye(4)
+    a, b, c = np.radians(body.turned_deg)
+    pose[:3, :3] = euler_to_matrix((a, b, c), "ZYX")
+    pose[:3, 3] = np.array(body.at_mm) / MM_PER_M
+    name = f"body {body.name}"
+    solids: Sequence[Solid] = body_solids(body.shape, body.size_mm, ZONE if body.zone else BODY)
+    if body.shape == "mesh" and name in meshes:
+        scale = np.diag([*[1.0 / MM_PER_M] * 3, 1.0])
+        solids = [solid.moved(scale) for solid in load_mesh(meshes[name], BODY)]
+    joint = Joint(name, "fixed", parent or "", name, pose, np.eye(3)[0])
+    part = _part(Part(name, tuple(solids)), joint, {})
+    part |= {"tool": body.tool, "cutter": body.shape == "cutter"}
+    part |= {"zone": body.zone, "input": body.input, "high": body.high}
+    return [*found, part]
 
 
 def portal_json(axes: Iterable[int], low: Array, high: Array, up: Up = Up.AUTO) -> bytes:

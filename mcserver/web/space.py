@@ -75,6 +75,14 @@ class Space(Element, component="static/space.js"):
         """Show or hide the frame of each joint."""
         self.run_method("frames", shown)
 
+    def show_bodies(self, tools: Sequence[Mapping[str, Any]], inputs: Mapping[str, bool]) -> None:
+        """Show the bodies of the tools that are mounted, and zones that inputs have off as edges alone.
+
+        Args:
+            tools: maps `MountedTool`. inputs: by name whether they are high.
+        """
+        self.run_method("showBodies", {"tools": tools, "inputs": inputs})
+
     def look_at_all(self) -> None:
         """Turn the camera to all that is drawn."""
         self.run_method("lookAtAll")

@@ -91,9 +91,8 @@ async def test_a_program_that_stays_out_of_the_zone_goes_on(start: Start) -> Non
     assert not [event for event in cell.events if event.kind == "program.held"]
 
 
-async def test_what_begins_while_the_zone_is_on_is_held_before_it(start: Start) -> None:
-    cell = start(mill(CURTAIN))
-    await switch(cell, on=True)
+async def test_what_begins_after_a_start_with_the_zone_on_is_held_before_it(start: Start) -> None:
+    cell = start(mill(CURTAIN.replace("initial = true", "initial = false")))
     program = await begin(cell, "G1010", "G1 X120 F6000", "G1 X200")
     await cell.until(lambda: program.state == "held")
     await rests(cell)

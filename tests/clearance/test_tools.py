@@ -11,6 +11,8 @@ from mcserver.machine.dialect_section import Cutter
 from mcserver.machine.machine_file import Machine, parse_machine
 from mcserver.machine.machine_kinematics import build_kinematics
 from mcserver.machine.section_reader import MachineFileRejected
+from mcserver.net.messages import MountedTool
+from mcserver.net.status import EdgeUnits, machine_status
 from mcserver.service.program import Program
 from mcserver.simulation.simulation import Simulation, simulate
 from mcserver.units import DEGREE, MM
@@ -218,10 +220,17 @@ async def test_a_program_stops_before_what_its_tool_would_hit(start: Start, bodi
 
 async def test_a_jog_and_a_later_program_have_the_tool_that_is_in(start: Start) -> None:
     cell = start(spindle())
+
+    def mounted() -> list[MountedTool]:
+        return machine_status(cell.service, EdgeUnits(cell.service.machine)).mounted
+
     # nobody has said what is in
+    assert mounted() == []
     assert fault_of(await jog(cell, 0, 150.0))[0] == "MC320"
     assert (await jog(cell, 0, -place(cell, 0))).state == "finished"
     assert (await cell.run("T1 M6")).state == "finished"
+    assert [(each.number, each.spindle) for each in mounted()] == [(1, True)]
+    assert (mounted()[0].length, mounted()[0].diameter) == pytest.approx((30.0, 10.0))
     assert (await jog(cell, 0, 150.0)).state == "finished"
     assert (await cell.run("G1 X0 F6000", "G1 X300", "G1 X0")).state == "finished"
     assert (await cell.run("T2 M6")).state == "finished"

@@ -84,6 +84,13 @@ async def test_the_zone_of_agents_binds_a_run_that_was_approved_and_no_other(sta
     assert await jog(100.0) == "finished"
 
 
+async def test_the_zone_of_operators_binds_jogs_and_no_approved_run(start: Start) -> None:
+    cell = start(mill(GLASS.replace("agent", "operator")))
+    assert (await run(cell, *INTO, envelope=within(cell))).state == "finished"
+    name = await cell.jogging.jog("page", 0, distance=100.0, velocity=100.0, hold_s=None, program_id=None)
+    assert fault_of(await cell.ended(cell.service.program(name)))[0] == "MC321"
+
+
 @pytest.mark.parametrize(
     ("role", "message"),
     [

@@ -11,7 +11,8 @@ import pytest
 from mcserver.errors import Refused
 from mcserver.machine.machine_file import Machine, load_machine
 from mcserver.net import model_messages as wire
-from mcserver.net.model_methods import ModelMethods
+from mcserver.net.model_methods import ModelMethods, look
+from tests.clearance.machines import mill
 
 URDF = """<robot name="one">
 <link name="base"><visual><geometry><mesh filename="{}"/></geometry></visual></link>
@@ -68,3 +69,23 @@ def test_a_portal_has_no_model(tmp_path: Path) -> None:
     machine = msgspec.structs.replace(load_machine("cartesian"), name=tmp_path.name)
     found = asyncio.run(ModelMethods(machine).model("ada", wire.ModelRequest()))
     assert (found.urdf, found.meshes) == ("", [])
+
+
+def test_bodies_and_zones_are_told_with_what_carries_and_switches_them(tmp_path: Path) -> None:
+    (tmp_path / "vise.stl").write_bytes(b"solid\n")
+    machine = mill(
+        f'[[body]]\nname = "vise"\nshape = "mesh"\nfile = "{tmp_path}/vise.stl"\ntool = 2\n',
+        '[[input]]\nnumber = 3\nname = "curtain"\n'
+        '[[zone]]\nname = "door"\ninput = 3\nactive = "low"\nsize_mm = [1.0, 2.0, 3.0]\n',
+        '[dialect]\nprofile = "cnc"\n',
+    )
+    found, paths = look(machine)
+    tool, vise, door = found.bodies
+    assert (tool.shape, tool.size_mm, tool.carried_by, tool.directions) == (
+        "cylinder",
+        [5.0, 60.0],
+        [0, 1, 2],
+        [0, 1, 2],
+    )
+    assert (vise.mesh, vise.tool, paths) == (0, 2, [tmp_path / "vise.stl"])
+    assert (door.zone, door.input, door.high, door.size_mm) == ("keep_out", "curtain", False, [1.0, 2.0, 3.0])

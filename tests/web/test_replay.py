@@ -8,8 +8,10 @@ import math
 from pathlib import Path
 from typing import Any
 
+import msgspec
 import numpy as np
 import pytest
+from mcclient.types import ModelBody
 
 from mcserver.machine.machine_file import load_machine, parse_machine
 from mcserver.simulation.recorder import Recorded
@@ -20,7 +22,7 @@ from mcserver.web.panels.replay import axes_html, moving, spans_of
 from mcserver.web.playback import Playback
 from mcserver.web.replay import MOST_ROWS, axes_of, main, replay_of
 from mcserver.web.replay_format import Replay, ReplayAxis
-from mcserver.web.robot_model import portal_json
+from mcserver.web.robot_model import model_json, portal_json
 from mcserver.web.viewer import model_of
 from tests.kinematics.tool_machines import built_in
 
@@ -202,3 +204,26 @@ def test_zeros_of_work_coordinate_systems_stand_in_the_machine_s_coordinates() -
         "G55": [120.0, 0.0, -5.0],
     }
     assert work_zeros({}) == {}
+
+
+def test_bodies_hang_on_the_axes_that_carry_them_and_know_their_tools_and_inputs() -> None:
+    quill = ModelBody("quill", "box", [10.0, 10.0, 20.0], [0.0, 0.0, 5.0], [0.0, 0.0, 90.0])
+    quill = msgspec.structs.replace(quill, carried_by=[0, 2], directions=[0, 2], opposite=True, tool=2)
+    door = ModelBody("door", "box", [1.0, 1.0, 1.0], [0.0] * 3, [0.0] * 3, zone="slow", input="curtain")
+    parts = json.loads(model_json("", {}, {}, (), bodies=[quill, door]))["parts"]
+    assert [(each["parent"], each["driver"]) for each in parts] == [
+        ("", 0),
+        ("quill on 0", 2),
+        ("quill on 2", None),
+        ("", None),
+    ]
+    assert [each["ratio"] for each in parts[:2]] == [-1.0, -1.0]
+    assert (parts[2]["tool"], parts[3]["zone"], parts[3]["input"], parts[3]["high"]) == (
+        2,
+        "slow",
+        "curtain",
+        False,
+    )
+    # in mm, turned by a right angle about Z
+    assert np.reshape(parts[2]["pose"], (4, 4))[:3, 3].tolist() == [0.0, 0.0, 5.0]
+    assert np.reshape(parts[2]["pose"], (4, 4))[:2, 0] == pytest.approx([0.0, 1.0])

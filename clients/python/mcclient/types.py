@@ -1189,6 +1189,21 @@ class WorkOffset:
 
 
 @dataclass(frozen=True, slots=True)
+class MountedTool:
+    """A tool that has a body and is mounted, as a program has said.
+
+    Attributes:
+        spindle: it is the cutter there, with ``length`` and ``diameter`` of the tool table [mm]; else
+            both are 0.
+    """
+
+    number: int
+    spindle: bool
+    length: float
+    diameter: float
+
+
+@dataclass(frozen=True, slots=True)
 class MachineStatus:
     """Payload of ``tele/state`` and reply of ``status``.
 
@@ -1201,6 +1216,7 @@ class MachineStatus:
         outputs: those of the machine file, in the order of ``info``.
         work_offsets: systems that were set, in which the next program starts (G54 is in force then).
         disk: how slow the disk under the journal is; None: it keeps up.
+        mounted: tools that have bodies and are known to be there.
     """
 
     t: float
@@ -1218,6 +1234,7 @@ class MachineStatus:
     probe: ProbeStatus | None = None
     work_offsets: tuple[WorkOffset, ...] = ()
     disk: DiskStatus | None = None
+    mounted: tuple[MountedTool, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -1226,6 +1243,42 @@ class MeshInfo:
 
     name: str
     size: int
+
+
+@dataclass(frozen=True, slots=True)
+class ModelBody:
+    """A body or zone of ``[clearance]``.
+
+    Attributes:
+        shape: ``box`` (of a zone too), ``cylinder``, ``capsule``, ``sphere``, ``mesh`` or ``cutter``.
+        size_mm: edges of a box, radius and length of what is round.
+        at_mm: in the frame of what carries it, Rz(C)·Ry(B)·Rx(A).
+        turned_deg: in the frame of what carries it, Rz(C)·Ry(B)·Rx(A).
+        mesh: its place in `ModelReply.meshes`, in mm.
+        link: of the URDF that carries it.
+        carried_by: axes that do instead
+        directions: of them, 0 to 2 for X to Z.
+        opposite: against their sense. Neither: it stands.
+        tool: that it comes with; None: it is always there.
+        zone: ``keep_out``, ``keep_in`` or ``slow``; empty: a body.
+        input: name of what switches it on; empty: it is always on.
+        high: the input's level then.
+    """
+
+    name: str
+    shape: str
+    size_mm: tuple[float, ...]
+    at_mm: tuple[float, ...]
+    turned_deg: tuple[float, ...]
+    mesh: int | None = None
+    link: str = ""
+    carried_by: tuple[int, ...] = ()
+    directions: tuple[int, ...] = ()
+    opposite: bool = False
+    tool: int | None = None
+    zone: str = ""
+    input: str = ""
+    high: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -1239,19 +1292,20 @@ class ModelPart:
 
 @dataclass(frozen=True, slots=True)
 class ModelReply:
-    """A robot's URDF.
+    """A robot's URDF, and the bodies and zones of a machine.
 
     Attributes:
         urdf: its text; empty: the machine has none.
         digest: of the text and the meshes.
         joints: the joint that each axis moves, by axis number.
-        meshes: of the visuals, in the order of `ModelMeshRequest.mesh`.
+        meshes: of the visuals, and behind them those of bodies, in the order of `ModelMeshRequest.mesh`.
     """
 
     urdf: str
     digest: str
     joints: dict[str, str]
     meshes: tuple[MeshInfo, ...]
+    bodies: tuple[ModelBody, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)

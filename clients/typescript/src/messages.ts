@@ -704,12 +704,45 @@ export interface MachineStatus {
   work_offsets?: WorkOffset[];
   /** how slow the disk under the journal is; null: it keeps up. */
   disk?: DiskStatus | null;
+  /** tools that have bodies and are known to be there. */
+  mounted?: MountedTool[];
 }
 
 /** A mesh that the URDF names: `name` as it stands there; `size` in bytes, 0: it is not to be had. */
 export interface MeshInfo {
   name: string;
   size: number;
+}
+
+/** A body or zone of `[clearance]`. */
+export interface ModelBody {
+  name: string;
+  /** `box` (of a zone too), `cylinder`, `capsule`, `sphere`, `mesh` or `cutter`. */
+  shape: string;
+  /** edges of a box, radius and length of what is round. */
+  size_mm: number[];
+  /** in the frame of what carries it, Rz(C)·Ry(B)·Rx(A). */
+  at_mm: number[];
+  /** in the frame of what carries it, Rz(C)·Ry(B)·Rx(A). */
+  turned_deg: number[];
+  /** its place in `ModelReply.meshes`, in mm. */
+  mesh?: number | null;
+  /** of the URDF that carries it. */
+  link?: string;
+  /** axes that do instead */
+  carried_by?: number[];
+  /** of them, 0 to 2 for X to Z. */
+  directions?: number[];
+  /** against their sense. Neither: it stands. */
+  opposite?: boolean;
+  /** that it comes with; null: it is always there. */
+  tool?: number | null;
+  /** `keep_out`, `keep_in` or `slow`; empty: a body. */
+  zone?: string;
+  /** name of what switches it on; empty: it is always on. */
+  input?: string;
+  /** the input's level then. */
+  high?: boolean;
 }
 
 /** Part of a mesh's file: `mesh` counts from 0 in `ModelReply.meshes`. */
@@ -726,7 +759,7 @@ export interface ModelPart {
   data: Uint8Array;
 }
 
-/** A robot's URDF. */
+/** A robot's URDF, and the bodies and zones of a machine. */
 export interface ModelReply {
   /** its text; empty: the machine has none. */
   urdf: string;
@@ -734,8 +767,9 @@ export interface ModelReply {
   digest: string;
   /** the joint that each axis moves, by axis number. */
   joints: Record<string, string>;
-  /** of the visuals, in the order of `ModelMeshRequest.mesh`. */
+  /** of the visuals, and behind them those of bodies, in the order of `ModelMeshRequest.mesh`. */
   meshes: MeshInfo[];
+  bodies?: ModelBody[];
 }
 
 /** What the machine looks like: a `ModelReply`. */
@@ -748,6 +782,15 @@ export interface MonitoredValue {
   value: boolean | number | string | null;
   index?: number;
   subindex?: number;
+}
+
+/** A tool that has a body and is mounted, as a program has said. */
+export interface MountedTool {
+  number: number;
+  /** it is the cutter there, with `length` and `diameter` of the tool table [mm]; else both are 0. */
+  spindle: boolean;
+  length: number;
+  diameter: number;
 }
 
 /** What stands in the way of going on. */

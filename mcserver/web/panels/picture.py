@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import Any
 
+import msgspec
 from mcclient import MachineStatus
 from nicegui import ui
 
@@ -19,6 +20,7 @@ TRAIL_STEP = 0.05
 MOST_AT_ONCE = 2000
 
 Point = list[float]
+Bodies = tuple[list[dict[str, Any]], dict[str, bool]]
 
 
 class PicturePanel:
@@ -31,6 +33,7 @@ class PicturePanel:
         self._planned: dict[str, Any] | None = None
         self._restart = False
         self._zeros: dict[str, list[float]] = {}
+        self._bodies: Bodies | None = None
         with ui.card().classes("mc-card"):
             with ui.row().classes("items-center w-full justify-between"):
                 ui.html("<h2>Path</h2>", sanitize=False)
@@ -63,6 +66,10 @@ class PicturePanel:
         if zeros != self._zeros:
             self._zeros = zeros
             self._space.zeros(zeros)
+        bodies = _bodies_of(status)
+        if bodies != self._bodies:
+            self._bodies = bodies
+            self._space.show_bodies(*bodies)
         since, self._shown_until = self._shown_until, (status.instance, status.t)
         if since == self._shown_until and not self._restart:
             return
@@ -88,7 +95,7 @@ class PicturePanel:
     def _again(self) -> None:
         """A new picture, as after the browser was reloaded, knows nothing yet."""
         self._planned, self._last, self._shown_until, self._restart = None, {}, ("", 0.0), True
-        self._zeros = {}
+        self._zeros, self._bodies = {}, None
 
     def _look(self) -> None:
         self._space.look_at_all()
@@ -98,6 +105,12 @@ class PicturePanel:
         if status is not None:
             self._shown_until = (status.instance, status.t)
         self._last, self._restart = {}, True
+
+
+def _bodies_of(status: MachineStatus) -> Bodies:
+    """Return the tools that are mounted, and which inputs are high."""
+    levels = {each.name: each.value > 0.5 for each in status.inputs}
+    return [msgspec.to_builtins(each) for each in status.mounted], levels
 
 
 def tips_of(status: MachineStatus) -> dict[str, Point]:

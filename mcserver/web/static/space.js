@@ -62,6 +62,9 @@ export default {
     this.marks = [];
     this.jointFrames = [];
     this.axisParts = new Map();
+    this.toolBodies = [];
+    this.zones = [];
+    this.bodies = { tools: [], inputs: {} };
     this.line = 0;
     this.moved = false;
     this.fresh = true;
@@ -75,9 +78,11 @@ export default {
     this.scene.add(sun);
     this.content = new THREE.Group();
     this.body = new THREE.Group();
+    // zones may be far larger than the machine: nobody looks at all of them
+    this.zoneBoxes = new THREE.Group();
     // turned so that the machine's up is the picture's
     this.world = new THREE.Group();
-    this.world.add(this.content, this.body);
+    this.world.add(this.content, this.body, this.zoneBoxes);
     this.scene.add(this.world);
     const canvas = this.$el.querySelector("canvas");
     try {
@@ -150,7 +155,9 @@ export default {
       } catch { return; }
       if (this.gone) return;
       this.body.clear();
+      this.zoneBoxes.clear();
       this.axisParts.clear();
+      [this.toolBodies, this.zones] = [[], []];
       const groups = new Map();
       for (const part of model.parts) {
         const group = new THREE.Group();
@@ -163,9 +170,20 @@ export default {
           geometry.computeVertexNormals();
           const [red, green, blue] = solid.colour;
           const material = new THREE.MeshLambertMaterial({ color: `rgb(${red},${green},${blue})`, side: THREE.DoubleSide });
+          if (part.zone) {
+            Object.assign(material, { transparent: true, opacity: 0.2, depthWrite: false });
+            const edges = new THREE.LineSegments(new THREE.EdgesGeometry(geometry), new THREE.LineBasicMaterial({ color: material.color }));
+            group.add(edges);
+          }
           group.add(new THREE.Mesh(geometry, material));
         }
-        (groups.get(part.parent) ?? this.body).add(group);
+        if (part.cutter) {
+          const turned = new THREE.CylinderGeometry(0.5, 0.5, 1, 48).rotateX(Math.PI / 2).translate(0, 0, -0.5);
+          group.add(new THREE.Mesh(turned, new THREE.MeshLambertMaterial({ color: 0x969ca5 })));
+        }
+        if (part.zone) this.zones.push({ group, input: part.input, high: part.high });
+        if (part.cutter || part.tool) this.toolBodies.push({ group, ...part });
+        (groups.get(part.parent) ?? (part.zone ? this.zoneBoxes : this.body)).add(group);
         groups.set(part.name, group);
         if (part.driver !== null) {
           const parts = this.axisParts.get(part.driver) ?? [];
@@ -175,9 +193,25 @@ export default {
       }
       this.world.quaternion.setFromUnitVectors(new THREE.Vector3(...model.up), new THREE.Vector3(0, 0, 1));
       this.world.updateMatrixWorld(true);
+      this.showBodies(this.bodies);
       if (this.last) this.place(this.last);
       this.frames(this.framesShown);
       this.fit();
+    },
+
+    // bodies: {tools: [{number, spindle, length, diameter}], inputs: {name: whether it is high}}
+    showBodies(bodies) {
+      this.bodies = bodies;
+      for (const { group, tool, cutter } of this.toolBodies) {
+        const mounted = bodies.tools.find((each) => (cutter ? each.spindle && each.length > 0 : each.number === tool));
+        group.visible = Boolean(mounted);
+        if (cutter && mounted) group.scale.set(mounted.diameter, mounted.diameter, mounted.length);
+      }
+      // switched off: its edges alone
+      for (const { group, input, high } of this.zones) {
+        for (const part of group.children) if (part.isMesh) part.visible = (bodies.inputs[input] ?? high) === high;
+      }
+      this.draw();
     },
 
     // the frame of each part that an axis moves

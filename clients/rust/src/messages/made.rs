@@ -972,6 +972,9 @@ pub struct MachineStatus {
     /// how slow the disk under the journal is; none: it keeps up.
     #[serde(default)]
     pub disk: Option<DiskStatus>,
+    /// tools that have bodies and are known to be there.
+    #[serde(default)]
+    pub mounted: Vec<MountedTool>,
 }
 
 fn machine_status_override() -> f64 {
@@ -983,6 +986,47 @@ fn machine_status_override() -> f64 {
 pub struct MeshInfo {
     pub name: String,
     pub size: u64,
+}
+
+/// A body or zone of `\[clearance\]`.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct ModelBody {
+    pub name: String,
+    /// `box` (of a zone too), `cylinder`, `capsule`, `sphere`, `mesh` or `cutter`.
+    pub shape: String,
+    /// edges of a box, radius and length of what is round.
+    pub size_mm: Vec<f64>,
+    /// in the frame of what carries it, Rz(C)·Ry(B)·Rx(A).
+    pub at_mm: Vec<f64>,
+    /// in the frame of what carries it, Rz(C)·Ry(B)·Rx(A).
+    pub turned_deg: Vec<f64>,
+    /// its place in `ModelReply.meshes`, in mm.
+    #[serde(default)]
+    pub mesh: Option<u64>,
+    /// of the URDF that carries it.
+    #[serde(default)]
+    pub link: String,
+    /// axes that do instead
+    #[serde(default)]
+    pub carried_by: Vec<u64>,
+    /// of them, 0 to 2 for X to Z.
+    #[serde(default)]
+    pub directions: Vec<u64>,
+    /// against their sense. Neither: it stands.
+    #[serde(default)]
+    pub opposite: bool,
+    /// that it comes with; none: it is always there.
+    #[serde(default)]
+    pub tool: Option<u64>,
+    /// `keep_out`, `keep_in` or `slow`; empty: a body.
+    #[serde(default)]
+    pub zone: String,
+    /// name of what switches it on; empty: it is always on.
+    #[serde(default)]
+    pub input: String,
+    /// the input's level then.
+    #[serde(default)]
+    pub high: bool,
 }
 
 /// Part of a mesh's file: `mesh` counts from 0 in `ModelReply.meshes`.
@@ -1013,7 +1057,7 @@ pub struct ModelPart {
     pub data: Bytes,
 }
 
-/// A robot's URDF.
+/// A robot's URDF, and the bodies and zones of a machine.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct ModelReply {
     /// its text; empty: the machine has none.
@@ -1022,8 +1066,10 @@ pub struct ModelReply {
     pub digest: String,
     /// the joint that each axis moves, by axis number.
     pub joints: BTreeMap<String, String>,
-    /// of the visuals, in the order of `ModelMeshRequest.mesh`.
+    /// of the visuals, and behind them those of bodies, in the order of `ModelMeshRequest.mesh`.
     pub meshes: Vec<MeshInfo>,
+    #[serde(default)]
+    pub bodies: Vec<ModelBody>,
 }
 
 /// What the machine looks like: a `ModelReply`.
@@ -1040,6 +1086,16 @@ pub struct MonitoredValue {
     pub index: u64,
     #[serde(default)]
     pub subindex: u64,
+}
+
+/// A tool that has a body and is mounted, as a program has said.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct MountedTool {
+    pub number: u64,
+    /// it is the cutter there, with `length` and `diameter` of the tool table \[mm\]; else both are 0.
+    pub spindle: bool,
+    pub length: f64,
+    pub diameter: f64,
 }
 
 /// What stands in the way of going on.

@@ -782,15 +782,37 @@ public final class Messages {
      * @param outputs those of the machine file, in the order of `info`.
      * @param workOffsets systems that were set, in which the next program starts (G54 is in force then).
      * @param disk how slow the disk under the journal is; null: it keeps up.
+     * @param mounted tools that have bodies and are known to be there.
      */
     public record MachineStatus(
             double t, double wall, String instance, MachineState state, AxesStatus axes, List<ProgramStatus> programs,
             List<Fault> faults, @Sparse("100") double override, @Sparse long lateCycles, @Sparse List<ToolPose> tools,
             @Sparse List<InputStatus> inputs, @Sparse List<OutputStatus> outputs, @Sparse ProbeStatus probe, @Sparse
-            List<WorkOffset> workOffsets, @Sparse DiskStatus disk) {}
+            List<WorkOffset> workOffsets, @Sparse DiskStatus disk, @Sparse List<MountedTool> mounted) {}
 
     /** A mesh that the URDF names: `name` as it stands there; `size` in bytes, 0: it is not to be had. */
     public record MeshInfo(String name, long size) {}
+
+    /**
+     * A body or zone of `[clearance]`.
+     * @param shape `box` (of a zone too), `cylinder`, `capsule`, `sphere`, `mesh` or `cutter`.
+     * @param sizeMm edges of a box, radius and length of what is round.
+     * @param atMm in the frame of what carries it, Rz(C)·Ry(B)·Rx(A).
+     * @param turnedDeg in the frame of what carries it, Rz(C)·Ry(B)·Rx(A).
+     * @param mesh its place in `ModelReply.meshes`, in mm.
+     * @param link of the URDF that carries it.
+     * @param carriedBy axes that do instead
+     * @param directions of them, 0 to 2 for X to Z.
+     * @param opposite against their sense. Neither: it stands.
+     * @param tool that it comes with; null: it is always there.
+     * @param zone `keep_out`, `keep_in` or `slow`; empty: a body.
+     * @param input name of what switches it on; empty: it is always on.
+     * @param high the input's level then.
+     */
+    public record ModelBody(
+            String name, String shape, List<Double> sizeMm, List<Double> atMm, List<Double> turnedDeg, @Sparse Long
+            mesh, @Sparse String link, @Sparse List<Long> carriedBy, @Sparse List<Long> directions, @Sparse boolean
+            opposite, @Sparse Long tool, @Sparse String zone, @Sparse String input, @Sparse boolean high) {}
 
     /** Part of a mesh's file: `mesh` counts from 0 in `ModelReply.meshes`. */
     public record ModelMeshRequest(long mesh, long offset, long size) {
@@ -814,19 +836,27 @@ public final class Messages {
     public record ModelPart(long offset, long size, byte[] data) {}
 
     /**
-     * A robot's URDF.
+     * A robot's URDF, and the bodies and zones of a machine.
      * @param urdf its text; empty: the machine has none.
      * @param digest of the text and the meshes.
      * @param joints the joint that each axis moves, by axis number.
-     * @param meshes of the visuals, in the order of `ModelMeshRequest.mesh`.
+     * @param meshes of the visuals, and behind them those of bodies, in the order of `ModelMeshRequest.mesh`.
      */
-    public record ModelReply(String urdf, String digest, Map<String, String> joints, List<MeshInfo> meshes) {}
+    public record ModelReply(
+            String urdf, String digest, Map<String, String> joints, List<MeshInfo> meshes, @Sparse List<ModelBody>
+            bodies) {}
 
     /** What the machine looks like: a `ModelReply`. */
     public record ModelRequest() {}
 
     /** One object that the machine file shows in telemetry (`monitor`); value null: none has come. */
     public record MonitoredValue(String name, @Nil Object value, @Sparse long index, @Sparse long subindex) {}
+
+    /**
+     * A tool that has a body and is mounted, as a program has said.
+     * @param spindle it is the cutter there, with `length` and `diameter` of the tool table [mm]; else both are 0.
+     */
+    public record MountedTool(long number, boolean spindle, double length, double diameter) {}
 
     /**
      * What stands in the way of going on.
