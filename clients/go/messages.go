@@ -885,7 +885,7 @@ type ModelBody struct {
 	AtMm []float64 `msgpack:"at_mm" mc:"required"`
 	// TurnedDeg: in the frame of what carries it, Rz(C)·Ry(B)·Rx(A).
 	TurnedDeg []float64 `msgpack:"turned_deg" mc:"required"`
-	// Mesh: its place in `ModelReply.meshes`, in mm.
+	// Mesh: its place in `ModelReply.meshes`; the file is in mm.
 	Mesh *int64 `msgpack:"mesh"`
 	// Link: of the URDF that carries it.
 	Link string `msgpack:"link"`

@@ -143,7 +143,7 @@ class ExecutorEvent(msgspec.Struct, frozen=True, gc=False):
         code: for FAULT: the stable code (number behind MC).
         axis: for FAULT: axis number, else -1.
         token: for SETTLED, HOMING and PROBED; for INPUT: column of the input; for PAUSED: mask of the columns
-            that others may move until it is confirmed.
+            that others may move until it is confirmed; of a FAULT before a switched zone: 1 if it moved.
         values: for SETTLED: (setpoints (K,), encoder positions (K,)); for FAULT: (value, limit); for INPUT:
             (value, seconds that were waited).
     """

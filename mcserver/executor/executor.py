@@ -16,7 +16,7 @@ from mcserver.executor.barriers import Dwell, InputWait
 from mcserver.executor.block import Block
 from mcserver.executor.block_playing import play_block
 from mcserver.executor.cycle import Cycle
-from mcserver.executor.entries import Array
+from mcserver.executor.entries import Array, EventKind
 from mcserver.executor.fault_codes import FaultCode
 from mcserver.executor.holding import stop_independent
 from mcserver.executor.independent import IndependentMotions
@@ -289,7 +289,15 @@ class Executor:
             if slot.running and not slot.interlocked:
                 column, bit = io.switching(slot.zones_on)
                 values = (float(column), float(bit))
-                cycle.fault(FaultCode.ZONE_HOLD, slot.index, slot.line, values=values)
+                # before anything has moved on a resume that comes too early
+                cycle.emit(
+                    EventKind.FAULT,
+                    slot.index,
+                    slot.line,
+                    code=FaultCode.ZONE_HOLD,
+                    token=slot.moves,
+                    values=values,
+                )
                 slot.interlock()
         unowned = self.bank.all & ~self._owned() & self.motions.mask if met else 0
         if unowned:

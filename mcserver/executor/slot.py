@@ -154,7 +154,7 @@ class ProgramSlot:
         self._hold = orders.hold or machine.hold
         self._override = orders.override * machine.override
         resumes = (orders.resume, machine.resume)
-        if resumes != self._resumes and not (self.cycle.io.holding or self.zones_on):
+        if resumes != self._resumes and not self.cycle.io.holding:
             self._interlocked = False
         self._resumes = resumes
         if not self._started:
@@ -260,9 +260,7 @@ class ProgramSlot:
         One that is held, or has nothing that moves (paused, or out of lines), goes on.
         """
         motions = self.cycle.motions
-        moves = self.playback.active or motions.owned_by(self.index) or self._settling
-        stands = self._state is SlotState.HELD or not moves
-        if not self.running or not self._started or stands:
+        if not self.running or not self._started or not self.moves:
             return
         motions.rest(motions.owned_by(self.index))
         # from rest in real time: the next setpoint is the last one
@@ -271,6 +269,12 @@ class ProgramSlot:
         if self.cycle.bank.shaper is not None:
             # drives stand behind the rows: these are not gone to any more
             self.playback.leave(self.playback.active)
+
+    @property
+    def moves(self) -> bool:
+        """Whether axes are on their way; not while the program is held, or waits."""
+        on_the_way = self.playback.active or self.cycle.motions.owned_by(self.index) or self._settling
+        return bool(on_the_way) and self._state is not SlotState.HELD
 
     def lose(self, column: int) -> None:
         """Take axis ``column``, which has faulted, out of the program's motion."""

@@ -219,7 +219,8 @@ class ClearanceGuard:
             self._pass(self._claims)
         elif event.kind in (EventKind.FINISHED, EventKind.STOPPED):
             self._tenant.ended = event.time
-        elif event.kind is EventKind.FAULT and event.code == FaultCode.ZONE_HOLD:
+        elif event.kind is EventKind.FAULT and event.code == FaultCode.ZONE_HOLD and event.token:
+            # it moved
             self.contact = self.contact or self._inside(int(event.values[1]), event.line)
 
     def refresh(self) -> None:

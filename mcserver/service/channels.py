@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Container, Sequence
+from collections.abc import Callable, Sequence
 from typing import TypeVar
 
 from mcserver.errors import Refused
@@ -49,15 +49,13 @@ class Channels:
         """Return the names of the inputs that hold the programs now."""
         return self._interlocks(lambda each, value: each.holds(value))
 
-    def switching(self, columns: Container[int | None]) -> list[str]:
-        """Return the names of those of the inputs that have zones on now; by a level that any zone has."""
-        values = self._port.snapshot().inputs
-        on = {column for column, high in switches_of(self._machine) if bool(values[column]) is high}
-        return [
-            each.name
-            for column, each in enumerate(self._machine.inputs)
-            if column in on and column in columns
-        ]
+    def switching(self, switch: int | None) -> list[str]:
+        """Return the name of the input that has zones on now, by its place in `Clearance.switches`."""
+        if switch is None:
+            return []
+        column, high = switches_of(self._machine)[switch]
+        on = bool(self._port.snapshot().inputs[column]) is high
+        return [self._machine.inputs[column].name] if on else []
 
     def stopping(self) -> list[str]:
         """Return the names of the inputs that stop the machine now."""

@@ -109,8 +109,8 @@ class Program:
         self.notice = ""
         self.closed = False
         self.held = False
-        # column of the input that has switched on a zone before it; None: none has since it was resumed
-        self.zone_input: int | None = None
+        # the place in `Clearance.switches` of what has switched on a zone before it; None: nothing has since
+        self.zone_switch: int | None = None
         # it waits at M00, M01 or a tool change, held or not
         self.paused = False
         self.override = 1.0

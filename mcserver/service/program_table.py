@@ -581,7 +581,7 @@ class ProgramTable:
         """
         if event.code == FaultCode.ZONE_HOLD:
             if met is not None and not met.over:
-                met.zone_input = int(event.values[0])
+                met.zone_switch = int(event.values[1])
                 self._hold_for(met, fault)
             return
         if event.code == FaultCode.INTERLOCK_FREE:

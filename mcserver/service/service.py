@@ -425,13 +425,17 @@ class MachineService:
             for program in open_programs(self._table.programs, program_id)
             if program.held or program.paused
         ]
-        zones = self.channels.switching({each.zone_input for each in chosen} - {None})
-        self.channels.refuse_interlocked(zones, "resume")
+        # where several are resumed, those before a zone that is on stay held
+        shut = [each for each in chosen if self.channels.switching(each.zone_switch)]
+        if shut and len(shut) == len(chosen):
+            names = [name for each in shut for name in self.channels.switching(each.zone_switch)]
+            self.channels.refuse_interlocked([*dict.fromkeys(names)], "resume")
+        chosen = [each for each in chosen if each not in shut]
         for program in chosen:
             if not program.held:
                 self._table.pauses.refuse_lent(program)
         for program in chosen:
-            held, program.held, program.zone_input = program.held, False, None
+            held, program.held, program.zone_switch = program.held, False, None
             if program.slot is not None and held:
                 self.port.resume(program.slot)
             else:

@@ -1254,7 +1254,7 @@ class ModelBody:
         size_mm: edges of a box, radius and length of what is round.
         at_mm: in the frame of what carries it, Rz(C)·Ry(B)·Rx(A).
         turned_deg: in the frame of what carries it, Rz(C)·Ry(B)·Rx(A).
-        mesh: its place in `ModelReply.meshes`, in mm.
+        mesh: its place in `ModelReply.meshes`; the file is in mm.
         link: of the URDF that carries it.
         carried_by: axes that do instead
         directions: of them, 0 to 2 for X to Z.

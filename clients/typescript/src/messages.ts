@@ -725,7 +725,7 @@ export interface ModelBody {
   at_mm: number[];
   /** in the frame of what carries it, Rz(C)·Ry(B)·Rx(A). */
   turned_deg: number[];
-  /** its place in `ModelReply.meshes`, in mm. */
+  /** its place in `ModelReply.meshes`; the file is in mm. */
   mesh?: number | null;
   /** of the URDF that carries it. */
   link?: string;

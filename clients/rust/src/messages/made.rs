@@ -1000,7 +1000,7 @@ pub struct ModelBody {
     pub at_mm: Vec<f64>,
     /// in the frame of what carries it, Rz(C)·Ry(B)·Rx(A).
     pub turned_deg: Vec<f64>,
-    /// its place in `ModelReply.meshes`, in mm.
+    /// its place in `ModelReply.meshes`; the file is in mm.
     #[serde(default)]
     pub mesh: Option<u64>,
     /// of the URDF that carries it.

@@ -799,7 +799,7 @@ public final class Messages {
      * @param sizeMm edges of a box, radius and length of what is round.
      * @param atMm in the frame of what carries it, Rz(C)·Ry(B)·Rx(A).
      * @param turnedDeg in the frame of what carries it, Rz(C)·Ry(B)·Rx(A).
-     * @param mesh its place in `ModelReply.meshes`, in mm.
+     * @param mesh its place in `ModelReply.meshes`; the file is in mm.
      * @param link of the URDF that carries it.
      * @param carriedBy axes that do instead
      * @param directions of them, 0 to 2 for X to Z.
