@@ -146,7 +146,8 @@ def draw_times(axes: Any, scene: Scene, colours: Mapping[int, str]) -> None:
     axes.set_xlabel("time [s]")
     axes.set_ylabel("line")
     rest = len(scene.timed_lines) - len(shown)
-    axes.set_title("Time of each line, | asked" + (f" ({len(shown)} of {len(scene.timed_lines)})" if rest else ""))
+    share = f" ({len(shown)} of {len(scene.timed_lines)})" if rest else ""
+    axes.set_title(f"Time of each line, | asked{share}")
 
 
 def _most_telling(lines: tuple[TimedLine, ...]) -> list[TimedLine]:
