@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import base64
+import dataclasses
 import json
 import math
 from pathlib import Path
 from typing import Any
 
-import msgspec
 import numpy as np
 import pytest
 from mcclient.types import ModelBody
@@ -208,7 +208,7 @@ def test_zeros_of_work_coordinate_systems_stand_in_the_machine_s_coordinates() -
 
 def test_bodies_hang_on_the_axes_that_carry_them_and_know_their_tools_and_inputs() -> None:
     quill = ModelBody("quill", "box", [10.0, 10.0, 20.0], [0.0, 0.0, 5.0], [0.0, 0.0, 90.0])
-    quill = msgspec.structs.replace(quill, carried_by=[0, 2], directions=[0, 2], opposite=True, tool=2)
+    quill = dataclasses.replace(quill, carried_by=[0, 2], directions=[0, 2], opposite=True, tool=2)
     door = ModelBody("door", "box", [1.0, 1.0, 1.0], [0.0] * 3, [0.0] * 3, zone="slow", input="curtain")
     parts = json.loads(model_json("", {}, {}, (), bodies=[quill, door]))["parts"]
     assert [(each["parent"], each["driver"]) for each in parts] == [
