@@ -185,7 +185,13 @@ def simulate_lines(
         found.report["path"] = sampler.path()
     if against is not None and found.end is not None:
         found.report["difference"] = difference_from(
-            against, kept, found.report["duration_s"], described, start=start, kinematics=kinematics
+            against,
+            kept,
+            found.report["duration_s"],
+            described,
+            start=start,
+            kinematics=kinematics,
+            role=given.get("role"),
         )
     return found
 

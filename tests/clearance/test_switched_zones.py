@@ -55,14 +55,12 @@ async def rests(cell: VirtualCell) -> None:
         ("G1 X120 F6000", "G1 X0"),
         ("G0 X120", "G0 X0"),
         ("G1020 X120", "G1 Y50 F1200", "G0 X0"),
-        ("G38.3 X120 F6000", "G0 X0"),
     ],
 )
 async def test_a_program_is_held_before_a_zone_that_is_switched_on_and_goes_on_by_resume(
     start: Start, lines: tuple[str, ...]
 ) -> None:
-    probe = '[probe]\ninput = 4\n[[input]]\nnumber = 4\nname = "probe"\n'
-    cell = start(mill(CURTAIN, probe))
+    cell = start(mill(CURTAIN))
     program = await begin(cell, "G1010", *lines)
     await cell.until(lambda: place(cell, 0) > 20.0)
     await switch(cell, on=True)
@@ -225,7 +223,7 @@ async def test_a_slow_zone_that_is_switched_on_holds_what_is_too_fast(start: Sta
     assert (await cell.ended(program)).state == "finished"
 
 
-@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("seed", range(2))
 async def test_while_the_zone_is_on_no_body_that_was_outside_comes_in(start: Start, seed: int) -> None:
     draw = random.Random(seed)
     machine = mill(CURTAIN)
