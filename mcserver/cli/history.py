@@ -18,6 +18,7 @@ if TYPE_CHECKING:
 
     from mcserver.web.fleet_events import FleetEvents
     from mcserver.web.history import HistoryFolder
+    from mcserver.web.history_store import HistoryStore
 
 EVENTS_PERIOD_S = 1.0
 
@@ -29,6 +30,10 @@ def history(
     states: Annotated[
         float, typer.Option("--states", min=0.0, max=20.0, help="States a second of each machine; 0: none.")
     ] = 10.0,
+    store: Annotated[
+        str | None,
+        typer.Option("--store", metavar="URL", help="Move the files there, such as s3://bucket/history."),
+    ] = None,
     period: Annotated[
         float, typer.Option("--period", min=1.0, max=3600.0, help="Seconds between two writings of Parquet.")
     ] = 300.0,
@@ -38,11 +43,30 @@ def history(
     from mcserver.web.history import HistoryFolder
 
     kept = HistoryFolder(folder, time.time, period)
-    narration().print(f"history: {folder} (Ctrl-C ends)")
+    moved = _store_at(store)
+    narration().print(f"history: {store or folder} (Ctrl-C ends)")
+
+    async def run() -> None:
+        async with asyncio.TaskGroup() as group:
+            group.create_task(_run(kept, tuple(connect or ()), zenoh, states))
+            if moved is not None:
+                group.create_task(moved.keep_moving(folder, period))
+
     try:
-        run_until_stopped(_run(kept, tuple(connect or ()), zenoh, states))
+        run_until_stopped(run())
     finally:
         kept.close()
+        if moved is not None:
+            moved.move(folder)
+
+
+def _store_at(address: str | None) -> HistoryStore | None:
+    if address is None:
+        return None
+    require_packages("history --store", "store", ("fsspec",))
+    from mcserver.web.history_store import HistoryStore
+
+    return HistoryStore(address)
 
 
 async def _run(kept: HistoryFolder, connect: tuple[str, ...], zenoh: Path | None, states_hz: float) -> None:

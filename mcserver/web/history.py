@@ -1,4 +1,4 @@
-"""The history of a fleet as Parquet: events, line reports and states, by machine and day.
+"""The history of a fleet as Parquet: events, line reports and states, by day.
 
 Rows gather in files of JSON lines, which outlive this process; from time to time each becomes Parquet files
 that any engine reads. What a kill leaves behind is written at the next start.
@@ -152,7 +152,7 @@ def _time(unix_s: float) -> str:
 
 
 class HistoryFolder:
-    """Writes rows; Parquet files appear whole, under ``TABLE/machine=M/day=D/``.
+    """Writes rows; Parquet files of all machines appear whole, under ``TABLE/day=D/``.
 
     Args:
         folder: made if missing. clock: Unix time [s]. period_s: between two writings of Parquet.
@@ -229,15 +229,16 @@ class HistoryFolder:
                 f" format='newline_delimited', ignore_errors=true, columns={described})"
                 " WHERE time IS NOT NULL AND machine IS NOT NULL"
             )
-            for machine, day in connection.execute("SELECT DISTINCT machine, day FROM rows").fetchall():
-                folder = self._folder / table / f"machine={machine}" / f"day={day}"
+            for (day,) in connection.execute("SELECT DISTINCT day FROM rows").fetchall():
+                folder = self._folder / table / f"day={day}"
                 folder.mkdir(parents=True, exist_ok=True)
                 target = folder / f"{spool.name.removesuffix('.ndjson')}.parquet"
                 partial = target.with_suffix(".part")
+                # by machine: an engine skips the row groups of others
                 connection.execute(
-                    f"COPY (SELECT * EXCLUDE (machine, day) FROM rows WHERE machine = ? AND day = ?"
-                    f" ORDER BY time) TO '{_quoted(partial)}' (FORMAT parquet, COMPRESSION zstd)",
-                    [machine, day],
+                    f"COPY (SELECT * EXCLUDE (day) FROM rows WHERE day = ? ORDER BY machine, time)"
+                    f" TO '{_quoted(partial)}' (FORMAT parquet, COMPRESSION zstd)",
+                    [day],
                 )
                 os.replace(partial, target)
         spool.unlink()

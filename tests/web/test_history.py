@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import duckdb
 import pytest
@@ -13,8 +14,9 @@ from mcclient.cli.history import QUESTIONS, SPANS, ask, sql_of
 from mcclient.errors import RequestRefused
 from mcclient.types import AxesStatus, Fault, LineReport, MachineStatus
 
-from mcserver.errors import ServiceError
+from mcserver.errors import ConfigurationError, ServiceError
 from mcserver.web.history import SPOOL, HistoryFolder, event_rows, state_row
+from mcserver.web.history_store import HistoryStore
 from mcserver.web.panels.past import recordings_of, table_html
 from mcserver.web.past import Past
 from tests.clock import Clock
@@ -59,12 +61,12 @@ def filled(path: Path) -> None:
     kept.close()
 
 
-def test_files_lie_by_machine_and_day_and_any_engine_reads_them(tmp_path: Path) -> None:
+def test_files_lie_by_day_and_any_engine_reads_them(tmp_path: Path) -> None:
     filled(tmp_path)
     files = {str(path.relative_to(tmp_path).parent) for path in tmp_path.rglob("*.parquet")}
-    assert files == {f"{table}/machine=cell-1/day=2026-03-14" for table in ("events", "lines", "states")}
+    assert files == {f"{table}/day=2026-03-14" for table in ("events", "lines", "states")}
     (row,) = duckdb.sql(
-        f"SELECT count(*), max(position[1]), any_value(axes) FROM '{tmp_path}/states/*/*/*.parquet'"
+        f"SELECT count(*), max(position[1]), any_value(axes) FROM '{tmp_path}/states/*/*.parquet'"
     ).fetchall()
     assert row == (20, pytest.approx(1.9), [0, 3])
 
@@ -74,7 +76,7 @@ def test_a_day_s_end_begins_another_folder(tmp_path: Path) -> None:
     for day in (0.0, DAY_S):
         kept.append(event_rows("m", dataclasses.replace(FAULT, wall=FAULT.wall + day)))
     kept.close()
-    assert len(list(tmp_path.glob("events/machine=m/day=*"))) == 2
+    assert len(list(tmp_path.glob("events/day=*"))) == 2
 
 
 def test_faults_are_found_with_code_axis_and_line(tmp_path: Path) -> None:
@@ -188,3 +190,27 @@ def test_a_folder_without_a_history_is_refused(tmp_path: Path) -> None:
 
 def test_sql_stays_as_it_is() -> None:
     assert sql_of("SELECT 1") == "SELECT 1"
+
+
+def test_files_move_to_a_store_one_that_fails_stays_and_questions_are_answered_there(tmp_path: Path) -> None:
+    filled(tmp_path)
+    store = HistoryStore("memory://site/history")
+    files: Any = store._files
+    files.store.clear()
+    (tmp_path / "blocked").touch()
+    HistoryStore(f"file://{tmp_path}/blocked").move(tmp_path)
+    assert len(list(tmp_path.rglob("*.parquet"))) == 3
+    store.move(tmp_path)
+    assert not list(tmp_path.rglob("*.parquet"))
+    _, rows = ask("SELECT count(*) FROM states WHERE day = '2026-03-14'", "memory://site/history")
+    assert rows == [(20,)]
+    with pytest.raises(RequestRefused, match="no history"):
+        ask("faults", "memory://site/other")
+
+
+def test_a_store_that_cannot_be_meant_is_refused() -> None:
+    with pytest.raises(ConfigurationError) as refused:
+        HistoryStore("nowhere://bucket")
+    assert refused.value.code == "MC086"
+    with pytest.raises(RequestRefused, match="nowhere"):
+        ask("faults", "nowhere://bucket")

@@ -17,10 +17,11 @@ from mcclient.errors import RequestRefused
 
 TABLES = ("events", "lines", "states")
 MOST_ROWS = 1000
+# by the day, too: whose folders are not read where it is another one
 SPANS = {
-    "today": "time >= date_trunc('day', now()::TIMESTAMP)",
-    "last week": "time >= now()::TIMESTAMP - INTERVAL 7 DAY",
-    "last month": "time >= now()::TIMESTAMP - INTERVAL 30 DAY",
+    "today": "day = current_date",
+    "last week": "day >= current_date - 7 AND time >= now()::TIMESTAMP - INTERVAL 7 DAY",
+    "last month": "day >= current_date - 30 AND time >= now()::TIMESTAMP - INTERVAL 30 DAY",
     "": "true",
 }
 QUESTIONS = {
@@ -60,9 +61,15 @@ def history(
         ),
     ],
     folder: Annotated[
-        Path,
-        typer.Option("--folder", "-f", metavar="DIR", envvar="MC_HISTORY", help="Of mcserver history."),
-    ] = Path("history"),
+        str,
+        typer.Option(
+            "--folder",
+            "-f",
+            metavar="DIR",
+            envvar="MC_HISTORY",
+            help="Of mcserver history, or its store, such as s3://bucket/history.",
+        ),
+    ] = "history",
     json: JsonOption = False,
 ) -> None:
     """Ask the history of a fleet that mcserver history has written."""
@@ -99,7 +106,7 @@ def sql_of(question: str) -> str:
 
 
 def ask(
-    question: str, folder: Path, *, machine: str | None = None, threads: int | None = None
+    question: str, folder: str | Path, *, machine: str | None = None, threads: int | None = None
 ) -> tuple[list[str], list[tuple[Any, ...]]]:
     """Names of the columns, and the first rows of the answer.
 
@@ -118,13 +125,16 @@ def ask(
         connection.execute("SET TimeZone = 'UTC'")
         if threads is not None:
             connection.execute(f"SET threads = {threads:d}")
-        there = [table for table in TABLES if any((folder / table).glob("machine=*/day=*/*.parquet"))]
+        paths = {table: f"{folder}/{table}/day=*/*.parquet" for table in TABLES}
+        if "://" in str(folder):
+            _reach_store(connection, str(folder))
+        there = [table for table in TABLES if _has_files(connection, paths[table])]
         if not there:
             raise RequestRefused(
                 "MC511", f"{folder} has no history", f"mcserver history {folder} writes it; --folder names it"
             )
         for table in there:
-            files = _quoted(str(folder / table / "*" / "*" / "*.parquet"))
+            files = _quoted(paths[table])
             rows = f"SELECT * FROM read_parquet({files}, hive_partitioning = true, union_by_name = true)"
             if machine is not None:
                 rows += f" WHERE machine = {_quoted(machine)}"
@@ -148,3 +158,23 @@ def ask(
 
 def _quoted(text: str) -> str:
     return "'" + text.replace("'", "''") + "'"
+
+
+def _reach_store(connection: Any, address: str) -> None:
+    """Let DuckDB read an object store by fsspec, which needs no extension of DuckDB.
+
+    Raises:
+        RequestRefused: MC511 the store's package is missing, or the address cannot be meant.
+    """
+    try:
+        import fsspec
+
+        connection.register_filesystem(fsspec.url_to_fs(address)[0])
+    except (ImportError, ValueError, OSError) as error:
+        raise RequestRefused(
+            "MC511", f"{address} cannot be read: {error}", "pip install 'mcclient[store]'"
+        ) from error
+
+
+def _has_files(connection: Any, files: str) -> bool:
+    return connection.execute("SELECT 1 FROM glob(?) LIMIT 1", [files]).fetchone() is not None
