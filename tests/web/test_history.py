@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Callable
+from datetime import date
 from pathlib import Path
 from typing import Any
 
 import duckdb
 import pytest
 from mcclient import Event
-from mcclient.cli.history import QUESTIONS, SPANS, ask, sql_of
+from mcclient.cli.history import QUESTIONS, SPANS, ask, days_of, sql_of
 from mcclient.errors import RequestRefused
 from mcclient.types import AxesStatus, Fault, LineReport, MachineStatus
 
@@ -214,3 +215,27 @@ def test_a_store_that_cannot_be_meant_is_refused() -> None:
     assert refused.value.code == "MC086"
     with pytest.raises(RequestRefused, match="nowhere"):
         ask("faults", "nowhere://bucket")
+
+
+@pytest.mark.parametrize(
+    ("question", "chosen", "count"),
+    [
+        ("faults today", None, 1),
+        ("faults last  week", None, 8),
+        ("faults", None, None),
+        ("SELECT 'last week'", None, None),
+        ("SELECT 1", "2026-03-14", 1),
+        ("faults last month", "2026-03-10..2026-03-14", 5),
+    ],
+)
+def test_a_question_looks_at_the_files_of_its_days_alone(
+    question: str, chosen: str | None, count: int | None
+) -> None:
+    found = days_of(question, chosen, date(2026, 3, 14))
+    assert (found and len(found)) == count
+
+
+@pytest.mark.parametrize("chosen", ["yesterday", "2026-03-14..2026-03-13", "1..2"])
+def test_what_is_no_day_is_refused(chosen: str) -> None:
+    with pytest.raises(RequestRefused, match="no day"):
+        days_of("faults", chosen, date(2026, 3, 14))

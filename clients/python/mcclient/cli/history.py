@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import contextlib
 import importlib.util
 import json as json_text
+from datetime import UTC, date, datetime, timedelta
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -16,12 +18,17 @@ from mcclient.cli.output import carry_out, results, say, write_json
 from mcclient.errors import RequestRefused
 
 TABLES = ("events", "lines", "states")
+# A collector that starts anew reads again what a server still has: what is one event, one line. By a window,
+# below which DuckDB filters by day and machine: files of other days are not opened.
+KEYS = {"events": "machine, instance, seq", "lines": "machine, program, line, start_s"}
 MOST_ROWS = 1000
-# by the day, too: whose folders are not read where it is another one
+MOST_DAYS = 1000
+# days before today
+SPAN_DAYS = {"today": 0, "last week": 7, "last month": 30}
 SPANS = {
     "today": "day = current_date",
-    "last week": "day >= current_date - 7 AND time >= now()::TIMESTAMP - INTERVAL 7 DAY",
-    "last month": "day >= current_date - 30 AND time >= now()::TIMESTAMP - INTERVAL 30 DAY",
+    "last week": "time >= now()::TIMESTAMP - INTERVAL 7 DAY",
+    "last month": "time >= now()::TIMESTAMP - INTERVAL 30 DAY",
     "": "true",
 }
 QUESTIONS = {
@@ -70,12 +77,16 @@ def history(
             help="Of mcserver history, or its store, such as s3://bucket/history.",
         ),
     ] = "history",
+    day: Annotated[
+        str | None,
+        typer.Option("--day", metavar="DAY[..DAY]", help="Look at files of these days alone (UTC)."),
+    ] = None,
     json: JsonOption = False,
 ) -> None:
     """Ask the history of a fleet that mcserver history has written."""
 
     async def work() -> tuple[list[str], list[tuple[Any, ...]]]:
-        return ask(question, folder)
+        return ask(question, folder, days_of(question, day, datetime.now(UTC).date()))
 
     names, rows = carry_out(work, json)
     if json:
@@ -105,12 +116,44 @@ def sql_of(question: str) -> str:
     return question
 
 
+def days_of(question: str, chosen: str | None, today: date) -> list[date] | None:
+    """Days whose files are looked at; None: all.
+
+    Args:
+        chosen: ``2026-05-05`` or ``2026-05-01..2026-05-07``; None: those of a ready question.
+
+    Raises:
+        RequestRefused: MC511 they are none, or more than a thousand.
+    """
+    words = " ".join(question.lower().split())
+    last = next((count for span, count in SPAN_DAYS.items() if words.endswith(span)), None)
+    if chosen is None:
+        return None if last is None or sql_of(question) == question else _days(today, last)
+    first, _, end = chosen.partition("..")
+    with contextlib.suppress(ValueError):
+        until = date.fromisoformat(end or first)
+        count = (until - date.fromisoformat(first)).days
+        if 0 <= count < MOST_DAYS:
+            return _days(until, count)
+    raise RequestRefused("MC511", f"{chosen[:40]!r} is no day", "2026-05-05, or 2026-05-01..2026-05-07")
+
+
+def _days(until: date, before: int) -> list[date]:
+    return [until - timedelta(number) for number in range(before + 1)]
+
+
 def ask(
-    question: str, folder: str | Path, *, machine: str | None = None, threads: int | None = None
+    question: str,
+    folder: str | Path,
+    days: list[date] | None = None,
+    *,
+    machine: str | None = None,
+    threads: int | None = None,
 ) -> tuple[list[str], list[tuple[Any, ...]]]:
     """Names of the columns, and the first rows of the answer.
 
     Args:
+        days: whose files are looked at; None: all.
         machine: the only one that is asked about. threads: the most that DuckDB may use.
 
     Raises:
@@ -125,24 +168,24 @@ def ask(
         connection.execute("SET TimeZone = 'UTC'")
         if threads is not None:
             connection.execute(f"SET threads = {threads:d}")
-        paths = {table: f"{folder}/{table}/day=*/*.parquet" for table in TABLES}
         if "://" in str(folder):
             _reach_store(connection, str(folder))
-        there = [table for table in TABLES if _has_files(connection, paths[table])]
+        # of many days a listing of all files takes longer than the answer
+        wanted = ["*"] if days is None else [each.isoformat() for each in days]
+        found = {table: [f"{folder}/{table}/day={day}/*.parquet" for day in wanted] for table in TABLES}
+        paths = {table: [each for each in found[table] if _has_files(connection, each)] for table in TABLES}
+        there = [table for table in TABLES if paths[table]]
         if not there:
             raise RequestRefused(
                 "MC511", f"{folder} has no history", f"mcserver history {folder} writes it; --folder names it"
             )
         for table in there:
-            files = _quoted(paths[table])
-            rows = f"SELECT * FROM read_parquet({files}, hive_partitioning = true, union_by_name = true)"
+            files = ", ".join(map(_quoted, paths[table]))
+            rows = f"SELECT * FROM read_parquet([{files}], hive_partitioning = true)"
             if machine is not None:
                 rows += f" WHERE machine = {_quoted(machine)}"
-            if table == "events":
-                # a collector that starts anew reads again what a server still has
-                rows = f"SELECT DISTINCT ON (machine, instance, seq) * FROM ({rows})"
-            elif table == "lines":
-                rows = f"SELECT DISTINCT ON (machine, program, line, start_s) * FROM ({rows})"
+            if table in KEYS:
+                rows += f" QUALIFY row_number() OVER (PARTITION BY day, {KEYS[table]}) = 1"
             connection.execute(f"CREATE VIEW {table} AS {rows}")
         try:
             cursor = connection.execute(sql_of(question))
