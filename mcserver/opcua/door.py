@@ -32,7 +32,7 @@ from mcserver.web.users import Users
 
 MOST_CONNECTIONS = 300
 # until a session is activated [s]
-ARRIVAL_S = 10.0
+ARRIVAL_S = 30.0
 # of a message from a client [B]: a read or a subscription of some thousand nodes
 MOST_MESSAGE = 2**20
 # values of a node that wait for one who does not ask for them
@@ -164,7 +164,17 @@ class Connection(OPCUAProtocol):
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
         self._room = asyncio.Event()
         self._room.set()
+        if len(self.clients) >= MOST_CONNECTIONS:
+            # whoever has not shown who he is gives his place up: the oldest first
+            oldest = next((each for each in self.clients if not each.has_activated()), None)
+            if oldest is not None:
+                self.clients.remove(oldest)
+                oldest.transport.abort()
         super().connection_made(transport)
+
+    def has_activated(self) -> bool:
+        """Return whether a session of this connection was activated."""
+        return self.processor.session is not None and bool(self.processor.session.is_activated())
 
     def pause_writing(self) -> None:
         self._room.clear()

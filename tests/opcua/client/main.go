@@ -1,4 +1,5 @@
-// A client of another make: connects, browses the machines, tries a write, then prints what changes.
+// A client of another make: connects, browses the machines, tries a write, then prints what changes at
+// the first machine.
 //
 //	client URL [CERTIFICATE KEY USER PASSWORD]
 package main
@@ -62,14 +63,18 @@ func look(ctx context.Context, client *opcua.Client) error {
 	if err != nil {
 		return err
 	}
+	first := ""
 	for _, child := range children {
 		name, err := child.BrowseName(ctx)
 		if err != nil {
 			return err
 		}
 		say("machine %s", name.Name)
+		if first == "" {
+			first = name.Name
+		}
 	}
-	state := ua.NewStringNodeID(own, "cell-1:.Monitoring.Channel.ChannelState")
+	state := ua.NewStringNodeID(own, first+":.Monitoring.Channel.ChannelState")
 	value := &ua.DataValue{EncodingMask: ua.DataValueValue, Value: ua.MustVariant(int32(2))}
 	written, err := client.Write(ctx, &ua.WriteRequest{NodesToWrite: []*ua.WriteValue{
 		{NodeID: state, AttributeID: ua.AttributeIDValue, Value: value},
