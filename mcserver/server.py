@@ -39,7 +39,7 @@ from mcserver.service.motion_port import MotionPort
 from mcserver.service.references import References, references_file
 from mcserver.service.reports import Event
 from mcserver.service.service import MachineService
-from mcserver.service.service_options import ServiceOptions, state_folder
+from mcserver.service.service_options import LoadedFile, ServiceOptions, state_folder
 from mcserver.simulation.program_checker import ProgramChecker
 
 log = logging.getLogger(__name__)
@@ -61,6 +61,7 @@ class ServerOptions(msgspec.Struct, frozen=True):
         on_ready: called once with the endpoints, when clients are answered.
         on_progress: called with a sentence while drives on CAN buses boot; in any thread.
         take_over: reset the drives on CAN buses even where another master is heard.
+        machine_file: that was loaded; None: a built-in machine.
     """
 
     network: NetworkOptions = NetworkOptions()
@@ -68,6 +69,7 @@ class ServerOptions(msgspec.Struct, frozen=True):
     on_ready: Callable[[list[str]], None] | None = None
     on_progress: Callable[[str], None] | None = None
     take_over: bool = False
+    machine_file: LoadedFile | None = None
 
 
 def default_journal(machine: str) -> Path:
@@ -128,7 +130,10 @@ async def running(
             port,
             planning,
             ServiceOptions(
-                journal=journal, instance=instance, authority=authority_of(options.network.config_file)
+                journal=journal,
+                instance=instance,
+                authority=authority_of(options.network.config_file),
+                machine_file=options.machine_file,
             ),
             on_ack=face.publish_ack,
             on_event=on_event,

@@ -16,6 +16,7 @@ var repeatable = map[string]bool{
 	"continuation":   true,
 	"hold":           true,
 	"abort":          true,
+	"machine_file":   true,
 	"tables":         true,
 	"estop":          true,
 	"check":          true,
@@ -51,6 +52,8 @@ var deadlines = map[string]time.Duration{
 	"override":            5 * time.Second,
 	"jog":                 5 * time.Second,
 	"jog_tool":            5 * time.Second,
+	"machine_file":        5 * time.Second,
+	"write_machine_file":  5 * time.Second,
 	"open_servo":          5 * time.Second,
 	"home":                5 * time.Second,
 	"reference":           5 * time.Second,
@@ -196,6 +199,17 @@ func (m *Machine) Jog(ctx context.Context, request JogRequest) (string, error) {
 // JogTool: Move a tool by hand while it is held: straight on, or turning, until a joint ends its way.
 func (m *Machine) JogTool(ctx context.Context, request ToolJogRequest) (*ToolJogReply, error) {
 	return callFor[ToolJogReply](ctx, m, "jog_tool", paramsOf(request))
+}
+
+// MachineFile: The machine file that the server was started with.
+func (m *Machine) MachineFile(ctx context.Context) (*MachineFileReply, error) {
+	return callFor[MachineFileReply](ctx, m, "machine_file", nil)
+}
+
+// WriteMachineFile: Check another text of the machine file and, where it has no error, write it at rest. The old
+// one is kept beside it; the server goes by the new one when it is restarted.
+func (m *Machine) WriteMachineFile(ctx context.Context, request WriteMachineFileRequest) (*WriteMachineFileReply, error) {
+	return callFor[WriteMachineFileReply](ctx, m, "write_machine_file", paramsOf(request))
 }
 
 // OpenServo: Let axes follow targets that this client streams. They are energized and leased until `close`, or

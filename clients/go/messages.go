@@ -839,6 +839,21 @@ type LineReport struct {
 	BoundBy *string `msgpack:"bound_by"`
 }
 
+// MachineFileReply:
+type MachineFileReply struct {
+	// Name: of the file, without its folder.
+	Name string `msgpack:"name" mc:"required"`
+	// Text: as it is on the disk now.
+	Text string `msgpack:"text" mc:"required"`
+	// Sha256: of that text.
+	Sha256 string `msgpack:"sha256" mc:"required"`
+	// InForce: the server runs by this text; else it has changed since the start.
+	InForce bool `msgpack:"in_force" mc:"required"`
+}
+
+// MachineFileRequest: The machine file that the server was started with.
+type MachineFileRequest struct{}
+
 // MachineStatus: Payload of `tele/state` and reply of `status`.
 type MachineStatus struct {
 	// T: executor time [s].
@@ -1718,4 +1733,27 @@ type WorkOffset struct {
 	System string `msgpack:"system" mc:"required"`
 	// Origin: where the axes read zero, by number [mm, deg]; an axis that is left out reads as the machine does.
 	Origin map[string]float64 `msgpack:"origin" mc:"required"`
+}
+
+// WriteMachineFileReply:
+type WriteMachineFileReply struct {
+	// Written: the new text is on the disk.
+	Written bool `msgpack:"written" mc:"required"`
+	// Before: name of the file that keeps the old one; empty: none.
+	Before string `msgpack:"before" mc:"required"`
+	// Diagnostics: errors and warnings of the new text.
+	Diagnostics []Diagnostic `msgpack:"diagnostics" mc:"required"`
+}
+
+// WriteMachineFileRequest: Checks a text as `mcserver machine check` does, and writes it where it has no error. The
+// server goes on by the old one until it is restarted.
+type WriteMachineFileRequest struct {
+	// Text: all of the new file.
+	Text string `msgpack:"text" mc:"required"`
+	// Sha256: of the text that was changed, as `machine_file` gave it.
+	Sha256 string `msgpack:"sha256" mc:"required"`
+	// OnlyCheck: nothing is written.
+	OnlyCheck bool `msgpack:"only_check"`
+	// By: the person, where a client serves several.
+	By string `msgpack:"by"`
 }

@@ -8,8 +8,6 @@ from typing import Annotated
 import typer
 from rich.table import Table
 
-from mcserver.canopen.drive_faults import find_drive_faults
-from mcserver.clearance.meter import find_clearance_faults
 from mcserver.cli.console import (
     json_answer_on_error,
     narration,
@@ -22,8 +20,8 @@ from mcserver.cli.exit_codes import ExitCode
 from mcserver.cli.options import JsonOption
 from mcserver.machine.bus_load import bus_loads
 from mcserver.machine.machine_file import BUILT_IN, Axis, Machine, builtin_text, load_machine, machine_text
-from mcserver.machine.plausibility import axis_name, find_doubts, find_tool_faults
-from mcserver.simulation.button_faults import find_button_faults
+from mcserver.machine.plausibility import axis_name
+from mcserver.simulation.machine_faults import find_machine_faults
 from mcserver.units import AxisType
 
 
@@ -49,13 +47,7 @@ def check_machine(
     """Read a machine file, list its errors and warnings. Exit code 3 where it cannot be used."""
     with json_answer_on_error(json):
         machine = load_machine(file)
-    findings = [
-        *find_tool_faults(machine),
-        *find_drive_faults(machine),
-        *find_doubts(machine),
-        *find_clearance_faults(machine),
-        *(find_button_faults(machine, machine_text(file)) if machine.buttons else ()),
-    ]
+    findings = find_machine_faults(machine, machine_text(file))
     errors = sum(each.severity == "error" for each in findings)
     if json:
         found = [each.as_json() for each in findings]

@@ -15,7 +15,7 @@ from mcserver.clearance.scene import Scene
 from mcserver.cli.console import NarrationHandler, narration
 from mcserver.cli.options import DEFAULT_MACHINE, MachineOption
 from mcserver.errors import ConfigurationError
-from mcserver.machine.machine_file import Machine, load_machine
+from mcserver.machine.machine_file import BUILT_IN, Machine, load_machine
 from mcserver.machine.machine_kinematics import build_kinematics
 from mcserver.net.keys import is_name
 from mcserver.processes import raise_file_limit
@@ -77,6 +77,7 @@ def run(
         described = without_recorder(described)
     from mcserver.net.configuration import NetworkOptions
     from mcserver.server import ServerOptions, serve
+    from mcserver.service.service_options import LoadedFile
 
     if zenoh is not None and not zenoh.is_file():
         raise ConfigurationError(
@@ -95,6 +96,7 @@ def run(
         ),
         journal=journal,
         take_over=take_over,
+        machine_file=None if machine in BUILT_IN else LoadedFile.of(Path(machine)),
         on_ready=lambda endpoints: announce(described, endpoints),
         on_progress=lambda sentence: narration().print(f"{described.name}: {sentence}"),
     )

@@ -12,6 +12,7 @@ import msgspec
 from mcserver.net import arming_messages as arming
 from mcserver.net import drive_messages as drive
 from mcserver.net import info_messages as machine
+from mcserver.net import machine_file_messages as machine_file
 from mcserver.net import messages as wire
 from mcserver.net import model_messages as model
 from mcserver.net import recording_messages as recording
@@ -177,6 +178,22 @@ METHODS: tuple[Method, ...] = (
         "Move a tool by hand while it is held: straight on, or turning, until a joint ends its way.",
         changes=True,
         held=True,
+    ),
+    Method(
+        "machine_file",
+        machine_file.MachineFileRequest,
+        machine_file.MachineFileReply,
+        CONFIGURERS,
+        "The machine file that the server was started with.",
+    ),
+    Method(
+        "write_machine_file",
+        machine_file.WriteMachineFileRequest,
+        machine_file.WriteMachineFileReply,
+        CONFIGURERS,
+        "Check another text of the machine file and, where it has no error, write it at rest. The old one is "
+        "kept beside it; the server goes by the new one when it is restarted.",
+        changes=True,
     ),
     Method(
         "open_servo",

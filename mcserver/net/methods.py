@@ -14,6 +14,7 @@ from mcserver.net import drive_messages as drive_wire
 from mcserver.net import messages as wire
 from mcserver.net.arming_methods import ArmingMethods
 from mcserver.net.info_messages import Info
+from mcserver.net.machine_file_methods import MachineFileMethods
 from mcserver.net.method_binding import bound_handlers
 from mcserver.net.method_table import METHODS
 from mcserver.net.model_methods import ModelMethods
@@ -70,6 +71,7 @@ def machine_methods(
             ModelMethods(service.machine),
             RecoveryMethods(service, forecast.begin, lambda *what: _record(service, *what)),
             ServoMethods(service, lambda *what: _record(service, *what)),
+            MachineFileMethods(service, lambda *what: _record(service, *what)),
         )
     )
 

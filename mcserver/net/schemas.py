@@ -16,6 +16,7 @@ from mcserver.net import (
     arming_messages,
     drive_messages,
     info_messages,
+    machine_file_messages,
     messages,
     model_messages,
     recording_messages,
@@ -40,6 +41,7 @@ MODULES = (
     table_messages,
     model_messages,
     text_messages,
+    machine_file_messages,
 )
 
 

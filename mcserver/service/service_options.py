@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import os
 import time
 from collections.abc import Callable
@@ -21,6 +22,18 @@ def state_folder() -> Path:
     return (Path(state) if state else Path.home() / ".local" / "state") / "mcserver"
 
 
+class LoadedFile(msgspec.Struct, frozen=True):
+    """The machine file that a server was started with, and the SHA-256 of its text then."""
+
+    path: Path
+    sha256: str
+
+    @classmethod
+    def of(cls, path: Path) -> LoadedFile:
+        """Raises OSError."""
+        return cls(path.resolve(), hashlib.sha256(path.read_bytes()).hexdigest())
+
+
 class ServiceOptions(msgspec.Struct, frozen=True):
     """Options of one start.
 
@@ -30,6 +43,7 @@ class ServiceOptions(msgspec.Struct, frozen=True):
         clock: Unix time [s]. monotonic: a clock that never steps [s].
         connect: opens the journal's file. journal_thread: the journal has threads of its own.
         authority: certificate of the site (PEM), whose signers may approve runs; None: nobody's.
+        machine_file: that was loaded; None: a built-in machine.
     """
 
     journal: Path
@@ -39,3 +53,4 @@ class ServiceOptions(msgspec.Struct, frozen=True):
     connect: Callable[[Path], JournalConnection] = open_journal
     journal_thread: bool = True
     authority: bytes | None = None
+    machine_file: LoadedFile | None = None

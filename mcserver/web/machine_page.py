@@ -24,6 +24,7 @@ from mcserver.web.panels.drives import DrivesPanel
 from mcserver.web.panels.held_buttons import HeldButtons
 from mcserver.web.panels.homing import HomingPanel
 from mcserver.web.panels.jog import JogPanel
+from mcserver.web.panels.machine_file import MachineFilePanel
 from mcserver.web.panels.mdi import MdiPanel
 from mcserver.web.panels.messages import EventPanel, FaultPanel
 from mcserver.web.panels.notices import NoticePanel
@@ -110,6 +111,8 @@ class MachinePage:
                         self._channels = ChannelsPanel(actions)
                     with _place(13):
                         self._drives = DrivesPanel(link)
+                    with _place(17):
+                        MachineFilePanel(actions)
                 with ui.element("div").classes("mc-column"):
                     with _place(7):
                         self._picture = PicturePanel(link)

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import asyncio
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
 from mcclient import MotionError
-from mcclient.cli.history import QUESTIONS, SPANS, ask
+from mcclient.cli.history import QUESTIONS, SPANS, ask, days_of
 from mcclient.errors import RequestRefused
 
 # of one core beside motion servers
@@ -37,9 +38,11 @@ class Past:
         """
         if what not in QUESTIONS or when not in SPANS:
             raise RequestRefused("MC511", f"{what} {when} is no question", "choose one of the list")
+        question = f"{what} {when}".strip()
+        days = days_of(question, None, datetime.now(UTC).date())
         async with self._turn:
             return await asyncio.to_thread(
-                ask, f"{what} {when}".strip(), self._folder, machine=machine, threads=THREADS
+                ask, question, self._folder, days, machine=machine, threads=THREADS
             )
 
     async def running_today(self) -> dict[str, float]:

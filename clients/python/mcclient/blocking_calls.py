@@ -27,6 +27,8 @@ class BlockingCalls(Blocking[T]):
     override = waited(MachineCalls.override)
     jog = waited(MachineCalls.jog)
     jog_tool = waited(MachineCalls.jog_tool)
+    machine_file = waited(MachineCalls.machine_file)
+    write_machine_file = waited(MachineCalls.write_machine_file)
     open_servo = waited(MachineCalls.open_servo)
     home = waited(MachineCalls.home)
     reference = waited(MachineCalls.reference)

@@ -326,6 +326,30 @@ class MachineCalls:
             deadline_s,
         )
 
+    async def machine_file(self, *, deadline_s: float = 5.0) -> wire.MachineFileReply:
+        """The machine file that the server was started with."""
+        return await self._caller.ask(wire.MachineFileReply, "machine_file", {}, deadline_s)
+
+    async def write_machine_file(
+        self, text: str, sha256: str, *, only_check: bool = False, by: str = "", deadline_s: float = 5.0
+    ) -> wire.WriteMachineFileReply:
+        """Check another text of the machine file and, where it has no error, write it at rest.
+
+        The old one is kept beside it; the server goes by the new one when it is restarted.
+
+        Args:
+            text: all of the new file.
+            sha256: of the text that was changed, as ``machine_file`` gave it.
+            only_check: nothing is written.
+            by: the person, where a client serves several.
+        """
+        return await self._caller.ask(
+            wire.WriteMachineFileReply,
+            "write_machine_file",
+            {"text": text, "sha256": sha256, "only_check": only_check, "by": by},
+            deadline_s,
+        )
+
     async def open_servo(
         self, axes: Sequence[int] | None = None, *, name: str = "", deadline_s: float = 5.0
     ) -> wire.ServoReply:

@@ -1073,6 +1073,23 @@ class Judged:
 
 
 @dataclass(frozen=True, slots=True)
+class MachineFileReply:
+    """.
+
+    Attributes:
+        name: of the file, without its folder.
+        text: as it is on the disk now.
+        sha256: of that text.
+        in_force: the server runs by this text; else it has changed since the start.
+    """
+
+    name: str
+    text: str
+    sha256: str
+    in_force: bool
+
+
+@dataclass(frozen=True, slots=True)
 class ServoStatus:
     """The targets of a program in servo mode, counted since it was opened.
 
@@ -1690,3 +1707,18 @@ class ToolJogReply:
 
     program: str
     obstacle: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class WriteMachineFileReply:
+    """.
+
+    Attributes:
+        written: the new text is on the disk.
+        before: name of the file that keeps the old one; empty: none.
+        diagnostics: errors and warnings of the new text.
+    """
+
+    written: bool
+    before: str
+    diagnostics: tuple[Diagnostic, ...]

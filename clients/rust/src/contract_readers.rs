@@ -41,6 +41,7 @@ pub fn reader_of(message: &str) -> Option<Read> {
         "Judged" => reader::<messages::Judged>,
         "LimitsInfo" => reader::<messages::LimitsInfo>,
         "LineReport" => reader::<messages::LineReport>,
+        "MachineFileReply" => reader::<messages::MachineFileReply>,
         "MachineStatus" => reader::<messages::MachineStatus>,
         "MeshInfo" => reader::<messages::MeshInfo>,
         "ModelBody" => reader::<messages::ModelBody>,
@@ -92,6 +93,7 @@ pub fn reader_of(message: &str) -> Option<Read> {
         "WayStep" => reader::<messages::WayStep>,
         "WireDiagnostic" => reader::<messages::Diagnostic>,
         "WorkOffset" => reader::<messages::WorkOffset>,
+        "WriteMachineFileReply" => reader::<messages::WriteMachineFileReply>,
         _ => return None,
     })
 }

@@ -9,14 +9,15 @@ use crate::messages::{
     ArmRequest, BusScan, CheckReply, CheckRequest, CloseReply, CloseRequest, Continuation,
     ContinuationRequest, ContinueReply, ContinueRequest, Done, DriveInfo, DrivesReply, DrivesScanReply,
     DrivesScanRequest, EstopRequest, EventsReply, EventsRequest, HomeReply, HomeRequest, Info, JogReply,
-    JogRequest, MachineStatus, ModelMeshRequest, ModelPart, ModelReply, OpenReply, OpenRequest, OverrideReply,
-    OverrideRequest, ProgramRequest, ProgramStatus, ProgramsReply, ProgramsRequest, PutTextReply,
-    PutTextRequest, RecordReply, RecordSaveRequest, RecordStartRequest, RecordStopRequest, RecordingPart,
-    RecordingReadRequest, RecordingsReply, ReferenceRequest, RejectRequest, ResetRequest, RunArmedReply,
-    RunArmedRequest, RunPreviewReply, RunPreviewRequest, RunRequestReply, RunRequestRequest, RunRequestStatus,
-    RunRequestsReply, SdoReadRequest, SdoReply, SdoWriteRequest, ServoReply, ServoRequest, SetInputRequest,
-    SetOutputRequest, SetReply, SimulateReply, SimulateRequest, StepRequest, SubmitReply, SubmitRequest,
-    Tables, ToolJogReply, ToolJogRequest, WithdrawRequest,
+    JogRequest, MachineFileReply, MachineStatus, ModelMeshRequest, ModelPart, ModelReply, OpenReply,
+    OpenRequest, OverrideReply, OverrideRequest, ProgramRequest, ProgramStatus, ProgramsReply,
+    ProgramsRequest, PutTextReply, PutTextRequest, RecordReply, RecordSaveRequest, RecordStartRequest,
+    RecordStopRequest, RecordingPart, RecordingReadRequest, RecordingsReply, ReferenceRequest, RejectRequest,
+    ResetRequest, RunArmedReply, RunArmedRequest, RunPreviewReply, RunPreviewRequest, RunRequestReply,
+    RunRequestRequest, RunRequestStatus, RunRequestsReply, SdoReadRequest, SdoReply, SdoWriteRequest,
+    ServoReply, ServoRequest, SetInputRequest, SetOutputRequest, SetReply, SimulateReply, SimulateRequest,
+    StepRequest, SubmitReply, SubmitRequest, Tables, ToolJogReply, ToolJogRequest, WithdrawRequest,
+    WriteMachineFileReply, WriteMachineFileRequest,
 };
 
 /// Every remote method of a machine (docs/wire/calls.md).
@@ -168,6 +169,23 @@ impl Machine {
     pub async fn jog_tool(&self, request: &ToolJogRequest) -> Result<ToolJogReply> {
         self.declare_token().await?;
         self.ask_within("jog_tool", request, 5).await
+    }
+
+    /// The machine file that the server was started with.
+    ///
+    /// # Errors
+    /// As [`Machine::refresh_info`].
+    pub async fn machine_file(&self) -> Result<MachineFileReply> {
+        self.ask_within("machine_file", &Nothing {}, 5).await
+    }
+
+    /// Check another text of the machine file and, where it has no error, write it at rest. The old one is
+    /// kept beside it; the server goes by the new one when it is restarted.
+    ///
+    /// # Errors
+    /// As [`Machine::refresh_info`].
+    pub async fn write_machine_file(&self, request: &WriteMachineFileRequest) -> Result<WriteMachineFileReply> {
+        self.ask_within("write_machine_file", request, 5).await
     }
 
     /// Let axes follow targets that this client streams. They are energized and leased until `close`, or

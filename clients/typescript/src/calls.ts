@@ -22,6 +22,7 @@ import type {
   Info,
   JogReply,
   JogRequest,
+  MachineFileReply,
   MachineStatus,
   ModelMeshRequest,
   ModelPart,
@@ -63,6 +64,8 @@ import type {
   Tables,
   ToolJogReply,
   ToolJogRequest,
+  WriteMachineFileReply,
+  WriteMachineFileRequest,
 } from "./messages.js";
 
 /** How long a server may take for an answer [s], and whether a call may be sent again under any
@@ -85,6 +88,8 @@ export const METHODS: Readonly<Record<string, { deadlineS: number; repeatable: b
   override: { deadlineS: 5, repeatable: false },
   jog: { deadlineS: 5, repeatable: false },
   jog_tool: { deadlineS: 5, repeatable: false },
+  machine_file: { deadlineS: 5, repeatable: true },
+  write_machine_file: { deadlineS: 5, repeatable: false },
   open_servo: { deadlineS: 5, repeatable: false },
   home: { deadlineS: 5, repeatable: false },
   reference: { deadlineS: 5, repeatable: false },
@@ -211,6 +216,19 @@ export abstract class MachineCalls {
   /** Move a tool by hand while it is held: straight on, or turning, until a joint ends its way. */
   jogTool(request: ToolJogRequest): Promise<ToolJogReply> {
     return this.call("jog_tool", request);
+  }
+
+  /** The machine file that the server was started with. */
+  machineFile(): Promise<MachineFileReply> {
+    return this.call("machine_file");
+  }
+
+  /**
+   * Check another text of the machine file and, where it has no error, write it at rest. The old one is kept
+   * beside it; the server goes by the new one when it is restarted.
+   */
+  writeMachineFile(request: WriteMachineFileRequest): Promise<WriteMachineFileReply> {
+    return this.call("write_machine_file", request);
   }
 
   /**

@@ -679,6 +679,21 @@ export interface LineReport {
   bound_by?: string | null;
 }
 
+export interface MachineFileReply {
+  /** of the file, without its folder. */
+  name: string;
+  /** as it is on the disk now. */
+  text: string;
+  /** of that text. */
+  sha256: string;
+  /** the server runs by this text; else it has changed since the start. */
+  in_force: boolean;
+}
+
+/** The machine file that the server was started with. */
+export interface MachineFileRequest {
+}
+
 /** Payload of `tele/state` and reply of `status`. */
 export interface MachineStatus {
   /** executor time [s]. */
@@ -1576,4 +1591,28 @@ export interface WorkOffset {
   system: string;
   /** where the axes read zero, by number [mm, deg]; an axis that is left out reads as the machine does. */
   origin: Record<string, number>;
+}
+
+export interface WriteMachineFileReply {
+  /** the new text is on the disk. */
+  written: boolean;
+  /** name of the file that keeps the old one; empty: none. */
+  before: string;
+  /** errors and warnings of the new text. */
+  diagnostics: Diagnostic[];
+}
+
+/**
+ * Checks a text as `mcserver machine check` does, and writes it where it has no error. The server goes on by the
+ * old one until it is restarted.
+ */
+export interface WriteMachineFileRequest {
+  /** all of the new file. */
+  text: string;
+  /** of the text that was changed, as `machine_file` gave it. */
+  sha256: string;
+  /** nothing is written. */
+  only_check?: boolean | undefined;
+  /** the person, where a client serves several. */
+  by?: string | undefined;
 }

@@ -938,6 +938,22 @@ pub struct LineReport {
     pub bound_by: Option<String>,
 }
 
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct MachineFileReply {
+    /// of the file, without its folder.
+    pub name: String,
+    /// as it is on the disk now.
+    pub text: String,
+    /// of that text.
+    pub sha256: String,
+    /// the server runs by this text; else it has changed since the start.
+    pub in_force: bool,
+}
+
+/// The machine file that the server was started with.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct MachineFileRequest {}
+
 /// Payload of `tele/state` and reply of `status`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct MachineStatus {
@@ -2330,4 +2346,41 @@ pub struct WorkOffset {
     pub system: String,
     /// where the axes read zero, by number \[mm, deg\]; an axis that is left out reads as the machine does.
     pub origin: BTreeMap<String, f64>,
+}
+
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct WriteMachineFileReply {
+    /// the new text is on the disk.
+    pub written: bool,
+    /// name of the file that keeps the old one; empty: none.
+    pub before: String,
+    /// errors and warnings of the new text.
+    pub diagnostics: Vec<Diagnostic>,
+}
+
+/// Checks a text as `mcserver machine check` does, and writes it where it has no error. The server goes on by
+/// the old one until it is restarted.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct WriteMachineFileRequest {
+    /// all of the new file.
+    pub text: String,
+    /// of the text that was changed, as `machine_file` gave it.
+    pub sha256: String,
+    /// nothing is written.
+    pub only_check: bool,
+    /// the person, where a client serves several.
+    pub by: String,
+}
+
+impl WriteMachineFileRequest {
+    /// All that may be left out is as the server has it.
+    #[must_use]
+    pub fn new(text: impl Into<String>, sha256: impl Into<String>) -> Self {
+        Self {
+            text: text.into(),
+            sha256: sha256.into(),
+            only_check: false,
+            by: String::new(),
+        }
+    }
 }

@@ -16,9 +16,9 @@ public abstract class MachineCalls {
 
     /** Calls that change nothing, or stop: they may be sent again under any circumstances. */
     static final Set<String> REPEATABLE = Set.of(
-            "info", "status", "programs", "events", "continuation", "hold", "abort", "tables", "estop", "check",
-            "simulate", "run_requests", "run_approvals", "run_preview", "recordings", "recording_read", "model",
-            "model_mesh", "drives", "drives_scan", "sdo_read");
+            "info", "status", "programs", "events", "continuation", "hold", "abort", "machine_file", "tables",
+            "estop", "check", "simulate", "run_requests", "run_approvals", "run_preview", "recordings",
+            "recording_read", "model", "model_mesh", "drives", "drives_scan", "sdo_read");
 
     /** How long a server may take for an answer. */
     static final Map<String, Duration> DEADLINES = Map.ofEntries(
@@ -39,6 +39,8 @@ public abstract class MachineCalls {
             Map.entry("override", Duration.ofSeconds(5)),
             Map.entry("jog", Duration.ofSeconds(5)),
             Map.entry("jog_tool", Duration.ofSeconds(5)),
+            Map.entry("machine_file", Duration.ofSeconds(5)),
+            Map.entry("write_machine_file", Duration.ofSeconds(5)),
             Map.entry("open_servo", Duration.ofSeconds(5)),
             Map.entry("home", Duration.ofSeconds(5)),
             Map.entry("reference", Duration.ofSeconds(5)),
@@ -159,6 +161,19 @@ public abstract class MachineCalls {
     /** Move a tool by hand while it is held: straight on, or turning, until a joint ends its way. */
     public CompletableFuture<Messages.ToolJogReply> jogTool(Messages.ToolJogRequest request) {
         return ask("jog_tool", Wire.params(request), Messages.ToolJogReply.class);
+    }
+
+    /** The machine file that the server was started with. */
+    public CompletableFuture<Messages.MachineFileReply> machineFile() {
+        return ask("machine_file", Map.of(), Messages.MachineFileReply.class);
+    }
+
+    /**
+     * Check another text of the machine file and, where it has no error, write it at rest. The old one is kept
+     * beside it; the server goes by the new one when it is restarted.
+     */
+    public CompletableFuture<Messages.WriteMachineFileReply> writeMachineFile(Messages.WriteMachineFileRequest request) {
+        return ask("write_machine_file", Wire.params(request), Messages.WriteMachineFileReply.class);
     }
 
     /**

@@ -773,6 +773,17 @@ public final class Messages {
             @Sparse("null") String boundBy) {}
 
     /**
+     * @param name of the file, without its folder.
+     * @param text as it is on the disk now.
+     * @param sha256 of that text.
+     * @param inForce the server runs by this text; else it has changed since the start.
+     */
+    public record MachineFileReply(String name, String text, String sha256, boolean inForce) {}
+
+    /** The machine file that the server was started with. */
+    public record MachineFileRequest() {}
+
+    /**
      * Payload of `tele/state` and reply of `status`.
      * @param t executor time [s].
      * @param wall Unix time of `t` [s].
@@ -1697,4 +1708,36 @@ public final class Messages {
      *     does.
      */
     public record WorkOffset(String system, Map<String, Double> origin) {}
+
+    /**
+     * @param written the new text is on the disk.
+     * @param before name of the file that keeps the old one; empty: none.
+     * @param diagnostics errors and warnings of the new text.
+     */
+    public record WriteMachineFileReply(boolean written, String before, List<Diagnostic> diagnostics) {}
+
+    /**
+     * Checks a text as `mcserver machine check` does, and writes it where it has no error. The server goes on by
+     * the old one until it is restarted.
+     * @param text all of the new file.
+     * @param sha256 of the text that was changed, as `machine_file` gave it.
+     * @param onlyCheck nothing is written.
+     * @param by the person, where a client serves several.
+     */
+    public record WriteMachineFileRequest(String text, String sha256, boolean onlyCheck, String by) {
+        /** All that may be left out as the server has it. */
+        public WriteMachineFileRequest(String text, String sha256) {
+            this(text, sha256, false, "");
+        }
+
+        /** The same with another {@code onlyCheck}. */
+        public WriteMachineFileRequest withOnlyCheck(boolean onlyCheck) {
+            return new WriteMachineFileRequest(text, sha256, onlyCheck, by);
+        }
+
+        /** The same with another {@code by}. */
+        public WriteMachineFileRequest withBy(String by) {
+            return new WriteMachineFileRequest(text, sha256, onlyCheck, by);
+        }
+    }
 }

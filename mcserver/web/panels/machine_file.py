@@ -1,0 +1,121 @@
+"""The machine file: seen and changed by an engineer, checked, its difference shown before it is written."""
+
+from __future__ import annotations
+
+import difflib
+import html
+from collections.abc import Sequence
+
+from mcclient import Machine, MotionError
+from mcclient.types import Diagnostic, MachineFileReply
+from nicegui import ui
+
+from mcserver.web.actions import Actions, show_refusal
+from mcserver.web.dialogs import named_dialog
+
+RESTART = "The server goes by it when it is restarted: systemctl restart mcserver."
+# checking solves tools and programs [s]
+DEADLINE_S = 60.0
+
+
+class MachineFilePanel:
+    """A button that opens the file in a dialog; for engineers alone."""
+
+    def __init__(self, actions: Actions) -> None:
+        self._actions = actions
+        with ui.card().classes("mc-card") as card:
+            ui.html("<h2>Machine file</h2>", sanitize=False)
+            ui.button("Look at the machine file", on_click=self._open).props("outline no-caps")
+        card.set_visibility(actions.visitor.may("machine_file"))
+
+    async def _open(self) -> None:
+        if not self._actions.has_role("machine_file"):
+            return
+        try:
+            found = await self._actions.link.connected().machine_file()
+        except MotionError as error:
+            show_refusal(f"{error.message} [{error.code}]", error.hint)
+            return
+        dialog = named_dialog(f"Machine file {found.name}").props("maximized")
+        with dialog, ui.card().classes("mc-card"):
+            with ui.row().classes("w-full items-center justify-between"):
+                ui.label(found.name).classes("font-bold grow break-all")
+                ui.button("Close", on_click=dialog.close).props("flat")
+            MachineFileEditor(self._actions, found)
+        dialog.on("hide", dialog.delete)
+        dialog.open()
+
+
+class MachineFileEditor:
+    """The text, what its check says, how it differs, and the button that writes it."""
+
+    def __init__(self, actions: Actions, found: MachineFileReply) -> None:
+        self._actions = actions
+        self._found = found
+        self._state = ui.label("" if found.in_force else f"It has changed since the start. {RESTART}")
+        self._text = (
+            ui.textarea(label="Machine file", value=found.text, on_change=self._changed)
+            .classes("w-full font-mono")
+            .props('input-style="min-height: 45vh" spellcheck=false outlined')
+        )
+        with ui.element("div").classes("mc-buttons"):
+            ui.button("Check", on_click=self._check).props("outline")
+            self._write = ui.button("Write", on_click=self._write_it).props("color=warning")
+        self._report = ui.html("", sanitize=False).classes("w-full").props("role=status")
+        self._write.set_enabled(False)
+
+    def _changed(self) -> None:
+        """What was checked is another text now."""
+        self._write.set_enabled(False)
+
+    async def _check(self) -> None:
+        text = self._text.value
+        if await self._ask("check the machine file", text, only_check=True):
+            self._write.set_enabled(self._text.value == text != self._found.text)
+
+    async def _write_it(self) -> None:
+        text = self._text.value
+        if await self._ask("write the machine file", text, only_check=False):
+            self._write.set_enabled(False)
+
+    async def _ask(self, name: str, text: str, *, only_check: bool) -> bool:
+        """Have a text checked, and written; whether it has no error."""
+        ok = False
+
+        async def ask(machine: Machine) -> None:
+            nonlocal ok
+            found, by = self._found, self._actions.driver.name
+            reply = await machine.write_machine_file(
+                text, found.sha256, only_check=only_check, by=by, deadline_s=DEADLINE_S
+            )
+            ok = all(each.severity != "error" for each in reply.diagnostics)
+            self._report.set_content(faults_html(reply.diagnostics) + difference_html(found.text, text))
+            if reply.written:
+                self._found = await machine.machine_file()
+                self._state.set_text(f"Written; the one before is {reply.before}. {RESTART}")
+
+        return await self._actions.do("write_machine_file", name, ask) and ok
+
+
+def faults_html(diagnostics: Sequence[Diagnostic]) -> str:
+    """Return what a check has found, each at its line."""
+    if not diagnostics:
+        return "<p>The check finds nothing wrong.</p>"
+    rows = (
+        f"<li><b>{html.escape(each.code)}</b> {html.escape(each.severity)}"
+        + (f", line {each.line}" if each.line else "")
+        + f": {html.escape(each.message)}"
+        + (f"<br>= {html.escape(each.hint)}" if each.hint else "")
+        + "</li>"
+        for each in diagnostics
+    )
+    return f"<div class='mc-faults'><ul>{''.join(rows)}</ul></div>"
+
+
+def difference_html(before: str, after: str) -> str:
+    """Return what is taken out and what is added, with two lines about each."""
+    lines = list(difflib.unified_diff(before.splitlines(), after.splitlines(), lineterm="", n=2))[2:]
+    if not lines:
+        return "<p>No line differs from the file.</p>"
+    shown = "".join(f"<span class=mark>{html.escape(line) or ' '}</span>" for line in lines)
+    return f"<h3>What changes</h3><pre class=mc-program tabindex=0 aria-label='What changes'>{shown}</pre>"
