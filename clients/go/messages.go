@@ -740,6 +740,12 @@ type Info struct {
 	Outputs   []OutputInfo  `msgpack:"outputs"`
 	// Buttons: programs of the machine file that operators start, numbers to be put into their places.
 	Buttons []ButtonInfo `msgpack:"buttons"`
+	// Group: what people find the machine by.
+	Group string `msgpack:"group"`
+	// Tags: what people find the machine by.
+	Tags []string `msgpack:"tags"`
+	// Camera: address of a still picture; empty: none.
+	Camera string `msgpack:"camera"`
 }
 
 // InfoRequest: What the machine and its service are: an `Info`.

@@ -109,6 +109,7 @@ class Machine(msgspec.Struct, frozen=True):
         gravity: in the URDF's base frame [m/s²].
         clearance: what must not touch what; None: nothing is said of it.
         buttons: programs that operators start from the page.
+        group, tags: what people find it by in a fleet. camera: address of a still picture; empty: none.
         setpoint_timeout: longest time that drives bridge without a setpoint [s]; see `stall_limit_s`.
         shaping: of the setpoints of all axes; None: no axis has a shaper.
     """
@@ -136,6 +137,9 @@ class Machine(msgspec.Struct, frozen=True):
     setpoint_timeout: float = 0.05
     clearance: Clearance | None = None
     buttons: tuple[Button, ...] = ()
+    group: str = ""
+    tags: tuple[str, ...] = ()
+    camera: str = ""
     shaping: Shaping | None = None
 
     @property
@@ -326,6 +330,9 @@ def _read_machine(raw: dict[str, Any], folder: Path | None, mistakes: Mistakes) 
         gravity=EARTH if kinematics is None else kinematics.gravity,
         recovery=read_recovery(file.get("recovery"), axes, mistakes) if sound else None,
         setpoint_timeout=section.setpoint_timeout_s,
+        group=section.group,
+        tags=section.tags,
+        camera=section.camera,
         buttons=read_buttons(file.get("button") or (), mistakes),
         shaping=shaping,
         clearance=read_clearance(

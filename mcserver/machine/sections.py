@@ -63,6 +63,19 @@ class MachineSection(msgspec.Struct, frozen=True):
     setpoint_timeout_s: Annotated[
         float, Meta(gt=0.0, le=10.0, description="what the drives bridge without a setpoint: 0.05 is usual")
     ] = 0.05
+    group: Annotated[str, Meta(max_length=64, description="where it stands, such as hall-2")] = ""
+    tags: Annotated[
+        tuple[Annotated[str, Meta(pattern=r"^[^\s,;]{1,32}$", description="words without spaces")], ...],
+        Meta(max_length=16, description="16 words at the most"),
+    ] = ()
+    camera: Annotated[
+        str,
+        Meta(
+            pattern=r"^(https?://[^\s/@?#]+(/\S*)?)?$",
+            max_length=500,
+            description="the address of a still picture, http or https, without a name or password",
+        ),
+    ] = ""
 
 
 class MotionSection(msgspec.Struct, frozen=True):

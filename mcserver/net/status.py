@@ -220,6 +220,9 @@ def machine_info(service: MachineService, methods: list[str]) -> Info:
             )
             for each in (*machine.buttons, *probing_cycles(machine))
         ],
+        group=machine.group,
+        tags=list(machine.tags),
+        camera=machine.camera,
         methods=sorted(methods),
         inputs=[_input_info(each) for each in machine.inputs],
         outputs=[_output_info(each) for each in machine.outputs],

@@ -21,6 +21,8 @@ from mcserver.web.store import ProgramStore
 log = logging.getLogger(__name__)
 
 PERIOD_S = 1.0
+# machines that are asked for their groups and tags in a look
+MARKS_AT_ONCE = 20
 # between two questions to the history [s]
 LOOK_BACK_S = 300.0
 # an offline machine stays in the table this long
@@ -45,6 +47,10 @@ class Seen:
         self.status: MachineStatus | None = None
         self.seen_at = time.monotonic()
         self.online = True
+        # what its machine file says that people find it by; asked for once a start of its server
+        self.group = ""
+        self.tags: tuple[str, ...] = ()
+        self.asked = ""
 
 
 class Fleet:
@@ -217,6 +223,19 @@ class Fleet:
         finally:
             self._link = None
 
+    async def _ask_marks(self, link: FleetLink) -> None:
+        """Ask some machines that have started for their groups and tags; one that does not say has none."""
+        new = [
+            (seen, seen.status.instance)
+            for seen in self.machines.values()
+            if seen.online and seen.status is not None and seen.asked != seen.status.instance
+        ][:MARKS_AT_ONCE]
+        answers = await asyncio.gather(*(link.info(seen.name) for seen, _ in new), return_exceptions=True)
+        for (seen, instance), info in zip(new, answers, strict=True):
+            seen.asked = instance
+            if not isinstance(info, BaseException):
+                seen.group, seen.tags = info.group, tuple(info.tags)
+
     def _look_back(self) -> None:
         """Ask the history now and then how long machines have run today; nobody waits for it."""
         if self.past is None or (self._looking_back is not None and not self._looking_back.done()):
@@ -235,6 +254,7 @@ class Fleet:
         for name, status in (await link.states(timeout_s=PERIOD_S)).items():
             seen = self.machines.setdefault(name, Seen(name))
             seen.status, seen.seen_at, seen.online = status, now, True
+        await self._ask_marks(link)
         for seen in list(self.machines.values()):
             seen.online = now - seen.seen_at < 4.0 * PERIOD_S
             if now - seen.seen_at > REMEMBERED_S:

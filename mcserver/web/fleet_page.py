@@ -53,6 +53,7 @@ COLUMNS: list[dict[str, Any]] = [
     {"field": "today", "headerName": "Today %", "minWidth": 100},
     {"field": "late", "headerName": "Late cycles", "minWidth": 115},
     {"field": "group", "filter": True, "minWidth": 110},
+    {"field": "tags", "filter": True, "minWidth": 110},
 ]
 
 
@@ -144,9 +145,11 @@ class FleetPage:
             )
         if added or removed:
             self._open.set_options(sorted(rows))
+        if added or changed or removed:
             groups = sorted({str(row["group"]) for row in rows.values()} - {""})
             kept = self._group.value if self._group.value in groups else ""
-            self._group.set_options({"": "all groups", **{group: group for group in groups}}, value=kept)
+            if list(self._group.options) != ["", *groups]:
+                self._group.set_options({"": "all groups", **{group: group for group in groups}}, value=kept)
         self._sent = rows
         online = sum(seen.online for seen in self._fleet.machines.values())
         faults = sum(row["state"] in ("fault", "EMERGENCY STOP") for row in rows.values())
@@ -264,7 +267,8 @@ def _row(seen: Seen, running_today: Mapping[str, float]) -> dict[str, Any]:
     return {
         "machine": seen.name,
         "rank": RANKS.get(kind, len(RANKS)),
-        "group": group_of(seen.name),
+        "group": seen.group or group_of(seen.name),
+        "tags": " ".join(seen.tags),
         "state": word,
         "kind": kind,
         "program": (program.name or program.program) if program is not None and live else "",

@@ -4,22 +4,26 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import AsyncIterator
+from functools import partial
 
 from fastapi import FastAPI, Request, Response
 from fastapi.responses import FileResponse, StreamingResponse
 from mcclient import MotionError
 
+from mcserver.web.camera import fetch_picture
 from mcserver.web.fleet import Fleet
 from mcserver.web.link import MachineLink
 from mcserver.web.robot_model import fetch_model
 from mcserver.web.sessions import COOKIE, Sessions
 
+# However many look, the camera is asked once in so long [s].
+CAMERA_S = 0.9
 # A plot is a page of its own with scripts of its own; it must not act for who is logged in.
 PLOT_HEADERS = {"Content-Security-Policy": "sandbox allow-scripts allow-downloads"}
 
 
 def add_machine_files(site: FastAPI, sessions: Sessions, fleet: Fleet) -> None:
-    """Serve ``/machine/{name}/model`` and ``/machine/{name}/recordings/…`` to who is logged in."""
+    """Serve ``/machine/{name}/model``, ``…/camera`` and ``…/recordings/…`` to who is logged in."""
     # one at a time: a mesh of many megabytes is read and converted once, not by every viewer
     fetching = asyncio.Lock()
 
@@ -39,6 +43,18 @@ def add_machine_files(site: FastAPI, sessions: Sessions, fleet: Fleet) -> None:
         except MotionError as error:
             return _refusal(error)
         return Response(content, media_type="application/json", headers={"Cache-Control": "no-store"})
+
+    @site.get("/machine/{name}/camera")
+    async def camera(request: Request, name: str) -> Response:
+        link = opened(request, name)
+        if isinstance(link, Response):
+            return link
+        try:
+            address = link.connected().info.camera
+            kind, content = await link.answers.get("camera", CAMERA_S, partial(fetch_picture, address))
+        except MotionError as error:
+            return _refusal(error)
+        return Response(content, media_type=kind, headers={"Cache-Control": "no-store"})
 
     @site.get("/machine/{name}/recordings/{recording}/file")
     async def file(request: Request, name: str, recording: str) -> Response:

@@ -17,6 +17,7 @@ from mcserver.web.menu import add_menu
 from mcserver.web.open_programs import refusal_of
 from mcserver.web.panels.arming import ArmingPanel
 from mcserver.web.panels.buttons import ButtonsPanel
+from mcserver.web.panels.camera import CameraPanel
 from mcserver.web.panels.channels import ChannelsPanel
 from mcserver.web.panels.charts import ChartPanel
 from mcserver.web.panels.control import ControlPanel
@@ -116,6 +117,8 @@ class MachinePage:
                 with ui.element("div").classes("mc-column"):
                     with _place(7):
                         self._picture = PicturePanel(link)
+                    with _place(7):
+                        self._camera = CameraPanel(link)
                     with _place(12):
                         self._chart = ChartPanel(link)
                     with _place(14):
@@ -257,6 +260,7 @@ class MachinePage:
             self._arming.update()
             self._chart.update(status, machine.info)
             self._homing.update(status, machine.info)
+            self._camera.update(machine.info)
             self._people.update()
             self._events.update()
         self._turn += 1

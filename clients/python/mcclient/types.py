@@ -1012,6 +1012,9 @@ class Info:
         instance: one start of the server; another one means that programs before it were interrupted.
         epoch: Unix time of executor time 0, by the clock as it goes now [s].
         buttons: programs of the machine file that operators start, numbers to be put into their places.
+        group: what people find the machine by.
+        tags: what people find the machine by.
+        camera: address of a still picture; empty: none.
     """
 
     machine: str
@@ -1028,6 +1031,9 @@ class Info:
     inputs: tuple[InputInfo, ...] = ()
     outputs: tuple[OutputInfo, ...] = ()
     buttons: tuple[ButtonInfo, ...] = ()
+    group: str = ""
+    tags: tuple[str, ...] = ()
+    camera: str = ""
 
 
 @dataclass(frozen=True, slots=True)

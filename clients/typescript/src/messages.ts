@@ -574,6 +574,12 @@ export interface Info {
   outputs?: OutputInfo[];
   /** programs of the machine file that operators start, numbers to be put into their places. */
   buttons?: ButtonInfo[];
+  /** what people find the machine by. */
+  group?: string;
+  /** what people find the machine by. */
+  tags?: string[];
+  /** address of a still picture; empty: none. */
+  camera?: string;
 }
 
 /** What the machine and its service are: an `Info`. */

@@ -118,4 +118,6 @@ def difference_html(before: str, after: str) -> str:
     if not lines:
         return "<p>No line differs from the file.</p>"
     shown = "".join(f"<span class=mark>{html.escape(line) or ' '}</span>" for line in lines)
-    return f"<h3>What changes</h3><pre class=mc-program tabindex=0 aria-label='What changes'>{shown}</pre>"
+    return (
+        f"<p><b>What changes</b></p><pre class=mc-program tabindex=0 aria-label='What changes'>{shown}</pre>"
+    )

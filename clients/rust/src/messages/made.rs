@@ -803,6 +803,15 @@ pub struct Info {
     /// programs of the machine file that operators start, numbers to be put into their places.
     #[serde(default)]
     pub buttons: Vec<ButtonInfo>,
+    /// what people find the machine by.
+    #[serde(default)]
+    pub group: String,
+    /// what people find the machine by.
+    #[serde(default)]
+    pub tags: Vec<String>,
+    /// address of a still picture; empty: none.
+    #[serde(default)]
+    pub camera: String,
 }
 
 /// What the machine and its service are: an `Info`.

@@ -669,11 +669,15 @@ public final class Messages {
      * @param instance one start of the server; another one means that programs before it were interrupted.
      * @param epoch Unix time of executor time 0, by the clock as it goes now [s].
      * @param buttons programs of the machine file that operators start, numbers to be put into their places.
+     * @param group what people find the machine by.
+     * @param tags what people find the machine by.
+     * @param camera address of a still picture; empty: none.
      */
     public record Info(
             String machine, String server, List<Long> protocol, String instance, double epoch, double cycleS,
             List<AxisInfo> axes, List<ToolInfo> tools, TelemetryInfo telemetry, LimitsInfo limits, List<String> methods,
-            @Sparse List<InputInfo> inputs, @Sparse List<OutputInfo> outputs, @Sparse List<ButtonInfo> buttons) {}
+            @Sparse List<InputInfo> inputs, @Sparse List<OutputInfo> outputs, @Sparse List<ButtonInfo> buttons, @Sparse
+            String group, @Sparse List<String> tags, @Sparse String camera) {}
 
     /** What the machine and its service are: an `Info`. */
     public record InfoRequest() {}
