@@ -69,7 +69,7 @@ class Fleet:
     ) -> None:
         self.past = past
         self.running_today: dict[str, float] = {}
-        self._looking_back: asyncio.Future[None] | None = None
+        self._aside: asyncio.Future[None] | None = None
         self._look_back_at = 0.0
         self.machines: dict[str, Seen] = {}
         self.failure = ""
@@ -203,6 +203,9 @@ class Fleet:
         if self._task is not None:
             self._task.cancel()
             await asyncio.gather(self._task, return_exceptions=True)
+        if self._aside is not None:
+            self._aside.cancel()
+            await asyncio.gather(self._aside, return_exceptions=True)
         ending = [asyncio.ensure_future(link.close()) for link in self.links]
         await asyncio.gather(*ending, *self._closing, return_exceptions=True)
 
@@ -217,7 +220,9 @@ class Fleet:
         try:
             while True:
                 await self._look(link)
-                self._look_back()
+                if self._aside is None or self._aside.done():
+                    # nobody waits for what is not asked each second
+                    self._aside = asyncio.ensure_future(self._look_aside(link))
                 self.release_unused()
                 await asyncio.sleep(PERIOD_S)
         finally:
@@ -236,25 +241,18 @@ class Fleet:
             if not isinstance(info, BaseException):
                 seen.group, seen.tags = info.group, tuple(info.tags)
 
-    def _look_back(self) -> None:
-        """Ask the history now and then how long machines have run today; nobody waits for it."""
-        if self.past is None or (self._looking_back is not None and not self._looking_back.done()):
-            return
-        if time.monotonic() < self._look_back_at:
-            return
-        self._look_back_at = time.monotonic() + LOOK_BACK_S
-
-        async def look(past: Past) -> None:
-            self.running_today = await past.running_today()
-
-        self._looking_back = asyncio.ensure_future(look(self.past))
+    async def _look_aside(self, link: FleetLink) -> None:
+        """Ask for what changes seldom: groups and tags, and how long machines have run today."""
+        await self._ask_marks(link)
+        if self.past is not None and time.monotonic() >= self._look_back_at:
+            self._look_back_at = time.monotonic() + LOOK_BACK_S
+            self.running_today = await self.past.running_today()
 
     async def _look(self, link: FleetLink) -> None:
         now = time.monotonic()
         for name, status in (await link.states(timeout_s=PERIOD_S)).items():
             seen = self.machines.setdefault(name, Seen(name))
             seen.status, seen.seen_at, seen.online = status, now, True
-        await self._ask_marks(link)
         for seen in list(self.machines.values()):
             seen.online = now - seen.seen_at < 4.0 * PERIOD_S
             if now - seen.seen_at > REMEMBERED_S:

@@ -68,16 +68,23 @@ def held(page: Page) -> None:
     raise AssertionError("nothing is held")
 
 
+LOOKS_OF_A_PAGE = ((1920, "light"), (360, "dark"))
+
+
+def nothing_serious_as_worn(page: Page, where: str) -> None:
+    """Look at one state wide and light, then narrow and dark."""
+    for width, scheme in LOOKS_OF_A_PAGE:
+        page.set_viewport_size({**WIDE, "width": width})
+        page.emulate_media(color_scheme=scheme)
+        nothing_serious(page, f"{where}, {width} px, {scheme}")
+
+
 @pytest.fixture
-def worn(page: Page, request: pytest.FixtureRequest) -> Iterator[Page]:
-    width, scheme = request.param
-    page.set_viewport_size({**WIDE, "width": width})
-    page.emulate_media(color_scheme=scheme)
+def worn(page: Page) -> Iterator[Page]:
     yield page
     page.emulate_media(color_scheme="light")
 
 
-@pytest.mark.parametrize("worn", [(1920, "light"), (360, "dark")], indirect=True)
 def test_a_page_in_use_has_no_serious_findings(worn: Page, site: PageProcess, machine: sync.Machine) -> None:
     page = opened(worn, site)
     for waiting in page.get_by_role("button", name=re.compile("from the queue$")).all():
@@ -89,21 +96,21 @@ def test_a_page_in_use_has_no_serious_findings(worn: Page, site: PageProcess, ma
         page.get_by_role("button", name="Run", exact=True).first.click()
     expect(page.get_by_role("button", name="remove used.gcode from the queue")).to_be_visible()
     expect(page.get_by_role("link", name=re.compile("^plot ")).first).to_be_visible()
-    nothing_serious(page, "running, another waits, a line was refused")
+    nothing_serious_as_worn(page, "running, another waits, a line was refused")
     held(page)
     page.get_by_label("Distance").click()
     expect(page.get_by_role("option", name="while held")).to_be_visible()
-    nothing_serious(page, "held, a list is open")
+    nothing_serious_as_worn(page, "held, a list is open")
     page.keyboard.press("Escape")
     page.get_by_role("button", name="Menu").click()
     expect(page.get_by_role("menuitem", name="Dark")).to_be_visible()
-    nothing_serious(page, "the menu is open")
+    nothing_serious_as_worn(page, "the menu is open")
     page.keyboard.press("Escape")
     page.get_by_role("button", name="Dry run").click()
     expect(page.get_by_role("button", name="Run it")).to_be_visible()
-    nothing_serious(page, "a dry run is shown")
+    nothing_serious_as_worn(page, "a dry run is shown")
     page.get_by_role("dialog").get_by_role("button", name="Close").click()
     page.locator("[data-estop]").click()
     expect(page.locator(".mc-state")).to_have_text("EMERGENCY STOP")
-    nothing_serious(page, "stopped")
+    nothing_serious_as_worn(page, "stopped")
     assert machine.status().state == "estop"

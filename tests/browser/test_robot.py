@@ -57,16 +57,19 @@ def stepped(page: Page, machine: sync.Machine, wanted: list[float]) -> None:
     wait_for(machine, page, there)
 
 
-@pytest.mark.parametrize("width", [360, 768, 1920])
-def test_the_tool_is_stepped_in_the_frames_of_base_and_tool_and_steps_queue(
-    page: Page, arm_site: PageProcess, robot: sync.Machine, width: int
+def test_the_tool_is_stepped_and_held_in_the_frames_of_base_and_tool_and_steps_queue(
+    page: Page, arm_site: PageProcess, robot: sync.Machine
 ) -> None:
-    page.set_viewport_size({"width": width, "height": 900})
     opened(page, arm_site, "arm")
-    assert page.evaluate("document.documentElement.scrollWidth") <= width
     positions = page.get_by_role("region", name="Positions")
     expect(positions).to_contain_text("T1")
-    assert positions.evaluate("region => region.scrollWidth <= region.clientWidth")
+    for width in (360, 768, 1920):
+        page.set_viewport_size({"width": width, "height": 900})
+        assert page.evaluate("document.documentElement.scrollWidth") <= width
+        assert positions.evaluate("region => region.scrollWidth <= region.clientWidth")
+    names = robot.model().joints
+    expect(positions).to_contain_text(f"X {names['0']}")
+    expect(page.locator(".mc-jog-axis").first).to_contain_text(names["0"])
     x, y, z, a, b, c = pose(robot)
     choose(page, page.get_by_label("Along axes of"), "base")
     choose(page, page.get_by_label("Step", exact=True), "5 mm, deg")
@@ -88,13 +91,6 @@ def test_the_tool_is_stepped_in_the_frames_of_base_and_tool_and_steps_queue(
     page.mouse.up()
     wait_for(robot, page, at_rest)
     assert pose(robot)[2] < z + 200.0
-
-
-def test_joints_are_called_by_their_names(page: Page, arm_site: PageProcess, robot: sync.Machine) -> None:
-    opened(page, arm_site, "arm")
-    names = robot.model().joints
-    expect(page.get_by_role("region", name="Positions")).to_contain_text(f"X {names['0']}")
-    expect(page.locator(".mc-jog-axis").first).to_contain_text(names["0"])
 
 
 def test_poses_are_taught_edited_replayed_and_kept(

@@ -5,7 +5,8 @@ from __future__ import annotations
 import asyncio
 from collections import Counter
 from pathlib import Path
-from typing import Any
+from types import SimpleNamespace
+from typing import Any, cast
 
 import pytest
 from mcclient import MotionError
@@ -97,3 +98,24 @@ async def test_a_connection_that_nobody_looks_at_is_released(
     monkeypatch.undo()
     await asyncio.sleep(0)
     assert unused.closed
+
+
+async def test_machines_are_asked_for_groups_and_tags_once_a_start(fleet: Fleet) -> None:
+    asked: list[str] = []
+
+    class Asked:
+        async def info(self, name: str) -> Any:
+            asked.append(name)
+            if name == "cell-1":
+                raise MotionError("MC530", "nobody answers", "")
+            return SimpleNamespace(group="hall", tags=["mill"])
+
+    for name in ("cell-0", "cell-1"):
+        fleet.machines[name].status = cast(Any, SimpleNamespace(instance="one"))
+    for _ in range(2):
+        await fleet._look_aside(cast(Any, Asked()))
+    assert sorted(asked) == ["cell-0", "cell-1"]
+    assert [(fleet.machines[name].group, fleet.machines[name].tags) for name in ("cell-0", "cell-1")] == [
+        ("hall", ("mill",)),
+        ("", ()),
+    ]
