@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import pytest
 from mcclient import sync
 
-from tests.browser.conftest import PageProcess, opened, page_of, playwright, serving
+from tests.browser.conftest import WIDE, PageProcess, opened, page_of, playwright, serving
 from tests.browser.test_machine_page import upload, wait_for
 from tests.e2e.servers import ServerProcess
 
@@ -173,3 +173,30 @@ def test_an_emergency_stop_leads_to_its_black_box(
     page.get_by_role("dialog").get_by_role("button", name="Close").click()
     expect(page.get_by_role("link", name="plot of the black box")).to_be_visible()
     assert machine.status().state == "estop"
+
+
+def test_the_machine_file_is_checked_shown_as_a_difference_and_written_at_rest(
+    page: Page, site: PageProcess, machine: sync.Machine
+) -> None:
+    opened(page, site)
+    page.get_by_role("button", name="Look at the machine file").click()
+    text = page.get_by_role("textbox", name="Machine file")
+    before = text.input_value()
+    write, check = (page.get_by_role("button", name=name, exact=True) for name in ("Write", "Check"))
+    expect(write).to_be_disabled()
+    text.fill(before.replace("max_velocity", "max_velosity", 1))
+    check.click()
+    expect(page.get_by_text("did you mean 'max_velocity'?")).to_be_visible()
+    expect(write).to_be_disabled()
+    for changed, shown in ((before + "# by ada\n", "+# by ada"), (before, "-# by ada")):
+        text.fill(changed)
+        expect(write).to_be_disabled()
+        check.click()
+        expect(page.get_by_text(shown, exact=True)).to_be_visible()
+        for width in (360, 768, WIDE["width"]):
+            page.set_viewport_size({**WIDE, "width": width})
+            assert page.evaluate("document.documentElement.scrollWidth") <= width
+        write.click()
+        expect(write).to_be_disabled()
+        expect(page.get_by_text("Written; the one before is cartesian.toml.before")).to_be_visible()
+        assert machine.machine_file().text == changed

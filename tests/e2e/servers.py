@@ -26,8 +26,8 @@ PLANNER = "mcserver.planning.process"
 
 
 def environment() -> dict[str, str]:
-    """For the project's commands: both packages are found, and no line of output is wrapped."""
-    paths = [str(ROOT), str(ROOT / "clients" / "python")]
+    """For the project's commands: its packages are those of this tree, and no line of output is wrapped."""
+    paths = [str(ROOT), str(ROOT / "kinematics"), str(ROOT / "clients" / "python")]
     kept = {key: value for key, value in os.environ.items() if key not in ("MC_CONNECT", "MC_MACHINE")}
     return {**kept, "PYTHONPATH": os.pathsep.join(paths), "COLUMNS": "400", "NO_COLOR": "1"}
 
