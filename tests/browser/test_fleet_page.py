@@ -4,10 +4,7 @@ from __future__ import annotations
 
 import json
 import re
-import subprocess
-import sys
 from collections.abc import Iterator
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import msgspec
@@ -167,42 +164,24 @@ def test_who_logs_out_sees_nothing_more_on_any_tab(page: Page, fleet_site: PageP
     other.close()
 
 
-@pytest.mark.parametrize(("width", "columns"), [(360, ["State"]), (1920, ["State", "Program", "Faults"])])
 def test_what_is_asked_first_is_in_view_on_a_narrow_and_on_a_wide_screen(
-    page: Page, fleet_site: PageProcess, width: int, columns: list[str]
+    page: Page, fleet_site: PageProcess
 ) -> None:
     log_in(page, fleet_site, "bob", "bob's battery staple")
-    page.set_viewport_size({"width": width, "height": 800})
     expect(page.get_by_role("status")).to_contain_text(f"{MACHINES} of {MACHINES}")
-    assert page.evaluate("document.documentElement.scrollWidth") <= width
-    for name in columns:
-        header = page.get_by_role("columnheader", name=name, exact=True)
-        expect(header).to_be_in_viewport(ratio=0.9)
-        box = header.bounding_box()
-        assert box is not None
-        assert box["x"] + box["width"] <= width
-    for name in (
-        "Hold selected",
-        "Stop selected",
-        "Emergency stop of the selected",
-        "Emergency stop of all machines",
-    ):
-        expect(page.get_by_role("button", name=name)).to_be_in_viewport(ratio=0.9)
-
-
-def test_a_user_is_added_by_the_command(tmp_path: Path) -> None:
-    file = tmp_path / "users"
-    command = [
-        sys.executable,
-        "-m",
-        "mcserver",
-        "web",
-        "--users",
-        str(file),
-        "--add-user",
-        "ada",
-        "--role",
-        "engineer",
-    ]
-    subprocess.run(command, input="correct horse\n", text=True, check=True)
-    assert file.read_text("utf-8").startswith("ada:engineer:")
+    for width, columns in ((360, ("State",)), (1920, ("State", "Program", "Faults"))):
+        page.set_viewport_size({"width": width, "height": 800})
+        for name in columns:
+            header = page.get_by_role("columnheader", name=name, exact=True)
+            expect(header).to_be_in_viewport(ratio=0.9)
+            box = header.bounding_box()
+            assert box is not None
+            assert box["x"] + box["width"] <= width
+        for name in (
+            "Hold selected",
+            "Stop selected",
+            "Emergency stop of the selected",
+            "Emergency stop of all machines",
+        ):
+            expect(page.get_by_role("button", name=name)).to_be_in_viewport(ratio=0.9)
+        assert page.evaluate("document.documentElement.scrollWidth") <= width

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import io
 import socket
+import sys
 from pathlib import Path
 
 import pytest
 
+from mcserver.cli.app import run_command_line
 from mcserver.doors.listening import Address
 from mcserver.errors import ConfigurationError, ServiceError
 from mcserver.web.site import WebOptions, serve
@@ -32,3 +35,11 @@ async def test_a_certificate_needs_its_key(tmp_path: Path) -> None:
 async def test_a_port_that_is_taken_is_refused_with_a_remedy(tmp_path: Path) -> None:
     with socket.create_server(("127.0.0.1", 0)) as taken, pytest.raises(ServiceError, match="MC065"):
         await serve(WebOptions(Address("127.0.0.1", taken.getsockname()[1]), tmp_path))
+
+
+def test_a_user_is_added_by_the_command(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(sys, "stdin", io.StringIO("correct horse\n"))
+    file = tmp_path / "users"
+    words = ["web", "--users", str(file), "--add-user", "ada", "--role", "engineer"]
+    assert run_command_line(words) == 0
+    assert file.read_text("utf-8").startswith("ada:engineer:")
