@@ -7,10 +7,10 @@ import numpy as np
 from mckinematics.errors import KinematicsError
 from mckinematics.newton import joint_slope
 from mckinematics.pose import Array, Pose, ToolPath
-from mckinematics.rotation import euler_to_matrix, matrix_to_euler
+from mckinematics.rotation import matrix_to_euler
 from mckinematics.search import within_limits
 from mckinematics.target_path import TargetPath
-from mckinematics.tool import ToolModel
+from mckinematics.tool import Targets, ToolModel
 from mckinematics.trace import LARGEST_CORRECTION, Goal, largest_change, linear_step, trace
 
 # Newton's steps to a pose near by, and the one behind which nothing is left: its square [rad]
@@ -21,25 +21,25 @@ ASIDE = 4.0
 LOST = 0.1
 
 
-def solve_near(tool: ToolModel, pose: Pose, joints: Array) -> Array | None:
-    """Joints, shape (K,), at a pose that is close to ``joints``; None: it is not, or they pass a limit.
+def solve_near(tool: ToolModel, target: Targets, joints: Array) -> Array | None:
+    """Joints, shape (K,), at one pose that is close to ``joints``; None: it is not, or past a limit.
 
     No joint goes further than a configuration reaches (`LARGEST_CORRECTION`), so the chain never changes over
     to another one. Joints to spare go to the tool's posture by what the tool travels.
     """
-    found = _newton(tool, pose, joints, 0.0)
+    found = _newton(tool, target, joints, 0.0)
     if found is not None and not within_limits(tool, found[None])[0] and tool.chain.size > tool.rank:
-        found = _newton(tool, pose, joints, ASIDE)
+        found = _newton(tool, target, joints, ASIDE)
     return found if found is not None and within_limits(tool, found[None])[0] else None
 
 
-def _newton(tool: ToolModel, pose: Pose, joints: Array, aside: float) -> Array | None:
-    turned = euler_to_matrix(pose.angles, tool.euler).ravel().tolist() if tool.orientation else None
-    goal = Goal(pose.position, turned, (0.0,) * tool.rows)
+def _newton(tool: ToolModel, target: Targets, joints: Array, aside: float) -> Array | None:
+    turned = None if target.rotations is None else target.rotations.ravel().tolist()
+    goal = Goal(target.positions[0].tolist(), turned, (0.0,) * tool.rows)
     start, units = joints.tolist(), tool.unit.tolist()
     guess = start
     if tool.posture is not None or aside:
-        residual, jacobian = tool.linearise(joints[None], tool.target(pose))
+        residual, jacobian = tool.linearise(joints[None], target)
         guess = (joints + joint_slope(tool, joints[None], jacobian, residual, aside)[0]).tolist()
     for _ in range(STEPS):
         linear = linear_step(tool, guess, goal, 0.0)
@@ -53,7 +53,7 @@ def _newton(tool: ToolModel, pose: Pose, joints: Array, aside: float) -> Array |
 
 
 def solve_along_line(tool: ToolModel, pose: Pose, joints: Array) -> Array | None:
-    """Return joints at a pose further away, reached on a straight line; None: it cannot be followed."""
+    """Joints at a pose further away, reached on the straight line to it; None: it is not reached so."""
     positions, rotations = tool.chain.forward(joints[None])
     start, end = positions[0], np.array(pose.position)
     angles = matrix_to_euler(rotations[0], tool.euler) if tool.orientation else None
@@ -71,7 +71,7 @@ def solve_along_line(tool: ToolModel, pose: Pose, joints: Array) -> Array | None
         return None
     if not followed.complete or not within_limits(tool, followed.joints).all():
         return None
-    return solve_near(tool, pose, followed.joints[-1])
+    return solve_near(tool, tool.target(pose), followed.joints[-1])
 
 
 def joint_rates(tool: ToolModel, joints: Array, twist: Array) -> tuple[Array, float]:

@@ -92,11 +92,20 @@ class ToolTargets:
         for place, row in zip(places, rows, strict=True):
             pose = _pose(row)
             target = model.target(pose)
-            if gap is not None and self._is_doubtful(model, target, joints, gap):
-                return "jumped"
-            found = self._solve(model, pose, joints, now)
+            found = solve_near(model, target, joints)
+            if gap is not None:
+                # what is near for the joints is near for the tool
+                close = (
+                    found is not None and (np.abs(found - joints) <= REACH * gap * self._top[columns]).all()
+                )
+                if not close and self._is_doubtful(model, target, joints, gap):
+                    return "jumped"
+            if found is None and now - self._lined >= LINE_EVERY_S:
+                self._lined = now
+                found = solve_along_line(model, pose, joints)
             if found is None:
                 return "refused"
+            self._doubtful = None
             joints = place[columns] = found
         self._last = _Solved(number, target, joints)
         return places
@@ -182,13 +191,6 @@ class ToolTargets:
         )
         self._doubtful = None if near else (number, target)
         return not near
-
-    def _solve(self, model: ToolModel, pose: Pose, joints: Array, now: float) -> Array | None:
-        found = solve_near(model, pose, joints)
-        if found is None and now - self._lined >= LINE_EVERY_S:
-            self._lined = now
-            found = solve_along_line(model, pose, joints)
-        return found
 
 
 def _joint_rates(model: ToolModel, joints: Array, twist: Array, *, in_tool: bool) -> tuple[Array, float]:

@@ -8,10 +8,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from mckinematics.solver import MachineKinematics
 
 from mcserver.errors import Refused
 from mcserver.executor.entries import Control, ControlKind
-from mcserver.machine.machine_file import parse_machine
+from mcserver.machine.machine_file import load_machine, parse_machine
 from mcserver.service.program import Program
 from mcserver.service.servo import close_targets, open_servo, put_targets
 from mcserver.service.target_stream import TargetMessage
@@ -192,6 +193,29 @@ async def test_numbers_at_the_end_of_all_numbers_are_counted_and_warn_of_nothing
     status = streamer.program.status().servo
     assert status is not None
     assert (status.taken + status.jumped, status.refused) == (4, 0)
+
+
+async def test_a_pose_of_a_tool_leads_the_axes_there(tmp_path: Path) -> None:
+    arm = VirtualCell(load_machine("arm6"), tmp_path)
+    streamer = await opened(arm)
+    pose = [[0.4, 0.05, 0.6, 0.0, 0.0, 0.1]]
+    for seq in range(1, 60):
+        now = arm.service.port.snapshot().time
+        put_targets(
+            arm.service, streamer.program, TargetMessage(seq, now, 1.0, np.array(pose), None, None, 1)
+        )
+        await asyncio.sleep(0)
+    close_targets(arm.service, streamer.program)
+    program = await arm.ended(streamer.program)
+    assert (program.state, program.fault) == ("finished", None)
+    reached = MachineKinematics(arm.service.machine).pose(
+        1, dict(enumerate(arm.service.port.snapshot().setpoint))
+    )
+    assert [*reached.position, *reached.angles] == pytest.approx(pose[0], abs=1e-9)
+    status = program.status().servo
+    assert status is not None
+    assert (status.refused, status.slowed > 0) == (0, True)
+    await arm.stop()
 
 
 async def test_a_machine_with_clearance_is_not_streamed_to(tmp_path: Path) -> None:

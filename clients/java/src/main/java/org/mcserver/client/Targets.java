@@ -49,7 +49,7 @@ public record Targets(double[][] positions, double[][] velocities, double[] time
     }
 
     /** The same, with twists along and about the tool's own axes. */
-    public Targets inToolFrame() {
+    public Targets alongTool() {
         return new Targets(positions, velocities, times, countsS, tool, true);
     }
 
