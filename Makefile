@@ -13,7 +13,8 @@ BIN := $(VENV)/bin
 PIP := $(BIN)/python -m pip --disable-pip-version-check
 SDK := clients/python
 BENCHMARK := clients/benchmark
-PROJECTS := pyproject.toml $(SDK)/pyproject.toml constraints.txt $(BENCHMARK)/pyproject.toml
+GYM := clients/gym
+PROJECTS := pyproject.toml $(SDK)/pyproject.toml constraints.txt $(BENCHMARK)/pyproject.toml $(GYM)/pyproject.toml
 
 # What only computes gives way to what has a clock at once, where the system can say so (Linux).
 BESIDE := $(shell command -v chrt >/dev/null 2>&1 && echo 'chrt --idle 0' || echo 'nice -n 19')
@@ -178,7 +179,7 @@ $(VENV)/.for-demo: $(PROJECTS) | $(BIN)/python
 
 # on a new clone not behind the other one: what both need is looked for and installed once
 $(VENV)/.for-development: $(PROJECTS) | $(BIN)/python
-	$(INSTALL) --editable '.[plot,web,lsp,mcp]' --editable '$(SDK)[cli]' --editable $(BENCHMARK) --group dev
+	$(INSTALL) --editable '.[plot,web,lsp,mcp]' --editable '$(SDK)[cli]' --editable $(BENCHMARK) --editable $(GYM) --group dev
 	@$(WARM_UP)
 	@$(COMPILE)
 	@touch $(VENV)/.for-demo $@

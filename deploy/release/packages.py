@@ -17,6 +17,7 @@ PYTHON = {
     "mckinematics": "kinematics",
     "mcclient": "clients/python",
     "mcbenchmark": "clients/benchmark",
+    "mcclient_gym": "clients/gym",
 }
 
 

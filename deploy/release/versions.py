@@ -12,6 +12,7 @@ MANIFESTS = {
     "kinematics/pyproject.toml": r'^version = "([^"]+)"',
     "clients/python/pyproject.toml": r'^version = "([^"]+)"',
     "clients/benchmark/pyproject.toml": r'^version = "([^"]+)"',
+    "clients/gym/pyproject.toml": r'^version = "([^"]+)"',
     "clients/rust/Cargo.toml": r'^version = "([^"]+)"',
     "clients/rust/Cargo.lock": r'name = "mcclient"\nversion = "([^"]+)"',
     "clients/typescript/package.json": r'^  "version": "([^"]+)"',

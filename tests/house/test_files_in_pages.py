@@ -14,6 +14,7 @@ FOLDERS_OF_PAGES = (
     "clients/contract",
     "clients/python",
     "clients/benchmark",
+    "clients/gym",
     "deploy",
     "kinematics",
     "examples",

@@ -9,7 +9,13 @@ import pytest
 
 ROOT = Path(__file__).parents[2]
 FOLDERS = tuple(
-    ROOT / each for each in ("mcserver", "clients/python/mcclient", "clients/benchmark/mcbenchmark")
+    ROOT / each
+    for each in (
+        "mcserver",
+        "clients/python/mcclient",
+        "clients/benchmark/mcbenchmark",
+        "clients/gym/mcclient_gym",
+    )
 )
 # what writes to a terminal or a log by itself, and the only files that may
 FORBIDDEN = {

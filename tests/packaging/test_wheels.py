@@ -124,6 +124,7 @@ def test_they_have_types_a_licence_and_the_examples(wheels: dict[str, Path]) -> 
         ("mcclient", "mcclient"),
         ("mckinematics", "mckinematics"),
         ("mcbenchmark", "mcbenchmark"),
+        ("mcclient_gym", "mcclient_gym"),
     ):
         names = zipfile.ZipFile(wheels[name]).namelist()
         assert f"{package}/py.typed" in names

@@ -1,0 +1,115 @@
+"""Axes led over streamed targets, cycle by cycle and without drives: in the executor, and in environments."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from mcserver.executor.entries import Array
+from mcserver.executor.shm.target_box import POINTS, Targets
+from mcserver.machine.machine_file import Axis
+from mcserver.motion.kernels.target_tracking import (
+    ACCELERATION,
+    POSITION,
+    VELOCITY,
+    follow_targets,
+    read_reference,
+)
+
+# Points that are less than this ahead are behind [cycles]; where all are, the last one is taken so far ahead.
+AHEAD, NEXT = 0.5, 2.0
+
+
+class TargetFollower:
+    """States of n axes that go after the newest targets within their limits.
+
+    Args:
+        axes: n. places: where they are, at rest, shape (n,) [m or rad]. at: executor time [s].
+        cycle_s: of a cycle [s]. unlimited: those that have no travel now; None: as the axes say.
+
+    Attributes:
+        states: shape (n, 3), position, velocity and acceleration of the newest setpoint.
+        newest: the targets that are followed; None: none have come.
+    """
+
+    def __init__(
+        self,
+        axes: Sequence[Axis],
+        places: Array,
+        *,
+        at: float,
+        cycle_s: float,
+        unlimited: Sequence[bool] | None = None,
+    ) -> None:
+        count = len(axes)
+        self.states = np.zeros((count, 3))
+        self.states[:, POSITION] = places
+        self.newest: Targets | None = None
+        free = [False] * count if unlimited is None else unlimited
+        self._limits = np.array(
+            [
+                _limits(axis, float(place), free=each)
+                for axis, place, each in zip(axes, places, free, strict=True)
+            ]
+        ).reshape(count, 5)
+        self._cycle_s = cycle_s
+        self._reference = self.states.copy()
+        self._knots = np.zeros((POINTS + 1, 1 + 2 * count))
+        self._count = 0
+        # when the reference was read last
+        self._at = at
+
+    def take(self, newest: Targets) -> None:
+        """Lead the reference from where it is over the points that are ahead; what is no number is none."""
+        if not np.isfinite(newest.knots).all():
+            return
+        self.newest = newest
+        at, knots = self._at, newest.knots
+        ahead = knots[knots[:, 0] > at + AHEAD * self._cycle_s]
+        if not len(ahead):
+            ahead = knots[-1:].copy()
+            axes = len(self.states)
+            passed = at + NEXT * self._cycle_s - ahead[0, 0]
+            with np.errstate(over="ignore"):
+                # what is beyond all numbers stops the axes
+                ahead[0, 0] += passed
+                ahead[0, 1 : 1 + axes] += passed * ahead[0, 1 + axes :]
+        self._knots[0, 0] = at
+        self._knots[0, 1:] = self._reference[:, :ACCELERATION].T.ravel()
+        self._knots[1 : 1 + len(ahead)] = ahead
+        self._count = 1 + len(ahead)
+
+    def step(self, now: float, rate: float) -> None:
+        """Let a cycle pass at a share of the axes' top speed, 0: to a stop; ``now``: at its end [s]."""
+        by_velocity = self.newest is not None and self.newest.by_velocity
+        if self._count:
+            read_reference(self._knots, self._count, now, by_velocity, self._reference)
+        self._at = now
+        follow_targets(self.states, self._reference, self._limits, rate, self._cycle_s, by_velocity)
+        if by_velocity:
+            # whatever positions come next begin where the axes are
+            self._reference[:, POSITION] = self.states[:, POSITION]
+
+    @property
+    def stands(self) -> bool:
+        """Whether all axes are at rest."""
+        return not self.states[:, VELOCITY:].any()
+
+    @property
+    def arrived(self) -> bool:
+        """Whether the axes are where the last targets have them."""
+        behind = self._at >= self._knots[self._count - 1, 0]
+        return bool(behind and (self.states == self._reference).all())
+
+    @property
+    def rests(self) -> bool:
+        """Whether the newest targets end at rest."""
+        newest, first = self.newest, 1 + len(self.states)
+        return newest is not None and not newest.by_velocity and not newest.knots[-1, first:].any()
+
+
+def _limits(axis: Axis, place: float, *, free: bool) -> tuple[float, ...]:
+    low, high = (-np.inf, np.inf) if free else (axis.min_position, axis.max_position)
+    # one that was energized outside its travel may come back, and go no further
+    return axis.max_velocity, axis.max_acceleration, axis.max_jerk, min(low, place), max(high, place)
