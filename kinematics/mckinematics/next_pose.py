@@ -48,7 +48,10 @@ def _newton(tool: ToolModel, target: Targets, joints: Array, aside: float) -> Ar
         if not largest_change(guess, start, units) <= LARGEST_CORRECTION:
             return None
         if linear.closes and largest_change(linear.step, (0.0,) * len(guess), units) <= SETTLED:
-            return np.array(guess)
+            found = np.array(guess)
+            # a chain with too few joints comes to rest beside what it cannot reach
+            loose = tool.rank < tool.rows
+            return found if not loose or tool.reached(tool.residual(found[None], target))[0] else None
     return None
 
 

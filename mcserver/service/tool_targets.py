@@ -87,7 +87,6 @@ class ToolTargets:
         columns = self._columns(model)
         last = self._last
         joints = here[columns] if last is None or last.number != number else last.joints
-        self._rates = None
         places = np.tile(rest, (len(rows), 1))
         for place, row in zip(places, rows, strict=True):
             pose = _pose(row)
@@ -107,7 +106,7 @@ class ToolTargets:
                 return "refused"
             self._doubtful = None
             joints = place[columns] = found
-        self._last = _Solved(number, target, joints)
+        self._last, self._rates = _Solved(number, target, joints), None
         return places
 
     def rates_at(self, number: int, places: Array, twists: Array, *, in_tool: bool) -> Array:

@@ -19,6 +19,7 @@ from mcserver.service.reports import ServoStatus
 from mcserver.service.target_stream import Now, TargetMessage, TargetStream
 from mcserver.simulation.virtual_executor import VirtualExecutor
 from tests.kinematics import arm7
+from tests.kinematics.tool_machines import Joint, Z, chain_machine
 
 Array = NDArray[np.float64]
 CAPTURE = list(AxisOperation).index(AxisOperation.CAPTURE)
@@ -267,6 +268,18 @@ def test_what_is_no_pose_of_the_program_s_tools_is_refused() -> None:
     message = TargetMessage(1, 0.0, 0.1, start[None], None, None, 1)
     assert without.take(message, Now(0.0, np.zeros(3))) is None
     assert without.status.refused == 1
+
+
+def test_a_chain_of_two_joints_is_led_in_its_plane_alone(tmp_path: Path) -> None:
+    joints = [Joint("revolute", "0 0 0", Z), Joint("revolute", "0.3 0 0", Z)]
+    arm = Arm(chain_machine(tmp_path, joints, start={0: 20.0, 1: 60.0}))
+    start = arm.pose()[:3]
+    arm.follow(lambda _: {"positions": start + LIFT}, 0.05)
+    assert (arm.status.taken, np.ptp(arm.setpoints, axis=0).max()) == (0, 0.0)
+    arm.follow(lambda _: {"velocities": 5.0 * LIFT}, 0.05)
+    assert np.ptp(arm.setpoints, axis=0).max() == 0.0
+    arm.follow(lambda _: {"positions": start - LIFT[[2, 1, 0]]}, 0.5)
+    assert arm.pose()[:3] == pytest.approx(start - LIFT[[2, 1, 0]], abs=1e-8)
 
 
 def test_a_chunk_of_poses_is_stretched_where_the_axes_are_too_slow() -> None:
