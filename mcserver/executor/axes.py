@@ -23,6 +23,7 @@ from mcserver.drives.bus import (
     Setpoints,
     UnclockedBus,
 )
+from mcserver.executor.compensation import Compensator
 from mcserver.executor.entries import Array
 from mcserver.executor.shaping import Shaper
 from mcserver.executor.shm.feedback import AxisCondition, FeedbackRow
@@ -134,6 +135,7 @@ class AxisBank:
         failed: columns whose drive has newly gone into FAULT. dropped: columns whose drive has newly
             de-energized by itself.
         shaper: makes setpoints of what is ordered; None: they are the same.
+        compensator: of backlash and pitch; None: drives get the setpoints.
     """
 
     def __init__(self, machine: Machine, buses: Sequence[DriveBus], row: FeedbackRow) -> None:
@@ -146,7 +148,8 @@ class AxisBank:
         self.torque: Array = np.zeros(count)
         self.goal: Array = np.full(count, np.nan)
         self.goal_speed: Array = np.zeros(count)
-        self._goal_target: Array = np.full(count, np.nan) if machine_shifts(machine) else self.goal
+        shifts = machine_shifts(machine) or machine.compensated
+        self._goal_target: Array = np.full(count, np.nan) if shifts else self.goal
         self._mode = np.full(count, DriveMode.OFF, np.int8)
         self.fresh = np.ones(count, np.bool_)
         self.states = np.zeros(count, np.int8)
@@ -156,8 +159,10 @@ class AxisBank:
         self.delay_cycles = 0
         self.offset: Array = np.zeros(count)
         # axes with a reference of their own are transmitted where their encoders have to be
-        self._shifts = machine_shifts(machine)
+        self.compensator = Compensator(machine, row) if machine.compensated else None
+        self._shifts = machine_shifts(machine) or machine.compensated
         self._target: Array = np.zeros(count) if self._shifts else row.setpoint
+        self._rate: Array = np.zeros(count) if machine.compensated else row.velocity
         self.inputs = np.zeros(count, np.int32)
         self.switch_at = np.full(count, np.nan)
         self.indices = np.zeros(count, np.int64)
@@ -193,7 +198,7 @@ class AxisBank:
         row = self.row
         if columns == tuple(range(count)):
             own = Setpoints(
-                self._mode, self._target, row.velocity, self.torque, self._goal_target, self.goal_speed
+                self._mode, self._target, self._rate, self.torque, self._goal_target, self.goal_speed
             )
             port = _Port.of(bus, None, own, feedback)
         else:
@@ -241,6 +246,10 @@ class AxisBank:
             self._lead_starting()
         if self._shifts:
             np.subtract(row.setpoint, self.offset, out=self._target)
+            if self.compensator is not None:
+                self.compensator.compensate(~self._free)
+                self._target += self.compensator.correction
+                np.add(row.velocity, self.compensator.rate, out=self._rate)
             if self._profiled:
                 np.subtract(self.goal, self.offset, out=self._goal_target)
         for port in self._ports:
@@ -256,7 +265,7 @@ class AxisBank:
                 setpoints = port.setpoints
                 np.take(self._mode, index, out=setpoints.mode, mode="clip")
                 np.take(self._target, index, out=setpoints.position, mode="clip")
-                np.take(row.velocity, index, out=setpoints.velocity, mode="clip")
+                np.take(self._rate, index, out=setpoints.velocity, mode="clip")
                 np.take(self.torque, index, out=setpoints.torque, mode="clip")
                 if self._profiled:
                     np.take(self._goal_target, index, out=setpoints.goal, mode="clip")
@@ -270,6 +279,8 @@ class AxisBank:
         if self._shifts:
             row.actual += self.offset
             self._read_marks()
+            if self.compensator is not None:
+                self._read_back(self.compensator)
         if self._any_free:
             np.copyto(row.setpoint, row.actual, where=self._free)
             if self.shaper is not None:
@@ -292,6 +303,13 @@ class AxisBank:
         self.switch_at += self.offset
         self.index_at += self.offset
 
+    def _read_back(self, compensator: Compensator) -> None:
+        """Take corrections out of what drives report: positions are those of the programs."""
+        self.row.actual -= compensator.correction
+        self.row.actual_velocity -= compensator.rate
+        self.switch_at -= compensator.correction
+        self.index_at -= compensator.correction
+
     def shift(self, column: int, distance: float) -> None:
         """Let a column's positions read ``distance`` more from now on; its drive notices nothing."""
         self.offset[column] += distance
@@ -299,6 +317,8 @@ class AxisBank:
         if self.shaper is not None:
             self.row.ordered[column] += distance
             self.shaper.shift(column, distance)
+        if self.compensator is not None:
+            self.compensator.shift(column, distance)
         self.row.actual[column] += distance
         self.switch_at[column] += distance
         self.index_at[column] += distance
@@ -315,6 +335,8 @@ class AxisBank:
         """Whether axes follow their setpoints in a way that can be computed ahead, and none changes its
         condition.
         """
+        if self.compensator is not None:
+            return False
         changing = self.starting | self.resetting | self.stopping | self.failed | self.dropped
         by_itself = self.torque_mode | self.homing
         if changing | by_itself or not self.all_fresh:

@@ -61,11 +61,15 @@ class Cycle:
 
     @property
     def settling(self) -> int:
-        """Columns whose shaped setpoints are still on their way, though nothing moves them any more."""
-        shaper = self.bank.shaper
-        if shaper is None:
-            return 0
-        return mask_of(shaper.unsettled) & self.bank.energized & ~self.motions.mask
+        """Columns that nothing moves any more, and whose drives are still told to move: by shapers, or to
+        take up backlash.
+        """
+        bank, moving = self.bank, 0
+        if bank.shaper is not None:
+            moving = mask_of(bank.shaper.unsettled)
+        if bank.compensator is not None:
+            moving |= mask_of(bank.compensator.unsettled)
+        return moving & bank.energized & ~self.motions.mask
 
     def emit(
         self,

@@ -82,7 +82,9 @@ class HomedAxes:
 
     def reading(self, column: int) -> float:
         """Return what the encoder of a column reads [m or rad]."""
-        return float(self._bank.row.actual[column] - self._bank.offset[column])
+        bank = self._bank
+        correction = 0.0 if bank.compensator is None else bank.compensator.correction[column]
+        return float(bank.row.actual[column] - bank.offset[column] + correction)
 
     def refer(self, column: int, position: float, at: float) -> None:
         """Give a column its reference: what reads ``at`` now, reads ``position`` from now on [m or rad].

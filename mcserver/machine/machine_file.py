@@ -21,6 +21,11 @@ from mcserver.machine.bus_load import refuse_overload
 from mcserver.machine.bus_section import BusConfig, read_buses
 from mcserver.machine.button_section import Button, read_buttons
 from mcserver.machine.clearance_section import Clearance, ToolsOfBodies, check_switches, read_clearance
+from mcserver.machine.compensation_section import (
+    Compensation,
+    Limits,
+    read_compensation,
+)
 from mcserver.machine.dialect_section import Dialect, read_dialect
 from mcserver.machine.drive import CanDrive, Drive
 from mcserver.machine.families import AnyDrive
@@ -66,6 +71,7 @@ class Axis(msgspec.Struct, frozen=True):
     ``homing``: how it finds its reference; None: its encoder's reading is its position.
     ``max_torque``: of its joint [N·m, N]; None: the URDF's effort.
     ``shaper``: of its setpoints; None: they are not shaped.
+    ``compensation``: of its mechanics; with it, limits are what is left of the file's for programs.
     """
 
     index: int
@@ -83,6 +89,7 @@ class Axis(msgspec.Struct, frozen=True):
     homing: Homing | None = None
     max_torque: float | None = math.inf
     shaper: Shaper | None = None
+    compensation: Compensation | None = None
 
     @property
     def profiled(self) -> bool:
@@ -157,6 +164,11 @@ class Machine(msgspec.Struct, frozen=True):
         """
         tolerance = self.path_tolerance if programmed is None else programmed
         return tolerance if self.shaping is None else max(0.0, tolerance - self.shaping_deviation)
+
+    @property
+    def compensated(self) -> bool:
+        """Whether drives are told something else than the setpoint."""
+        return any(axis.compensation is not None for axis in self.axes)
 
     @property
     def shaping_deviation(self) -> float:
@@ -429,14 +441,25 @@ def _axis_to_si(
     if folder is not None:
         drive = drive.beside(folder)
     reach = AxisLimits(low / scale, high / scale, axis.max_velocity, drive)
+    limits = Limits(
+        axis.max_velocity * scale,
+        axis.max_acceleration * scale,
+        math.inf if axis.max_jerk is None else axis.max_jerk * scale,
+    )
+    compensation = read_compensation(axis.compensation, limits, scale, (*path, "compensation"), mistakes)
+    if compensation is not None:
+        limits = limits.scaled(1.0 - compensation.reserve)
+        if drive.profiled:
+            what = "its drive makes the profiles itself"
+            mistakes.add((*path, "compensation"), what, 'use csp or ip there: mode = "pp" goes to points')
     homing = read_homing(axis.homing, reach, scale, (*path, "homing"), mistakes)
     default_turn = 10.0 * MM if axis_type is AxisType.LINEAR else TURN
     return Axis(
         index=axis.index,
         type=axis_type,
-        max_velocity=axis.max_velocity * scale,
-        max_acceleration=axis.max_acceleration * scale,
-        max_jerk=math.inf if axis.max_jerk is None else axis.max_jerk * scale,
+        max_velocity=limits.velocity,
+        max_acceleration=limits.acceleration,
+        max_jerk=limits.jerk,
         min_position=low,
         max_position=high,
         in_position=axis.in_position * scale,
@@ -449,6 +472,7 @@ def _axis_to_si(
         homing=homing,
         max_torque=_torque_of(axis),
         shaper=axis.shaper,
+        compensation=compensation,
     )
 
 

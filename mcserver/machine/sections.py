@@ -13,6 +13,7 @@ from msgspec import Meta
 
 from mcserver.machine.button_section import Button
 from mcserver.machine.clearance_section import Body, ClearanceSection, Zone
+from mcserver.machine.compensation_section import CompensationSection
 from mcserver.machine.constraints import Limit, NotNegative, Positive
 from mcserver.machine.drive import Drive
 from mcserver.machine.families import AnyDrive
@@ -47,6 +48,7 @@ class AxisSection(msgspec.Struct, frozen=True):
     drive: AnyDrive = Drive()
     homing: HomingSection | None = None
     shaper: Shaper | None = None
+    compensation: CompensationSection | None = None
 
 
 class MachineSection(msgspec.Struct, frozen=True):

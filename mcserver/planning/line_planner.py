@@ -106,7 +106,9 @@ class LinePlanner:
         self._energized = set(energized)
         # axes whose exact stop is a stop: nothing comes later than its setpoints
         self._ideal = frozenset(
-            axis.index for axis in machine.axes if not (axis.drive.has_inertia or machine.shaping)
+            axis.index
+            for axis in machine.axes
+            if not (axis.drive.has_inertia or machine.shaping or machine.compensated)
         )
         # axes that G1020 may still be moving
         self._independent: set[int] = set()

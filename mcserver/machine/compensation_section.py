@@ -1,0 +1,99 @@
+"""``compensation`` of an axis: backlash and errors of its pitch, taken away at the setpoint.
+
+Corrections move the drive besides what is programmed. So that both together keep the axis's limits, a share
+of these is kept from programs: what the table needs at these limits, and the rest for taking up backlash.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Annotated, NamedTuple
+
+import msgspec
+from msgspec import Meta
+
+from mcserver.machine.constraints import NotNegative
+from mcserver.machine.section_reader import Mistakes
+from mcserver.machine.toml_positions import Path
+
+# Share of velocity, acceleration and jerk that taking up backlash needs at the least.
+LEAST_FOR_BACKLASH = 0.02
+# The greatest slope, curvature and third derivative of the quintic step 6u⁵ - 15u⁴ + 10u³ on 0 … 1.
+SLOPE, CURVATURE, THIRD = 1.875, 10.0 / math.sqrt(3.0), 60.0
+
+
+class CompensationSection(msgspec.Struct, frozen=True):
+    """``compensation`` as written.
+
+    Attributes:
+        backlash: by which a motor turns on a reversal before the load follows [mm, deg].
+        pitch_errors: position, and how much further than programmed the load is there, as a laser or a ball
+            bar measures it [mm, deg].
+        reserve: share of velocity, acceleration and jerk that is kept from programs for corrections.
+    """
+
+    backlash: NotNegative = 0.0
+    pitch_errors: list[
+        Annotated[list[float], Meta(min_length=2, max_length=2, description="[position, error]")]
+    ] = []
+    reserve: Annotated[float, Meta(ge=0.02, le=0.5, description="0.1 is usual")] = 0.1
+
+
+class Compensation(msgspec.Struct, frozen=True):
+    """The same in SI; ``pitch_errors`` ascend. share: of the limits in the file that backlash gets."""
+
+    backlash: float
+    pitch_errors: tuple[tuple[float, float], ...]
+    reserve: float
+    share: float
+
+
+class Limits(NamedTuple):
+    """Velocity, acceleration and jerk of an axis [SI]; infinite where not limited."""
+
+    velocity: float
+    acceleration: float
+    jerk: float
+
+    def scaled(self, share: float) -> Limits:
+        """Return a share of each."""
+        return Limits(*(share * each for each in self))
+
+
+def read_compensation(
+    section: CompensationSection | None, limits: Limits, scale: float, path: Path, mistakes: Mistakes
+) -> Compensation | None:
+    """Return the section in SI; None where it is missing or cannot be.
+
+    Args:
+        limits: of the axis, as in the file. scale: SI of a mm or degree.
+    """
+    if section is None:
+        return None
+    errors = [(at * scale, error * scale) for at, error in section.pitch_errors]
+    places = [at for at, _ in errors]
+    if places != sorted(set(places)):
+        mistakes.add((*path, "pitch_errors"), "the positions do not ascend", "sort them, each once")
+        return None
+    needed = max((_need(errors[n], errors[n + 1], limits) for n in range(len(errors) - 1)), default=0.0)
+    left = section.reserve - needed
+    if left < (LEAST_FOR_BACKLASH if section.backlash > 0.0 else 0.0):
+        mistakes.add(
+            (*path, "pitch_errors"),
+            f"they change too fast: at the axis's limits they take {100 * needed:.1f} % of these",
+            f"{100 * section.reserve:g} % are kept for it: put points further apart, or raise max_jerk",
+        )
+        return None
+    return Compensation(section.backlash * scale, tuple(errors), section.reserve, left)
+
+
+def _need(here: tuple[float, float], there: tuple[float, float], limits: Limits) -> float:
+    """Return which share of the limits a step between two points takes, at these limits."""
+    width, height = there[0] - here[0], abs(there[1] - here[1])
+    velocity, acceleration, jerk = limits
+    slope, curvature = SLOPE * height / width, CURVATURE * height / width**2
+    third = THIRD * height / width**3
+    shares = [slope, slope + curvature * velocity**2 / acceleration]
+    if math.isfinite(jerk):
+        shares.append(slope + (3.0 * curvature * velocity * acceleration + third * velocity**3) / jerk)
+    return max(shares)
