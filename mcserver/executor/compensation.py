@@ -37,44 +37,45 @@ class Compensator:
         self.rate: Array = np.zeros(count)
         self.unsettled: NDArray[np.bool_] = np.zeros(count, np.bool_)
         self._cycle = machine.cycle_s
-        self._half = np.zeros(count)
-        self._limits = np.ones((count, 5))
         self._tables: list[tuple[int, Array, Array]] = []
+        columns, half, limits = [], [], []
         for column, axis in enumerate(machine.axes):
             found = axis.compensation
             if found is None:
                 continue
-            self._half[column] = 0.5 * found.backlash
+            columns.append(column)
+            half.append(0.5 * found.backlash)
             # of the limits in the file, of which programs have the rest
-            share = found.share / (1.0 - found.reserve)
+            share = found.share / (1.0 - found.reserve) if found.backlash > 0.0 else 1.0
             most = [share * each for each in (axis.max_velocity, axis.max_acceleration, axis.max_jerk)]
-            self._limits[column] = [*most, -found.backlash, found.backlash]
+            limits.append([*most, -found.backlash, found.backlash])
             if found.pitch_errors:
                 places, errors = np.array(found.pitch_errors).T
                 self._tables.append((column, places, errors))
+        # what follows has one entry for each compensated axis
+        self._columns = np.array(columns, np.intp)
+        self._half, self._limits = np.array(half), np.array(limits)
         # position, velocity and acceleration, as `follow_targets` has them
-        self._states = np.zeros((count, 3))
-        self._targets = np.zeros((count, 3))
+        self._states = np.zeros((len(columns), 3))
+        self._targets = np.zeros((len(columns), 3))
         # of the way since the last reversal: its direction, 0 before the first, and how far it has come
-        self._direction = np.zeros(count)
-        self._furthest = row.setpoint.copy()
+        self._direction = np.zeros(len(columns))
+        self._furthest = row.setpoint[self._columns]
 
     def compensate(self, held: NDArray[np.bool_]) -> None:
         """Set the corrections of this cycle; ``held``: which axes follow their setpoints, shape (K,)."""
-        row = self._row
-        way = row.setpoint - self._furthest
+        row, columns = self._row, self._columns
+        states, targets, setpoint, held = self._states, self._targets, row.setpoint[columns], held[columns]
+        way = setpoint - self._furthest
         turned = held & (self._direction * way <= 0.0) & (np.abs(way) > TURNED)
         np.copyto(self._direction, np.sign(way), where=turned)
-        np.copyto(self._furthest, row.setpoint, where=turned | ~held | (self._direction * way > 0.0))
-        np.multiply(self._direction, self._half, out=self._targets[:, 0])
+        np.copyto(self._furthest, setpoint, where=turned | ~held | (self._direction * way > 0.0))
         # what is taken up of an axis that is off stays as it is
-        np.copyto(self._targets[:, 0], self._states[:, 0], where=~held)
-        self._states[~held, 1:] = 0.0
-        self._follow(self._states, self._targets, self._limits, 1.0, self._cycle, False)
-        np.copyto(self.correction, self._states[:, 0])
-        np.copyto(self.rate, self._states[:, 1])
-        self.unsettled = self._states[:, 0] != self._targets[:, 0]
-        self.unsettled |= (self._states[:, 1:] != 0.0).any(axis=1)
+        targets[:, 0] = np.where(held, self._direction * self._half, states[:, 0])
+        states[~held, 1:] = 0.0
+        self._follow(states, targets, self._limits, 1.0, self._cycle, False)
+        self.correction[columns], self.rate[columns] = states[:, 0], states[:, 1]
+        self.unsettled[columns] = (states[:, 0] != targets[:, 0]) | (states[:, 1:] != 0.0).any(axis=1)
         for column, places, errors in self._tables:
             error, slope = _step(float(row.setpoint[column]), places, errors)
             self.correction[column] -= error
@@ -82,7 +83,7 @@ class Compensator:
 
     def shift(self, column: int, distance: float) -> None:
         """Let a column's positions read ``distance`` more from now on."""
-        self._furthest[column] += distance
+        self._furthest[self._columns == column] += distance
 
 
 def _step(place: float, places: Array, errors: Array) -> tuple[float, float]:

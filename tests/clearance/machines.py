@@ -45,6 +45,13 @@ def mill(*more: str) -> Machine:
     return parse_machine("\n".join((MILL, TOOL, *more)))
 
 
+def shaped_mill(*more: str) -> Machine:
+    """The same portal with shapers that leave its path by half a millimetre."""
+    shaper = 'shaper = { type = "ei", frequency_hz = 20.0 }'
+    text = MILL.replace("max_acceleration = 2000.0", f"max_acceleration = 2000.0\n{shaper}")
+    return parse_machine("\n".join((text, "[motion]\npath_tolerance_mm = 0.6", TOOL, *more)))
+
+
 def arm(*more: str) -> Machine:
     """The built-in arm with sections more."""
     return parse_machine("\n".join((builtin_text("arm6"), *more)))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import random
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -79,10 +79,10 @@ def random_program(seed: int) -> list[str]:
     return lines
 
 
-def clear_by_a_hair(seed: int) -> tuple[Machine, list[str]]:
+def clear_by_a_hair(seed: int, made: Callable[..., Machine] = mill) -> tuple[Machine, list[str]]:
     """A random program, and a mill with an obstacle that is moved up to it until it would be refused."""
     draw, lines = random.Random(seed), random_program(seed)
-    free = mill(block("post", (0.0, 0.0, 9000.0), 1.0))
+    free = made(block("post", (0.0, 0.0, 9000.0), 1.0))
     found = simulate_lines(lambda: iter(lines), free, record=True)
     assert found.recording is not None
     rows = found.recording.setpoint
@@ -94,7 +94,7 @@ def clear_by_a_hair(seed: int) -> tuple[Machine, list[str]]:
     edge = draw.uniform(5.0, 40.0)
 
     def at(distance: float) -> Machine:
-        return mill(block("post", tuple((place + distance * away).tolist()), edge))
+        return made(block("post", tuple((place + distance * away).tolist()), edge))
 
     near, far = 0.0, FAR_AWAY
     while far - near > NO_NEARER:
@@ -104,11 +104,11 @@ def clear_by_a_hair(seed: int) -> tuple[Machine, list[str]]:
     return at(far), lines
 
 
-def brute_force(seed: int, stops: int) -> float:
+def brute_force(seed: int, stops: int, made: Callable[..., Machine] = mill) -> float:
     """The least distance of a random program from an obstacle that is just clear of it, where it is stopped
     in some cycles [mm].
     """
-    machine, lines = clear_by_a_hair(seed)
+    machine, lines = clear_by_a_hair(seed, made)
     draw, found = random.Random(seed), judged(lines, machine)
     if not found.report["ok"]:
         return np.inf

@@ -11,7 +11,7 @@ from mcserver.cli.app import run_command_line
 from mcserver.errors import ConfigurationError
 from mcserver.machine.machine_file import parse_machine
 from mcserver.simulation.simulation import simulate_lines
-from tests.clearance.machines import MILL, TOOL, VISE, mill
+from tests.clearance.machines import MILL, TOOL, VISE, mill, shaped_mill
 from tests.clearance.stopping import brute_force, judged
 
 
@@ -19,6 +19,10 @@ from tests.clearance.stopping import brute_force, judged
 @pytest.mark.parametrize(("seed", "near"), [(1, 9.0), (2, 1.5), (3, 1.1)])
 def test_what_is_found_clear_by_a_hair_stays_clear_whenever_it_is_stopped(seed: int, near: float) -> None:
     assert 0.98 <= brute_force(seed, 4) < near
+
+
+def test_stops_of_shaped_axes_stay_clear_beside_the_path_too() -> None:
+    assert 0.98 <= brute_force(2, 4, shaped_mill) < 1.5
 
 
 def test_a_rapid_that_is_clear_alone_and_not_when_it_is_stopped_is_named() -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import msgspec
 import numpy as np
 import pytest
 
@@ -28,9 +29,9 @@ def machine(axis: str, drive: str = "ideal") -> Machine:
 class Told(Planned):
     """A program, and what drives are told: setpoints and corrections together."""
 
-    def __init__(self, text: str, axis: str, drive: str = "ideal") -> None:
+    def __init__(self, text: str, axis: str, drive: str = "ideal", made: Machine | None = None) -> None:
         self.targets: list[Array] = []
-        super().__init__(machine(axis, drive), f"G90 G94 G17\nG1010\n{text}")
+        super().__init__(made or machine(axis, drive), f"G90 G94 G17\nG1010\n{text}")
 
     def _record(self, time: float, line: int, setpoint: Array, actual: Array) -> None:
         super()._record(time, line, setpoint, actual)
@@ -114,6 +115,30 @@ def test_a_table_that_takes_too_much_of_the_limits_is_refused_with_the_share() -
         machine(steep)
     with pytest.raises(MachineFileRejected, match="do not ascend"):
         machine("compensation = { pitch_errors = [[1.0, 0.0], [1.0, 0.05]] }")
+
+
+def test_an_axis_without_compensation_is_told_its_setpoint_beside_one_with_it() -> None:
+    one = machine("").axes[0]
+    both = machine("compensation = { backlash = 0.02 }")
+    mixed = msgspec.structs.replace(both, axes=(both.axes[0], msgspec.structs.replace(one, index=1)))
+    run = Told("G61\nG01 X10 Y10 F6000\nX0 Y5\nM02", "", made=mixed).play()
+    assert np.array_equal(run.told[:, 1], np.array(run.rows)[:, 1])
+    assert np.array_equal(np.array(run.actuals)[:, 1], np.array(run.rows)[:, 1])
+    assert run.told[-1, 0] == pytest.approx(-0.5 * BACKLASH, abs=1e-12)
+
+
+def test_a_table_alone_may_take_all_of_the_reserve_without_a_jerk_limit() -> None:
+    made = machine("compensation = { pitch_errors = [[-1.0, 0.0], [20.0, 0.1]] }")
+    # as where exactly nothing is left for backlash
+    axes = [
+        msgspec.structs.replace(
+            axis, max_jerk=np.inf, compensation=msgspec.structs.replace(axis.compensation, share=0.0)
+        )
+        for axis in made.axes
+        if axis.compensation is not None
+    ]
+    run = Told("G61\nG01 X20 F6000", "", made=msgspec.structs.replace(made, axes=tuple(axes))).play()
+    assert run.told[-1, 0] == pytest.approx(20e-3 - 1e-4, abs=1e-12)
 
 
 def test_without_compensation_drives_are_told_the_setpoint_itself() -> None:
