@@ -81,7 +81,7 @@ def read_compensation(
         mistakes.add(
             (*path, "pitch_errors"),
             f"they change too fast: at the axis's limits they take {100 * needed:.1f} % of these",
-            f"{100 * section.reserve:g} % are kept for it: put points further apart, or raise max_jerk",
+            f"{100 * section.reserve:g} % are kept for it: put points further apart, or raise reserve",
         )
         return None
     return Compensation(section.backlash * scale, tuple(errors), section.reserve, left)
