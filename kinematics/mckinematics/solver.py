@@ -17,11 +17,15 @@ from mckinematics.rotation import euler_to_matrix, matrix_to_euler, rotation_vec
 from mckinematics.tip_control import TipControl
 from mckinematics.tool import ToolModel, build_tool
 
+# cutters whose tips are kept
+MOST_TIPS = 64
+
 
 class MachineKinematics:
     """`mckinematics.pose.Kinematics` of a machine file.
 
-    Read-only after it is built: any thread may use it. A machine without tools needs no Pinocchio.
+    Read-only after it is built but for the tips kept: any thread may use it. A machine without tools needs no
+    Pinocchio.
 
     Raises:
         ModelError: the URDF or a tool's definition does not fit;
@@ -31,6 +35,7 @@ class MachineKinematics:
     def __init__(self, machine: MachineDescription) -> None:
         self._tools: dict[int, ToolModel] = {}
         self._dynamics: JointDynamics | None = None
+        self._tips: dict[tuple[int, float], TipControl] = {}
         if machine.tools:
             robot = load_machine_model(machine)
             self._tools = {tool.number: build_machine_tool(robot, tool, machine) for tool in machine.tools}
@@ -127,7 +132,12 @@ class MachineKinematics:
         Raises:
             ModelError: the tool has not three sliding joints.
         """
-        return TipControl(self.tool(tool), length)
+        found = self._tips.get((tool, length))
+        if found is None:
+            if len(self._tips) >= MOST_TIPS:
+                self._tips.clear()
+            found = self._tips[tool, length] = TipControl(self.tool(tool), length)
+        return found
 
 
 def load_machine_model(machine: MachineDescription) -> RobotModel:

@@ -26,6 +26,7 @@ FIRST_CELLS, MOST_CELLS = 2, 1 << 12
 # how far the sliding joints may be from right angles and equal scales [1]
 SQUARE = 1e-6
 # uneven, so that a circle of many turns is not met at one point
+_EVEN = np.linspace(0.0, 1.0, 5)
 _INSIDE = np.array([0.19, 0.5, 0.77])
 
 
@@ -42,6 +43,20 @@ class Lead:
     derivative: Callable[[Array], Array]
     start: Array
     turns: Array
+
+
+@dataclass(frozen=True)
+class Straight:
+    """A lead on which all joints go evenly.
+
+    Attributes:
+        end: shape (K,), the joints at s = 1. fastest: the tip's greatest speed by s [m].
+        rates: of the tip by those of the joints at both ends, shape (2, 3, K).
+    """
+
+    end: Array
+    fastest: float
+    rates: Array
 
 
 @dataclass(frozen=True)
@@ -114,6 +129,26 @@ class TipControl:
         joints[:, self.sliding] = _solved(rates[:, :3, self.sliding], points - tips)
         return joints
 
+    def straight(self, lead: Lead, allowed: float) -> Straight | None:
+        """Return what the tip does where all joints go evenly; None where it leaves its path too far.
+
+        Args:
+            allowed: how far it may be off [m].
+
+        Raises:
+            JointLimit: a joint would pass its limit.
+        """
+        last = lead.position(np.ones(1))
+        end = self.solve(last, lead.turns[None])[0]
+        travel = end - lead.start
+        tips, rates = self._linearise(lead.start + _EVEN[:, None] * travel)
+        off = tips - lead.position(_EVEN)
+        if float(np.einsum("ij,ij->i", off, off).max()) > allowed * allowed:
+            return None
+        self.refuse_beyond(end, last[0], 1.0)
+        fastest = float(np.linalg.norm(rates[:, :3] @ travel, axis=1).max())
+        return Straight(end, fastest, rates[:: len(_EVEN) - 1, :3])
+
     def path(self, lead: Lead) -> JointPath:
         """Joint path that keeps the tip on its path within the tool's tolerance.
 
@@ -176,7 +211,11 @@ class TipControl:
     def _linearise(self, joints: Array) -> tuple[Array, Array]:
         positions, rotations, rates = self.tool.chain.jacobian(joints)
         arm = -self.length * rotations[:, :, 2]
-        rates[:, :3] += np.cross(rates[:, 3:], arm[:, :, None], axis=1)
+        x, y, z = arm.T[:, :, None]
+        turn_x, turn_y, turn_z = rates[:, 3], rates[:, 4], rates[:, 5]
+        rates[:, 0] += turn_y * z - turn_z * y
+        rates[:, 1] += turn_z * x - turn_x * z
+        rates[:, 2] += turn_x * y - turn_y * x
         return positions + arm, rates
 
 

@@ -91,6 +91,30 @@ def test_the_tip_keeps_its_line_on_the_work_piece_and_its_feed_while_rotary_axes
     assert_within_limits(found, machine)
 
 
+@pytest.mark.parametrize("mill", [TABLE_TABLE, HEAD_HEAD], ids=["tables", "heads"])
+def test_chords_flow_as_one_curve_within_the_tolerance_and_the_feed_at_the_tip(
+    mill: FiveAxes, tmp_path: Path
+) -> None:
+    machine = mill.machine(tmp_path, tolerance=TOLERANCE)
+    first, second = ("XYZABC"[axis] for axis in ROTARY[id(mill)])
+    t = 0.02 * np.arange(200)
+    corners = np.round(np.stack([25 * np.sin(t), 20 * np.sin(1.3 * t), 30 + 10 * np.sin(0.7 * t)], axis=1), 4)
+    turns = np.round(np.stack([20 * np.sin(0.9 * t), 40 * np.sin(0.6 * t)], axis=1), 4)
+    lines = [
+        f"G1 X{x} Y{y} Z{z} {first}{a} {second}{b}"
+        for (x, y, z), (a, b) in zip(corners.tolist(), turns.tolist(), strict=True)
+    ]
+    found = run(machine, "\n".join([BEGIN, "F1800", lines[0].replace("G1", "G0"), *lines[1:]]))
+    assert found.recording is not None
+    points = program_points(mill, rows(found, machine), (5.0, -7.0, -200.0))
+    feeding = found.recording.line > 5
+    assert off(points[feeding], corners).max() <= TOLERANCE + PATH
+    assert (np.linalg.norm(np.diff(points[feeding], axis=0), axis=1) * 6e4).max() <= 1800.0 * 1.001
+    asked = float(np.linalg.norm(np.diff(corners, axis=0), axis=1).sum()) / 30.0
+    assert feeding.sum() * 0.001 <= 1.05 * asked
+    assert_within_limits(found, machine)
+
+
 def test_rotary_axes_go_evenly_along_the_line_and_a_rapid_is_straight(tmp_path: Path) -> None:
     machine = TABLE_TABLE.machine(tmp_path)
     found = run(machine, f"{BEGIN}\nG0 X40 Y0 Z20 A-30 C60\nG1 X-20 Y30 Z40 A10 C-90 F600")

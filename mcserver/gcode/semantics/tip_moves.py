@@ -7,7 +7,7 @@ do under G43 where the rotary axes stand at the program's zero.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 
 import msgspec
 import numpy as np
@@ -28,9 +28,13 @@ from mcserver.gcode.semantics.travel_limits import check_travel
 from mcserver.gcode.text.profile_words import Action, ProfileWords
 from mcserver.gcode.text.syntax import Command
 from mcserver.motion.canonical import FeedGroup, RapidGroup
-from mcserver.motion.geometry.curves import SampledCurve
-from mcserver.units import AxisType
+from mcserver.motion.geometry.curves import SampledCurve, TipLine
+from mcserver.units import MM, AxisType
 
+# How far the tip may be beside its line while all joints go evenly: shares of the tool's own tolerance and of
+# the path tolerance. By what share rates may be more beside and between the places where they are looked at.
+OWN_SHARE, BEND_SHARE = 0.8, 0.2
+LEVER_CHANGE, FASTER_BETWEEN = 1.02, 1.0005
 # axes X, Y and Z
 _COORDINATES = (0, 1, 2)
 # what reads or sets places of axes, not of the tip
@@ -146,105 +150,142 @@ def refuse_beside_tip(block: BlockState, profile: ProfileWords) -> None:
 
 
 class _Way(msgspec.Struct, frozen=True):
-    """A move of the tip: its path, the joints at both ends, and how far it goes.
+    """A move of the tip as written.
 
     Attributes:
         travel: of the tip on the work piece [m]. turn: of the rotary axes together [rad].
     """
 
-    frame: TipFrame
-    curve: SampledCurve
-    end: Array
+    control: TipControl
+    lead: Lead
     travel: float
     turn: float
+
+    @property
+    def only_turns(self) -> bool:
+        """Whether rotary axes turn about a tip that stands on the work piece."""
+        return self.travel <= NO_TRAVEL and self.turn > 0.0
+
+    @property
+    def length(self) -> float:
+        """What F counts [m or rad] (D-86)."""
+        return self.turn if self.only_turns else self.travel
 
 
 def tip_rapid(block: BlockState, command: Command, words: Words) -> FeedGroup | RapidGroup | None:
     """Interpret G00: the tip goes straight on the work piece, as fast as the slowest axis allows."""
-    way = _way(block, command, words, 0)
-    if way is None:
+    try:
+        way = _way(block, command, words, 0)
+        curve = None if way is None else _curve(way)
+    except KinematicsError as error:
+        report_unsolved(block, command, block.frame.tip_tool or 0, error)
         return None
-    axes = way.curve.axes
-    slopes = np.abs(way.curve.derivatives(way.curve.samples())[0]).max(axis=0)
-    limits = np.array([block.setup.axes[axis].max_velocity for axis in axes])
+    if curve is None:
+        return None
+    end = _arrive(block, curve.axes, curve.ends()[1])
+    slopes = np.abs(curve.derivatives(curve.samples())[0]).max(axis=0)
+    limits = np.array([block.setup.axes[axis].max_velocity for axis in curve.axes])
     least = float((slopes / limits).max())
     if least <= 0.0:
-        return RapidGroup(axes, tuple(way.end.tolist()), True, block.modal.carried)
-    curve = msgspec.structs.replace(way.curve, length=way.travel if way.travel > NO_TRAVEL else way.turn)
+        return RapidGroup(curve.axes, end, True, block.modal.carried)
     return FeedGroup((curve,), NO_TIME, speed=curve.length / least, carried=block.modal.carried)
 
 
 def tip_feed_move(block: BlockState, command: Command, words: Words, number: int) -> FeedMove | None:
-    """Interpret G01, G02 or G03: the tip goes on a line or an arc on the work piece, F is its speed there."""
-    way = _way(block, command, words, number)
-    if way is None:
+    """Interpret G01, G02 or G03: the tip goes on a line or an arc on the work piece, F is its speed there.
+
+    A line on which all joints may go evenly is one for the planner too, so that chords become curves.
+    """
+    try:
+        way = _way(block, command, words, number)
+        if way is None:
+            return None
+        line = _line(block, way) if number == 1 and not way.only_turns else None
+        curve = line or msgspec.structs.replace(
+            _curve(way), tool_rates=way.control.rates if block.path_tolerance > 0.0 else None
+        )
+    except KinematicsError as error:
+        report_unsolved(block, command, block.frame.tip_tool or 0, error)
         return None
-    turns = way.travel <= NO_TRAVEL and way.turn > 0.0
-    curve = msgspec.structs.replace(
-        way.curve,
-        length=way.turn if turns else way.travel,
-        tool_rates=way.frame.control.rates if block.path_tolerance > 0.0 else None,
-    )
+    _arrive(block, curve.axes, curve.ends()[1])
     block.feed_length += way.travel
-    measure = FeedBasis.TURN if turns else FeedBasis.PATH
+    measure = FeedBasis.TURN if way.only_turns else FeedBasis.PATH
     return FeedMove(command, curve, measure, block.modal.inverse_time, block.modal.feed)
 
 
 def _way(block: BlockState, command: Command, words: Words, number: int) -> _Way | None:
-    """Read and solve a move; None after a fault, or from a guessed position."""
+    """Read a move; None after a fault, or from a guessed position.
+
+    Raises:
+        KinematicsError: the tool cannot be led by its tip.
+    """
     plane = find_plane(block, command, words) if number > 1 else None
-    try:
-        frame = tip_frame(block.setup, block.frame)
-        chain = frame.control.tool.chain
-        start = np.array([block.commanded.path_starts()[axis] for axis in chain.axes])
-        base = np.array([block.commanded.positions[axis] for axis in chain.axes])
-        targets = _targets(block, words, frame, base)
-        usable = [block.usable_axis(axis, command) is not None for axis in chain.axes]
-        block.claim(chain.axes, command, {})
-        if targets is None or not all(usable) or (plane is None and number > 1):
-            return None
-        if not block.commanded.guessed.isdisjoint(chain.axes):
-            return None
-        first = frame.coordinates(start)
-        # an arc's endpoint word left out stays where the path starts (D-22)
-        stays = first if number > 1 else frame.coordinates(base)
-        x, y, z = (targets.get(index, stays[index]) for index in _COORDINATES)
-        turns = np.array([targets.get(chain.axes[column], base[column]) for column in frame.control.turning])
-        path = tool_curve(block, command, words, plane, Pose(first), Pose((x, y, z)))
-        if path is None:
-            return None
-        return _solved(block, frame, path, start, turns)
-    except KinematicsError as error:
-        report_unsolved(block, command, block.frame.tip_tool or 0, error)
-        return None
-
-
-def _solved(
-    block: BlockState,
-    frame: TipFrame,
-    path: tuple[Callable[[Array], Array], Callable[[Array], Array], float],
-    start: Array,
-    turns: Array,
-) -> _Way:
-    position, derivative, travel = path
+    frame = tip_frame(block.setup, block.frame)
     control = frame.control
+    axes = control.tool.chain.axes
+    base = np.array([block.commanded.positions[axis] for axis in axes])
+    start = np.array([block.commanded.start(axis) for axis in axes])
+    place = frame.coordinates(base)
+    targets = _targets(block, words, frame, base, place)
+    usable = [block.usable_axis(axis, command) is not None for axis in axes]
+    block.claim(axes, command, {})
+    if targets is None or not all(usable) or (plane is None and number > 1):
+        return None
+    if not block.commanded.guessed.isdisjoint(axes):
+        return None
+    first = frame.coordinates(start) if block.commanded.starts else place
+    # an arc's endpoint word left out stays where the path starts (D-22)
+    stays = first if number > 1 else place
+    x, y, z = (targets.get(index, stays[index]) for index in _COORDINATES)
+    turns = np.array([targets.get(axes[column], base[column]) for column in control.turning])
+    path = tool_curve(block, command, words, plane, Pose(first), Pose((x, y, z)))
+    if path is None:
+        return None
+    position, derivative, travel = path
     lead = Lead(lambda s: frame.points(position(s)), lambda s: derivative(s) @ frame.across.T, start, turns)
-    found = control.path(lead)
-    curve = SampledCurve(found.axes, found.knots, found.coefficients, travel)
-    end = curve.position(np.ones(1))[0]
-    for axis, joint in zip(found.axes, end.tolist(), strict=True):
+    return _Way(control, lead, travel, math.dist(turns, start[control.turning]))
+
+
+def _curve(way: _Way) -> SampledCurve:
+    """Return the joints' path as a spline; raises `KinematicsError`."""
+    found = way.control.path(way.lead)
+    return SampledCurve(found.axes, found.knots, found.coefficients, way.length)
+
+
+def _line(block: BlockState, way: _Way) -> TipLine | None:
+    """Return the line of the joints that keeps the tip near enough to its own; None where none does.
+
+    Between lines the tolerance is measured at the joints, so much of it as surely keeps that at the tip.
+    """
+    tool = way.control.tool
+    tolerance = block.path_tolerance
+    found = way.control.straight(way.lead, OWN_SHARE * tool.tolerance + BEND_SHARE * tolerance)
+    if found is None:
+        return None
+    axes = tool.chain.axes
+    units = np.array([MM / block.setup.axes[axis].type.si_per_unit for axis in axes])
+    reach = float(np.linalg.svd(found.rates / units, compute_uv=False).max())
+    block.tolerance = (1.0 - BEND_SHARE) * tolerance / (LEVER_CHANGE * max(reach, 1.0))
+    start, end = (tuple(each.tolist()) for each in (way.lead.start, found.end))
+    return TipLine(axes, start, end, way.travel, way.control.rates, FASTER_BETWEEN * found.fastest)
+
+
+def _arrive(block: BlockState, axes: tuple[int, ...], joints: Array) -> tuple[float, ...]:
+    end = tuple(joints.tolist())
+    for axis, joint in zip(axes, end, strict=True):
         block.end_at(axis, joint)
-    return _Way(frame, curve, end, travel, math.dist(turns, start[control.turning]))
+    return end
 
 
-def _targets(block: BlockState, words: Words, frame: TipFrame, base: Array) -> dict[int, float] | None:
+def _targets(
+    block: BlockState, words: Words, frame: TipFrame, base: Array, place: Triple
+) -> dict[int, float] | None:
     """Return the ends that words give: of the tip by X Y Z, of rotary axes [m or rad]; None after a fault.
 
     Args:
-        base: the commanded joints, shape (K,): what increments count from.
+        base, place: what increments count from: the commanded joints, shape (K,), the tip's coordinates [m].
     """
     chain = frame.control.tool.chain
-    place = frame.coordinates(base)
     zero = block.modal.shift or {}
     found: dict[int, float] = {}
     usable = True

@@ -384,7 +384,8 @@ def _keep_feed_of_tool(half: Segment, line: Segment, end: int) -> None:
         # a line that only turns is fed by its angle (D-30)
         counted = rates[:-1, :3] if length_of(at_corner) > NO_TRAVEL else rates[:-1, 3:]
         speeds = np.linalg.norm(np.einsum("nij,nj->ni", counted, rounded.derivatives(_S)[0][:, own]), axis=1)
-        half.feed = line.feed_speed / max(BETWEEN_SAMPLES * float(speeds.max()), 1e-300)
+        speed = line.feed_speed if math.isfinite(line.feed_speed) else line.feed * curve.max_path_rate
+        half.feed = speed / max(BETWEEN_SAMPLES * float(speeds.max()), 1e-300)
         return
 
 

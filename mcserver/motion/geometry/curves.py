@@ -125,6 +125,18 @@ class LineCurve(Curve, frozen=True):
         return np.array((self.start, self.end))
 
 
+class TipLine(LineCurve, frozen=True):
+    """A line of a tool's joints on which its tip stays near to the straight one that is meant.
+
+    Attributes:
+        length: of the tip's path [m]. max_path_rate: the greatest speed of the tip by s [m].
+        tool_rates: of the tip, at positions of ``axes``.
+    """
+
+    tool_rates: ToolRates | None = None
+    max_path_rate: float = 0.0
+
+
 class ArcCurve(Curve, frozen=True):
     """A circular arc, helix or spiral of D-22.
 

@@ -103,7 +103,8 @@ class Segment(msgspec.Struct, eq=False, gc=False):
         mask: bit mask over all columns.
         duration: T under G93 [s], else None.
         feed: greatest ds/dt under G94 [1/s], infinite under G93: speed / length of the reference curve.
-        feed_speed, feed_columns: that speed [m/s or rad/s], and the columns that it counts (D-30).
+        feed_speed, feed_columns: that speed [m/s or rad/s], and the columns that it counts (D-30). Infinite
+            for a straight one that leads a tip: no columns give its speed.
         requested: [s].
         feed_scale: by which F is multiplied, and T divided, in all of these: the feed override above 100 %
             that it is planned for [1].
@@ -278,6 +279,8 @@ def segment_of(
             if length > NO_TRAVEL
             else (1.0 / group.requested if group.requested > 0.0 else math.inf)
         )
+        if straight and group.curves[group.reference].tool_rates is not None:
+            feed_speed = math.inf
     arc = group.curves[0].arc
     segment = Segment(
         line=line,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import groupby
 
 import msgspec
 import numpy as np
@@ -30,6 +31,8 @@ FADE = 8.0
 TOLERANCE_SHARE = 0.98
 # Share of a line with a T of its own that a curve at one of its ends may use.
 TIMED_SHARE = 0.25
+# Places of a part at which the speed of a tip is looked at, and by what share it may be more between them.
+TIP_SAMPLES, BETWEEN_SAMPLES = 5, 1.002
 # What is left of a line between the curves at both of its ends, at least.
 REST = 0.02
 
@@ -269,13 +272,15 @@ class ChordSmoother:
         spans = np.diff(t)
         fed = (path.fed[:, None] >> np.arange(width, dtype=np.uint64) & np.uint64(1)).astype(np.bool_)
         samples, slopes = self._samples(fed, spline, t, columns)
+        feeds = _feeds(path, fed, spans, slopes)
+        _keep_feed_of_tip(feeds, lines, path, spline, t, columns)
         source = PartSegments(
             path=path,
             spline=spline,
             columns_moved=columns,
             places=t,
             active=int(np.bitwise_or.reduce(path.active)),
-            feed=_feeds(path, fed, spans, slopes),
+            feed=feeds,
             scale=np.linalg.norm(jets[:, 1], axis=1)[:-1] * spans,
             slopes=np.stack((jets[:-1, 1], jets[1:, 1])) * spans[:, None],
             bends=np.stack((jets[:-1, 2], jets[1:, 2])) * spans[:, None] ** 2,
@@ -356,6 +361,27 @@ def _finish(line: Segment, wanted: float, chords: Chords, *, ends: bool) -> tupl
 def _share(line: Segment) -> float:
     """Return the share of a line that a curve at its end may take; with a T it needs the rest."""
     return SHARE if line.duration is None else TIMED_SHARE
+
+
+def _keep_feed_of_tip(
+    feeds: Array, lines: SegmentList, path: PathColumns, spline: Spline, t: Array, columns: NDArray[np.intp]
+) -> None:
+    """Let parts keep the feed rate of their lines at the tip that these lead; ``feeds`` (n,) is changed."""
+    led = np.flatnonzero(np.isfinite(path.feed) & ~np.isfinite(path.feed_speed)).tolist()
+    places = np.linspace(0.0, 1.0, TIP_SAMPLES)
+    for rates, group in groupby(led, lambda index: lines[index].curves[0].tool_rates):
+        if rates is None:
+            continue
+        at = np.array(list(group))
+        chain = lines[int(at[0])].columns[0]
+        jets = spline.at((t[at, None] + places * (t[at + 1] - t[at])[:, None]).ravel())
+        whole = np.tile(path.bases[at[0]], (len(at) * TIP_SAMPLES, 1))
+        slopes = np.zeros_like(whole)
+        whole[:, columns], slopes[:, columns] = jets[0], jets[1]
+        moved = np.einsum("nij,nj->ni", rates(whole[:, chain])[:, :3], slopes[:, chain])
+        fastest = np.linalg.norm(moved, axis=1).reshape(len(at), -1).max(axis=1) * (t[at + 1] - t[at])
+        wanted = path.feed[at] * [lines[index].curves[0].max_path_rate for index in at.tolist()]
+        feeds[at] = wanted / np.maximum(BETWEEN_SAMPLES * fastest, 1e-300)
 
 
 def _feeds(path: PathColumns, fed: NDArray[np.bool_], spans: Array, slopes: Array) -> Array:
