@@ -21,6 +21,7 @@ SECTIONS = {
     "real_files": "files in the manner of ten posts, beside LinuxCNC",
     "planning": "parse … lookahead … setpoints",
     "squares": "a 100 mm square",
+    "five_axes": "an S-shaped wall on five axes",
     "polylines": "polylines that stand for an arc",
     "short_segments": "10 000 segments of 0.05 mm",
     "simulate": "simulation against the machine's time",

@@ -22,12 +22,14 @@ ROUNDS, TRUST = 14, 0.5
 RISE = 0.01
 
 
-def least_time(points: Array, speed: float, acceleration: float, jerk: float, nodes: int = 700) -> float:
+def least_time(
+    points: Array, speed: float | Array, acceleration: float, jerk: float, nodes: int = 700
+) -> float:
     """Return the least time from rest to rest [s].
 
     Args:
-        points: many of the curve, dense and exact, shape (n, K) [mm]. speed: along it [mm/s]. acceleration,
-            jerk: of each axis [mm/s², mm/s³].
+        points: many of the curve, dense and exact, shape (n, K) [mm]. speed: along it [mm/s], or at each
+            point, shape (n,). acceleration, jerk: of each axis [mm/s², mm/s³].
     """
     along = np.concatenate(([0.0], np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1))))
     curve = make_interp_spline(along, points, k=5)
@@ -35,11 +37,12 @@ def least_time(points: Array, speed: float, acceleration: float, jerk: float, no
     share = np.linspace(0.0, 1.0, nodes)
     s = along[-1] * share**3 * (10.0 - 15.0 * share + 6.0 * share**2)
     slopes = [curve.derivative(order)(s) for order in (1, 2, 3)]
+    speeds: Array = np.interp(s, along, np.broadcast_to(speed, along.shape))
     first, second = _stencils(s)
     # slow enough to keep all: a fraction of the speed, from rest and to rest
-    b = _start(s, slopes, first, second, speed, acceleration, jerk)
+    b = _start(s, slopes, first, second, float(speeds.min()), acceleration, jerk)
     for _ in range(ROUNDS):
-        new = _round(s, slopes, first, second, b, speed, acceleration, jerk)
+        new = _round(s, slopes, first, second, b, speeds, acceleration, jerk)
         done = new is None or _time(s, new) > _time(s, b) * (1.0 - 1e-4)
         b = b if new is None else new
         if done:
@@ -99,7 +102,7 @@ def _round(
     first: csr_array,
     second: csr_array,
     b: Array,
-    speed: float,
+    speed: Array,
     acceleration: float,
     jerk: float,
 ) -> Array | None:

@@ -76,6 +76,14 @@ class FiveAxes:
             )
         return parse_machine(text, folder=folder)
 
+    def axes_at(self, points: Array, turns: Mapping[int, Array]) -> dict[int, Array]:
+        """Positions of all axes with the tip at points on the table (n, 3) [mm], rotary ones as given."""
+        still = {axis: np.zeros(len(points)) for axis in (0, 1, 2)}
+        origin = self.tip({**still, **turns})
+        moved = [self.tip({**still, axis: np.ones(len(points)), **turns}) - origin for axis in (0, 1, 2)]
+        found = np.linalg.solve(np.stack(moved, axis=2), (points - origin)[..., None])[..., 0]
+        return {**dict(enumerate(found.T)), **turns}
+
     def tip(self, positions: Mapping[int, Array]) -> Array:
         """Where the cutter's tip is on the table [mm], shape (n, 3), from axes in mm and degrees."""
         table, head = (_placed(branch, positions) for branch in (self.table, self.head))
