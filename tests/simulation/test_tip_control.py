@@ -262,8 +262,12 @@ def test_a_machine_that_cannot_do_it_says_what_it_lacks(trunnion: Machine, tmp_p
     assert refused(robot, "G43.4 H1")[0] == "MC141"
 
 
-def test_the_example_runs() -> None:
+def test_the_example_runs_and_a_rotary_axis_past_its_travel_is_one_fault_at_its_word() -> None:
     machine = load_machine(str(ROOT / "examples" / "trunnion-mill.toml"))
     text = (ROOT / "examples" / "five-axis.gcode").read_text("utf-8")
     found = simulate(text, machine, kinematics=build_kinematics(machine))
     assert found.report["ok"], found.report["diagnostics"]
+    with pytest.raises(ProgramRejected) as rejected:
+        reader(machine, BEGIN, "F500", "G1 X5 A-200")
+    (fault,) = rejected.value.diagnostics
+    assert (fault.code, fault.axis, fault.column) == ("MC201", 3, 7)

@@ -147,6 +147,9 @@ def refuse_beside_tip(block: BlockState, profile: ProfileWords) -> None:
             (1, len(block.parsed.text) + 1),
             "write it behind G49",
         )
+    if what in COMPENSATING:
+        # later lines are not to be blamed for it
+        block.compensation = None
 
 
 class _Way(msgspec.Struct, frozen=True):
@@ -309,6 +312,8 @@ def _targets(
         start = place[word.axis] if word.axis in _COORDINATES else float(base[column])
         end += start if entry.incremental else zero.get(word.axis, 0.0)
         if word.axis not in _COORDINATES:
+            known = len(block.faults.found)
             check_travel(block, axis, start, min(start, end), max(start, end), end, word)
+            usable = usable and len(block.faults.found) == known
         found[word.axis] = end
     return found if usable else None
