@@ -115,6 +115,18 @@ def test_chords_flow_as_one_curve_within_the_tolerance_and_the_feed_at_the_tip(
     assert_within_limits(found, machine)
 
 
+def test_the_feed_at_the_tip_is_kept_where_all_axes_go_far_for_a_short_way_of_it(trunnion: Machine) -> None:
+    lines = [
+        f"G1 X{30 + 0.04 * k:.4f} Y{0.02 * k:.4f} Z60 A{4 * np.sin(0.1 * k):.4f} C{4 * np.sin(0.08 * k):.4f}"
+        for k in range(1, 150)
+    ]
+    found = run(trunnion, "\n".join([BEGIN, "G64 P0.05", "G0 X30 Y0 Z60", "F100", *lines]))
+    assert found.recording is not None
+    points = program_points(TABLE_TABLE, rows(found, trunnion), (5.0, -7.0, -200.0))
+    speed = np.linalg.norm(np.diff(points[found.recording.line > 6], axis=0), axis=1) * 6e4
+    assert speed.max() <= 100.0 * 1.002
+
+
 def test_rotary_axes_go_evenly_along_the_line_and_a_rapid_is_straight(tmp_path: Path) -> None:
     machine = TABLE_TABLE.machine(tmp_path)
     found = run(machine, f"{BEGIN}\nG0 X40 Y0 Z20 A-30 C60\nG1 X-20 Y30 Z40 A10 C-90 F600")
