@@ -5,6 +5,7 @@ from __future__ import annotations
 import pytest
 
 from mcserver.errors import ProgramRejected
+from mcserver.gcode.computing import expansion
 from mcserver.gcode.computing.expansion import MOST_STEPS
 from mcserver.gcode.program_check import check_program
 from mcserver.planning.start_state import StartState
@@ -101,10 +102,13 @@ def test_the_number_of_a_call_may_be_computed() -> None:
     assert faults(text) == [("MC165", 10)]
 
 
-def test_an_endless_loop_is_refused_at_its_line() -> None:
+def test_an_endless_loop_is_refused_at_its_line(monkeypatch: pytest.MonkeyPatch) -> None:
+    # as many as are allowed take seconds
+    assert MOST_STEPS == 1_000_000
+    monkeypatch.setattr(expansion, "MOST_STEPS", 10_007)
     (fault,) = check_program("#1=1\no1 while [#1]\n #2=[#2+1]\n o2 if [0]\n o2 endif\no1 endwhile", MACHINE)
     assert (fault.code, fault.line) == ("MC164", 2)
-    assert str(MOST_STEPS) in fault.message
+    assert "10007" in fault.message
 
 
 @pytest.mark.parametrize(
