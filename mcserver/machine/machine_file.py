@@ -202,6 +202,11 @@ class Machine(msgspec.Struct, frozen=True):
         raise KeyError(index)
 
 
+def axis_name(index: int) -> str:
+    """Return the word that names an axis: X Y Z A B C, then [6], [7], … (D-02)."""
+    return "XYZABC"[index] if index < 6 else f"[{index}]"
+
+
 def load_machine(name_or_path: str) -> Machine:
     """The machine of a built-in name or of a TOML file.
 

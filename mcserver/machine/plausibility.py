@@ -11,14 +11,7 @@ from mckinematics.solution_check import check_machine
 from mcserver.can.address import Transport, parse_address
 from mcserver.errors import Diagnostic
 from mcserver.machine.drive import CanDrive
-from mcserver.machine.machine_file import Axis, Machine
-
-AXIS_NAMES = "XYZABC"
-
-
-def axis_name(index: int) -> str:
-    """The word that names an axis: X Y Z A B C, then [6], [7], …"""
-    return AXIS_NAMES[index] if index < len(AXIS_NAMES) else f"[{index}]"
+from mcserver.machine.machine_file import Axis, Machine, axis_name
 
 
 def find_doubts(machine: Machine) -> list[Diagnostic]:

@@ -9,7 +9,7 @@ import msgspec
 
 from mcserver.errors import ServiceError
 from mcserver.gcode.semantics.program_units import motor_rpm
-from mcserver.machine.machine_file import Axis, Machine
+from mcserver.machine.machine_file import Axis, Machine, axis_name
 from mcserver.machine.recovery_section import Recovery
 from mcserver.planning.start_state import StartState, StateBefore
 
@@ -330,11 +330,6 @@ def free_axes(machine: Machine) -> frozenset[int]:
     if dialect.profile != "printer":
         return frozenset()
     return frozenset(axis for letter, axis in dialect.letters.items() if letter not in "UVW")
-
-
-def axis_name(index: int) -> str:
-    """Return X Y Z A B C for axes 0-5, else ``[n]``."""
-    return "XYZABC"[index] if index < 6 else f"[{index}]"
 
 
 def _velocity(axis: Axis, recovery: Recovery | None) -> float:

@@ -9,8 +9,8 @@ from pathlib import Path
 import pytest
 
 from mcserver.cli.app import run_command_line
-from mcserver.machine.machine_file import BUILT_IN, load_machine, parse_machine
-from mcserver.machine.plausibility import axis_name, find_doubts, find_tool_faults
+from mcserver.machine.machine_file import BUILT_IN, axis_name, load_machine, parse_machine
+from mcserver.machine.plausibility import find_doubts, find_tool_faults
 
 
 def _codes(axis: str, drive: str = "") -> list[str]:
