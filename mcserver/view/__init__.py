@@ -1,1 +1,1 @@
-"""``mcserver view``: the machine in three dimensions in a browser. Scene computing apart from drawing."""
+"""A machine's parts as solids, and where its joints bring them: what pages, exports and Foxglove draw."""
