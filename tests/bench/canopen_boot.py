@@ -15,25 +15,13 @@ from mcserver.machine.bus_load import frame_bits
 from mcserver.machine.machine_file import Machine, load_machine
 from tests.bench.figures import Figure, NotAvailable
 from tests.bench.server import free_port
+from tests.machine_text import axes_text
 
 DRIVES = 8
 RUNS = 5
 BITRATE = 1_000_000
 # 1000h and two entries of 1018h are read.
 READS = 3
-AXIS = """
-[[axis]]
-index = {axis}
-type = "linear"
-max_velocity = 100
-max_acceleration = 1000
-units_per_motor_rev = 10
-[axis.drive]
-kind = "cia402"
-bus = "can"
-node = {node}
-counts_per_motor_rev = 65536
-"""
 
 
 def measure() -> list[Figure]:
@@ -72,9 +60,16 @@ def _simulated() -> Iterator[Machine]:
     head = f'[machine]\nname = "bench"\ncycle_hz = 100\n{bus}'
     with tempfile.TemporaryDirectory() as folder:
         file = Path(folder) / "machine.toml"
-        file.write_text(
-            head + "".join(AXIS.format(axis=node - 1, node=node) for node in range(1, DRIVES + 1))
+        axes = (
+            axes_text(
+                [axis],
+                keys="units_per_motor_rev = 10",
+                drive="cia402",
+                drive_keys=f'bus = "can"\nnode = {axis + 1}\ncounts_per_motor_rev = 65536',
+            )
+            for axis in range(DRIVES)
         )
+        file.write_text(head + "".join(axes))
         drives = subprocess.Popen(
             [sys.executable, "-m", "mcserver", "drive-sim", "--machine", str(file), "--hub", hub],
             stdout=subprocess.PIPE,

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import threading
 from collections.abc import Callable, Iterator
 
 import pytest
 
+from mcserver.can.open import open_port
+from mcserver.canopen.network import PortNetwork
 from tests.canopen.fake_drives import FakeDrives
 from tests.canopen.rig import RunningHub, Watched
 
@@ -36,3 +39,21 @@ def make_drives(hub: RunningHub) -> Iterator[Callable[..., FakeDrives]]:
     yield make
     for drives in made:
         drives.close()
+
+
+@pytest.fixture
+def network(hub: RunningHub) -> Iterator[PortNetwork]:
+    """What a master sends and hears on the hub's bus; a thread receives."""
+    made = PortNetwork(open_port(hub.address()))
+    stopping = threading.Event()
+
+    def receive() -> None:
+        while not stopping.wait(0.001):
+            made.receive()
+
+    thread = threading.Thread(target=receive, daemon=True)
+    thread.start()
+    yield made
+    stopping.set()
+    thread.join(5.0)
+    made.disconnect()

@@ -75,23 +75,6 @@ def node(hub: RunningHub) -> Iterator[Unnumbered]:
     made.close()
 
 
-@pytest.fixture
-def network(hub: RunningHub) -> Iterator[PortNetwork]:
-    made = PortNetwork(open_port(hub.address()))
-    stopping = threading.Event()
-
-    def receive() -> None:
-        while not stopping.wait(0.001):
-            made.receive()
-
-    thread = threading.Thread(target=receive, daemon=True)
-    thread.start()
-    yield made
-    stopping.set()
-    thread.join(5.0)
-    made.disconnect()
-
-
 def test_the_node_of_that_identity_gets_its_number_and_stores_it(
     network: PortNetwork, node: Unnumbered
 ) -> None:

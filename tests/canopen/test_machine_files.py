@@ -18,10 +18,17 @@ from mcserver.doctor.machine import BusFacts, judge_buses
 from mcserver.machine.machine_file import Machine, load_machine
 from tests.canopen.rig import RunningHub, machine_on
 from tests.cli.command import ROOT
+from tests.machine_text import axes_text
 
 Capture = pytest.CaptureFixture[str]
 NO_CAN = CanFacts(sockets=False, virtual=False, interfaces=())
 NOWHERE = "socketcand:127.0.0.1:9/can0"
+
+
+def rotary_axis_on(bus: str) -> str:
+    """The machine file of one axis, whose drive's section ends it."""
+    keys = f'bus = "{bus}"\nnode = 1\ncounts_per_motor_rev = 1000'
+    return '[machine]\nname = "m"\ncycle_hz = 100\n' + axes_text(rotary=True, drive="cia402", drive_keys=keys)
 
 
 def codes(machine: Machine) -> list[tuple[str, str]]:
@@ -132,11 +139,7 @@ def test_the_simulated_drive_s_eds_is_beyond_doubt_and_a_dcf_of_another_node_is_
 
 def test_machine_check_exits_3_for_an_eds_that_cannot_be_read(tmp_path: Path, capfd: Capture) -> None:
     file = tmp_path / "machine.toml"
-    file.write_text(
-        '[machine]\nname = "m"\ncycle_hz = 100\n[[axis]]\nindex = 0\ntype = "rotary"\nmax_velocity = 1\n'
-        'max_acceleration = 1\n[axis.drive]\nkind = "cia402"\nbus = "can0"\nnode = 1\n'
-        'counts_per_motor_rev = 1000\neds = "none.eds"\n'
-    )
+    file.write_text(rotary_axis_on("can0") + 'eds = "none.eds"\n')
     assert run_command_line(["machine", "check", str(file)]) == 3
     shown = capfd.readouterr()
     assert "error[MC008]" in shown.err
@@ -184,11 +187,7 @@ def test_another_bit_rate_than_the_machine_file_s_is_missing() -> None:
 
 def test_doctor_looks_at_the_buses_of_a_machine(hub: RunningHub, tmp_path: Path, capfd: Capture) -> None:
     file = tmp_path / "machine.toml"
-    file.write_text(
-        '[machine]\nname = "m"\ncycle_hz = 100\n[[axis]]\nindex = 0\ntype = "rotary"\nmax_velocity = 1\n'
-        f'max_acceleration = 1\n[axis.drive]\nkind = "cia402"\nbus = "{hub.address()}"\nnode = 1\n'
-        "counts_per_motor_rev = 1000\n"
-    )
+    file.write_text(rotary_axis_on(hub.address()))
     run_command_line(["doctor", "--json", "--machine", str(file)])
     found = [each for each in json.loads(capfd.readouterr().out)["findings"] if each["area"] == "buses"]
     assert [each["state"] for each in found] == ["ok", "ok"]
@@ -215,11 +214,7 @@ def test_missing_packages_are_named_with_the_command_that_brings_them(
     hub: RunningHub, tmp_path: Path
 ) -> None:
     file = tmp_path / "machine.toml"
-    file.write_text(
-        '[machine]\nname = "m"\ncycle_hz = 100\n[[axis]]\nindex = 0\ntype = "rotary"\nmax_velocity = 1\n'
-        f'max_acceleration = 1\n[axis.drive]\nkind = "cia402"\nbus = "{hub.address()}"\nnode = 1\n'
-        "counts_per_motor_rev = 1000\n"
-    )
+    file.write_text(rotary_axis_on(hub.address()))
     without = "import sys; sys.modules['canopen'] = None; from mcserver.cli.app import main; main()"
     done = subprocess.run(
         [sys.executable, "-c", without, "run", "--machine", str(file), "--listen", "tcp/127.0.0.1:0"],

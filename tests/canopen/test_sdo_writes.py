@@ -2,18 +2,15 @@
 
 from __future__ import annotations
 
-import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 
 import pytest
 
-from mcserver.can.open import open_port
 from mcserver.canopen.canopen_errors import DriveError
 from mcserver.canopen.network import PortNetwork
 from mcserver.canopen.sdo import NodeSdo
 from mcserver.canopen.settings import SdoTimes
 from tests.canopen.fake_drives import FakeDrives
-from tests.canopen.rig import RunningHub
 
 WORKING = 0x2000
 TIMES = SdoTimes(response_s=0.1, attempts=3, store_s=0.3)
@@ -25,21 +22,8 @@ def drives(make_drives: Callable[..., FakeDrives]) -> FakeDrives:
 
 
 @pytest.fixture
-def sdo(hub: RunningHub) -> Iterator[NodeSdo]:
-    network = PortNetwork(open_port(hub.address()))
-    client = NodeSdo(network, 1, "axis 0, node 1 on left", 0, TIMES)
-    stopping = threading.Event()
-
-    def receive() -> None:
-        while not stopping.wait(0.001):
-            network.receive()
-
-    thread = threading.Thread(target=receive, daemon=True)
-    thread.start()
-    yield client
-    stopping.set()
-    thread.join(5.0)
-    network.disconnect()
+def sdo(network: PortNetwork) -> NodeSdo:
+    return NodeSdo(network, 1, "axis 0, node 1 on left", 0, TIMES)
 
 
 def written(drives: FakeDrives, index: int) -> int:

@@ -23,25 +23,12 @@ from mcserver.drive_sim.control import Control
 from mcserver.machine.machine_file import load_machine
 from tests.canopen.rig import TIMES, RunningHub, Watched, wait_until
 from tests.e2e.servers import ServerProcess, environment
+from tests.machine_text import axes_text
 
 ROOT = Path(__file__).resolve().parents[2]
 EDS = ROOT / "mcserver" / "drive_sim" / "cia402.eds"
 NODES = (1, 2, 3)
-AXIS = """
-[[axis]]
-index = {axis}
-type = "linear"
-max_velocity = 100
-max_acceleration = 1000
-units_per_motor_rev = 10
-[axis.drive]
-kind = "cia402"
-bus = "can"
-node = {node}
-eds = "{eds}"
-encoder = [65536, 1]
-product_code = 0x402
-"""
+KEYS = f'bus = "can"\neds = "{EDS}"\nencoder = [65536, 1]\nproduct_code = 0x402\nnode = '
 
 
 @dataclass
@@ -62,7 +49,17 @@ def simulated(folder: Path) -> Iterator[Simulation]:
     hub = RunningHub()
     file = folder / "machine.toml"
     head = f'[machine]\nname = "cell"\ncycle_hz = 100\n[[bus]]\nname = "can"\naddress = "{hub.address()}"\n'
-    file.write_text(head + "".join(AXIS.format(axis=node - 1, node=node, eds=EDS) for node in NODES))
+    units = "units_per_motor_rev = 10"
+    for node in NODES:
+        head += axes_text(
+            [node - 1],
+            velocity=100.0,
+            acceleration=1000.0,
+            keys=units,
+            drive="cia402",
+            drive_keys=KEYS + str(node),
+        )
+    file.write_text(head)
     process = subprocess.Popen(
         [sys.executable, "-m", "mcserver", "drive-sim", "-m", str(file), "--control", "127.0.0.1:0"],
         stdout=subprocess.PIPE,

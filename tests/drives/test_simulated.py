@@ -14,17 +14,14 @@ from mcserver.drives.servo_model import loop_coefficients
 from mcserver.drives.simulated import SimulatedBus
 from mcserver.errors import ConfigurationError
 from mcserver.machine.machine_file import Machine, parse_machine
+from tests.machine_text import axes_text
 
 CYCLE_S = 1e-3
 
 
 def machine(drive: str = "", kind: str = "simulated", axes: int = 1) -> Machine:
-    text = '[machine]\nname = "m"\n'
-    for index in range(axes):
-        text += f'[[axis]]\nindex = {index}\ntype = "linear"\nmax_velocity = 1000.0\n'
-        text += "max_acceleration = 10000.0\n"
-        text += f'[axis.drive]\nkind = "{kind}"\n{drive}\n'
-    return parse_machine(text)
+    text = axes_text(range(axes), velocity=1000.0, acceleration=10000.0, drive=kind, drive_keys=drive)
+    return parse_machine(f'[machine]\nname = "m"\n{text}')
 
 
 class Bench:
@@ -238,9 +235,7 @@ def test_delayed_feedback_is_old_by_as_many_cycles() -> None:
 def test_a_machine_may_mix_ideal_and_simulated_drives() -> None:
     text = '[machine]\nname = "m"\n'
     for index, kind in enumerate(("ideal", "simulated", "ideal")):
-        text += f'[[axis]]\nindex = {index}\ntype = "rotary"\nmax_velocity = 100.0\n'
-        text += "max_acceleration = 1000.0\n"
-        text += f'[axis.drive]\nkind = "{kind}"\n'
+        text += axes_text([index], rotary=True, drive=kind)
     buses = create_buses(parse_machine(text))
     assert {bus.columns: bus.follows_exactly for bus in buses} == {(0, 2): True, (1,): False}
 

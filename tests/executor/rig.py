@@ -14,6 +14,7 @@ from mcserver.machine.machine_file import Machine, parse_machine
 from mcserver.motion.canonical import AxisOperation
 from mcserver.motion.pieces import Rows
 from mcserver.simulation.virtual_executor import VirtualExecutor
+from tests.machine_text import axes_text
 
 Array = NDArray[np.float64]
 
@@ -34,14 +35,17 @@ def machine(
     motion: str = "",
 ) -> Machine:
     """Linear axes, in mm; ``axis``, ``drive_keys`` and ``motion`` are further TOML lines."""
-    text = f'[machine]\nname = "rig"\n[motion]\n{motion}\n'
-    for index in range(axes):
-        text += f'[[axis]]\nindex = {index}\ntype = "linear"\n'
-        text += f"max_velocity = {velocity}\nmax_acceleration = {acceleration}\n"
-        text += "" if jerk is None else f"max_jerk = {jerk}\n"
-        text += "" if travel is None else f"min_position = {-travel}\nmax_position = {travel}\n"
-        text += f'{axis}\n[axis.drive]\nkind = "{drive}"\n{drive_keys}\n'
-    return parse_machine(text)
+    keys = "" if jerk is None else f"max_jerk = {jerk}\n"
+    keys += "" if travel is None else f"min_position = {-travel}\nmax_position = {travel}\n"
+    all_alike = axes_text(
+        range(axes),
+        velocity=velocity,
+        acceleration=acceleration,
+        keys=keys + axis,
+        drive=drive,
+        drive_keys=drive_keys,
+    )
+    return parse_machine(f'[machine]\nname = "rig"\n[motion]\n{motion}\n{all_alike}')
 
 
 @dataclass

@@ -12,18 +12,8 @@ from mcserver.executor.shm.feedback import SlotState
 from mcserver.machine.machine_file import Machine, parse_machine
 from mcserver.motion.canonical import WaitMode
 from tests.executor.rig import CYCLE_S, Rig
+from tests.machine_text import axes_text
 
-AXIS = """
-[machine]
-name = "rig"
-[[axis]]
-index = 0
-type = "linear"
-max_velocity = 1000.0
-max_acceleration = 10000.0
-[axis.drive]
-kind = "{drive}"
-"""
 LAMP = '[[output]]\nnumber = 0\nname = "lamp"\n'
 VALVE = '[[output]]\nnumber = 1\nname = "valve"\nsafe = "keep"\n'
 BUTTON = '[[input]]\nnumber = 0\nname = "button"\n'
@@ -32,7 +22,8 @@ GUARD = '[[input]]\nnumber = 2\nname = "guard"\nstop_on = false\ninitial = true\
 
 
 def machine(*sections: str, drive: str = "ideal") -> Machine:
-    return parse_machine(AXIS.format(drive=drive) + "".join(sections))
+    axis = axes_text(velocity=1000.0, acceleration=10000.0, drive=drive)
+    return parse_machine(f'[machine]\nname = "rig"\n{axis}{"".join(sections)}')
 
 
 class IoRig(Rig):
@@ -364,8 +355,7 @@ def test_a_program_that_is_opened_with_the_door_open_stands_until_it_is_resumed(
 
 
 def test_resuming_one_program_leaves_the_others_held() -> None:
-    further = '[[axis]]\nindex = 1\ntype = "linear"\nmax_velocity = 10.0\nmax_acceleration = 10.0\n'
-    rig = IoRig(machine(DOOR, further))
+    rig = IoRig(machine(DOOR, axes_text([1])))
     rig.executor.mailbox.abort(0)
     rig.step(20)
     first = rig.open(1, 1)

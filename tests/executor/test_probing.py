@@ -13,6 +13,7 @@ from mcserver.planning.start_state import StartState
 from mcserver.simulation.simulation import simulate
 from tests.executor.planned import Planned, assert_within_limits
 from tests.executor.rig import Array
+from tests.machine_text import axes_text
 
 MM = 1e-3
 PLANE = "[probe]\nsimulated_at = { Z = -3.2 }\n"
@@ -21,12 +22,8 @@ INPUT = '[[input]]\nnumber = 4\nname = "touch"\n[probe]\ninput = 4\n'
 
 def machine(probe: str, *, drive: str = "simulated", profile: str = "cnc") -> Machine:
     text = f'[machine]\nname = "mill"\n[dialect]\nprofile = "{profile}"\n{probe}'
-    for index in range(3):
-        text += (
-            f'[[axis]]\nindex = {index}\ntype = "linear"\nmax_velocity = 200.0\nmax_acceleration = 1000.0\n'
-        )
-        text += f'min_position = -100.0\nmax_position = 100.0\ndrive = {{ kind = "{drive}" }}\n'
-    return parse_machine(text)
+    keys = "min_position = -100.0\nmax_position = 100.0"
+    return parse_machine(text + axes_text(range(3), acceleration=1000.0, keys=keys, drive=drive))
 
 
 class Cell(Planned):

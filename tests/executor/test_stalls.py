@@ -15,6 +15,7 @@ from mcserver.machine.machine_file import parse_machine
 from mcserver.simulation.virtual_executor import VirtualExecutor
 from tests.executor.rig import CYCLE_S, Program, Rig, machine
 from tests.executor.test_process import ScriptedClock
+from tests.machine_text import axes_text
 
 STALL = 2000
 
@@ -70,8 +71,7 @@ def test_some_late_cycles_are_only_counted() -> None:
 
 
 def test_the_machine_file_says_how_long_drives_bridge() -> None:
-    axis = '[[axis]]\nindex = 0\ntype = "linear"\nmax_velocity = 100\nmax_acceleration = 1000\n'
-    axis += '[axis.drive]\nkind = "ideal"\n'
+    axis = axes_text()
     assert parse_machine(f'[machine]\nname = "m"\n{axis}').stall_limit_s == 0.05
     slow = f'[machine]\nname = "m"\nsetpoint_timeout_s = 0.3\n{axis}'
     assert parse_machine(slow).stall_limit_s == 0.3

@@ -9,6 +9,7 @@ import pytest
 
 from tests.e2e.conftest import served
 from tests.e2e.servers import CommandProcess, ServerProcess
+from tests.machine_text import axes_text
 
 
 class GatewayProcess:
@@ -22,17 +23,8 @@ class GatewayProcess:
 
 def cell(axes: int, cycle_hz: int = 1000) -> str:
     """The machine file of a cell with ideal drives."""
-    return f'[machine]\nname = "cell"\ncycle_hz = {cycle_hz}\n' + "".join(
-        f"""
-[[axis]]
-index = {index}
-type = "linear"
-max_velocity = 500.0
-max_acceleration = 5000.0
-drive = {{ kind = "ideal" }}
-"""
-        for index in range(axes)
-    )
+    head = f'[machine]\nname = "cell"\ncycle_hz = {cycle_hz}\n'
+    return head + axes_text(range(axes), velocity=500.0, acceleration=5000.0)
 
 
 @pytest.fixture(scope="package")

@@ -28,6 +28,7 @@ from mcserver.machine.machine_file import load_machine, parse_machine
 from mcserver.recorder.messages import Happened, StartRecording, StopRecording
 from mcserver.service.approval_basis import server_version
 from mcserver.service.reports import Event, LineReport
+from tests.machine_text import axes_text
 from tests.recorder.rig import Rig
 
 CARTESIAN = load_machine("cartesian")
@@ -92,20 +93,8 @@ def test_every_code_of_the_server_is_explained() -> None:
     assert "arm" in fault_facts("mc571")["help"]
 
 
-CNC = """
-[machine]
-name = "mill"
-[dialect]
-profile = "cnc"
-[[axis]]
-index = 0
-type = "linear"
-max_velocity = 500.0
-max_acceleration = 5000.0
-[[output]]
-number = 0
-name = "clamp"
-"""
+CLAMP = '[[output]]\nnumber = 0\nname = "clamp"\n'
+CNC = f'[machine]\nname = "mill"\n[dialect]\nprofile = "cnc"\n{axes_text()}{CLAMP}'
 
 
 async def test_the_codes_of_this_machines_profile_are_known() -> None:

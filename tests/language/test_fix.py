@@ -21,17 +21,11 @@ from mcserver.language.format import format_line, format_program, same_code
 from mcserver.language.grammar.derive import derive
 from mcserver.language.grammar.dialect import build_grammar
 from mcserver.machine.machine_file import load_machine, parse_machine
+from tests.machine_text import axes_text
 
 CARTESIAN = load_machine("cartesian")
 GRAMMAR = build_grammar(CARTESIAN)
-AXIS = """
-[[axis]]
-index = 0
-type = "linear"
-max_velocity = 500.0
-max_acceleration = 5000.0
-drive = { kind = "ideal" }
-"""
+AXIS = axes_text(velocity=500.0, acceleration=5000.0)
 
 
 def check(text: str) -> Sequence[Diagnostic]:

@@ -22,32 +22,18 @@ from mcserver.planning.start_state import StartState
 from mcserver.service.approach import Confirmed
 from mcserver.service.program import Program
 from mcserver.simulation.preview import Preview, preview
+from tests.machine_text import axes_text
 from tests.service.virtual_cell import VirtualCell
 
-AXIS = """
-[[axis]]
-index = {index}
-type = "linear"
-max_velocity = 500.0
-max_acceleration = 5000.0
-max_jerk = 500000.0
-min_position = -400.0
-max_position = 400.0
-drive = {{ kind = "ideal" }}
-"""
+TRAVEL = "max_jerk = 500000.0\nmin_position = -400.0\nmax_position = 400.0"
 MILL = f"""
 [machine]
 name = "mill"
 [dialect]
 profile = "cnc"
 capture = "auto"
-{"".join(AXIS.format(index=index) for index in range(3))}
-[[axis]]
-index = 3
-type = "rotary"
-max_velocity = 3600.0
-max_acceleration = 36000.0
-drive = {{ kind = "ideal" }}
+{axes_text(range(3), velocity=500.0, acceleration=5000.0, keys=TRAVEL)}
+{axes_text([3], rotary=True, velocity=3600.0, acceleration=36000.0)}
 [[input]]
 number = 0
 name = "part there"

@@ -31,37 +31,20 @@ from mcserver.planning.start_state import PauseEnd, StartState, StateBefore
 from mcserver.service.journal import Journal
 from mcserver.service.motion_port import Cycles, Snapshot
 from mcserver.service.reports import AxisState
+from tests.machine_text import axes_text
 
-THREE_AXES = """
-[machine]
-name = "{name}"
-[[axis]]
-index = 0
-type = "linear"
-max_velocity = 100.0
-max_acceleration = 1000.0
-min_position = -500.0
-max_position = 500.0
-drive = {{ kind = "ideal" }}
-[[axis]]
-index = 1
-type = "linear"
-max_velocity = 100.0
-max_acceleration = 1000.0
-drive = {{ kind = "ideal" }}
-[[axis]]
-index = 2
-type = "rotary"
-max_velocity = 360.0
-max_acceleration = 3600.0
-drive = {{ kind = "ideal" }}
-"""
+LIMITED = "min_position = -500.0\nmax_position = 500.0"
+THREE_AXES = (
+    axes_text(velocity=100.0, acceleration=1000.0, keys=LIMITED)
+    + axes_text([1], velocity=100.0, acceleration=1000.0)
+    + axes_text([2], rotary=True, velocity=360.0, acceleration=3600.0)
+)
 
 
 @cache
 def three_axes(name: str = "bench") -> Machine:
     """Linear axes 0 and 1, rotary axis 2."""
-    return parse_machine(THREE_AXES.format(name=name))
+    return parse_machine(f'[machine]\nname = "{name}"\n{THREE_AXES}')
 
 
 class FakePort:

@@ -9,17 +9,14 @@ import pytest
 
 from mcserver.machine.machine_file import Machine, parse_machine
 from mcserver.service.program import Program
+from tests.machine_text import axes_text
 from tests.service.virtual_cell import VirtualCell
 
 MOVES = [f"G01 X{number % 7} F6000" for number in range(1000)]
 
 
 def machine() -> Machine:
-    axes = "".join(
-        f"[[axis]]\nindex = {index}\ntype = 'linear'\nmax_velocity = 200.0\nmax_acceleration = 2000.0\n"
-        "in_position = 0.01\nmax_following_error = 50.0\n[axis.drive]\nkind = 'ideal'\n"
-        for index in range(2)
-    )
+    axes = axes_text(range(2), keys="in_position = 0.01\nmax_following_error = 50.0")
     return parse_machine(f'[machine]\nname = "cell"\n{axes}')
 
 

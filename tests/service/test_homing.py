@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 
 from mcserver.machine.machine_file import Machine, parse_machine
+from tests.machine_text import axes_text
 from tests.service.virtual_cell import VirtualCell, refused
 
 MM = 1e-3
@@ -24,12 +25,10 @@ def machine(initial: float = 20.0) -> Machine:
     ]
     text = '[machine]\nname = "cell"\n'
     for index, homing in enumerate(homings):
-        text += (
-            f'[[axis]]\nindex = {index}\ntype = "linear"\nmax_velocity = 200.0\nmax_acceleration = 2000.0\n'
-        )
-        text += "min_position = -50.0\nmax_position = 50.0\n"
-        text += "max_following_error = 1.0\n" + (f"[axis.homing]\n{homing}\n" if homing else "")
-        text += f"[axis.drive]\ninitial_position = {initial}\nhome_switch = [-1000.0, -10.0]\n"
+        keys = "min_position = -50.0\nmax_position = 50.0\nmax_following_error = 1.0\n"
+        keys += f"[axis.homing]\n{homing}" if homing else ""
+        switch = f"initial_position = {initial}\nhome_switch = [-1000.0, -10.0]"
+        text += axes_text([index], keys=keys, drive="simulated", drive_keys=switch)
     return parse_machine(text)
 
 

@@ -9,18 +9,14 @@ import pytest
 
 from mcserver.errors import Refused
 from mcserver.machine.machine_file import Machine, parse_machine
+from tests.machine_text import axes_text
 from tests.service.virtual_cell import VirtualCell
 
 MM = 1e-3
 
 
 def mill() -> Machine:
-    axes = "".join(
-        f'[[axis]]\nindex = {index}\ntype = "linear"\nmax_velocity = 200.0\nmax_acceleration = 2000.0\n'
-        "min_position = -10.0\nmax_position = 500.0\nmax_following_error = 1.0\n"
-        '[axis.drive]\nkind = "ideal"\n'
-        for index in range(3)
-    )
+    axes = axes_text(range(3), keys="min_position = -10.0\nmax_position = 500.0\nmax_following_error = 1.0")
     cutter = "[[cutter]]\nnumber = 1\nlength_mm = 80.0\n"
     return parse_machine(f'[machine]\nname = "mill"\n{axes}[dialect]\nprofile = "cnc"\n{cutter}')
 

@@ -15,33 +15,24 @@ from mcserver.machine.machine_file import Machine, load_machine, parse_machine
 from mcserver.service.approach import Confirmed
 from mcserver.service.program import Program
 from tests.executor.rig import Array
+from tests.machine_text import axes_text
 from tests.service.virtual_cell import VirtualCell
 
 MM = 1e-3
-SPINDLE = (
-    '[[axis]]\nindex = 3\ntype = "rotary"\nmax_velocity = 36000.0\nmax_acceleration = 360000.0\n'
-    '[axis.drive]\nkind = "ideal"\n'
-)
+SPINDLE = axes_text([3], rotary=True, velocity=36000.0, acceleration=360000.0)
 PROBE = "[probe]\nsimulated_at = { Z = -3.2 }\n"
 
 
 def mill(more: str = "", *, profile: str = "cnc", drive: str = "ideal") -> Machine:
-    axes = "".join(
-        f'[[axis]]\nindex = {index}\ntype = "linear"\nmax_velocity = 200.0\nmax_acceleration = 2000.0\n'
-        "max_jerk = 50000.0\nmin_position = -200.0\nmax_position = 500.0\nmax_following_error = 5.0\n"
-        f'[axis.drive]\nkind = "{drive}"\n'
-        for index in range(3)
-    )
+    keys = "max_jerk = 50000.0\nmin_position = -200.0\nmax_position = 500.0\nmax_following_error = 5.0"
+    axes = axes_text(range(3), keys=keys, drive=drive)
     cutters = "".join(f"[[cutter]]\nnumber = {number}\nlength_mm = 0.0\n" for number in (1, 2))
     return parse_machine(f'[machine]\nname = "mill"\n{axes}[dialect]\nprofile = "{profile}"\n{more}{cutters}')
 
 
 def homed_mill() -> Machine:
-    axes = "".join(
-        f'[[axis]]\nindex = {index}\ntype = "linear"\nmax_velocity = 200.0\nmax_acceleration = 2000.0\n'
-        'min_position = -200.0\nmax_position = 500.0\n[axis.drive]\nkind = "ideal"\n'
-        '[axis.homing]\nmethod = "manual"\n'
-        for index in range(3)
+    axes = axes_text(
+        range(3), keys='min_position = -200.0\nmax_position = 500.0\nhoming = { method = "manual" }'
     )
     return parse_machine(f'[machine]\nname = "mill"\n{axes}[dialect]\nprofile = "cnc"\n')
 

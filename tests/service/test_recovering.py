@@ -14,14 +14,12 @@ from mcserver.service.approach import Approach, Confirmed
 from mcserver.service.program import Program
 from mcserver.service.reports import Event
 from mcserver.service.servo import open_servo
+from tests.machine_text import axes_text
 from tests.service.virtual_cell import VirtualCell
 
 MM = 1e-3
 RECOVERY = "[recovery]\nsafe_axis = 2\nsafe_position = 50.0\napproach_velocity = 20.0\n"
-SPINDLE = (
-    '[[axis]]\nindex = 3\ntype = "rotary"\nmax_velocity = 36000.0\nmax_acceleration = 360000.0\n'
-    '[axis.drive]\nkind = "ideal"\n'
-)
+SPINDLE = axes_text([3], rotary=True, velocity=36000.0, acceleration=360000.0)
 CNC = (
     '[dialect]\nprofile = "cnc"\nspindle_axis = 3\n'
     "outputs = { M8 = { coolant = true }, M9 = { coolant = false } }\n"
@@ -42,11 +40,9 @@ PART = [
 
 
 def machine(more: str = "", start: Sequence[float] = (0.0, 0.0, 0.0)) -> Machine:
+    keys = "min_position = -200.0\nmax_position = 500.0\nmax_following_error = 1.0"
     axes = "".join(
-        f'[[axis]]\nindex = {index}\ntype = "linear"\nmax_velocity = 200.0\nmax_acceleration = 2000.0\n'
-        "min_position = -200.0\nmax_position = 500.0\nmax_following_error = 1.0\n"
-        f'[axis.drive]\nkind = "ideal"\ninitial_position = {start[index]}\n'
-        for index in range(3)
+        axes_text([index], keys=keys, drive_keys=f"initial_position = {at}") for index, at in enumerate(start)
     )
     return parse_machine(f'[machine]\nname = "mill"\n{axes}{more}')
 
@@ -258,11 +254,8 @@ async def test_work_offsets_that_were_changed_since_are_named(rig: Rig) -> None:
 
 
 async def test_axes_without_their_reference_are_refused_with_the_remedy(rig: Rig) -> None:
-    text = (
-        '[machine]\nname = "homed"\n[[axis]]\nindex = 0\ntype = "linear"\nmax_velocity = 200.0\n'
-        "max_acceleration = 2000.0\nmin_position = -50.0\nmax_position = 500.0\n"
-        '[axis.homing]\nmethod = "manual"\n[axis.drive]\nkind = "ideal"\n'
-    )
+    keys = 'min_position = -50.0\nmax_position = 500.0\n[axis.homing]\nmethod = "manual"'
+    text = '[machine]\nname = "homed"\n' + axes_text(keys=keys)
     cell = await rig.started(parse_machine(text))
     await cell.homing.reference("ada", {0: 0.0})
     program = await cell.service.open("cam")

@@ -9,16 +9,14 @@ import pytest
 from mcserver.executor.stored_reference import StoredReference
 from mcserver.machine.machine_file import Machine, parse_machine
 from mcserver.service.references import References
+from tests.machine_text import axes_text
 
 
 @pytest.fixture
 def machine() -> Machine:
     text = '[machine]\nname = "m"\n'
     for index, homing in enumerate(['method = "absolute"', 'method = "manual"', 'method = "drive"', ""]):
-        text += (
-            f'[[axis]]\nindex = {index}\ntype = "linear"\nmax_velocity = 100.0\nmax_acceleration = 1000.0\n'
-        )
-        text += f"[axis.homing]\n{homing}\n" if homing else ""
+        text += axes_text([index], keys=f"[axis.homing]\n{homing}" if homing else "", drive="simulated")
     return parse_machine(text)
 
 

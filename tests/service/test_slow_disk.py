@@ -21,20 +21,11 @@ from mcserver.service.line_queue import LineQueue
 from mcserver.service.program import Program
 from mcserver.service.progress_reports import LINES, ProgressReports
 from mcserver.service.work_offsets import WorkOffsets
+from tests.machine_text import axes_text
 from tests.service.test_done import machine
 from tests.service.virtual_cell import VirtualCell
 
-MILL = """[machine]
-name = "mill"
-[dialect]
-profile = "cnc"
-[[axis]]
-index = 0
-type = "linear"
-max_velocity = 200.0
-max_acceleration = 2000.0
-drive = { kind = "ideal" }
-"""
+MILL = '[machine]\nname = "mill"\n[dialect]\nprofile = "cnc"\n' + axes_text()
 
 
 class StallingDisk:
@@ -215,22 +206,8 @@ async def test_a_disk_that_stalls_under_the_tables_stalls_nothing_else_and_their
     await cell.stop()
 
 
-REFERENCED = """[machine]
-name = "referenced"
-[[axis]]
-index = 0
-type = "linear"
-max_velocity = 200.0
-max_acceleration = 2000.0
-homing = { method = "manual" }
-drive = { kind = "ideal" }
-[[axis]]
-index = 1
-type = "linear"
-max_velocity = 200.0
-max_acceleration = 2000.0
-drive = { kind = "ideal" }
-"""
+HOMED = axes_text(keys='homing = { method = "manual" }')
+REFERENCED = f'[machine]\nname = "referenced"\n{HOMED}{axes_text([1])}'
 
 
 class StallingSync:

@@ -11,6 +11,7 @@ from mcserver.executor.block import Block
 from mcserver.executor.executor import Executor
 from mcserver.machine.machine_file import Machine, parse_machine
 from mcserver.simulation.simulation import Simulation, simulate
+from tests.machine_text import axes_text
 
 PROGRAM = """G1010
 G94 F9000
@@ -52,10 +53,14 @@ G01 X3
 def machine(kind: str, travel: str = "", drive: str = "") -> Machine:
     text = '[machine]\nname = "test"\n[motion]\npath_tolerance_mm = 0.02\n'
     for index in range(5):
-        moves = "linear" if index < 3 else "rotary"
-        text += (
-            f'[[axis]]\nindex = {index}\ntype = "{moves}"\nmax_velocity = 300.0\nmax_acceleration = 3000.0\n'
-            f'max_jerk = 90000.0\n{travel}[axis.drive]\nkind = "{kind}"\n{drive}'
+        text += axes_text(
+            [index],
+            rotary=index >= 3,
+            velocity=300.0,
+            acceleration=3000.0,
+            keys=f"max_jerk = 90000.0\n{travel}",
+            drive=kind,
+            drive_keys=drive,
         )
     return parse_machine(text)
 
@@ -140,9 +145,7 @@ def cutter(kind: str, rapids: str) -> Machine:
     text += f'[dialect]\nprofile = "cnc"\nrapids = "{rapids}"\n[dialect.outputs]\n'
     text += 'M3 = { beam = "S" }\nM4 = { beam = "S" }\nM5 = { beam = 0 }\n'
     text += "M7 = { air = true }\nM9 = { air = false }\n"
-    for index in range(3):
-        text += f'[[axis]]\nindex = {index}\ntype = "linear"\nmax_velocity = 300.0\n'
-        text += f'max_acceleration = 3000.0\nmax_jerk = 90000.0\n[axis.drive]\nkind = "{kind}"\n'
+    text += axes_text(range(3), velocity=300.0, acceleration=3000.0, keys="max_jerk = 90000.0", drive=kind)
     text += '[[output]]\nnumber = 0\nname = "beam"\nkind = "analog"\nmax = 1000.0\nlaser = true\n'
     text += '[[output]]\nnumber = 1\nname = "level"\nkind = "analog"\nmax = 10.0\n'
     return parse_machine(text + '[[output]]\nnumber = 1\nname = "air"\n')

@@ -12,15 +12,13 @@ from mcserver.planning.start_state import StartState
 from mcserver.service.progress import LineProgress
 from mcserver.simulation.simulation import simulate
 from mcserver.simulation.virtual_executor import VirtualExecutor
+from tests.machine_text import axes_text
 
 
 def machine(extra: str = "", tolerance: float = 0.0) -> Machine:
     text = '[machine]\nname = "mill"\n[dialect]\nprofile = "cnc"\n'
     text += f"[motion]\npath_tolerance_mm = {tolerance}\n{extra}"
-    for index in range(3):
-        text += f'[[axis]]\nindex = {index}\ntype = "linear"\nmax_velocity = 200.0\n'
-        text += 'max_acceleration = 2000.0\n[axis.drive]\nkind = "ideal"\n'
-    return parse_machine(text)
+    return parse_machine(text + axes_text(range(3)))
 
 
 PROBE = "[probe]\nsimulated_at = { Z = -3.25 }\n"

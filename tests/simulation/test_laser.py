@@ -18,6 +18,7 @@ from mcserver.planning.state_before import state_before
 from mcserver.service.approach import plan_approach
 from mcserver.simulation.simulation import Simulation, simulate
 from mcserver.simulation.virtual_executor import VirtualExecutor
+from tests.machine_text import axes_text
 
 Array = NDArray[np.float64]
 HEAD = ["G21 G90 G94 F6000"]
@@ -25,9 +26,7 @@ HEAD = ["G21 G90 G94 F6000"]
 
 def machine(*, laser: str = "laser = true", extra: str = "", rapids: str = "independent") -> Machine:
     text = '[machine]\nname = "cutter"\n[motion]\npath_tolerance_mm = 0.05\n'
-    for index in range(3):
-        text += f'[[axis]]\nindex = {index}\ntype = "linear"\nmax_velocity = 400.0\n'
-        text += 'max_acceleration = 2000.0\n[axis.drive]\nkind = "ideal"\n'
+    text += axes_text(range(3), velocity=400.0)
     text += f'[dialect]\nprofile = "cnc"\nrapids = "{rapids}"\n[dialect.outputs]\n'
     text += 'M3 = { power = "S" }\nM4 = { power = "S" }\nM5 = { power = 0 }\n'
     return parse_machine(

@@ -17,15 +17,14 @@ from mcserver.planning.planner_messages import ReportKind
 from mcserver.planning.start_state import StartState
 from mcserver.simulation.simulation import simulate
 from mcserver.simulation.virtual_executor import VirtualExecutor
+from tests.machine_text import axes_text
 
 ROUNDING_S = 1e-9
 
 
 def machine(drive: str = "ideal", tolerance: float = 0.0, cycle_hz: float = 1000.0) -> Machine:
     text = f'[machine]\nname = "cell"\ncycle_hz = {cycle_hz}\n[motion]\npath_tolerance_mm = {tolerance}\n'
-    for index in range(3):
-        text += f'[[axis]]\nindex = {index}\ntype = "linear"\nmax_velocity = 500.0\n'
-        text += f'max_acceleration = 5000.0\n[axis.drive]\nkind = "{drive}"\n'
+    text += axes_text(range(3), velocity=500.0, acceleration=5000.0, drive=drive)
     text += '[[output]]\nnumber = 0\nname = "count"\nkind = "analog"\nmax = 1000.0\n'
     return parse_machine(text + '[[output]]\nnumber = 0\nname = "lamp"\n')
 
@@ -199,7 +198,6 @@ def test_a_waiting_program_goes_on_in_the_cycle_of_the_input() -> None:
 
 def machine_text_with_button() -> str:
     return (
-        '[machine]\nname = "cell"\n[[axis]]\nindex = 0\ntype = "linear"\nmax_velocity = 500.0\n'
-        'max_acceleration = 5000.0\n[axis.drive]\nkind = "ideal"\n'
+        f'[machine]\nname = "cell"\n{axes_text(velocity=500.0, acceleration=5000.0)}'
         '[[input]]\nnumber = 0\nname = "button"\nsimulated = [{ at_s = 3.0, value = true }]\n'
     )

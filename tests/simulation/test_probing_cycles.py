@@ -8,6 +8,7 @@ from mcserver.machine.button_section import Button, filled
 from mcserver.machine.machine_file import Machine, parse_machine
 from mcserver.machine.probing_cycles import probing_cycles
 from mcserver.simulation.simulation import simulate
+from tests.machine_text import axes_text
 
 PLANES = "simulated_at = { X = 30, Y = 20, Z = -5 }"
 NUMBERS = {
@@ -28,10 +29,7 @@ NUMBERS = {
 def mill(probe: str = f"[probe]\n{PLANES}", profile: str = "cnc", axes: int = 3) -> Machine:
     text = f'[machine]\nname = "mill"\n[dialect]\nprofile = "{profile}"\n{probe}\n'
     text += "[[cutter]]\nnumber = 1\nlength_mm = 10\n"
-    for index in range(axes):
-        text += f'[[axis]]\nindex = {index}\ntype = "linear"\nmax_velocity = 200.0\n'
-        text += 'max_acceleration = 2000.0\n[axis.drive]\nkind = "ideal"\n'
-    return parse_machine(text)
+    return parse_machine(text + axes_text(range(axes)))
 
 
 def cycle(name: str, machine: Machine) -> Button:
