@@ -3,17 +3,7 @@
 from __future__ import annotations
 
 from mcserver.machine.machine_file import Machine, parse_machine
-
-AXIS = """
-[[axis]]
-index = {index}
-type = "linear"
-max_velocity = {velocity}
-max_acceleration = {acceleration}
-{jerk}
-[axis.drive]
-kind = "{kind}"
-"""
+from tests.machine_text import axes_text
 
 
 def ideal(
@@ -42,9 +32,6 @@ def written_machine(
     *, axes: int, velocity: float, acceleration: float, jerk: float | None, tolerance_mm: float, kind: str
 ) -> str:
     """The machine file of such a machine."""
-    written = "" if jerk is None else f"max_jerk = {jerk}"
-    sections = "".join(
-        AXIS.format(index=index, velocity=velocity, acceleration=acceleration, jerk=written, kind=kind)
-        for index in range(axes)
-    )
+    keys = "" if jerk is None else f"max_jerk = {jerk}"
+    sections = axes_text(range(axes), velocity=velocity, acceleration=acceleration, keys=keys, drive=kind)
     return f'[machine]\nname = "bench"\n[motion]\npath_tolerance_mm = {tolerance_mm}\n{sections}'

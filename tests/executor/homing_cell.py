@@ -10,6 +10,7 @@ from mcserver.machine.machine_file import Machine, parse_machine
 from mcserver.simulation.virtual_executor import VirtualExecutor
 from tests.executor.planned import assert_within_limits
 from tests.executor.rig import Array, Program
+from tests.machine_text import axes_text
 
 MM = 1e-3
 SWITCH = 'method = "switch"\nvelocity = 50.0\nlatch_velocity = 2.0\nback_off = 3.0\n'
@@ -17,15 +18,12 @@ SWITCH = 'method = "switch"\nvelocity = 50.0\nlatch_velocity = 2.0\nback_off = 3
 
 def machine(*axes: tuple[str, str], travel: float | None = 100.0, jerk: str = "") -> Machine:
     """Linear axes [mm], each with the lines of its drive and of its homing (none: no section)."""
+    keys = f"units_per_motor_rev = 5.0\n{jerk}"
+    keys += "" if travel is None else f"min_position = {-travel}\nmax_position = {travel}\n"
     text = '[machine]\nname = "rig"\n'
     for index, (drive, homing) in enumerate(axes):
-        text += (
-            f'[[axis]]\nindex = {index}\ntype = "linear"\nmax_velocity = 200.0\nmax_acceleration = 2000.0\n'
-        )
-        text += jerk
-        text += "" if travel is None else f"min_position = {-travel}\nmax_position = {travel}\n"
-        text += f'units_per_motor_rev = 5.0\n[axis.drive]\nkind = "simulated"\n{drive}\n'
-        text += f"[axis.homing]\n{homing}\n" if homing else ""
+        section = f"[axis.homing]\n{homing}" if homing else ""
+        text += axes_text([index], keys=keys + section, drive="simulated", drive_keys=drive)
     return parse_machine(text)
 
 

@@ -21,26 +21,17 @@ from mcserver.motion.pieces import Rows
 from mcserver.planning.start_state import StartState
 from mcserver.simulation.preview import preview
 from tests.executor.planned import Planned
+from tests.machine_text import axes_text
 
 VELOCITY, ACCELERATION, JERK = 0.1, 1.0, 20.0
-AXIS = """
-[[axis]]
-index = {index}
-type = "{type}"
-max_velocity = {velocity}
-max_acceleration = {acceleration}
-max_jerk = {jerk}
-{travel}
-drive = {{ kind = "ideal" }}
-"""
-LINEAR = {"type": "linear", "velocity": 100.0, "acceleration": 1000.0, "jerk": 20000.0, "travel": ""}
-ROTARY = {"type": "rotary", "velocity": 360.0, "acceleration": 3600.0, "jerk": 72000.0, "travel": ""}
+SOFT = "max_jerk = 20000.0"
 
 
 def machine() -> Machine:
     """Axes 0 and 1 in mm, axis 2 turns endlessly."""
-    axes = [AXIS.format(index=index, **kind) for index, kind in enumerate((LINEAR, LINEAR, ROTARY))]
-    return parse_machine('[machine]\nname = "bench"\n' + "".join(axes))
+    axes = axes_text(range(2), velocity=100.0, acceleration=1000.0, keys=SOFT)
+    axes += axes_text([2], rotary=True, velocity=360.0, acceleration=3600.0, keys="max_jerk = 72000.0")
+    return parse_machine(f'[machine]\nname = "bench"\n{axes}')
 
 
 BOX = Envelope(low=(-0.001, -0.001, -1e-9), high=(0.060, 0.060, 1e-9), speed=(0.1, 0.1, 7.0), seconds=60.0)
@@ -292,8 +283,8 @@ input = 0
 
 
 def test_a_probe_that_meets_nothing_comes_to_rest_at_the_bound() -> None:
-    axes = [AXIS.format(index=index, **LINEAR) for index in range(3)]
-    made = parse_machine('[machine]\nname = "bench"\n' + "".join(axes) + PROBING)
+    axes = axes_text(range(3), velocity=100.0, acceleration=1000.0, keys=SOFT)
+    made = parse_machine(f'[machine]\nname = "bench"\n{axes}{PROBING}')
     low = (-0.001, -0.001, -0.02)
     box = Envelope(low, (0.01, 0.01, 0.001), (0.1, 0.1, 0.1), 60.0)
     # a real machine: contact does not come by itself at the end of the move, as in a simulation
@@ -315,9 +306,8 @@ def test_comma_groups_are_held_axis_by_axis() -> None:
 
 def test_a_simulation_begins_energized_where_the_machine_is() -> None:
     for kind in ("ideal", "simulated"):
-        made = parse_machine(
-            '[machine]\nname = "bench"\n' + AXIS.format(index=0, **LINEAR).replace('"ideal"', f'"{kind}"')
-        )
+        axis = axes_text(velocity=100.0, acceleration=1000.0, keys=SOFT, drive=kind)
+        made = parse_machine(f'[machine]\nname = "bench"\n{axis}')
         start = msgspec.structs.replace(StartState.of(made), energized=frozenset({0})).at({0: 0.05})
         # without G1010: the axis holds already
         seen = preview("G94 F6000\nG01 X60", made, start, (0,))

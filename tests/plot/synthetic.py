@@ -10,22 +10,18 @@ from numpy.typing import NDArray
 from mcserver.machine.machine_file import Machine, parse_machine
 from mcserver.plot.scene import Scene, build_scene
 from mcserver.simulation.recorder import Recorded
+from tests.machine_text import axes_text
 
 Array = NDArray[np.float64]
 
-AXIS = """
-[[axis]]
-index = {index}
-type = "{type}"
-max_velocity = 200.0
-max_acceleration = 1000.0
-{jerk}
-"""
 SOURCE = ["G01 X100 ; there", "G01 Y50", "</script><b>\u2028&"]
 
 
 def machine(*types: str, jerk: str = "max_jerk = 50000.0") -> Machine:
-    axes = "".join(AXIS.format(index=index, type=axis, jerk=jerk) for index, axis in enumerate(types))
+    axes = "".join(
+        axes_text([index], rotary=kind == "rotary", acceleration=1000.0, keys=jerk, drive="simulated")
+        for index, kind in enumerate(types)
+    )
     return parse_machine(f'[machine]\nname = "bench"\ncycle_hz = 1000\n{axes}')
 
 
