@@ -14,9 +14,9 @@ import msgspec
 import zenoh
 
 from tests.bench.figures import Figure, NotAvailable, percentile
-from tests.bench.machines import written_machine
 from tests.bench.round_trip import RAW_KEY, latencies, raw_session
 from tests.bench.server import Server, server
+from tests.machine_text import axes_text
 
 SUBSCRIBERS, STREAMS = 50, 20
 CALLS = 1000
@@ -29,9 +29,8 @@ def measure() -> list[Figure]:
     The crowd computes on the same cores: a raw get has nothing of the server in it but that load.
     """
     # each stream has an axis of its own
-    machine = written_machine(
-        axes=STREAMS, velocity=1000.0, acceleration=10_000.0, jerk=None, tolerance_mm=0.0, kind="simulated"
-    )
+    axes = axes_text(range(STREAMS), velocity=1000.0, acceleration=10_000.0, drive="simulated")
+    machine = f'[machine]\nname = "bench"\n{axes}'
     with raw_session() as raw, server(machine) as reached:
         key = f"mc/@v1/{reached.machine}/@rpc/bench/status"
         alone = latencies(reached.session, key, [b""] * CALLS)

@@ -16,22 +16,7 @@ def ideal(
     kind: str = "ideal",
 ) -> Machine:
     """A machine of alike linear axes [mm, s]."""
-    return parse_machine(
-        written_machine(
-            axes=axes,
-            velocity=velocity,
-            acceleration=acceleration,
-            jerk=jerk,
-            tolerance_mm=tolerance_mm,
-            kind=kind,
-        )
-    )
-
-
-def written_machine(
-    *, axes: int, velocity: float, acceleration: float, jerk: float | None, tolerance_mm: float, kind: str
-) -> str:
-    """The machine file of such a machine."""
     keys = "" if jerk is None else f"max_jerk = {jerk}"
     sections = axes_text(range(axes), velocity=velocity, acceleration=acceleration, keys=keys, drive=kind)
-    return f'[machine]\nname = "bench"\n[motion]\npath_tolerance_mm = {tolerance_mm}\n{sections}'
+    text = f'[machine]\nname = "bench"\n[motion]\npath_tolerance_mm = {tolerance_mm}\n{sections}'
+    return parse_machine(text)

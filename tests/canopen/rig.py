@@ -15,6 +15,7 @@ from mcserver.canopen.service import CanopenService
 from mcserver.canopen.service_bus import ServiceTimes
 from mcserver.canopen.settings import SdoTimes
 from mcserver.machine.machine_file import Machine, parse_machine
+from tests.machine_text import axes_text
 
 LIMIT_S = 20.0
 # Answers on the loopback take a millisecond; a test that waits for none should not wait long.
@@ -84,6 +85,18 @@ class Watched:
             seen.append(event)
 
 
+def axis_on(index: int, node: int, keys: str = "", kind: str = "cia402", axis_keys: str = "") -> str:
+    """An axis of 10 mm and 4096 counts a motor turn, on the bus ``left``."""
+    return axes_text(
+        [index],
+        velocity=100.0,
+        acceleration=1000.0,
+        keys=f"units_per_motor_rev = 10\n{axis_keys}",
+        drive=kind,
+        drive_keys=f'bus = "left"\nnode = {node}\ncounts_per_motor_rev = 4096\n{keys}',
+    )
+
+
 def machine_on(
     address: str,
     nodes: Sequence[int],
@@ -97,22 +110,7 @@ def machine_on(
     """Axis i has the i-th node; ``keys`` go into every drive's section, ``own_keys`` into one each,
     ``axis_keys`` into every axis's."""
     axes = "".join(
-        f"""
-[[axis]]
-index = {axis}
-type = "linear"
-max_velocity = 100
-max_acceleration = 1000
-units_per_motor_rev = 10
-{axis_keys}
-[axis.drive]
-kind = "{kind}"
-bus = "left"
-node = {node}
-counts_per_motor_rev = 4096
-{own_keys[axis] if own_keys else ""}
-{keys}
-"""
+        axis_on(axis, node, f"{own_keys[axis] if own_keys else ''}\n{keys}", kind, axis_keys)
         for axis, node in enumerate(nodes)
     )
     return parse_machine(

@@ -22,7 +22,7 @@ from mcserver.errors import RuntimeFault, UsageFault
 from mcserver.machine.machine_file import load_machine
 from tests.canopen.fake_drives import FakeDrives
 from tests.canopen.local_drives import LocalDrive
-from tests.canopen.rig import RunningHub, Watched
+from tests.canopen.rig import RunningHub, Watched, axis_on
 
 SHIPPED_EDS = Path(__file__).parents[2] / "mcserver" / "drive_sim" / "cia402.eds"
 Make = Callable[..., FakeDrives]
@@ -59,12 +59,7 @@ DataType=none
 
 def machine_file(folder: Path, hub: RunningHub, nodes: tuple[int, ...] = (3,), keys: str = "") -> str:
     file = folder / "machine.toml"
-    axes = "".join(
-        f'[[axis]]\nindex = {axis}\ntype = "linear"\nmax_velocity = 100\nmax_acceleration = 1000\n'
-        f'units_per_motor_rev = 10\n[axis.drive]\nkind = "cia402"\nbus = "left"\nnode = {node}\n'
-        f"counts_per_motor_rev = 4096\n{keys}\n"
-        for axis, node in enumerate(nodes)
-    )
+    axes = "".join(axis_on(axis, node, keys) for axis, node in enumerate(nodes))
     file.write_text(
         f'[machine]\nname = "m"\ncycle_hz = 100\n[[bus]]\nname = "left"\naddress = "{hub.address()}"\n{axes}'
     )

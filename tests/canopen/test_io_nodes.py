@@ -24,8 +24,9 @@ from mcserver.machine.section_reader import MachineFileRejected
 from mcserver.simulation.virtual_executor import VirtualExecutor
 from tests.canopen.eds_files import U8, eds, record
 from tests.canopen.local_drives import LocalDrive, until
-from tests.canopen.rig import RunningHub, Watched
+from tests.canopen.rig import RunningHub, Watched, axis_on
 from tests.drive_sim.in_a_thread import simulated
+from tests.machine_text import axes_text
 
 # python-canopen's own reader of EDS files
 pytestmark = pytest.mark.filterwarnings("ignore:The 'warn' method is deprecated:DeprecationWarning")
@@ -95,8 +96,8 @@ target = { bus = "left", node = 5, object = "6411h:01" }
 def machine(address: str, channels: str = CHANNELS) -> Machine:
     return parse_machine(
         f'[machine]\nname = "m"\ncycle_hz = 100\n[[bus]]\nname = "left"\naddress = "{address}"\n'
-        '[[axis]]\nindex = 0\ntype = "linear"\nmax_velocity = 100\nmax_acceleration = 1000\n'
-        '[axis.drive]\nkind = "ideal"\n' + channels
+        + axes_text()
+        + channels
     )
 
 
@@ -283,12 +284,7 @@ def test_what_does_not_fit_a_node_is_refused_by_the_machine_file() -> None:
 
 
 def test_a_drives_node_has_no_inputs_of_the_machine() -> None:
-    text = (
-        '[machine]\nname = "m"\ncycle_hz = 100\n[[bus]]\nname = "left"\naddress = "can0"\n'
-        '[[axis]]\nindex = 0\ntype = "linear"\nmax_velocity = 100\nmax_acceleration = 1000\n'
-        'units_per_motor_rev = 10\n[axis.drive]\nkind = "cia402"\nbus = "left"\nnode = 5\n'
-        "counts_per_motor_rev = 4096\n"
-    )
+    text = '[machine]\nname = "m"\ncycle_hz = 100\n[[bus]]\nname = "left"\naddress = "can0"\n' + axis_on(0, 5)
     with pytest.raises(ConfigurationError, match="the drive of axis 0"):
         parse_machine(text + CHANNELS)
 

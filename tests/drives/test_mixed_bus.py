@@ -12,31 +12,26 @@ from mcserver.motion.canonical import AxisOperation
 from mcserver.simulation.virtual_executor import VirtualExecutor
 from tests.drives.fake_can import FakeBus, FakeDrive, FakeServosila
 from tests.executor.rig import Program
+from tests.machine_text import axes_text
 
-AXIS = """
-[[axis]]
-index = {index}
-type = "linear"
-max_velocity = 1000.0
-max_acceleration = 10000.0
-max_following_error = 2.0
-units_per_motor_rev = 10.0
-[axis.drive]
-kind = "{kind}"
-bus = "can0"
-node = {node}
-counts_per_motor_rev = 10000
-"""
+
+def axis(index: int, kind: str, keys: str = "") -> str:
+    return axes_text(
+        [index],
+        velocity=1000.0,
+        acceleration=10_000.0,
+        keys="max_following_error = 2.0\nunits_per_motor_rev = 10.0",
+        drive=kind,
+        drive_keys=f'bus = "can0"\nnode = {index + 1}\ncounts_per_motor_rev = 10000\n{keys}',
+    )
 
 
 class Mixed:
     """Axes 0 and 2 are CiA 402 drives, axis 1 is Servosila's."""
 
     def __init__(self) -> None:
-        text = '[machine]\nname = "m"\ncycle_hz = 500.0\n' + AXIS.format(index=0, kind="cia402", node=1)
-        text += AXIS.format(index=1, kind="servosila", node=2) + "codes = { off = 2 }\n"
-        text += AXIS.format(index=2, kind="cia402", node=3)
-        described = parse_machine(text)
+        axes = axis(0, "cia402") + axis(1, "servosila", "codes = { off = 2 }") + axis(2, "cia402")
+        described = parse_machine(f'[machine]\nname = "m"\ncycle_hz = 500.0\n{axes}')
         self.port = FakeBus()
         self.servo = [FakeDrive(self.port, node, 10 * node, described.cycle_s) for node in (1, 3)]
         self.streamed = FakeServosila(self.port, 2, 500.0)

@@ -317,14 +317,19 @@ def test_an_abort_stops_on_the_path_drops_the_rest_and_holds() -> None:
         assert np.abs(rig.acceleration(column)).max() <= 1.01 * ACCELERATION
 
 
-def test_a_pause_waits_for_resume() -> None:
+def at_a_pause() -> Rig:
+    """A program that stands at a pause in its line 5."""
     rig = Rig(machine())
-    program = rig.program
-    program.start_line(5)
-    program.control(ControlKind.PAUSE)
-    program.end_line()
-    program.finish()
+    rig.program.start_line(5)
+    rig.program.control(ControlKind.PAUSE)
+    rig.program.end_line()
+    rig.program.finish()
     rig.run_until(EventKind.PAUSED)
+    return rig
+
+
+def test_a_pause_waits_for_resume() -> None:
+    rig = at_a_pause()
     rig.step(100)
     assert not rig.of(EventKind.LINE_END)
     rig.executor.mailbox.end_pause(0)
@@ -333,13 +338,7 @@ def test_a_pause_waits_for_resume() -> None:
 
 
 def test_the_end_of_a_hold_ends_no_pause() -> None:
-    rig = Rig(machine())
-    program = rig.program
-    program.start_line(5)
-    program.control(ControlKind.PAUSE)
-    program.end_line()
-    program.finish()
-    rig.run_until(EventKind.PAUSED)
+    rig = at_a_pause()
     rig.executor.mailbox.set_hold(True, 0)
     rig.step(20)
     rig.executor.mailbox.resume(0)
@@ -351,12 +350,7 @@ def test_the_end_of_a_hold_ends_no_pause() -> None:
 
 
 def test_an_axis_that_was_lent_at_a_pause_never_has_two_owners() -> None:
-    rig = Rig(machine())
-    rig.program.start_line(5)
-    rig.program.control(ControlKind.PAUSE)
-    rig.program.end_line()
-    rig.program.finish()
-    rig.run_until(EventKind.PAUSED)
+    rig = at_a_pause()
     (paused,) = rig.of(EventKind.PAUSED)
     assert paused.token == 0b11
     other = rig.open(1, 0b01)

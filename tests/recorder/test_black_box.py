@@ -70,25 +70,25 @@ def test_a_fault_that_is_there_from_the_first_cycle_writes_nothing(tmp_path: Pat
     assert boxes(rig) == []
 
 
+def come_and_go(rig: Rig, faults: int, *, cycles: int) -> None:
+    """Let an axis have faults, each for so many cycles, and as many without one behind it."""
+    for _ in range(faults):
+        for condition in (AxisCondition.FAULT, AxisCondition.OFF):
+            rig.condition(1, condition)
+            rig.cycles(cycles)
+
+
 def test_faults_one_after_the_other_fill_no_disk(tmp_path: Path) -> None:
     rig = Rig(tmp_path, after_s=0.1)
     rig.cycles(100)
-    for _ in range(20):
-        rig.condition(1, AxisCondition.FAULT)
-        rig.cycles(200)
-        rig.condition(1, AxisCondition.OFF)
-        rig.cycles(200)
+    come_and_go(rig, 20, cycles=200)
     assert len(boxes(rig)) == 1
 
 
 def test_a_fault_soon_after_another_is_written_later(tmp_path: Path) -> None:
     rig = Rig(tmp_path, after_s=0.1)
     rig.cycles(100)
-    for _ in range(2):
-        rig.condition(1, AxisCondition.FAULT)
-        rig.cycles(500)
-        rig.condition(1, AxisCondition.OFF)
-        rig.cycles(500)
+    come_and_go(rig, 2, cycles=500)
     rig.cycles(31_000)
     assert len(boxes(rig)) == 2
 
@@ -96,11 +96,7 @@ def test_a_fault_soon_after_another_is_written_later(tmp_path: Path) -> None:
 def test_a_short_box_does_not_lose_the_second_fault_to_the_pause(tmp_path: Path) -> None:
     rig = Rig(tmp_path, minutes=0.1, after_s=0.1)  # 6 s
     rig.cycles(1000)
-    for _ in range(2):
-        rig.condition(1, AxisCondition.FAULT)
-        rig.cycles(300)
-        rig.condition(1, AxisCondition.OFF)
-        rig.cycles(300)
+    come_and_go(rig, 2, cycles=300)
     second = 1600
     rig.cycles(8000)
     found = boxes(rig)
