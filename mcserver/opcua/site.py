@@ -71,8 +71,8 @@ class Machines:
 
     async def look(self, link: FleetLink, states: Mapping[str, MachineStatus]) -> None:
         """Show all states, and add the machines that are new."""
-        for name in states:
-            await self._know(link, name)
+        new = [name for name in states if name not in self._known]
+        await asyncio.gather(*(self._add(link, name) for name in new[: MOST_MACHINES - len(self._known)]))
         for name, machine in self._known.items():
             found = states.get(name)
             await machine.show(found, time.time() if found is None else found.wall)
@@ -86,12 +86,10 @@ class Machines:
         for machine in self._known.values():
             await machine.show(None, time.time())
 
-    async def _know(self, link: FleetLink, name: str) -> None:
-        if name not in self._known and len(self._known) < MOST_MACHINES:
-            with contextlib.suppress(MotionError):
-                self._known[name] = await MachineTool.create(
-                    self.server, self._model, name, (await link.info(name)).server
-                )
+    async def _add(self, link: FleetLink, name: str) -> None:
+        with contextlib.suppress(MotionError):
+            version = (await link.info(name)).server
+            self._known[name] = await MachineTool.create(self.server, self._model, name, version)
 
     async def _show_tools(self, link: FleetLink, name: str) -> None:
         with contextlib.suppress(MotionError):

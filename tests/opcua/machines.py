@@ -104,6 +104,9 @@ class Served:
 
     async def stop(self) -> None:
         await self._stack.aclose()
+        # transports that were closed are let go in the loop's next rounds
+        for _ in range(5):
+            await asyncio.sleep(0)
 
     async def look(self, states: dict[str, MachineStatus], *tools: int) -> None:
         fleet: Any = Fleet(*tools)

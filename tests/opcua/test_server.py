@@ -169,7 +169,9 @@ async def test_who_does_not_read_is_not_read_and_who_announces_too_much_is_cut(s
     async with asyncio.timeout(60.0):
         with contextlib.suppress(ConnectionError):
             assert await reader.read() == b""
-    writer.close()
+        writer.close()
+        with contextlib.suppress(ConnectionError):
+            await writer.wait_closed()
     connection = door.Connection(served.machines.server.iserver, [], [], [], served.machines.server.limits)
     connection.connection_made(_Transport())
     connection.pause_writing()
