@@ -250,6 +250,33 @@ def test_a_stream_round_the_wrist_s_singularity_keeps_limits_and_branch(radius: 
     assert np.abs(arm.pose()[:3] - middle[:3]).max() < 0.02
 
 
+@pytest.mark.parametrize(("beside", "turned"), [(0.0, 0.0), (0.003, math.pi)])
+def test_poses_pass_through_the_wrist_s_singularity_straight_and_beside_it_the_wrist_turns(
+    beside: float, turned: float
+) -> None:
+    arm = Arm()
+    bent = arm.setpoints[-1].copy()
+    bent[2], bent[4] = 0.5, 0.1
+    arm.follow(lambda _: {"tool": None, "positions": bent}, 0.8)
+    straight = bent.copy()
+    straight[4] = 0.0
+    middle = arm.pose(straight)
+    base = euler_to_matrix(tuple(middle[3:]), "ZYX")
+    towards = rotation_vectors((base.T @ euler_to_matrix(tuple(arm.pose(bent)[3:]), "ZYX"))[None])[0]
+    aside = np.cross(towards, [0.0, 0.0, 1.0])
+    aside *= beside / np.linalg.norm(aside)
+
+    def through(t: float) -> dict[str, object]:
+        turn = rotation_matrices(((1.0 - min(2.0 * t, 2.0)) * towards + aside)[None])[0]
+        return {"positions": [*middle[:3], *matrix_to_euler(base @ turn, "ZYX")], "counts_s": 1.0}
+
+    arm.follow(through, 2.0)
+    assert abs(arm.setpoints[-1][3]) == pytest.approx(turned, abs=0.1)
+    assert arm.turned(np.array(through(2.0)["positions"])) < 1e-8
+    assert arm.status.refused < 10
+    assert arm.worst() <= 1.0 + 1e-5
+
+
 def test_what_is_no_pose_of_the_program_s_tools_is_refused() -> None:
     arm = Arm()
     start = arm.pose()
