@@ -17,7 +17,10 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).parents[2]
-PROJECTS = (ROOT, ROOT / "clients" / "python", ROOT / "clients" / "benchmark", ROOT / "kinematics")
+PROJECTS = (
+    ROOT,
+    *(ROOT / each for each in ("clients/python", "clients/benchmark", "clients/gym", "kinematics")),
+)
 START_LIMIT_S = 120.0
 
 pytestmark = pytest.mark.timeout(600)
