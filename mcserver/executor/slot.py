@@ -7,8 +7,6 @@ cycles: 1 at its beginning, 0 at the exchange with the drives.
 
 from __future__ import annotations
 
-from collections import deque
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -23,6 +21,7 @@ from mcserver.executor.fault_codes import FaultCode
 from mcserver.executor.holding import stop_independent
 from mcserver.executor.playback.playback import Playback
 from mcserver.executor.playback.rate_control import RateControl
+from mcserver.executor.shaped_entries import AT_THEIR_PLACE, GOING_ON, ShapedEntries
 from mcserver.executor.shm.feedback import SlotState
 from mcserver.executor.shm.mailbox import MachineOrders, SlotOrders
 from mcserver.executor.shm.rings import ProgramRing
@@ -36,19 +35,6 @@ START_ROWS = 16.0
 STANDSTILL = 1e-6
 
 _ALWAYS = (ControlKind.LINE_END, ControlKind.END, ControlKind.PASSED)
-# On a machine with shapers: entries that are done where the shaped path is at their place, and those that say
-# how rows and motions go on; all others wait until shaped setpoints have arrived.
-_PUT_OFF = frozenset((ControlKind.LINE_START, ControlKind.LINE_END, ControlKind.PASSED, ControlKind.OUTPUT))
-_GOING_ON = frozenset(
-    (
-        ControlKind.BEGIN,
-        ControlKind.END,
-        ControlKind.WAIT,
-        ControlKind.RAPID,
-        ControlKind.HALT_AXES,
-        ControlKind.PAYLOAD,
-    )
-)
 
 
 class ProgramSlot:
@@ -77,11 +63,7 @@ class ProgramSlot:
         self.shown_line = 0
         # holds an approved run within its envelope; None: nobody has to approve what runs here
         self.guard: EnvelopeGuard | None = None
-        # entries that wait for the shaped path: the cycle that they are due in, and what of it is left then
-        self._put_off: deque[tuple[int, Control, float]] = deque()
-        # columns that rows drove along a line in the latest cycles, up to those whose shaped path this is
-        shaper = cycle.bank.shaper
-        self._driven = deque([0], maxlen=1 if shaper is None else shaper.delay + 1)
+        self._put_off = ShapedEntries(cycle.bank.shaper)
         self.generation = 0
         self.orders: SlotOrders | None = None
         self._begin(0)
@@ -222,7 +204,7 @@ class ProgramSlot:
         playback = self.playback
         driven = playback.active if playback.line else 0
         if self.cycle.bank.shaper is not None:
-            driven = self._driven[0]
+            driven = self._put_off.driven
         if not driven:
             return np.zeros(len(velocity))
         columns = self.cycle.bank.masks.bools(driven & (axes or driven))
@@ -242,8 +224,7 @@ class ProgramSlot:
             self.barrier = None
             self.pending = None
             self.cycle.io.make_safe(self.index)
-            waiting = [each for each in self._put_off if each[1].kind is not ControlKind.OUTPUT]
-            self._put_off = deque(waiting)
+            self._put_off.drop_outputs()
             mask = self.cycle.motions.owned_by(self.index) | self.axes & ~self.cycle.motions.mask
             stop_independent(self.cycle, mask, self.index)
         elif state is SlotState.FAULTED:
@@ -480,31 +461,26 @@ class ProgramSlot:
 
     def _waits_for_shape(self, control: Control, left: float) -> bool:
         """Put off an entry to where the shaped path is at its place; False: it is done now."""
-        shaper = self.cycle.bank.shaper
-        if shaper is None or control.kind in _GOING_ON:
+        if self.cycle.bank.shaper is None or control.kind in GOING_ON:
             return False
-        if control.kind not in _PUT_OFF:
+        if control.kind not in AT_THEIR_PLACE:
             if self._settled:
                 return False
             self.barrier, self.pending = Settled(lambda: self._settled), control
             return True
         if control.kind is not ControlKind.OUTPUT and self._settled and not self.playback.active:
             return False
-        self._put_off.append((self.cycle.number + shaper.delay, control, left))
+        self._put_off.put_off(self.cycle.number, control, left)
         return True
 
     def do_put_off(self) -> None:
         """Do what is due, in order; the end of a line at rest once its shaped setpoints have arrived."""
-        self._driven.append(self.playback.active if self.playback.line else 0)
-        shown = self.shown_line
-        while self._put_off:
-            due, control, left = self._put_off[0]
-            ends = control.kind in (ControlKind.LINE_END, ControlKind.PASSED)
-            if due > self.cycle.number or (ends and not self.playback.active and self._settling):
-                break
-            self._put_off.popleft()
+        shown, playback = self.shown_line, self.playback
+        driven = playback.active if playback.line else 0
+        settling = not playback.active and self._settling != 0
+        for control, left in self._put_off.pass_cycle(self.cycle.number, driven, settling=settling):
             try:
-                pass_control(self, control, left if due == self.cycle.number else 0.0)
+                pass_control(self, control, left)
             except BarrierFault as fault:
                 self.fault(fault.code, control.line, fault.column, fault.values)
         # that of the row which is ordered now
