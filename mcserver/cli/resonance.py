@@ -56,7 +56,7 @@ def resonance(
         if found is None or found.explained < LEAST_EXPLAINED:
             share = "" if found is None else f": {100 * found.explained:.0f} % of it is one vibration"
             raise UsageFault(
-                "MC085",
+                "MC087",
                 f"{file} has no ring of axis {axis} to measure{share}",
                 "record quick moves with G04 P0.5 behind each; an accelerometer from one stop on",
             )
@@ -128,14 +128,14 @@ def _rings(file: str, axis: int, machine: str, column: int | None) -> tuple[Mach
     """Return the machine, what is to be explained, and the seconds between two values.
 
     Raises:
-        UsageFault: MC085 no such axis, no table of numbers; MC581 no recording.
+        UsageFault: MC087 no such axis, no table of numbers; MC581 no recording.
     """
     if is_recording_name(file):
         opened = open_recording(file, machine)
         described, cycles = opened.machine, opened.run.cycles
         _column_of(described, axis)
         if axis not in cycles.axes:
-            raise UsageFault("MC085", f"{file} has no axis {axis}", "name an axis that was recorded")
+            raise UsageFault("MC087", f"{file} has no axis {axis}", "name an axis that was recorded")
         at = [int(each) for each in cycles.axes].index(axis)
         rings = rings_of(cycles.setpoint[:, at], cycles.actual[:, at], described.cycle_s)
         return described, rings, described.cycle_s
@@ -145,7 +145,7 @@ def _rings(file: str, axis: int, machine: str, column: int | None) -> tuple[Mach
     chosen = int(np.argmax(values[:, 1:].std(axis=0))) + 1 if column is None else column
     if not 1 <= chosen < values.shape[1]:
         most = values.shape[1] - 1
-        raise UsageFault("MC085", f"{file} has no column {chosen}", f"the time is 0, give 1 to {most}")
+        raise UsageFault("MC087", f"{file} has no column {chosen}", f"the time is 0, give 1 to {most}")
     signal = values[:, chosen]
     step_s = float((values[-1, 0] - values[0, 0]) / (len(values) - 1))
     # sensors sample less evenly than they say
@@ -155,7 +155,7 @@ def _rings(file: str, axis: int, machine: str, column: int | None) -> tuple[Mach
 
 def _column_of(machine: Machine, axis: int) -> None:
     if machine.axis(axis) is None:
-        raise UsageFault("MC085", f"{machine.name} has no axis {axis}", "name an axis of the machine file")
+        raise UsageFault("MC087", f"{machine.name} has no axis {axis}", "name an axis of the machine file")
 
 
 def _numbers(file: str) -> Array:
@@ -165,7 +165,7 @@ def _numbers(file: str) -> Array:
         text = Path(file).read_text("utf-8")
     except (OSError, UnicodeDecodeError) as error:
         raise UsageFault(
-            "MC085", f"{file} cannot be read: {error}", "give a CSV of times and values"
+            "MC087", f"{file} cannot be read: {error}", "give a CSV of times and values"
         ) from error
     for line in text.splitlines():
         try:
@@ -176,7 +176,7 @@ def _numbers(file: str) -> Array:
     widths = {len(row) for row in rows}
     values: Array = np.array(rows) if len(widths) == 1 else np.zeros((0, 0))
     if values.ndim != 2 or values.shape[1] < 2 or len(values) < 16 or not np.isfinite(values).all():
-        raise UsageFault("MC085", f"{file} is no table of times and values", "time_s,x,y,z in each line")
+        raise UsageFault("MC087", f"{file} is no table of times and values", "time_s,x,y,z in each line")
     if not (np.diff(values[:, 0]) > 0.0).all():
-        raise UsageFault("MC085", f"the times in {file} do not rise", "the first column is the time [s]")
+        raise UsageFault("MC087", f"the times in {file} do not rise", "the first column is the time [s]")
     return values
