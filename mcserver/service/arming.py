@@ -395,9 +395,8 @@ class Arming:
             raise Refused("MC571", f"the program {what}", "an operator arms it, once: mcctl arm")
         taken = sorted(busy & set(request.axes))
         if taken:
-            raise Refused(
-                "MC572", f"the axes {', '.join(map(str, taken))} are in use", "wait for their program"
-            )
+            names = ", ".join(f"axis {each}" for each in taken)
+            raise Refused("MC572", f"another program has {names}", "wait until it has ended")
         refuse_changed(changes(request))
         started = msgspec.structs.replace(request, state=RunState.STARTED)
         self._requests[request.sha256] = started

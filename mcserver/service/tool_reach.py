@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from mckinematics.errors import JointLimit, KinematicsError
+from mckinematics.errors import JointLimit, KinematicsError, Singular, Unreachable
 from mckinematics.pose import Array, JointPath, Pose, ToolPath
 from mckinematics.rotation import euler_to_matrix, matrix_to_euler
 from mckinematics.solver import MachineKinematics
@@ -126,7 +126,7 @@ def _obstacle(tool: ToolModel, error: KinematicsError, path: JointPath) -> str:
     slope = 3.0 * last[0] * width**2 + 2.0 * last[1] * width + last[2]
     column = int(np.argmax(np.abs(slope) / tool.unit))
     joint = f"axis {chain.axes[column]} (joint {chain.joint_names[column]!r})"
-    if error.code == "MC302":
+    if isinstance(error, Unreachable):
         return f"{joint} ends the reach"
-    why = "is singular" if error.code == "MC304" else "would fold over"
+    why = "is singular" if isinstance(error, Singular) else "would fold over"
     return f"{joint} would have to move ever faster: the arm {why} there"

@@ -330,7 +330,7 @@ def test_m112_ends_the_program_of_a_printer() -> None:
         ("G50 S3000", "cnc", "MC141"),
         ("M206 X5", "printer", "MC141"),
         ("M290 Z0.1", "printer", "MC141"),
-        ("G43.4 H1", "cnc", "MC110"),
+        ("G43.4 H1", "cnc", "MC171"),
         ("G12.1", "cnc", "MC110"),
         ("G0 G43 H9 Z5", "cnc", "MC143"),
         ("G99 G1 X5 F0.2", "cnc", "MC123"),

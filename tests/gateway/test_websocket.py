@@ -275,7 +275,10 @@ async def test_a_flood_of_targets_keeps_no_call_out(client: Client) -> None:
         await client.put_targets(program, [seq, seq * 1e-3, 1.0, [[0.0]], None, None])
     (found,) = (await client.call("programs", program=program))["programs"]
     assert 0 < found["servo"]["taken"] < 10_000
+    await client.ask("subscribe", machine="cell", topic=f"ack/{program}")
     await client.call("abort", program=program)
+    # the axis is free for the next one
+    await client.message(lambda ack: ack["state"] == "aborted")
 
 
 async def test_a_connection_that_breaks_stops_the_axes_whatever_the_grace(

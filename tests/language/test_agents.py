@@ -86,8 +86,9 @@ async def test_every_input_is_described_and_the_server_has_a_version(connect: li
 
 def test_every_code_of_the_server_is_explained() -> None:
     codes = set()
-    for source in (Path(__file__).parents[2] / "mcserver").rglob("*.py"):
-        codes |= set(re.findall(r'"(MC[0-9]{3})"', source.read_text("utf-8")))
+    for folder in ("mcserver", "kinematics/mckinematics"):
+        for source in (Path(__file__).parents[2] / folder).rglob("*.py"):
+            codes |= set(re.findall(r'"(MC[0-9]{3})"', source.read_text("utf-8")))
     for code in codes:
         assert len(fault_facts(code)["title"]) > 9, code
     assert "arm" in fault_facts("mc571")["help"]
