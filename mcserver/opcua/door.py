@@ -8,6 +8,7 @@ number, which can be guessed, whether or not the attempt shows a valid user; any
 from __future__ import annotations
 
 import asyncio
+import contextlib
 import datetime
 import socket
 from collections.abc import Sequence
@@ -35,6 +36,8 @@ MOST_CONNECTIONS = 300
 ARRIVAL_S = 30.0
 # of a message from a client [B]: a read or a subscription of some thousand nodes
 MOST_MESSAGE = 2**20
+# rounds of the loop in which accepted connections are made, and the time for what ends with them [s]
+ROUNDS, STOP_S = 8, 5.0
 # values of a node that wait for one who does not ask for them
 MOST_QUEUED = 20
 # nodes that all clients together have subscribed to
@@ -208,6 +211,24 @@ class Listener(BinaryServer):
             self._make_protocol, sock=self._listener
         )
         self.cleanup_task = asyncio.create_task(self._close_task_loop())
+
+    async def stop(self) -> None:
+        """Take no more connections, then end all.
+
+        The library ends them first: a client that dials again meanwhile, or one that does not read, would
+        keep it waiting for ever.
+        """
+        self._server.close()
+        # those accepted a moment ago come up in the loop's next rounds
+        for _ in range(ROUNDS):
+            for transport in tuple(self.iserver.asyncio_transports):
+                transport.abort()
+            await asyncio.sleep(0)
+        self.cleanup_task.cancel()
+        await asyncio.gather(self.cleanup_task, return_exceptions=True)
+        with contextlib.suppress(TimeoutError):
+            async with asyncio.timeout(STOP_S):
+                await self._close_tasks()
 
 
 class ReadOnlyServer(Server):
