@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import asyncio
-import hashlib
 from collections.abc import Callable
 from pathlib import Path
 
@@ -104,7 +103,8 @@ def _faults(text: str, path: Path) -> list[Diagnostic]:
 
 def _read(path: Path) -> str:
     try:
-        return path.read_text("utf-8")
+        # as it is: read as text, ends of lines would be others than those of the file
+        return path.read_bytes().decode("utf-8")
     except (OSError, UnicodeDecodeError) as error:
         raise Refused("MC599", f"{path.name} cannot be read: {error}", "look at the file") from error
 
@@ -118,4 +118,4 @@ def _write(path: Path, kept: Path, text: str) -> None:
 
 
 def _digest(text: str) -> str:
-    return hashlib.sha256(text.encode("utf-8")).hexdigest()
+    return LoadedFile.digest(text.encode("utf-8"))

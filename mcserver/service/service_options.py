@@ -31,7 +31,12 @@ class LoadedFile(msgspec.Struct, frozen=True):
     @classmethod
     def of(cls, path: Path) -> LoadedFile:
         """Raises OSError."""
-        return cls(path.resolve(), hashlib.sha256(path.read_bytes()).hexdigest())
+        return cls(path.resolve(), cls.digest(path.read_bytes()))
+
+    @staticmethod
+    def digest(content: bytes) -> str:
+        """Return the SHA-256 of a file's bytes, by which it is known again."""
+        return hashlib.sha256(content).hexdigest()
 
 
 class ServiceOptions(msgspec.Struct, frozen=True):

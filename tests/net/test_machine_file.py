@@ -98,6 +98,15 @@ async def test_nothing_is_written_over_what_nobody_has_seen_or_beside_a_program(
         await Rig(None).read()
 
 
+async def test_a_file_with_other_ends_of_lines_is_the_one_that_was_loaded(path: Path) -> None:
+    path.write_bytes(TEXT.replace("\n", "\r\n").encode())
+    rig = Rig(path)
+    read = await rig.read()
+    assert read.in_force
+    assert (await rig.write(SLOWER, read.sha256)).written
+    assert path.with_name("cell.toml.before").read_bytes() == read.text.encode()
+
+
 def test_a_difference_and_its_faults_are_shown_as_text() -> None:
     assert changed("a\nb\nc", "a\nx\ny\nc") == "lines 2 to 2 are now 2 to 3"
     assert "<script>" not in difference_html("a", "<script>alert(1)</script>")
