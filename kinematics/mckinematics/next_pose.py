@@ -60,13 +60,7 @@ def solve_along_line(tool: ToolModel, pose: Pose, joints: Array) -> Array | None
     positions, rotations = tool.chain.forward(joints[None])
     start, end = positions[0], np.array(pose.position)
     angles = matrix_to_euler(rotations[0], tool.euler) if tool.orientation else None
-    way = end - start
-    line = ToolPath(
-        lambda s: start + s[:, None] * way,
-        lambda s: np.broadcast_to(way, (len(s), 3)),
-        angles,
-        pose.angles if tool.orientation else None,
-    )
+    line = ToolPath.straight(start, end - start, angles, pose.angles if tool.orientation else None)
     try:
         path = TargetPath(tool, line, joints)
         followed = trace(tool, path, joints, path.grid())

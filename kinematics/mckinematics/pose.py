@@ -47,6 +47,18 @@ class ToolPath:
     start_angles: Triple | None = None
     end_angles: Triple | None = None
 
+    @classmethod
+    def straight(
+        cls, start: Array, shift: Array, start_angles: Triple | None, end_angles: Triple | None
+    ) -> ToolPath:
+        """Path on a line from ``start`` to ``start + shift``, shape (3,) each [m]."""
+        return cls(
+            lambda s: start + s[:, None] * shift,
+            lambda s: np.tile(shift, (len(s), 1)),
+            start_angles,
+            end_angles,
+        )
+
 
 @dataclass(frozen=True)
 class JointPath:

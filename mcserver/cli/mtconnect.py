@@ -3,9 +3,6 @@
 from __future__ import annotations
 
 import asyncio
-from typing import Annotated
-
-import typer
 
 from mcserver.cli.console import narration
 from mcserver.cli.options import (
@@ -15,6 +12,7 @@ from mcserver.cli.options import (
     JsonOption,
     KeyOption,
     PortOption,
+    StatesRateOption,
     ZenohConfigOption,
 )
 from mcserver.cli.serving import announcing, require_packages
@@ -25,9 +23,7 @@ def mtconnect(
     port: PortOption = 5000,
     connect: ConnectOption = None,
     zenoh: ZenohConfigOption = None,
-    rate: Annotated[
-        float, typer.Option("--rate", min=0.1, max=20.0, help="States a second of each machine.")
-    ] = 10.0,
+    rate: StatesRateOption = 10.0,
     certificate: CertificateOption = None,
     key: KeyOption = None,
     json: JsonOption = False,

@@ -14,6 +14,7 @@ from mcserver.cli.options import (
     JsonOption,
     KeyOption,
     PortOption,
+    StatesRateOption,
     ZenohConfigOption,
 )
 from mcserver.cli.serving import announcing, require_packages, run_until_stopped
@@ -24,9 +25,7 @@ def opcua(
     port: PortOption = 4840,
     connect: ConnectOption = None,
     zenoh: ZenohConfigOption = None,
-    rate: Annotated[
-        float, typer.Option("--rate", min=0.1, max=20.0, help="States a second of each machine.")
-    ] = 2.0,
+    rate: StatesRateOption = 2.0,
     users: Annotated[
         Path | None,
         typer.Option("--users", metavar="PATH", help="The page's password file: who in it may read."),

@@ -62,6 +62,9 @@ ZenohConfigOption = Annotated[
 ]
 HostOption = Annotated[str, typer.Option("--host", help="Address that is listened on.")]
 PortOption = Annotated[int, typer.Option("--port", min=0, max=65535, help="0: a free one.")]
+StatesRateOption = Annotated[
+    float, typer.Option("--rate", min=0.1, max=20.0, help="States a second of each machine.")
+]
 CertificateOption = Annotated[
     Path | None, typer.Option("--certificate", metavar="PEM", help="Serve with TLS; needs --key.")
 ]

@@ -158,9 +158,7 @@ class MachineTool:
             await self._set(path, ua.Variant(value, KINDS[type(value)]), time)
 
     async def _write_state(self, path: str, state: State, time: datetime) -> None:
-        model = self._model
-        names = {node: name for name, (node, _) in (model.program_states | model.item_states).items()}
-        await self._set(path, ua.Variant(ua.LocalizedText(names[state.node])), time)
+        await self._set(path, ua.Variant(ua.LocalizedText(state.name)), time)
         await self._set(f"{path}.Id", ua.Variant(state.node), time)
         if path.startswith("Production."):
             await self._set(f"{path}.Number", ua.Variant(state.number, ua.VariantType.UInt32), time)

@@ -18,8 +18,9 @@ MACHINE_TOOL_TYPE, PROGRAM_STATE_TYPE, ALERT_TYPE = 13, 15, 39
 
 
 class State(NamedTuple):
-    """A state of a state machine: its node and its number."""
+    """A state of a state machine: its name, its node and its number."""
 
+    name: str
     node: ua.NodeId
     number: int
 
@@ -70,5 +71,6 @@ async def _states(server: Server, state_machine: ua.NodeId) -> dict[str, State]:
         kind = await child.read_type_definition()
         if kind in (ua.NodeId(ua.ObjectIds.StateType), ua.NodeId(ua.ObjectIds.InitialStateType)):
             number = await (await child.get_child("0:StateNumber")).read_value()
-            found[(await child.read_browse_name()).Name] = State(child.nodeid, number)
+            name = (await child.read_browse_name()).Name
+            found[name] = State(name, child.nodeid, number)
     return found

@@ -99,12 +99,8 @@ def _line(
         end = matrix_to_euler(turned @ turn if frame == "tool" else turn @ turned, tool.euler, pose.angles)
         # the words left out keep the tip where it is (D-51)
         words = "G90 G01 " + _words("ABC", np.array(end) / DEGREE)
-    path = ToolPath(
-        position=lambda s: start + s[:, None] * shift,
-        derivative=lambda s: np.tile(shift, (len(s), 1)),
-        start_angles=pose.angles if tool.orientation else None,
-        end_angles=end if tool.orientation else None,
-    )
+    turns = (pose.angles, end) if tool.orientation else (None, None)
+    path = ToolPath.straight(start, shift, *turns)
     return f"{words} T{tool.number}", path
 
 

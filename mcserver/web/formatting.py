@@ -115,7 +115,7 @@ def program_excerpt(
 
 
 def diagnostics_html(diagnostics: Sequence[Diagnostic], head: str = "") -> str:
-    """HTML of what was found in a program: in the colour of a fault where one is among it.
+    """HTML of what was found in a program or a machine file: in the colour of a fault where one is among it.
 
     Args:
         head: stands above, as HTML.
@@ -123,7 +123,7 @@ def diagnostics_html(diagnostics: Sequence[Diagnostic], head: str = "") -> str:
     if not diagnostics:
         return ""
     rows = [
-        f"<li>{'' if each.severity == 'error' else 'warning, '}line {each.line}, column {each.column}: "
+        f"<li>{'' if each.severity == 'error' else 'warning, '}{_place(each)}"
         f"{html.escape(each.message)} [{each.code}]"
         + (f"<br>= {html.escape(page_hint(each.hint))}" if each.hint else "")
         + "</li>"
@@ -131,6 +131,12 @@ def diagnostics_html(diagnostics: Sequence[Diagnostic], head: str = "") -> str:
     ]
     kind = "mc-faults" if any(each.severity == "error" for each in diagnostics) else "mc-warnings"
     return f'<div class="{kind}">{head}<ul>{"".join(rows)}</ul></div>'
+
+
+def _place(diagnostic: Diagnostic) -> str:
+    if not diagnostic.line:
+        return ""
+    return f"line {diagnostic.line}" + (f", column {diagnostic.column}" if diagnostic.column else "") + ": "
 
 
 # what the page has in the place of a command

@@ -16,6 +16,7 @@ from typing import Any, BinaryIO
 import duckdb
 import msgspec
 from mcclient import Event, MachineStatus
+from mcclient.sql_text import quoted
 
 from mcserver.errors import ServiceError
 
@@ -225,7 +226,7 @@ class HistoryFolder:
             described = "{" + ", ".join(f"'{name}': '{kind}'" for name, kind in columns.items()) + "}"
             # the last line may have been cut off by a kill
             connection.execute(
-                f"CREATE TABLE rows AS SELECT *, CAST(time AS DATE) AS day FROM read_json('{_quoted(spool)}',"
+                f"CREATE TABLE rows AS SELECT *, CAST(time AS DATE) AS day FROM read_json({quoted(spool)},"
                 f" format='newline_delimited', ignore_errors=true, columns={described})"
                 " WHERE time IS NOT NULL AND machine IS NOT NULL"
             )
@@ -237,7 +238,7 @@ class HistoryFolder:
                 # by machine: an engine skips the row groups of others
                 connection.execute(
                     f"COPY (SELECT * EXCLUDE (day) FROM rows WHERE day = ? ORDER BY machine, time)"
-                    f" TO '{_quoted(partial)}' (FORMAT parquet, COMPRESSION zstd)",
+                    f" TO {quoted(partial)} (FORMAT parquet, COMPRESSION zstd)",
                     [day],
                 )
                 os.replace(partial, target)
@@ -247,7 +248,3 @@ class HistoryFolder:
         return ServiceError(
             "MC069", f"the history cannot be written: {error}", "make room, or give another folder"
         )
-
-
-def _quoted(path: Path) -> str:
-    return str(path).replace("'", "''")

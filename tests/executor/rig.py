@@ -228,6 +228,17 @@ class Program:
             self.control(ControlKind.END, axes=mask)
 
 
+def under_way(rig: Rig, target: float) -> Rig:
+    """The rig with a program in the midst of a fast move of axis 0 [m]."""
+    rig.program.capture()
+    rig.program.start_line(1)
+    rig.program.move({0: target}, 2000)
+    rig.program.end_line()
+    rig.program.finish()
+    rig.step(1000)
+    return rig
+
+
 def quintic(share: Array) -> tuple[Array, Array]:
     """From 0 to 1 with no velocity and acceleration at the ends; the value and its slope."""
     return share**3 * (10 - 15 * share + 6 * share**2), 30 * share**2 * (1 - share) ** 2

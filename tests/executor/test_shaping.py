@@ -24,7 +24,7 @@ from tests.bench.motion_laws import broken_by_shapers, judge, program_of
 from tests.executor.homing_cell import SWITCH, Cell
 from tests.executor.homing_cell import machine as machine_to_home
 from tests.executor.planned import Planned
-from tests.executor.rig import CYCLE_S, Rig, machine
+from tests.executor.rig import CYCLE_S, Rig, machine, under_way
 
 EI, ZV = (f'shaper = {{ type = "{kind}", frequency_hz = 40.0, damping = 0.05 }}' for kind in ("ei", "zv"))
 WIDE = "path_tolerance_mm = 5.0"
@@ -49,16 +49,9 @@ def run(text: str, described: Machine) -> Simulation:
     return found
 
 
-def under_way(**keys: object) -> Rig:
+def moving(**keys: object) -> Rig:
     """A program in the midst of a fast move of axis 0."""
-    rig = Rig(machine(**{**RIG, **keys}))  # type: ignore[arg-type]
-    rig.program.capture()
-    rig.program.start_line(1)
-    rig.program.move({0: 0.5}, 2000)
-    rig.program.end_line()
-    rig.program.finish()
-    rig.step(1000)
-    return rig
+    return under_way(Rig(machine(**{**RIG, **keys})), 0.5)  # type: ignore[arg-type]
 
 
 def assert_limits(rig: Rig) -> None:
@@ -171,7 +164,7 @@ def test_an_exact_stop_waits_for_the_shaped_end() -> None:
 @pytest.mark.parametrize("order", ["hold", "abort", "estop"])
 def test_stops_keep_the_limits_and_end_later_by_the_shaper_at_the_most(order: str) -> None:
     def rest_of(axis: str) -> tuple[Rig, int]:
-        rig = under_way(axis=axis)
+        rig = moving(axis=axis)
         mailbox = rig.executor.mailbox
         {
             "hold": lambda: mailbox.set_hold(True, 0),
@@ -198,12 +191,12 @@ def test_stops_keep_the_limits_and_end_later_by_the_shaper_at_the_most(order: st
 
 
 def test_held_and_off_are_said_once_drives_have_got_the_last_setpoint() -> None:
-    rig = under_way()
+    rig = moving()
     rig.executor.mailbox.set_hold(True, 0)
     while rig.executor.feedback.slots[0].state is not SlotState.HELD:
         rig.step()
     assert not rig.executor.feedback.velocity.any()
-    rig = under_way(drive="simulated")
+    rig = moving(drive="simulated")
     rig.executor.mailbox.emergency_stop()
     while rig.executor.feedback.condition[0] is not AxisCondition.OFF and rig.executor.feedback.condition[0]:
         before = rig.executor.feedback.setpoint[0]
@@ -212,7 +205,7 @@ def test_held_and_off_are_said_once_drives_have_got_the_last_setpoint() -> None:
 
 
 def test_a_stall_leaves_the_drives_at_the_last_setpoint() -> None:
-    rig = under_way()
+    rig = moving()
     before = rig.setpoint[-1].copy()
     assert rig.executor.feedback.velocity[0] > 0.3
     rig.executor.miss(2000)

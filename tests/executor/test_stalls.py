@@ -13,7 +13,7 @@ from mcserver.executor.process import run_loop
 from mcserver.executor.shm.feedback import AxisCondition, SlotState
 from mcserver.machine.machine_file import parse_machine
 from mcserver.simulation.virtual_executor import VirtualExecutor
-from tests.executor.rig import CYCLE_S, Program, Rig, machine
+from tests.executor.rig import CYCLE_S, Program, Rig, machine, under_way
 from tests.executor.test_process import ScriptedClock
 from tests.machine_text import axes_text
 
@@ -22,14 +22,7 @@ STALL = 2000
 
 def moving(drive: str = "ideal") -> Rig:
     """A program in the midst of a fast move."""
-    rig = Rig(machine(drive=drive, velocity=1000.0))
-    rig.program.capture()
-    rig.program.start_line(1)
-    rig.program.move({0: 0.8}, 2000)
-    rig.program.end_line()
-    rig.program.finish()
-    rig.step(1000)
-    return rig
+    return under_way(Rig(machine(drive=drive, velocity=1000.0)), 0.8)
 
 
 def codes(rig: Rig) -> list[tuple[int, int]]:

@@ -15,7 +15,7 @@ from tests.opcua.machines import LOST_DRIVE, program, state
 
 class ByName(dict[str, State]):
     def __missing__(self, name: str) -> State:
-        return State(ua.NodeId(name, 1), 0)
+        return State(name, ua.NodeId(name, 1), 0)
 
 
 def read(status: MachineStatus | None) -> dict[str, Any]:

@@ -12,6 +12,7 @@ from typing import Any, Protocol
 import numpy as np
 
 from mcclient.errors import RequestRefused
+from mcclient.sql_text import quoted
 from mcclient.telemetry import Samples
 from mcclient.types import Info
 
@@ -198,7 +199,7 @@ class ParquetSamples:
         partial = _partial(self._path)
         if not self._any:
             self._connection.execute("CREATE TABLE samples (time_s DOUBLE, unix_s DOUBLE, cycle BIGINT)")
-        self._connection.execute(f"COPY samples TO '{_quoted(partial)}' (FORMAT parquet, COMPRESSION zstd)")
+        self._connection.execute(f"COPY samples TO {quoted(partial)} (FORMAT parquet, COMPRESSION zstd)")
         self._connection.close()
         self._folder.cleanup()
         os.replace(partial, self._path)
@@ -272,7 +273,3 @@ class NpzSamples:
 
 def _partial(path: Path) -> Path:
     return path.with_name(f".{path.name}.{os.getpid()}.part")
-
-
-def _quoted(path: Path) -> str:
-    return str(path).replace("'", "''")

@@ -12,6 +12,7 @@ from nicegui import ui
 
 from mcserver.web.actions import Actions, show_refusal
 from mcserver.web.dialogs import named_dialog
+from mcserver.web.formatting import diagnostics_html
 
 RESTART = "The server goes by it when it is restarted: systemctl restart mcserver."
 # checking solves tools and programs [s]
@@ -101,15 +102,7 @@ def faults_html(diagnostics: Sequence[Diagnostic]) -> str:
     """Return what a check has found, each at its line."""
     if not diagnostics:
         return "<p>The check finds nothing wrong.</p>"
-    rows = (
-        f"<li><b>{html.escape(each.code)}</b> {html.escape(each.severity)}"
-        + (f", line {each.line}" if each.line else "")
-        + f": {html.escape(each.message)}"
-        + (f"<br>= {html.escape(each.hint)}" if each.hint else "")
-        + "</li>"
-        for each in diagnostics
-    )
-    return f"<div class='mc-faults'><ul>{''.join(rows)}</ul></div>"
+    return diagnostics_html(diagnostics)
 
 
 def difference_html(before: str, after: str) -> str:

@@ -16,6 +16,7 @@ from rich.text import Text
 from mcclient.cli.options import JsonOption
 from mcclient.cli.output import carry_out, results, say, write_json
 from mcclient.errors import RequestRefused
+from mcclient.sql_text import quoted
 
 TABLES = ("events", "lines", "states")
 # A collector that starts anew reads again what a server still has: what is one event, one line. By a window,
@@ -180,10 +181,10 @@ def ask(
                 "MC511", f"{folder} has no history", f"mcserver history {folder} writes it; --folder names it"
             )
         for table in there:
-            files = ", ".join(map(_quoted, paths[table]))
+            files = ", ".join(map(quoted, paths[table]))
             rows = f"SELECT * FROM read_parquet([{files}], hive_partitioning = true)"
             if machine is not None:
-                rows += f" WHERE machine = {_quoted(machine)}"
+                rows += f" WHERE machine = {quoted(machine)}"
             if table in KEYS:
                 rows += f" QUALIFY row_number() OVER (PARTITION BY day, {KEYS[table]}) = 1"
             connection.execute(f"CREATE VIEW {table} AS {rows}")
@@ -197,10 +198,6 @@ def ask(
                 str(error).strip().splitlines()[0],
                 "SQL over " + ", ".join(there) + "; or one of: " + ", ".join(QUESTIONS),
             ) from error
-
-
-def _quoted(text: str) -> str:
-    return "'" + text.replace("'", "''") + "'"
 
 
 def _reach_store(connection: Any, address: str) -> None:
