@@ -148,6 +148,7 @@ pictures: $(VENV)/.for-development  ## draw the pictures of the documentation an
 	$(BIN)/python -m tests.bench.servo_picture docs/images/servo.png
 	$(BIN)/python -m tests.bench.shaping_picture docs/images/shaping.png
 	$(BIN)/python -m tests.bench.backlash_picture docs/images/backlash.png
+	$(BIN)/python -m tests.bench.threading_picture docs/images/threading.png
 	$(BIN)/python -m tests.browser.picture docs/images
 	$(BIN)/python -m tests.motion.picture docs/images/chords.png docs/images/stretches.png
 

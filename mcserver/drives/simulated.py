@@ -42,7 +42,7 @@ STALL_CYCLES = 100
 class SimulatedBus:
     """All simulated drives of a machine, computed together.
 
-    Faults on demand: `jam`, `trip`, `silence`, `delay`; columns are the machine's.
+    Faults on demand: `jam`, `load`, `trip`, `silence`, `delay`; columns are the machine's.
     """
 
     follows_exactly = False
@@ -89,6 +89,9 @@ class SimulatedBus:
         self._marks = SimulatedMarks(axes)
         self._loads = FlexibleLoads(axes, cycle_s)
         self._homing = np.zeros(count, np.int64)
+        # what a load takes of the speed in each cycle
+        self._load = np.zeros(count)
+        self._any_load = False
 
     # ------------------------------------------------------------------ the bus
 
@@ -135,8 +138,9 @@ class SimulatedBus:
     @property
     def foreseeable(self) -> bool:
         """Whether every axis follows positions or stands, and nothing changes by itself."""
-        plain = not (self._any_jammed or self._any_mute or self._delay or self._loads.present)
-        return plain and self._simple and not (self._changing or self._marks.present or self._marks.stops)
+        disturbed = self._any_jammed or self._any_mute or self._any_load or self._delay
+        plain = self._simple and not (self._changing or self._loads.present)
+        return plain and not (disturbed or self._marks.present or self._marks.stops)
 
     def foresee(self, position: Array, velocity: Array) -> Foreseen:
         """Compute exchanges with these setpoints, shape (m, n) each, up to the first that meets a limit."""
@@ -187,6 +191,11 @@ class SimulatedBus:
         """Give an axis a speed at once, as a blow would [m/s, rad/s]."""
         self._loop[1, self.columns.index(column)] = velocity
         self._changing = True
+
+    def load(self, column: int, deceleration: float) -> None:
+        """Let a torque slow an axis from now on; 0: none does any more [m/s² or rad/s²]."""
+        self._load[self.columns.index(column)] = deceleration * self._cycle
+        self._any_load = bool(self._load.any())
 
     def silence(self, column: int, cycles: int | None = None) -> None:
         """Let a drive not answer for a number of cycles (None: for good; 0: answers again)."""
@@ -274,6 +283,8 @@ class SimulatedBus:
         against.
         """
         loop = self._loop
+        if self._any_load:
+            loop[1] -= self._load
         self._model.step(loop, self._result)
         velocity = self._result[1]
         change = self._change

@@ -36,6 +36,7 @@ WAITING = frozenset(
         ControlKind.HOME,
         ControlKind.REFERENCE,
         ControlKind.PROBE,
+        ControlKind.THREAD,
     )
 )
 # Where lines begin and end: all other kinds have greater numbers.

@@ -28,6 +28,7 @@ from mcserver.executor.homing import Homes, Refers
 from mcserver.executor.probing import Probes
 from mcserver.executor.shm.feedback import SlotState
 from mcserver.executor.shm.mailbox import signed
+from mcserver.executor.thread_pass import ThreadPass
 from mcserver.executor.trajectories import TrajectoryError
 from mcserver.motion.canonical import AxisOperation, WaitMode
 
@@ -342,6 +343,17 @@ def _probe(slot: ProgramSlot, control: Control, _left: float, waited: bool) -> B
     return Probes(slot.cycle, control, slot.index, lambda: slot.rapid_rate)
 
 
+def _thread(slot: ProgramSlot, control: Control, _left: float, waited: bool) -> Barrier | None:
+    if waited:
+        return None
+    _check_still(slot, control.axes)
+    spindle, bank = 1 << control.channel, slot.cycle.bank
+    _check_lease(slot, spindle)
+    if not spindle & bank.speed & bank.energized:
+        raise BarrierFault(FaultCode.SPINDLE_SPEED, control.channel, (0.0, 1.0))
+    return ThreadPass(slot.cycle, control, slot.index)
+
+
 def _follow(slot: ProgramSlot, control: Control, _left: float, waited: bool) -> Barrier | None:
     if waited:
         return None
@@ -442,6 +454,7 @@ _RULES: Mapping[ControlKind, _Rule] = MappingProxyType(
         ControlKind.HOME: _home,
         ControlKind.REFERENCE: _reference,
         ControlKind.PROBE: _probe,
+        ControlKind.THREAD: _thread,
         ControlKind.FOLLOW: _follow,
         ControlKind.PAYLOAD: _payload,
         ControlKind.PASSED: _passed,

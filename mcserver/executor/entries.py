@@ -48,6 +48,7 @@ class ControlKind(enum.IntEnum):
     SETTLE = 14  # u stops here until the planner has read the positions (sync): acknowledged by ``token``
     OUTPUT = 15  # output ``channel`` is set to ``value``
     FOLLOW = 25  # u stops here while ``axes`` follow streamed targets, until no more are to come
+    THREAD = 26  # ``axes`` go straight to ``values`` as the spindle turns; u stands until then
     INPUT = 16  # u stops here until input ``channel`` is as ``operation`` says (`WaitMode`), or ``seconds``
 
 
@@ -61,13 +62,15 @@ class Control(msgspec.Struct, frozen=True, gc=False):
         axes: bit mask over the machine's columns (bit 0 = first axis of the machine).
         values: shape (K,) for RAPID, SPEED and TORQUE; for END optionally the final positions (without them
             the axes hold the row at or right after u); else None.
-        seconds: for DWELL; for PROBE the speed along the line [m/s]; for WAIT the time-out; for OUTPUT of a
-            laser the speed of ``axes`` together that its value is for [m/s or rad/s]; 0: any.
+        seconds: for DWELL; for PROBE the speed along the line [m/s]; for THREAD the way along it a turn [m];
+            for WAIT the time-out; for OUTPUT of a laser the speed of ``axes`` together that its value is for
+            [m/s or rad/s]; 0: any.
         operation: for PROBE: a `ProbeKind`; for AXIS: index of the operation in ``list(AxisOperation)``; for
             FINISH: 1 where a faulty line has ended the program, whose outputs become safe; for INPUT: a
             `WaitMode`; for PAYLOAD: tools, as `mckinematics.dynamics.JointDynamics.bits_of` has them.
         token: for SETTLE: a number that the executor reports back with the positions.
-        channel: for OUTPUT and INPUT: column of the machine's output or input. value: for OUTPUT.
+        channel: for OUTPUT and INPUT: column of the machine's output or input; for THREAD: of the spindle.
+        value: for OUTPUT; for THREAD the spindle's speed [1/s].
     """
 
     kind: ControlKind

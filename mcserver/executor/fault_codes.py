@@ -75,6 +75,8 @@ class FaultCode(enum.IntEnum):
     ENVELOPE_TIME = 463
     ENVELOPE_COMMAND = 464
     TARGETS_LOST = 465
+    SPINDLE_SPEED = 466
+    THREAD_ERROR = 467
 
 
 # Codes that are reported and stop no program.
@@ -410,6 +412,14 @@ _TEXT: dict[int, tuple[str, str]] = {
         "no targets came for {seconds:.3f} s, and the axes were stopped",
         "servo mode goes on by opening it anew; see what keeps the client or the network, or let targets "
         "count for longer",
+    ),
+    FaultCode.SPINDLE_SPEED: (
+        "the spindle, axis {axis}, does not turn at its S: a thread was not begun within 10 s, or left",
+        "look at the spindle's drive and load; a thread that was left is begun again at its first pass",
+    ),
+    FaultCode.THREAD_ERROR: (
+        "the axes could not follow the spindle, axis {axis}, within thread_tolerance_mm",
+        "its speed changes too fast, or is above 110 % of S: cut less deep, or look at the spindle's drive",
     ),
     FaultCode.NO_TRAJECTORY: (
         "no motion of axis {axis} to its target keeps its limits",

@@ -29,6 +29,7 @@ from mcserver.motion.canonical import (
     MotionLine,
     PathBatch,
     ProbeLine,
+    ThreadLine,
 )
 
 # so many changes of S under way are a laser's, not a spindle's
@@ -289,7 +290,7 @@ class _Survey:
                 self._energized |= set(value.axes)
             else:
                 self._energized -= set(value.axes)
-        elif isinstance(value, ProbeLine):
+        elif isinstance(value, ProbeLine | ThreadLine):
             self.motion(value.axes, value.line)
         elif isinstance(value, MotionLine):
             for group in value.groups:

@@ -42,6 +42,7 @@ class Dialect(msgspec.Struct, frozen=True):
         auto_capture: the first move of a program energizes its leased axes.
         ignore: codes and macros that are accepted without effect, besides the profile's own.
         spindle: axis that M3, M4, M5 and S turn; None: they have no effect.
+        thread_tolerance: how far axes may be from where the spindle's turns have them in a thread [m].
         dwell_unit: of G04 P [s].
         tool_change: what M6 does where the tool differs from the one before; "ask": at the first too.
         outputs: what codes do to outputs, such as ``M8``. channels: the machine has inputs or outputs.
@@ -56,6 +57,7 @@ class Dialect(msgspec.Struct, frozen=True):
     auto_capture: bool = False
     ignore: frozenset[str] = frozenset()
     spindle: int | None = None
+    thread_tolerance: float = 0.05 * MM
     dwell_unit: float = 1.0
     tool_change: Literal["pause", "ask", "ignore"] = "pause"
     cutters: Mapping[int, Cutter] = {}
@@ -141,6 +143,7 @@ def read_dialect(
         auto_capture=capture == "auto",
         ignore=frozenset(each.upper() for each in section.ignore),
         spindle=section.spindle_axis,
+        thread_tolerance=section.thread_tolerance_mm * MM,
         dwell_unit=1e-3 if unit == "ms" else 1.0,
         tool_change=section.tool_change,
         cutters=table,

@@ -160,6 +160,7 @@ class DialectSection(msgspec.Struct, frozen=True):
     capture: Literal["program", "auto"] | None = None
     ignore: list[str] = []
     spindle_axis: AxisNumber | None = None
+    thread_tolerance_mm: Annotated[float, Meta(gt=0.0, le=10.0, description="0.05 is usual")] = 0.05
     dwell: Literal["s", "ms"] | None = None
     tool_change: Literal["pause", "ask", "ignore"] = "pause"
     rapids: Literal["independent", "straight"] = "independent"

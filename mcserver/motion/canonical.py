@@ -317,6 +317,28 @@ class ProbeLine(msgspec.Struct, frozen=True):
     length: float
 
 
+class ThreadLine(msgspec.Struct, frozen=True):
+    """G33: a straight move from rest to rest along which the axes follow the turns of the spindle (D-89).
+
+    Attributes:
+        targets: of ``axes`` [m]. length: to the targets [m]. pitch: way along the line a turn [m].
+        spindle: its axis. turns_s: its speed by S, negative under M4 [1/s].
+    """
+
+    line: int
+    axes: tuple[int, ...]
+    targets: tuple[float, ...]
+    length: float
+    pitch: float
+    spindle: int
+    turns_s: float
+
+    @property
+    def requested(self) -> float:
+        """T that the pitch and S ask for [s]."""
+        return self.length / (self.pitch * abs(self.turns_s))
+
+
 class PauseLine(msgspec.Struct, frozen=True):
     """M00, M01 or a tool change: motion before it ends, then the program waits to be resumed.
 
@@ -355,7 +377,7 @@ class EndLine(msgspec.Struct, frozen=True):
     line: int
 
 
-Canonical = MotionLine | AxisLine | ProbeLine | PauseLine | OutputLine | InputLine | EndLine
+Canonical = MotionLine | AxisLine | ProbeLine | ThreadLine | PauseLine | OutputLine | InputLine | EndLine
 
 
 def requested_of(line: MotionLine) -> float | None:

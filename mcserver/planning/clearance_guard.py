@@ -30,6 +30,7 @@ from mcserver.machine.dialect_section import Cutter
 from mcserver.machine.machine_file import Axis, Machine
 from mcserver.motion.canonical import AxisOperation
 from mcserver.motion.pieces import Rows
+from mcserver.motion.thread_cam import MOST_SPEED
 from mcserver.planning.shared_space import Claim, Extent, Mask, SharedSpace, Tenant
 from mcserver.units import MM
 
@@ -37,6 +38,7 @@ Array = NDArray[np.float64]
 
 # Rows whose places are noted together.
 NOTED_ROWS = 50
+_STRAIGHT = (ControlKind.PROBE, ControlKind.THREAD)
 _CAPTURE = list(AxisOperation).index(AxisOperation.CAPTURE)
 
 
@@ -176,6 +178,7 @@ class ClearanceGuard:
         elif kind in (
             ControlKind.RAPID,
             ControlKind.PROBE,
+            ControlKind.THREAD,
             ControlKind.SPEED,
             ControlKind.TORQUE,
             ControlKind.FOLLOW,
@@ -234,7 +237,7 @@ class ClearanceGuard:
         extent = self._extent()
         low, high = extent.low.copy(), extent.high.copy()
         ends = extent
-        if control.kind in (ControlKind.RAPID, ControlKind.PROBE):
+        if control.kind is ControlKind.RAPID or control.kind in _STRAIGHT:
             target = np.array(control.values)
             for column in np.flatnonzero(columns & (low != high)).tolist():
                 # it moves already, and may have to come back
@@ -253,7 +256,7 @@ class ClearanceGuard:
                 low[column], high[column] = self._space.anywhere(column, float(low[column]))
             ends = Extent(low, high)
         swept = Extent(low, high)
-        if control.kind is ControlKind.PROBE:
+        if control.kind in _STRAIGHT:
             # straight, and nowhere else
             way = np.vstack([0.5 * (extent.low + extent.high)] * 2)
             way[1, columns] = np.array(control.values)[columns]
@@ -420,8 +423,9 @@ class ClearanceGuard:
         """Return where a body may come into a slow zone at its axes' limits, which are too fast for it."""
         scene = self._sweep.scene
         speeds = self._speeds
-        if control.kind is ControlKind.PROBE:
-            speeds = np.minimum(speeds, control.seconds)
+        if control.kind in _STRAIGHT:
+            turns = abs(control.value) * MOST_SPEED if control.kind is ControlKind.THREAD else 1.0
+            speeds = np.minimum(speeds, control.seconds * turns)
         fast = (
             counted & scene.active & (np.where(moved, speeds, 0.0) @ scene.levers > ROUNDING * scene.speeds)
         )

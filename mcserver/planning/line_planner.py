@@ -31,6 +31,7 @@ from mcserver.motion.canonical import (
     ProbeLine,
     RapidGroup,
     SpeedGroup,
+    ThreadLine,
     TorqueGroup,
     may_flow,
     moves_axes,
@@ -294,6 +295,8 @@ class LinePlanner:
             self._axis_line(line)
         elif isinstance(line, ProbeLine):
             self._probe(line)
+        elif isinstance(line, ThreadLine):
+            self._thread(line)
         elif isinstance(line, PauseLine):
             self.motion.to_whole_cycle()
             self.pause_u = self.motion.u
@@ -523,25 +526,50 @@ class LinePlanner:
         self.reports.append(
             Report(ReportKind.PLANNED, line.line, requested_s=line.requested, feed_length=line.length)
         )
-        self.motion.to_whole_cycle()
-        moving = tuple(sorted(self._independent.intersection(line.axes)))
-        if moving:
-            self.output.put(self._wait(line.line, moving))
-            self._independent -= set(moving)
-        self.control(ControlKind.LINE_START, line.line)
-        row = [0.0] * self._width
-        for axis, target in zip(line.axes, line.targets, strict=True):
-            row[self._columns[axis]] = target
-        self.control(
+        self._go_straight(
             ControlKind.PROBE,
             line.line,
-            axes=self._mask(line.axes),
-            values=tuple(row),
+            line.axes,
+            line.targets,
             seconds=line.speed,
             operation=int(line.kind),
         )
         self.control(ControlKind.LINE_END, line.line)
         self._await_settled(frozenset(line.axes), observing=True)
+
+    def _thread(self, line: ThreadLine) -> None:
+        """Let the executor follow the spindle to the end of a pass (D-89)."""
+        self.reports.append(
+            Report(ReportKind.PLANNED, line.line, requested_s=line.requested, feed_length=line.length)
+        )
+        self._go_straight(
+            ControlKind.THREAD,
+            line.line,
+            line.axes,
+            line.targets,
+            seconds=line.pitch,
+            channel=self._columns[line.spindle],
+            value=line.turns_s,
+        )
+        for axis, target in zip(line.axes, line.targets, strict=True):
+            self.motion.position[self._columns[axis]] = target
+        self.output.put(self._wait(line.line, line.axes))
+        self.control(ControlKind.LINE_END, line.line)
+
+    def _go_straight(
+        self, kind: ControlKind, line: int, axes: tuple[int, ...], targets: tuple[float, ...], **more: Any
+    ) -> None:
+        """Begin a line whose motion along a straight way is the executor's."""
+        self.motion.to_whole_cycle()
+        moving = tuple(sorted(self._independent.intersection(axes)))
+        if moving:
+            self.output.put(self._wait(line, moving))
+            self._independent -= set(moving)
+        self.control(ControlKind.LINE_START, line)
+        row = [0.0] * self._width
+        for axis, target in zip(axes, targets, strict=True):
+            row[self._columns[axis]] = target
+        self.control(kind, line, axes=self._mask(axes), values=tuple(row), **more)
 
     def _ask_energized(self, line: MotionLine, axes: frozenset[int]) -> None:
         """Have the executor check axes that no capture of this program holds (D-27): it faults, or they

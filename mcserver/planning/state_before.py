@@ -27,6 +27,7 @@ from mcserver.motion.canonical import (
     PauseLine,
     ProbeLine,
     SpeedGroup,
+    ThreadLine,
     TorqueGroup,
 )
 from mcserver.planning.start_state import PauseEnd, StartState, StateBefore
@@ -83,6 +84,8 @@ class _Effects:
                 self._group(group, incremental=incremental)
         elif isinstance(value, ProbeLine):
             self._lose(value.axes)
+        elif isinstance(value, ThreadLine):
+            self._place(value.axes, incremental=incremental)
         elif isinstance(value, OutputLine):
             for each in value.settings:
                 self.outputs[each.column] = each.value

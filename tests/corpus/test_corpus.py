@@ -164,7 +164,6 @@ def test_what_has_no_effect_is_listed_once_with_its_count() -> None:
         ("G68 R45", "rotation"),
         ("G38.2 Z-5 F100", "probe"),
         ("M98 P100", "subprogram"),
-        ("G33 Z-5 K1", "spindle"),
         ("G95", "revolution"),
         ("G84 X1 Y1 Z-3 R2 F100", "tapping"),
         ("G86 X1 Y1 Z-3 R2 F100", "boring"),

@@ -16,11 +16,13 @@ from mcserver.gcode.profiles.codes import (
     SPINDLE,
     SYSTEM_NUMBERS,
     TAKES_AXES,
+    THREADING,
 )
 from mcserver.gcode.profiles.drilling import drill
 from mcserver.gcode.profiles.frame import LENGTH_AXIS, Offsets, tool_table
 from mcserver.gcode.profiles.io_codes import read_io, read_mapped
 from mcserver.gcode.profiles.probing import read_probe_move
+from mcserver.gcode.profiles.threading import read_threads
 from mcserver.gcode.semantics.arc_plane import PLANES
 from mcserver.gcode.semantics.block_state import BlockState
 from mcserver.gcode.semantics.compensation_state import Compensation
@@ -145,6 +147,8 @@ def act_after(block: BlockState, actions: tuple[Action, ...], effects: Effects) 
             _go_home(block, action, effects)
         elif action.code in DRILLING or action.code == "REPEAT":
             effects.after += drill(block, action)
+        elif action.code in THREADING:
+            effects.after += read_threads(block, action)
         elif action.code in PROBING:
             probe = read_probe_move(block, action)
             if probe is not None:

@@ -24,6 +24,8 @@ COMPENSATING: Final[Mapping[str, int]] = MappingProxyType({"G41": 1, "G41.1": 1,
 _MACHINING = {"G4", "G43", "G43.4", "G49", "M3", "M4", "M5", "M6"}
 # canned cycles, and what goes with them (D-75)
 DRILLING: Final = frozenset({"G73", "G81", "G82", "G83", "G85", "G89"})
+# motion by the turns of the spindle (D-89, D-90)
+THREADING: Final = frozenset({"G33", "G76"})
 _CYCLE_MODES: Final = frozenset({"G80", "G98", "G99"})
 
 # codes of printers that stop until somebody resumes, with what they say to the operator; "": the program ends
@@ -46,7 +48,13 @@ ACTING: Final[Mapping[str, frozenset[str]]] = MappingProxyType(
     {
         "reference": frozenset(_MACHINING - {"G43", "G43.4", "G49", "M6"}),
         "cnc": frozenset(
-            _FRAME | _MACHINING | DRILLING | _CYCLE_MODES | COMPENSATING.keys() | {"G40", "G90.1", "G91.1"}
+            _FRAME
+            | _MACHINING
+            | DRILLING
+            | THREADING
+            | _CYCLE_MODES
+            | COMPENSATING.keys()
+            | {"G40", "G90.1", "G91.1"}
         ),
         "robot": frozenset(_FRAME | {"G4", "M3", "M4", "M5"}),
         "printer": frozenset({"G4", "G28", "G92", "M82", "M83", *PRINTER_STOPS}),
@@ -56,11 +64,14 @@ ACTING: Final[Mapping[str, frozenset[str]]] = MappingProxyType(
 PROBING: Final = frozenset({f"G38.{n}" for n in range(2, 6)})
 # of these the axis words, where a line has one of them
 TAKES_AXES: Final = (
-    frozenset({"G10", "G28", "G28.1", "G30", "G30.1", "G52", "G92", "REPEAT"}) | PROBING | DRILLING
+    frozenset({"G10", "G28", "G28.1", "G30", "G30.1", "G52", "G92", "REPEAT"})
+    | PROBING
+    | DRILLING
+    | THREADING
 )
 
 # actions that move axes
-MOVING: Final = frozenset({"G28", "G30", "REPEAT"}) | PROBING | DRILLING
+MOVING: Final = frozenset({"G28", "G30", "REPEAT"}) | PROBING | DRILLING | THREADING
 
 _NO_COMPENSATION = {"G40", "G40.1", "G50", "G69"}
 # analog outputs: a machine without any leaves them alone
@@ -118,6 +129,7 @@ OWN_WORDS: Final[Mapping[str, str]] = MappingProxyType(
         **dict.fromkeys(PRINTER_STOPS, "*"),
         "REPEAT": "PQL",
         **dict.fromkeys(DRILLING, "PQL"),
+        "G76": "PQHEL",
         **IO_WORDS,
     }
 )
@@ -135,7 +147,8 @@ REFUSED: Final[Mapping[str, str]] = MappingProxyType(
         "G10": "retractions by firmware are not done here; let the slicer write them as moves of E",
         "G11": "retractions by firmware are not done here; let the slicer write them as moves of E",
         "G16": "polar coordinates are not read here; let the post write X and Y",
-        "G33": "threads need a spindle whose turning is followed; let the CAM mill the thread",
+        "G33.1": "tapping reverses the spindle, which is not followed through zero; mill the thread",
+        "G33": "threads are cut in the profile cnc; let the CAM mill the thread",
         "G41": "cutter compensation is for the profile cnc; let the CAM compute the tool's own path",
         "G42": "cutter compensation is for the profile cnc; let the CAM compute the tool's own path",
         "G43.4": "the tip is led on the work piece in the profile cnc only; let the post write the axes",
@@ -149,7 +162,7 @@ REFUSED: Final[Mapping[str, str]] = MappingProxyType(
         "G54.2": "offsets do not turn with the table here; let the post write the moves out",
         "G68": "rotation is not done here; let the CAM rotate the part",
         "G68.2": "tilted planes are not computed here; let the post write the rotary axes and the moves",
-        "G76": "threads need a spindle whose turning is followed; let the CAM mill the thread",
+        "G76": "threads are cut in the profile cnc; let the CAM mill the thread",
         "G90.1": "arc centres are increments from the start here; let the post write G91.1",
         "M19": "the spindle is not turned to an angle here; let the post leave it out",
         "G95": "feed per revolution needs a spindle whose turning is followed; use G94",
@@ -173,7 +186,7 @@ REFUSED: Final[Mapping[str, str]] = MappingProxyType(
             for number in (86, 87, 88)
         },
         **{
-            f"G{number}": "tapping needs a spindle whose turning is followed; mill the thread"
+            f"G{number}": "tapping reverses the spindle, which is not followed through zero; mill the thread"
             for number in (74, 84)
         },
         **{

@@ -59,7 +59,7 @@ def drill(block: BlockState, action: Action) -> list[Canonical]:
     block.frame = msgspec.structs.replace(block.frame, cycle=cycle)
     if targets is None or speed is None or not _sound(block, action, cycle, hole):
         return []
-    motion = _Motion(block, speed)
+    motion = CycleMotion(block, speed)
     for _ in range(repeats):
         if motion.at(hole.axis) < hole.clear - ROUNDING:
             motion.rapid({hole.axis: hole.clear})
@@ -72,10 +72,14 @@ def drill(block: BlockState, action: Action) -> list[Canonical]:
     return motion.lines
 
 
-class _Motion:
-    """Lines of motion of one block, one behind the other."""
+class CycleMotion:
+    """Lines of motion of one block, one behind the other.
 
-    def __init__(self, block: BlockState, speed: float) -> None:
+    Args:
+        speed: of feed moves [m/s].
+    """
+
+    def __init__(self, block: BlockState, speed: float = 0.0) -> None:
         self._block = block
         self._speed = speed
         self.lines: list[Canonical] = []
@@ -114,7 +118,7 @@ class _Motion:
             self.lines.append(MotionLine(self._block.parsed.number, (DwellGroup(seconds),)))
 
 
-def _down(motion: _Motion, cycle: DrillCycle, hole: _Hole) -> None:
+def _down(motion: CycleMotion, cycle: DrillCycle, hole: _Hole) -> None:
     """Drill from the clear height to the bottom, and out as far as the cycle feeds out."""
     if cycle.code in _PECKING:
         depth = hole.clear
@@ -245,11 +249,12 @@ def _end(block: BlockState, axis: int, word: ProfileWord) -> float:
         end = block.commanded.positions[axis] + value
     else:
         end = value + (block.modal.shift or {}).get(axis, 0.0)
-    _check_travel(block, axis, end, word)
+    check_travel(block, axis, end, word)
     return end
 
 
-def _check_travel(block: BlockState, axis: int, end: float, source: ProfileWord | Action) -> None:
+def check_travel(block: BlockState, axis: int, end: float, source: ProfileWord | Action) -> None:
+    """Report a place beyond the travel of an axis (MC201)."""
     limits = block.setup.axes[axis]
     if limits.min_position - ROUNDING <= end <= limits.max_position + ROUNDING:
         return
@@ -298,7 +303,7 @@ def _sound(block: BlockState, action: Action, cycle: DrillCycle, hole: _Hole) ->
         )
         return False
     for height in (hole.clear, hole.bottom):
-        _check_travel(block, hole.axis, height, action)
+        check_travel(block, hole.axis, height, action)
     return not block.faults.found
 
 

@@ -16,7 +16,7 @@ from mcserver.units import AxisType
 def read_probe_move(block: BlockState, action: Action) -> ProbeLine | None:
     """Return the probing move of a line; None after a fault (MC118, MC121, MC138, MC155, MC201)."""
     modal = block.modal
-    targets = _targets(block, action)
+    targets = straight_targets(block, action, "MC155")
     # bare axis words behind it do not repeat it, nor what was in force before
     block.change(motion=None)
     if targets is None:
@@ -50,8 +50,12 @@ def read_probe_move(block: BlockState, action: Action) -> ProbeLine | None:
     )
 
 
-def _targets(block: BlockState, action: Action) -> dict[int, float] | None:
-    """Return where the axes go [m]; None after a fault."""
+def straight_targets(block: BlockState, action: Action, rotary: str) -> dict[int, float] | None:
+    """Return where the linear axes of a straight move go [m]; None after a fault.
+
+    Args:
+        rotary: code of the fault that one of them is rotary.
+    """
     modal = block.modal
     found: dict[int, float] = {}
     if not action.axes:
@@ -63,12 +67,12 @@ def _targets(block: BlockState, action: Action) -> dict[int, float] | None:
         axis = block.setup.axes[word.axis]
         if axis.type is not AxisType.LINEAR:
             block.faults.add(
-                "MC155", f"axis {word.axis} is rotary: a probing move is a straight line", word.span, ""
+                rotary, f"axis {word.axis} is rotary: {action.code} is a straight line", word.span, ""
             )
             return None
         if axis.profiled:
             what = f"axis {word.axis} follows no path: its drive goes to points on profiles of its own"
-            block.faults.add("MC138", what, word.span, "probe with axes whose drives have csp or ip")
+            block.faults.add("MC138", what, word.span, "use axes whose drives have csp or ip")
             return None
         if word.axis in found:
             block.faults.add(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from mcserver.gcode.profiles.codes import DRILLING
+from mcserver.gcode.profiles.codes import DRILLING, THREADING
 from mcserver.gcode.semantics.block_state import Setup
 from mcserver.gcode.semantics.commanded_state import CommandedState
 from mcserver.gcode.semantics.modal import ModalState
@@ -60,7 +60,7 @@ def find_axes_to_sync(
         needed |= {word.axis for action in parsed.profile.actions for word in action.axes}
         if any(action.code in ("G28", "G30") for action in parsed.profile.actions):
             needed |= set(unsynced)
-        if any(action.code in DRILLING or action.code == "REPEAT" for action in parsed.profile.actions):
+        if any(action.code in DRILLING | THREADING | {"REPEAT"} for action in parsed.profile.actions):
             needed |= {0, 1, 2}
     if parsed.groups and modal.frame is not None and modal.frame.cycle is not None and motion is None:
         # a canned cycle starts from the height of its axis

@@ -1,0 +1,88 @@
+"""The measured angle of a spindle, and a time that passes as it turns, without drives."""
+
+from __future__ import annotations
+
+import math
+
+from mcserver.motion.thread_cam import RateLimits
+
+# Poles of the filter of the encoder, and of what follows it [1/s].
+FILTER, FOLLOWER = 400.0, 200.0
+# The follower's rate: a plan is played up to its own speed, and backwards with a spindle that is reversed.
+MOST_RATE = 1.0
+
+
+class SpindleAngle:
+    """Angle, speed and acceleration of a spindle by its encoder, of readings one a cycle.
+
+    A fading-memory filter of the third order (Brookner, Tracking and Kalman Filtering Made Easy, 1998,
+    ch. 1): at a constant acceleration it has no lag.
+
+    Attributes:
+        turns, speed, acceleration: at the newest reading [1, 1/s, 1/s²]. count: of readings.
+    """
+
+    def __init__(self, cycle_s: float) -> None:
+        fading = math.exp(-FILTER * cycle_s)
+        self._gains = (
+            1.0 - fading**3,
+            1.5 * (1.0 - fading) ** 2 * (1.0 + fading) / cycle_s,
+            (1.0 - fading) ** 3 / cycle_s**2,
+        )
+        self._cycle_s = cycle_s
+        self.turns = self.speed = self.acceleration = 0.0
+        self.count = 0
+
+    def take(self, turns: float) -> None:
+        """Take the reading of a cycle [1]."""
+        if self.count == 0:
+            self.turns = turns
+        elif self.count == 1:
+            self.speed = (turns - self.turns) / self._cycle_s
+            self.turns = turns
+        else:
+            expected, speed, _ = self.ahead(self._cycle_s)
+            missed = turns - expected
+            by_turns, by_speed, by_acceleration = self._gains
+            self.turns = expected + by_turns * missed
+            self.speed = speed + by_speed * missed
+            self.acceleration += by_acceleration * missed
+        self.count += 1
+
+    def ahead(self, seconds: float) -> tuple[float, float, float]:
+        """Return turns, speed and acceleration some time after the newest reading."""
+        turns = self.turns + seconds * (self.speed + 0.5 * seconds * self.acceleration)
+        return turns, self.speed + seconds * self.acceleration, self.acceleration
+
+
+class FollowedTime:
+    """A time that follows another within limits of its rate's slope and curvature.
+
+    Attributes:
+        time, rate, slope: of it [s, 1, 1/s].
+    """
+
+    def __init__(self, time: float, rate: float, slope: float) -> None:
+        self.time, self.rate, self.slope = time, rate, slope
+
+    def step(self, goal: tuple[float, float, float], limits: RateLimits, cycle_s: float) -> None:
+        """Let a cycle pass towards time, rate and slope of ``goal`` at its end."""
+        time, rate, slope = goal
+        most, change = limits.slope, limits.curvature * cycle_s
+        wanted = (
+            FOLLOWER**3 * (time - self.time - cycle_s * (self.rate + 0.5 * cycle_s * self.slope))
+            + 3.0 * FOLLOWER**2 * (rate - self.rate - cycle_s * self.slope)
+            + 3.0 * FOLLOWER * (slope - self.slope)
+        )
+        # a slope that can be taken back before the rate is at its end, and within the slope's own limits
+        rising = math.sqrt(
+            2.0 * limits.curvature * max(0.0, MOST_RATE - self.rate - abs(self.slope) * cycle_s)
+        )
+        high = max(min(most, rising), self.slope - change)
+        low = min(-most, self.slope + change)
+        after = self.slope + min(change, max(-change, wanted * cycle_s))
+        after = min(max(after, low), high)
+        curvature = (after - self.slope) / cycle_s
+        self.time += cycle_s * (self.rate + cycle_s * (0.5 * self.slope + cycle_s * curvature / 6.0))
+        self.rate += cycle_s * (self.slope + 0.5 * cycle_s * curvature)
+        self.slope = after

@@ -1,0 +1,137 @@
+"""A pass of a thread in the cycle: axes go along a line as the spindle turns (D-89).
+
+The barrier waits until the spindle is at its speed and comes to the angle at which the pass begins; then each
+cycle sets the axes to where the cam has them at the measured angle. Override and feed hold do not touch a
+pass: a hold takes effect at its end. A spindle that cannot be followed is a fault, which stops the axes.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from mcserver.executor.barriers import Barrier, BarrierFault
+from mcserver.executor.cycle import Cycle
+from mcserver.executor.entries import Control
+from mcserver.executor.fault_codes import FaultCode
+from mcserver.executor.spindle_following import FollowedTime, SpindleAngle
+from mcserver.motion.thread_cam import MOST_SPEED, plan_cam
+from mcserver.units import TURN
+
+# Shares of S between which a pass begins, and below which its spindle has stopped.
+AT_SPEED = (0.9, 1.05)
+STOPPED = 0.1
+# The spindle has been at its speed for so many readings.
+STEADY_CYCLES = 50
+# Within which the spindle comes to its speed [s].
+SPEED_TIMEOUT_S = 10.0
+
+
+class ThreadPass(Barrier):
+    """The barrier at which u stands during a pass.
+
+    Args:
+        control: has targets, the pitch, the spindle and its speed. slot: whose axes they are.
+    """
+
+    def __init__(self, cycle: Cycle, control: Control, slot: int) -> None:
+        assert control.values is not None
+        self._cycle = cycle
+        self._slot = slot
+        self._axes = control.axes
+        columns = cycle.bank.masks.columns(control.axes)
+        self._columns = np.array(columns, np.intp)
+        self._start = cycle.row.ordered[self._columns].copy()
+        self._target = np.array([control.values[column] for column in columns])
+        travel = self._target - self._start
+        self._spindle = control.channel
+        self._forward = math.copysign(1.0, control.value)
+        self._speed = abs(control.value)
+        self._cam = plan_cam(
+            [cycle.machine.axes[column] for column in columns], travel.tolist(), control.seconds, self._speed
+        )
+        if self._cam.speed > self._cam.greatest_speed or self._cam.length < 2.0 * self._cam.ramp_length:
+            # the line begins elsewhere than it was read for
+            raise BarrierFault(FaultCode.NO_TRAJECTORY, columns[0])
+        self._way = travel / self._cam.length
+        self._greatest = self._speed * MOST_SPEED
+        # of the spindle's turn at which the cam begins: its cruise goes through the start at angle 0
+        self._angle = -0.5 * self._greatest * self._cam.ramp_s
+        self._tolerance = cycle.machine.dialect.thread_tolerance
+        self._measured = SpindleAngle(cycle.cycle_s)
+        # from the newest reading to the setpoint
+        delayed = bool(cycle.bank.delayed[self._spindle])
+        self._ahead = cycle.cycle_s * (1 + (cycle.bank.delay_cycles if delayed else 0))
+        self._steady = 0
+        self._waited = 0.0
+        self._origin = 0.0
+        self._played: FollowedTime | None = None
+        self._states = np.zeros((len(columns), 3))
+        self._fault: BarrierFault | None = None
+
+    def before(self, left: float, held: bool) -> float | None:
+        """Let a cycle pass; all of ``left`` is left once the axes are at their targets."""
+        if left <= 0.0 or self._measured.count == 0:
+            # it was put up behind this cycle's exchange, or before the first reading
+            return None
+        turns, speed, acceleration = self._measured.ahead(self._ahead)
+        if self._played is None:
+            if held or self._steady < STEADY_CYCLES:
+                return None
+            passed = (turns - self._angle) % 1.0
+            if passed > speed * self._cycle.cycle_s:
+                return None
+            self._origin = turns - passed
+            self._played = FollowedTime(
+                passed / self._greatest, speed / self._greatest, acceleration / self._greatest
+            )
+            for state, column in zip(self._states, self._columns.tolist(), strict=True):
+                self._cycle.motions.follow(column, self._slot, state)
+        else:
+            goal = (
+                (turns - self._origin) / self._greatest,
+                speed / self._greatest,
+                acceleration / self._greatest,
+            )
+            limits = self._cam.rate_limits(self._played.time)
+            self._played.step(goal, limits, self._cycle.cycle_s)
+            error = abs(goal[0] - self._played.time) * self._cam.speed
+            if error > self._tolerance:
+                self._fault = BarrierFault(FaultCode.THREAD_ERROR, self._spindle, (error, self._tolerance))
+        return left if self._set() else None
+
+    def after(self, held: bool) -> bool:
+        """Take the reading of this cycle; return False: a pass ends as setpoints do."""
+        reading = float(self._cycle.row.actual[self._spindle]) / TURN * self._forward
+        self._measured.take(reading)
+        share = self._measured.speed / self._speed
+        if self._played is None:
+            steady = AT_SPEED[0] <= share <= AT_SPEED[1]
+            self._steady = self._steady + 1 if steady else 0
+            self._waited += 0.0 if held or steady else self._cycle.cycle_s
+        if self._fault is not None:
+            raise self._fault
+        if self._waited > SPEED_TIMEOUT_S or (self._played is not None and share < STOPPED):
+            raise BarrierFault(FaultCode.SPINDLE_SPEED, self._spindle, (share, 1.0))
+        return False
+
+    def _set(self) -> bool:
+        """Set the axes to where the cam has them; return whether they are at their targets."""
+        played = self._played
+        assert played is not None
+        row, ended = self._cycle.row, played.time >= self._cam.duration
+        place, by_time, by_time_twice = self._cam.at(played.time)
+        velocity = by_time * played.rate
+        acceleration = by_time_twice * played.rate**2 + by_time * played.slope
+        self._states[:, 0] = self._start + self._way * place
+        self._states[:, 1] = self._way * velocity
+        self._states[:, 2] = self._way * acceleration
+        if ended:
+            self._states[:, 0] = self._target
+            self._states[:, 1:] = 0.0
+        row.ordered[self._columns] = self._states[:, 0]
+        row.ordered_velocity[self._columns] = self._states[:, 1]
+        if ended:
+            self._cycle.motions.drop(self._axes)
+        return ended

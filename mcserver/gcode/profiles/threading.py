@@ -1,0 +1,220 @@
+"""Read G33, a pass of a thread (D-89), and expand G76, LinuxCNC's threading cycle, into passes (D-90)."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+
+import msgspec
+
+from mcserver.gcode.profiles.drilling import CycleMotion, check_travel
+from mcserver.gcode.profiles.probing import straight_targets
+from mcserver.gcode.semantics.block_state import BlockState
+from mcserver.gcode.semantics.program_units import length_scale, motor_speed
+from mcserver.gcode.semantics.travel_limits import ROUNDING
+from mcserver.gcode.text.profile_words import Action
+from mcserver.machine.machine_file import Axis
+from mcserver.motion.canonical import Canonical, ThreadLine
+from mcserver.motion.thread_cam import MOST_SPEED, plan_cam
+from mcserver.units import MM, TURN, AxisType
+
+X, Z = 0, 2
+MOST_PASSES = 1000
+
+
+class _Spindle(msgspec.Struct, frozen=True):
+    """The spindle as the program has commanded it: its axis and speed, negative under M4 [1/s]."""
+
+    axis: int
+    turns_s: float
+
+
+def read_threads(block: BlockState, action: Action) -> list[Canonical]:
+    """Return the motion of G33 or G76; faults are reported and nothing is returned."""
+    # bare axis words behind it do not repeat it, nor what was in force before
+    block.change(motion=None)
+    block.frame = msgspec.structs.replace(block.frame, cycle=None)
+    spindle = _spindle(block, action)
+    if spindle is None:
+        return []
+    if action.code == "G76":
+        return _cycle(block, action, spindle)
+    pitch = _words(block, action, "K", "the way a turn", "IJR").get("K")
+    targets = straight_targets(block, action, "MC177")
+    if targets is None or pitch is None:
+        return []
+    found = _pass(block, action, spindle, targets, pitch)
+    return [] if found is None else [found]
+
+
+def _spindle(block: BlockState, action: Action) -> _Spindle | None:
+    """Return the spindle that is followed; None after a fault (MC177, MC178)."""
+    index = block.setup.machine.dialect.spindle
+    if index is None:
+        block.faults.add(
+            "MC177",
+            f"{action.code} follows the turns of a spindle, and the machine file names none",
+            action.span,
+            "name the spindle's axis, which has a drive with an encoder: [dialect] spindle_axis = 6",
+        )
+        return None
+    axis = block.usable_axis(index, action)
+    if axis is None:
+        return None
+    if axis.type is not AxisType.ROTARY or axis.profiled or not _endless(axis):
+        block.faults.add(
+            "MC177",
+            f"{action.code} follows the spindle, and axis {index} does not turn on and on",
+            action.span,
+            'make it "rotary", without min_position and max_position, on a drive that follows speeds',
+            axis=index,
+        )
+        return None
+    frame = block.frame
+    turns_s = motor_speed(frame.spindle_rpm * frame.direction, axis.travel_per_motor_turn) / TURN
+    if turns_s == 0.0:
+        block.faults.add(
+            "MC178",
+            f"{action.code} follows the spindle, which does not turn here",
+            action.span,
+            "write S with its speed and M3 or M4 before it",
+        )
+        return None
+    return _Spindle(index, turns_s)
+
+
+def _endless(axis: Axis) -> bool:
+    return math.isinf(axis.min_position) and math.isinf(axis.max_position)
+
+
+def _words(block: BlockState, action: Action, letter: str, what: str, refused: str) -> dict[str, float]:
+    """Return words as lengths [m], ``letter`` needed and above 0; report those that are refused."""
+    for word in action.words.values():
+        if word.letter in refused:
+            block.faults.add("MC112", f"{action.code} does not take {word.letter}", word.span, "take it out")
+    scale = length_scale(block.modal.inch)
+    found = {word.letter: word.value * scale for word in action.words.values()}
+    if not found.get(letter, 0.0) > 0.0:
+        place = action.words[letter].span if letter in action.words else action.span
+        block.faults.add(
+            "MC118", f"{action.code} lacks {letter}, {what}, above 0", place, f"such as {letter}1.5"
+        )
+        return {}
+    return found
+
+
+def _pass(
+    block: BlockState, action: Action, spindle: _Spindle, targets: Mapping[int, float], pitch: float
+) -> ThreadLine | None:
+    """Return one pass to ``targets`` [m], where the block ends then; None after a fault (MC179, MC180)."""
+    starts = {axis: block.commanded.start(axis) for axis in targets}
+    known = not block.commanded.guessed.intersection(targets)
+    travel = [end - starts[axis] for axis, end in targets.items()]
+    length = math.hypot(*travel)
+    if length <= ROUNDING and known:
+        block.faults.add(
+            "MC180", f"{action.code} goes nowhere", action.span, "give a target along the thread"
+        )
+        return None
+    if known:
+        cam = plan_cam([block.setup.axes[axis] for axis in targets], travel, pitch, abs(spindle.turns_s))
+        if cam.speed > cam.greatest_speed:
+            share = cam.greatest_speed / cam.speed
+            block.faults.add(
+                "MC179",
+                f"{action.code} would go at {cam.speed / MOST_SPEED / MM:.4g} mm/s, and the axes may at "
+                f"{cam.greatest_speed / MM:.4g} mm/s, a tenth left for a spindle faster than its S",
+                action.span,
+                f"write S{math.floor(block.frame.spindle_rpm * share):g} at the most",
+            )
+            return None
+        if length < 2.0 * cam.ramp_length:
+            block.faults.add(
+                "MC180",
+                f"a pass of {length / MM:.4g} mm is shorter than its run-in and run-out of "
+                f"{cam.ramp_length / MM:.4g} mm each, on which the axes come to the spindle's speed",
+                action.span,
+                "begin further off and end in a groove, or write a lower S",
+            )
+            return None
+    for axis, end in targets.items():
+        block.end_at(axis, end)
+    return ThreadLine(
+        block.parsed.number,
+        tuple(targets),
+        tuple(targets.values()),
+        length,
+        pitch,
+        spindle.axis,
+        spindle.turns_s,
+    )
+
+
+def _cycle(block: BlockState, action: Action, spindle: _Spindle) -> list[Canonical]:
+    """Return the passes of G76, along Z, each at a place of X and back to where the cycle begins.
+
+    The depths are those of LinuxCNC's documentation: J·n^(1/R) of the n-th, K of the last, which H spring
+    passes repeat; Q turns the way into the work, so that one flank cuts, and the last pass ends at Z.
+    """
+    words = _words(block, action, "P", "the pitch", "")
+    numbers = {letter: word.value for letter, word in action.words.items()}
+    targets = straight_targets(block, action, "MC177")
+    if not words or targets is None:
+        return []
+    if targets.keys() != {Z}:
+        block.faults.add("MC118", "G76 takes Z of the axes, the thread's end", action.span, "such as Z-20")
+        return []
+    for letter, what in (
+        ("I", "the offset of the crest"),
+        ("J", "the depth of the first pass"),
+        ("K", "the depth"),
+    ):
+        if letter not in words:
+            block.faults.add("MC118", f"G76 lacks {letter}, {what}", action.span, "add it, as a radius")
+            return []
+    springs, degression, angle = (
+        numbers.get(letter, value) for letter, value in (("H", 0.0), ("R", 1.0), ("Q", 0.0))
+    )
+    first, depth = words["J"], words["K"]
+    for letter, sound, meant in (
+        ("I", words["I"] != 0.0, "below 0 for an external thread, above for an internal one"),
+        ("J", first > 0.0, "above 0"),
+        ("K", first <= depth, "not below J"),
+        ("R", degression >= 1.0, "1 or more"),
+        ("Q", 0.0 <= angle <= 80.0, "0 to 80 degrees"),
+        ("H", springs == int(springs) and 0 <= springs <= MOST_PASSES, "a whole number"),
+        ("L", numbers.get("L", 0.0) == 0.0, "0: tapers at the ends are not cut here"),
+    ):
+        if not sound:
+            block.faults.add("MC116", f"{letter} of G76 is {meant}", action.words[letter].span)
+    if block.modal.plane != 18:
+        block.faults.add("MC180", "G76 is a cycle of the plane X Z", action.span, "write G18 before it")
+    depths: list[float] = []
+    while not block.faults.found and len(depths) <= MOST_PASSES:
+        reached = first * (len(depths) + 1) ** (1.0 / degression)
+        if reached >= depth - ROUNDING:
+            break
+        depths.append(reached)
+    depths += [depth] * (int(springs) + 1)
+    if len(depths) > MOST_PASSES:
+        block.faults.add("MC180", f"G76 takes more than {MOST_PASSES} passes", action.span, "give a larger J")
+    if block.faults.found or block.usable_axis(X, action) is None:
+        return []
+    motion = CycleMotion(block)
+    drive, start = motion.at(X), motion.at(Z)
+    along, flank = math.copysign(1.0, targets[Z] - start), math.tan(math.radians(angle))
+    for reached in depths:
+        into = math.copysign(abs(words["I"]) + reached, words["I"])
+        shift = along * reached * flank
+        check_travel(block, X, drive + into, action)
+        motion.rapid({Z: start + shift})
+        motion.rapid({X: drive + into})
+        end = targets[Z] + shift - along * depth * flank
+        line = None if block.faults.found else _pass(block, action, spindle, {Z: end}, words["P"])
+        if line is None:
+            return []
+        motion.lines.append(line)
+        motion.rapid({X: drive})
+        motion.rapid({Z: start + shift})
+    motion.rapid({Z: start})
+    return motion.lines

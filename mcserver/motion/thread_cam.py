@@ -1,0 +1,130 @@
+"""A thread as an electronic cam: the place along its line by the turns of the spindle.
+
+The cam is planned over time at a greatest speed of the spindle: a ramp from rest to the speed of the pitch,
+a cruise, and a ramp to rest. Whoever plays it lets this plan time pass as the spindle turns, so the lead is
+that of the pitch at any speed of the spindle up to that one, and passes at different speeds fall into each
+other.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from mcserver.machine.machine_file import Axis
+
+# The spindle may be so much faster than its S.
+MOST_SPEED = 1.1
+# Shares of the axes' acceleration and jerk that ramps are planned with; the rest is for changes of the
+# spindle's speed.
+RAMP_ACCELERATION, RAMP_JERK = 0.7, 0.5
+# Shares of the jerk on a ramp that are for 3·a·ṙ and for v·r̈, r being the share of the spindle's speed.
+_OF_SLOPE, _OF_CURVATURE = 0.25, 0.25
+# An axis without a jerk limit is planned to take this long for its acceleration [s].
+JERK_TIME_S = 0.005
+# Plan time before the ramp to rest, in which changes of the speed come down to what a ramp leaves [s].
+APPROACH_S = 0.05
+# Differences of setpoints over cycles are rounded.
+_ROUNDING = 0.98
+
+
+@dataclass(frozen=True)
+class RateLimits:
+    """Limits of changes of the rate r: its slope ṙ [1/s] and its curvature r̈ [1/s²]."""
+
+    slope: float
+    curvature: float
+
+
+@dataclass(frozen=True)
+class ThreadCam:
+    """The cam of one pass.
+
+    Attributes:
+        length: of the line [m]. speed: of the cruise [m/s].
+        greatest_speed: that the axes allow along the line [m/s]. acceleration, jerk: likewise [m/s², m/s³].
+    """
+
+    length: float
+    speed: float
+    greatest_speed: float
+    acceleration: float
+    jerk: float
+
+    @property
+    def _peak(self) -> float:
+        return min(RAMP_ACCELERATION * self.acceleration, math.sqrt(self.speed * RAMP_JERK * self.jerk))
+
+    @property
+    def ramp_s(self) -> float:
+        """Plan time of each ramp [s]."""
+        return self.speed / self._peak + self._peak / (RAMP_JERK * self.jerk)
+
+    @property
+    def ramp_length(self) -> float:
+        """Length of each ramp, where the pitch is not yet, or no longer, that of the thread [m]."""
+        return 0.5 * self.speed * self.ramp_s
+
+    @property
+    def duration(self) -> float:
+        """Plan time of the pass [s]."""
+        return self.length / self.speed + self.ramp_s
+
+    def at(self, time: float) -> tuple[float, float, float]:
+        """Return the place along the line and its first two derivatives by plan time [m, m/s, m/s²]."""
+        if 2.0 * time > self.duration:
+            place, speed, acceleration = self._from_rest(self.duration - time)
+            return self.length - place, speed, -acceleration
+        return self._from_rest(time)
+
+    def _from_rest(self, time: float) -> tuple[float, float, float]:
+        if time <= 0.0:
+            return 0.0, 0.0, 0.0
+        peak, jerk, ramp = self._peak, RAMP_JERK * self.jerk, self.ramp_s
+        rise, left = peak / jerk, ramp - time
+        if time < rise:
+            return jerk * time**3 / 6.0, 0.5 * jerk * time**2, jerk * time
+        if left > rise:
+            on = time - rise
+            speed = 0.5 * peak * rise
+            return peak * rise**2 / 6.0 + speed * on + 0.5 * peak * on**2, speed + peak * on, peak
+        if left > 0.0:
+            place = self.ramp_length - self.speed * left + jerk * left**3 / 6.0
+            return place, self.speed - 0.5 * jerk * left**2, jerk * left
+        return self.ramp_length - self.speed * left, self.speed, 0.0
+
+    def rate_limits(self, time: float) -> RateLimits:
+        """Return what changes of the rate keep every axis's limits at a plan time.
+
+        With s(τ), τ̇ = r: s̈ = s''·r² + s'·ṙ, and s⃛ = s'''·r³ + 3·s''·r·ṙ + s'·r̈, at rates of 0 to 1.
+        """
+        slope = min(
+            (1.0 - RAMP_ACCELERATION) * self.acceleration / self.speed,
+            _OF_SLOPE * self.jerk / (3.0 * RAMP_ACCELERATION * self.acceleration),
+        )
+        curvature = _OF_CURVATURE * self.jerk / self.speed
+        if time < self.ramp_s or time > self.duration - self.ramp_s - 1.2 * APPROACH_S:
+            return RateLimits(_ROUNDING * slope, _ROUNDING * curvature)
+        steady = min(self.acceleration / self.speed, slope + APPROACH_S * curvature)
+        return RateLimits(_ROUNDING * steady, _ROUNDING * self.jerk / self.speed)
+
+
+def plan_cam(axes: Sequence[Axis], travel: Sequence[float], pitch: float, turns_s: float) -> ThreadCam:
+    """Plan a pass along a straight line.
+
+    Args:
+        axes, travel: those that move, and how far each does [m]. pitch: way along the line a turn [m].
+        turns_s: the spindle's S [1/s].
+    """
+    length = math.hypot(*travel)
+    moving = [(axis, abs(each) / length) for axis, each in zip(axes, travel, strict=True) if each]
+    acceleration = min(axis.max_acceleration / share for axis, share in moving)
+    jerk = min(axis.max_jerk / share for axis, share in moving)
+    return ThreadCam(
+        length,
+        pitch * turns_s * MOST_SPEED,
+        min(axis.max_velocity / share for axis, share in moving),
+        acceleration,
+        min(jerk, acceleration / JERK_TIME_S),
+    )

@@ -1,0 +1,140 @@
+"""G33 from the text to the cycle: axes that follow a simulated spindle under load (D-89)."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from mcserver.executor.fault_codes import FaultCode
+from mcserver.executor.shm.feedback import SlotState
+from mcserver.simulation.simulation import simulate
+from mcserver.units import MM
+from tests.executor.threading_rig import SPINDLE, Turned, assert_keeps_limits, lathe
+
+PASS = "G21 G18 G90\nS1000 M3\nG0 X10 Z3\nG33 Z-20 K1.5\nG0 X12\nM2"
+LATHE = lathe()
+
+
+def loads(cell: Turned, *loads_at: tuple[int, float, int]) -> Callable[[int], None]:
+    """Return a script of loads: each from a cycle on, as strong, for so many cycles."""
+
+    def script(cycle: int) -> None:
+        for begin, deceleration, cycles in loads_at:
+            if cycle in (begin, begin + cycles):
+                cell.bus.load(SPINDLE, deceleration if cycle == begin else 0.0)
+
+    return script
+
+
+def test_the_lead_is_that_of_the_pitch_while_a_load_slows_the_spindle() -> None:
+    cell = Turned(LATHE, PASS)
+    cell.run(loads(cell, (700, 1500.0, 150), (1000, 1000.0, 100)))
+    assert cell.faults == []
+    speeds = np.diff(cell.turns[cell.path(4)]) * 60e3
+    assert speeds.min() < 930.0
+    assert speeds.max() > 1050.0
+    # at changes of 240 turns/s² at once; the step of the encoder alone is 0.4 µm
+    assert np.abs(cell.helix(4, 1.5, 3.0)).max() < 10e-3
+    assert cell.rows[cell.path(4).stop][2] / MM == pytest.approx(-20.0, abs=1e-9)
+    assert_keeps_limits(cell, 4)
+
+
+@settings(max_examples=12, deadline=None, suppress_health_check=list(HealthCheck))
+@given(
+    st.lists(st.tuples(st.integers(230, 1100), st.floats(-3000.0, 3000.0), st.integers(5, 300)), max_size=4),
+    st.sampled_from(["G33 Z-20 K1.5", "G33 X14 Z-20 K1.5", "G33 Z-20 K0.2"]),
+)
+def test_whatever_the_load_does_the_axes_keep_their_limits(
+    loads_at: list[tuple[int, float, int]], move: str
+) -> None:
+    cell = Turned(LATHE, PASS.replace("G33 Z-20 K1.5", move))
+    cell.run(loads(cell, *loads_at), limit=12000)
+    assert_keeps_limits(cell, 4)
+    assert set(cell.faults) <= {FaultCode.THREAD_ERROR, FaultCode.SPINDLE_SPEED}
+
+
+def test_passes_at_other_speeds_and_after_a_taper_fall_into_the_same_thread() -> None:
+    lines = [
+        "G33 Z-20 K1.5",
+        "G0 Z3",
+        "S620",
+        "G4 P0.3",
+        "G33 Z-20 K1.5",
+        "G0 Z4.5",
+        "S300",
+        "G33 X12 Z-20 K1.5",
+    ]
+    cell = Turned(LATHE, PASS.replace("G33 Z-20 K1.5", "\n".join(lines)))
+    cell.run()
+    assert cell.faults == []
+    for line in (4, 8):
+        assert np.abs(cell.helix(line, 1.5, 3.0)).max() < 1.5e-3
+    # K is the way along the line, of which Z is a part
+    length = np.hypot(2.0, 24.5)
+    assert np.abs(cell.helix(11, 1.5 * 24.5 / length, 4.5)).max() < 1.5e-3
+
+
+def test_a_left_hand_thread_follows_m4() -> None:
+    cell = Turned(LATHE, PASS.replace("M3", "M4"))
+    cell.run()
+    assert cell.faults == []
+    cell.actuals = [row * np.array([1.0, 1.0, 1.0, -1.0]) for row in cell.actuals]
+    assert np.abs(cell.helix(4, 1.5, 3.0)).max() < 1.5e-3
+
+
+def test_a_hold_takes_effect_at_the_end_of_the_pass_and_an_override_not_at_all() -> None:
+    free, cell = Turned(LATHE, PASS), Turned(LATHE, PASS)
+    free.run()
+    mailbox = cell.executor.mailbox
+    for cycle in range(2500):
+        if cycle == 600:
+            mailbox.set_override(0.3, 0)
+            mailbox.set_hold(True, 0)
+        cell.step()
+    along = free.path(4)
+    assert np.array_equal(np.array(cell.rows)[along, 2], np.array(free.rows)[along, 2])
+    # X has not gone out
+    assert cell.rows[-1][0] / MM == pytest.approx(10.0)
+    assert cell.executor.feedback.slots[0].state == SlotState.HELD
+    mailbox.set_hold(False, 0)
+    mailbox.resume(0)
+    cell.run()
+    assert cell.rows[-1][0] / MM == pytest.approx(12.0)
+
+
+def test_a_spindle_that_stops_stops_the_axes() -> None:
+    cell = Turned(LATHE, PASS)
+    cell.run(lambda cycle: cell.bus.jam(SPINDLE) if cycle == 700 else None)
+    assert set(cell.faults) & {FaultCode.THREAD_ERROR, FaultCode.SPINDLE_SPEED}
+    assert -20.0 < cell.rows[-1][2] / MM < 0.0
+    assert_keeps_limits(cell, 4)
+
+
+def test_a_spindle_that_does_not_come_to_speed_is_a_fault_and_nothing_moves() -> None:
+    cell = Turned(LATHE, PASS)
+    cell.bus.jam(SPINDLE)
+    cell.run()
+    assert cell.faults == [FaultCode.SPINDLE_SPEED]
+    assert cell.rows[-1][2] / MM == pytest.approx(3.0)
+
+
+def test_an_abort_brings_axes_and_spindle_to_rest_within_their_limits() -> None:
+    cell = Turned(LATHE, PASS)
+    cell.run(lambda cycle: cell.executor.mailbox.abort(0) if cycle == 700 else None)
+    assert cell.faults == []
+    assert_keeps_limits(cell, 4)
+    assert -20.0 < cell.rows[-1][2] / MM < 0.0
+
+
+def test_simulate_knows_the_time_and_the_end_of_a_thread() -> None:
+    report = simulate(PASS, lathe(drive="ideal")).report
+    assert report["ok"]
+    (line,) = [each for each in report["lines"] if each["line"] == 4]
+    assert line["requested_s"] == pytest.approx(23.0 / 1.5 / 1000.0 * 60.0)
+    assert report["feed_length_mm"] == pytest.approx(23.0)
+    assert report["axes"]["2"]["position"] == pytest.approx(-20.0)
+    assert simulate(PASS, lathe(drive="ideal")).report == report

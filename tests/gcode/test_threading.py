@@ -1,0 +1,117 @@
+"""G33 and G76 as text: what they mean and what is refused (D-89, D-90)."""
+
+from __future__ import annotations
+
+import pytest
+
+from mcserver.gcode.program_check import check_program
+from mcserver.gcode.semantics.interpreter import Interpreter
+from mcserver.machine.machine_file import Machine, parse_machine
+from mcserver.motion.canonical import Canonical, MotionLine, RapidGroup, ThreadLine
+from mcserver.units import MM
+from tests.executor.threading_rig import SPINDLE, lathe
+from tests.machine_text import axes_text
+
+LATHE = lathe(drive="ideal")
+HEAD = ("G21 G18 G90", "S400 M3", "G0 X10 Z3")
+
+
+def faults(*lines: str, machine: Machine = LATHE, head: tuple[str, ...] = HEAD) -> list[tuple[str, int]]:
+    return [(each.code, each.line) for each in check_program("\n".join([*head, *lines]), machine)]
+
+
+def values(*lines: str) -> list[Canonical]:
+    interpreter = Interpreter(LATHE, positions=dict.fromkeys(range(4), 0.0))
+    found: list[Canonical] = []
+    for number, text in enumerate([*HEAD, *lines], start=1):
+        found += interpreter.interpret(interpreter.parse(text, number))
+    return found
+
+
+def test_g33_is_a_straight_move_by_the_turns_of_the_spindle() -> None:
+    (found,) = [each for each in values("G33 X12 Z-20 K1.5") if isinstance(each, ThreadLine)]
+    assert dict(zip(found.axes, found.targets, strict=True)) == pytest.approx({0: 0.012, 2: -0.02})
+    assert found.pitch == pytest.approx(1.5 * MM)
+    assert (found.spindle, found.turns_s) == (SPINDLE, pytest.approx(400.0 / 60.0))
+    (left,) = [each for each in values("M4", "G91 G33 Z-20 K1.5") if isinstance(each, ThreadLine)]
+    assert left.targets == pytest.approx((-0.017,))
+    assert left.turns_s == pytest.approx(-400.0 / 60.0)
+
+
+def test_the_passes_of_g76_are_where_rs274_puts_them() -> None:
+    found: list[tuple[float, float, float]] = []
+    at = {0: 0.0, 2: 0.0}
+    for value in values("G76 P1.5 Z-20 I-1 J0.3 K0.92 R2 Q29.5 H1"):
+        if isinstance(value, MotionLine) and isinstance(value.groups[0], RapidGroup):
+            at.update(zip(value.groups[0].axes, value.groups[0].targets, strict=True))
+        elif isinstance(value, ThreadLine):
+            found.append((at[0] / MM, at[2] / MM, value.targets[0] / MM))
+            at[2] = value.targets[0]
+    # X, Z of the beginning and of the end of each feed move that rs274 of LinuxCNC 2.9 prints for it
+    expected = [
+        (8.7, 2.8303, -19.6492),
+        (8.5757, 2.76, -19.7195),
+        (8.4804, 2.706, -19.7735),
+        (8.4, 2.6605, -19.819),
+        (8.3292, 2.6205, -19.859),
+        (8.2652, 2.5842, -19.8952),
+        (8.2063, 2.5509, -19.9286),
+        (8.1515, 2.5199, -19.9596),
+        (8.1, 2.4908, -19.9887),
+        (8.08, 2.4795, -20.0),
+        (8.08, 2.4795, -20.0),
+    ]
+    assert [tuple(round(each, 4) for each in place) for place in found] == expected
+    assert at == pytest.approx({0: 0.01, 2: 0.003})
+
+
+@pytest.mark.parametrize(
+    ("line", "code"),
+    [
+        ("G33 Z-20", "MC118"),
+        ("G33 Z-20 K-1", "MC118"),
+        ("G33 K1.5", "MC118"),
+        ("G33 Z-20 K1.5 I2", "MC112"),
+        ("G33 Z-20 K1.5 Q90", "MC113"),
+        ("G33 Z-20 K1.5 E1", "MC113"),
+        ("G33 [3]20 K1.5", "MC177"),
+        ("G1 G33 Z-20 K1.5", "MC153"),
+        ("G33 Z-200 K1.5", "MC201"),
+        # 30 mm a turn at S400 are the axis's 200 mm/s
+        ("G33 Z-20 K30", "MC179"),
+        ("G33 Z2 K10", "MC180"),
+        ("G33 Z3 K1", "MC180"),
+        ("M5 G33 Z-20 K1.5", "MC178"),
+        ("S0 G33 Z-20 K1.5", "MC178"),
+        ("G76 P1.5 Z-20 I-1 J0.3 K0.9 L1", "MC116"),
+        ("G76 P1.5 Z-20 I-1 J0.3 K0.2", "MC116"),
+        ("G76 P1.5 Z-20 I-1 J0 K0.2", "MC116"),
+        ("G76 P1.5 Z-20 I-1 J0.3 K0.9 R0.5", "MC116"),
+        ("G76 P1.5 Z-20 I-1 J0.3 K0.9 Q95", "MC116"),
+        ("G76 P1.5 Z-20 J0.3 K0.9", "MC118"),
+        ("G76 Z-20 I-1 J0.3 K0.9", "MC118"),
+        ("G76 P1.5 X5 Z-20 I-1 J0.3 K0.9", "MC118"),
+        ("G76 P010060 Q100 R50", "MC118"),
+        ("G76 P1.5 Z-20 I-1 J0.00001 K90", "MC180"),
+        ("G17 G76 P1.5 Z-20 I-1 J0.3 K0.9", "MC180"),
+        ("G76 P1.5 Z-20 I-150 J0.3 K0.9", "MC201"),
+    ],
+)
+def test_what_cannot_be_a_thread_is_refused_at_its_line(line: str, code: str) -> None:
+    assert (code, 4) in faults(line)
+
+
+def test_a_thread_without_a_spindle_that_is_an_axis_names_the_key() -> None:
+    mill = parse_machine('[machine]\nname = "mill"\n[dialect]\nprofile = "cnc"\n' + axes_text(range(3)))
+    (fault,) = check_program("G21\nS400 M3\nG33 Z-20 K1.5", mill)[-1:]
+    assert (fault.code, fault.line) == ("MC177", 3)
+    assert "spindle_axis" in fault.hint
+
+
+def test_bare_words_do_not_repeat_a_thread() -> None:
+    assert faults("G33 Z-20 K1.5", "Z-30") == [("MC113", 5)]
+    assert faults("G17 G81 Z-1 R1 F100", "G33 Z-20 K1.5", "X5") == [("MC113", 6)]
+
+
+def test_a_thread_does_not_go_with_cutter_compensation() -> None:
+    assert ("MC170", 6) in faults("G42.1 D2", "G1 X12 F100", "G33 Z-20 K1.5")
