@@ -65,9 +65,10 @@ class Control(msgspec.Struct, frozen=True, gc=False):
         seconds: for DWELL; for PROBE the speed along the line [m/s]; for THREAD the way along it a turn [m];
             for WAIT the time-out; for OUTPUT of a laser the speed of ``axes`` together that its value is for
             [m/s or rad/s]; 0: any.
-        operation: for PROBE: a `ProbeKind`; for AXIS: index of the operation in ``list(AxisOperation)``; for
-            FINISH: 1 where a faulty line has ended the program, whose outputs become safe; for INPUT: a
-            `WaitMode`; for PAYLOAD: tools, as `mckinematics.dynamics.JointDynamics.bits_of` has them.
+        operation: for PROBE: a `ProbeKind`; for THREAD: 1 where it taps; for AXIS: index of the operation in
+            ``list(AxisOperation)``; for FINISH: 1 where a faulty line has ended the program, whose outputs
+            become safe; for INPUT: a `WaitMode`; for PAYLOAD: tools, as
+            `mckinematics.dynamics.JointDynamics.bits_of` has them.
         token: for SETTLE: a number that the executor reports back with the positions.
         channel: for OUTPUT and INPUT: column of the machine's output or input; for THREAD: of the spindle.
         value: for OUTPUT; for THREAD the spindle's speed [1/s].

@@ -67,19 +67,21 @@ class FollowedTime:
 
     def step(self, goal: tuple[float, float, float], limits: RateLimits, cycle_s: float) -> None:
         """Let a cycle pass towards time, rate and slope of ``goal`` at its end."""
-        time, rate, slope = goal
+        time, goal_rate, slope = goal
         most, change = limits.slope, limits.curvature * cycle_s
         wanted = (
             FOLLOWER**3 * (time - self.time - cycle_s * (self.rate + 0.5 * cycle_s * self.slope))
-            + 3.0 * FOLLOWER**2 * (rate - self.rate - cycle_s * self.slope)
+            + 3.0 * FOLLOWER**2 * (goal_rate - self.rate - cycle_s * self.slope)
             + 3.0 * FOLLOWER * (slope - self.slope)
         )
         # a slope that can be taken back before the rate is at its end, and within the slope's own limits
-        rising = math.sqrt(
-            2.0 * limits.curvature * max(0.0, MOST_RATE - self.rate - abs(self.slope) * cycle_s)
+        passing = abs(self.slope) * cycle_s
+        rising, falling = (
+            math.sqrt(2.0 * limits.curvature * max(0.0, MOST_RATE - rate - passing))
+            for rate in (self.rate, -self.rate)
         )
         high = max(min(most, rising), self.slope - change)
-        low = min(-most, self.slope + change)
+        low = min(max(-most, -falling), self.slope + change)
         after = self.slope + min(change, max(-change, wanted * cycle_s))
         after = min(max(after, low), high)
         curvature = (after - self.slope) / cycle_s

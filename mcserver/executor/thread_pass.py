@@ -16,7 +16,7 @@ from mcserver.executor.cycle import Cycle
 from mcserver.executor.entries import Control
 from mcserver.executor.fault_codes import FaultCode
 from mcserver.executor.spindle_following import FollowedTime, SpindleAngle
-from mcserver.motion.thread_cam import MOST_SPEED, plan_cam
+from mcserver.motion.thread_cam import MOST_SPEED, least_tapping, plan_cam, stopping_turns
 from mcserver.units import TURN
 
 # Shares of S between which a pass begins, and below which its spindle has stopped.
@@ -24,6 +24,8 @@ AT_SPEED = (0.9, 1.05)
 STOPPED = 0.1
 # The spindle has been at its speed for so many readings.
 STEADY_CYCLES = 50
+# A spindle that is reversed is below this share for so long at the most [s].
+TURNING_S = 1.0
 # Within which the spindle comes to its speed [s].
 SPEED_TIMEOUT_S = 10.0
 
@@ -49,9 +51,18 @@ class ThreadPass(Barrier):
         self._forward = math.copysign(1.0, control.value)
         self._speed = abs(control.value)
         self._cam = plan_cam(
-            [cycle.machine.axes[column] for column in columns], travel.tolist(), control.seconds, self._speed
+            [cycle.machine.axes[column] for column in columns],
+            travel.tolist(),
+            control.seconds,
+            self._speed,
+            taps=bool(control.operation),
         )
-        if self._cam.speed > self._cam.greatest_speed or self._cam.length < 2.0 * self._cam.ramp_length:
+        # the way of the axes on which a spindle that is reversed comes to rest
+        self._stopping = control.seconds * stopping_turns(cycle.machine.axes[self._spindle], self._speed)
+        least = 2.0 * self._cam.ramp_length
+        if self._cam.taps:
+            least = least_tapping(self._cam, self._stopping)
+        if self._cam.speed > self._cam.greatest_speed or self._cam.length < least:
             # the line begins elsewhere than it was read for
             raise BarrierFault(FaultCode.NO_TRAJECTORY, columns[0])
         self._way = travel / self._cam.length
@@ -63,6 +74,8 @@ class ThreadPass(Barrier):
         # from the newest reading to the setpoint
         delayed = bool(cycle.bank.delayed[self._spindle])
         self._ahead = cycle.cycle_s * (1 + (cycle.bank.delay_cycles if delayed else 0))
+        self._reversed = False
+        self._standing = 0.0
         self._steady = 0
         self._waited = 0.0
         self._origin = 0.0
@@ -99,7 +112,20 @@ class ThreadPass(Barrier):
             error = abs(goal[0] - self._played.time) * self._cam.speed
             if error > self._tolerance:
                 self._fault = BarrierFault(FaultCode.THREAD_ERROR, self._spindle, (error, self._tolerance))
+            if self._cam.taps and not self._reversed:
+                self._reverse()
         return left if self._set() else None
+
+    def _reverse(self) -> None:
+        """Reverse the spindle of a tapping move where it comes to rest at the end of the line."""
+        assert self._played is not None
+        next_cycle = self._cam.speed * self._cycle.cycle_s
+        if self._cam.at(self._played.time)[0] + next_cycle + self._stopping >= self._cam.length:
+            self._reversed = True
+            self._turn(-self._forward)
+
+    def _turn(self, direction: float) -> None:
+        self._cycle.motions.speed(self._spindle, self._slot, direction * self._speed * TURN, 0.0)
 
     def after(self, held: bool) -> bool:
         """Take the reading of this cycle; return False: a pass ends as setpoints do."""
@@ -112,7 +138,9 @@ class ThreadPass(Barrier):
             self._waited += 0.0 if held or steady else self._cycle.cycle_s
         if self._fault is not None:
             raise self._fault
-        if self._waited > SPEED_TIMEOUT_S or (self._played is not None and share < STOPPED):
+        standing = self._played is not None and abs(share) < STOPPED
+        self._standing = self._standing + self._cycle.cycle_s if standing else 0.0
+        if self._waited > SPEED_TIMEOUT_S or self._standing > (TURNING_S if self._reversed else 0.0):
             raise BarrierFault(FaultCode.SPINDLE_SPEED, self._spindle, (share, 1.0))
         return False
 
@@ -121,17 +149,20 @@ class ThreadPass(Barrier):
         played = self._played
         assert played is not None
         row, ended = self._cycle.row, played.time >= self._cam.duration
+        back = self._reversed and played.time <= 0.0
         place, by_time, by_time_twice = self._cam.at(played.time)
         velocity = by_time * played.rate
         acceleration = by_time_twice * played.rate**2 + by_time * played.slope
         self._states[:, 0] = self._start + self._way * place
         self._states[:, 1] = self._way * velocity
         self._states[:, 2] = self._way * acceleration
-        if ended:
-            self._states[:, 0] = self._target
+        if ended or back:
+            self._states[:, 0] = self._start if back else self._target
             self._states[:, 1:] = 0.0
         row.ordered[self._columns] = self._states[:, 0]
         row.ordered_velocity[self._columns] = self._states[:, 1]
-        if ended:
+        if back:
+            self._turn(self._forward)
+        if ended or back:
             self._cycle.motions.drop(self._axes)
-        return ended
+        return ended or back

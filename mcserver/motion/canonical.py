@@ -323,6 +323,7 @@ class ThreadLine(msgspec.Struct, frozen=True):
     Attributes:
         targets: of ``axes`` [m]. length: to the targets [m]. pitch: way along the line a turn [m].
         spindle: its axis. turns_s: its speed by S, negative under M4 [1/s].
+        taps: the spindle is reversed at the targets, and the axes go back to where they started (D-89).
     """
 
     line: int
@@ -332,11 +333,17 @@ class ThreadLine(msgspec.Struct, frozen=True):
     pitch: float
     spindle: int
     turns_s: float
+    taps: bool = False
 
     @property
     def requested(self) -> float:
         """T that the pitch and S ask for [s]."""
-        return self.length / (self.pitch * abs(self.turns_s))
+        return self.travel / (self.pitch * abs(self.turns_s))
+
+    @property
+    def travel(self) -> float:
+        """Way of the axes [m]."""
+        return 2.0 * self.length if self.taps else self.length
 
 
 class PauseLine(msgspec.Struct, frozen=True):

@@ -13,6 +13,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from mcserver.machine.machine_file import Axis
+from mcserver.units import TURN
 
 # The spindle may be so much faster than its S.
 MOST_SPEED = 1.1
@@ -44,6 +45,7 @@ class ThreadCam:
     Attributes:
         length: of the line [m]. speed: of the cruise [m/s].
         greatest_speed: that the axes allow along the line [m/s]. acceleration, jerk: likewise [m/s², m/s³].
+        taps: the cruise has no end: the spindle is reversed, and the cam is played back to where it began.
     """
 
     length: float
@@ -51,6 +53,7 @@ class ThreadCam:
     greatest_speed: float
     acceleration: float
     jerk: float
+    taps: bool = False
 
     @property
     def _peak(self) -> float:
@@ -68,8 +71,8 @@ class ThreadCam:
 
     @property
     def duration(self) -> float:
-        """Plan time of the pass [s]."""
-        return self.length / self.speed + self.ramp_s
+        """Plan time of the pass [s]; infinite where it has no end."""
+        return math.inf if self.taps else self.length / self.speed + self.ramp_s
 
     def at(self, time: float) -> tuple[float, float, float]:
         """Return the place along the line and its first two derivatives by plan time [m, m/s, m/s²]."""
@@ -94,6 +97,14 @@ class ThreadCam:
             return place, self.speed - 0.5 * jerk * left**2, jerk * left
         return self.ramp_length - self.speed * left, self.speed, 0.0
 
+    def follows(self, acceleration: float) -> bool:
+        """Return whether the cruise can follow a spindle that changes its speed.
+
+        Args:
+            acceleration: of the spindle times the pitch [m/s²].
+        """
+        return acceleration / self.speed <= self.rate_limits(0.5 * self.duration).slope
+
     def rate_limits(self, time: float) -> RateLimits:
         """Return what changes of the rate keep every axis's limits at a plan time.
 
@@ -104,13 +115,34 @@ class ThreadCam:
             _OF_SLOPE * self.jerk / (3.0 * RAMP_ACCELERATION * self.acceleration),
         )
         curvature = _OF_CURVATURE * self.jerk / self.speed
-        if time < self.ramp_s or time > self.duration - self.ramp_s - 1.2 * APPROACH_S:
+        margin = 1.2 * APPROACH_S
+        begin = self.ramp_s + margin if self.taps else self.ramp_s
+        if time < begin or time > self.duration - self.ramp_s - margin:
             return RateLimits(_ROUNDING * slope, _ROUNDING * curvature)
         steady = min(self.acceleration / self.speed, slope + APPROACH_S * curvature)
         return RateLimits(_ROUNDING * steady, _ROUNDING * self.jerk / self.speed)
 
 
-def plan_cam(axes: Sequence[Axis], travel: Sequence[float], pitch: float, turns_s: float) -> ThreadCam:
+def stopping_turns(spindle: Axis, turns_s: float) -> float:
+    """Return the turns in which a spindle comes to rest at its acceleration and jerk [1]."""
+    speed, acceleration, jerk = turns_s * TURN, spindle.max_acceleration, spindle.max_jerk
+    rise = min(acceleration / jerk, math.sqrt(speed / jerk))
+    seconds = speed / acceleration + rise if speed * jerk >= acceleration**2 else 2.0 * rise
+    return 0.5 * turns_s * seconds
+
+
+def least_tapping(cam: ThreadCam, stopping: float) -> float:
+    """Return the least length of a tapping move: the spindle is reversed on the cruise [m].
+
+    Args:
+        stopping: way on which it comes to rest [m].
+    """
+    return cam.ramp_length + 1.2 * APPROACH_S * cam.speed + stopping
+
+
+def plan_cam(
+    axes: Sequence[Axis], travel: Sequence[float], pitch: float, turns_s: float, *, taps: bool = False
+) -> ThreadCam:
     """Plan a pass along a straight line.
 
     Args:
@@ -127,4 +159,5 @@ def plan_cam(axes: Sequence[Axis], travel: Sequence[float], pitch: float, turns_
         min(axis.max_velocity / share for axis, share in moving),
         acceleration,
         min(jerk, acceleration / JERK_TIME_S),
+        taps,
     )

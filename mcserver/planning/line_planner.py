@@ -540,7 +540,7 @@ class LinePlanner:
     def _thread(self, line: ThreadLine) -> None:
         """Let the executor follow the spindle to the end of a pass (D-89)."""
         self.reports.append(
-            Report(ReportKind.PLANNED, line.line, requested_s=line.requested, feed_length=line.length)
+            Report(ReportKind.PLANNED, line.line, requested_s=line.requested, feed_length=line.travel)
         )
         self._go_straight(
             ControlKind.THREAD,
@@ -550,8 +550,9 @@ class LinePlanner:
             seconds=line.pitch,
             channel=self._columns[line.spindle],
             value=line.turns_s,
+            operation=int(line.taps),
         )
-        for axis, target in zip(line.axes, line.targets, strict=True):
+        for axis, target in zip(line.axes, () if line.taps else line.targets, strict=not line.taps):
             self.motion.position[self._columns[axis]] = target
         self.output.put(self._wait(line.line, line.axes))
         self.control(ControlKind.LINE_END, line.line)

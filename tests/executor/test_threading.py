@@ -130,6 +130,38 @@ def test_an_abort_brings_axes_and_spindle_to_rest_within_their_limits() -> None:
     assert -20.0 < cell.rows[-1][2] / MM < 0.0
 
 
+TAPPING = "G21 G17 G90\nS600 M3\nG0 Z5\nG33.1 Z-12 K1\nG33.1 Z-12 K1\nG4 P0.3\nG0 X5\nM2"
+
+
+def test_tapping_follows_the_spindle_through_its_reversal_and_back() -> None:
+    cell = Turned(LATHE, TAPPING)
+    cell.run(loads(cell, (450, 500.0, 200), (1200, 300.0, 300)))
+    assert cell.faults == []
+    for line in (4, 5):
+        along = cell.path(line)
+        z, turns = np.array(cell.rows)[along, 2] / MM, cell.turns[along]
+        # the thread's end, not above it, within the way of two cycles
+        assert z.min() == pytest.approx(-12.0, abs=0.02)
+        assert z[-1] == pytest.approx(5.0, abs=1e-9)
+        beside = (z - 5.0 + turns)[z < 4.0]
+        assert np.abs(beside - np.round(np.median(beside))).max() < 10e-3
+        assert_keeps_limits(cell, line)
+    # it turns as before
+    assert np.diff(cell.turns)[-100:].mean() * 60e3 == pytest.approx(600.0, abs=5.0)
+    assert cell.rows[-1][0] / MM == pytest.approx(5.0)
+
+
+def test_a_hold_in_a_hole_takes_effect_above_it() -> None:
+    cell = Turned(LATHE, TAPPING)
+    for cycle in range(6000):
+        if cycle == 1500:
+            cell.executor.mailbox.set_hold(True, 0)
+        cell.step()
+    assert np.array(cell.rows)[:, 2].min() / MM < -11.9
+    assert cell.rows[-1][2] / MM == pytest.approx(5.0)
+    assert cell.executor.feedback.slots[0].state == SlotState.HELD
+
+
 def test_simulate_knows_the_time_and_the_end_of_a_thread() -> None:
     report = simulate(PASS, lathe(drive="ideal")).report
     assert report["ok"]

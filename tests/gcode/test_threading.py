@@ -108,6 +108,15 @@ def test_a_thread_without_a_spindle_that_is_an_axis_names_the_key() -> None:
     assert "spindle_axis" in fault.hint
 
 
+def test_tapping_ends_where_it_began() -> None:
+    found = values("G91 G33.1 Z-13 K1", "G1 X1 F100")
+    (tap,) = [each for each in found if isinstance(each, ThreadLine)]
+    assert (tap.taps, tap.targets, tap.travel) == (True, pytest.approx((-0.01,)), pytest.approx(0.026))
+    assert faults("G33.1 Z2.8 K1") == [("MC180", 4)]
+    # a spindle that is reversed faster than the axes can follow
+    assert faults("G33.1 Z-20 K9.9") == [("MC179", 4)]
+
+
 def test_bare_words_do_not_repeat_a_thread() -> None:
     assert faults("G33 Z-20 K1.5", "Z-30") == [("MC113", 5)]
     assert faults("G17 G81 Z-1 R1 F100", "G33 Z-20 K1.5", "X5") == [("MC113", 6)]

@@ -25,7 +25,7 @@ _MACHINING = {"G4", "G43", "G43.4", "G49", "M3", "M4", "M5", "M6"}
 # canned cycles, and what goes with them (D-75)
 DRILLING: Final = frozenset({"G73", "G81", "G82", "G83", "G85", "G89"})
 # motion by the turns of the spindle (D-89, D-90)
-THREADING: Final = frozenset({"G33", "G76"})
+THREADING: Final = frozenset({"G33", "G33.1", "G76"})
 _CYCLE_MODES: Final = frozenset({"G80", "G98", "G99"})
 
 # codes of printers that stop until somebody resumes, with what they say to the operator; "": the program ends
@@ -147,7 +147,7 @@ REFUSED: Final[Mapping[str, str]] = MappingProxyType(
         "G10": "retractions by firmware are not done here; let the slicer write them as moves of E",
         "G11": "retractions by firmware are not done here; let the slicer write them as moves of E",
         "G16": "polar coordinates are not read here; let the post write X and Y",
-        "G33.1": "tapping reverses the spindle, which is not followed through zero; mill the thread",
+        "G33.1": "holes are tapped in the profile cnc; let the CAM mill the thread",
         "G33": "threads are cut in the profile cnc; let the CAM mill the thread",
         "G41": "cutter compensation is for the profile cnc; let the CAM compute the tool's own path",
         "G42": "cutter compensation is for the profile cnc; let the CAM compute the tool's own path",
@@ -186,7 +186,7 @@ REFUSED: Final[Mapping[str, str]] = MappingProxyType(
             for number in (86, 87, 88)
         },
         **{
-            f"G{number}": "tapping reverses the spindle, which is not followed through zero; mill the thread"
+            f"G{number}": "tapping cycles are not expanded here; let the post write G33.1 for each hole"
             for number in (74, 84)
         },
         **{

@@ -15,7 +15,7 @@ from mcserver.gcode.semantics.travel_limits import ROUNDING
 from mcserver.gcode.text.profile_words import Action
 from mcserver.machine.machine_file import Axis
 from mcserver.motion.canonical import Canonical, ThreadLine
-from mcserver.motion.thread_cam import MOST_SPEED, plan_cam
+from mcserver.motion.thread_cam import MOST_SPEED, least_tapping, plan_cam, stopping_turns
 from mcserver.units import MM, TURN, AxisType
 
 X, Z = 0, 2
@@ -43,7 +43,7 @@ def read_threads(block: BlockState, action: Action) -> list[Canonical]:
     targets = straight_targets(block, action, "MC177")
     if targets is None or pitch is None:
         return []
-    found = _pass(block, action, spindle, targets, pitch)
+    found = _pass(block, action, spindle, targets, pitch, taps=action.code == "G33.1")
     return [] if found is None else [found]
 
 
@@ -104,7 +104,13 @@ def _words(block: BlockState, action: Action, letter: str, what: str, refused: s
 
 
 def _pass(
-    block: BlockState, action: Action, spindle: _Spindle, targets: Mapping[int, float], pitch: float
+    block: BlockState,
+    action: Action,
+    spindle: _Spindle,
+    targets: Mapping[int, float],
+    pitch: float,
+    *,
+    taps: bool = False,
 ) -> ThreadLine | None:
     """Return one pass to ``targets`` [m], where the block ends then; None after a fault (MC179, MC180)."""
     starts = {axis: block.commanded.start(axis) for axis in targets}
@@ -117,7 +123,10 @@ def _pass(
         )
         return None
     if known:
-        cam = plan_cam([block.setup.axes[axis] for axis in targets], travel, pitch, abs(spindle.turns_s))
+        turning = block.setup.axes[spindle.axis]
+        axes = [block.setup.axes[axis] for axis in targets]
+        cam = plan_cam(axes, travel, pitch, abs(spindle.turns_s), taps=taps)
+        stopping = pitch * stopping_turns(turning, abs(spindle.turns_s))
         if cam.speed > cam.greatest_speed:
             share = cam.greatest_speed / cam.speed
             block.faults.add(
@@ -128,7 +137,24 @@ def _pass(
                 f"write S{math.floor(block.frame.spindle_rpm * share):g} at the most",
             )
             return None
-        if length < 2.0 * cam.ramp_length:
+        if taps and not cam.follows(turning.max_acceleration / TURN * pitch):
+            block.faults.add(
+                "MC179",
+                f"{action.code} reverses the spindle faster than the axes can follow",
+                action.span,
+                f"give axis {spindle.axis} a lower max_acceleration",
+            )
+            return None
+        if taps and length < least_tapping(cam, stopping):
+            block.faults.add(
+                "MC180",
+                f"{action.code} needs {least_tapping(cam, stopping) / MM:.4g} mm: {cam.ramp_length / MM:.4g} "
+                f"until the axes have the spindle's speed, and {stopping / MM:.4g} until it stands again",
+                action.span,
+                "begin further off, or write a lower S",
+            )
+            return None
+        if not taps and length < 2.0 * cam.ramp_length:
             block.faults.add(
                 "MC180",
                 f"a pass of {length / MM:.4g} mm is shorter than its run-in and run-out of "
@@ -138,7 +164,7 @@ def _pass(
             )
             return None
     for axis, end in targets.items():
-        block.end_at(axis, end)
+        block.end_at(axis, starts[axis] if taps else end)
     return ThreadLine(
         block.parsed.number,
         tuple(targets),
@@ -147,6 +173,7 @@ def _pass(
         pitch,
         spindle.axis,
         spindle.turns_s,
+        taps,
     )
 
 
