@@ -168,7 +168,7 @@ def test_a_program_goes_on_within_a_cycle() -> None:
         ("G0 G81 X5 Z-3 R2 F300", "MC153"),
         ("G53 G81 X5 Z-3 R2 F300", "MC153"),
         ("G1 X5 F100\nX6 Q2", "MC113"),
-        ("G84 X5 Z-3 R2 F300", "MC141"),
+        ("G84 X5 Z-3 R2 F300", "MC178"),  # the spindle does not turn
         ("G81 U5 Z-3 R2 F300", "MC112"),
     ],
 )

@@ -117,6 +117,38 @@ def test_tapping_ends_where_it_began() -> None:
     assert faults("G33.1 Z-20 K9.9") == [("MC179", 4)]
 
 
+def test_tapping_cycles_tap_each_hole_with_the_pitch_of_f() -> None:
+    found = values("G17 G99 G84 X10 Y5 Z-12 R4 F400", "X20", "G80")
+    taps = [each for each in found if isinstance(each, ThreadLine)]
+    assert [(each.line, each.taps, each.targets) for each in taps] == [
+        (4, True, pytest.approx((-0.012,))),
+        (5, True, pytest.approx((-0.012,))),
+    ]
+    # 400 mm/min at S400
+    assert taps[0].pitch == pytest.approx(1.0 * MM)
+    assert taps[0].length == pytest.approx(16.0 * MM)
+    left = [each for each in values("M4", "G17 G74 Z-12 R4 F500") if isinstance(each, ThreadLine)]
+    assert left[0].turns_s < 0.0
+
+
+@pytest.mark.parametrize(
+    ("line", "code"),
+    [
+        ("G84 Z-12 R4 F400 P0.5", "MC146"),
+        ("G84 Z-12 R4 F400 Q2", "MC146"),
+        ("G74 Z-12 R4 F400", "MC178"),
+        ("M4 G84 Z-12 R4 F400", "MC178"),
+        ("M5 G84 Z-12 R4 F400", "MC178"),
+        ("G84 Z-12 R4", "MC121"),
+        ("G84 Z4 R-12 F400", "MC146"),
+        ("G84 Z3.9 R4 F400", "MC180"),
+        ("G93 G84 Z-12 R4 F400", "MC146"),
+    ],
+)
+def test_what_cannot_be_tapped_is_refused(line: str, code: str) -> None:
+    assert (code, 5) in faults("G17", line)
+
+
 def test_bare_words_do_not_repeat_a_thread() -> None:
     assert faults("G33 Z-20 K1.5", "Z-30") == [("MC113", 5)]
     assert faults("G17 G81 Z-1 R1 F100", "G33 Z-20 K1.5", "X5") == [("MC113", 6)]

@@ -23,7 +23,8 @@ _FRAME = {"G10", "G28", "G28.1", "G30", "G30.1", "G52", "G53", "G92", "G92.1", "
 COMPENSATING: Final[Mapping[str, int]] = MappingProxyType({"G41": 1, "G41.1": 1, "G42": -1, "G42.1": -1})
 _MACHINING = {"G4", "G43", "G43.4", "G49", "M3", "M4", "M5", "M6"}
 # canned cycles, and what goes with them (D-75)
-DRILLING: Final = frozenset({"G73", "G81", "G82", "G83", "G85", "G89"})
+TAPPING: Final = frozenset({"G74", "G84"})
+DRILLING: Final = frozenset({"G73", "G81", "G82", "G83", "G85", "G89"}) | TAPPING
 # motion by the turns of the spindle (D-89, D-90)
 THREADING: Final = frozenset({"G33", "G33.1", "G76"})
 _CYCLE_MODES: Final = frozenset({"G80", "G98", "G99"})
@@ -174,7 +175,7 @@ REFUSED: Final[Mapping[str, str]] = MappingProxyType(
         "M99": "subprograms are not read here; let the post write the moves out",
         **{
             f"G{number}": "canned cycles are read in the profile cnc; let the post write the moves out"
-            for number in (73, 81, 82, 83, 85, 89)
+            for number in (73, 74, 81, 82, 83, 84, 85, 89)
         },
         **{
             f"G{number}": "cycles for turning are not expanded here; let the post write the moves out"
@@ -184,10 +185,6 @@ REFUSED: Final[Mapping[str, str]] = MappingProxyType(
             f"G{number}": "boring cycles that stop the spindle are not expanded here; "
             "let the post write the moves out"
             for number in (86, 87, 88)
-        },
-        **{
-            f"G{number}": "tapping cycles are not expanded here; let the post write G33.1 for each hole"
-            for number in (74, 84)
         },
         **{
             f"M{number}": "modal state is not saved and restored here; let the post write it out"

@@ -8,15 +8,16 @@ from typing import Final
 
 import msgspec
 
+from mcserver.gcode.profiles.codes import TAPPING
+from mcserver.gcode.profiles.cycle_motion import CycleMotion, check_travel
 from mcserver.gcode.profiles.frame import DrillCycle, Level
+from mcserver.gcode.profiles.threading import find_spindle, read_pass
 from mcserver.gcode.semantics.block_state import ASSUMED_FEED, BlockState
 from mcserver.gcode.semantics.program_units import axis_scale, length_scale, shown_position
-from mcserver.gcode.semantics.rapids import rapid_group
 from mcserver.gcode.semantics.travel_limits import ROUNDING
 from mcserver.gcode.text.profile_words import Action, ProfileWord
 from mcserver.gcode.text.words import INCREMENTAL_LETTERS
-from mcserver.motion.canonical import Canonical, DwellGroup, FeedGroup, MotionLine
-from mcserver.motion.geometry.curves import LineCurve
+from mcserver.motion.canonical import Canonical
 from mcserver.units import MM, AxisType
 
 # the plane's two axes and the axis that drills, by the number of the plane's code
@@ -59,63 +60,26 @@ def drill(block: BlockState, action: Action) -> list[Canonical]:
     block.frame = msgspec.structs.replace(block.frame, cycle=cycle)
     if targets is None or speed is None or not _sound(block, action, cycle, hole):
         return []
+    named = msgspec.structs.replace(action, code=cycle.code)
+    spindle = find_spindle(block, named) if cycle.code in TAPPING else None
+    if block.faults.found:
+        return []
     motion = CycleMotion(block, speed)
     for _ in range(repeats):
         if motion.at(hole.axis) < hole.clear - ROUNDING:
             motion.rapid({hole.axis: hole.clear})
         motion.rapid({axis: _end(block, axis, word) for axis, word in targets.items()})
         motion.rapid({hole.axis: hole.clear})
-        _down(motion, cycle, hole)
+        if spindle is None:
+            _down(motion, cycle, hole)
+        else:
+            pitch = speed / abs(spindle.turns_s)
+            tap = read_pass(block, named, spindle, {hole.axis: hole.bottom}, pitch, taps=True)
+            motion.lines += [] if tap is None else [tap]
         motion.rapid({hole.axis: hole.retract})
         if block.faults.found:
             return []
     return motion.lines
-
-
-class CycleMotion:
-    """Lines of motion of one block, one behind the other.
-
-    Args:
-        speed: of feed moves [m/s].
-    """
-
-    def __init__(self, block: BlockState, speed: float = 0.0) -> None:
-        self._block = block
-        self._speed = speed
-        self.lines: list[Canonical] = []
-
-    def at(self, axis: int) -> float:
-        """Return where the axis has come [m]."""
-        return self._block.commanded.positions[axis]
-
-    def rapid(self, targets: Mapping[int, float]) -> None:
-        """Let axes go by themselves, those that are there already left out."""
-        far = {axis: end for axis, end in targets.items() if abs(end - self.at(axis)) > ROUNDING}
-        if not far:
-            return
-        starts = {axis: self._block.commanded.start(axis) for axis in far}
-        group = rapid_group(self._block.setup, self._block.modal, starts, far)
-        self.lines.append(MotionLine(self._block.parsed.number, (group,), exact_stop=True))
-        for axis, end in far.items():
-            self._block.end_at(axis, end)
-
-    def feed(self, axis: int, end: float) -> None:
-        """Move one axis at F, to an exact stop."""
-        start = self.at(axis)
-        length = abs(end - start)
-        if length <= ROUNDING:
-            return
-        curve = LineCurve((axis,), (start,), (end,), length)
-        group = FeedGroup((curve,), requested=length / self._speed, speed=self._speed)
-        self.lines.append(
-            MotionLine(self._block.parsed.number, (group,), exact_stop=True, feed_length=length)
-        )
-        self._block.end_at(axis, end)
-
-    def dwell(self, seconds: float) -> None:
-        """Wait at the bottom."""
-        if seconds > 0.0:
-            self.lines.append(MotionLine(self._block.parsed.number, (DwellGroup(seconds),)))
 
 
 def _down(motion: CycleMotion, cycle: DrillCycle, hole: _Hole) -> None:
@@ -253,21 +217,6 @@ def _end(block: BlockState, axis: int, word: ProfileWord) -> float:
     return end
 
 
-def check_travel(block: BlockState, axis: int, end: float, source: ProfileWord | Action) -> None:
-    """Report a place beyond the travel of an axis (MC201)."""
-    limits = block.setup.axes[axis]
-    if limits.min_position - ROUNDING <= end <= limits.max_position + ROUNDING:
-        return
-    shown = shown_position(end, limits.type, block.modal.inch)
-    block.faults.add(
-        "MC201",
-        f"the cycle takes axis {axis} to {shown}, beyond its travel",
-        source.span,
-        "stay within the axis's travel",
-        axis=axis,
-    )
-
-
 def _feed(block: BlockState, action: Action) -> float | None:
     """Return the speed of drilling [m/s]; None after a fault (MC121, MC146)."""
     modal = block.modal
@@ -300,6 +249,21 @@ def _sound(block: BlockState, action: Action, cycle: DrillCycle, hole: _Hole) ->
     if cycle.code in _PECKING and math.ceil((hole.clear - hole.bottom) / cycle.peck) > MOST_PECKS:
         block.faults.add(
             "MC146", f"{cycle.code} takes more than {MOST_PECKS} pecks", action.span, "give a larger Q"
+        )
+        return False
+    asked = [word for letter, word in action.words.items() if letter in "PQ" and word.value != 0.0]
+    if cycle.code in TAPPING and asked:
+        block.faults.add(
+            "MC146",
+            f"{cycle.code} neither pecks nor dwells: the spindle is reversed at the bottom at once",
+            asked[0].span,
+            "leave it out",
+        )
+        return False
+    if cycle.code in TAPPING and block.frame.direction != (1 if cycle.code == "G84" else -1):
+        turning = "M3" if cycle.code == "G84" else "M4"
+        block.faults.add(
+            "MC178", f"{cycle.code} taps with the spindle on {turning}", action.span, f"write S and {turning}"
         )
         return False
     for height in (hole.clear, hole.bottom):

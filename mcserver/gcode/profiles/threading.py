@@ -7,7 +7,7 @@ from collections.abc import Mapping
 
 import msgspec
 
-from mcserver.gcode.profiles.drilling import CycleMotion, check_travel
+from mcserver.gcode.profiles.cycle_motion import CycleMotion, check_travel
 from mcserver.gcode.profiles.probing import straight_targets
 from mcserver.gcode.semantics.block_state import BlockState
 from mcserver.gcode.semantics.program_units import length_scale, motor_speed
@@ -22,7 +22,7 @@ X, Z = 0, 2
 MOST_PASSES = 1000
 
 
-class _Spindle(msgspec.Struct, frozen=True):
+class Spindle(msgspec.Struct, frozen=True):
     """The spindle as the program has commanded it: its axis and speed, negative under M4 [1/s]."""
 
     axis: int
@@ -34,7 +34,7 @@ def read_threads(block: BlockState, action: Action) -> list[Canonical]:
     # bare axis words behind it do not repeat it, nor what was in force before
     block.change(motion=None)
     block.frame = msgspec.structs.replace(block.frame, cycle=None)
-    spindle = _spindle(block, action)
+    spindle = find_spindle(block, action)
     if spindle is None:
         return []
     if action.code == "G76":
@@ -43,11 +43,11 @@ def read_threads(block: BlockState, action: Action) -> list[Canonical]:
     targets = straight_targets(block, action, "MC177")
     if targets is None or pitch is None:
         return []
-    found = _pass(block, action, spindle, targets, pitch, taps=action.code == "G33.1")
+    found = read_pass(block, action, spindle, targets, pitch, taps=action.code == "G33.1")
     return [] if found is None else [found]
 
 
-def _spindle(block: BlockState, action: Action) -> _Spindle | None:
+def find_spindle(block: BlockState, action: Action) -> Spindle | None:
     """Return the spindle that is followed; None after a fault (MC177, MC178)."""
     index = block.setup.machine.dialect.spindle
     if index is None:
@@ -80,7 +80,7 @@ def _spindle(block: BlockState, action: Action) -> _Spindle | None:
             "write S with its speed and M3 or M4 before it",
         )
         return None
-    return _Spindle(index, turns_s)
+    return Spindle(index, turns_s)
 
 
 def _endless(axis: Axis) -> bool:
@@ -103,10 +103,10 @@ def _words(block: BlockState, action: Action, letter: str, what: str, refused: s
     return found
 
 
-def _pass(
+def read_pass(
     block: BlockState,
     action: Action,
-    spindle: _Spindle,
+    spindle: Spindle,
     targets: Mapping[int, float],
     pitch: float,
     *,
@@ -177,7 +177,7 @@ def _pass(
     )
 
 
-def _cycle(block: BlockState, action: Action, spindle: _Spindle) -> list[Canonical]:
+def _cycle(block: BlockState, action: Action, spindle: Spindle) -> list[Canonical]:
     """Return the passes of G76, along Z, each at a place of X and back to where the cycle begins.
 
     The depths are those of LinuxCNC's documentation: J·n^(1/R) of the n-th, K of the last, which H spring
@@ -237,7 +237,7 @@ def _cycle(block: BlockState, action: Action, spindle: _Spindle) -> list[Canonic
         motion.rapid({Z: start + shift})
         motion.rapid({X: drive + into})
         end = targets[Z] + shift - along * depth * flank
-        line = None if block.faults.found else _pass(block, action, spindle, {Z: end}, words["P"])
+        line = None if block.faults.found else read_pass(block, action, spindle, {Z: end}, words["P"])
         if line is None:
             return []
         motion.lines.append(line)

@@ -20,6 +20,7 @@ from mcserver.gcode.profiles.codes import (
     SETTINGS,
     SILENT,
     SYSTEM_NUMBERS,
+    TAPPING,
 )
 from mcserver.gcode.profiles.frame import LENGTH_AXIS
 from mcserver.gcode.text.words import AXIS_LETTERS, INCREMENTAL_LETTERS
@@ -258,7 +259,7 @@ def _tokens(machine: Machine) -> dict[str, Expression]:
         "speed": word("S", Ref("unsigned")),
         "pocket": word("T", Repeat(DIGIT, 1, 2)),
         "change": _codes({"M6"}),
-        "cycle-code": _codes(DRILLING & acting or {"G81"}),
+        "cycle-code": _codes((DRILLING - TAPPING) & acting or {"G81"}),
         "peck": word("Q", Ref("positive")),
         "times": word("L", whole(range(1, 100))),
         "system-code": _codes({"G10"}),

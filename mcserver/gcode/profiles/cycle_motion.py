@@ -1,0 +1,74 @@
+"""Motion of canned cycles: rapids, feed moves and dwells of one block, within the axes' travel."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from mcserver.gcode.semantics.block_state import BlockState
+from mcserver.gcode.semantics.program_units import shown_position
+from mcserver.gcode.semantics.rapids import rapid_group
+from mcserver.gcode.semantics.travel_limits import ROUNDING
+from mcserver.gcode.text.profile_words import Action, ProfileWord
+from mcserver.motion.canonical import Canonical, DwellGroup, FeedGroup, MotionLine
+from mcserver.motion.geometry.curves import LineCurve
+
+
+class CycleMotion:
+    """Lines of motion of one block, one behind the other.
+
+    Args:
+        speed: of feed moves [m/s].
+    """
+
+    def __init__(self, block: BlockState, speed: float = 0.0) -> None:
+        self._block = block
+        self._speed = speed
+        self.lines: list[Canonical] = []
+
+    def at(self, axis: int) -> float:
+        """Return where the axis has come [m]."""
+        return self._block.commanded.positions[axis]
+
+    def rapid(self, targets: Mapping[int, float]) -> None:
+        """Let axes go by themselves, those that are there already left out."""
+        far = {axis: end for axis, end in targets.items() if abs(end - self.at(axis)) > ROUNDING}
+        if not far:
+            return
+        starts = {axis: self._block.commanded.start(axis) for axis in far}
+        group = rapid_group(self._block.setup, self._block.modal, starts, far)
+        self.lines.append(MotionLine(self._block.parsed.number, (group,), exact_stop=True))
+        for axis, end in far.items():
+            self._block.end_at(axis, end)
+
+    def feed(self, axis: int, end: float) -> None:
+        """Move one axis at F, to an exact stop."""
+        start = self.at(axis)
+        length = abs(end - start)
+        if length <= ROUNDING:
+            return
+        curve = LineCurve((axis,), (start,), (end,), length)
+        group = FeedGroup((curve,), requested=length / self._speed, speed=self._speed)
+        self.lines.append(
+            MotionLine(self._block.parsed.number, (group,), exact_stop=True, feed_length=length)
+        )
+        self._block.end_at(axis, end)
+
+    def dwell(self, seconds: float) -> None:
+        """Wait at the bottom."""
+        if seconds > 0.0:
+            self.lines.append(MotionLine(self._block.parsed.number, (DwellGroup(seconds),)))
+
+
+def check_travel(block: BlockState, axis: int, end: float, source: ProfileWord | Action) -> None:
+    """Report a place beyond the travel of an axis (MC201)."""
+    limits = block.setup.axes[axis]
+    if limits.min_position - ROUNDING <= end <= limits.max_position + ROUNDING:
+        return
+    shown = shown_position(end, limits.type, block.modal.inch)
+    block.faults.add(
+        "MC201",
+        f"the cycle takes axis {axis} to {shown}, beyond its travel",
+        source.span,
+        "stay within the axis's travel",
+        axis=axis,
+    )
