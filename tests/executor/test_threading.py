@@ -162,6 +162,15 @@ def test_a_hold_in_a_hole_takes_effect_above_it() -> None:
     assert cell.executor.feedback.slots[0].state == SlotState.HELD
 
 
+def test_m19_stops_the_spindle_at_its_angle_and_holds_it() -> None:
+    cell = Turned(LATHE, "G21 G90\nS600 M3\nG4 P0.3\nM19 R90\nG1 X1 F60\nM3\nG4 P0.3\nM2")
+    cell.run()
+    assert cell.faults == []
+    held = cell.turns[cell.path(5)][:-1] % 1.0
+    assert np.abs(held - 0.25).max() < 1e-3
+    assert np.diff(cell.turns)[-50:].mean() * 60e3 == pytest.approx(600.0, abs=5.0)
+
+
 def test_simulate_knows_the_time_and_the_end_of_a_thread() -> None:
     report = simulate(PASS, lathe(drive="ideal")).report
     assert report["ok"]

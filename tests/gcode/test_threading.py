@@ -8,7 +8,7 @@ from mcserver.gcode.program_check import check_program
 from mcserver.gcode.semantics.interpreter import Interpreter
 from mcserver.machine.machine_file import Machine, parse_machine
 from mcserver.motion.canonical import Canonical, MotionLine, RapidGroup, ThreadLine
-from mcserver.units import MM
+from mcserver.units import DEGREE, MM
 from tests.executor.threading_rig import SPINDLE, lathe
 from tests.machine_text import axes_text
 
@@ -147,6 +147,23 @@ def test_tapping_cycles_tap_each_hole_with_the_pitch_of_f() -> None:
 )
 def test_what_cannot_be_tapped_is_refused(line: str, code: str) -> None:
     assert (code, 5) in faults("G17", line)
+
+
+def test_m19_turns_the_spindle_to_an_angle_from_where_it_stands() -> None:
+    for line, turned in (
+        ("M19 R90", 90.0),
+        ("M19 R270", -90.0),
+        ("M19 R270 P1", 270.0),
+        ("M19 R90 P2", -270.0),
+        ("M19", 0.0),
+    ):
+        motion = values(line)[-1]
+        assert isinstance(motion, MotionLine)
+        (group,) = motion.groups
+        assert isinstance(group, RapidGroup)
+        assert (group.axes, group.targets[0] / DEGREE) == ((SPINDLE,), pytest.approx(turned))
+    assert faults("M19 P3") == [("MC116", 4)]
+    assert faults("M19 R0", "G33 Z-20 K1") == [("MC178", 5)]
 
 
 def test_bare_words_do_not_repeat_a_thread() -> None:

@@ -22,7 +22,7 @@ from mcserver.gcode.profiles.drilling import drill
 from mcserver.gcode.profiles.frame import LENGTH_AXIS, Offsets, tool_table
 from mcserver.gcode.profiles.io_codes import read_io, read_mapped
 from mcserver.gcode.profiles.probing import read_probe_move
-from mcserver.gcode.profiles.threading import read_threads
+from mcserver.gcode.profiles.threading import orient, read_threads
 from mcserver.gcode.semantics.arc_plane import PLANES
 from mcserver.gcode.semantics.block_state import BlockState
 from mcserver.gcode.semantics.compensation_state import Compensation
@@ -149,6 +149,8 @@ def act_after(block: BlockState, actions: tuple[Action, ...], effects: Effects) 
             effects.after += drill(block, action)
         elif action.code in THREADING:
             effects.after += read_threads(block, action)
+        elif action.code == "M19":
+            effects.after += orient(block, action)
         elif action.code in PROBING:
             probe = read_probe_move(block, action)
             if probe is not None:

@@ -54,6 +54,7 @@ ACTING: Final[Mapping[str, frozenset[str]]] = MappingProxyType(
             | DRILLING
             | THREADING
             | _CYCLE_MODES
+            | {"M19"}
             | COMPENSATING.keys()
             | {"G40", "G90.1", "G91.1"}
         ),
@@ -72,7 +73,7 @@ TAKES_AXES: Final = (
 )
 
 # actions that move axes
-MOVING: Final = frozenset({"G28", "G30", "REPEAT"}) | PROBING | DRILLING | THREADING
+MOVING: Final = frozenset({"G28", "G30", "M19", "REPEAT"}) | PROBING | DRILLING | THREADING
 
 _NO_COMPENSATION = {"G40", "G40.1", "G50", "G69"}
 # analog outputs: a machine without any leaves them alone
@@ -131,6 +132,7 @@ OWN_WORDS: Final[Mapping[str, str]] = MappingProxyType(
         "REPEAT": "PQL",
         **dict.fromkeys(DRILLING, "PQL"),
         "G76": "PQHEL",
+        "M19": "P",
         **IO_WORDS,
     }
 )
@@ -165,7 +167,7 @@ REFUSED: Final[Mapping[str, str]] = MappingProxyType(
         "G68.2": "tilted planes are not computed here; let the post write the rotary axes and the moves",
         "G76": "threads are cut in the profile cnc; let the CAM mill the thread",
         "G90.1": "arc centres are increments from the start here; let the post write G91.1",
-        "M19": "the spindle is not turned to an angle here; let the post leave it out",
+        "M19": "the spindle is turned to an angle in the profile cnc; let the post leave it out",
         "G95": "feed per revolution needs a spindle whose turning is followed; use G94",
         "G96": "constant surface speed of a lathe is not kept here; use G97",
         **dict.fromkeys(("M62", "M63", "M64", "M65", "M67", "M68"), "this machine has no outputs"),

@@ -349,7 +349,7 @@ class ProfileReader:
     def _repeats_cycle(self, codes: list[Word], own: list[Word], loose: list[Word]) -> bool:
         """Return True if a line without a motion code has words that only a canned cycle takes."""
         names = {code_name(word.letter, word.value) for word in codes}
-        if self._dialect.profile != "cnc" or names & (TAKES_AXES | {"G4"}):
+        if self._dialect.profile != "cnc" or names & (TAKES_AXES | {"G4", "M19"}):
             return False
         return bool(loose) and any(word.letter in "PQL" for word in own)
 
@@ -384,6 +384,9 @@ class ProfileReader:
             if name == "G4" and "P" not in words and not others:
                 taken.update({each.letter: each for each in loose if each.letter == "X"})
                 loose[:] = [each for each in loose if each.letter != "X"]
+            if name == "M19":
+                taken.update({each.letter: each for each in loose if each.letter == "R"})
+                loose[:] = [each for each in loose if each.letter != "R"]
             actions.append(Action(name, word.span, taken, axes))
         return actions
 

@@ -1,4 +1,4 @@
-"""Read G33, a pass of a thread (D-89), and expand G76, LinuxCNC's threading cycle, into passes (D-90)."""
+"""Read G33, G33.1 and M19 (D-89), and expand G76, LinuxCNC's threading cycle, into passes (D-90)."""
 
 from __future__ import annotations
 
@@ -14,9 +14,9 @@ from mcserver.gcode.semantics.program_units import length_scale, motor_speed
 from mcserver.gcode.semantics.travel_limits import ROUNDING
 from mcserver.gcode.text.profile_words import Action
 from mcserver.machine.machine_file import Axis
-from mcserver.motion.canonical import Canonical, ThreadLine
+from mcserver.motion.canonical import Canonical, MotionLine, RapidGroup, ThreadLine
 from mcserver.motion.thread_cam import MOST_SPEED, least_tapping, plan_cam, stopping_turns
-from mcserver.units import MM, TURN, AxisType
+from mcserver.units import DEGREE, MM, TURN, AxisType
 
 X, Z = 0, 2
 MOST_PASSES = 1000
@@ -47,28 +47,34 @@ def read_threads(block: BlockState, action: Action) -> list[Canonical]:
     return [] if found is None else [found]
 
 
+def orient(block: BlockState, action: Action) -> list[Canonical]:
+    """Return the motion of M19: the spindle turns from rest to the angle R; faults are reported (MC116)."""
+    axis = _endless_spindle(block, action)
+    if axis is None:
+        return []
+    angle, way = (action.words[letter].value if letter in action.words else 0.0 for letter in "RP")
+    if way not in (0.0, 1.0, 2.0):
+        block.faults.add(
+            "MC116",
+            f"P{action.words['P'].text} of M19 is no way to turn",
+            action.words["P"].span,
+            "0 is the shorter way, 1 clockwise (as M3), 2 the other way",
+        )
+        return []
+    start = block.commanded.positions[axis.index]
+    ahead = (angle * DEGREE - start) % TURN
+    if way == 2.0 or (way == 0.0 and ahead > 0.5 * TURN):
+        ahead -= TURN
+    block.frame = msgspec.structs.replace(block.frame, direction=0)
+    block.end_at(axis.index, start + ahead)
+    group = RapidGroup((axis.index,), (start + ahead,), wait=True)
+    return [MotionLine(block.parsed.number, (group,), exact_stop=True)]
+
+
 def find_spindle(block: BlockState, action: Action) -> Spindle | None:
     """Return the spindle that is followed; None after a fault (MC177, MC178)."""
-    index = block.setup.machine.dialect.spindle
-    if index is None:
-        block.faults.add(
-            "MC177",
-            f"{action.code} follows the turns of a spindle, and the machine file names none",
-            action.span,
-            "name the spindle's axis, which has a drive with an encoder: [dialect] spindle_axis = 6",
-        )
-        return None
-    axis = block.usable_axis(index, action)
+    axis = _endless_spindle(block, action)
     if axis is None:
-        return None
-    if axis.type is not AxisType.ROTARY or axis.profiled or not _endless(axis):
-        block.faults.add(
-            "MC177",
-            f"{action.code} follows the spindle, and axis {index} does not turn on and on",
-            action.span,
-            'make it "rotary", without min_position and max_position, on a drive that follows speeds',
-            axis=index,
-        )
         return None
     frame = block.frame
     turns_s = motor_speed(frame.spindle_rpm * frame.direction, axis.travel_per_motor_turn) / TURN
@@ -80,7 +86,33 @@ def find_spindle(block: BlockState, action: Action) -> Spindle | None:
             "write S with its speed and M3 or M4 before it",
         )
         return None
-    return Spindle(index, turns_s)
+    return Spindle(axis.index, turns_s)
+
+
+def _endless_spindle(block: BlockState, action: Action) -> Axis | None:
+    """Return the spindle's axis, which turns on and on; None after a fault (MC177)."""
+    index = block.setup.machine.dialect.spindle
+    if index is None:
+        block.faults.add(
+            "MC177",
+            f"{action.code} needs a spindle that is an axis, and the machine file names none",
+            action.span,
+            "name the spindle's axis, which has a drive with an encoder: [dialect] spindle_axis = 6",
+        )
+        return None
+    axis = block.usable_axis(index, action)
+    if axis is None:
+        return None
+    if axis.type is not AxisType.ROTARY or axis.profiled or not _endless(axis):
+        block.faults.add(
+            "MC177",
+            f"{action.code} needs a spindle that turns on and on, and axis {index} does not",
+            action.span,
+            'make it "rotary", without min_position and max_position, on a drive that follows speeds',
+            axis=index,
+        )
+        return None
+    return axis
 
 
 def _endless(axis: Axis) -> bool:

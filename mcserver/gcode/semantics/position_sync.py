@@ -62,6 +62,10 @@ def find_axes_to_sync(
             needed |= set(unsynced)
         if any(action.code in DRILLING | THREADING | {"REPEAT"} for action in parsed.profile.actions):
             needed |= {0, 1, 2}
+        spindle = setup.machine.dialect.spindle
+        if spindle is not None and any(action.code == "M19" for action in parsed.profile.actions):
+            # it is brought to rest, and turns to the angle from there
+            needed.add(spindle)
     if parsed.groups and modal.frame is not None and modal.frame.cycle is not None and motion is None:
         # a canned cycle starts from the height of its axis
         needed |= {0, 1, 2}
