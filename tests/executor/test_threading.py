@@ -171,6 +171,12 @@ def test_m19_stops_the_spindle_at_its_angle_and_holds_it() -> None:
     assert np.diff(cell.turns)[-50:].mean() * 60e3 == pytest.approx(600.0, abs=5.0)
 
 
+def test_the_spindle_turns_on_while_axes_go_by_g28() -> None:
+    cell = Turned(LATHE, "G21 G90\nS600 M3\nG0 Z5\nG28 Z5\nG4 P0.2\nM2")
+    cell.run()
+    assert np.diff(cell.turns)[-50:].mean() * 60e3 == pytest.approx(600.0, abs=5.0)
+
+
 def test_simulate_knows_the_time_and_the_end_of_a_thread() -> None:
     report = simulate(PASS, lathe(drive="ideal")).report
     assert report["ok"]

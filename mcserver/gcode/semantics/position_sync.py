@@ -58,11 +58,12 @@ def find_axes_to_sync(
     if parsed.profile is not None:
         # what the encoder reads decides offsets and where G28 goes from
         needed |= {word.axis for action in parsed.profile.actions for word in action.axes}
+        spindle = setup.machine.dialect.spindle
         if any(action.code in ("G28", "G30") for action in parsed.profile.actions):
-            needed |= set(unsynced)
+            # the spindle goes nowhere with them, and turns on
+            needed |= set(unsynced) - {spindle}
         if any(action.code in DRILLING | THREADING | {"REPEAT"} for action in parsed.profile.actions):
             needed |= {0, 1, 2}
-        spindle = setup.machine.dialect.spindle
         if spindle is not None and any(action.code == "M19" for action in parsed.profile.actions):
             # it is brought to rest, and turns to the angle from there
             needed.add(spindle)
