@@ -6,7 +6,8 @@ times. The axes of other programs may be wherever they stand, and wherever what 
 brings them.
 
 Zones that an input switches are judged as well, and what enters them is handed over all the same: with it the
-executor is told which of them lie ahead, and holds the program in the cycle in which one is on.
+executor is told which of them lie ahead, and holds the program in the cycle in which one is on. Into them no
+thread is cut: its passes are not held.
 """
 
 from __future__ import annotations
@@ -282,6 +283,15 @@ class ClearanceGuard:
             if self._entered(zones, way, half, columns, line) is not None
             or self._may_be_fast(zones, way, half, columns, control)
         ]
+        if ahead and control.kind is ControlKind.THREAD:
+            # a pass is not held before a zone that is switched on meanwhile
+            self.contact = Diagnostic(
+                code="MC321",
+                message="a thread would come into a zone that an input switches, before which it is not held",
+                line=control.line,
+                hint="cut the thread where no such zone is",
+            )
+            return False
         self._claim(columns, swept, control.u, ahead, alone=True)
         self._put(columns, ends.low, ends.high)
         if control.kind is ControlKind.RAPID and control.values is not None:

@@ -15,6 +15,7 @@ from mcserver.service.program import Program
 from mcserver.simulation.simulation import simulate_lines
 from tests.clearance.cells import Start, fault_of, place
 from tests.clearance.machines import mill
+from tests.machine_text import axes_text
 from tests.service.virtual_cell import VirtualCell
 
 # free up to X79: the zone begins at X85, the tool has a radius of 5 mm, the margin is 1 mm
@@ -277,3 +278,11 @@ def test_a_mistake_is_named_with_its_place(old: str, new: str, message: str) -> 
     with pytest.raises(MachineFileRejected) as refused:
         mill(CURTAIN.replace(old, new, 1))
     assert message in str(refused.value)
+
+
+async def test_a_thread_into_a_zone_that_an_input_switches_is_refused(start: Start) -> None:
+    spindle = axes_text((3,), rotary=True, velocity=20000.0, acceleration=40000.0)
+    cell = start(mill('[dialect]\nprofile = "cnc"\nspindle_axis = 3', spindle, CURTAIN), cycles_a_turn=2)
+    program = await begin(cell, "S600 M3", "G33 X70 K5", "G33 X120 K5")
+    assert fault_of(await cell.ended(program)) == ("MC321", 3)
+    assert place(cell, 0) == pytest.approx(70.0, abs=0.01)
