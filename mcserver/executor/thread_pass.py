@@ -8,6 +8,7 @@ pass: a hold takes effect at its end. A spindle that cannot be followed is a fau
 from __future__ import annotations
 
 import math
+from collections import deque
 
 import numpy as np
 
@@ -22,8 +23,9 @@ from mcserver.units import TURN
 # Shares of S between which a pass begins, and below which its spindle has stopped.
 AT_SPEED = (0.9, 1.05)
 STOPPED = 0.1
-# The spindle has been at its speed for so many readings.
-STEADY_CYCLES = 50
+# Its speed is that over so many cycles, for at a low one the steps of an encoder are coarse; a pass begins
+# once it has been there for as many.
+SPEED_CYCLES = 50
 # A spindle that is reversed is below this share for so long at the most [s].
 TURNING_S = 1.0
 # Within which the spindle comes to its speed [s].
@@ -76,6 +78,7 @@ class ThreadPass(Barrier):
         self._ahead = cycle.cycle_s * (1 + (cycle.bank.delay_cycles if delayed else 0))
         self._reversed = False
         self._standing = 0.0
+        self._readings: deque[float] = deque(maxlen=SPEED_CYCLES + 1)
         self._steady = 0
         self._waited = 0.0
         self._origin = 0.0
@@ -90,7 +93,7 @@ class ThreadPass(Barrier):
             return None
         turns, speed, acceleration = self._measured.ahead(self._ahead)
         if self._played is None:
-            if held or self._steady < STEADY_CYCLES:
+            if held or self._steady < SPEED_CYCLES:
                 return None
             passed = (turns - self._angle) % 1.0
             if passed > speed * self._cycle.cycle_s:
@@ -131,9 +134,10 @@ class ThreadPass(Barrier):
         """Take the reading of this cycle; return False: a pass ends as setpoints do."""
         reading = float(self._cycle.row.actual[self._spindle]) / TURN * self._forward
         self._measured.take(reading)
-        share = self._measured.speed / self._speed
+        self._readings.append(reading)
+        share = (reading - self._readings[0]) / (SPEED_CYCLES * self._cycle.cycle_s * self._speed)
         if self._played is None:
-            steady = AT_SPEED[0] <= share <= AT_SPEED[1]
+            steady = len(self._readings) > SPEED_CYCLES and AT_SPEED[0] <= share <= AT_SPEED[1]
             self._steady = self._steady + 1 if steady else 0
             self._waited += 0.0 if held or steady else self._cycle.cycle_s
         if self._fault is not None:

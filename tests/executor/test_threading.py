@@ -11,9 +11,10 @@ from hypothesis import strategies as st
 
 from mcserver.executor.fault_codes import FaultCode
 from mcserver.executor.shm.feedback import SlotState
+from mcserver.machine.machine_file import parse_machine
 from mcserver.simulation.simulation import simulate
 from mcserver.units import MM
-from tests.executor.threading_rig import SPINDLE, Turned, assert_keeps_limits, lathe
+from tests.executor.threading_rig import SPINDLE, Turned, assert_keeps_limits, lathe, lathe_text
 
 PASS = "G21 G18 G90\nS1000 M3\nG0 X10 Z3\nG33 Z-20 K1.5\nG0 X12\nM2"
 LATHE = lathe()
@@ -76,6 +77,17 @@ def test_passes_at_other_speeds_and_after_a_taper_fall_into_the_same_thread() ->
     # K is the way along the line, of which Z is a part
     length = np.hypot(2.0, 24.5)
     assert np.abs(cell.helix(11, 1.5 * 24.5 / length, 4.5)).max() < 1.5e-3
+
+
+def test_a_coarse_encoder_at_a_low_speed_does() -> None:
+    # 0.6 of its steps a cycle
+    coarse = parse_machine(lathe_text(resolution=1.0))
+    cell = Turned(coarse, "G21 G18 G90\nS100 M3\nG0 X10 Z3\nG33 Z-4 K1.5\nM2")
+    cell.run()
+    assert cell.faults == []
+    assert_keeps_limits(cell, 4)
+    # half a step is 2 µm
+    assert np.abs(cell.helix(4, 1.5, 3.0)).max() < 6e-3
 
 
 def test_a_left_hand_thread_follows_m4() -> None:

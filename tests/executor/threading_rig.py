@@ -18,7 +18,11 @@ HEAD = '[machine]\nname = "lathe"\n[dialect]\nprofile = "cnc"\nspindle_axis = 3\
 KEYS = "units_per_motor_rev = 360.0\nmax_following_error = 1e6\n"
 
 
-def lathe(dialect: str = "", *, drive: str = "simulated", more: str = "") -> Machine:
+def lathe(*, drive: str = "simulated") -> Machine:
+    return parse_machine(lathe_text(drive=drive))
+
+
+def lathe_text(*, drive: str = "simulated", resolution: float = 0.09) -> str:
     linear = axes_text(
         range(3),
         acceleration=1000.0,
@@ -32,9 +36,9 @@ def lathe(dialect: str = "", *, drive: str = "simulated", more: str = "") -> Mac
         acceleration=40000.0,
         keys=KEYS,
         drive=drive,
-        drive_keys="bandwidth_hz = 10\nencoder_resolution = 0.09" if drive == "simulated" else "",
+        drive_keys=f"bandwidth_hz = 10\nencoder_resolution = {resolution}" if drive == "simulated" else "",
     )
-    return parse_machine(f"{HEAD}{dialect}\n{linear}{turning}{more}")
+    return f"{HEAD}{linear}{turning}"
 
 
 class Turned(Planned):
