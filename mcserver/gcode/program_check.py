@@ -11,6 +11,7 @@ from mckinematics.pose import Kinematics
 from mcserver.errors import Diagnostic, ProgramRejected
 from mcserver.gcode.computing.expansion import Expansion, warnings_of
 from mcserver.gcode.computing.machine_values import Source
+from mcserver.gcode.computing.macro_expansion import expansion_of
 from mcserver.gcode.profiles.codes import LATHE, SPINDLE
 from mcserver.gcode.profiles.frame import Frame
 from mcserver.gcode.semantics.interpreter import Interpreter
@@ -94,7 +95,7 @@ def check_lines(
     try:
         window = LineWindow(lines)
         survey.empty = len(window.first) < BLOCK and not any(map(_code, window.first))
-        expansion = Expansion(interpreter, Source.ASSUMED)
+        expansion = expansion_of(interpreter, Source.ASSUMED)
         while not window.ended and not interpreter.ended and survey.room:
             before = window.done
             _check_next(interpreter, expansion, window, survey)
@@ -108,6 +109,7 @@ def check_lines(
             expansion.close()
         except ProgramRejected as rejected:
             survey.faults(rejected.diagnostics)
+        _check_expanded(interpreter, expansion, survey)
     for value in interpreter.finish():
         survey.value(value)
     survey.faults(warnings_of(expansion.assumed))
@@ -129,6 +131,7 @@ def _check_next(interpreter: Interpreter, expansion: Expansion, window: LineWind
                 else:
                     survey.value(each)
             survey.without_effect(batch.without_effect)
+            expansion.passed(window.peek(batch.taken), number)
             window.drop(batch.taken)
             return
     text = window.peek(1)[0]
@@ -137,6 +140,11 @@ def _check_next(interpreter: Interpreter, expansion: Expansion, window: LineWind
         expansion.take(text, number)
     except ProgramRejected as rejected:
         survey.faults(rejected.diagnostics)
+    _check_expanded(interpreter, expansion, survey)
+
+
+def _check_expanded(interpreter: Interpreter, expansion: Expansion, survey: _Survey) -> None:
+    """Check the plain lines that there are before another line is taken."""
     while expansion.running and not interpreter.ended and survey.room:
         try:
             parsed = expansion.next()

@@ -47,6 +47,7 @@ class Dialect(msgspec.Struct, frozen=True):
         outputs: what codes do to outputs, such as ``M8``. channels: the machine has inputs or outputs.
         systems: work coordinate systems that programs start with, number → axis → [m or rad].
         straight_rapids: G00 goes on a straight line, as fast as its slowest axis; else every axis by itself.
+        macros: what programs compute in, where they may (D-80, D-91).
         probes: G38.2 … G38.5 act: the machine has a probe.
         cutters: the tool table of the machine file, for G43.
     """
@@ -61,6 +62,7 @@ class Dialect(msgspec.Struct, frozen=True):
     cutters: Mapping[int, Cutter] = {}
     systems: Mapping[int, Mapping[int, float]] = {}
     straight_rapids: bool = False
+    macros: Literal["linuxcnc", "fanuc"] = "linuxcnc"
     probes: bool = False
     outputs: Mapping[str, tuple[CodeOutput, ...]] = {}
     channels: bool = False
@@ -133,6 +135,8 @@ def read_dialect(
             "the reference's G00 moves every axis by itself (D-20)",
             'straight rapids are for the profiles: profile = "cnc"',
         )
+    if section.macros == "fanuc" and section.profile != "cnc":
+        mistakes.add(("dialect", "macros"), "only the profile cnc computes", 'add profile = "cnc"')
     capture = section.capture or ("program" if section.profile == "reference" else "auto")
     unit = section.dwell or ("ms" if section.profile == "printer" else "s")
     return Dialect(
@@ -145,6 +149,7 @@ def read_dialect(
         tool_change=section.tool_change,
         cutters=table,
         straight_rapids=section.rapids == "straight",
+        macros=section.macros,
         outputs=_read_code_outputs(section, outputs, mistakes),
         channels=channels,
     )

@@ -163,6 +163,7 @@ class DialectSection(msgspec.Struct, frozen=True):
     dwell: Literal["s", "ms"] | None = None
     tool_change: Literal["pause", "ask", "ignore"] = "pause"
     rapids: Literal["independent", "straight"] = "independent"
+    macros: Literal["linuxcnc", "fanuc"] = "linuxcnc"
     outputs: dict[str, dict[str, bool | float | Literal["S"]]] = {}
 
 

@@ -21,7 +21,7 @@ from unittest.mock import patch
 
 from mcserver.errors import ProgramRejected
 from mcserver.gcode.computing import expressions
-from mcserver.gcode.computing.expansion import Expansion
+from mcserver.gcode.computing.macro_expansion import expansion_of
 from mcserver.gcode.line_faults import Span
 from mcserver.gcode.semantics.interpreter import Interpreter
 from mcserver.gcode.text.parser import ParsedLine
@@ -214,21 +214,26 @@ class Writer:
 def moves_here(text: str, machine: Machine = MACHINE) -> tuple[list[Move], str]:
     """Return ends (and centres) of the moves [mm], and the fault that ends them, if any."""
     interpreter = Interpreter(machine)
-    expansion = Expansion(interpreter)
+    expansion = expansion_of(interpreter)
     place = [0.0, 0.0, 0.0]
     found: list[Move] = []
+
+    def run() -> None:
+        while expansion.running and not interpreter.ended:
+            parsed = expansion.next()
+            if isinstance(parsed, ParsedLine):
+                for value in interpreter.interpret(parsed):
+                    _follow(value, place, found)
+
     try:
         for number, line in enumerate(text.splitlines(), start=1):
             expansion.take(line, number)
-            while expansion.running and not interpreter.ended:
-                parsed = expansion.next()
-                if isinstance(parsed, ParsedLine):
-                    for value in interpreter.interpret(parsed):
-                        _follow(value, place, found)
+            run()
             if interpreter.ended:
                 break
         else:
             expansion.close()
+            run()
             for value in interpreter.finish():
                 _follow(value, place, found)
     except ProgramRejected as rejected:

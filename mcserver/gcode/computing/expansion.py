@@ -26,7 +26,7 @@ from mcserver.gcode.computing.o_words import (
     read_statement,
     shown_name,
 )
-from mcserver.gcode.computing.parameters import Kept, ParameterTable, Scope, check_own
+from mcserver.gcode.computing.parameters import Kept, ParameterTable, check_own
 from mcserver.gcode.line_faults import Span
 from mcserver.gcode.semantics.interpreter import Interpreter
 from mcserver.gcode.text.parser import ParsedLine
@@ -45,7 +45,7 @@ _ENDLESS_HINT = (
 )
 
 
-class _Frame:
+class Frame:
     """A routine under way: the next instruction, and what its repetitions still have to do."""
 
     __slots__ = ("at", "left", "routine")
@@ -74,7 +74,7 @@ class Expansion:
     def __init__(self, interpreter: Interpreter, source: Source = Source.MACHINE) -> None:
         self._interpreter = interpreter
         self._tolerant = source is Source.ASSUMED
-        self._parameters = ParameterTable(Kept())
+        self._parameters = self._table(Kept())
         self._subprograms: dict[str, Routine] = {}
         self._texts: dict[int, str] = {}
         self._gathered: dict[int, str] = {}
@@ -85,7 +85,7 @@ class Expansion:
         self._compiler: BlockCompiler | None = None
         # of a check: the block has a faulty O-word
         self._broken = False
-        self._frames: list[_Frame] = []
+        self._frames: list[Frame] = []
         self._ready: ParsedLine | None = None
         self._due: list[Setting] = []
         self._line = 0
@@ -93,10 +93,17 @@ class Expansion:
         self._said: set[tuple[str, int, int]] = set()
         kept = interpreter.modal.computed
         if kept is not None:
-            for number, text in sorted(kept.subprograms.items()):
-                self._compute(text, number)
-            self._parameters = ParameterTable(kept)
-            self.through = 0
+            self._restore(kept)
+
+    def _restore(self, kept: Kept) -> None:
+        """Go on as `kept` was."""
+        for number, text in sorted(kept.subprograms.items()):
+            self._compute(text, number)
+        self._parameters = self._table(kept)
+        self.through = 0
+
+    def _table(self, kept: Kept) -> ParameterTable:
+        return ParameterTable(kept)
 
     # ------------------------------------------------------------ state
 
@@ -136,6 +143,9 @@ class Expansion:
         return None if found == Kept() else found
 
     # ------------------------------------------------------------ text
+
+    def passed(self, texts: Sequence[str], number: int) -> None:
+        """Note lines that were read without being taken, the first of them is ``number``."""
 
     def take(self, text: str, number: int) -> None:
         """Take the next line; not while it is `running`.
@@ -230,12 +240,17 @@ class Expansion:
         self._gathered = {}
 
     def _start(self, routine: Routine) -> None:
-        self._frames = [_Frame(routine)]
+        self._frames = [Frame(routine)]
 
     def _end_block(self, last: int) -> None:
         self.head, self.through, self._broken = 0, max(self.through, last), False
 
     # ------------------------------------------------------------ run
+
+    @property
+    def _counted(self) -> int:
+        """Line of the main program that what runs counts as."""
+        return self.head or self._line
 
     def next(self) -> ParsedLine | Unsettled | None:
         """Return the next plain line; None: there is none now, and more only while it is `running`.
@@ -255,7 +270,8 @@ class Expansion:
                 return None
             frame = self._frames[-1]
             if frame.at >= len(frame.routine.code):
-                self._end_routine()
+                if not self._end_routine():
+                    return None
                 continue
             step = frame.routine.code[frame.at]
             try:
@@ -309,7 +325,7 @@ class Expansion:
                 return code[max(starts)]
         return self._frames[-1].routine.code[0]
 
-    def _step(self, frame: _Frame, step: Instruction) -> ParsedLine | None:
+    def _step(self, frame: Frame, step: Instruction) -> ParsedLine | None:
         if step.kind == "line":
             return self._give(frame, step)
         if step.kind == "test":
@@ -339,7 +355,7 @@ class Expansion:
             frame.at = len(frame.routine.code)
         return None
 
-    def _give(self, frame: _Frame, step: Instruction) -> ParsedLine | None:
+    def _give(self, frame: Frame, step: Instruction) -> ParsedLine | None:
         """Evaluate a line; what it sets is set when it has been interpreted."""
         assert step.template is not None
         plain = step.template.evaluate(self)
@@ -353,7 +369,7 @@ class Expansion:
         if not plain.text.strip():
             self._set_due()
             return None
-        parsed = self._interpreter.parse(plain.text, self.head or self._line)
+        parsed = self._interpreter.parse(plain.text, self._counted)
         parsed.origin = (step.line, plain.columns.span)
         return parsed
 
@@ -362,7 +378,7 @@ class Expansion:
         for setting in due:
             self._set(setting)
 
-    def _call(self, frame: _Frame, step: Instruction) -> None:
+    def _call(self, frame: Frame, step: Instruction) -> None:
         name = step.name if isinstance(step.name, str) else self._computed_name(step.name, step)
         routine = self._subprograms.get(name)
         if routine is None:
@@ -379,8 +395,8 @@ class Expansion:
             )
         arguments = tuple(value(self) for value in step.values)
         frame.at += 1
-        self._frames.append(_Frame(routine))
-        self._parameters.scopes.append(Scope(arguments))
+        self._frames.append(Frame(routine))
+        self._parameters.scopes.append(self._parameters.scope(arguments))
 
     def _computed_name(self, number: Value, step: Instruction) -> str:
         value = number(self)
@@ -388,12 +404,14 @@ class Expansion:
             raise ComputingError("MC165", f"there is no subprogram {value:g}", step.span, "numbers are whole")
         return str(round(value))
 
-    def _end_routine(self) -> None:
+    def _end_routine(self) -> bool:
+        """End a routine that has no instructions left; False where nothing more can run now."""
         frame = self._frames.pop()
         if self._frames:
             self._parameters.scopes.pop()
         elif self.head:
             self._end_block(frame.routine.last)
+        return True
 
     def _abandon(self) -> None:
         """Skip the rest of a block, of which a check cannot know what it does."""
@@ -401,7 +419,7 @@ class Expansion:
         del self._frames[1:], self._parameters.scopes[1:]
         self._frames[0].at = len(self._frames[0].routine.code)
 
-    def _go_on(self, frame: _Frame, step: Instruction, error: ComputingError) -> None:
+    def _go_on(self, frame: Frame, step: Instruction, error: ComputingError) -> None:
         """Go on behind a fault, in a check."""
         if step.kind == "line" and error.code != "MC164":
             assert step.template is not None
