@@ -9,7 +9,7 @@ import msgspec
 from mckinematics.pose import Kinematics
 
 from mcserver.errors import Diagnostic, ProgramRejected
-from mcserver.gcode.computing.expansion import Expansion, warnings_of
+from mcserver.gcode.computing.expansion import Expansion
 from mcserver.gcode.computing.machine_values import Source
 from mcserver.gcode.computing.macro_expansion import expansion_of
 from mcserver.gcode.profiles.codes import LATHE, SPINDLE
@@ -112,7 +112,7 @@ def check_lines(
         _check_expanded(interpreter, expansion, survey)
     for value in interpreter.finish():
         survey.value(value)
-    survey.faults(warnings_of(expansion.assumed))
+    survey.faults(_warnings_of(expansion.assumed))
     if progress is not None:
         progress(window.done)
     return survey.diagnostics(window.done)
@@ -405,3 +405,19 @@ class _Survey:
 
 def _follows_speed(settings: tuple[CodeOutput, ...], but: frozenset[int] = frozenset()) -> bool:
     return any(each.value is None and each.column not in but for each in settings)
+
+
+def _warnings_of(assumed: Mapping[str, int]) -> list[Diagnostic]:
+    """Return what a check says about the values that it assumed (MC166)."""
+    return [
+        Diagnostic(
+            code="MC166",
+            severity="warning",
+            line=line,
+            column=0,
+            end_column=0,
+            message=f"what the program does depends on what it measures; assumed here: {what}",
+            hint="as it runs it may take another way",
+        )
+        for what, line in assumed.items()
+    ]

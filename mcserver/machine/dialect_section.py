@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Container, Mapping, Sequence
+from pathlib import Path
 from typing import Literal
 
 import msgspec
@@ -11,6 +12,7 @@ import msgspec
 from mcserver.machine.io_section import Output
 from mcserver.machine.section_reader import Mistakes
 from mcserver.machine.sections import CutterSection, DialectSection
+from mcserver.machine.subroutines import read_subroutines
 from mcserver.units import MM
 
 Profile = Literal["reference", "cnc", "printer", "robot"]
@@ -47,6 +49,7 @@ class Dialect(msgspec.Struct, frozen=True):
         outputs: what codes do to outputs, such as ``M8``. channels: the machine has inputs or outputs.
         systems: work coordinate systems that programs start with, number → axis → [m or rad].
         straight_rapids: G00 goes on a straight line, as fast as its slowest axis; else every axis by itself.
+        subroutines: texts of subprograms of the machine's folder, by name or number.
         macros: what programs compute in, where they may (D-80, D-91).
         probes: G38.2 … G38.5 act: the machine has a probe.
         cutters: the tool table of the machine file, for G43.
@@ -63,6 +66,7 @@ class Dialect(msgspec.Struct, frozen=True):
     systems: Mapping[int, Mapping[int, float]] = {}
     straight_rapids: bool = False
     macros: Literal["linuxcnc", "fanuc"] = "linuxcnc"
+    subroutines: Mapping[str, str] = {}
     probes: bool = False
     outputs: Mapping[str, tuple[CodeOutput, ...]] = {}
     channels: bool = False
@@ -92,12 +96,14 @@ def read_dialect(
     mistakes: Mistakes,
     *,
     channels: bool = False,
+    folder: Path | None = None,
 ) -> Dialect:
     """Return the dialect of ``[dialect]`` and ``[[cutter]]``.
 
     Args:
         section: None where it is missing or has a mistake. cutters: None where one has a mistake.
         axes: numbers of the machine's axes. outputs: of the machine. channels: it has inputs or outputs.
+        folder: the machine file's; None: it is not on the disk.
     """
     table: dict[int, Cutter] = {}
     for position, cutter in enumerate(cutters):
@@ -135,8 +141,9 @@ def read_dialect(
             "the reference's G00 moves every axis by itself (D-20)",
             'straight rapids are for the profiles: profile = "cnc"',
         )
-    if section.macros == "fanuc" and section.profile != "cnc":
-        mistakes.add(("dialect", "macros"), "only the profile cnc computes", 'add profile = "cnc"')
+    for key, given in (("macros", section.macros == "fanuc"), ("subroutines", section.subroutines)):
+        if given and section.profile != "cnc":
+            mistakes.add(("dialect", key), "only the profile cnc computes", 'add profile = "cnc"')
     capture = section.capture or ("program" if section.profile == "reference" else "auto")
     unit = section.dwell or ("ms" if section.profile == "printer" else "s")
     return Dialect(
@@ -150,6 +157,7 @@ def read_dialect(
         cutters=table,
         straight_rapids=section.rapids == "straight",
         macros=section.macros,
+        subroutines=read_subroutines(section.subroutines, folder, mistakes),
         outputs=_read_code_outputs(section, outputs, mistakes),
         channels=channels,
     )

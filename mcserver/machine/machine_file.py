@@ -299,6 +299,7 @@ def _read_machine(raw: dict[str, Any], folder: Path | None, mistakes: Mistakes) 
         outputs,
         mistakes,
         channels=bool(inputs or outputs),
+        folder=folder,
     )
     letters = {**LETTERS, **dialect.letters}
     probe = read_probe(file.get("probe"), letters, scales, mistakes) if sound else None

@@ -164,6 +164,7 @@ class DialectSection(msgspec.Struct, frozen=True):
     tool_change: Literal["pause", "ask", "ignore"] = "pause"
     rapids: Literal["independent", "straight"] = "independent"
     macros: Literal["linuxcnc", "fanuc"] = "linuxcnc"
+    subroutines: str = ""
     outputs: dict[str, dict[str, bool | float | Literal["S"]]] = {}
 
 

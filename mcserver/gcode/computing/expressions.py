@@ -11,6 +11,7 @@ from typing import NamedTuple, Protocol
 
 import numpy as np
 
+from mcserver.errors import Diagnostic
 from mcserver.gcode.line_faults import Span
 
 # two numbers are equal, and a number is a whole one, where they differ by less (LinuxCNC)
@@ -21,15 +22,33 @@ _DEEPEST = 64
 
 
 class ComputingError(Exception):
-    """What cannot be computed, with its place: columns from 1, end exclusive; line 0: that which is read."""
+    """What cannot be computed, with its place: columns from 1, end exclusive; line 0: that which is read.
 
-    def __init__(self, code: str, message: str, span: Span, hint: str = "", line: int = 0) -> None:
+    Attributes:
+        file: of the machine's, that has the line; empty: the text.
+    """
+
+    def __init__(
+        self, code: str, message: str, span: Span, hint: str = "", line: int = 0, file: str = ""
+    ) -> None:
         super().__init__(message)
         self.code = code
         self.message = message
         self.span = span
         self.hint = hint
         self.line = line
+        self.file = file
+
+    def diagnostic(self, line: int) -> Diagnostic:
+        """Return it as the fault of a line."""
+        return Diagnostic(
+            code=self.code,
+            message=self.message,
+            line=line,
+            column=self.span[0],
+            end_column=self.span[1],
+            hint=self.hint,
+        )
 
 
 class Values(Protocol):

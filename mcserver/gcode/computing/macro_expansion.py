@@ -23,11 +23,12 @@ from mcserver.gcode.computing.macro_lines import (
     blank_comments,
     program_number,
 )
-from mcserver.gcode.computing.o_words import MOST_CHARACTERS, MOST_LINES, Instruction
+from mcserver.gcode.computing.o_words import MOST_CHARACTERS, MOST_LINES, Instruction, Routine
 from mcserver.gcode.computing.parameters import Kept, ParameterTable
-from mcserver.gcode.line_faults import Span
+from mcserver.gcode.line_faults import Origin, Span
 from mcserver.gcode.semantics.interpreter import Interpreter
 from mcserver.gcode.text.parser import ParsedLine
+from mcserver.gcode.text.source import split_lines
 
 _COMMON = (range(100, 200), range(500, 1000))
 # values of earlier programs on a controller of Fanuc's; not here
@@ -90,7 +91,7 @@ class MacroExpansion(Expansion):
         self._reached = self._last = 0
         self._met: Callable[[], bool] | None = None
         self._repeating = self._given = self._ran_out = False
-        self._back: Instruction | None = None
+        self._back: tuple[Instruction, str] | None = None
         super().__init__(interpreter, source)
         # the first is the main program's, and stays
         self._calls = [_Call(self._main)]
@@ -226,10 +227,9 @@ class MacroExpansion(Expansion):
 
     def _begin(self, name: str, number: int, length: int) -> None:
         before = self._programs.get(name)
-        if before is not None:
-            raise ComputingError(
-                "MC181", f"O{name} stands in line {before.first} already", (1, length + 1), "rename one"
-            )
+        if before is not None or name in self._interpreter.machine.dialect.subroutines:
+            place = f"line {before.first}" if before and not before.file else "the machine's folder"
+            raise ComputingError("MC181", f"O{name} stands in {place} already", (1, length + 1), "rename one")
         self._current.closed = True
         self._current = self._programs[name] = MacroProgram(name, number)
 
@@ -277,7 +277,7 @@ class MacroExpansion(Expansion):
     def _counted(self) -> int:
         return self._reached
 
-    def _loop(self) -> Instruction:
+    def _loop(self) -> tuple[Instruction, str]:
         return super()._loop() if self._back is None else self._back
 
     def _step(self, frame: Frame, step: Instruction) -> ParsedLine | None:
@@ -291,7 +291,7 @@ class MacroExpansion(Expansion):
                 return None
             parsed = self._interpreter.parse(step.text, self._reached)
             if step.line != self._reached or self._repeating:
-                parsed.origin = (step.line, lambda span: span)
+                parsed.origin = Origin(step.line, file=frame.routine.file)
             return parsed
         if step.kind == "goto":
             self._go(frame, step, frame.program, frame.at + 1)
@@ -308,12 +308,12 @@ class MacroExpansion(Expansion):
                     raise ComputingError("MC181", "the END of this loop is missing", step.span, "add it")
                 raise _NeedsText(lambda: step.target >= 0 or frame.program.closed)
             if step.kind == "jump" and step.target <= at:
-                self._turn_back(frame.program.code[step.target])
+                self._turn_back(frame.program, frame.program.code[step.target])
             return found
         return None
 
-    def _turn_back(self, loop: Instruction) -> None:
-        self._back = loop
+    def _turn_back(self, program: MacroProgram, loop: Instruction) -> None:
+        self._back = loop, program.file
         self._repeating |= len(self._calls) == 1
 
     def _whole(self, value: float, what: str, step: Step) -> int:
@@ -340,7 +340,7 @@ class MacroExpansion(Expansion):
             raise ComputingError("MC183", f"there is no block N{number}", step.span, hint)
         frame.at = (ahead or at)[0]
         if not ahead:
-            self._turn_back(step)
+            self._turn_back(program, step)
 
     def _call(self, frame: Frame, step: Instruction) -> None:
         assert isinstance(step, Step)
@@ -353,8 +353,13 @@ class MacroExpansion(Expansion):
             self._abandon()
             return
         program = self._programs.get(str(number))
+        if program is None:
+            found = self._of_file(str(number), step)
+            assert found is None or isinstance(found, MacroProgram)
+            program = found
         if program is None and self._current.closed:
-            known = ", ".join(f"O{each}" for each in sorted(self._programs)[:20]) or "none"
+            files = self._interpreter.machine.dialect.subroutines
+            known = ", ".join(f"O{each}" for each in sorted({*self._programs, *files})[:20]) or "none"
             raise ComputingError(
                 "MC165",
                 f"there is no subprogram O{number}",
@@ -379,6 +384,27 @@ class MacroExpansion(Expansion):
             if arguments is not None:
                 self._parameters.scopes.append(self._parameters.scope(arguments))
 
+    def _compile_file(self, name: str, text: str) -> Routine:
+        program = MacroProgram(name, 1)
+        begun = False
+        for number, line in enumerate(split_lines(text), start=1):
+            here = program_number(line)
+            bare = blank_comments(line).strip()
+            try:
+                if here is not None and (begun or here != name):
+                    raise ComputingError("MC181", f"O{here} is another program", (1, len(line) + 1))
+                if begun:
+                    program.add(line, number)
+                elif here is None and bare and not bare.startswith("%"):
+                    raise ComputingError("MC181", f"O{name} is missing ahead of this line", (1, 2))
+            except ComputingError as error:
+                error.line = number
+                raise
+            begun |= here is not None
+        program.closed = True
+        self._programs[name] = program
+        return program
+
     def _return(self, frame: _Call, step: Step) -> None:
         """End a subprogram at M99, or repeat it."""
         if len(self._calls) == 1:
@@ -394,7 +420,7 @@ class MacroExpansion(Expansion):
         if frame.times > 1:
             frame.times -= 1
             frame.at = 0
-            self._turn_back(step)
+            self._turn_back(frame.program, step)
             if frame.arguments is not None:
                 self._parameters.scopes[-1] = self._parameters.scope(frame.arguments)
             return
@@ -424,7 +450,7 @@ class MacroExpansion(Expansion):
             (1, 2),
             f"write {word}",
         )
-        raise self._rejected(error, program.last)
+        raise self._rejected(error, program.last, program.file)
 
     # ------------------------------------------------------------ parameters
 
