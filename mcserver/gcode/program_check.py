@@ -262,7 +262,9 @@ class _Survey:
             # of M3 to M5, beside one that has outputs, the others are refused
             same = SPINDLE if code in SPINDLE else {code}
             mapped = (
-                bool(same & outputs.keys()) if code != "S" else any(map(_follows_speed, outputs.values()))
+                bool(same & self._dialect.mapped)
+                if code != "S"
+                else any(map(_follows_speed, outputs.values()))
             )
             idle = (code in ("M3", "M4", "M5", "S") and self._dialect.spindle is None and not mapped) or (
                 action.code == "M6" and self._dialect.tool_change == "ignore"

@@ -9,7 +9,7 @@ from typing import Literal
 
 import msgspec
 
-from mcserver.machine.io_section import Output
+from mcserver.machine.io_section import Input, Output
 from mcserver.machine.section_reader import Mistakes
 from mcserver.machine.sections import CutterSection, DialectSection
 from mcserver.machine.subroutines import read_subroutines
@@ -29,6 +29,14 @@ class CodeOutput(msgspec.Struct, frozen=True):
     value: float | None
 
 
+class CodeWait(msgspec.Struct, frozen=True):
+    """What a code waits for: a digital input, by its column, for so long at the most, looked at after [s]."""
+
+    column: int
+    timeout: float
+    settle: float
+
+
 class Cutter(msgspec.Struct, frozen=True):
     """One line of the tool table: length along Z and diameter [m]."""
 
@@ -46,7 +54,8 @@ class Dialect(msgspec.Struct, frozen=True):
         spindle: axis that M3, M4, M5 and S turn; None: they have no effect.
         dwell_unit: of G04 P [s].
         tool_change: what M6 does where the tool differs from the one before; "ask": at the first too.
-        outputs: what codes do to outputs, such as ``M8``. channels: the machine has inputs or outputs.
+        outputs: what codes do to outputs, such as ``M8``. waits: what they wait for then.
+        channels: the machine has inputs or outputs.
         systems: work coordinate systems that programs start with, number → axis → [m or rad].
         straight_rapids: G00 goes on a straight line, as fast as its slowest axis; else every axis by itself.
         subroutines: texts of subprograms of the machine's folder, by name or number.
@@ -69,7 +78,13 @@ class Dialect(msgspec.Struct, frozen=True):
     subroutines: Mapping[str, str] = {}
     probes: bool = False
     outputs: Mapping[str, tuple[CodeOutput, ...]] = {}
+    waits: Mapping[str, CodeWait] = {}
     channels: bool = False
+
+    @property
+    def mapped(self) -> frozenset[str]:
+        """Return the codes that the machine file gives to outputs and inputs."""
+        return frozenset({*self.outputs, *self.waits})
 
     @property
     def reference(self) -> bool:
@@ -95,14 +110,14 @@ def read_dialect(
     outputs: Sequence[Output],
     mistakes: Mistakes,
     *,
-    channels: bool = False,
+    inputs: Sequence[Input] = (),
     folder: Path | None = None,
 ) -> Dialect:
     """Return the dialect of ``[dialect]`` and ``[[cutter]]``.
 
     Args:
         section: None where it is missing or has a mistake. cutters: None where one has a mistake.
-        axes: numbers of the machine's axes. outputs: of the machine. channels: it has inputs or outputs.
+        axes: numbers of the machine's axes. outputs: of the machine. inputs: of it, too.
         folder: the machine file's; None: it is not on the disk.
     """
     table: dict[int, Cutter] = {}
@@ -115,7 +130,7 @@ def read_dialect(
             )
         table[cutter.number] = Cutter(cutter.length_mm * MM, cutter.diameter_mm * MM)
     if section is None:
-        return Dialect(cutters=table, channels=channels)
+        return Dialect(cutters=table, channels=bool(inputs or outputs))
     # U V W are the reference's increments where its words are read
     free = "DEHLOQSUVW" if section.profile in ("cnc", "printer") else "DEHLOQS"
     for letter, axis in section.letters.items():
@@ -159,7 +174,8 @@ def read_dialect(
         macros=section.macros,
         subroutines=read_subroutines(section.subroutines, folder, mistakes),
         outputs=_read_code_outputs(section, outputs, mistakes),
-        channels=channels,
+        waits=_read_code_waits(section, inputs, mistakes),
+        channels=bool(inputs or outputs),
     )
 
 
@@ -171,14 +187,9 @@ def _read_code_outputs(
     found: dict[str, tuple[CodeOutput, ...]] = {}
     for written, settings in section.outputs.items():
         path = ("dialect", "outputs", written)
-        code = re.fullmatch(r"[Mm]0*([0-9]{1,4})", written)
-        if code is None:
-            mistakes.add(path, "is not an M-code", "write it as M8")
+        name = _free_code(written, path, mistakes)
+        if name is None:
             continue
-        if int(code[1]) in _OWN:
-            mistakes.add(path, "does something else", "M3 to M5, M7 to M9, M10, M106 and others are free")
-            continue
-        name = f"M{int(code[1])}"
         if name in found:
             mistakes.add(path, f"{name} is there twice", "write all its outputs in one table")
         each: list[CodeOutput] = []
@@ -206,4 +217,38 @@ def _read_code_outputs(
                 )
             each.append(CodeOutput(column, level))
         found[name] = tuple(each)
+    return found
+
+
+def _free_code(written: str, path: tuple[str, str, str], mistakes: Mistakes) -> str | None:
+    """Return an M-code that does nothing by itself as the tables have it; None: a mistake, which is noted."""
+    code = re.fullmatch(r"[Mm]0*([0-9]{1,4})", written)
+    if code is None:
+        mistakes.add(path, "is not an M-code", "write it as M8")
+        return None
+    if int(code[1]) in _OWN:
+        mistakes.add(path, "does something else", "M3 to M5, M7 to M9, M10, M106 and others are free")
+        return None
+    return f"M{int(code[1])}"
+
+
+def _read_code_waits(
+    section: DialectSection, inputs: Sequence[Input], mistakes: Mistakes
+) -> dict[str, CodeWait]:
+    """Return ``[dialect.waits]``: code → what it waits for."""
+    columns = {each.name: column for column, each in enumerate(inputs) if each.digital}
+    found: dict[str, CodeWait] = {}
+    for written, wait in section.waits.items():
+        path = ("dialect", "waits", written)
+        name = _free_code(written, path, mistakes)
+        if name is None:
+            continue
+        column = columns.get(wait.input)
+        if column is None or name in found:
+            known = ", ".join(columns) or "none"
+            mistakes.add(
+                path, f"{wait.input!r} is no digital input, or {name} is there twice", f"there is {known}"
+            )
+            continue
+        found[name] = CodeWait(column, wait.for_s, wait.settle_s)
     return found
