@@ -12,6 +12,7 @@ from collections.abc import Callable
 import msgspec
 
 from mcserver.gcode.line_faults import FaultList
+from mcserver.gcode.notices import logging_of
 from mcserver.gcode.profiles.codes import (
     ACTING,
     HARMLESS_MACRO,
@@ -91,7 +92,7 @@ class ProfileReader:
         text = text.rstrip("\r\x1a")
         code = _blank(text).upper()
         if not code.strip():
-            return _line(number, text, code, [], FaultList(number), ProfileWords())
+            return _line(number, text, code, [], FaultList(number), ProfileWords(ignored=logging_of(text)))
         return self._read(text, code, number) or scan_line(text, number)
 
     def _read_reference(self, text: str, number: int) -> ParsedLine:
