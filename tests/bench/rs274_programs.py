@@ -331,7 +331,9 @@ def differences(here: list[Move], there: list[Move], within: float = _ROUNDING) 
     return ""
 
 
-def compare(writer: Callable[[int], Writes], count: int = 200, seed: int = 1) -> int:
+def compare(
+    writer: Callable[[int], Writes], count: int = 200, seed: int = 1, *, machine: Machine = MACHINE
+) -> int:
     """Compare the programs of a kind; return how many differ."""
     rs274 = os.environ.get("RS274") or shutil.which("rs274")
     if rs274 is None:
@@ -340,7 +342,7 @@ def compare(writer: Callable[[int], Writes], count: int = 200, seed: int = 1) ->
     differing = refused = moves = unstable = cautious = 0
     for each in range(seed, seed + count):
         text = writer(each).program()
-        here, fault = moves_here(text)
+        here, fault = moves_here(text, machine)
         there, error = moves_of_rs274(text, rs274)
         moves += len(here)
         refused += bool(fault and error)

@@ -11,9 +11,14 @@ MACHINE_TEXT = '[machine]\nname = "mill"\n[dialect]\nprofile = "cnc"\nmacros = "
 
 
 class MacroWriter:
-    """Write one program; a parameter is given once only, so that the plain lines can be known."""
+    """Write one program; a parameter is given once only, so that the plain lines can be known.
 
-    def __init__(self, seed: int) -> None:
+    Args:
+        only_calls: of all blocks only M98, without expressions.
+    """
+
+    def __init__(self, seed: int, *, only_calls: bool = False) -> None:
+        self._only_calls = only_calls
         self._random = Random(seed)
         self._counter = 100
         self._label = 10
@@ -31,12 +36,15 @@ class MacroWriter:
         plain: list[str] = []
         for _ in range(self._random.randint(1, 4)):
             blocks = [self._while, self._goto, self._back, self._call]
+            moves = [self._move, self._macro]
+            if self._only_calls:
+                blocks, moves = [self._call], [self._move]
             if deep < 3 and self._random.random() < 0.6:
-                more, moves = self._random.choice(blocks)(deep)
+                more, unrolled = self._random.choice(blocks)(deep)
             else:
-                more, moves = self._random.choice([self._move, self._macro])()
+                more, unrolled = self._random.choice(moves)()
             macro += more
-            plain += moves
+            plain += unrolled
         return macro, plain
 
     def _move(self) -> tuple[list[str], list[str]]:
