@@ -535,7 +535,8 @@ class Pipeline:
             if expansion.head:
                 plan.last_line = expansion.head - 1
         found = expansion.next()
-        plan.last_line = max(plan.last_line, expansion.through)
+        if not expansion.head or expansion.through < expansion.head:
+            plan.last_line = max(plan.last_line, expansion.through)
         if isinstance(found, Unsettled):
             return self._settle(found.axes | plan.captured, expansion.head or expansion.through)
         # a long computation goes on in the next piece of work
