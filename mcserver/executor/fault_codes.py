@@ -324,8 +324,8 @@ _TEXT: dict[int, tuple[str, str]] = {
         "move it by G00 or G1020, or use a drive with csp or ip",
     ),
     FaultCode.INPUT_TIMEOUT: (
-        "{input} did not become what M66 waits for within its time-out",
-        "look at the sensor and its wiring, or give M66 a longer Q",
+        "{input} did not become what the line waits for in time",
+        "look at the sensor and its wiring, or give M66 a longer Q, or [dialect.waits] a longer for_s",
     ),
     FaultCode.INTERLOCK_HOLD: (
         "{input} holds all programs",

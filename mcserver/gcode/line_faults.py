@@ -4,14 +4,27 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from types import MappingProxyType
+from typing import NamedTuple
 
 import msgspec
 
 from mcserver.errors import Diagnostic, Edit, ProgramRejected, Severity
 
 Span = tuple[int, int]
-# the line of the text that a computed line comes from, and what gives the columns there
-Origin = tuple[int, Callable[[Span], Span]]
+
+
+class Origin(NamedTuple):
+    """Where a computed line comes from.
+
+    Attributes:
+        line: of the text, or of a file of the machine's. columns: gives the columns there.
+        file: its name; empty: the text itself.
+    """
+
+    line: int
+    columns: Callable[[Span], Span] = lambda span: span
+    file: str = ""
+
 
 # the title of each code is the first line of a rendered diagnostic; the message gives the values
 TITLES: Mapping[str, str] = MappingProxyType(
@@ -83,6 +96,10 @@ TITLES: Mapping[str, str] = MappingProxyType(
         "MC178": "the spindle does not turn for the thread",
         "MC179": "the thread is too fast for the axes",
         "MC180": "the thread cannot be made like this",
+        "MC181": "the macro statement cannot be read",
+        "MC182": "the program has no end where it needs one",
+        "MC183": "there is no such block",
+        "MC184": "the program stops itself with an alarm",
         "MC155": "the probing move cannot be made",
         "MC153": "words of two codes would be mixed up",
         "MC201": "the move leaves the axis's travel",
@@ -94,6 +111,12 @@ TITLES: Mapping[str, str] = MappingProxyType(
         "MC314": "a joint cannot be held still on the path",
     }
 )
+
+
+def in_file(fault: Diagnostic, file: str, line: int) -> Diagnostic:
+    """Return a fault of a file that is called in a line of the text."""
+    message = f"{file}, line {fault.line}: {fault.message}"
+    return msgspec.structs.replace(fault, message=message, line=line, column=0, end_column=0, edit=None)
 
 
 class FaultList:
@@ -143,12 +166,14 @@ class FaultList:
         """Return the diagnostics by column, of a computed line at their places in the text."""
         found = self.found
         if self.origin is not None:
-            line, columns = self.origin
+            line, columns, file = self.origin
             placed = ((fault, *columns((fault.column, fault.end_column))) for fault in found)
             found = [
                 msgspec.structs.replace(fault, line=line, column=first, end_column=last, edit=None)
                 for fault, first, last in placed
             ]
+            if file:
+                found = [in_file(fault, file, self.line) for fault in found]
         return tuple(sorted(found, key=lambda fault: (fault.column, fault.end_column)))
 
     def raise_if_any(self) -> None:

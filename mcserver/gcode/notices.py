@@ -9,6 +9,8 @@ from mcserver.motion.canonical import Canonical, PauseLine
 
 LONGEST = 200  # characters
 MESSAGE = re.compile(r"\([ \t]*(?:MSG|DEBUG|PRINT)[ \t]*,([^()]*)\)", re.IGNORECASE)
+# comments that would write a file of LinuxCNC's
+_LOGGING = re.compile(r"\([ \t]*((?:PROBE|LOG)(?:OPEN|CLOSE|APPEND)|LOG(?=[ \t]*,))", re.IGNORECASE)
 _COMMENT = re.compile(r"\(([^()]*)\)|;(.*)")
 _DISPLAY = re.compile(r"[ \t]*(?:N[0-9]+[ \t]*)?M117(?![0-9])(.*)", re.IGNORECASE)
 
@@ -31,6 +33,17 @@ def notice_of(text: str, values: Sequence[Canonical], *, printer: bool = False) 
     if pause is not None and (comment := _COMMENT.search(text)) is not None:
         return _cut(comment[1] or comment[2] or "") or None
     return None
+
+
+def logging_of(text: str) -> tuple[str, ...]:
+    """Return the comments of a line that would write a file, which is not done here."""
+    return tuple(f"({each.upper()})" for each in _LOGGING.findall(text)) if "(" in text else ()
+
+
+def speaks(text: str) -> re.Match[str] | None:
+    """Return the first comment of a text that is more than one."""
+    found = [each for each in (MESSAGE.search(text), _LOGGING.search(text)) if each is not None]
+    return min(found, key=lambda each: each.start(), default=None)
 
 
 def _cut(text: str) -> str:

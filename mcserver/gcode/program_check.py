@@ -9,8 +9,9 @@ import msgspec
 from mckinematics.pose import Kinematics
 
 from mcserver.errors import Diagnostic, ProgramRejected
-from mcserver.gcode.computing.expansion import Expansion, warnings_of
+from mcserver.gcode.computing.expansion import Expansion
 from mcserver.gcode.computing.machine_values import Source
+from mcserver.gcode.computing.macro_expansion import expansion_of
 from mcserver.gcode.profiles.codes import LATHE, SPINDLE
 from mcserver.gcode.profiles.frame import Frame
 from mcserver.gcode.semantics.interpreter import Interpreter
@@ -95,7 +96,7 @@ def check_lines(
     try:
         window = LineWindow(lines)
         survey.empty = len(window.first) < BLOCK and not any(map(_code, window.first))
-        expansion = Expansion(interpreter, Source.ASSUMED)
+        expansion = expansion_of(interpreter, Source.ASSUMED)
         while not window.ended and not interpreter.ended and survey.room:
             before = window.done
             _check_next(interpreter, expansion, window, survey)
@@ -109,9 +110,10 @@ def check_lines(
             expansion.close()
         except ProgramRejected as rejected:
             survey.faults(rejected.diagnostics)
+        _check_expanded(interpreter, expansion, survey)
     for value in interpreter.finish():
         survey.value(value)
-    survey.faults(warnings_of(expansion.assumed))
+    survey.faults(_warnings_of(expansion.assumed))
     if progress is not None:
         progress(window.done)
     return survey.diagnostics(window.done)
@@ -130,6 +132,7 @@ def _check_next(interpreter: Interpreter, expansion: Expansion, window: LineWind
                 else:
                     survey.value(each)
             survey.without_effect(batch.without_effect)
+            expansion.passed(window.peek(batch.taken), number)
             window.drop(batch.taken)
             return
     text = window.peek(1)[0]
@@ -138,6 +141,11 @@ def _check_next(interpreter: Interpreter, expansion: Expansion, window: LineWind
         expansion.take(text, number)
     except ProgramRejected as rejected:
         survey.faults(rejected.diagnostics)
+    _check_expanded(interpreter, expansion, survey)
+
+
+def _check_expanded(interpreter: Interpreter, expansion: Expansion, survey: _Survey) -> None:
+    """Check the plain lines that there are before another line is taken."""
     while expansion.running and not interpreter.ended and survey.room:
         try:
             parsed = expansion.next()
@@ -255,7 +263,9 @@ class _Survey:
             # of M3 to M5, beside one that has outputs, the others are refused
             same = SPINDLE if code in SPINDLE else {code}
             mapped = (
-                bool(same & outputs.keys()) if code != "S" else any(map(_follows_speed, outputs.values()))
+                bool(same & self._dialect.mapped)
+                if code != "S"
+                else any(map(_follows_speed, outputs.values()))
             )
             idle = (code in ("M3", "M4", "M5", "S") and self._dialect.spindle is None and not mapped) or (
                 action.code == "M6" and self._dialect.tool_change == "ignore"
@@ -398,3 +408,19 @@ class _Survey:
 
 def _follows_speed(settings: tuple[CodeOutput, ...], but: frozenset[int] = frozenset()) -> bool:
     return any(each.value is None and each.column not in but for each in settings)
+
+
+def _warnings_of(assumed: Mapping[str, int]) -> list[Diagnostic]:
+    """Return what a check says about the values that it assumed (MC166)."""
+    return [
+        Diagnostic(
+            code="MC166",
+            severity="warning",
+            line=line,
+            column=0,
+            end_column=0,
+            message=f"what the program does depends on what it measures; assumed here: {what}",
+            hint="as it runs it may take another way",
+        )
+        for what, line in assumed.items()
+    ]

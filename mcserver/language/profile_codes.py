@@ -34,7 +34,18 @@ def acting_codes(machine: Machine) -> frozenset[str]:
     inputs = frozenset({"M66"}) if machine.inputs else frozenset[str]()
     probing = frozenset[str]() if machine.probe is None else PROBING
     own = frozenset(spec.name for spec in COMMANDS) if machine.dialect.profile == "reference" else frozenset()
-    return ACTING[machine.dialect.profile] | SETTINGS | MOTIONS | PROGRAM | outputs | inputs | probing | own
+    mapped = machine.dialect.mapped
+    return (
+        ACTING[machine.dialect.profile]
+        | SETTINGS
+        | MOTIONS
+        | PROGRAM
+        | outputs
+        | inputs
+        | probing
+        | own
+        | mapped
+    )
 
 
 def in_order(codes: Collection[str]) -> list[str]:

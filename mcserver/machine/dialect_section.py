@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import re
 from collections.abc import Container, Mapping, Sequence
+from pathlib import Path
 from typing import Literal
 
 import msgspec
 
-from mcserver.machine.io_section import Output
+from mcserver.machine.io_section import Input, Output
 from mcserver.machine.section_reader import Mistakes
 from mcserver.machine.sections import CutterSection, DialectSection
+from mcserver.machine.subroutines import read_subroutines
 from mcserver.units import MM
 
 Profile = Literal["reference", "cnc", "printer", "robot"]
@@ -25,6 +27,14 @@ class CodeOutput(msgspec.Struct, frozen=True):
 
     column: int
     value: float | None
+
+
+class CodeWait(msgspec.Struct, frozen=True):
+    """What a code waits for: a digital input, by its column, for so long at the most, looked at after [s]."""
+
+    column: int
+    timeout: float
+    settle: float
 
 
 class Cutter(msgspec.Struct, frozen=True):
@@ -45,9 +55,12 @@ class Dialect(msgspec.Struct, frozen=True):
         thread_tolerance: how far axes may be from where the spindle's turns have them in a thread [m].
         dwell_unit: of G04 P [s].
         tool_change: what M6 does where the tool differs from the one before; "ask": at the first too.
-        outputs: what codes do to outputs, such as ``M8``. channels: the machine has inputs or outputs.
+        outputs: what codes do to outputs, such as ``M8``. waits: what they wait for then.
+        channels: the machine has inputs or outputs.
         systems: work coordinate systems that programs start with, number → axis → [m or rad].
         straight_rapids: G00 goes on a straight line, as fast as its slowest axis; else every axis by itself.
+        subroutines: texts of subprograms of the machine's folder, by name or number.
+        macros: what programs compute in, where they may (D-80, D-91).
         probes: G38.2 … G38.5 act: the machine has a probe.
         cutters: the tool table of the machine file, for G43.
     """
@@ -63,9 +76,17 @@ class Dialect(msgspec.Struct, frozen=True):
     cutters: Mapping[int, Cutter] = {}
     systems: Mapping[int, Mapping[int, float]] = {}
     straight_rapids: bool = False
+    macros: Literal["linuxcnc", "fanuc"] = "linuxcnc"
+    subroutines: Mapping[str, str] = {}
     probes: bool = False
     outputs: Mapping[str, tuple[CodeOutput, ...]] = {}
+    waits: Mapping[str, CodeWait] = {}
     channels: bool = False
+
+    @property
+    def mapped(self) -> frozenset[str]:
+        """Return the codes that the machine file gives to outputs and inputs."""
+        return frozenset({*self.outputs, *self.waits})
 
     @property
     def reference(self) -> bool:
@@ -91,13 +112,15 @@ def read_dialect(
     outputs: Sequence[Output],
     mistakes: Mistakes,
     *,
-    channels: bool = False,
+    inputs: Sequence[Input] = (),
+    folder: Path | None = None,
 ) -> Dialect:
     """Return the dialect of ``[dialect]`` and ``[[cutter]]``.
 
     Args:
         section: None where it is missing or has a mistake. cutters: None where one has a mistake.
-        axes: numbers of the machine's axes. outputs: of the machine. channels: it has inputs or outputs.
+        axes: numbers of the machine's axes. outputs: of the machine. inputs: of it, too.
+        folder: the machine file's; None: it is not on the disk.
     """
     table: dict[int, Cutter] = {}
     for position, cutter in enumerate(cutters):
@@ -109,7 +132,7 @@ def read_dialect(
             )
         table[cutter.number] = Cutter(cutter.length_mm * MM, cutter.diameter_mm * MM)
     if section is None:
-        return Dialect(cutters=table, channels=channels)
+        return Dialect(cutters=table, channels=bool(inputs or outputs))
     # U V W are the reference's increments where its words are read
     free = "DEHLOQSUVW" if section.profile in ("cnc", "printer") else "DEHLOQS"
     for letter, axis in section.letters.items():
@@ -135,6 +158,9 @@ def read_dialect(
             "the reference's G00 moves every axis by itself (D-20)",
             'straight rapids are for the profiles: profile = "cnc"',
         )
+    for key, given in (("macros", section.macros == "fanuc"), ("subroutines", section.subroutines)):
+        if given and section.profile != "cnc":
+            mistakes.add(("dialect", key), "only the profile cnc computes", 'add profile = "cnc"')
     capture = section.capture or ("program" if section.profile == "reference" else "auto")
     unit = section.dwell or ("ms" if section.profile == "printer" else "s")
     return Dialect(
@@ -148,8 +174,11 @@ def read_dialect(
         tool_change=section.tool_change,
         cutters=table,
         straight_rapids=section.rapids == "straight",
+        macros=section.macros,
+        subroutines=read_subroutines(section.subroutines, folder, mistakes),
         outputs=_read_code_outputs(section, outputs, mistakes),
-        channels=channels,
+        waits=_read_code_waits(section, inputs, mistakes),
+        channels=bool(inputs or outputs),
     )
 
 
@@ -161,14 +190,9 @@ def _read_code_outputs(
     found: dict[str, tuple[CodeOutput, ...]] = {}
     for written, settings in section.outputs.items():
         path = ("dialect", "outputs", written)
-        code = re.fullmatch(r"[Mm]0*([0-9]{1,4})", written)
-        if code is None:
-            mistakes.add(path, "is not an M-code", "write it as M8")
+        name = _free_code(written, path, mistakes)
+        if name is None:
             continue
-        if int(code[1]) in _OWN:
-            mistakes.add(path, "does something else", "M3 to M5, M7 to M9, M10, M106 and others are free")
-            continue
-        name = f"M{int(code[1])}"
         if name in found:
             mistakes.add(path, f"{name} is there twice", "write all its outputs in one table")
         each: list[CodeOutput] = []
@@ -196,4 +220,38 @@ def _read_code_outputs(
                 )
             each.append(CodeOutput(column, level))
         found[name] = tuple(each)
+    return found
+
+
+def _free_code(written: str, path: tuple[str, str, str], mistakes: Mistakes) -> str | None:
+    """Return an M-code that does nothing by itself as the tables have it; None: a mistake, which is noted."""
+    code = re.fullmatch(r"[Mm]0*([0-9]{1,4})", written)
+    if code is None:
+        mistakes.add(path, "is not an M-code", "write it as M8")
+        return None
+    if int(code[1]) in _OWN:
+        mistakes.add(path, "does something else", "M3 to M5, M7 to M9, M10, M106 and others are free")
+        return None
+    return f"M{int(code[1])}"
+
+
+def _read_code_waits(
+    section: DialectSection, inputs: Sequence[Input], mistakes: Mistakes
+) -> dict[str, CodeWait]:
+    """Return ``[dialect.waits]``: code → what it waits for."""
+    columns = {each.name: column for column, each in enumerate(inputs) if each.digital}
+    found: dict[str, CodeWait] = {}
+    for written, wait in section.waits.items():
+        path = ("dialect", "waits", written)
+        name = _free_code(written, path, mistakes)
+        if name is None:
+            continue
+        column = columns.get(wait.input)
+        if column is None or name in found:
+            known = ", ".join(columns) or "none"
+            mistakes.add(
+                path, f"{wait.input!r} is no digital input, or {name} is there twice", f"there is {known}"
+            )
+            continue
+        found[name] = CodeWait(column, wait.for_s, wait.settle_s)
     return found

@@ -298,7 +298,8 @@ def _read_machine(raw: dict[str, Any], folder: Path | None, mistakes: Mistakes) 
         numbers,
         outputs,
         mistakes,
-        channels=bool(inputs or outputs),
+        inputs=inputs,
+        folder=folder,
     )
     letters = {**LETTERS, **dialect.letters}
     probe = read_probe(file.get("probe"), letters, scales, mistakes) if sound else None

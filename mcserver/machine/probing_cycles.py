@@ -7,7 +7,7 @@ A way down is a G38.3: what it meets makes the touch behind it a fault (MC457).
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from itertools import product
 
 from mcserver.machine.button_section import PLACE, Button, ButtonArgument
@@ -31,6 +31,8 @@ _ARGUMENTS = (
 )
 _POSITION = {"X": 5420, "Y": 5421, "Z": 5422}
 _CONTACT = {"X": 5061, "Y": 5062, "Z": 5063}
+# the same values by Fanuc's numbers (D-93)
+_IN_MACRO_B = {"#5420": "#5041", "#5421": "#5042", "#5422": "#5043", "#<_abs_z>": "#5023"}
 _HEAD = "G21 G90 G94 F{feed}"
 
 
@@ -52,11 +54,14 @@ def probing_cycles(machine: Machine) -> tuple[Button, ...]:
     texts["Centre of a hole"] = _hole()
     texts["Centre of a boss"] = _boss()
     texts["Tool length"] = _tool_length()
-    return tuple(_button(name, lines) for name, lines in texts.items() if letters >= _letters(lines))
+    numbers = _IN_MACRO_B if machine.dialect.macros == "fanuc" else {}
+    return tuple(_button(name, lines, numbers) for name, lines in texts.items() if letters >= _letters(lines))
 
 
-def _button(name: str, lines: Sequence[str]) -> Button:
+def _button(name: str, lines: Sequence[str], numbers: Mapping[str, str]) -> Button:
     text = "\n".join(lines) + "\n"
+    for written, other in numbers.items():
+        text = text.replace(written, other)
     asked = set(PLACE.findall(text))
     return Button(name, text, argument=[each for each in _ARGUMENTS if each.name in asked], group=GROUP)
 

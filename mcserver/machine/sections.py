@@ -152,6 +152,14 @@ class BusSection(msgspec.Struct, frozen=True):
     appear_timeout_s: Annotated[float, Meta(gt=0.0, le=600.0, description="10 is usual")] = 10.0
 
 
+class CodeWaitSection(msgspec.Struct, frozen=True):
+    """``[dialect.waits]``: the digital input that has to be on before the program goes on behind a code."""
+
+    input: str
+    for_s: Annotated[float, Meta(gt=0.0, le=86_400.0, description="the longest, then it is a fault")]
+    settle_s: Annotated[float, Meta(ge=0.0, le=60.0, description="before the input is looked at")] = 0.5
+
+
 class DialectSection(msgspec.Struct, frozen=True):
     """``[dialect]``: a profile, and keys that each override a part of it."""
 
@@ -164,7 +172,10 @@ class DialectSection(msgspec.Struct, frozen=True):
     dwell: Literal["s", "ms"] | None = None
     tool_change: Literal["pause", "ask", "ignore"] = "pause"
     rapids: Literal["independent", "straight"] = "independent"
+    macros: Literal["linuxcnc", "fanuc"] = "linuxcnc"
+    subroutines: str = ""
     outputs: dict[str, dict[str, bool | float | Literal["S"]]] = {}
+    waits: dict[str, CodeWaitSection] = {}
 
 
 class CutterSection(msgspec.Struct, frozen=True):

@@ -19,8 +19,8 @@ from mcserver.errors import Diagnostic, ProgramRejected
 from mcserver.executor.entries import Control, EventKind, ExecutorEvent, MotionSink
 from mcserver.executor.fault_codes import WARNINGS, FaultCode
 from mcserver.executor.stopping import longest_stop, stopping_rows
-from mcserver.gcode.computing.expansion import Expansion
 from mcserver.gcode.computing.machine_values import Unsettled
+from mcserver.gcode.computing.macro_expansion import expansion_of
 from mcserver.gcode.notices import notice_of
 from mcserver.gcode.semantics.interpreter import Interpreter, without_pause
 from mcserver.gcode.text.parser import ParsedLine
@@ -119,7 +119,7 @@ class Pipeline:
             frame=start.frame,
             machine_coordinates=machine_coordinates or bool(approach),
         )
-        self._expansion = Expansion(self._interpreter)
+        self._expansion = expansion_of(self._interpreter)
         self._exchanges = Exchanges(machine, self._interpreter.frame) if places_with_bodies(machine) else None
         self._columns = [axis.index for axis in machine.axes]
         self._approach = deque(approach)
@@ -408,6 +408,8 @@ class Pipeline:
         running = self._held is not None or self._expansion.running
         if not plan.canonical and not self.lines and not running and self.lines.closed:
             self._expansion.close()
+            if self._expansion.running:
+                return True
             plan.canonical.extend(self._interpreter.finish())
             if plan.canonical:
                 return True
@@ -435,6 +437,7 @@ class Pipeline:
         found = self._interpreter.interpret_batch(ahead, first) if ahead else None
         if found is None:
             return False
+        self._expansion.passed(ahead[: found.taken], first)
         self.lines.drop(found.taken)
         self._plan.last_line = self.lines.consumed
         self._plan.canonical += [*self._exchanged_by(first), *found.values]
@@ -532,7 +535,7 @@ class Pipeline:
             if expansion.head:
                 plan.last_line = expansion.head - 1
         found = expansion.next()
-        if expansion.idle:
+        if not expansion.head or expansion.through < expansion.head:
             plan.last_line = max(plan.last_line, expansion.through)
         if isinstance(found, Unsettled):
             return self._settle(found.axes | plan.captured, expansion.head or expansion.through)

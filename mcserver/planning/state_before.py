@@ -9,8 +9,8 @@ import msgspec
 from mckinematics.pose import Kinematics
 
 from mcserver.errors import Diagnostic, ProgramRejected
-from mcserver.gcode.computing.expansion import Expansion
 from mcserver.gcode.computing.machine_values import Source
+from mcserver.gcode.computing.macro_expansion import expansion_of
 from mcserver.gcode.semantics.interpreter import Interpreter, without_pause
 from mcserver.gcode.text.line_window import LineWindow
 from mcserver.gcode.text.parser import ParsedLine
@@ -143,7 +143,7 @@ def state_before(
     effects = _Effects(origin)
     pauses = _Pauses(interpreter, origin.pauses)
     window = LineWindow(islice(lines, number - 1))
-    expansion = Expansion(interpreter, Source.NOWHERE)
+    expansion = expansion_of(interpreter, Source.NOWHERE)
     while not window.ended and not interpreter.ended:
         at = window.done + 1
         most = interpreter.batch_window(at) if expansion.idle else 0
@@ -152,6 +152,7 @@ def state_before(
         if run is not None:
             for line in run.values:
                 effects.take(line, incremental=incremental or run.modal.incremental)
+            expansion.passed(window.peek(run.taken), at)
             window.drop(run.taken)
             continue
         expansion.take(window.peek(1)[0], at)

@@ -21,7 +21,7 @@ from unittest.mock import patch
 
 from mcserver.errors import ProgramRejected
 from mcserver.gcode.computing import expressions
-from mcserver.gcode.computing.expansion import Expansion
+from mcserver.gcode.computing.macro_expansion import expansion_of
 from mcserver.gcode.line_faults import Span
 from mcserver.gcode.semantics.interpreter import Interpreter
 from mcserver.gcode.text.parser import ParsedLine
@@ -214,21 +214,26 @@ class Writer:
 def moves_here(text: str, machine: Machine = MACHINE) -> tuple[list[Move], str]:
     """Return ends (and centres) of the moves [mm], and the fault that ends them, if any."""
     interpreter = Interpreter(machine)
-    expansion = Expansion(interpreter)
+    expansion = expansion_of(interpreter)
     place = [0.0, 0.0, 0.0]
     found: list[Move] = []
+
+    def run() -> None:
+        while expansion.running and not interpreter.ended:
+            parsed = expansion.next()
+            if isinstance(parsed, ParsedLine):
+                for value in interpreter.interpret(parsed):
+                    _follow(value, place, found)
+
     try:
         for number, line in enumerate(text.splitlines(), start=1):
             expansion.take(line, number)
-            while expansion.running and not interpreter.ended:
-                parsed = expansion.next()
-                if isinstance(parsed, ParsedLine):
-                    for value in interpreter.interpret(parsed):
-                        _follow(value, place, found)
+            run()
             if interpreter.ended:
                 break
         else:
             expansion.close()
+            run()
             for value in interpreter.finish():
                 _follow(value, place, found)
     except ProgramRejected as rejected:
@@ -326,7 +331,9 @@ def differences(here: list[Move], there: list[Move], within: float = _ROUNDING) 
     return ""
 
 
-def compare(writer: Callable[[int], Writes], count: int = 200, seed: int = 1) -> int:
+def compare(
+    writer: Callable[[int], Writes], count: int = 200, seed: int = 1, *, machine: Machine = MACHINE
+) -> int:
     """Compare the programs of a kind; return how many differ."""
     rs274 = os.environ.get("RS274") or shutil.which("rs274")
     if rs274 is None:
@@ -335,7 +342,7 @@ def compare(writer: Callable[[int], Writes], count: int = 200, seed: int = 1) ->
     differing = refused = moves = unstable = cautious = 0
     for each in range(seed, seed + count):
         text = writer(each).program()
-        here, fault = moves_here(text)
+        here, fault = moves_here(text, machine)
         there, error = moves_of_rs274(text, rs274)
         moves += len(here)
         refused += bool(fault and error)

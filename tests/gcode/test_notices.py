@@ -109,3 +109,16 @@ def test_settings_of_a_refused_line_hold_for_the_check() -> None:
 def test_commands_to_firmware_are_named_as_such() -> None:
     (fault,) = errors("G0 X1\n$H")
     assert "firmware" in fault.message
+
+
+def test_comments_that_would_write_a_file_are_named_as_without_effect() -> None:
+    lines = [
+        "(PROBEOPEN points.txt)",
+        "G1 X1 F100 (logic)",
+        "(log, x is #5061)",
+        "(PROBECLOSE)",
+        "(LOGIC)",
+    ]
+    (warning,) = check_program("\n".join(lines), MILL)
+    assert (warning.code, warning.line) == ("MC142", 1)
+    assert warning.message.endswith("(LOG) (1), (PROBECLOSE) (1), (PROBEOPEN) (1)")

@@ -185,3 +185,17 @@ def test_a_long_computation_does_not_hold_up_other_work() -> None:
     assert pieces > 50
     stream.run(500)
     assert (stream.finished, stream.place[0]) == (True, 2.0)
+
+
+def test_a_block_that_begins_where_a_line_was_refused_is_not_done_before_it_runs() -> None:
+    stream = Stream(machine())
+    stream.send("F6000 G91 G1 X1", "G1 X[1/0]")
+    stream.run(300)
+    assert stream.rejected == [(2, "MC163")]
+    stream.sent = 1
+    stream.send("o1 repeat [2]", "G1 X1")
+    stream.run(300)
+    assert stream.progress.done == 1
+    stream.send("o1 endrepeat", last=True)
+    stream.run(1000)
+    assert (stream.progress.done, stream.place[0]) == (4, 3.0)

@@ -106,3 +106,14 @@ def test_each_cycle_asks_for_what_its_text_needs_and_for_nothing_else() -> None:
         assert "{" not in filled(each.text, numbers)
         assert all(argument.low <= argument.first <= argument.high for argument in each.argument)
         assert all(f"{{{name}}}" in each.text for name in numbers)
+
+
+def test_cycles_in_macro_b_end_where_those_of_linuxcnc_do() -> None:
+    linuxcnc, fanuc = mill(), mill(f'macros = "fanuc"\n[probe]\n{PLANES}')
+    start = "G10 L2 P1 X3 Y4 Z1\nT1 M6\nG0 X5 Y5 Z10\n"
+    for name in ("Edge X, going +", "Top", "Corner left front", "Tool length"):
+        here, there = (
+            ends(start + filled(cycle(name, each).text, NUMBERS) + "G43\nG1 X0 Z7", each)
+            for each in (linuxcnc, fanuc)
+        )
+        assert here == there

@@ -11,7 +11,7 @@ from collections.abc import Iterable, Sequence
 
 import msgspec
 
-from mcserver.errors import Diagnostic, ProgramRejected
+from mcserver.errors import ProgramRejected
 from mcserver.gcode.computing.expressions import ComputingError, Value
 from mcserver.gcode.computing.line_template import Setting
 from mcserver.gcode.computing.machine_values import MachineValues, Source, Unsettled
@@ -21,13 +21,14 @@ from mcserver.gcode.computing.o_words import (
     Routine,
     Statement,
     call_routine,
+    file_routine,
     line_routine,
     may_be_statement,
     read_statement,
     shown_name,
 )
-from mcserver.gcode.computing.parameters import Kept, ParameterTable, Scope, check_own
-from mcserver.gcode.line_faults import Span
+from mcserver.gcode.computing.parameters import Kept, ParameterTable, check_own
+from mcserver.gcode.line_faults import Origin, Span, in_file
 from mcserver.gcode.semantics.interpreter import Interpreter
 from mcserver.gcode.text.parser import ParsedLine
 from mcserver.motion.canonical import Canonical
@@ -45,7 +46,7 @@ _ENDLESS_HINT = (
 )
 
 
-class _Frame:
+class Frame:
     """A routine under way: the next instruction, and what its repetitions still have to do."""
 
     __slots__ = ("at", "left", "routine")
@@ -74,7 +75,7 @@ class Expansion:
     def __init__(self, interpreter: Interpreter, source: Source = Source.MACHINE) -> None:
         self._interpreter = interpreter
         self._tolerant = source is Source.ASSUMED
-        self._parameters = ParameterTable(Kept())
+        self._parameters = self._table(Kept())
         self._subprograms: dict[str, Routine] = {}
         self._texts: dict[int, str] = {}
         self._gathered: dict[int, str] = {}
@@ -85,7 +86,7 @@ class Expansion:
         self._compiler: BlockCompiler | None = None
         # of a check: the block has a faulty O-word
         self._broken = False
-        self._frames: list[_Frame] = []
+        self._frames: list[Frame] = []
         self._ready: ParsedLine | None = None
         self._due: list[Setting] = []
         self._line = 0
@@ -93,10 +94,17 @@ class Expansion:
         self._said: set[tuple[str, int, int]] = set()
         kept = interpreter.modal.computed
         if kept is not None:
-            for number, text in sorted(kept.subprograms.items()):
-                self._compute(text, number)
-            self._parameters = ParameterTable(kept)
-            self.through = 0
+            self._restore(kept)
+
+    def _restore(self, kept: Kept) -> None:
+        """Go on as `kept` was."""
+        for number, text in sorted(kept.subprograms.items()):
+            self._compute(text, number)
+        self._parameters = self._table(kept)
+        self.through = 0
+
+    def _table(self, kept: Kept) -> ParameterTable:
+        return ParameterTable(kept)
 
     # ------------------------------------------------------------ state
 
@@ -136,6 +144,9 @@ class Expansion:
         return None if found == Kept() else found
 
     # ------------------------------------------------------------ text
+
+    def passed(self, texts: Sequence[str], number: int) -> None:
+        """Note lines that were read without being taken, the first of them is ``number``."""
 
     def take(self, text: str, number: int) -> None:
         """Take the next line; not while it is `running`.
@@ -186,9 +197,10 @@ class Expansion:
             self._gather(text, number, statement)
         elif statement is not None and statement.word in ("sub", "while", "do", "if", "repeat"):
             if statement.word == "sub" and statement.name in self._subprograms:
-                before = self._subprograms[statement.name].first
+                before = self._subprograms[statement.name]
+                place = before.file or f"line {before.first}"
                 raise ComputingError(
-                    "MC161", f"the subprogram stands in line {before} already", statement.span, "rename one"
+                    "MC161", f"the subprogram stands in {place} already", statement.span, "rename one"
                 )
             self._compiler = BlockCompiler(statement)
             self._gathered = {number: text}
@@ -230,12 +242,17 @@ class Expansion:
         self._gathered = {}
 
     def _start(self, routine: Routine) -> None:
-        self._frames = [_Frame(routine)]
+        self._frames = [Frame(routine)]
 
     def _end_block(self, last: int) -> None:
         self.head, self.through, self._broken = 0, max(self.through, last), False
 
     # ------------------------------------------------------------ run
+
+    @property
+    def _counted(self) -> int:
+        """Line of the main program that what runs counts as."""
+        return self.head or self._line
 
     def next(self) -> ParsedLine | Unsettled | None:
         """Return the next plain line; None: there is none now, and more only while it is `running`.
@@ -255,7 +272,8 @@ class Expansion:
                 return None
             frame = self._frames[-1]
             if frame.at >= len(frame.routine.code):
-                self._end_routine()
+                if not self._end_routine():
+                    return None
                 continue
             step = frame.routine.code[frame.at]
             try:
@@ -264,7 +282,7 @@ class Expansion:
             except Unsettled as unsettled:
                 return unsettled
             except ComputingError as error:
-                rejected = self._rejected(error, step.line)
+                rejected = self._rejected(error, step.line, frame.routine.file)
                 if not self._tolerant:
                     raise rejected from None
                 self._go_on(frame, step, error)
@@ -285,7 +303,7 @@ class Expansion:
     def _count(self) -> None:
         self._steps += 1
         if self._steps > MOST_STEPS:
-            loop = self._loop()
+            loop, file = self._loop()
             self._frames[0].at = len(self._frames[0].routine.code)
             del self._frames[1:]
             raise ComputingError(
@@ -294,10 +312,11 @@ class Expansion:
                 loop.span,
                 _ENDLESS_HINT,
                 loop.line,
+                file,
             )
 
-    def _loop(self) -> Instruction:
-        """Return where the innermost loop that runs begins, or what runs."""
+    def _loop(self) -> tuple[Instruction, str]:
+        """Return where the innermost loop that runs begins, or what runs; and the file that has it."""
         for frame in reversed(self._frames):
             code = frame.routine.code
             starts = [
@@ -306,10 +325,10 @@ class Expansion:
                 if each.kind in ("jump", "again") and 0 <= each.target <= frame.at <= at
             ]
             if starts:
-                return code[max(starts)]
-        return self._frames[-1].routine.code[0]
+                return code[max(starts)], frame.routine.file
+        return self._frames[-1].routine.code[0], self._frames[-1].routine.file
 
-    def _step(self, frame: _Frame, step: Instruction) -> ParsedLine | None:
+    def _step(self, frame: Frame, step: Instruction) -> ParsedLine | None:
         if step.kind == "line":
             return self._give(frame, step)
         if step.kind == "test":
@@ -339,7 +358,7 @@ class Expansion:
             frame.at = len(frame.routine.code)
         return None
 
-    def _give(self, frame: _Frame, step: Instruction) -> ParsedLine | None:
+    def _give(self, frame: Frame, step: Instruction) -> ParsedLine | None:
         """Evaluate a line; what it sets is set when it has been interpreted."""
         assert step.template is not None
         plain = step.template.evaluate(self)
@@ -353,8 +372,8 @@ class Expansion:
         if not plain.text.strip():
             self._set_due()
             return None
-        parsed = self._interpreter.parse(plain.text, self.head or self._line)
-        parsed.origin = (step.line, plain.columns.span)
+        parsed = self._interpreter.parse(plain.text, self._counted)
+        parsed.origin = Origin(step.line, plain.columns.span, frame.routine.file)
         return parsed
 
     def _set_due(self) -> None:
@@ -362,11 +381,12 @@ class Expansion:
         for setting in due:
             self._set(setting)
 
-    def _call(self, frame: _Frame, step: Instruction) -> None:
+    def _call(self, frame: Frame, step: Instruction) -> None:
         name = step.name if isinstance(step.name, str) else self._computed_name(step.name, step)
-        routine = self._subprograms.get(name)
+        routine = self._subprograms.get(name) or self._of_file(name, step)
         if routine is None:
-            known = ", ".join(sorted(self._subprograms)[:20]) or "none"
+            files = self._interpreter.machine.dialect.subroutines
+            known = ", ".join(sorted({*self._subprograms, *files})[:20]) or "none"
             raise ComputingError(
                 "MC165",
                 f"there is no subprogram {name} above this line",
@@ -379,8 +399,25 @@ class Expansion:
             )
         arguments = tuple(value(self) for value in step.values)
         frame.at += 1
-        self._frames.append(_Frame(routine))
-        self._parameters.scopes.append(Scope(arguments))
+        self._frames.append(Frame(routine))
+        self._parameters.scopes.append(self._parameters.scope(arguments))
+
+    def _of_file(self, name: str, step: Instruction) -> Routine | None:
+        """Return the subprogram of a file of the machine's; None: there is none of that name."""
+        text = self._interpreter.machine.dialect.subroutines.get(name)
+        if text is None:
+            return None
+        try:
+            routine = self._compile_file(name, text)
+        except ComputingError as error:
+            message = f"{shown_name(name)} of the machine's folder, line {error.line}: {error}"
+            raise ComputingError(error.code, message, step.span, error.hint) from None
+        routine.file = f"{shown_name(name)} of the machine's folder"
+        return routine
+
+    def _compile_file(self, name: str, text: str) -> Routine:
+        routine = self._subprograms[name] = file_routine(name, text)
+        return routine
 
     def _computed_name(self, number: Value, step: Instruction) -> str:
         value = number(self)
@@ -388,12 +425,14 @@ class Expansion:
             raise ComputingError("MC165", f"there is no subprogram {value:g}", step.span, "numbers are whole")
         return str(round(value))
 
-    def _end_routine(self) -> None:
+    def _end_routine(self) -> bool:
+        """End a routine that has no instructions left; False where nothing more can run now."""
         frame = self._frames.pop()
         if self._frames:
             self._parameters.scopes.pop()
         elif self.head:
             self._end_block(frame.routine.last)
+        return True
 
     def _abandon(self) -> None:
         """Skip the rest of a block, of which a check cannot know what it does."""
@@ -401,7 +440,7 @@ class Expansion:
         del self._frames[1:], self._parameters.scopes[1:]
         self._frames[0].at = len(self._frames[0].routine.code)
 
-    def _go_on(self, frame: _Frame, step: Instruction, error: ComputingError) -> None:
+    def _go_on(self, frame: Frame, step: Instruction, error: ComputingError) -> None:
         """Go on behind a fault, in a check."""
         if step.kind == "line" and error.code != "MC164":
             assert step.template is not None
@@ -463,32 +502,7 @@ class Expansion:
         line = self._frames[-1].routine.code[self._frames[-1].at].line if self._frames else 0
         self.assumed.setdefault(what, line)
 
-    def _rejected(self, error: ComputingError, line: int) -> ProgramRejected:
-        return ProgramRejected(
-            [
-                Diagnostic(
-                    code=error.code,
-                    message=str(error),
-                    line=error.line or line,
-                    column=error.span[0],
-                    end_column=error.span[1],
-                    hint=error.hint,
-                )
-            ]
-        )
-
-
-def warnings_of(assumed: dict[str, int]) -> Sequence[Diagnostic]:
-    """Return what a check says about the values that it assumed (MC166)."""
-    return [
-        Diagnostic(
-            code="MC166",
-            severity="warning",
-            line=line,
-            column=0,
-            end_column=0,
-            message=f"what the program does depends on what it measures; assumed here: {what}",
-            hint="as it runs it may take another way",
-        )
-        for what, line in assumed.items()
-    ]
+    def _rejected(self, error: ComputingError, line: int, file: str = "") -> ProgramRejected:
+        line, file = (error.line, error.file) if error.line else (line, file)
+        fault = error.diagnostic(line)
+        return ProgramRejected([in_file(fault, file, self._counted) if file else fault])

@@ -1,4 +1,4 @@
-"""Read values of RS274/NGC: numbers, parameters and expressions, with LinuxCNC's precedence (D-80)."""
+"""Read values: numbers, parameters and expressions of RS274/NGC (D-80) or of Fanuc's macro B (D-92)."""
 
 from __future__ import annotations
 
@@ -7,10 +7,11 @@ import operator
 import re
 from collections.abc import Callable, Mapping
 from types import MappingProxyType
-from typing import Protocol
+from typing import NamedTuple, Protocol
 
 import numpy as np
 
+from mcserver.errors import Diagnostic
 from mcserver.gcode.line_faults import Span
 
 # two numbers are equal, and a number is a whole one, where they differ by less (LinuxCNC)
@@ -21,15 +22,33 @@ _DEEPEST = 64
 
 
 class ComputingError(Exception):
-    """What cannot be computed, with its place: columns from 1, end exclusive; line 0: that which is read."""
+    """What cannot be computed, with its place: columns from 1, end exclusive; line 0: that which is read.
 
-    def __init__(self, code: str, message: str, span: Span, hint: str = "", line: int = 0) -> None:
+    Attributes:
+        file: of the machine's, that has the line; empty: the text.
+    """
+
+    def __init__(
+        self, code: str, message: str, span: Span, hint: str = "", line: int = 0, file: str = ""
+    ) -> None:
         super().__init__(message)
         self.code = code
         self.message = message
         self.span = span
         self.hint = hint
         self.line = line
+        self.file = file
+
+    def diagnostic(self, line: int) -> Diagnostic:
+        """Return it as the fault of a line."""
+        return Diagnostic(
+            code=self.code,
+            message=self.message,
+            line=line,
+            column=self.span[0],
+            end_column=self.span[1],
+            hint=self.hint,
+        )
 
 
 class Values(Protocol):
@@ -41,6 +60,29 @@ class Values(Protocol):
 
 
 Value = Callable[[Values], float]
+Operators = Mapping[str, tuple[int, Callable[[float, float], float]]]
+
+
+class Null(float):
+    """A parameter of macro B that has no value: 0 in sums, and in no comparison equal to 0."""
+
+
+NULL = Null(0.0)
+
+
+class Language(NamedTuple):
+    """What an expression may say.
+
+    Attributes:
+        operators: how strongly each binds (operators of one strength from left to right), and what it does.
+        functions: of one argument. full_turn: ATAN is never negative.
+        null: #0 is `NULL`, and a word whose value is `NULL` is left out.
+    """
+
+    operators: Operators
+    functions: Mapping[str, Callable[[float], float]]
+    full_turn: bool = False
+    null: bool = False
 
 
 def _modulo(left: float, right: float) -> float:
@@ -52,8 +94,7 @@ def _exclusive(left: float, right: float) -> float:
     return float((left == 0.0) != (right == 0.0))
 
 
-# by operator: how strongly it binds (operators of one strength from left to right), and what it does
-_OPERATORS: Mapping[str, tuple[int, Callable[[float, float], float]]] = MappingProxyType(
+_OPERATORS: Operators = MappingProxyType(
     {
         "**": (5, operator.pow),
         "*": (4, operator.mul),
@@ -89,6 +130,7 @@ _FUNCTIONS: Mapping[str, Callable[[float], float]] = MappingProxyType(
         "TAN": lambda value: math.tan(math.radians(value)),
     }
 )
+NGC = Language(_OPERATORS, _FUNCTIONS)
 _NUMBER = re.compile(r"[-+]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)")
 _OPERATOR = re.compile(r"\*\*|[-+*/]|MOD|AND|XOR|OR|EQ|NE|G[TE]|L[TE]", re.IGNORECASE)
 _FUNCTION = re.compile(r"([A-Z]{2,6})[ \t]*(?=\[)", re.IGNORECASE)
@@ -106,15 +148,16 @@ class Parameter:
     """A parameter in a line: a name, or what gives its number; it reads itself.
 
     Args:
-        name: lower case, without blanks; empty for a numbered one.
+        name: lower case, without blanks; empty for a numbered one. null: #0 is `NULL`.
     """
 
-    __slots__ = ("name", "number", "span")
+    __slots__ = ("name", "null", "number", "span")
 
-    def __init__(self, name: str, number: Value | None, span: Span) -> None:
+    def __init__(self, name: str, number: Value | None, span: Span, *, null: bool = False) -> None:
         self.name = name
         self.number = number
         self.span = span
+        self.null = null
 
     def index(self, values: Values) -> int:
         """Return the number of a numbered parameter.
@@ -140,11 +183,13 @@ class Parameter:
         """Return its value."""
         if self.number is None:
             return values.named(self.name, self.span)
+        if self.null and abs(self.number(values)) < TOLERANCE:
+            return NULL
         number = self.index(values)
         return values.numbered(number, self.span) if number else math.nan
 
 
-def read_parameter(text: str, at: int, deep: int = 0) -> tuple[Parameter, int]:
+def read_parameter(text: str, at: int, deep: int = 0, language: Language = NGC) -> tuple[Parameter, int]:
     """Read the parameter whose ``#`` stands at index ``at``; return it and the index behind it.
 
     Raises:
@@ -158,11 +203,11 @@ def read_parameter(text: str, at: int, deep: int = 0) -> tuple[Parameter, int]:
         if not shown:
             raise ComputingError("MC160", "the parameter has no name", (start + 1, name.end() + 1))
         return Parameter(shown, None, (start + 1, name.end() + 1)), name.end()
-    number, end = read_value(text, at, deep + 1)
-    return Parameter("", number, (start + 1, end + 1)), end
+    number, end = read_value(text, at, deep + 1, language)
+    return Parameter("", number, (start + 1, end + 1), null=language.null), end
 
 
-def read_value(text: str, at: int, deep: int = 0) -> tuple[Value, int]:
+def read_value(text: str, at: int, deep: int = 0, language: Language = NGC) -> tuple[Value, int]:
     """Read a number, parameter, function or expression from index ``at``; return it and the index behind it.
 
     Raises:
@@ -177,15 +222,15 @@ def read_value(text: str, at: int, deep: int = 0) -> tuple[Value, int]:
         return lambda _: constant, number.end()
     first = text[at : at + 1]
     if first == "[":
-        return _read_brackets(text, at, deep)
+        return _read_brackets(text, at, deep, language)
     if first == "#":
-        return read_parameter(text, at, deep)
+        return read_parameter(text, at, deep, language)
     if first in ("-", "+") and first:
-        value, end = read_value(text, at + 1, deep + 1)
+        value, end = read_value(text, at + 1, deep + 1, language)
         return ((lambda values: -value(values)) if first == "-" else value), end
     function = _FUNCTION.match(text, at)
     if function is not None:
-        return _read_function(text, function, deep)
+        return _read_function(text, function, deep, language)
     what = f"'{text[at : at + 12]}'" if text[at:].strip() else "the line's end"
     raise ComputingError(
         "MC160",
@@ -195,37 +240,48 @@ def read_value(text: str, at: int, deep: int = 0) -> tuple[Value, int]:
     )
 
 
-def _read_brackets(text: str, start: int, deep: int) -> tuple[Value, int]:
-    """Read ``[a op b …]``: operators that bind more strongly first, equal ones from left to right."""
-    value, at = read_value(text, start + 1, deep + 1)
+def _read_brackets(text: str, start: int, deep: int, language: Language) -> tuple[Value, int]:
+    """Read ``[a op b …]``."""
+    value, at = read_operation(text, start + 1, deep, language)
+    if text[at : at + 1] == "]":
+        return value, at + 1
+    missing = at >= len(text)
+    raise ComputingError(
+        "MC160",
+        "the bracket is not closed" if missing else f"'{text[at]}' is no operator",
+        (start + 1, start + 2) if missing else (at + 1, at + 2),
+        "add ']'" if missing else f"there are {' '.join(language.operators)}",
+    )
+
+
+def read_operation(text: str, at: int, deep: int, language: Language) -> tuple[Value, int]:
+    """Read ``a op b …``: operators that bind more strongly first, equal ones from left to right.
+
+    Raises:
+        ComputingError: MC160.
+    """
+    operators = language.operators
+    value, at = read_value(text, at, deep + 1, language)
     values: list[Value] = [value]
     pending: list[tuple[str, Span]] = []
     while True:
         at = skip(text, at)
-        if text[at : at + 1] == "]":
-            while pending:
-                _join(values, *pending.pop())
-            return values[0], at + 1
         found = _OPERATOR.match(text, at)
-        if found is None:
-            missing = at >= len(text)
-            raise ComputingError(
-                "MC160",
-                "the bracket is not closed" if missing else f"'{text[at]}' is no operator",
-                (start + 1, start + 2) if missing else (at + 1, at + 2),
-                "add ']'" if missing else f"there are {' '.join(_OPERATORS)}",
-            )
+        if found is None or found[0].upper() not in operators:
+            while pending:
+                _join(values, operators, *pending.pop())
+            return values[0], at
         name = found[0].upper()
-        while pending and _OPERATORS[pending[-1][0]][0] >= _OPERATORS[name][0]:
-            _join(values, *pending.pop())
+        while pending and operators[pending[-1][0]][0] >= operators[name][0]:
+            _join(values, operators, *pending.pop())
         pending.append((name, (found.start() + 1, found.end() + 1)))
-        value, at = read_value(text, found.end(), deep + 1)
+        value, at = read_value(text, found.end(), deep + 1, language)
         values.append(value)
 
 
-def _join(values: list[Value], name: str, span: Span) -> None:
+def _join(values: list[Value], operators: Operators, name: str, span: Span) -> None:
     second, first = values.pop(), values.pop()
-    compute = _OPERATORS[name][1]
+    compute = operators[name][1]
 
     def joined(given: Values) -> float:
         left, right = first(given), second(given)
@@ -236,10 +292,10 @@ def _join(values: list[Value], name: str, span: Span) -> None:
     values.append(joined)
 
 
-def _read_function(text: str, found: re.Match[str], deep: int) -> tuple[Value, int]:
+def _read_function(text: str, found: re.Match[str], deep: int, language: Language) -> tuple[Value, int]:
     name, at = found[1].upper(), found.end()
     span = (found.start() + 1, at + 1)
-    if name == "EXISTS":
+    if name == "EXISTS" and not language.null:
         inner = skip(text, at + 1)
         if text[inner : inner + 1] == "#":
             parameter, end = read_parameter(text, inner, deep)
@@ -248,23 +304,30 @@ def _read_function(text: str, found: re.Match[str], deep: int) -> tuple[Value, i
                 return lambda values: float(values.exists(parameter.name)), end + 1
         raise ComputingError("MC160", "EXISTS asks for a named parameter", span, "write EXISTS[#<name>]")
     if name == "ATAN":
-        upper, at = _read_brackets(text, at, deep)
+        upper, at = _read_brackets(text, at, deep, language)
         slash = skip(text, at)
         if text[slash : slash + 1] != "/" or text[skip(text, slash + 1) :][:1] != "[":
             raise ComputingError("MC160", "ATAN has two arguments", span, "write ATAN[y]/[x]")
-        lower, end = _read_brackets(text, skip(text, slash + 1), deep)
-        return lambda values: math.degrees(math.atan2(upper(values), lower(values))), end
-    compute = _FUNCTIONS.get(name)
+        lower, end = _read_brackets(text, skip(text, slash + 1), deep, language)
+        turn = 360.0 if language.full_turn else math.inf
+        return lambda values: _angle(upper(values), lower(values), turn), end
+    compute = language.functions.get(name)
     if compute is None:
-        known = " ".join(sorted([*_FUNCTIONS, "ATAN", "EXISTS"]))
+        known = " ".join(sorted([*language.functions, "ATAN", *([] if language.null else ["EXISTS"])]))
         raise ComputingError("MC160", f"there is no function {name}", span, f"there are {known}")
-    argument, end = _read_brackets(text, at, deep)
+    argument, end = _read_brackets(text, at, deep, language)
 
     def called(values: Values) -> float:
         value = argument(values)
         return value if value != value else _checked(lambda: compute(value), f"{name}[{value:g}]", span)
 
     return called, end
+
+
+def _angle(upper: float, lower: float, turn: float) -> float:
+    """Return the direction of a vector [deg], of a finite ``turn`` from 0 on."""
+    angle = math.degrees(math.atan2(upper, lower))
+    return angle % turn if math.isfinite(turn) else angle
 
 
 def _checked(compute: Callable[[], float], shown: str, span: Span) -> float:

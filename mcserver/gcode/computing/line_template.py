@@ -1,4 +1,4 @@
-"""Compile a line that computes, and evaluate it to a plain line (D-80, D-81)."""
+"""Compile a line that computes, and evaluate it to a plain line (D-80, D-81, D-92)."""
 
 from __future__ import annotations
 
@@ -11,11 +11,15 @@ from typing import NamedTuple
 import numpy as np
 
 from mcserver.gcode.computing.expressions import (
+    NGC,
+    NULL,
     TOLERANCE,
     ComputingError,
+    Language,
     Parameter,
     Value,
     Values,
+    read_operation,
     read_parameter,
     read_value,
     skip,
@@ -38,15 +42,17 @@ class Piece:
 
     Attributes:
         letter: of its word; empty in a comment. decimals: of one in a comment.
+        name: stands ahead of the value, and goes with it where that is `NULL`.
     """
 
-    __slots__ = ("decimals", "letter", "span", "value")
+    __slots__ = ("decimals", "letter", "name", "span", "value")
 
-    def __init__(self, value: Value, span: Span, letter: str, decimals: int = 6) -> None:
+    def __init__(self, value: Value, span: Span, letter: str, decimals: int = 6, name: str = "") -> None:
         self.value = value
         self.span = span
         self.letter = letter
         self.decimals = decimals
+        self.name = name
 
     def text(self, values: Values) -> str | None:
         """Return the value as it stands in a plain line; None: it could not be computed before.
@@ -57,14 +63,16 @@ class Piece:
         value = self.value(values)
         if math.isnan(value):
             return None
+        if value is NULL and self.name:
+            return ""
         if not self.letter:
             return f"{value:.{self.decimals}f}"
         whole = round(value)
         if self.letter in _WHOLE and abs(value - whole) >= TOLERANCE:
             raise ComputingError("MC116", f"{self.letter}{value:g} is not a whole number", self.span)
         if self.letter in _WHOLE or abs(value - whole) < 1e-12:
-            return f"{whole} "
-        return np.format_float_positional(value, trim="-") + " "
+            return f"{self.name}{whole} "
+        return f"{self.name}{np.format_float_positional(value, trim='-')} "
 
 
 class Columns:
@@ -141,10 +149,11 @@ class LineTemplate:
         ComputingError: MC140, MC160.
     """
 
-    __slots__ = ("_copied", "_parts", "_settings", "_text")
+    __slots__ = ("_copied", "_language", "_parts", "_settings", "_text")
 
-    def __init__(self, text: str) -> None:
+    def __init__(self, text: str, language: Language = NGC) -> None:
         self._text = text
+        self._language = language
         # text from an index to another, or a value
         self._parts: list[tuple[int, int] | Piece] = []
         self._settings: list[tuple[Parameter, Value]] = []
@@ -179,21 +188,31 @@ class LineTemplate:
         if axis is None and not _LETTER.match(text, at):
             return at + 1
         macro = _MACRO.match(text, at)
+        if macro is not None and self._language.null:
+            shown = macro[0].rstrip("[").strip()
+            raise ComputingError(
+                "MC181",
+                f"{shown} begins no line here",
+                (at + 1, macro.end() + 1),
+                "give it a line of its own",
+            )
         if macro is not None:
             raise ComputingError(
                 "MC140",
                 f"{macro[0].rstrip('[').strip()} is Fanuc's macro language, which is not read here",
                 (at + 1, macro.end() + 1),
-                "O-words do the same: o100 if [...], o100 while [...]",
+                '[dialect] macros = "fanuc" in the machine file reads it; O-words do the same: o100 if [...]',
             )
         start = skip(text, at + 1 if axis is None else axis.end())
-        value, end = read_value(text, start)
-        self._put(Piece(value, (start + 1, end + 1), text[at].upper()), start, end)
+        value, end = read_value(text, start, 0, self._language)
+        name = text[at:start] if self._language.null else ""
+        start -= len(name)
+        self._put(Piece(value, (start + 1, end + 1), text[at].upper(), name=name), start, end)
         return end
 
     def _read_setting(self, at: int) -> int:
         text = self._text
-        parameter, end = read_parameter(text, at)
+        parameter, end = read_parameter(text, at, 0, self._language)
         equals = skip(text, end)
         if text[equals : equals + 1] != "=":
             raise ComputingError(
@@ -202,7 +221,8 @@ class LineTemplate:
                 parameter.span,
                 "write a letter before it, or = and a value behind it",
             )
-        value, end = read_value(text, equals + 1)
+        read = read_operation if self._language.null else read_value
+        value, end = read(text, equals + 1, 0, self._language)
         self._settings.append((parameter, value))
         self._put(None, at, end)
         return end
@@ -215,7 +235,7 @@ class LineTemplate:
             if found[0][0] == "%":
                 decimals = {"%d": 0, "%f": 4}.get(found[0].lower(), 6)
             else:
-                parameter, end = read_parameter(self._text, found.start())
+                parameter, end = read_parameter(self._text, found.start(), 0, self._language)
                 piece = Piece(parameter, (found.start() + 1, end + 1), "", decimals)
             self._put(piece, found.start(), end)
 

@@ -135,7 +135,7 @@ class MachineValues:
         if number in range(5230, 5391, 20):
             return 0.0  # the rotation of a system: there is none
         if _POSITIONS <= number < _POSITIONS + 9:
-            return self._position(number - _POSITIONS, span, absolute=False)
+            return self.position(number - _POSITIONS, span, absolute=False)
         single = {
             _G92_ON: float(frame.g92_on and bool(frame.g92)),
             _SYSTEM: float(frame.system),
@@ -151,9 +151,9 @@ class MachineValues:
         """Return a predefined named parameter; None: it is not one of them. Raises as `numbered` does."""
         modal, frame = self._interpreter.modal, self._interpreter.modal.frame or Frame()
         if name.startswith("_abs_") and name[5:].upper() in _LETTERS and len(name) == len("_abs_x"):
-            return self._position(_LETTERS.index(name[5:].upper()), span, absolute=True)
+            return self.position(_LETTERS.index(name[5:].upper()), span, absolute=True)
         if len(name) == len("_x") and name[1:].upper() in _LETTERS:
-            return self._position(_LETTERS.index(name[1:].upper()), span, absolute=False)
+            return self.position(_LETTERS.index(name[1:].upper()), span, absolute=False)
         motion = 80.0 if modal.motion is None else float(modal.motion)
         if modal.motion is None and frame.cycle is not None:
             motion = float(frame.cycle.code[1:])
@@ -207,8 +207,14 @@ class MachineValues:
         found = self._machine.axis(axis)
         return MM if found is None else axis_scale(found.type, inch)
 
-    def _position(self, letter: int, span: Span, *, absolute: bool) -> float:
-        """Return where an axis of the program stands before the line, in the program's units."""
+    def position(self, letter: int, span: Span, *, absolute: bool) -> float:
+        """Return where an axis of the program stands before the line, in the program's units.
+
+        Args:
+            letter: its place in XYZABCUVW. absolute: in the machine's zero, else in the program's.
+
+        Raises as `numbered` does.
+        """
         axis = self._axes[letter]
         positions = self._interpreter.positions if absolute else self._interpreter.coordinates
         if axis not in positions:

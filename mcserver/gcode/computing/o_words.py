@@ -8,6 +8,7 @@ from typing import NamedTuple
 from mcserver.gcode.computing.expressions import ComputingError, Value, read_value, skip
 from mcserver.gcode.computing.line_template import LineTemplate
 from mcserver.gcode.line_faults import Span
+from mcserver.gcode.text.source import split_lines
 
 # of one block of O-words: lines, and characters of their text
 MOST_LINES = 100_000
@@ -41,6 +42,8 @@ _COMMENT = re.compile(r"\([^()]*\)|;.*")
 # words with one value, and those that may have one
 _ASKS = frozenset({"while", "if", "elseif", "repeat"})
 _MAY_ASK = frozenset({"return", "endsub"})
+# beside the subprogram of a file: nothing, a percent sign, and the end of a program
+_NO_CODE = re.compile(r"[ \t]*(?:%.*|M0?2|M30)?[ \t\r]*", re.IGNORECASE)
 _OPENING = {"sub": "endsub", "while": "endwhile", "do": "while", "if": "endif", "repeat": "endrepeat"}
 _BEGIN_BLOCKS = frozenset({"sub", "while", "do", "if", "repeat"})
 
@@ -147,13 +150,14 @@ class Routine:
     """Instructions of one block of O-words, or of a subprogram.
 
     Attributes:
-        name: of a subprogram; else empty. first, last: its lines.
+        name: of a subprogram; else empty. first, last: its lines. file: of the machine's, that has them.
     """
 
     def __init__(self, name: str, first: int) -> None:
         self.name = name
         self.first = first
         self.last = first
+        self.file = ""
         self.code: list[Instruction] = []
 
 
@@ -363,3 +367,35 @@ def line_routine(text: str, line: int) -> Routine:
     step.template = LineTemplate(text)
     routine.code.append(step)
     return routine
+
+
+def file_routine(name: str, text: str) -> Routine:
+    """Compile a file that holds one subprogram, which has its name.
+
+    Raises:
+        ComputingError: with its line in the file.
+    """
+    compiler: BlockCompiler | None = None
+    number = 0
+    try:
+        for number, line in enumerate(split_lines(text), start=1):
+            statement = read_statement(line, number) if may_be_statement(line) else None
+            if compiler is not None and not compiler.closed:
+                if statement is None:
+                    compiler.add_line(line, number)
+                else:
+                    compiler.add_statement(statement)
+            elif statement is not None:
+                if compiler is not None or (statement.word, statement.name) != ("sub", name):
+                    raise _structure(statement, "another O-word stands outside of the subprogram", "")
+                compiler = BlockCompiler(statement)
+            elif not _NO_CODE.fullmatch(_COMMENT.sub("", line)):
+                raise ComputingError("MC161", "a line stands outside of the subprogram", (1, len(line) + 1))
+        if compiler is not None and not compiler.closed:
+            raise compiler.unclosed()
+    except ComputingError as error:
+        error.line = error.line or number
+        raise
+    if compiler is None:
+        raise ComputingError("MC161", f"there is no o{shown_name(name)} sub", (1, 2), line=1)
+    return compiler.routine

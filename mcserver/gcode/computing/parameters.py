@@ -18,12 +18,12 @@ _OF_THE_MACHINE = range(5061, 5603)
 
 
 class Scope:
-    """The parameters of one call: #1 to #30 and the names without underscore."""
+    """The parameters of one call: #1 to #30, or as many as it has, and the names without underscore."""
 
     __slots__ = ("named", "numbered")
 
-    def __init__(self, arguments: tuple[float, ...] = ()) -> None:
-        self.numbered = [0.0, *arguments, *[0.0] * (LOCAL - len(arguments))]
+    def __init__(self, arguments: tuple[float, ...] = (), local: int = LOCAL, unset: float = 0.0) -> None:
+        self.numbered = [unset, *arguments, *[unset] * (local - len(arguments))]
         self.named: dict[str, float] = {}
 
 
@@ -44,30 +44,44 @@ class Kept(msgspec.Struct, frozen=True):
 class ParameterTable:
     """Parameters that a program sets itself (D-81).
 
+    Args:
+        local: so many numbered ones belong to a call. unset: value of one that was never set.
+
     Attributes:
         scopes: of the main program and of the calls under way.
     """
 
-    def __init__(self, kept: Kept) -> None:
-        self.scopes = [Scope()]
-        self._numbered = {number: value for number, value in kept.numbered.items() if number > LOCAL}
+    def __init__(self, kept: Kept, local: int = LOCAL, unset: float = 0.0) -> None:
+        self._local = local
+        self._unset = unset
+        self.scopes = [self.scope()]
+        self._numbered = {number: value for number, value in kept.numbered.items() if number > local}
         self._named = dict(kept.named)
         self.scopes[0].named.update(kept.local)
         for number, value in kept.numbered.items():
-            if number <= LOCAL:
+            if number <= local:
                 self.scopes[0].numbered[number] = value
+
+    def scope(self, arguments: tuple[float, ...] = ()) -> Scope:
+        """Return the parameters of a call."""
+        return Scope(arguments, self._local, self._unset)
+
+    def has(self, number: int) -> bool:
+        """Return whether a parameter of the whole program was set."""
+        return number in self._numbered
 
     def kept(self) -> Kept:
         """Return what the main program has."""
         main = self.scopes[0]
-        local = {number: value for number, value in enumerate(main.numbered) if value}
+        unset = (type(self._unset), self._unset)
+        local = {each: value for each, value in enumerate(main.numbered) if (type(value), value) != unset}
         return Kept({**self._numbered, **local}, dict(main.named), dict(self._named))
 
     def numbered(self, number: int) -> float:
-        """Return a numbered parameter; one that was never set is 0."""
-        if number <= LOCAL:
+        """Return a numbered parameter; one that was never set is `unset`."""
+        if number <= self._local:
             return self.scopes[-1].numbered[number]
-        return self._numbered.get(number, 0.0)
+        return self._numbered.get(number, self._unset)
 
     def named(self, name: str) -> float | None:
         """Return a named parameter; None: there is none."""
@@ -75,7 +89,7 @@ class ParameterTable:
 
     def set_numbered(self, number: int, value: float) -> None:
         """Set a numbered parameter; 0: one whose number could not be computed."""
-        if number <= LOCAL:
+        if number <= self._local:
             self.scopes[-1].numbered[number] = value
         else:
             self._numbered[number] = value

@@ -12,7 +12,7 @@ import re
 from collections.abc import Mapping, Sequence
 from typing import Final, NamedTuple
 
-from mcserver.gcode.notices import MESSAGE
+from mcserver.gcode.notices import speaks
 from mcserver.gcode.text.words import MAX_AXIS
 
 _NUMERIC: Final = b"0123456789+-. \t"
@@ -44,9 +44,9 @@ class CodeText(NamedTuple):
             sound = next(index for index, line in enumerate(texts) if "\n" in line)
             text = "\n".join([*texts[:sound], "?", ""])
         if "(" in text or ";" in text:
-            said = MESSAGE.search(text) if "(" in text else None
+            said = speaks(text) if "(" in text else None
             if said is not None:
-                # a line that says something to the operator is read by itself
+                # a line that says something to somebody is read by itself
                 text = text[: text.rfind("\n", 0, said.start()) + 1] + "?\n"
             # a nested or unclosed parenthesis stays, and so ends what is read
             text = _COMMENT.sub(" ", text)

@@ -43,9 +43,11 @@ from mcserver.motion.canonical import (
     DwellGroup,
     EndLine,
     Group,
+    InputLine,
     MotionLine,
     PauseLine,
     SpeedGroup,
+    WaitMode,
 )
 from mcserver.units import AxisType
 
@@ -88,8 +90,8 @@ def act_before(block: BlockState, actions: tuple[Action, ...], effects: Effects)
             done = read_io(block, action)
             if done is not None:
                 effects.before.append(done)
-        elif code in block.setup.machine.dialect.outputs:
-            word = action.words.get("S")
+        elif code in block.setup.machine.dialect.mapped:
+            word = action.words.get("S", action.words.get("R"))
             _set_mapped(block, action, None if word is None else word.value, effects)
         elif code == "T":
             _choose_tool(block, action)
@@ -178,6 +180,13 @@ def _refuse_unmapped(block: BlockState, action: Action) -> None:
 
 def _set_mapped(block: BlockState, action: Action, speed: float | None, effects: Effects) -> None:
     effects.before += read_mapped(block, action.code, action, speed)
+    wait = block.setup.machine.dialect.waits.get(action.code)
+    if wait is not None:
+        number = block.parsed.number
+        # what the input says right away may still be of the value before
+        if wait.settle > 0.0:
+            effects.before.append(MotionLine(number, (DwellGroup(wait.settle),)))
+        effects.before.append(InputLine(number, wait.column, WaitMode.HIGH, wait.timeout))
 
 
 def _follow_speed(block: BlockState, action: Action, actions: tuple[Action, ...], effects: Effects) -> None:
@@ -460,8 +469,8 @@ def _turn_spindle(block: BlockState, actions: tuple[Action, ...], effects: Effec
         )
     block.commanded.invalidate((index,))
     group = SpeedGroup((index,), (speed,))
-    if any(isinstance(value, MotionLine) for value in effects.before):
-        # a dwell behind M3 lets the spindle come to speed
+    if any(isinstance(value, MotionLine | InputLine) for value in effects.before):
+        # a dwell or a wait behind M3 lets the spindle come to speed
         effects.before.insert(0, MotionLine(block.parsed.number, (group,)))
     else:
         effects.groups.append(group)

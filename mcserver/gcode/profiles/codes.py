@@ -141,6 +141,9 @@ PRINTER_WORDS: Final[Mapping[str, str]] = MappingProxyType({"G28": "*", "G92": "
 # the state that holds here anyway: not worth a word
 SILENT: Final = frozenset({"G91.1", "G97"})
 
+_MACRO_B = (
+    'Fanuc\'s subprograms are an option; set [dialect] profile = "cnc", macros = "fanuc" in the machine file'
+)
 REFUSED: Final[Mapping[str, str]] = MappingProxyType(
     {
         "G5": "splines are not interpolated here; let the post write arcs and lines",
@@ -173,8 +176,7 @@ REFUSED: Final[Mapping[str, str]] = MappingProxyType(
         **dict.fromkeys(("M62", "M63", "M64", "M65", "M67", "M68"), "this machine has no outputs"),
         "M66": "this machine has no inputs",
         "M97": "subprograms are not read here; let the post write the moves out",
-        "M98": "subprograms are not read here; let the post write the moves out",
-        "M99": "subprograms are not read here; let the post write the moves out",
+        **dict.fromkeys(("M98", "M99", "G65"), _MACRO_B),
         **{
             f"G{number}": "canned cycles are read in the profile cnc; let the post write the moves out"
             for number in (73, 74, 81, 82, 83, 84, 85, 89)
@@ -195,7 +197,7 @@ REFUSED: Final[Mapping[str, str]] = MappingProxyType(
         **dict.fromkeys(
             _SHIFTS_OF_PRINTERS, "offsets of the head or the bed are not shifted here; let the slicer do it"
         ),
-        "G65": "macros are not called here; let the post write the moves out",
+        "G66": "modal calls of macros are not done here; let the post write G65 at each place",
         **{f"G38.{n}": "this machine cannot probe; add [probe] to the machine file" for n in range(2, 6)},
     }
 )

@@ -64,7 +64,9 @@ def read_mapped(
                 action.span,
                 "use M3 on this machine: its power is the same at any speed",
             )
-        found[keeps_to_path(machine, output)].append(OutputSetting(each.column, value, scaled))
+        # a code that waits does so behind what it sets
+        keeps = output.laser or (code not in machine.dialect.waits and keeps_to_path(machine, output))
+        found[keeps].append(OutputSetting(each.column, value, scaled))
     return [
         OutputLine(block.parsed.number, tuple(settings), with_motion=with_motion)
         for with_motion, settings in found.items()

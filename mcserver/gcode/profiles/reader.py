@@ -12,6 +12,7 @@ from collections.abc import Callable
 import msgspec
 
 from mcserver.gcode.line_faults import FaultList
+from mcserver.gcode.notices import logging_of
 from mcserver.gcode.profiles.codes import (
     ACTING,
     HARMLESS_MACRO,
@@ -69,7 +70,7 @@ class ProfileReader:
 
     def __init__(self, dialect: Dialect) -> None:
         self._dialect = dialect
-        self._acting = ACTING[dialect.profile] | dialect.outputs.keys()
+        self._acting = ACTING[dialect.profile] | dialect.mapped
         if dialect.channels:
             self._acting |= IO_WORDS.keys()
         if dialect.probes:
@@ -91,7 +92,7 @@ class ProfileReader:
         text = text.rstrip("\r\x1a")
         code = _blank(text).upper()
         if not code.strip():
-            return _line(number, text, code, [], FaultList(number), ProfileWords())
+            return _line(number, text, code, [], FaultList(number), ProfileWords(ignored=logging_of(text)))
         return self._read(text, code, number) or scan_line(text, number)
 
     def _read_reference(self, text: str, number: int) -> ParsedLine:
@@ -125,7 +126,8 @@ class ProfileReader:
             own = head[1] == "M" and float(head[2]) >= 1000.0
             idle = own or head[1] == "T" or name in self._ignored or family in self._ignored
             if idle and name not in self._acting and self._dialect.profile == "printer":
-                return nothing(family)
+                # what M117 shows is read from the text (D-76)
+                return nothing() if family == "M117" else nothing(family)
         macro = _MACRO.match(code)
         if macro is not None and macro[1] not in ("IF", "WHILE"):
             if HARMLESS_MACRO.match(macro[1]) or macro[1] in self._dialect.ignore:
@@ -302,8 +304,9 @@ class ProfileReader:
         first: Word | None = None
         for word in codes:
             name = code_name(word.letter, word.value)
-            if name in self._dialect.outputs:
-                letters.add("S")
+            if name in self._dialect.mapped:
+                # R of M109 is a temperature that is waited for in falling, too
+                letters.update("SR" if name in self._dialect.waits else "S")
             if name not in self._acting or name not in IO_WORDS:
                 continue
             if first is not None:
@@ -363,7 +366,7 @@ class ProfileReader:
         for position, word in enumerate(own):
             if any(word.letter == each.letter for each in own[:position]) and not names & IO_WORDS.keys():
                 faults.add("MC111", f"{word.letter} stands twice in one line", word.span, "keep one of them")
-        speeds = not names & (self._dialect.outputs.keys() - SPINDLE)
+        speeds = not names & (self._dialect.mapped - SPINDLE)
         for word in own:
             if word.letter == "T" or (word.letter == "S" and speeds):
                 actions.append(Action(word.letter, word.span, {word.letter: word}))
@@ -396,7 +399,7 @@ class ProfileReader:
         taken = {"S", "T"}
         for name in names:
             taken.update(OWN_WORDS.get(name, ""), PRINTER_WORDS.get(name, "") if printer else "")
-            if name in self._dialect.outputs:
+            if name in self._dialect.mapped:
                 taken.add("*")
         if "*" in taken:
             return

@@ -227,9 +227,7 @@ def _idle_lines(machine: Machine) -> list[Expression]:
 def _tokens(machine: Machine) -> dict[str, Expression]:
     dialect = machine.dialect
     ignored = (
-        IGNORED[dialect.profile]
-        | dialect.outputs.keys()
-        | {name for name in dialect.ignore if _CODE.match(name)}
+        IGNORED[dialect.profile] | dialect.mapped | {name for name in dialect.ignore if _CODE.match(name)}
     )
     acting = ACTING[dialect.profile]
     printer = dialect.profile == "printer"
