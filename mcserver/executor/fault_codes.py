@@ -75,6 +75,8 @@ class FaultCode(enum.IntEnum):
     ENVELOPE_TIME = 463
     ENVELOPE_COMMAND = 464
     TARGETS_LOST = 465
+    SKEW = 468
+    PAIR_MODE = 469
 
 
 # Codes that are reported and stop no program.
@@ -410,6 +412,14 @@ _TEXT: dict[int, tuple[str, str]] = {
         "no targets came for {seconds:.3f} s, and the axes were stopped",
         "servo mode goes on by opening it anew; see what keeps the client or the network, or let targets "
         "count for longer",
+    ),
+    FaultCode.SKEW: (
+        "the two drives of axis {axis} are further apart than max_skew of its gantry",
+        "see what holds one side back; then home the axis, which squares it, or square it by hand",
+    ),
+    FaultCode.PAIR_MODE: (
+        "axis {axis} is one of a gantry pair, which follows positions alone",
+        "leave speeds (G1030) and torques (G1040) to other axes",
     ),
     FaultCode.NO_TRAJECTORY: (
         "no motion of axis {axis} to its target keeps its limits",
