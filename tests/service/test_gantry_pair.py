@@ -7,6 +7,8 @@ from pathlib import Path
 
 import pytest
 
+from mcserver.drives.simulated import SimulatedBus
+from mcserver.net.status import EdgeUnits, machine_status
 from tests.executor.test_gantry import switched
 from tests.service.virtual_cell import VirtualCell, refused
 
@@ -42,3 +44,13 @@ async def test_a_jog_of_the_leader_moves_both_and_one_of_the_second_drive_is_ref
     assert (await cell.ended(program)).state == "finished"
     assert [cell.position(column) / MM for column in (1, 2)] == pytest.approx([5.0, 5.0], abs=1e-3)
     assert await refused(cell, lambda _: jog(3)) == "MC507"
+
+
+async def test_the_status_tells_the_skew(cell: VirtualCell) -> None:
+    bus = cell.executor.buses[0]
+    assert isinstance(bus, SimulatedBus)
+    assert machine_status(cell.service, EdgeUnits(cell.service.machine)).axes.skew == [0.0, 0.0, 0.0]
+    bus.push(2, 20.0 * MM)
+    await cell.until(lambda: cell.position(2) > 0.3 * MM)
+    axes = machine_status(cell.service, EdgeUnits(cell.service.machine)).axes
+    assert axes.skew == [0.0, 0.0, axes.position[2] - axes.position[1]]
