@@ -165,6 +165,8 @@ class Executor:
             profiled.before_exchange()
         if cycle.feed_forward is not None:
             cycle.feed_forward.before_exchange()
+        if self.bank.compensator is not None:
+            self.bank.compensator.homed = self.bank.masks.bools(cycle.homed.mask)
         self.bank.exchange()
         if profiled.mask:
             profiled.after_exchange()

@@ -22,10 +22,12 @@ from mcserver.machine.bus_section import BusConfig, read_buses
 from mcserver.machine.button_section import Button, read_buttons
 from mcserver.machine.clearance_section import Clearance, ToolsOfBodies, check_switches, read_clearance
 from mcserver.machine.compensation_section import (
+    LEAST_FOR_BACKLASH,
     Compensation,
     Limits,
     read_compensation,
 )
+from mcserver.machine.coupled_errors import check_coupled
 from mcserver.machine.dialect_section import Dialect, read_dialect
 from mcserver.machine.drive import CanDrive, Drive
 from mcserver.machine.families import AnyDrive
@@ -329,6 +331,12 @@ def _read_machine(raw: dict[str, Any], folder: Path | None, mistakes: Mistakes) 
     if sound:
         joints = frozenset(index for tool in tools for index in tool.axes)
         by_path = {path[:-1]: axes[index] for path, index, _ in drives}
+        for index, share in check_coupled(by_path, mistakes, LEAST_FOR_BACKLASH).items():
+            told = axes[index].compensation
+            assert told is not None
+            axes[index] = msgspec.structs.replace(
+                axes[index], compensation=msgspec.structs.replace(told, share=share)
+            )
         check_gantries(by_path, tools, file.get("body") or (), mistakes)
         shaping = check_shapers(by_path, joints, 1.0 / cycle_hz, motion.path_tolerance_mm * MM, mistakes)
     urdf = None if kinematics is None else kinematics.urdf
