@@ -327,6 +327,9 @@ type AxesStatus struct {
 	State    []AxisState `msgpack:"state" mc:"required"`
 	// Homed: whether the axis knows where it is; axes without `[axis.homing]` always do.
 	Homed []bool `msgpack:"homed"`
+	// Skew: of second drives of gantry pairs by how much they are further than their leaders [mm, deg]; of other
+	// axes 0. Empty on a machine without pairs.
+	Skew []float64 `msgpack:"skew"`
 }
 
 // AxisDifference: How an axis moves otherwise; the other program's minus this one's [mm or deg].

@@ -50,6 +50,16 @@ class SlowZones:
         self._cycle = cycle_s
         self.pairs = np.flatnonzero(np.isfinite(scene.speeds) & counted).tolist()
 
+    def keep(self, way: Array) -> None:
+        """Take the part of a way that is handed over."""
+
+    def forget(self) -> None:
+        """Forget the way so far."""
+
+    def moving(self, columns: NDArray[np.bool_]) -> bool:  # noqa: ARG002
+        """Return whether drives of these columns may have to come to the end of the way yet."""
+        return False
+
     def first(self, way: Array) -> TooFast | None:
         """Return the first step of a way, shape (n + 1, K), on which a body is too fast; None: none is."""
         found: TooFast | None = None

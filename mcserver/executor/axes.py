@@ -136,6 +136,7 @@ class AxisBank:
             de-energized by itself.
         shaper: makes setpoints of what is ordered; None: they are the same.
         compensator: of backlash and pitch; None: drives get the setpoints.
+        pairs: masks of the two drives of each gantry pair; they are energized and switched off together.
     """
 
     def __init__(self, machine: Machine, buses: Sequence[DriveBus], row: FeedbackRow) -> None:
@@ -143,6 +144,11 @@ class AxisBank:
         self.row = row
         self.masks = ColumnMasks(count)
         self.shaper: Shaper | None = None
+        self.pairs = [
+            1 << column | 1 << machine.column_of(axis.gantry.leader)
+            for column, axis in enumerate(machine.axes)
+            if axis.gantry is not None
+        ]
         if machine.shaping is not None:
             row.separate_orders()
         self.torque: Array = np.zeros(count)
@@ -448,8 +454,16 @@ class AxisBank:
         self.row.velocity[bools] = self.row.ordered_velocity[bools] = 0.0
         self.torque[bools] = 0.0
 
+    def both(self, mask: int) -> int:
+        """Return columns with those that are paired with them."""
+        for pair in self.pairs:
+            if mask & pair:
+                mask |= pair
+        return mask
+
     def power(self, mask: int, mode: DriveMode) -> None:
         """Energize axes in a mode, or change the mode of energized ones; ideal drives are there at once."""
+        mask = self.both(mask)
         # a drive takes a moment to leave its own homing
         leaving = mask & self.homing & ~self.exact
         self.energized &= ~leaving
@@ -480,12 +494,14 @@ class AxisBank:
 
     def off(self, mask: int) -> None:
         """De-energize axes at once."""
+        mask = self.both(mask)
         self._release_all(mask)
         self._tell(mask, DriveMode.OFF)
         self._refresh()
 
     def reset(self, mask: int) -> None:
         """Clear fault latches; the axes are off afterwards."""
+        mask = self.both(mask)
         self._release_all(mask)
         self.fault &= ~mask
         self.resetting |= mask & ~self.exact
@@ -494,6 +510,7 @@ class AxisBank:
 
     def stop(self, mask: int) -> None:
         """Let drives stop their axes by themselves and then de-energize; end the capture."""
+        mask = self.both(mask)
         self._release_all(mask)
         self.stopping |= mask & ~self.exact
         self._tell(mask, DriveMode.STOP)
@@ -501,6 +518,7 @@ class AxisBank:
 
     def release(self, mask: int) -> None:
         """Stop transmitting: the drives' heartbeat time-outs act."""
+        mask = self.both(mask)
         self._release_all(mask)
         self.released |= mask
         self._tell(mask, DriveMode.SILENT)

@@ -81,6 +81,7 @@ def _check_lease(slot: ProgramSlot, axes: int) -> None:
 def _check_power(slot: ProgramSlot, axes: int) -> None:
     """Raise where axes may not be energized now."""
     cycle = slot.cycle
+    axes = cycle.bank.both(axes)
     _check_lease(slot, axes)
     if cycle.estop:
         raise BarrierFault(FaultCode.EMERGENCY_STOP, -1)
@@ -92,6 +93,8 @@ def _check_power(slot: ProgramSlot, axes: int) -> None:
 def _check_configured(slot: ProgramSlot, axes: int, mode: DriveMode) -> None:
     """Raise where the machine file does not say what a drive needs for this mode."""
     for column in slot.cycle.bank.masks.columns(axes):
+        if slot.cycle.gantries.mask >> column & 1:
+            raise BarrierFault(FaultCode.PAIR_MODE, column)
         if not slot.cycle.machine.axes[column].drive.has_mode(mode):
             raise BarrierFault(FaultCode.MODE_NOT_CONFIGURED, column, (float(mode), 0.0))
 
@@ -105,23 +108,24 @@ def _check_follows_paths(slot: ProgramSlot, axes: int) -> None:
 
 def _check_homed(slot: ProgramSlot, axes: int) -> None:
     """Raise where axes do not know where they are and the program is not to move them then."""
-    barred = slot.cycle.homed.barred(axes)
+    barred = slot.cycle.homed.barred(slot.cycle.bank.both(axes))
     if barred and not (slot.orders is not None and slot.orders.unhomed):
         raise BarrierFault(FaultCode.NOT_HOMED, slot.cycle.bank.masks.columns(barred)[0])
 
 
 def _begin(slot: ProgramSlot, control: Control, _left: float, _waited: bool) -> Barrier | None:
     bank = slot.cycle.bank
-    _check_lease(slot, control.axes)
-    _check_homed(slot, control.axes)
-    latched = control.axes & bank.fault
+    both = bank.both(control.axes)
+    _check_lease(slot, both)
+    _check_homed(slot, both)
+    latched = both & bank.fault
     if latched:
         raise BarrierFault(FaultCode.AXIS_LATCHED, bank.masks.columns(latched)[0])
     _check_follows_paths(slot, control.axes)
-    missing = control.axes & ~bank.energized
+    missing = both & ~bank.energized
     if missing:
         raise BarrierFault(FaultCode.NOT_ENERGIZED, bank.masks.columns(missing)[0])
-    busy = control.axes & (slot.cycle.motions.mask | bank.speed | bank.torque_mode)
+    busy = both & (slot.cycle.motions.mask | bank.speed | bank.torque_mode)
     if busy:
         raise BarrierFault(FaultCode.AXIS_BUSY, bank.masks.columns(busy)[0])
     slot.playback.begin(control.axes, control.u)
@@ -137,7 +141,7 @@ def _wait(slot: ProgramSlot, control: Control, _left: float, waited: bool) -> Ba
     if waited:
         return None
     timeout = control.seconds if control.seconds > 0.0 else slot.cycle.machine.exact_stop_timeout
-    return ExactStop(slot.cycle, control.axes, timeout)
+    return ExactStop(slot.cycle, slot.cycle.bank.both(control.axes), timeout)
 
 
 def _dwell(slot: ProgramSlot, control: Control, _left: float, waited: bool) -> Barrier | None:
@@ -147,6 +151,7 @@ def _dwell(slot: ProgramSlot, control: Control, _left: float, waited: bool) -> B
 def _energize(slot: ProgramSlot, axes: int, mode: DriveMode) -> Barrier | None:
     """Energize what is not energized yet; None: all of it is."""
     bank = slot.cycle.bank
+    axes = bank.both(axes)
     missing = axes & ~bank.energized
     if not missing:
         return None
@@ -241,7 +246,7 @@ def _torque(slot: ProgramSlot, control: Control, _left: float, waited: bool) -> 
 def _axis(slot: ProgramSlot, control: Control, left: float, waited: bool) -> Barrier | None:
     """Carry out an axis command once the motion before it has ended, in two or three steps (D-40)."""
     cycle, bank, motions = slot.cycle, slot.cycle.bank, slot.cycle.motions
-    axes = control.axes
+    axes = bank.both(control.axes)
     operation = _OPERATIONS[control.operation]
     if not waited:
         _check_lease(slot, axes)
@@ -319,7 +324,7 @@ def _home(slot: ProgramSlot, control: Control, _left: float, waited: bool) -> Ba
         raise BarrierFault(FaultCode.NOT_ENERGIZED, bank.masks.columns(missing)[0])
     if cycle.homed.assumed:
         return None
-    return Homes(cycle, control.axes, slot.index, lambda: slot.rapid_rate)
+    return Homes(cycle, bank.both(control.axes), slot.index, lambda: slot.rapid_rate)
 
 
 def _check_still(slot: ProgramSlot, axes: int) -> None:

@@ -9,6 +9,7 @@ import numpy as np
 from mcserver.executor.axes import AxisBank, mask_of
 from mcserver.executor.entries import Array, EventKind, ExecutorEvent
 from mcserver.executor.fault_codes import FaultCode
+from mcserver.executor.gantry import GantryPairs
 from mcserver.executor.homed import HomedAxes
 from mcserver.executor.independent import IndependentMotions
 from mcserver.executor.io_bank import IoBank
@@ -29,6 +30,7 @@ class Cycle:
         number: of the cycle.
         history: shape (exact_stop_cycles, K), the latest encoder readings; that of cycle n in row n %
             exact_stop_cycles.
+        gantries: pairs of drives.
         homed: the axes' references. shifted: called with a column and a distance where its positions read
             that much more from now on.
     """
@@ -55,7 +57,8 @@ class Cycle:
         self.number = 0
         self.estop = False
         self.history: Array = np.full((machine.exact_stop_cycles, len(machine.axes)), np.nan)
-        self.shifted: list[Callable[[int, float], None]] = []
+        self.gantries = GantryPairs(machine, bank, motions)
+        self.shifted: list[Callable[[int, float], None]] = [self.gantries.shift]
         self.homed = HomedAxes(machine, bank, self.shifted, assume=assume_homed)
         self._events = events
 

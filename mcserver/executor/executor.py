@@ -149,6 +149,8 @@ class Executor:
             self._hold_before_zones()
         self._advance()
         self._supervision.before_exchange()
+        if cycle.gantries.pairs:
+            cycle.gantries.follow()
         for slot in self._used:
             if slot.guard is not None and slot.running:
                 slot.guard.before_exchange(slot)
@@ -163,6 +165,8 @@ class Executor:
             profiled.before_exchange()
         if cycle.feed_forward is not None:
             cycle.feed_forward.before_exchange()
+        if self.bank.compensator is not None:
+            self.bank.compensator.homed = self.bank.masks.bools(cycle.homed.mask)
         self.bank.exchange()
         if profiled.mask:
             profiled.after_exchange()
@@ -214,8 +218,8 @@ class Executor:
         Returns:
             The cycles played; None where the next one is no such cycle.
         """
-        if self.bank.shaper is not None:
-            # what was ordered before goes on to act in each cycle
+        if self.bank.shaper is not None or self.bank.pairs:
+            # what was ordered before goes on to act in each cycle, and skew is looked at in each
             return None
         running = [slot for slot in self._used if slot.running]
         quiet = self._mailbox.changes == self._changes and self._mailbox.estop == self._estop_seen
@@ -412,7 +416,7 @@ class Executor:
             if slot.running:
                 stopping |= slot.axes
         if self._cycle.estop:
-            moving = self.motions.mask | self._cycle.settling
+            moving = bank.both(self.motions.mask | self._cycle.settling)
             still = (bank.energized | bank.starting) & ~stopping & ~moving
             if still:
                 bank.off(still)
@@ -460,7 +464,7 @@ class Executor:
         for slot in self._used:
             active |= slot.playback.active
             self._row.set_slot(slot.index, slot.u, slot.ramp.rate, slot.state, slot.generation)
-        self.bank.show_conditions(active)
+        self.bank.show_conditions(self.bank.both(active))
         cells[TIME] = self._cycle.time
         cells[CYCLE] = self._cycle.number
         cells[LATE] = self.late_cycles

@@ -77,6 +77,8 @@ class FaultCode(enum.IntEnum):
     TARGETS_LOST = 465
     SPINDLE_SPEED = 466
     THREAD_ERROR = 467
+    SKEW = 468
+    PAIR_MODE = 469
 
 
 # Codes that are reported and stop no program.
@@ -420,6 +422,14 @@ _TEXT: dict[int, tuple[str, str]] = {
     FaultCode.THREAD_ERROR: (
         "the axes could not follow the spindle, axis {axis}, within thread_tolerance_mm",
         "its speed changes too fast, or is above 110 % of S: cut less deep, or look at the spindle's drive",
+    ),
+    FaultCode.SKEW: (
+        "the two drives of axis {axis} are further apart than max_skew of its gantry",
+        "see what holds one side back; then home the axis, which squares it, or square it by hand",
+    ),
+    FaultCode.PAIR_MODE: (
+        "axis {axis} is one of a gantry pair, which follows positions alone",
+        "leave speeds (G1030) and torques (G1040) to other axes",
     ),
     FaultCode.NO_TRAJECTORY: (
         "no motion of axis {axis} to its target keeps its limits",

@@ -29,6 +29,10 @@ STANDING_CYCLES = 10
 # Turns of the motor within which an index has to come.
 INDEX_TURNS = 1.5
 
+# Where the two sides of a gantry pair wait for each other: before the search, on the switch, behind it, on it
+# again, and once both have their references.
+_RELEASED, _FOUND, _BACKED_OFF, _REFERRED = 1, 2, 3, 5
+
 
 class HomingPhase(enum.IntEnum):
     """What an axis does while it is homed."""
@@ -51,13 +55,17 @@ class AxisHoming:
 
     Args:
         rate: the slot's share of speed, 0 in feed hold.
+
+    Attributes:
+        column: its own. partner: the other side of a gantry pair; None: it has none.
+        met, seen: how far the two have come, each at the last cycle's end.
     """
 
     def __init__(
         self, cycle: Cycle, column: int, slot: int, homing: Homing, rate: Callable[[], float]
     ) -> None:
         self._cycle = cycle
-        self._column = column
+        self.column = column
         self._bit = 1 << column
         self._slot = slot
         self._homing = homing
@@ -71,6 +79,9 @@ class AxisHoming:
         self._stops = homing.method == "hard-stop"
         self._contact = 0.0
         self._waited = 0.0
+        self.partner: AxisHoming | None = None
+        self.met = self.seen = 0
+        self._alone = False
         self.phase = HomingPhase.START
 
     def step(self) -> bool:
@@ -87,7 +98,7 @@ class AxisHoming:
         if following is not None:
             self.phase = following
             self._cycle.emit(EventKind.HOMING, self._slot, 0, axis=self._axis.index, token=int(following))
-        self._before = float(self._cycle.row.actual[self._column])
+        self._before = float(self._cycle.row.actual[self.column])
         return self.phase is HomingPhase.DONE
 
     # ------------------------------------------------------------------ what the axis feels
@@ -110,12 +121,12 @@ class AxisHoming:
             return False
         if self._input is not None:
             return cycle.io.value(self._input) > 0.5
-        return bool(cycle.bank.inputs[self._column] & HOME_SWITCH) != homing.invert
+        return bool(cycle.bank.inputs[self.column] & HOME_SWITCH) != homing.invert
 
     def _edge_at(self) -> float:
         """Return where the switch changed: as the drive latched it, else between the last two readings."""
-        actual = float(self._cycle.row.actual[self._column])
-        latched = float(self._cycle.bank.switch_at[self._column])
+        actual = float(self._cycle.row.actual[self.column])
+        latched = float(self._cycle.bank.switch_at[self.column])
         low, high = sorted((self._before, actual))
         if self._input is None and low <= latched <= high:
             return latched
@@ -123,7 +134,7 @@ class AxisHoming:
 
     def _blocked(self) -> bool:
         """Return True once the axis has stood against its torque for some cycles."""
-        row, column = self._cycle.row, self._column
+        row, column = self._cycle.row, self.column
         speed = float(row.velocity[column])
         pushes = float(row.torque[column]) * self._homing.direction >= self._homing.torque
         slow = abs(float(row.actual_velocity[column])) < BLOCKED_SHARE * abs(speed)
@@ -133,7 +144,7 @@ class AxisHoming:
     def _touches(self) -> bool:
         """Return True in the cycle in which contact is made; `_contact` is where."""
         if self._stops:
-            self._contact = float(self._cycle.row.actual[self._column])
+            self._contact = float(self._cycle.row.actual[self.column])
             return self._blocked()
         if self._homing.method == "index":
             return self._passes_index()
@@ -143,7 +154,7 @@ class AxisHoming:
         return False
 
     def _passes_index(self) -> bool:
-        bank, column = self._cycle.bank, self._column
+        bank, column = self._cycle.bank, self.column
         count = int(bank.indices[column])
         if count == self._indices:
             return False
@@ -159,22 +170,25 @@ class AxisHoming:
 
     def _go(self, distance: float, velocity: float) -> None:
         """Move from here, positive towards the reference [m or rad]."""
-        self._go_to(
-            float(self._cycle.row.ordered[self._column]) + self._homing.direction * distance, velocity
-        )
+        self._go_to(float(self._cycle.row.ordered[self.column]) + self._homing.direction * distance, velocity)
 
     def _go_to(self, target: float, velocity: float) -> None:
         limits = MotionLimits.of(self._axis, velocity)
         try:
-            self._cycle.motions.move(self._column, self._slot, target, 0.0, self._rate(), limits)
+            self._cycle.motions.move(self.column, self._slot, target, 0.0, self._rate(), limits)
         except TrajectoryError as error:
             raise BarrierFault(FaultCode.NO_TRAJECTORY, error.column) from error
 
     def _halt(self) -> None:
-        self._cycle.motions.halt(self._column, self._slot)
+        self._cycle.motions.halt(self.column, self._slot)
+
+    def _meets(self, point: int) -> bool:
+        """Return whether the other side of a pair has come to this point too, or there is none."""
+        self.met = point
+        return self.partner is None or self.seen >= point
 
     def _fault(self, code: FaultCode, distance: float) -> BarrierFault:
-        return BarrierFault(code, self._column, (distance, self._homing.torque))
+        return BarrierFault(code, self.column, (distance, self._homing.torque))
 
     @property
     def _missing(self) -> FaultCode:
@@ -191,15 +205,19 @@ class AxisHoming:
             return None
         for lost in cycle.bank.masks.columns(cycle.homed.lose(self._bit, absolute_too=True)):
             cycle.emit(EventKind.UNHOMED, self._slot, 0, axis=cycle.machine.axes[lost].index)
-        self._indices = int(cycle.bank.indices[self._column])
+        self._indices = int(cycle.bank.indices[self.column])
         self._cycles = 0
         if homing.method == "drive":
-            cycle.homed.forget_offset(self._column)
+            cycle.homed.forget_offset(self.column)
             cycle.bank.power(self._bit, DriveMode.HOMING)
             return HomingPhase.DRIVE
         if self._active:
-            self._go(-homing.release_travel, homing.velocity)
+            # one side of a pair moves alone
+            alone = self.partner is not None
+            self._go(-homing.release_travel, homing.latch_velocity if alone else homing.velocity)
             return HomingPhase.RELEASE
+        if not self._meets(_RELEASED):
+            return None
         index = homing.method == "index"
         self._go(homing.travel, homing.latch_velocity if index else homing.velocity)
         return HomingPhase.APPROACH
@@ -221,20 +239,26 @@ class AxisHoming:
             return HomingPhase.REFERENCE if self._homing.method == "index" else HomingPhase.BACK_OFF
         if not self._moving:
             raise self._fault(self._missing, self._homing.travel)
+        if self.partner is not None and self.partner.phase is HomingPhase.BACK_OFF and not self._alone:
+            # the other side stops at its switch: this one goes on slowly to its own
+            self._alone = True
+            self._go(self._homing.travel, self._homing.latch_velocity)
         return None
 
     def _back_off(self) -> HomingPhase | None:
         """Stop behind the contact, then move away from it."""
         homing = self._homing
         away = self._contact - homing.direction * homing.back_off
-        setpoint = float(self._cycle.row.ordered[self._column])
-        if self._moving:
+        setpoint = float(self._cycle.row.ordered[self.column])
+        if self._moving or not self._meets(_FOUND):
             return None
         if setpoint != away:
             self._go_to(away, homing.velocity)
             return None
         if self._active:
             raise self._fault(FaultCode.SWITCH_STUCK, homing.back_off)
+        if not self._meets(_BACKED_OFF):
+            return None
         self._cycles = 0
         self._go(2.0 * homing.back_off, homing.latch_velocity)
         return HomingPhase.LATCH
@@ -253,7 +277,7 @@ class AxisHoming:
     def _index(self) -> HomingPhase | None:
         """Stop, then move away from the switch until the index comes."""
         passed = self._passes_index()
-        moves_away = float(self._cycle.row.velocity[self._column]) * self._homing.direction < 0.0
+        moves_away = float(self._cycle.row.velocity[self.column]) * self._homing.direction < 0.0
         if passed and moves_away:
             self._halt()
             return HomingPhase.REFERENCE
@@ -269,8 +293,16 @@ class AxisHoming:
         if self._moving:
             return None
         homing = self._homing
-        self._refer(homing.position if homing.position is not None else 0.0, self._contact)
+        if self.met < _REFERRED:
+            if not self._meets(_REFERRED - 1):
+                return None
+            self._refer(homing.position if homing.position is not None else 0.0, self._contact)
+        if not self._meets(_REFERRED):
+            return None
         target = homing.then_move_to
+        if target is None and self.partner is not None and self._axis.gantry is not None:
+            # the second drive comes to where its leader is
+            target = float(self._cycle.row.ordered[self.partner.column])
         if target is None and self._stops:
             # off the stop, or it would be pushed on and on
             target = (homing.position or 0.0) - homing.direction * homing.back_off
@@ -285,10 +317,10 @@ class AxisHoming:
     def _drive(self) -> HomingPhase | None:
         """Wait for the homing of the drive itself: its own fault or the time of its section ends it."""
         bank, row = self._cycle.bank, self._cycle.row
-        if bank.states[self._column] != DriveState.HOMED or not bank.fresh[self._column]:
+        if bank.states[self.column] != DriveState.HOMED or not bank.fresh[self.column]:
             return None
         # its reading may jump to its home a moment before or behind that
-        still = abs(float(row.actual_velocity[self._column])) <= bank.standing_speed[self._column]
+        still = abs(float(row.actual_velocity[self.column])) <= bank.standing_speed[self.column]
         self._cycles = self._cycles + 1 if still else 0
         if self._cycles < STANDING_CYCLES:
             return None
@@ -301,9 +333,9 @@ class AxisHoming:
             self._waited += cycle.cycle_s
             if self._waited > DRIVE_TIMEOUT_S:
                 cycle.bank.latch(self._bit)
-                raise BarrierFault(FaultCode.NO_ENERGIZE, self._column, (self._waited, DRIVE_TIMEOUT_S))
+                raise BarrierFault(FaultCode.NO_ENERGIZE, self.column, (self._waited, DRIVE_TIMEOUT_S))
             return None
-        at = float(cycle.row.actual[self._column])
+        at = float(cycle.row.actual[self.column])
         position = at if self._homing.position is None else self._homing.position
         self._refer(position, at)
         if self._homing.then_move_to is None:
@@ -313,8 +345,8 @@ class AxisHoming:
 
     def _refer(self, position: float, at: float) -> None:
         cycle = self._cycle
-        cycle.homed.refer(self._column, position, at)
-        report_homed(cycle, self._slot, self._column)
+        cycle.homed.refer(self.column, position, at)
+        report_homed(cycle, self._slot, self.column)
 
 
 _STEPS: Mapping[HomingPhase, Callable[[AxisHoming], HomingPhase | None]] = MappingProxyType(
@@ -346,11 +378,18 @@ class Homes(Barrier):
             if homing.method == "drive" and not drive.has_mode(DriveMode.HOMING):
                 raise BarrierFault(FaultCode.MODE_NOT_CONFIGURED, column, (float(DriveMode.HOMING), 0.0))
             self._homings.append(AxisHoming(cycle, column, slot, homing, rate))
+        by_column = {each.column: each for each in self._homings}
+        for pair in cycle.gantries.pairs:
+            if pair.leader in by_column:
+                one, other = by_column[pair.leader], by_column[pair.follower]
+                one.partner, other.partner = other, one
 
     def before(self, left: float, held: bool) -> float | None:  # noqa: ARG002
         return None
 
     def after(self, held: bool) -> bool:  # noqa: ARG002
+        for each in self._homings:
+            each.seen = 0 if each.partner is None else each.partner.met
         # all of them, every cycle: one that waits would miss its switch
         done = [each.step() for each in self._homings]
         return all(done)

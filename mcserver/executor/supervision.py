@@ -13,8 +13,10 @@ from mcserver.executor.barriers import DRIVE_TIMEOUT_S
 from mcserver.executor.cycle import Cycle
 from mcserver.executor.entries import Array, EventKind
 from mcserver.executor.fault_codes import FaultCode, code_of_drive_fault
+from mcserver.executor.gantry import GantryPair
+from mcserver.executor.holding import stop_independent
 from mcserver.executor.homed import LOSING
-from mcserver.executor.shm.feedback import FeedbackRing
+from mcserver.executor.shm.feedback import FeedbackRing, SlotState
 from mcserver.executor.slot import ProgramSlot
 
 _OF_EVENT = MappingProxyType(
@@ -145,6 +147,8 @@ class Supervision:
             self._past[cycle.number % self._delay] = row.setpoint
         if cycle.number % STRAY_CYCLES == 0:
             self._find_strays()
+        for pair, skew in cycle.gantries.broken(self._homed):
+            self._stop_pair(pair, skew)
         for column in cycle.profiled.late:
             self._latch(column, FaultCode.FOLLOWING_ERROR, (float(self._error[column]), 0.0))
         for column in cycle.motions.limited:
@@ -223,16 +227,29 @@ class Supervision:
         cycle = self._cycle
         slot = self._slot_of(column)
         cycle.bank.latch(1 << column)
+        both = cycle.bank.both(1 << column)
         if code in LOSING:
-            for lost in cycle.bank.masks.columns(cycle.homed.lose(1 << column)):
+            for lost in cycle.bank.masks.columns(cycle.homed.lose(both)):
                 cycle.emit(EventKind.UNHOMED, -1, 0, code=int(code), axis=cycle.machine.axes[lost].index)
         if slot is None:
-            cycle.motions.drop(1 << column)
+            cycle.motions.drop(both)
             cycle.fault(code, -1, 0, column, values)
         else:
             line = slot.shown_line
-            slot.lose(column)
+            for each in cycle.bank.masks.columns(both):
+                slot.lose(each)
             slot.fault(code, line, column, values)
+
+    def _stop_pair(self, pair: GantryPair, skew: float) -> None:
+        """Bring a pair to rest within its limits: its sides are too far apart."""
+        cycle = self._cycle
+        values = (skew, pair.max_skew)
+        slot = self._slot_of(pair.leader)
+        if slot is None:
+            stop_independent(cycle, pair.mask, -1)
+            cycle.fault(FaultCode.SKEW, -1, 0, pair.leader, values)
+        elif slot.state is not SlotState.STOPPING:
+            slot.fault(FaultCode.SKEW, slot.shown_line, pair.leader, values)
 
     def _slot_of(self, column: int) -> ProgramSlot | None:
         for slot in self._slots:

@@ -13,13 +13,12 @@ import msgspec
 from msgspec import Meta
 
 from mcserver.machine.constraints import NotNegative
+from mcserver.machine.coupled_errors import CURVATURE, SLOPE, THIRD, Mesh, square_errors_in_si
 from mcserver.machine.section_reader import Mistakes
 from mcserver.machine.toml_positions import Path
 
 # Share of velocity, acceleration and jerk that taking up backlash needs at the least.
 LEAST_FOR_BACKLASH = 0.02
-# The greatest slope, curvature and third derivative of the quintic step 6u⁵ - 15u⁴ + 10u³ on 0 … 1.
-SLOPE, CURVATURE, THIRD = 1.875, 10.0 / math.sqrt(3.0), 60.0
 
 
 class CompensationSection(msgspec.Struct, frozen=True):
@@ -29,6 +28,8 @@ class CompensationSection(msgspec.Struct, frozen=True):
         backlash: by which a motor turns on a reversal before the load follows [mm, deg].
         pitch_errors: position, and how much further than programmed the load is there, as a laser or a ball
             bar measures it [mm, deg].
+        square_errors: another axis, and how much further the load is for 1000 mm of that one [mm].
+        mesh: errors over two other axes, such as those of a bed.
         reserve: share of velocity, acceleration and jerk that is kept from programs for corrections.
     """
 
@@ -36,16 +37,25 @@ class CompensationSection(msgspec.Struct, frozen=True):
     pitch_errors: list[
         Annotated[list[float], Meta(min_length=2, max_length=2, description="[position, error]")]
     ] = []
+    square_errors: list[
+        Annotated[list[float], Meta(min_length=2, max_length=2, description="[axis, error for 1000 mm]")]
+    ] = []
+    mesh: Mesh | None = None
     reserve: Annotated[float, Meta(ge=0.02, le=0.5, description="0.1 is usual")] = 0.1
 
 
 class Compensation(msgspec.Struct, frozen=True):
-    """The same in SI; ``pitch_errors`` ascend. share: of the limits in the file that backlash gets."""
+    """The same in SI; ``pitch_errors`` ascend, ``square_errors`` are slopes [m/m] by axis number.
+
+    share: of the limits in the file that backlash gets.
+    """
 
     backlash: float
     pitch_errors: tuple[tuple[float, float], ...]
     reserve: float
     share: float
+    square_errors: tuple[tuple[int, float], ...] = ()
+    mesh: Mesh | None = None
 
 
 class Limits(NamedTuple):
@@ -84,7 +94,14 @@ def read_compensation(
             f"{100 * section.reserve:g} % are kept for it: put points further apart, or raise reserve",
         )
         return None
-    return Compensation(section.backlash * scale, tuple(errors), section.reserve, left)
+    return Compensation(
+        section.backlash * scale,
+        tuple(errors),
+        section.reserve,
+        left,
+        square_errors_in_si(section.square_errors),
+        None if section.mesh is None else section.mesh.scaled(scale),
+    )
 
 
 def _need(here: tuple[float, float], there: tuple[float, float], limits: Limits) -> float:

@@ -22,13 +22,16 @@ from mcserver.machine.bus_section import BusConfig, read_buses
 from mcserver.machine.button_section import Button, read_buttons
 from mcserver.machine.clearance_section import Clearance, ToolsOfBodies, check_switches, read_clearance
 from mcserver.machine.compensation_section import (
+    LEAST_FOR_BACKLASH,
     Compensation,
     Limits,
     read_compensation,
 )
+from mcserver.machine.coupled_errors import check_coupled
 from mcserver.machine.dialect_section import Dialect, read_dialect
 from mcserver.machine.drive import CanDrive, Drive
 from mcserver.machine.families import AnyDrive
+from mcserver.machine.gantry_section import Gantry, check_gantries
 from mcserver.machine.homing_section import (
     LETTERS,
     AxisLimits,
@@ -71,6 +74,7 @@ class Axis(msgspec.Struct, frozen=True):
     ``homing``: how it finds its reference; None: its encoder's reading is its position.
     ``max_torque``: of its joint [N·m, N]; None: the URDF's effort.
     ``shaper``: of its setpoints; None: they are not shaped.
+    ``gantry``: it is the second drive of another axis; None: programs move it.
     ``compensation``: of its mechanics; with it, limits are what is left of the file's for programs.
     """
 
@@ -90,6 +94,7 @@ class Axis(msgspec.Struct, frozen=True):
     max_torque: float | None = math.inf
     shaper: Shaper | None = None
     compensation: Compensation | None = None
+    gantry: Gantry | None = None
 
     @property
     def profiled(self) -> bool:
@@ -169,6 +174,11 @@ class Machine(msgspec.Struct, frozen=True):
     def compensated(self) -> bool:
         """Whether drives are told something else than the setpoint."""
         return any(axis.compensation is not None for axis in self.axes)
+
+    @property
+    def followers(self) -> Mapping[int, int]:
+        """Second drives of gantry pairs: their numbers, and those of their leaders."""
+        return {axis.index: axis.gantry.leader for axis in self.axes if axis.gantry is not None}
 
     @property
     def shaping_deviation(self) -> float:
@@ -322,6 +332,13 @@ def _read_machine(raw: dict[str, Any], folder: Path | None, mistakes: Mistakes) 
     if sound:
         joints = frozenset(index for tool in tools for index in tool.axes)
         by_path = {path[:-1]: axes[index] for path, index, _ in drives}
+        for index, share in check_coupled(by_path, mistakes, LEAST_FOR_BACKLASH).items():
+            told = axes[index].compensation
+            assert told is not None
+            axes[index] = msgspec.structs.replace(
+                axes[index], compensation=msgspec.structs.replace(told, share=share)
+            )
+        check_gantries(by_path, tools, file.get("body") or (), mistakes)
         shaping = check_shapers(by_path, joints, 1.0 / cycle_hz, motion.path_tolerance_mm * MM, mistakes)
     urdf = None if kinematics is None else kinematics.urdf
     if urdf is not None and folder is not None:
@@ -479,6 +496,7 @@ def _axis_to_si(
         max_torque=_torque_of(axis),
         shaper=axis.shaper,
         compensation=compensation,
+        gantry=None if axis.gantry is None else Gantry(axis.gantry.leader, axis.gantry.max_skew * scale),
     )
 
 

@@ -67,6 +67,12 @@ class EdgeUnits:
         self.index = [axis.index for axis in machine.axes]
         self.scale = [1.0 / axis.type.si_per_unit for axis in machine.axes]
         self._row_scale: NDArray[np.float64] = np.array(self.scale)
+        # of each axis the column of its leader, or its own
+        self._leaders = [
+            column if axis.gantry is None else machine.column_of(axis.gantry.leader)
+            for column, axis in enumerate(machine.axes)
+        ]
+        self._paired = bool(machine.followers)
         self._poses = ToolPoses(machine, build_kinematics(machine))
 
     def of(self, values: Sequence[float]) -> list[float]:
@@ -75,6 +81,12 @@ class EdgeUnits:
         Of a single row NumPy's own overhead is many times the work.
         """
         return [value * scale for value, scale in zip(values, self.scale, strict=True)]
+
+    def skew(self, position: Sequence[float]) -> list[float]:
+        """Return by how much second drives are further than their leaders; empty without pairs."""
+        if not self._paired:
+            return []
+        return self.of([here - position[at] for here, at in zip(position, self._leaders, strict=True)])
 
     def tools(self, position: Sequence[float]) -> list[ToolPose]:
         """Where each tool is with the axes at ``position``, length K [SI]."""
@@ -141,6 +153,7 @@ def machine_status(service: MachineService, units: EdgeUnits) -> MachineStatus:
         torque=snapshot.torque,
         state=snapshot.states,
         homed=snapshot.homed,
+        skew=units.skew(snapshot.position),
     )
     return MachineStatus(
         t=snapshot.time,

@@ -21,12 +21,14 @@ from numpy.typing import NDArray
 
 from mcserver.clearance.meter import held_there
 from mcserver.clearance.mounted import NOT_KNOWN, Exchange
+from mcserver.clearance.ordered_speeds import slow_zones
 from mcserver.clearance.scene import Scene
-from mcserver.clearance.slow_zones import ROUNDING, SLOWER, SlowZones, TooFast
+from mcserver.clearance.slow_zones import ROUNDING, SLOWER, TooFast
 from mcserver.clearance.sweep import Contact, Sweep
 from mcserver.errors import Diagnostic
 from mcserver.executor.entries import Control, ControlKind, EventKind, ExecutorEvent
 from mcserver.executor.fault_codes import FaultCode
+from mcserver.executor.shaped_entries import AT_THEIR_PLACE, GOING_ON
 from mcserver.machine.dialect_section import Cutter
 from mcserver.machine.machine_file import Axis, Machine
 from mcserver.motion.canonical import AxisOperation
@@ -56,7 +58,7 @@ class SwitchedZones:
         assert machine.clearance is not None
         self.bit = 1 << number
         self.counted: Mask = binding & (scene.switches == number)
-        self.slow = SlowZones(scene, machine.cycle_s, self.counted)
+        self.slow = slow_zones(scene, machine, self.counted)
         self.movers: Mask = np.asarray(scene.levers[:, self.counted].any(axis=1))
         switch = machine.clearance.switches[number]
         self._high = switch.high
@@ -94,9 +96,10 @@ class ClearanceGuard:
         scene = sweep.scene
         binding = scene.binding(role)
         self._counted: Mask = binding & (scene.switches < 0)
-        self._slow = SlowZones(scene, machine.cycle_s, self._counted)
+        self._slow = slow_zones(scene, machine, self._counted)
         numbers = sorted(set(scene.switches[binding].tolist()) - {-1})
         self._switched = [SwitchedZones(machine, scene, each, binding) for each in numbers]
+        self._slowed = [self._slow, *(each.slow for each in self._switched)]
         self._by_hand = by_hand
         self.held: dict[int, Diagnostic] = {}
         self._speeds = np.array([axis.max_velocity for axis in machine.axes])
@@ -157,12 +160,19 @@ class ClearanceGuard:
             self._claim(moved, extent, until, zones_ahead, alone=False)
         if count:
             self._put(moved, way[count], way[count])
+            for slow in self._slowed:
+                slow.keep(way[: count + 1])
         return count
 
     def admit_control(self, control: Control) -> bool:
         """Return whether an entry may be handed over."""
         kind = control.kind
         columns = self._columns(control.axes)
+        # others wait until shaped setpoints have arrived: a motion at rest, or all that moves
+        if kind not in AT_THEIR_PLACE | GOING_ON or kind is ControlKind.WAIT:
+            for slow in self._slowed:
+                if kind is not ControlKind.WAIT or not slow.moving(~columns):
+                    slow.forget()
         if kind is ControlKind.WAIT:
             self._arrive(columns, control.u)
         elif kind is ControlKind.PASSED:
@@ -338,7 +348,9 @@ class ClearanceGuard:
             if column in self._targets:
                 self._low[column] = self._high[column] = self._targets.pop(column)
         self._tenant.claims = [
-            claim._replace(alone=False, until=u) if not (claim.columns & ~columns).any() else claim
+            claim._replace(alone=False, until=u, over=math.inf)
+            if not (claim.columns & ~columns).any()
+            else claim
             for claim in self._tenant.claims
         ]
 

@@ -43,6 +43,7 @@ class Claim(NamedTuple):
         number: counts the program's claims.
         zones: switched zones that it may come into, a bit each. movers: columns that move what may come
             there, shape (K,).
+        over: executor time from which on drives are through it [s]; inf: u has not passed it.
     """
 
     columns: Mask
@@ -52,6 +53,7 @@ class Claim(NamedTuple):
     number: int
     zones: int
     movers: Mask
+    over: float = math.inf
 
 
 @dataclass(eq=False)
@@ -91,6 +93,8 @@ class SharedSpace:
 
     def __init__(self, machine: Machine, feedback: Callable[[], FeedbackState | None]) -> None:
         self._feedback = feedback
+        # by which drives come later than u [s]
+        self._lag = 0.0 if machine.shaping is None else machine.shaping.length * machine.cycle_s
         self._tenants: list[Tenant] = []
         # by slot what takes the switched zones ahead of it
         self._slots: dict[int, Callable[[int], None]] = {}
@@ -192,9 +196,12 @@ class SharedSpace:
             over = tenant.ended is not None and newest.time > tenant.ended
             # a slot that is free shows the time axis of the program before
             passed = -math.inf if slot.state.free or tenant.ended is not None else slot.u - 1.0
+            for number, claim in enumerate(tenant.claims):
+                if passed > claim.until and claim.over == math.inf:
+                    tenant.claims[number] = claim._replace(over=newest.time + self._lag)
             tenant.claims = [
                 claim
                 for claim in tenant.claims
-                if (claim.alone and (moving & claim.columns).any()) or not (over or passed > claim.until)
+                if (claim.alone and (moving & claim.columns).any()) or not (over or newest.time >= claim.over)
             ]
         self._tenants = [each for each in self._tenants if each.ended is None or each.claims]

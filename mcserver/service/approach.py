@@ -126,7 +126,7 @@ def plan_approach(machine: Machine, state: StateBefore, now: StartState, lease: 
     known = {axis: state.positions[axis] for axis in energize if axis not in state.unknown | free}
     starts = []
     for axis in machine.axes:
-        if axis.index not in leased:
+        if axis.index not in leased or axis.gantry is not None:
             continue
         there = known.get(axis.index)
         scale = axis.type.si_per_unit

@@ -27,7 +27,10 @@ def axes_of(machine: Machine, axes: Sequence[int] | None) -> tuple[int, ...]:
                 f"it has {', '.join(map(str, known))}",
                 axis=axis,
             )
-    return tuple(sorted(set(axes)))
+    # the two drives of a gantry pair have one lease
+    pairs = {frozenset(pair) for pair in machine.followers.items()}
+    both = {each for pair in pairs if pair & set(axes) for each in pair}
+    return tuple(sorted(both | set(axes)))
 
 
 def positions_in_si(machine: Machine, positions: Mapping[str, float]) -> dict[int, float]:

@@ -10,6 +10,7 @@ from mcserver.errors import Refused
 from mcserver.executor.entries import Control, ControlKind
 from mcserver.machine.machine_file import Axis
 from mcserver.motion.canonical import AxisOperation
+from mcserver.service.axes_of_requests import axes_of
 from mcserver.service.program import Program
 from mcserver.service.service import MachineService
 
@@ -32,7 +33,10 @@ class HomingService:
         Raises:
             ServiceError: MC455 an axis finds no reference by itself, MC507 no such axis, MC512 it is leased.
         """
-        chosen = [self._axis(index) for index in axes] if axes is not None else self._finding()
+        if axes is None:
+            chosen = self._finding()
+        else:
+            chosen = [self._axis(index) for index in axes_of(self._machine, axes)]
         for axis in chosen:
             if axis.homing is None or not axis.homing.finds:
                 raise Refused(

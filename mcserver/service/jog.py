@@ -85,6 +85,13 @@ class Jogging:
                 "see `info`",
                 axis=axis_index,
             )
+        if axis.gantry is not None:
+            raise Refused(
+                "MC507",
+                f"axis {axis_index} is the second drive of axis {axis.gantry.leader}, and moves with it",
+                f"jog axis {axis.gantry.leader}",
+                axis=axis_index,
+            )
         self._refuse_taken(client, by, (axis_index,), step=distance is not None)
         move = self._move(axis, distance, velocity)
         if distance is None and hold_s is None:

@@ -194,6 +194,8 @@ class AxesStatus(msgspec.Struct, frozen=True):
 
     Attributes:
         homed: whether the axis knows where it is; axes without ``[axis.homing]`` always do.
+        skew: of second drives of gantry pairs by how much they are further than their leaders [mm, deg]; of
+            other axes 0. Empty on a machine without pairs.
     """
 
     index: list[int]
@@ -203,6 +205,7 @@ class AxesStatus(msgspec.Struct, frozen=True):
     torque: list[float]
     state: list[AxisState]
     homed: list[bool] = []
+    skew: list[float] = []
 
 
 class ToolPose(msgspec.Struct, frozen=True):

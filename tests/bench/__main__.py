@@ -32,6 +32,7 @@ SECTIONS = {
     "executor_cycle": "the cycle's body",
     "servo": "servo mode beside Ruckig",
     "can_cycle": "an exchange with CAN drives",
+    "ethercat_cycle": "an exchange with EtherCAT drives",
     "canopen_boot": "eight CANopen drives, from nothing to operational",
     "wake_up": "waking up once a millisecond",
     "first_motion": "submit → first motion",

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import dataclasses
 import random
 from collections.abc import Callable, Sequence
 from typing import Any
@@ -12,17 +13,18 @@ import pytest
 
 from mcserver.clearance.scene import Scene
 from mcserver.executor.entries import Control, ControlKind
+from mcserver.executor.shm.feedback import SlotFeedback, SlotState
 from mcserver.machine.machine_file import Machine, parse_machine
 from mcserver.motion.canonical import AxisOperation
 from mcserver.motion.pieces import Rows
 from mcserver.planning.clearance_guard import ClearanceGuards
-from mcserver.planning.shared_space import SharedSpace
+from mcserver.planning.shared_space import Claim, Extent, SharedSpace, Tenant
 from mcserver.service.program import Program
 from mcserver.simulation.simulation import simulate
 from mcserver.simulation.virtual_executor import VirtualExecutor
 from mcserver.units import MM
 from tests.clearance.cells import Start, fault_of, place
-from tests.clearance.machines import MILL, TOOL, VISE, block, mill
+from tests.clearance.machines import MILL, TOOL, VISE, block, mill, shaped_mill
 from tests.service.virtual_cell import VirtualCell
 
 Make = Callable[..., VirtualCell]
@@ -437,3 +439,24 @@ async def test_a_line_behind_a_pause_that_would_hit_from_where_the_axes_were_jog
     await cell.ended(program)
     assert (program.state, fault_of(program)) == ("faulted", ("MC320", 5))
     assert LAST_Z - 0.02 <= place(cell, 2) <= LAST_Z + 0.3
+
+
+def test_motion_counts_until_drives_have_got_their_shaped_setpoints() -> None:
+    machine = shaped_mill(VISE)
+    executor = VirtualExecutor(machine)
+    executor.step()
+    shown = [executor.feedback]
+    space = SharedSpace(machine, lambda: shown[-1])
+    every = np.ones(3, np.bool_)
+    first, other = Tenant("first", 0, every), Tenant("other", 1, ~every)
+    space.enter(first)
+    far = np.array([0.5, 0.0, 0.0])
+    first.claim(Claim(every, Extent(far, far), 10.0, alone=False, number=1, zones=0, movers=every))
+    assert machine.shaping is not None
+    for cycles, there in ((0, 0.5), (machine.shaping.length - 1, 0.5), (machine.shaping.length, 0.0)):
+        slots = (SlotFeedback(12.0, 1.0, SlotState.RUNNING, 1), *shown[0].slots[1:])
+        time = shown[0].time + cycles * machine.cycle_s + 1e-9
+        shown.append(dataclasses.replace(shown[0], slots=slots, time=time))
+        extent, _ = space.extent(other)
+        assert extent.high[0] == there, cycles
+    executor.close()

@@ -11,7 +11,7 @@ from mcserver.machine.section_reader import MachineFileRejected
 from mcserver.simulation.simulation import simulate_lines
 from mcserver.units import MM
 from tests.clearance.cells import Start
-from tests.clearance.machines import arm, mill
+from tests.clearance.machines import arm, mill, shaped_mill
 
 # from X50 on; the tool has a radius of 5 mm
 DESK = """
@@ -51,6 +51,28 @@ def test_a_line_that_is_too_fast_in_the_zone_is_named(
     lines: list[str], found: list[tuple[str, int]], stops: bool
 ) -> None:
     assert faults(lines, mill(DESK), stops=stops) == found
+
+
+@pytest.mark.parametrize(
+    ("lines", "found"),
+    [
+        # in flight it slows down just at the border, where drives have yet to play what came before
+        (["G64 P0.6", "G1 X44.9 F12000", "G1 X100 F3000"], [("MC322", 3)]),
+        # and it may not be fast as soon as it has left
+        (["G64 P0.6", "G1 X45.1 F3000", "G1 X100", "G1 X44.9", "G1 X0 F12000"], [("MC322", 6)]),
+        (["G64 P0.6", "G1 X30 F12000", "G1 X100 F3000", "G1 X40", "G1 X0 F12000"], []),
+        # an exact stop ends what was before
+        (["G1 X40 F12000", "G1 X100 F3000", "G1 Y100", "G1 X44.5", "G0 X0"], []),
+        (["G64 P0.6", "G1 X100 Y50 F3000", "G1 Y100", "G1 X80"], []),
+    ],
+)
+def test_shaped_setpoints_of_what_is_ordered_are_slow_in_the_zone(
+    lines: list[str], found: list[tuple[str, int]]
+) -> None:
+    assert faults(lines, shaped_mill(DESK), stops=True) == found
+    if not found:
+        # what drives get, cycle by cycle
+        assert not faults(lines, shaped_mill(DESK))
 
 
 def test_a_rapid_that_is_slow_there_by_itself_is_refused_by_the_server_alone() -> None:

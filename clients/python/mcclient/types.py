@@ -382,6 +382,8 @@ class AxesStatus:
 
     Attributes:
         homed: whether the axis knows where it is; axes without ``[axis.homing]`` always do.
+        skew: of second drives of gantry pairs by how much they are further than their leaders [mm, deg];
+            of other axes 0. Empty on a machine without pairs.
     """
 
     index: tuple[int, ...]
@@ -391,6 +393,7 @@ class AxesStatus:
     torque: tuple[float, ...]
     state: tuple[AxisState, ...]
     homed: tuple[bool, ...] = ()
+    skew: tuple[float, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)

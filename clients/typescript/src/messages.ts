@@ -156,6 +156,11 @@ export interface AxesStatus {
   state: AxisState[];
   /** whether the axis knows where it is; axes without `[axis.homing]` always do. */
   homed?: boolean[];
+  /**
+   * of second drives of gantry pairs by how much they are further than their leaders [mm, deg]; of other axes 0.
+   * Empty on a machine without pairs.
+   */
+  skew?: number[];
 }
 
 /** How an axis moves otherwise; the other program's minus this one's [mm or deg]. */

@@ -48,7 +48,8 @@ class Setup(msgspec.Struct, frozen=True):
 
 def set_up(machine: Machine, kinematics: Kinematics | None, lease: frozenset[int] | None) -> Setup:
     """Build the tables of a machine; without a lease the program may use all its axes."""
-    axes = {axis.index: axis for axis in machine.axes}
+    # a second drive does what its leader is told
+    axes = {axis.index: axis for axis in machine.axes if axis.gantry is None}
     dynamics = None if kinematics is None else kinematics.dynamics
     chains = {} if kinematics is None else {tool: tuple(kinematics.axes(tool)) for tool in kinematics.tools}
     return Setup(

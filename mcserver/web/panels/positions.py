@@ -168,11 +168,14 @@ def positions_html(
     rows = []
     columns = zip(axes.index, axes.position, axes.setpoint, axes.velocity, axes.state, strict=True)
     homed = dict(zip(axes.index, axes.homed, strict=False))
+    skew = dict(zip(axes.index, axes.skew, strict=False))
     for index, position, setpoint, velocity, state in columns:
         unit = units.get(index, "")
         shown_state = str(state)
         if not homed.get(index, True):
             shown_state = f"{state}, not homed"
+        if skew.get(index):
+            shown_state += f", skew {position_text(skew[index])} {unit}"
         in_work = f"<td class=n>{position_text(position - origin.get(index, 0.0))}</td>" if work else ""
         rows.append(
             f"<tr><td>{axis_name(index)}{joint_html(joints, index)}</td>"

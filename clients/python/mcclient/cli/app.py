@@ -57,6 +57,7 @@ COMMANDS: Mapping[str, str] = MappingProxyType(
         "jog": "operate.jog",
         "home": "home.home",
         "reference": "home.reference",
+        "mesh": "mesh.mesh",
         "reset": "operate.reset",
         "estop": "operate.estop",
         "arm": "arm.arm",

@@ -80,6 +80,8 @@ def _axes_table(info: Info, status: MachineStatus, rows: int | None) -> Table:
     homing = {axis.index for axis in info.axes if axis.homing is not None} if axes.homed else set()
     if homing:
         table.add_column("homed")
+    if axes.skew:
+        table.add_column("skew", justify="right")
     # where a program's words would put the axes: every program starts in G54
     work = next((each.origin for each in status.work_offsets if each.system == "G54"), {})
     if work:
@@ -97,6 +99,8 @@ def _axes_table(info: Info, status: MachineStatus, rows: int | None) -> Table:
         ]
         if homing:
             cells.append(_homed_text(axes.index[row] in homing, homed=axes.homed[row]))
+        if axes.skew:
+            cells.append(f"{axes.skew[row]:.3f}" if axes.skew[row] else "")
         if work:
             origin = work.get(str(axes.index[row]))
             cells.append("" if origin is None else f"{axes.position[row] - origin:.3f}")

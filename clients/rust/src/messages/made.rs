@@ -222,6 +222,10 @@ pub struct AxesStatus {
     /// whether the axis knows where it is; axes without `\[axis.homing\]` always do.
     #[serde(default)]
     pub homed: Vec<bool>,
+    /// of second drives of gantry pairs by how much they are further than their leaders \[mm, deg\]; of other
+    /// axes 0. Empty on a machine without pairs.
+    #[serde(default)]
+    pub skew: Vec<f64>,
 }
 
 /// How an axis moves otherwise; the other program's minus this one's \[mm or deg\].

@@ -274,10 +274,12 @@ public final class Messages {
     /**
      * All axes, column-wise: every list has one entry for each of `index`.
      * @param homed whether the axis knows where it is; axes without `[axis.homing]` always do.
+     * @param skew of second drives of gantry pairs by how much they are further than their leaders [mm, deg]; of
+     *     other axes 0. Empty on a machine without pairs.
      */
     public record AxesStatus(
             List<Long> index, List<Double> position, List<Double> setpoint, List<Double> velocity, List<Double> torque,
-            List<AxisState> state, @Sparse List<Boolean> homed) {}
+            List<AxisState> state, @Sparse List<Boolean> homed, @Sparse List<Double> skew) {}
 
     /**
      * How an axis moves otherwise; the other program's minus this one's [mm or deg].

@@ -1,0 +1,56 @@
+"""The two drives of a gantry pair through the service: one lease, one home, one jog."""
+
+from __future__ import annotations
+
+from collections.abc import AsyncIterator
+from pathlib import Path
+
+import pytest
+
+from mcserver.drives.simulated import SimulatedBus
+from mcserver.net.status import EdgeUnits, machine_status
+from tests.executor.test_gantry import switched
+from tests.service.virtual_cell import VirtualCell, refused
+
+MM = 1e-3
+
+
+@pytest.fixture
+async def cell(tmp_path: Path) -> AsyncIterator[VirtualCell]:
+    made = VirtualCell(switched(-40.0, -40.1), tmp_path)
+    yield made
+    await made.stop()
+
+
+async def test_whoever_names_one_drive_has_both(cell: VirtualCell) -> None:
+    program = await cell.ended(await cell.homing.home("test", [3]))
+    assert (program.state, program.axes) == ("finished", (1, 3))
+    assert cell.homed() == [True] * 3
+    program = await cell.service.open("test", axes=[1])
+    assert program.axes == (1, 3)
+    await cell.service.lines.submit("test", program.program, 1, ["G1010", "G1 Y60 F6000", "G0 Y40"])
+    cell.service.lines.close("test", program.program)
+    assert (await cell.ended(program)).state == "finished"
+    assert [cell.position(column) / MM for column in (1, 2)] == pytest.approx([40.0, 40.0], abs=1e-3)
+
+
+async def test_a_jog_of_the_leader_moves_both_and_one_of_the_second_drive_is_refused(
+    cell: VirtualCell,
+) -> None:
+    async def jog(axis: int) -> str:
+        return await cell.jogging.jog("page", axis, distance=5.0, velocity=20.0, hold_s=None, program_id=None)
+
+    program = cell.service.program(await jog(1))
+    assert (await cell.ended(program)).state == "finished"
+    assert [cell.position(column) / MM for column in (1, 2)] == pytest.approx([5.0, 5.0], abs=1e-3)
+    assert await refused(cell, lambda _: jog(3)) == "MC507"
+
+
+async def test_the_status_tells_the_skew(cell: VirtualCell) -> None:
+    bus = cell.executor.buses[0]
+    assert isinstance(bus, SimulatedBus)
+    assert machine_status(cell.service, EdgeUnits(cell.service.machine)).axes.skew == [0.0, 0.0, 0.0]
+    bus.push(2, 20.0 * MM)
+    await cell.until(lambda: cell.position(2) > 0.3 * MM)
+    axes = machine_status(cell.service, EdgeUnits(cell.service.machine)).axes
+    assert axes.skew == [0.0, 0.0, axes.position[2] - axes.position[1]]
