@@ -27,6 +27,10 @@ class Function(enum.IntEnum):
     HEARTBEAT = 0x700
 
 
+RPDOS = (Function.RPDO1, Function.RPDO2, Function.RPDO3, Function.RPDO4)
+TPDOS = (Function.TPDO1, Function.TPDO2, Function.TPDO3, Function.TPDO4)
+
+
 class NmtState(enum.IntEnum):
     """State byte of a heartbeat (CiA 301, 7.2.8.3.2.2)."""
 

@@ -55,8 +55,11 @@ class NodeBoot:
         before = node.boot_ups
         while True:
             self.check_stopping()
-            if node.settings.has_profile:
+            streamed = node.settings.streamed
+            if streamed is None:
                 self._command(node, NmtCommand.RESET_COMMUNICATION)
+            elif streamed.question is not None:
+                self._network.try_send(*streamed.question)
             patience_end = min(deadline, time.monotonic() + patience)
             if self._appears(node, before, patience_end):
                 return

@@ -13,7 +13,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Protocol
 
-from mcserver.can.cob import GREATEST_NODE, LEAST_NODE
+from mcserver.can.cob import GREATEST_NODE, LEAST_NODE, RPDOS
 from mcserver.can.open import open_port
 from mcserver.can.port import CanPort
 from mcserver.canopen.access import moves_by_sdo
@@ -175,7 +175,8 @@ def for_masters(drive: DriveSettings, port: CanPort) -> Listening:
 
     Nodes that send process data by themselves are none, nor is a producer of SYNC by agreement.
     """
-    return Listening(drive.bus, port, (), range(LEAST_NODE, GREATEST_NODE + 1), drive.foreign_sync)
+    commands = {rpdo + node: node for node in range(LEAST_NODE, GREATEST_NODE + 1) for rpdo in RPDOS}
+    return Listening(drive.bus, port, (), commands, drive.foreign_sync)
 
 
 @contextmanager

@@ -9,10 +9,10 @@ from __future__ import annotations
 
 import time
 from collections import Counter
-from collections.abc import Callable, Collection, Iterable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
 
-from mcserver.can.cob import NMT, SYNC, Function
+from mcserver.can.cob import NMT, RPDOS, SYNC, TPDOS, Function
 from mcserver.can.port import CanPort
 from mcserver.errors import RuntimeFault
 
@@ -20,8 +20,6 @@ MASTER = 127
 ROUND_S = 0.01
 ROUNDS_AFTER_SIGN = 10
 SHOWN = 6
-_FROM_MASTER = (Function.RPDO1, Function.RPDO2, Function.RPDO3, Function.RPDO4)
-_FROM_DRIVE = (Function.TPDO1, Function.TPDO2, Function.TPDO3, Function.TPDO4)
 
 
 @dataclass(frozen=True)
@@ -29,14 +27,15 @@ class Listening:
     """One bus that is listened on.
 
     Attributes:
-        drives: numbers of its CiA 402 nodes. streaming: numbers of drives that send by themselves.
+        drives: numbers of its CiA 402 nodes. foreign: of its other drives, COB-IDs that tell of a master, and
+            whose they are.
         foreign_sync: SYNC comes from somebody else by agreement.
     """
 
     name: str
     port: CanPort
     drives: Collection[int]
-    streaming: Collection[int] = ()
+    foreign: Mapping[int, int] = field(default_factory=dict)
     foreign_sync: bool = False
 
 
@@ -52,9 +51,11 @@ def sign_of_master(identifier: int, bus: Listening) -> str:
     function = identifier & 0x780
     if function == Function.SDO_REQUEST and node:
         return f"SDO requests to node {node} ({identifier:03X}h)"
-    if function in _FROM_MASTER and (node in bus.drives or node in bus.streaming):
+    if function in RPDOS and node in bus.drives:
         return f"commands to node {node} ({identifier:03X}h)"
-    if function in _FROM_DRIVE and node in bus.drives:
+    if identifier in bus.foreign:
+        return f"commands to node {bus.foreign[identifier]} ({identifier:03X}h)"
+    if function in TPDOS and node in bus.drives:
         return f"process data of node {node} ({identifier:03X}h)"
     return ""
 

@@ -112,8 +112,8 @@ class Node:
                 for pdo in axis.planned.process_data.tpdos if axis.planned else ():
                     network.handle(pdo.cob_id, self._keeper(pdo.cob_id))
         else:
-            for function in (Function.TPDO1, Function.TPDO2):
-                network.handle(function + node, self._telemetry_keeper(function + node))
+            for identifier in settings.streamed.telemetry_ids if settings.streamed else ():
+                network.handle(identifier, self._telemetry_keeper(identifier))
 
     # ------------------------------------------------------------ what it says
 
@@ -199,7 +199,8 @@ class Node:
     @property
     def telemetry(self) -> bytes:
         """The newest telemetry with a drive's status, of one that streams it; empty where none has come."""
-        return self.newest(Function.TPDO1 + self.settings.node) or b""
+        streamed = self.settings.streamed
+        return b"" if streamed is None else self.newest(streamed.telemetry_ids[0]) or b""
 
     @property
     def exchanged_at(self) -> float | None:

@@ -199,7 +199,11 @@ def _listen(
             own[0].settings.bus,
             port,
             {axis.settings.node for axis in own if axis.settings.has_profile},
-            {axis.settings.node for axis in own if not axis.settings.has_profile},
+            {
+                identifier: axis.settings.node
+                for axis in own
+                for identifier in (axis.settings.streamed.foreign_ids if axis.settings.streamed else ())
+            },
             own[0].settings.foreign_sync,
         )
         for own, port in zip(plans, ports, strict=True)

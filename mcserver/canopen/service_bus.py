@@ -40,6 +40,8 @@ FIRST_RETRY_S = 1.0
 LONGEST_RETRY_S = 30.0
 # Nodes that are silent are asked so often whether they are there.
 SEEK_S = 1.0
+# A drive that speaks only when it is spoken to is asked so long before its silence would count [s].
+ASKED_BEFORE_S = 0.5
 # Emergency messages of a node are reported at most so often.
 EMERGENCY_S = 0.1
 JOIN_S = 2.0
@@ -210,6 +212,7 @@ class CanopenBus:
 
     def _watch(self, node: Node, now: float) -> None:
         self._tell_emergencies(node, now)
+        self._ask(node, now)
         number = node.settings.node
         under_way = self._under_way.get(number)
         if under_way is not None:
@@ -228,6 +231,13 @@ class CanopenBus:
                 self._restart(node)
         elif node.phase is Phase.LOST or (node.settings.has_profile and node.nmt in _UNWANTED):
             self._welcome(node)
+
+    def _ask(self, node: Node, now: float) -> None:
+        """Ask a drive that speaks only when it is spoken to, as nobody else does before the cycle runs."""
+        streamed = node.settings.streamed
+        question = None if streamed is None else streamed.question
+        if question is not None and node.is_silent(now + ASKED_BEFORE_S):
+            self._network.try_send(*question)
 
     def _watch_silent(self, node: Node, now: float) -> None:
         if node.phase is Phase.OPERATIONAL:

@@ -350,6 +350,16 @@ class CanBus:
             )
         axis = self._axes[min(missing)]
         assert isinstance(axis.drive, CanDrive)
+        complaint = next((each.complaint for index, each in self._streamed if index == min(missing)), None)
+        if complaint is not None:
+            what, hint = complaint
+            return RuntimeFault(
+                "MC470",
+                f"the drive of axis {axis.index} (node {axis.drive.node} on {self.config.name}) is not set "
+                f"up as the machine file says: {what}",
+                hint,
+                axis=axis.index,
+            )
         return RuntimeFault(
             "MC411",
             f"the drive of axis {axis.index} (node {axis.drive.node} on {self.config.name}) does not answer: "

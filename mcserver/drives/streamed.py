@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Protocol
 
+from mcserver.can.cob import RPDOS, Function
 from mcserver.can.port import CanPort
 from mcserver.drives.bus import DriveFault, DriveMode, DriveState
 from mcserver.machine.drive import CanDrive
@@ -21,6 +22,7 @@ class StreamedAxis(Protocol):
         fresh: telemetry is no older than its rate allows. age, limit: of it, and from when on it is lost
             [cycles].
         short: telemetry with a wrong length.
+        complaint: in which way it is not set up as the machine file says, and what to do; empty: in none.
     """
 
     position: float
@@ -32,6 +34,7 @@ class StreamedAxis(Protocol):
     age: int
     limit: int
     short: int
+    complaint: tuple[str, str] | None
 
     @property
     def booted(self) -> bool:
@@ -53,12 +56,27 @@ class StreamedAxis(Protocol):
 class StreamedDrive(CanDrive, frozen=True, tag="streamed"):
     """``[axis.drive]`` of such a drive."""
 
+    @property
+    def telemetry_ids(self) -> tuple[int, ...]:
+        """COB-IDs of its telemetry; the first one's has its faults."""
+        return Function.TPDO1 + self.node, Function.TPDO2 + self.node
+
+    @property
+    def foreign_ids(self) -> tuple[int, ...]:
+        """COB-IDs that somebody else sends, or has it send, who is master of its bus."""
+        return tuple(each + self.node for each in RPDOS)
+
+    @property
+    def question(self) -> tuple[int, bytes] | None:
+        """A frame that it answers with telemetry and that changes nothing; None: it speaks by itself."""
+        return None
+
     def axis(self, axis: Axis, cycle_s: float, silence_cycles: int) -> StreamedAxis:
         """Return its axis in the cycle; ``silence_cycles`` without telemetry are a fault."""
         raise NotImplementedError
 
     def fault_bits(self, telemetry: bytes) -> int | None:
-        """Return the faults in the telemetry of the first TPDO's COB-ID, 0: none; None: it says nothing."""
+        """Return the faults in the telemetry of its first COB-ID, 0: none; None: it says nothing."""
         raise NotImplementedError
 
     def fault_text(self, bits: int) -> str:

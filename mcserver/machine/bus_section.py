@@ -122,8 +122,8 @@ def read_buses(
         other = borrowed.setdefault(key, axis)
         if key in nodes or other != axis:
             mistakes.add(
-                (*path, "pdo_node"),
+                (*path, drive.borrowed_key),
                 f"the COB-IDs of node {drive.borrowed_node} on bus {drive.bus} are in use",
-                "give the number of no node and of no other pdo_node",
+                f"give the number of no node and of no other {drive.borrowed_key}",
             )
     return list(buses.values())

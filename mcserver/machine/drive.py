@@ -130,8 +130,10 @@ class CanDrive(Drive, frozen=True, tag="can"):
         rated_torque: 1000 ‰ of 6071h and 6077h, or 0 where torques are not used [N·m].
         command_timeout_ms: without commands for this time the drive acts by itself (1400h:5).
         synchronous: it acts at SYNC, and its node is watched by heartbeats.
+        borrowed_key: which key gives `borrowed_node`.
     """
 
+    borrowed_key: ClassVar[str] = "pdo_node"
     other_kinds_keys_are_idle: ClassVar[bool] = False
     has_switches: ClassVar[bool] = False
     synchronous: ClassVar[bool] = False
@@ -180,7 +182,7 @@ class CanDrive(Drive, frozen=True, tag="can"):
 
     @property
     def borrowed_node(self) -> int:
-        """The node whose COB-IDs its process data have; 0: its own."""
+        """The number beside its node's whose COB-IDs it takes; 0: none."""
         return 0
 
     @classmethod

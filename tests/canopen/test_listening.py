@@ -22,7 +22,7 @@ PATIENT = ServiceTimes(SdoTimes(0.5, 2), BootTimes(appear_s=3.0, start_s=2.0), l
 
 
 def listening(port: FakeBus, *, foreign_sync: bool = False) -> Listening:
-    return Listening("left", port, {3}, {5}, foreign_sync)
+    return Listening("left", port, {3}, {0x205: 5}, foreign_sync)
 
 
 @pytest.mark.parametrize(

@@ -167,7 +167,9 @@ def test_on_a_virtual_clock_drives_on_can_are_simulated() -> None:
 
 def test_the_example_of_the_documentation_is_a_machine() -> None:
     document = (Path(__file__).parents[2] / "docs" / "canopen.md").read_text("utf-8")
-    first, second = re.findall(r"```toml\n(.*?)```", document, re.DOTALL)
-    text = first + ROTARY.format(index=1).replace("[axis.drive]", "") + second
+    text, *others = re.findall(r"```toml\n(.*?)```", document, re.DOTALL)
+    for index, drive in enumerate(others, 1):
+        travel = "min_position = -90.0\nmax_position = 90.0\n"
+        text += ROTARY.format(index=index).replace("[axis.drive]\n", travel) + drive
     axes = parse_machine(text).axes
-    assert [axis.drive.kind for axis in axes] == ["cia402", "servosila"]
+    assert [axis.drive.kind for axis in axes] == ["cia402", "servosila", "damiao"]

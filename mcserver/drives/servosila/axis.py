@@ -49,6 +49,8 @@ class ServosilaAxis:
         short: telemetry with a wrong length.
     """
 
+    complaint: tuple[str, str] | None = None
+
     def __init__(self, axis: Axis, drive: ServosilaDrive, cycle_s: float, silence_cycles: int) -> None:
         scaling = Scaling.of(axis)
         self._node = drive.node

@@ -1,0 +1,351 @@
+"""Damiao's motors: frames, what is read of a motor before it is energized, MIT commands, faults and silence.
+
+The motor is the simulated one, on a bus in memory.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from mcserver.drive_sim.damiao_node import BOOT_S, DamiaoNode
+from mcserver.drive_sim.from_machine import build_node
+from mcserver.drives.bus import DriveFault, DriveMode, DriveState, Setpoints
+from mcserver.drives.can_bus import CanBus
+from mcserver.drives.damiao.codec import (
+    REGISTERS,
+    Feedback,
+    Order,
+    Ranges,
+    Register,
+    Status,
+    register_request,
+)
+from mcserver.errors import ConfigurationError, RuntimeFault
+from mcserver.machine.machine_file import Machine, parse_machine
+from mcserver.units import TURN
+from tests.drives.fake_can import FakeBus
+
+RANGES = Ranges(12.5, 30.0, 10.0)
+CYCLE_S = 1e-3
+KEYS = "p_max = 12.5\nv_max = 30.0\nt_max = 10.0\nkp = 50.0\nkd = 1.0\n"
+
+
+def machine(drive: str = KEYS, axis: str = "min_position = -180.0\nmax_position = 180.0\n") -> Machine:
+    """One joint whose motor has number 3 and answers by 13h."""
+    return parse_machine(
+        '[machine]\nname = "m"\n[[axis]]\nindex = 0\ntype = "rotary"\nmax_velocity = 360.0\n'
+        f"max_acceleration = 3600.0\nmax_following_error = 20.0\n{axis}"
+        f'[axis.drive]\nkind = "damiao"\nbus = "can0"\nnode = 3\ncommand_timeout_ms = 20\n{drive}'
+    )
+
+
+@dataclass
+class Bench:
+    """A bus and its motor, exchange by exchange."""
+
+    described: Machine = field(default_factory=machine)
+    angle: float = 0.0
+    stored: dict[Register, float] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        self.now = 0.0
+        self.port = FakeBus()
+        made = build_node(self.described, self.described.axes[0], self._answer, self.angle / 360.0)
+        assert isinstance(made, DamiaoNode)
+        self.motor = made
+        self.motor._stored.update(self.stored)
+        self.motor.switch_on(0.0)
+        self.pass_time(2.0 * BOOT_S)
+        self.port.nodes.append(self)  # type: ignore[arg-type]
+        self.bus = CanBus(
+            self.described,
+            self.described.buses[0],
+            [0],
+            opener=lambda _address: self.port,
+            wait=self.pass_time,
+        )
+        self.setpoints = Setpoints.of(1)
+
+    def boot(self) -> Bench:
+        self.feedback = self.bus.boot()
+        return self
+
+    def _answer(self, identifier: int, payload: bytes) -> None:
+        self.port.waiting.append((identifier, payload))
+
+    def receive(self, identifier: int, payload: bytes) -> None:
+        if identifier in self.motor.identifiers():
+            self.motor.receive(identifier, payload, self.now)
+
+    def tick(self) -> None:
+        """As a node of `FakeBus`: the motor speaks only when it is spoken to."""
+
+    def pass_time(self, seconds: float) -> None:
+        end = self.now + seconds
+        while self.motor.wake <= end:
+            self.now = max(self.now, self.motor.wake)
+            self.motor.poll(self.now)
+        self.now = end
+
+    def exchange(self, mode: DriveMode, cycles: int = 1, **values: float) -> None:
+        self.setpoints.mode[:] = mode
+        for name, value in values.items():
+            getattr(self.setpoints, name)[:] = value
+        for _ in range(cycles):
+            if self.feedback.state[0] != DriveState.ENERGIZED:
+                self.setpoints.position[:] = self.feedback.position
+            self.bus.exchange(self.setpoints)
+            self.pass_time(CYCLE_S)
+
+    def energize(self) -> Bench:
+        self.exchange(DriveMode.POSITION, 30)
+        assert self.state is DriveState.ENERGIZED
+        return self
+
+    @property
+    def state(self) -> DriveState:
+        return DriveState(int(self.feedback.state[0]))
+
+    @property
+    def degrees(self) -> float:
+        return math.degrees(float(self.feedback.position[0]))
+
+    @property
+    def said(self) -> set[bytes]:
+        """Last bytes of the orders that were sent."""
+        return {
+            payload for identifier, payload in self.port.sent if identifier == 3 and payload[:1] == b"\xff"
+        }
+
+
+# ---------------------------------------------------------------------- frames
+
+
+def test_a_command_is_five_numbers_in_eight_bytes() -> None:
+    # the ends and the middle of each range, by the maker's manual: 16, 12, 12, 12 and 12 bits
+    assert RANGES.command(-12.5, -30.0, 0.0, 0.0, -10.0) == bytes(8)
+    assert RANGES.command(12.5, 30.0, 500.0, 5.0, 10.0) == b"\xff" * 8
+    assert RANGES.command(-12.5, 30.0, 0.0, 5.0, -10.0) == bytes.fromhex("0000fff000fff000")
+
+
+@given(
+    st.tuples(
+        st.floats(-12.5, 12.5),
+        st.floats(-30.0, 30.0),
+        st.floats(0.0, 500.0),
+        st.floats(0, 5.0),
+        st.floats(-10, 10),
+    )
+)
+def test_a_command_says_each_number_within_half_a_step(
+    values: tuple[float, float, float, float, float],
+) -> None:
+    decoded = RANGES.decode_command(RANGES.command(*values))
+    steps = (25.0 / 65535, 60.0 / 4095, 500.0 / 4095, 5.0 / 4095, 20.0 / 4095)
+    for value, got, step in zip(values, decoded, steps, strict=True):
+        assert abs(value - got) <= 0.5 * step * (1 + 1e-9)
+
+
+@given(st.binary(max_size=9))
+def test_no_frame_is_feedback_that_is_none(payload: bytes) -> None:
+    feedback = RANGES.decode_feedback(3, payload)
+    known = len(payload) == 8 and payload[0] & 0xF == 3 and payload[0] >> 4 in list(Status)
+    assert (feedback is not None) == known
+
+
+def test_feedback_has_state_place_speed_torque_and_temperatures() -> None:
+    said = Feedback(Status.ENABLED, 1.25, -3.0, 2.5, 40, 35)
+    got = RANGES.decode_feedback(3, RANGES.feedback(3, said))
+    assert got is not None
+    assert (got.status, got.mos_celsius, got.coil_celsius) == (1, 40, 35)
+    assert (got.position, got.velocity, got.torque) == pytest.approx((1.25, -3.0, 2.5), abs=0.01)
+
+
+# ---------------------------------------------------------------------- what has to be so before
+
+
+def test_a_motor_gets_the_time_out_of_the_machine_file_before_it_is_energized() -> None:
+    bench = Bench().boot()
+    assert bench.motor.registers[Register.TIMEOUT] == 400  # 20 ms by 50 µs
+    assert Order.ENABLE.payload not in bench.said
+
+
+@pytest.mark.parametrize(
+    ("register", "value", "said"),
+    [
+        (Register.PMAX, 3.14159, "PMAX of the motor is 3.14159, 12.5 is needed"),
+        (Register.VMAX, 45.0, "VMAX of the motor is 45, 30 is needed"),
+        (Register.TMAX, 28.0, "TMAX of the motor is 28, 10 is needed"),
+        (Register.CTRL_MODE, 2.0, "CTRL_MODE of the motor is 2, 1 is needed"),
+    ],
+)
+def test_a_motor_with_other_registers_is_refused_with_what_it_has(
+    register: Register, value: float, said: str
+) -> None:
+    with pytest.raises(RuntimeFault) as refused:
+        Bench(stored={register: value}).boot()
+    assert refused.value.code == "MC470"
+    assert said in refused.value.message
+
+
+def test_frames_of_another_protocol_are_named() -> None:
+    bench = Bench()
+    bench.motor.receive = lambda *_args: bench._answer(0x13, b"\x15\x00\x01")  # type: ignore[method-assign]
+    with pytest.raises(RuntimeFault, match="no feedback of motor 3") as refused:
+        bench.boot()
+    assert refused.value.code == "MC470"
+    assert "15 00 01" in refused.value.message
+
+
+def test_a_motor_that_is_silent_is_said_to_be() -> None:
+    bench = Bench()
+    bench.motor.wrong.mute = True
+    with pytest.raises(RuntimeFault) as refused:
+        bench.boot()
+    assert refused.value.code == "MC411"
+
+
+@pytest.mark.parametrize(
+    ("drive", "axis", "said"),
+    [
+        (KEYS.replace("kp = 50.0", ""), "min_position = -90.0\nmax_position = 90.0\n", "kp"),
+        (KEYS.replace("50.0", "501.0"), "min_position = -90.0\nmax_position = 90.0\n", "kp"),
+        (KEYS.replace("v_max = 30.0", "v_max = 6.0"), "min_position = -90.0\nmax_position = 90.0\n", "v_max"),
+        (KEYS, "", "positions go from"),
+        (KEYS, "min_position = -90.0\nmax_position = 717.0\n", "positions go from"),
+        (KEYS + "feedback_id = 3\n", "min_position = -90.0\nmax_position = 90.0\n", "feedback_id"),
+    ],
+)
+def test_a_machine_file_whose_motion_no_frame_can_say_is_refused(drive: str, axis: str, said: str) -> None:
+    with pytest.raises(ConfigurationError, match=said):
+        machine(drive, axis)
+
+
+# ---------------------------------------------------------------------- motion
+
+
+def test_it_is_energized_where_it_stands_and_follows_positions() -> None:
+    bench = Bench(angle=40.0).boot().energize()
+    assert bench.degrees == pytest.approx(40.0, abs=0.03)
+    assert bench.motor.motor.position * 360.0 == pytest.approx(40.0, abs=0.05)
+    for cycle in range(500):
+        bench.exchange(
+            DriveMode.POSITION, position=math.radians(40.0 + 0.1 * cycle), velocity=math.radians(100)
+        )
+    bench.exchange(DriveMode.POSITION, 200, velocity=0.0)
+    assert bench.degrees == pytest.approx(40.0 + 49.9, abs=0.5)
+
+
+def test_an_inverted_motor_turns_the_other_way() -> None:
+    bench = Bench(machine(KEYS + "invert = true\n")).boot().energize()
+    bench.exchange(DriveMode.POSITION, 300, position=0.2)
+    assert bench.feedback.position[0] == pytest.approx(0.2, abs=0.02)
+    assert bench.motor.motor.position * TURN == pytest.approx(-0.2, abs=0.02)
+
+
+def test_speeds_and_torques_go_without_stiffness() -> None:
+    bench = Bench().boot().energize()
+    bench.exchange(DriveMode.VELOCITY, velocity=1.0)
+    assert RANGES.decode_command(bench.port.sent[-1][1])[1:3] == pytest.approx((1.0, 0.0), abs=0.01)
+    bench.exchange(DriveMode.TORQUE, torque=2.0)
+    assert RANGES.decode_command(bench.port.sent[-1][1])[2:] == pytest.approx((0.0, 0.0, 2.0), abs=0.01)
+
+
+def test_stop_brakes_by_damping_and_ends_disabled() -> None:
+    bench = Bench().boot().energize()
+    bench.exchange(DriveMode.VELOCITY, 200, velocity=3.0)
+    bench.exchange(DriveMode.STOP)
+    assert bench.feedback.state[0] == DriveState.STOPPING
+    assert RANGES.decode_command(bench.port.sent[-1][1])[2] == pytest.approx(0.0)
+    bench.exchange(DriveMode.STOP, 1000)
+    assert bench.feedback.state[0] == DriveState.OFF
+    bench.exchange(DriveMode.OFF, 3)
+    assert bench.motor.describe()["power"] == "DISABLED"
+
+
+def test_a_motor_whose_master_is_gone_lets_go_at_its_time_out() -> None:
+    bench = Bench().boot().energize()
+    bench.exchange(DriveMode.SILENT)
+    bench.pass_time(0.1)
+    assert bench.motor.describe()["power"] == "COMMUNICATION_LOST"
+
+
+# ---------------------------------------------------------------------- faults
+
+
+@pytest.mark.parametrize(
+    ("status", "fault"),
+    [(0xA, DriveFault.OVER_CURRENT), (0xB, DriveFault.OVER_TEMPERATURE), (0x9, DriveFault.VOLTAGE)],
+)
+def test_a_fault_of_the_motor_is_latched_and_reset(status: int, fault: DriveFault) -> None:
+    bench = Bench().boot().energize()
+    bench.motor.request("emcy", {"code": status}, bench.now)
+    bench.exchange(DriveMode.POSITION, 2)
+    assert (bench.state, bench.feedback.fault[0]) == (DriveState.FAULT, fault)
+    bench.exchange(DriveMode.RESET, 10)
+    assert (bench.state, bench.feedback.fault[0]) == (DriveState.OFF, DriveFault.NONE)
+    bench.energize()
+
+
+@pytest.mark.parametrize("seen", [True, False])
+def test_a_motor_that_was_switched_off_and_on_gets_its_time_out_again(seen: bool) -> None:
+    bench = Bench().boot().energize()
+    bench.motor.switch_on(bench.now)
+    if not seen:
+        bench.pass_time(2.0 * BOOT_S)
+    bench.exchange(DriveMode.POSITION, 10)
+    wanted = (DriveState.FAULT, DriveFault.COMMUNICATION) if seen else (DriveState.STARTING, DriveFault.NONE)
+    assert (bench.state, bench.feedback.fault[0]) == wanted
+    assert bench.motor.registers[Register.TIMEOUT] == 0
+    bench.exchange(DriveMode.RESET, 100)
+    bench.energize()
+    assert bench.motor.registers[Register.TIMEOUT] == 400
+
+
+def test_a_motor_that_was_switched_off_and_on_between_two_cycles_is_disabled_and_never_enabled_unseen() -> (
+    None
+):
+    bench = Bench().boot().energize()
+    bench.motor._status = int(Status.DISABLED)
+    bench.port.sent.clear()
+    bench.exchange(DriveMode.POSITION, 2)
+    assert bench.state is not DriveState.ENERGIZED
+    assert Order.ENABLE.payload not in bench.said
+
+
+def test_a_reading_that_jumps_is_a_lost_position_and_the_motor_brakes() -> None:
+    bench = Bench().boot().energize()
+    bench.exchange(DriveMode.VELOCITY, 200, velocity=3.0)
+    bench.motor.motor.position += 0.5
+    bench.exchange(DriveMode.POSITION, 2)
+    assert (bench.state, bench.feedback.fault[0]) == (DriveState.FAULT, DriveFault.POSITION_LOST)
+    # it brakes by damping, without a position, and is disabled then
+    assert RANGES.decode_command(bench.port.sent[-1][1])[1:4] == pytest.approx((0.0, 0.0, 1.0), abs=0.01)
+    bench.exchange(DriveMode.OFF, 1000)
+    assert bench.motor.describe()["power"] == "DISABLED"
+
+
+@given(st.lists(st.binary(max_size=9), max_size=30))
+def test_no_answer_breaks_an_axis(answers: list[bytes]) -> None:
+    bench = Bench().boot()
+    for answer in answers:
+        bench.port.waiting.append((0x13, answer))
+        bench.exchange(DriveMode.OFF)
+    assert all(identifier in (3, REGISTERS) for identifier, _ in bench.port.sent)
+
+
+@given(st.lists(st.tuples(st.sampled_from([3, REGISTERS]), st.binary(max_size=9)), max_size=30))
+def test_no_frame_breaks_a_motor(frames: list[tuple[int, bytes]]) -> None:
+    sent: list[int] = []
+    motor = DamiaoNode(3, 0x13, lambda identifier, _payload: sent.append(identifier), RANGES)
+    motor.switch_on(0.0)
+    motor.poll(1.0)
+    for number, (identifier, payload) in enumerate(frames):
+        motor.receive(identifier, payload, 1.0 + 1e-3 * number)
+    motor.receive(REGISTERS, register_request(3, Register.PMAX), 2.0)
+    assert set(sent) == {0x13}
