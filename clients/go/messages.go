@@ -1297,6 +1297,10 @@ type RunPreviewReply struct {
 	// Certifiable: what `mcserver certify` signs of it, as JSON: all that its simulation began from, and a digest
 	// of its setpoints.
 	Certifiable string `msgpack:"certifiable" mc:"required"`
+	// Warnings: of its check and simulation, the first ones
+	Warnings []Diagnostic `msgpack:"warnings"`
+	// UnshownWarnings: how many more there were.
+	UnshownWarnings int64 `msgpack:"unshown_warnings"`
 }
 
 // RunPreviewRequest: What an operator looks at before arming: the text and its simulated path.

@@ -1143,6 +1143,10 @@ export interface RunPreviewReply {
    * setpoints.
    */
   certifiable: string;
+  /** of its check and simulation, the first ones */
+  warnings?: Diagnostic[];
+  /** how many more there were. */
+  unshown_warnings?: number;
 }
 
 /** What an operator looks at before arming: the text and its simulated path. */

@@ -1674,6 +1674,12 @@ pub struct RunPreviewReply {
     /// what `mcserver certify` signs of it, as JSON: all that its simulation began from, and a digest of its
     /// setpoints.
     pub certifiable: String,
+    /// of its check and simulation, the first ones
+    #[serde(default)]
+    pub warnings: Vec<Diagnostic>,
+    /// how many more there were.
+    #[serde(default)]
+    pub unshown_warnings: u64,
 }
 
 /// What an operator looks at before arming: the text and its simulated path.

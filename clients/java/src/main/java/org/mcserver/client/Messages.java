@@ -1253,8 +1253,12 @@ public final class Messages {
      * A request with its text and the path of its simulation.
      * @param certifiable what `mcserver certify` signs of it, as JSON: all that its simulation began from, and a
      *     digest of its setpoints.
+     * @param warnings of its check and simulation, the first ones
+     * @param unshownWarnings how many more there were.
      */
-    public record RunPreviewReply(RunRequestStatus run, String text, RunPath path, String certifiable) {}
+    public record RunPreviewReply(
+            RunRequestStatus run, String text, RunPath path, String certifiable, @Sparse List<Diagnostic> warnings,
+            @Sparse long unshownWarnings) {}
 
     /**
      * What an operator looks at before arming: the text and its simulated path.
