@@ -1439,6 +1439,12 @@ type ServoRequest struct {
 	Axes []int64 `msgpack:"axes"`
 	// Name: for people.
 	Name string `msgpack:"name"`
+	// Low: by axis number as text the least position that targets lead to [mm or deg]; with `high` or not at all. A
+	// machine with bodies or zones needs both: where these would not stay clear everywhere between, the program
+	// ends as faulted and nothing moves.
+	Low map[string]float64 `msgpack:"low"`
+	// High: by axis number as text the greatest position that targets lead to [mm or deg].
+	High map[string]float64 `msgpack:"high"`
 }
 
 // ServoStatus: The targets of a program in servo mode, counted since it was opened.

@@ -1287,6 +1287,14 @@ export interface ServoRequest {
   axes?: number[] | null | undefined;
   /** for people. */
   name?: string | undefined;
+  /**
+   * by axis number as text the least position that targets lead to [mm or deg]; with `high` or not at all. A
+   * machine with bodies or zones needs both: where these would not stay clear everywhere between, the program
+   * ends as faulted and nothing moves.
+   */
+  low?: Record<string, number> | null | undefined;
+  /** by axis number as text the greatest position that targets lead to [mm or deg]. */
+  high?: Record<string, number> | null | undefined;
 }
 
 /** The targets of a program in servo mode, counted since it was opened. */

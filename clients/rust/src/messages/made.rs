@@ -1904,6 +1904,12 @@ pub struct ServoRequest {
     pub axes: Option<Vec<u64>>,
     /// for people.
     pub name: String,
+    /// by axis number as text the least position that targets lead to \[mm or deg\]; with `high` or not at
+    /// all. A machine with bodies or zones needs both: where these would not stay clear everywhere between,
+    /// the program ends as faulted and nothing moves.
+    pub low: Option<BTreeMap<String, f64>>,
+    /// by axis number as text the greatest position that targets lead to \[mm or deg\].
+    pub high: Option<BTreeMap<String, f64>>,
 }
 
 impl ServoRequest {
