@@ -48,6 +48,7 @@ class ControlKind(enum.IntEnum):
     SETTLE = 14  # u stops here until the planner has read the positions (sync): acknowledged by ``token``
     OUTPUT = 15  # output ``channel`` is set to ``value``
     FOLLOW = 25  # u stops here while ``axes`` follow streamed targets, until no more are to come
+    FOLLOW_FROM = 26  # ``values`` are the least positions of the `FOLLOW` behind, whose own are the greatest
     INPUT = 16  # u stops here until input ``channel`` is as ``operation`` says (`WaitMode`), or ``seconds``
 
 
@@ -59,8 +60,8 @@ class Control(msgspec.Struct, frozen=True, gc=False):
         u: where on the program's time axis [cycles], not below the entry before.
         line: number of the G-code line that it belongs to.
         axes: bit mask over the machine's columns (bit 0 = first axis of the machine).
-        values: shape (K,) for RAPID, SPEED and TORQUE; for END optionally the final positions (without them
-            the axes hold the row at or right after u); else None.
+        values: shape (K,) for RAPID, SPEED and TORQUE, and for FOLLOW where it is bounded; for END optionally
+            the final positions (without them the axes hold the row at or right after u); else None.
         seconds: for DWELL; for PROBE the speed along the line [m/s]; for WAIT the time-out; for OUTPUT of a
             laser the speed of ``axes`` together that its value is for [m/s or rad/s]; 0: any.
         operation: for PROBE: a `ProbeKind`; for AXIS: index of the operation in ``list(AxisOperation)``; for
