@@ -273,6 +273,12 @@ async def test_bounded_targets_lead_no_axis_beyond_their_bounds(guarded: Virtual
     assert 0.06 < guarded.position(0) < 0.08 + 1e-9
 
 
+async def test_bounds_hold_on_a_machine_without_bodies_too(cell: VirtualCell) -> None:
+    streamer = await bounded(cell, 0.0, 0.02)
+    await streamer.stream([0.3], 1.5)
+    assert cell.position(0) == pytest.approx(0.02)
+
+
 async def test_bounds_in_which_bodies_do_not_stay_clear_end_it_before_anything_moves(
     guarded: VirtualCell,
 ) -> None:
