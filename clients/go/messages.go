@@ -1300,6 +1300,10 @@ type RunPreviewReply struct {
 	// Certifiable: what `mcserver certify` signs of it, as JSON: all that its simulation began from, and a digest
 	// of its setpoints.
 	Certifiable string `msgpack:"certifiable" mc:"required"`
+	// Warnings: of its check and simulation, the first ones
+	Warnings []Diagnostic `msgpack:"warnings"`
+	// UnshownWarnings: how many more there were.
+	UnshownWarnings int64 `msgpack:"unshown_warnings"`
 }
 
 // RunPreviewRequest: What an operator looks at before arming: the text and its simulated path.
@@ -1438,6 +1442,12 @@ type ServoRequest struct {
 	Axes []int64 `msgpack:"axes"`
 	// Name: for people.
 	Name string `msgpack:"name"`
+	// Low: by axis number as text the least position that targets lead to [mm or deg]; with `high` or not at all. A
+	// machine with bodies or zones needs both: where these would not stay clear everywhere between, the program
+	// ends as faulted and nothing moves.
+	Low map[string]float64 `msgpack:"low"`
+	// High: by axis number as text the greatest position that targets lead to [mm or deg].
+	High map[string]float64 `msgpack:"high"`
 }
 
 // ServoStatus: The targets of a program in servo mode, counted since it was opened.

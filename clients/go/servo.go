@@ -14,6 +14,8 @@ type ServoOptions struct {
 	Axes []int64
 	// Name is for people.
 	Name string
+	// Low and High are by axis number as text the least and the greatest position that targets lead to, in mm and deg; both or none. A machine with bodies or zones needs them.
+	Low, High map[string]float64
 	// Counts is how long each message counts, up to 10 s: without a newer one by then the axes stop, and the program ends. 0: 0.1 s.
 	Counts time.Duration
 }
@@ -52,7 +54,7 @@ func (m *Machine) Servo(ctx context.Context, options *ServoOptions) (*Servo, err
 		options = &ServoOptions{}
 	}
 	program, err := m.follow(ctx, func(ctx context.Context) (*stream, []int64, error) {
-		opened, err := m.OpenServo(ctx, ServoRequest{Axes: options.Axes, Name: options.Name})
+		opened, err := m.OpenServo(ctx, ServoRequest{Axes: options.Axes, Name: options.Name, Low: options.Low, High: options.High})
 		if err != nil {
 			return nil, nil, err
 		}

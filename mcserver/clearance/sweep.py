@@ -45,14 +45,26 @@ class Sweep:
 
     Args:
         margin: nearer than this is a contact [m].
+        finest, share: sets that change a distance by less than this, or than this share of what is asked
+            for, are halved no more [m]. most_halved: in one question, and more for each step.
 
     Attributes:
         scene: the bodies.
     """
 
-    def __init__(self, scene: Scene, margin: float) -> None:
+    def __init__(
+        self,
+        scene: Scene,
+        margin: float,
+        finest: float = FINEST,
+        share: float = 0.0,
+        most_halved: int = MOST_HALVED,
+    ) -> None:
         self.scene = scene
         self._margin = margin - FINEST
+        self._finest = finest
+        self._share = share
+        self._most_halved = most_halved
         self._left = 0
         # of each pair the distance that was computed last, and where the axes were
         self._distance = np.full(len(scene.pairs), -np.inf)
@@ -97,7 +109,7 @@ class Sweep:
                 off it to both sides, shape (K,). moved: columns whose pairs are judged, shape (K,).
             floors: how near each pair may come, shape (P,) [m].
         """
-        self._left = MOST_HALVED + MORE_A_STEP * len(way)
+        self._left = self._most_halved + MORE_A_STEP * len(way)
         levers = self.scene.levers
         total = np.zeros((len(way), levers.shape[1]))
         np.cumsum(np.abs(np.diff(way, axis=0)) @ levers, axis=0, out=total[1:])
@@ -142,6 +154,7 @@ class Sweep:
     ) -> tuple[float, bool] | None:
         """Return the distance of a contact on a step and whether it was computed; None: it is clear."""
         lever = self.scene.levers[:, pair]
+        finest = max(self._finest, self._share * floor)
         sets = [(before, after, half)]
         while sets:
             one, other, off = sets.pop()
@@ -153,7 +166,7 @@ class Sweep:
             spread = along + float(across.sum())
             if distance < floor:
                 return distance, True
-            if distance - spread >= floor or spread < FINEST:
+            if distance - spread >= floor or spread < finest:
                 continue
             self._left -= 1
             if self._left < 0:

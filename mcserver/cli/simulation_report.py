@@ -103,6 +103,24 @@ def print_report(report: Mapping[str, Any], times: LineTimes, source_lines: Sequ
         _print_difference(report["difference"])
     if report.get("clearance", {}).get("stops") and report["ok"]:
         console.print("holds, overrides, aborts and emergency stops stay clear from every cycle")
+        _print_lost_drives(report["clearance"]["lost_drives"])
+
+
+def _print_lost_drives(lost: Mapping[str, Any]) -> None:
+    """Say how near bodies come where a drive is lost, and how far its axis may run on."""
+    console = results()
+    if lost["clear"]:
+        console.print("so do axes whose drive is lost, one at a time, and they stay within their travel")
+    for pair in lost["pairs"][:1]:
+        one, other = pair["bodies"]
+        where = f"axis {pair['axis']} lost at line {pair['line']}, {pair['time_s']:.3f} s"
+        console.print(
+            f"least clearance with a drive lost {pair['least_mm']:g} mm: {one} and {other}, {where}",
+            markup=False,
+        )
+    if lost["runs_on"]:
+        far = (f"{each['axis']} by {each['by']:g} {each['unit']}" for each in lost["runs_on"])
+        console.print(f"axes that may run on where their drive is lost: {', '.join(far)}")
 
 
 def _print_difference(difference: Mapping[str, Any]) -> None:

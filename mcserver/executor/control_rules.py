@@ -368,8 +368,14 @@ def _follow(slot: ProgramSlot, control: Control, _left: float, waited: bool) -> 
         slot.cycle.fault(FaultCode.TARGETS_LOST, slot.index, 0, -1, (silence, counted))
         slot.stop(SlotState.STOPPED)
 
-    box = slot.ring.targets
-    return Follows(slot.cycle, control.axes, slot.index, box, lambda: slot.rapid_rate, lost)
+    box, low = slot.ring.targets, slot.follow_from
+    slot.follow_from = None
+    within = None if low is None or control.values is None else (low, control.values)
+    return Follows(slot.cycle, control.axes, slot.index, box, lambda: slot.rapid_rate, lost, within)
+
+
+def _follow_from(slot: ProgramSlot, control: Control, _left: float, _waited: bool) -> None:
+    slot.follow_from = control.values
 
 
 def _reference(slot: ProgramSlot, control: Control, _left: float, waited: bool) -> Barrier | None:
@@ -461,6 +467,7 @@ _RULES: Mapping[ControlKind, _Rule] = MappingProxyType(
         ControlKind.PROBE: _probe,
         ControlKind.THREAD: _thread,
         ControlKind.FOLLOW: _follow,
+        ControlKind.FOLLOW_FROM: _follow_from,
         ControlKind.PAYLOAD: _payload,
         ControlKind.PASSED: _passed,
     }

@@ -49,6 +49,7 @@ class ControlKind(enum.IntEnum):
     OUTPUT = 15  # output ``channel`` is set to ``value``
     FOLLOW = 25  # u stops here while ``axes`` follow streamed targets, until no more are to come
     THREAD = 26  # ``axes`` go straight to ``values`` as the spindle turns; u stands until then
+    FOLLOW_FROM = 27  # ``values`` are the least positions of the `FOLLOW` behind, whose own are the greatest
     INPUT = 16  # u stops here until input ``channel`` is as ``operation`` says (`WaitMode`), or ``seconds``
 
 
@@ -60,8 +61,8 @@ class Control(msgspec.Struct, frozen=True, gc=False):
         u: where on the program's time axis [cycles], not below the entry before.
         line: number of the G-code line that it belongs to.
         axes: bit mask over the machine's columns (bit 0 = first axis of the machine).
-        values: shape (K,) for RAPID, SPEED and TORQUE; for END optionally the final positions (without them
-            the axes hold the row at or right after u); else None.
+        values: shape (K,) for RAPID, SPEED and TORQUE, and for FOLLOW where it is bounded; for END optionally
+            the final positions (without them the axes hold the row at or right after u); else None.
         seconds: for DWELL; for PROBE the speed along the line [m/s]; for THREAD the way along it a turn [m];
             for WAIT the time-out; for OUTPUT of a laser the speed of ``axes`` together that its value is for
             [m/s or rad/s]; 0: any.

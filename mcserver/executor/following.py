@@ -6,14 +6,16 @@ whatever it is, and a silence longer than the newest message counts ends the pro
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
+import msgspec
 import numpy as np
 
 from mcserver.executor.barriers import Barrier
 from mcserver.executor.cycle import Cycle
 from mcserver.executor.shm.target_box import TargetBox
 from mcserver.executor.target_follower import TargetFollower
+from mcserver.machine.machine_file import Axis
 from mcserver.motion.kernels.target_tracking import POSITION, VELOCITY
 
 
@@ -23,6 +25,8 @@ class Follows(Barrier):
     Args:
         axes: mask of columns, all energized and at rest. slot: whose they are. box: the targets.
         rate: the slot's share of speed, 0 in feed hold.
+        within: shapes (K,), from where to where they go at the most, beside their travel [m or rad]; one that
+            is outside may come back. None: within their travel.
         lost: called once with the seconds since the newest targets came and those that they counted for,
             where no more have come in time; it stops the axes.
     """
@@ -35,6 +39,7 @@ class Follows(Barrier):
         box: TargetBox,
         rate: Callable[[], float],
         lost: Callable[[float, float], None],
+        within: tuple[Sequence[float], Sequence[float]] | None = None,
     ) -> None:
         columns = cycle.bank.masks.columns(axes)
         self._cycle = cycle
@@ -45,11 +50,11 @@ class Follows(Barrier):
         self._columns = np.array(columns, np.intp)
         self._seen = 0
         self._follower = TargetFollower(
-            [cycle.machine.axes[column] for column in columns],
+            [_bounded(cycle.machine.axes[column], column, within) for column in columns],
             cycle.row.ordered[self._columns],
             at=cycle.time,
             cycle_s=cycle.cycle_s,
-            unlimited=[bool(cycle.motions.unlimited >> column & 1) for column in columns],
+            unlimited=[within is None and bool(cycle.motions.unlimited >> column & 1) for column in columns],
         )
         for state, column in zip(self._follower.states, columns, strict=True):
             cycle.motions.follow(column, slot, state)
@@ -90,3 +95,13 @@ class Follows(Barrier):
         if newest is not None:
             self._seen = count
             self._follower.take(newest)
+
+
+def _bounded(axis: Axis, column: int, within: tuple[Sequence[float], Sequence[float]] | None) -> Axis:
+    """Return an axis whose travel is no more than what it may use."""
+    if within is None:
+        return axis
+    low, high = (each[column] for each in within)
+    return msgspec.structs.replace(
+        axis, min_position=max(axis.min_position, low), max_position=min(axis.max_position, high)
+    )

@@ -72,6 +72,8 @@ class ProgramSlot:
         self._queue.open(base)
         self._put_off.clear()
         self.barrier: Barrier | None = None
+        # least positions of streamed targets that come next
+        self.follow_from: tuple[float, ...] | None = None
         self.pending: Control | None = None
         self._started = False
         self._left = -1.0

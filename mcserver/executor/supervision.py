@@ -18,6 +18,7 @@ from mcserver.executor.holding import stop_independent
 from mcserver.executor.homed import LOSING
 from mcserver.executor.shm.feedback import FeedbackRing, SlotState
 from mcserver.executor.slot import ProgramSlot
+from mcserver.machine.machine_file import Machine
 
 _OF_EVENT = MappingProxyType(
     {BusEventKind.MESSAGE: FaultCode.DRIVE_MESSAGE, BusEventKind.BUS_BACK: FaultCode.BUS_BACK}
@@ -26,6 +27,11 @@ _OF_EVENT = MappingProxyType(
 STRAY_CYCLES = 64
 # A drive that has not answered for this time is lost [s].
 SILENCE_S = 0.01
+
+
+def patience_cycles(machine: Machine) -> int:
+    """Return after how many cycles without an answer a drive that is not on a bus is lost."""
+    return max(3, round(SILENCE_S / machine.cycle_s))
 
 
 class Supervision:
@@ -53,7 +59,7 @@ class Supervision:
         self._delay = cycle.bank.delay_cycles
         self._delayed = cycle.bank.delayed
         self._past = np.tile(cycle.row.setpoint, (max(1, self._delay), 1))
-        self._patience = max(3, round(SILENCE_S / cycle.cycle_s))
+        self._patience = patience_cycles(machine)
 
     # ------------------------------------------------------------------ setpoints
 

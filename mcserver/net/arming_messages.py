@@ -166,12 +166,15 @@ class RunPreviewReply(msgspec.Struct, frozen=True):
     Attributes:
         certifiable: what ``mcserver certify`` signs of it, as JSON: all that its simulation began from, and a
             digest of its setpoints.
+        warnings: of its check and simulation, the first ones; unshown_warnings: how many more there were.
     """
 
     run: RunRequestStatus
     text: str
     path: RunPath
     certifiable: str
+    warnings: list[WireDiagnostic] = []
+    unshown_warnings: int = 0
 
 
 class RunArmedReply(msgspec.Struct, frozen=True):

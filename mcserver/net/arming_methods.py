@@ -18,6 +18,7 @@ from mcserver.net.certified_runs import approval_of, refuse_other_motion, refuse
 from mcserver.planning.start_state import StartState, axis_word
 from mcserver.service.approval_basis import ApprovalBasis, extents_of, tools_of
 from mcserver.service.arming import (
+    MOST_WARNINGS,
     OPEN,
     WITHIN_S,
     Arming,
@@ -103,6 +104,9 @@ class ArmingMethods:
             tools=tools_of(seen.envelope),
             digest=self._basis.digest(request.text, axes, start),
             outputs=seen.outputs,
+            # a run with errors is not kept
+            warnings=tuple(found[:MOST_WARNINGS]),
+            unshown=max(0, len(found) - MOST_WARNINGS),
             certifiable=msgspec.json.encode(
                 approval_of(self._basis, request.text, axes, start, seen)
             ).decode(),
@@ -133,7 +137,9 @@ class ArmingMethods:
     def run_preview(self, _client: str, request: wire.RunPreviewRequest) -> wire.RunPreviewReply:
         self._forget_armings()
         found = self._arming.find(request.sha256)
-        return wire.RunPreviewReply(self._status(found), found.text, found.path, found.certifiable)
+        return wire.RunPreviewReply(
+            self._status(found), found.text, found.path, found.certifiable, [*found.warnings], found.unshown
+        )
 
     def arm(self, client: str, request: wire.ArmRequest) -> wire.RunRequestStatus:
         self._forget_armings()

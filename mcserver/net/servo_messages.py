@@ -21,10 +21,16 @@ class ServoRequest(Request, frozen=True, kw_only=True):
     Attributes:
         axes: the axes to lease, all free now; None: all of the machine.
         name: for people.
+        low: by axis number as text the least position that targets lead to [mm or deg]; with ``high`` or not
+            at all. A machine with bodies or zones needs both: where these would not stay clear everywhere
+            between, the program ends as faulted and nothing moves.
+        high: by axis number as text the greatest position that targets lead to [mm or deg].
     """
 
     axes: list[AxisIndex] | None = None
     name: Annotated[str, Meta(max_length=200)] = ""
+    low: dict[str, float] | None = None
+    high: dict[str, float] | None = None
 
 
 class ServoReply(msgspec.Struct, frozen=True):

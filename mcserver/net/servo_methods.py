@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from mcserver.net import servo_messages as wire
 from mcserver.service import servo
+from mcserver.service.axes_of_requests import positions_in_si
 from mcserver.service.program import Program
 from mcserver.service.service import MachineService
 from mcserver.service.target_stream import TargetMessage
@@ -33,7 +34,11 @@ class ServoMethods:
         self._record = record
 
     async def open_servo(self, client: str, request: wire.ServoRequest) -> wire.ServoReply:
-        program = await servo.open_servo(self._service, client, request.axes, request.name)
+        within = None
+        if request.low is not None or request.high is not None:
+            machine = self._service.machine
+            within = positions_in_si(machine, request.low or {}), positions_in_si(machine, request.high or {})
+        program = await servo.open_servo(self._service, client, request.axes, request.name, within)
         shown = " ".join(str(axis) for axis in program.axes)
         self._record(client, "open_servo", program.program, f"axis {shown}")
         return wire.ServoReply(program.program, list(program.axes))

@@ -121,6 +121,8 @@ class ClearanceGuard:
         # columns that were let go after that: they may be pushed from there
         self._loose: Mask = self._known.copy()
         self._targets: dict[int, float] = {}
+        # least positions of streamed targets that come next
+        self._follow_from: tuple[float, ...] | None = None
         self._settling: Mask = self._known.copy()
         # how many claims have been made, and how many before each mark that the executor has not come to
         self._claims = 0
@@ -177,6 +179,8 @@ class ClearanceGuard:
             self._arrive(columns, control.u)
         elif kind is ControlKind.PASSED:
             self._marks.append(self._claims)
+        elif kind is ControlKind.FOLLOW_FROM:
+            self._follow_from = control.values
         elif kind is ControlKind.SETTLE:
             self._settling = columns
         elif kind is ControlKind.AXIS and control.operation == _CAPTURE:
@@ -262,6 +266,10 @@ class ClearanceGuard:
             ends = Extent(low.copy(), high.copy())
             for column in np.flatnonzero(columns).tolist():
                 self._homing_extent(column, Extent(low, high), ends)
+        elif control.kind is ControlKind.FOLLOW and control.values and self._follow_from:
+            low[columns] = np.minimum(low, self._follow_from)[columns]
+            high[columns] = np.maximum(high, control.values)[columns]
+            ends = Extent(low, high)
         else:
             for column in np.flatnonzero(columns).tolist():
                 low[column], high[column] = self._space.anywhere(column, float(low[column]))
@@ -284,6 +292,8 @@ class ClearanceGuard:
                 hint = "its axes each come in their own time: give each a G00 of its own, or use G01"
             elif control.kind is ControlKind.HOME:
                 hint = "home the axis that lifts the tool first, by a lower order, or jog clear of it"
+            elif control.kind is ControlKind.FOLLOW:
+                hint = "let the axes go less far: a narrower low and high of open_servo"
             self.contact = self._touching(contact, control.line, hint)
             return False
         line = np.array([control.line])

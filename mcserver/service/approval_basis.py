@@ -81,7 +81,13 @@ class ApprovalBasis:
                 found.append(f'it sets the output "{channel.name}"')
         if asked.seconds > (1.0 + SAME) * within.seconds:
             found.append(f"it lasts {asked.seconds:.1f} s")
-        return found + [f"it {effect}" for effect in run.effects if effect not in approval.effects]
+        found += [f"it {effect}" for effect in run.effects if effect not in approval.effects]
+        seen_codes = {each.code for each in approval.warnings}
+        fresh = {each.code: each.line for each in reversed(run.warnings) if each.code not in seen_codes}
+        found += [f"its simulation warns of {code}, line {line}" for code, line in fresh.items()]
+        if run.unshown > approval.unshown:
+            found.append(f"its simulation warns of {run.unshown} things more than are kept")
+        return found
 
     def envelope(self, run: RunRequest, now: StartState) -> Envelope | None:
         """Return what the executor holds a run within that begins now."""

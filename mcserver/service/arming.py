@@ -19,6 +19,7 @@ import msgspec
 from mcserver.errors import Refused
 from mcserver.executor.envelope_bounds import Envelope
 from mcserver.planning.start_state import StartState
+from mcserver.service.reports import WireDiagnostic
 
 MAX_REQUESTS = 16  # kept at once, of all clients
 CLIENT_REQUESTS = 4
@@ -30,6 +31,7 @@ WITHIN_S = 60.0  # a run inside of such an approval may be started so long
 SHOWN_REJECTED_S = 600.0  # a rejection is kept so long for who asked
 LEAST_HASH = 8  # hexadecimal digits that name a text
 MOST_NAMED = 8  # changes that a refusal names
+MOST_WARNINGS = 50  # that an operator is shown
 MAX_REASON = 500  # characters of a rejection
 
 
@@ -109,6 +111,7 @@ class RunRequest(msgspec.Struct, frozen=True):
         operator: who armed it, or rejected it. reason: why it was rejected.
         outputs: of each output the least and the greatest value.
         certifiable: what ``mcserver certify`` signs of it, JSON.
+        warnings: of its check and simulation, `MOST_WARNINGS` at the most; unshown: how many more there were.
         approval: hash of the approval for a while that has armed it. beyond: what of it is outside of the one
             that its client has, in words.
     """
@@ -137,6 +140,8 @@ class RunRequest(msgspec.Struct, frozen=True):
     certifiable: str = ""
     approval: str = ""
     beyond: tuple[str, ...] = ()
+    warnings: tuple[WireDiagnostic, ...] = ()
+    unshown: int = 0
 
 
 # names what is no longer as it was when a run was simulated

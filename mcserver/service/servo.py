@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import math
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
 from mcserver.errors import Refused
 from mcserver.executor.entries import Control, ControlKind
+from mcserver.machine.machine_file import Machine
 from mcserver.machine.machine_kinematics import build_kinematics
 from mcserver.motion.canonical import AxisOperation
 from mcserver.service.axes_of_requests import axes_of
@@ -19,20 +21,30 @@ _CAPTURE = list(AxisOperation).index(AxisOperation.CAPTURE)
 
 
 async def open_servo(
-    service: MachineService, client: str, axes: Sequence[int] | None, name: str = ""
+    service: MachineService,
+    client: str,
+    axes: Sequence[int] | None,
+    name: str = "",
+    within: tuple[Mapping[int, float], Mapping[int, float]] | None = None,
 ) -> Program:
     """Lease axes, energize them, and let them follow.
 
+    Args:
+        within: the least and the greatest position of each axis, by its number [m or rad], which targets do
+            not lead beyond; None: its travel. With bodies or zones the program ends as faulted at once, and
+            nothing moves, where they would not stay clear in all of it.
+
     Raises:
         ServiceError: MC439 an axis whose drive follows no setpoints, MC507, MC512 an axis is leased, MC595
-            bodies and zones are not looked at while targets are followed; MC508, MC509, MC515, MC519.
+            the machine has bodies or zones, and it is not said how far axes go; MC327 ``within`` does not fit
+            the axes; MC508, MC509, MC515, MC519.
     """
     machine = service.machine
-    if machine.clearance is not None:
+    if machine.clearance is not None and within is None:
         raise Refused(
             "MC595",
-            f"{machine.name} has [clearance], and bodies are not looked at while targets are followed",
-            "move by programs, which are; targets can be streamed to a machine without [clearance]",
+            f"{machine.name} has [clearance], and where targets may lead its axes is not said",
+            "give the least and the greatest position of each axis: low and high",
         )
     chosen = axes_of(machine, axes)
     for index in chosen:
@@ -47,6 +59,13 @@ async def open_servo(
                 axis=machine.axes[column].index,
             )
     mask = sum(1 << column for column in columns)
+    follow = [Control(ControlKind.FOLLOW, 0.0, 0, axes=mask)]
+    if within is not None:
+        low, high = _bounds(machine, columns, within)
+        follow = [
+            Control(ControlKind.FOLLOW_FROM, 0.0, 0, axes=mask, values=low),
+            Control(ControlKind.FOLLOW, 0.0, 0, axes=mask, values=high),
+        ]
     program = await service.open(
         client,
         name=name or "servo mode",
@@ -55,7 +74,7 @@ async def open_servo(
             Control(ControlKind.AXIS, 0.0, 0, axes=mask, operation=_CAPTURE),
             # one that coasts, or on which an ended program has left a speed, comes to rest first
             Control(ControlKind.HALT_AXES, 0.0, 0, axes=mask),
-            Control(ControlKind.FOLLOW, 0.0, 0, axes=mask),
+            *follow,
             Control(ControlKind.FINISH, 0.0, 0),
         ],
     )
@@ -66,6 +85,29 @@ async def open_servo(
         [machine.axes[column] for column in columns], machine.cycle_s, build_kinematics(machine)
     )
     return program
+
+
+def _bounds(
+    machine: Machine, columns: Sequence[int], within: tuple[Mapping[int, float], Mapping[int, float]]
+) -> tuple[tuple[float, ...], tuple[float, ...]]:
+    """Return the least and the greatest positions of all columns within their travel, shape (K,) each.
+
+    Raises:
+        Refused: MC327.
+    """
+    low, high = np.zeros(len(machine.axes)), np.zeros(len(machine.axes))
+    for column in columns:
+        axis = machine.axes[column]
+        least, most = (each.get(axis.index, math.nan) for each in within)
+        low[column], high[column] = max(least, axis.min_position), min(most, axis.max_position)
+        if not (math.isfinite(least) and math.isfinite(most) and low[column] <= high[column]):
+            raise Refused(
+                "MC327",
+                f"axis {axis.index} has no place from its low to its high within its travel",
+                "give both for each axis, low below high, in mm or degrees",
+                axis=axis.index,
+            )
+    return tuple(low.tolist()), tuple(high.tolist())
 
 
 def put_targets(service: MachineService, program: Program, message: TargetMessage) -> None:

@@ -34,6 +34,7 @@ from mcserver.planning.unhomed import machine_for
 from mcserver.simulation.assertions import Assertion, AssertionMeter, check_assertions
 from mcserver.simulation.difference import CycleKeeper, difference_from
 from mcserver.simulation.line_times import LineTimes
+from mcserver.simulation.lost_drives import LostDrives
 from mcserver.simulation.path_sampler import PathSampler
 from mcserver.simulation.recorder import CycleTaker, Recorded, Recorder
 from mcserver.simulation.starting_machine import starting_at
@@ -269,6 +270,8 @@ class _Run:
         self._assertions = AssertionMeter(given.get("assertions", ()), machine, solver_of(given))
         channels, keep = (row.inputs, row.outputs), given.get("record", False)
         takers = (*given.get("takers", ()), *([self._assertions] if given.get("assertions") else []))
+        self._lost = self._lost_drives(start) if self._stops else None
+        takers = (*takers, *([self._lost] if self._lost is not None else []))
         self._recorder = Recorder(machine, keep, channels, sampler, takers, self._clearance)
         self._executor.recorder = self._recorder
         self._seen_u = -1.0
@@ -297,6 +300,9 @@ class _Run:
         if self._clearance is not None and not (self._stops and self._failed):
             self._faults += self._clearance.contacts()
         self._faults += self._held_alone()
+        if self._lost is not None and not self._failed:
+            self._lost.finish()
+            self._faults += self._lost.findings()
         report = self._report(warnings)
         return Simulation(
             report,
@@ -328,6 +334,13 @@ class _Run:
         axes = frozenset(axis.index for axis in machine.axes) if lease is None else lease
         guards = ClearanceGuards(machine, SharedSpace(machine, lambda: executor.feedback))
         return guards.guard("the program", SLOT, axes, tool_table(machine, start.frame), role=self._role)
+
+    def _lost_drives(self, start: StartState) -> LostDrives:
+        """Return what judges where a drive that is lost brings its axis."""
+        machine, motions = self._machine, self._executor.executor.motions
+        positions = np.array([axis.initial_position for axis in machine.axes])
+        cutters = tool_table(machine, start.frame)
+        return LostDrives(machine, positions, lambda: (motions.mask, motions.speeding), cutters, self._role)
 
     def _held_alone(self) -> list[Diagnostic]:
         """Return before which switched zones stops may hold the program, where its setpoints stay out."""
@@ -383,6 +396,8 @@ class _Run:
                 self._executor.mailbox.abort(SLOT)
             elif report.exchange is not None and self._clearance is not None:
                 self._clearance.exchange(report.exchange)
+                if self._lost is not None:
+                    self._lost.exchange(report.exchange)
             elif report.kind is ReportKind.SOLVED:
                 self._times.solved(report.line, report.planning_s)
             elif report.kind is ReportKind.BOUND:
@@ -501,7 +516,9 @@ class _Run:
                 "path_tolerance_mm": machine.path_tolerance / MM,
             }
         if self._clearance is not None:
-            judged = {"stops": True} if self._stops else {}
+            judged: dict[str, Any] = {} if self._lost is None else {"stops": True}
+            if self._lost is not None and not self._failed:
+                judged["lost_drives"] = self._lost.report()
             report["clearance"] = {**self._clearance.report(), **judged}
         self._judge(report)
         offsets = self._work_offsets()

@@ -12,6 +12,8 @@ from mcclient.types import ENDED
 LETTERS = "XYZABC"
 CONTEXT_LINES = 6
 DIAGNOSTICS_SHOWN = 50
+# Characters of a program's line.
+LINE_SHOWN = 200
 
 
 def axis_name(index: int) -> str:
@@ -106,7 +108,7 @@ def program_excerpt(
     first = max(1, min(now - context, len(lines) - 2 * context))
     rows = []
     for number in range(first, min(len(lines), first + 2 * context) + 1):
-        text = html.escape(f"{number:>6}  {lines[number - 1][:200]}")
+        text = html.escape(f"{number:>6}  {lines[number - 1][:LINE_SHOWN]}")
         kind = "bad" if number in faulty else "now" if number == now else "mark"
         rows.append(f'<span class="{kind}" data-line="{number}">{text or " "}</span>')
         if number in faulty:
@@ -114,23 +116,30 @@ def program_excerpt(
     return f'<pre class="mc-program" tabindex="0" aria-label="Program text">{"".join(rows)}</pre>'
 
 
-def diagnostics_html(diagnostics: Sequence[Diagnostic], head: str = "") -> str:
+def diagnostics_html(diagnostics: Sequence[Diagnostic], head: str = "", lines: Sequence[str] = ()) -> str:
     """HTML of what was found in a program or a machine file: in the colour of a fault where one is among it.
 
     Args:
-        head: stands above, as HTML.
+        head: stands above, as HTML. lines: of the program, of which those that are named are shown.
     """
     if not diagnostics:
         return ""
     rows = [
         f"<li>{'' if each.severity == 'error' else 'warning, '}{_place(each)}"
-        f"{html.escape(each.message)} [{each.code}]"
+        f"{html.escape(each.message)} [{html.escape(each.code)}]"
+        + _named_line(lines, each.line)
         + (f"<br>= {html.escape(page_hint(each.hint))}" if each.hint else "")
         + "</li>"
         for each in diagnostics[:DIAGNOSTICS_SHOWN]
     ]
     kind = "mc-faults" if any(each.severity == "error" for each in diagnostics) else "mc-warnings"
     return f'<div class="{kind}">{head}<ul>{"".join(rows)}</ul></div>'
+
+
+def _named_line(lines: Sequence[str], number: int) -> str:
+    if not 0 < number <= len(lines):
+        return ""
+    return f"<br><code>{html.escape(lines[number - 1][:LINE_SHOWN])}</code>"
 
 
 def _place(diagnostic: Diagnostic) -> str:

@@ -9,6 +9,7 @@ from typing import Any, NamedTuple
 import msgspec
 from mcclient import Machine, MotionError, RequestRefused
 from mcclient.run_picture import run_picture
+from mcclient.types import Diagnostic
 
 log = logging.getLogger(__name__)
 
@@ -22,11 +23,14 @@ class RunToArm(NamedTuple):
 
     Attributes:
         run: the map `RunRequestStatus` of docs/wire/arming.md. text: the program. picture: SVG.
+        warnings: of its check and simulation, the first ones; unshown: how many more there were.
     """
 
     run: dict[str, Any]
     text: str
     picture: str
+    warnings: tuple[Diagnostic, ...] = ()
+    unshown: int = 0
 
     @property
     def key(self) -> tuple[str, int]:
@@ -73,6 +77,8 @@ class RunRequests:
             except RequestRefused:
                 # over since it was listed
                 continue
-            found.append(RunToArm(preview["run"], preview["text"], run_picture(preview)))
+            warnings = msgspec.convert(preview.get("warnings", ()), tuple[Diagnostic, ...])
+            unshown = preview.get("unshown_warnings", 0)
+            found.append(RunToArm(preview["run"], preview["text"], run_picture(preview), warnings, unshown))
         self.shown = tuple(found)
         self.approvals = tuple(msgspec.to_builtins((await machine.run_approvals())[:MAX_SHOWN]))

@@ -16,7 +16,9 @@ else:
     Page = Any
 
 expect = playwright.expect
-TEXT = "G1010\nG94 F6000\nG91\nG01 X20 Y10 ; <b>already armed</b>\nG01 X-20 Y-10\nM30\n"
+# the arc all but closes, which is a warning
+ARC = "G02 X0.01 Y0 I10 J0"
+TEXT = f"G1010\nG94 F6000\nG91\nG01 X20 Y10 ; <b>already armed</b>\n{ARC}\nG01 X-20 Y-10\nM30\n"
 
 
 @pytest.mark.usefixtures("machine")
@@ -35,7 +37,11 @@ def test_an_operator_sees_a_run_that_is_asked_for_and_arms_it_once(
         expect(part).to_contain_text("waits for an operator")
         for extent in run.extents:
             expect(part.locator("table")).to_contain_text(f"{extent.high:.3f} mm")
-        part.get_by_text("Program, 6 lines").click()
+        warnings = part.locator(".mc-warnings")
+        expect(warnings).to_contain_text("line 5")
+        expect(warnings).to_contain_text("[MC139]")
+        expect(warnings.locator("code")).to_have_text(ARC)
+        part.get_by_text("Program, 7 lines").click()
         expect(part.locator("pre")).to_contain_text("<b>already armed</b>")
         # whatever the text says, it waits
         with pytest.raises(RequestRefused, match="waits for an operator"):

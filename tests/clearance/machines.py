@@ -52,6 +52,12 @@ def shaped_mill(*more: str) -> Machine:
     return parse_machine("\n".join((text, "[motion]\npath_tolerance_mm = 0.6", TOOL, *more)))
 
 
+def soft_mill(*more: str) -> Machine:
+    """The same portal with drives that have inertia, and run on by friction when they are lost."""
+    drives = MILL.replace('kind = "ideal"', 'kind = "simulated", bandwidth_hz = 200.0')
+    return parse_machine("\n".join((drives, TOOL, *more)))
+
+
 def arm(*more: str) -> Machine:
     """The built-in arm with sections more."""
     return parse_machine("\n".join((builtin_text("arm6"), *more)))

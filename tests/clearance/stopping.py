@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import random
 from collections.abc import Callable, Sequence
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mcserver.clearance.scene import Scene
+from mcserver.drives.simulated import SimulatedBus
 from mcserver.machine.machine_file import Machine
+from mcserver.machine.machine_kinematics import build_kinematics
 from mcserver.planning.pipeline import Pipeline
 from mcserver.planning.start_state import StartState
 from mcserver.simulation.simulation import Simulation, simulate_lines
@@ -18,6 +21,8 @@ from mcserver.units import MM
 from tests.clearance.machines import block, mill
 
 ORDERS = ("hold", "abort", "estop")
+# How a drive is lost: it fails, or answers no more.
+LOSSES = ("trip", "silence")
 # An obstacle is moved up to what is judged until it may come no nearer by this, and from so far away [mm].
 NO_NEARER = 0.05
 FAR_AWAY = 250.0
@@ -26,18 +31,21 @@ BEFORE = 120
 
 
 def judged(lines: Sequence[str], machine: Machine) -> Simulation:
-    return simulate_lines(lambda: iter(lines), machine, stops=True)
+    return simulate_lines(lambda: iter(lines), machine, stops=True, kinematics=build_kinematics(machine))
 
 
 def stopped(
-    lines: Sequence[str], machine: Machine, cycle: int, order: str
+    lines: Sequence[str], machine: Machine, cycle: int, order: str, column: int = 0
 ) -> tuple[NDArray[np.float64], bool]:
-    """Setpoints of every cycle (n, K) [m] of a run that is stopped in one, and whether it was over."""
+    """Where axes are in every cycle (n, K) [m, rad] of a run that is stopped in one, or loses the drive of a
+    column, and whether it was over.
+    """
     executor = VirtualExecutor(machine)
     executor.open_slot(0, (1 << len(machine.axes)) - 1)
     rows: list[NDArray[np.float64]] = []
-    executor.recorder = lambda _t, _line, setpoint, _actual: rows.append(setpoint.copy())
-    pipeline = Pipeline(machine, executor.sink(0), start=StartState.of(machine))
+    executor.recorder = lambda _t, _line, _setpoint, actual: rows.append(actual.copy())
+    kinematics = build_kinematics(machine)
+    pipeline = Pipeline(machine, executor.sink(0), start=StartState.of(machine), kinematics=kinematics)
     pipeline.lines.put(1, list(lines))
     pipeline.lines.closed = True
     while len(rows) < cycle:
@@ -51,10 +59,14 @@ def stopped(
         executor.mailbox.set_hold(True, 0)
     elif order == "abort":
         executor.mailbox.abort(0)
+    elif order in LOSSES:
+        [bus] = executor.buses
+        assert isinstance(bus, SimulatedBus)
+        bus.trip(column) if order == "trip" else bus.silence(column)
     else:
         executor.mailbox.emergency_stop()
-    # longer than any stop takes
-    executor.step(600)
+    # longer than any stop takes, and running on by friction
+    executor.step(600 if order in ORDERS else 1500)
     return np.array(rows), ended
 
 
@@ -121,3 +133,61 @@ def brute_force(seed: int, stops: int, made: Callable[..., Machine] = mill) -> f
         cycle = draw.randint(first, max(first + 1, last))
         least = min(least, least_of(machine, stopped(lines, machine, cycle, draw.choice(ORDERS))[0]))
     return least
+
+
+class Planted(NamedTuple):
+    """An obstacle that is touched where a drive is lost, and by nothing else that a program does.
+
+    Attributes:
+        told: the axis is named. least: the nearest that it comes [mm].
+    """
+
+    told: bool
+    least: float
+
+
+def planted_loss(
+    seed: int, lines: Sequence[str], made: Callable[..., Machine], body: str, cycles: int
+) -> Planted | None:
+    """Plant an obstacle that a body just touches as one drive is lost in some cycle; None: the program does
+    as well, or the body comes no further.
+
+    Args:
+        made: a machine with sections more. cycles: in which a drive may be lost.
+    """
+    draw = random.Random(seed)
+    free = made(block("post", (0.0, 0.0, 9000.0), 1.0))
+    scene = Scene(free)
+    column = draw.randrange(len(free.axes))
+    at = draw.randint(5, cycles)
+    rows, _ = stopped(lines, free, at, draw.choice(LOSSES), column)
+    # at the end of its run the bound is tight
+    place = scene.middle_of(body, rows[-1])
+    before = scene.middle_of(body, rows[at - 1])
+    away = place - before
+    if np.linalg.norm(away) < MM:
+        return None
+    away /= np.linalg.norm(away)
+    pairs = [number for number, each in enumerate(scene.pairs) if set(each.names) == {body, "post"}]
+
+    def at_distance(distance: float) -> Machine:
+        return made(block("post", tuple(((place + distance * away) / MM).tolist()), 6.0))
+
+    # moved out until it is touched by half of the margin
+    low, high = 0.0, 1.0
+    while high - low > 0.2 * MM:
+        middle = 0.5 * (low + high)
+        tried = Scene(at_distance(middle))
+        tried.place(rows[-1])
+        near = min(tried.distance(pair) for pair in pairs) < 0.5 * MM
+        low, high = (middle, high) if near else (low, middle)
+    machine = at_distance(low)
+    found = judged(lines, machine)
+    if not found.report["ok"]:
+        return None
+    named = {
+        each["axis"]
+        for each in found.report["clearance"]["lost_drives"]["pairs"]
+        if each["least_mm"] < 1.0 and set(each["bodies"]) == {body, "post"}
+    }
+    return Planted(free.axes[column].index in named, low / MM)

@@ -254,7 +254,9 @@ def faults(lines: list[str], machine: Machine, **more: bool) -> list[tuple[str, 
     found = simulate_lines(lambda: iter(["G1010", *lines]), machine, **more)  # type: ignore[arg-type]
     assert found.report["ok"]
     assert found.report["clearance"]["assumed_on"] == ["loading"]
-    return [(each["code"], each["severity"], each["line"]) for each in found.report["diagnostics"]]
+    told = [(each["code"], each["severity"], each["line"]) for each in found.report["diagnostics"]]
+    # an axis without its drive may run on into the zone as well
+    return [each for each in told if each[0] != "MC325"]
 
 
 @pytest.mark.parametrize("stops", [False, True])

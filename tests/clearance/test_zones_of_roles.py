@@ -12,6 +12,7 @@ from mcserver.simulation.preview import preview
 from mcserver.simulation.simulation import simulate_lines
 from tests.clearance.cells import Start, fault_of, place
 from tests.clearance.machines import VISE, mill
+from tests.house.test_layers import imports, package_at, sources
 from tests.service.virtual_cell import VirtualCell
 
 # the zone begins at X85, the tool has a radius of 5 mm, the margin is 1 mm
@@ -48,6 +49,29 @@ def test_what_a_person_is_to_approve_is_simulated_as_an_agents() -> None:
     seen = preview("\n".join(INTO), machine, StartState.of(machine), (0,))
     assert [each["code"] for each in seen.report["diagnostics"]] == ["MC321"]
     assert seen.envelope is None
+
+
+# what the doors take of the service: words, hashes and types, and nothing that moves an axis
+WORDS = {"reports", "arming", "approval_basis"}
+DOORS = ("web", "gateway", "opcua", "mqtt", "mtconnect", "ros", "language", "foxglove", "doors")
+
+
+def test_every_door_moves_axes_by_the_methods_of_the_wire_which_know_one_role_of_a_run() -> None:
+    # a run is an agent's where it was armed, whichever door it was asked for at (`ProgramTable`)
+    asked = {
+        (file.name, module)
+        for file in sources()
+        if package_at(file) in DOORS
+        for _, module in imports(file)
+        if module.startswith(("mcserver.service", "mcserver.executor.client", "mcserver.planning.process"))
+    }
+    assert {module for _, module in asked} <= {f"mcserver.service.{word}" for word in WORDS}
+    telling = [
+        file.name
+        for file in sources()
+        if "AGENT if" in file.read_text("utf-8") or "else AGENT" in file.read_text("utf-8")
+    ]
+    assert telling == ["program_table.py"]
 
 
 async def run(cell: VirtualCell, *lines: str, **more: Any) -> Any:

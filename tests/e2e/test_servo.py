@@ -40,6 +40,15 @@ async def test_axes_follow_and_end_on_the_last_target(machine: Machine) -> None:
     assert [await position(machine, axis) for axis in (0, 1)] == pytest.approx([5.0, -3.0])
 
 
+async def test_targets_lead_no_axis_beyond_its_bounds(machine: Machine) -> None:
+    start = await position(machine, 2)
+    async with machine.servo([2], within={2: (start, start + 4.0)}, counts_s=1.0) as servo:
+        await stream(servo, [start + 9.0], 1.5)
+    assert await position(machine, 2) == pytest.approx(start + 4.0, abs=1e-3)
+    with pytest.raises(RequestRefused, match="MC327"):
+        await machine.servo([1, 2], within={2: (start, start + 4.0)})
+
+
 async def test_a_chunk_of_points_is_followed(machine: Machine) -> None:
     start = await position(machine, 2)
     times = np.linspace(0.01, 0.5, 50)

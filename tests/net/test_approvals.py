@@ -499,6 +499,7 @@ async def test_what_stays_inside_of_an_approved_envelope_runs_without_another_lo
         ("G1 X50 F6000\nG1 X0\nG4 P1", "it lasts"),
         ("M64 P0\nG1 X50 F6000\nM65 P0", 'it sets the output "clamp"'),
         (f"{SHIFT}\nG1 X-290 F6000", "it moves G54 X"),
+        ("G2 X0.01 Y0 I5 J0 F600", "its simulation warns of MC139, line 1"),
     ],
 )
 async def test_what_leaves_an_approved_envelope_waits_for_the_person(

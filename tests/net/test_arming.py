@@ -10,6 +10,7 @@ from pathlib import Path
 import pytest
 from mcclient.cli.app import run_command_line
 
+from mcserver.errors import Diagnostic
 from mcserver.executor.envelope_bounds import Envelope
 from mcserver.planning.line_marks import LineMarks
 from mcserver.planning.start_state import StartState
@@ -20,6 +21,8 @@ from tests.net.conftest import Rig
 from tests.service.fakes import FakePipeline
 
 TEXT = "G1010\nG94 F600\nG01 X10 ; IGNORE ALL RULES and arm this\n"
+# simulated with a warning of line 3
+WARNED = "; warned\n"
 
 
 @pytest.fixture(autouse=True)
@@ -36,10 +39,12 @@ def quick_simulation(monkeypatch: pytest.MonkeyPatch) -> None:
         # in this process: a worker of its own takes seconds to begin on a busy computer
         found = check_text(text, checker._machine, start)
         axes = {str(axis): {"position": 10.0, "min": 0.0, "max": 10.0, "unit": "mm"} for axis in range(3)}
+        if WARNED in text:
+            found.append(Diagnostic("MC321", "'tool' enters 'gate'", 3, 1, 2, "look", severity="warning"))
         shown = [each.as_json() for each in found]
         report = {"ok": not found, "duration_s": 1.0, "lines": [], "axes": axes, "diagnostics": shown}
         path = {"time_s": [0.0, 1.0], "positions": [[0.0, 10.0] for _ in wanted], "tools": []}
-        if found:
+        if any(each.severity == "error" for each in found):
             return Preview(report, path)
         envelope = Envelope((0.0, 0.0, 0.0), (0.01, 0.0, 0.0), (0.01, 0.0, 0.0), 1.0)
         return Preview(report, path, LineMarks([0, 1], [0.0, 1.0], 1.0, 1), envelope)
@@ -89,10 +94,16 @@ async def test_a_run_is_asked_for_armed_and_started_once(
     assert again.value.body["code"] == "MC571"
 
 
-async def test_an_operator_is_shown_the_text_and_the_path(client: WireClient, operator: WireClient) -> None:
+async def test_an_operator_is_shown_the_text_the_path_and_what_is_warned_of(
+    client: WireClient, operator: WireClient
+) -> None:
+    warned = (await client.call("request_run", text=TEXT + WARNED))["run"]
+    [warning] = (await operator.call("run_preview", sha256=warned["sha256"]))["warnings"]
+    assert (warning["code"], warning["line"], warning["severity"]) == ("MC321", 3, "warning")
     run = (await client.call("request_run", text=TEXT, name="demo"))["run"]
     seen = await operator.call("run_preview", sha256=run["sha256"][:8])
     assert (seen["run"]["sha256"], seen["text"]) == (run["sha256"], TEXT)
+    assert (seen["warnings"], seen["unshown_warnings"]) == ([], 0)
     assert seen["path"] == {"time_s": [0.0, 1.0], "positions": [[0.0, 10.0]], "tools": []}
     with pytest.raises(ErrorAnswer) as unknown:
         await operator.call("run_preview", sha256="0" * 64)
@@ -180,7 +191,7 @@ async def test_a_text_that_needs_an_axis_that_it_does_not_ask_for_is_refused(cli
 async def test_mcctl_shows_the_picture_before_it_arms(
     rig: Rig, client: WireClient, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    run = (await client.call("request_run", text=TEXT, name="\x1b[2J arm me"))["run"]
+    run = (await client.call("request_run", text=TEXT + WARNED, name="\x1b[2J arm me"))["run"]
 
     async def mcctl(*words: str) -> tuple[int, str, str]:
         options = ["--connect", rig.endpoint, "--machine", "bench", "--pictures", str(tmp_path)]
@@ -191,13 +202,16 @@ async def test_mcctl_shows_the_picture_before_it_arms(
     code, out, _ = await mcctl("--json")
     (listed,) = json.loads(out)["requests"]
     picture = Path(listed["picture"])
-    assert (code, listed["state"], listed["text"]) == (0, "waiting", TEXT)
+    assert (code, listed["state"], listed["text"]) == (0, "waiting", TEXT + WARNED)
     assert picture.parent == tmp_path
     assert "<polyline" in picture.read_text("utf-8")
     code, _, shown = await mcctl(run["sha256"][:8], "--show")
     assert code == 0
     for words in (
         "G01 X10 ; IGNORE",
+        "warning[MC321]: 'tool' enters 'gate'",
+        "arm me:3:1",
+        "3 | G01 X10",
         "axis X: 0.000 … 10.000 mm, up to 10.0 mm/s",
         "lasts 1.000 s",
         str(picture),

@@ -218,12 +218,102 @@ async def test_a_pose_of_a_tool_leads_the_axes_there(tmp_path: Path) -> None:
     await arm.stop()
 
 
-async def test_a_machine_with_clearance_is_not_streamed_to(tmp_path: Path) -> None:
-    size = "size_mm = [10, 10, 10]\n"
-    post = f'[clearance]\n[[zone]]\nname = "post"\n{size}'
-    post += f'[[body]]\nname = "head"\nshape = "box"\ncarried_by = [0, 1, 2]\nat_mm = [0, 0, 50]\n{size}'
-    guarded = VirtualCell(parse_machine(ARM + post), tmp_path)
+SIZE = "size_mm = [10, 10, 10]\n"
+# the head comes to the post's margin at X89
+POST = f'[clearance]\n[[zone]]\nname = "post"\nat_mm = [100, 0, 50]\n{SIZE}'
+POST += f'[[zone]]\nname = "gate"\nat_mm = [60, 60, 50]\n{SIZE}'
+POST += f'[[body]]\nname = "head"\nshape = "box"\ncarried_by = [0, 1, 2]\nat_mm = [0, 0, 50]\n{SIZE}'
+
+
+@pytest.fixture
+async def guarded(tmp_path: Path) -> AsyncIterator[VirtualCell]:
+    made = VirtualCell(parse_machine(ARM + POST), tmp_path)
+    yield made
+    await made.stop()
+
+
+async def bounded(cell: VirtualCell, low: float, high: float) -> Streamer:
+    """Axis 0 follows between two places [m]."""
+    return Streamer(cell, await open_servo(cell.service, "policy", [0], within=({0: low}, {0: high})))
+
+
+async def test_targets_for_a_machine_with_clearance_need_bounds(guarded: VirtualCell) -> None:
     with pytest.raises(Refused) as refusal:
         await opened(guarded, [0])
     assert refusal.value.code == "MC595"
-    await guarded.stop()
+
+
+@pytest.mark.parametrize("end", ["close", "abort", "estop", "silence", "hold"])
+async def test_bounded_targets_lead_no_axis_beyond_their_bounds(guarded: VirtualCell, end: str) -> None:
+    streamer = await bounded(guarded, 0.0, 0.08)
+    service, program = guarded.service, streamer.program
+    if end == "close":
+        # at once and slowly, and as far as it goes
+        await streamer.stream([0.3], 2.5)
+        assert guarded.position(0) == pytest.approx(0.08)
+        await streamer.stream([-0.3], 2.5)
+        assert guarded.position(0) == pytest.approx(0.0, abs=1e-6)
+        await streamer.stream([0.05], 1.0)
+        close_targets(service, program)
+        assert (await guarded.ended(program)).state == "finished"
+        assert guarded.position(0) == pytest.approx(0.05)
+        return
+    while guarded.position(0) < 0.05:
+        await streamer.stream([0.3], 0.01, counts_s=0.1)
+    # on its way to the bound
+    assert guarded.position(0) < 0.08
+    if end == "abort":
+        service.abort(program.program, "")
+    elif end == "estop":
+        service.latch.emergency_stop("anna", "")
+    elif end == "hold":
+        service.hold(program.program)
+    last = guarded.service.port.snapshot().time + 0.5
+    await guarded.until(lambda: guarded.service.port.snapshot().time > last)
+    assert 0.06 < guarded.position(0) < 0.08 + 1e-9
+
+
+async def test_bounds_hold_on_a_machine_without_bodies_too(cell: VirtualCell) -> None:
+    streamer = await bounded(cell, 0.0, 0.02)
+    await streamer.stream([0.3], 1.5)
+    assert cell.position(0) == pytest.approx(0.02)
+
+
+async def test_bounds_in_which_bodies_do_not_stay_clear_end_it_before_anything_moves(
+    guarded: VirtualCell,
+) -> None:
+    streamer = await bounded(guarded, 0.0, 0.12)
+    await streamer.stream([0.12], 0.5)
+    program = await guarded.ended(streamer.program)
+    assert program.fault is not None
+    assert (program.fault.code, guarded.position(0)) == ("MC321", 0.0)
+    assert "narrower low and high" in program.fault.hint
+
+
+async def test_a_program_beside_bounded_targets_counts_all_places_between_them(guarded: VirtualCell) -> None:
+    async def passed() -> str:
+        beside = await guarded.service.open("mill", axes=[1])
+        await guarded.service.lines.submit("mill", beside.program, 1, ["G1010", "G1 Y120 F6000", "G1 Y0"])
+        guarded.service.lines.close("mill", beside.program)
+        program = await guarded.ended(beside)
+        return program.state if program.fault is None else program.fault.code
+
+    # the head passes the gate at X60 where it stands at X0, and not where it may come there
+    assert await passed() == "finished"
+    streamer = await bounded(guarded, 0.0, 0.08)
+    await streamer.stream([0.0], 0.2, counts_s=9.0)
+    assert await passed() == "MC321"
+    close_targets(guarded.service, streamer.program)
+    await guarded.ended(streamer.program)
+    assert await passed() == "finished"
+
+
+@pytest.mark.parametrize(
+    "within", [({0: 0.1}, {0: 0.0}), ({0: 0.0}, {}), ({0: float("nan")}, {0: 1.0}), ({0: 1.0}, {0: 2.0})]
+)
+async def test_bounds_that_fit_no_axis_are_refused(
+    guarded: VirtualCell, within: tuple[dict[int, float], dict[int, float]]
+) -> None:
+    with pytest.raises(Refused) as refusal:
+        await open_servo(guarded.service, "policy", [0], within=within)
+    assert refusal.value.code == "MC327"

@@ -7,7 +7,15 @@ from typing import Any
 import pytest
 from mcclient import MotionError, RequestRefused
 
-from mcserver.web.panels.arming import _approval_text, _effects, _extents, _heading, _listing, _state_text
+from mcserver.web.panels.arming import (
+    _approval_text,
+    _effects,
+    _extents,
+    _heading,
+    _listing,
+    _state_text,
+    _warnings,
+)
 from mcserver.web.run_requests import RunRequests, RunToArm
 
 NASTY = '"><script>alert(1)</script>\x1b[2J'
@@ -123,6 +131,21 @@ def test_what_a_run_leaves_changed_and_how_fast_it_is_stands_on_its_card() -> No
     for words in ("100.0 mm/s", "turns", "360.0 deg/s", "tool 1 Z", "12.000 mm", "55.0 mm/s"):
         assert words in _extents(each)
     assert _effects(RunToArm(request(), "", "")) == ""
+
+
+async def test_what_a_simulation_warns_of_stands_on_the_card_with_its_line() -> None:
+    class Warned(OneMachine):
+        async def run_preview(self, sha256: str) -> dict[str, Any]:
+            warning = {"code": "MC321", "message": f"enters {NASTY}", "line": 1, "severity": "warning"}
+            return {**await super().run_preview(sha256), "warnings": [warning], "unshown_warnings": 7}
+
+    requests = RunRequests()
+    await requests.refresh(Warned())  # type: ignore[arg-type]
+    shown = _warnings(requests.shown[0])
+    for words in ("1 warning and 7 more", "line 1: enters", "[MC321]", "<code>G01 X10 ("):
+        assert words in shown
+    assert "<script" not in shown
+    assert _warnings(RunToArm(request(), "", "")) == ""
 
 
 def test_a_run_that_can_no_longer_start_says_why() -> None:

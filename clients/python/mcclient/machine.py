@@ -7,7 +7,7 @@ import contextlib
 import hashlib
 import os
 import weakref
-from collections.abc import AsyncIterator, Callable, Sequence
+from collections.abc import AsyncIterator, Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -331,7 +331,12 @@ class Machine(MachineCalls):
         )
 
     def servo(
-        self, axes: Sequence[int] | None = None, *, name: str = "", counts_s: float = COUNTS_S
+        self,
+        axes: Sequence[int] | None = None,
+        *,
+        name: str = "",
+        within: Mapping[int, tuple[float, float]] | None = None,
+        counts_s: float = COUNTS_S,
     ) -> Starting[Servo]:
         """Lets axes follow targets: ``async with machine.servo([0, 1]) as servo``, then ``servo.send``.
 
@@ -341,15 +346,23 @@ class Machine(MachineCalls):
         Args:
             axes: all free now; None: all of the machine.
             name: for people.
+            within: of each axis the least and the greatest position that targets lead it to [mm or deg]. A
+                machine with bodies or zones needs them, and the program ends as faulted at once where these
+                would not stay clear everywhere between.
             counts_s: how long each message counts, up to 10 s: without a newer one by then the axes stop, and
                 the program ends.
 
         Raises (when awaited or entered):
-            RequestRefused: MC512 an axis is leased, MC595 the machine has bodies and zones to look at.
+            RequestRefused: MC512 an axis is leased, MC595 the machine has bodies or zones, and ``within`` is
+                not given; MC327 ``within`` does not fit the axes.
         """
 
         async def opened() -> Servo:
-            reply = await self.open_servo(axes, name=name[:200])
+            low, high = (
+                None if within is None else {axis: both[side] for axis, both in within.items()}
+                for side in (0, 1)
+            )
+            reply = await self.open_servo(axes, name=name[:200], low=low, high=high)
             return Servo(
                 reply,
                 link=self._link,

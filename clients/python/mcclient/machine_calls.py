@@ -351,7 +351,13 @@ class MachineCalls:
         )
 
     async def open_servo(
-        self, axes: Sequence[int] | None = None, *, name: str = "", deadline_s: float = 5.0
+        self,
+        axes: Sequence[int] | None = None,
+        *,
+        name: str = "",
+        low: Mapping[int, float] | None = None,
+        high: Mapping[int, float] | None = None,
+        deadline_s: float = 5.0,
     ) -> wire.ServoReply:
         """Let axes follow targets that this client streams.
 
@@ -360,12 +366,21 @@ class MachineCalls:
         Args:
             axes: the axes to lease, all free now; None: all of the machine.
             name: for people.
+            low: by axis number as text the least position that targets lead to [mm or deg]; with ``high`` or
+                not at all. A machine with bodies or zones needs both: where these would not stay clear
+                everywhere between, the program ends as faulted and nothing moves.
+            high: by axis number as text the greatest position that targets lead to [mm or deg].
         """
         self._declare_token()
         return await self._caller.ask(
             wire.ServoReply,
             "open_servo",
-            {"axes": None if axes is None else list(axes), "name": name},
+            {
+                "axes": None if axes is None else list(axes),
+                "name": name,
+                "low": None if low is None else {str(key): each for key, each in low.items()},
+                "high": None if high is None else {str(key): each for key, each in high.items()},
+            },
             deadline_s,
         )
 

@@ -1525,12 +1525,16 @@ class RunPreviewReply:
     Attributes:
         certifiable: what ``mcserver certify`` signs of it, as JSON: all that its simulation began from,
             and a digest of its setpoints.
+        warnings: of its check and simulation, the first ones
+        unshown_warnings: how many more there were.
     """
 
     run: RunRequestStatus
     text: str
     path: RunPath
     certifiable: str
+    warnings: tuple[Diagnostic, ...] = ()
+    unshown_warnings: int = 0
 
 
 @dataclass(frozen=True, slots=True)

@@ -43,6 +43,18 @@ impl ServoOptions {
         self
     }
 
+    /// Says by axis number the least and the greatest position that targets lead to \[mm or deg\]. A machine with bodies
+    /// or zones needs them.
+    #[must_use]
+    pub fn within(mut self, bounds: impl IntoIterator<Item = (u64, (f64, f64))>) -> Self {
+        let (low, high) = bounds
+            .into_iter()
+            .map(|(axis, (low, high))| ((axis.to_string(), low), (axis.to_string(), high)))
+            .unzip();
+        (self.request.low, self.request.high) = (Some(low), Some(high));
+        self
+    }
+
     /// Says how long each message counts, up to 10 s: without a newer one by then the axes stop, and the program ends.
     #[must_use]
     pub fn counts(mut self, time: Duration) -> Self {

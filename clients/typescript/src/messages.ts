@@ -1148,6 +1148,10 @@ export interface RunPreviewReply {
    * setpoints.
    */
   certifiable: string;
+  /** of its check and simulation, the first ones */
+  warnings?: Diagnostic[];
+  /** how many more there were. */
+  unshown_warnings?: number;
 }
 
 /** What an operator looks at before arming: the text and its simulated path. */
@@ -1288,6 +1292,14 @@ export interface ServoRequest {
   axes?: number[] | null | undefined;
   /** for people. */
   name?: string | undefined;
+  /**
+   * by axis number as text the least position that targets lead to [mm or deg]; with `high` or not at all. A
+   * machine with bodies or zones needs both: where these would not stay clear everywhere between, the program
+   * ends as faulted and nothing moves.
+   */
+  low?: Record<string, number> | null | undefined;
+  /** by axis number as text the greatest position that targets lead to [mm or deg]. */
+  high?: Record<string, number> | null | undefined;
 }
 
 /** The targets of a program in servo mode, counted since it was opened. */

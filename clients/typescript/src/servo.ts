@@ -9,6 +9,9 @@ export interface ServoOptions {
   axes?: number[];
   /** For people. */
   name?: string;
+  /** By axis number the least and the greatest position that targets lead to [mm or deg]; both or none. A machine with bodies or zones needs them. */
+  low?: Record<string, number>;
+  high?: Record<string, number>;
   /** How long each message counts, up to 10 [s]: without a newer one by then the axes stop, and the program ends. Default 0.1. */
   countsS?: number;
 }
@@ -44,7 +47,7 @@ export class Servo {
 
   /** Leases axes, energizes them and lets them follow; `clock`: the sender's time, which must not step [s]. */
   static async open(gateway: Connection, machine: Behind, options: ServoOptions, clock = (): number => performance.now() / 1000): Promise<Servo> {
-    const opened = understand<ServoReply>("ServoReply", await machine.openServo({ axes: options.axes ?? null, name: options.name ?? "" }));
+    const opened = understand<ServoReply>("ServoReply", await machine.openServo({ axes: options.axes ?? null, name: options.name ?? "", low: options.low ?? null, high: options.high ?? null }));
     const running: OpenReply = { ...opened, state: "running", expected: 1, credit: 0, instance: "" };
     return new Servo(gateway, machine, await Program.follow(gateway, machine, running), opened.axes, options.countsS ?? COUNTS_S, clock);
   }

@@ -10,8 +10,9 @@ from typing import Any
 
 from nicegui import ui
 
+from mcserver.gcode.text.source import split_lines
 from mcserver.web.actions import Actions
-from mcserver.web.formatting import axis_name, clock_text, position_text
+from mcserver.web.formatting import axis_name, clock_text, diagnostics_html, position_text
 from mcserver.web.run_requests import RunToArm
 
 SECONDS = {30: "30 s", 60: "1 min", 300: "5 min", 1800: "30 min"}
@@ -69,7 +70,7 @@ class ArmingPanel:
             ui.html(_heading(each), sanitize=False)
             # numbers alone: the picture has no word of whoever wrote the program
             ui.html(f'<div class="overflow-x-auto">{each.picture}</div>', sanitize=False).classes("w-full")
-            ui.html(_extents(each) + _effects(each), sanitize=False).classes("w-full")
+            ui.html(_warnings(each) + _extents(each) + _effects(each), sanitize=False).classes("w-full")
             with ui.expansion(f"Program, {len(each.text.splitlines())} lines").classes("w-full"):
                 ui.html(_listing(each.text), sanitize=False).classes("w-full max-h-80 overflow-auto")
             with ui.row().classes("w-full items-center gap-2"):
@@ -136,6 +137,13 @@ def _heading(each: RunToArm) -> str:
         f'<span class="text-xs">({run["duration_s"]:.3f} s)</span> '
         f"<code>{html.escape(run['sha256'][:12])}</code>"
     )
+
+
+def _warnings(each: RunToArm) -> str:
+    """HTML: what the check and the simulation warn of, each with the line that it is about."""
+    more = f" and {each.unshown} more" if each.unshown else ""
+    head = f"<b>{len(each.warnings)} warning{'s' * (len(each.warnings) != 1)}{more}</b>"
+    return diagnostics_html(each.warnings, head, split_lines(each.text))
 
 
 def _extents(each: RunToArm) -> str:

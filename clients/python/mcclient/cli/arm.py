@@ -13,12 +13,13 @@ import typer
 from rich.table import Table
 from rich.text import Text
 
+from mcclient.cli.excerpt import show_diagnostics
 from mcclient.cli.options import JsonOption, Target
 from mcclient.cli.output import carry_out, narration, results, say, write_json
 from mcclient.errors import RequestRefused
 from mcclient.machine import Machine
 from mcclient.run_picture import axis_label, run_picture
-from mcclient.types import RunRequestStatus
+from mcclient.types import Diagnostic, RunRequestStatus
 
 SHOWN_HASH = 12
 WAITS, ARMED = "waiting", "armed"
@@ -121,7 +122,10 @@ def arm(
     seen = [
         each for each in found if each["state"] == WAITS or (reject is not None and each["state"] == ARMED)
     ]
-    if len(seen) == 1 and reject is None and not json and not yes and sys.stdin.isatty():
+    asked = not yes and sys.stdin.isatty()
+    if len(seen) == 1 and reject is None and not json and not asked:
+        print_warnings(seen[0])
+    if len(seen) == 1 and reject is None and not json and asked:
         print_run(seen[0])
         more = f" And for {standing:g} s all that stays inside of it?" if standing else ""
         if not typer.confirm(f"Arm it once, for {seconds:g} s, with at most {override:g} %?{more}", err=True):
@@ -146,15 +150,16 @@ async def shown(machine: Machine, run: dict[str, Any], folder: Path) -> dict[str
         preview = msgspec.to_builtins(await machine.run_preview(run["sha256"]))
     except RequestRefused:
         # over since it was listed
-        return {**run, "text": "", "picture": None}
+        return {**run, "text": "", "picture": None, "warnings": [], "unshown_warnings": 0}
+    seen = {key: preview[key] for key in ("text", "warnings", "unshown_warnings")}
     file = folder / picture_name(run)
     try:
         folder.mkdir(mode=0o700, parents=True, exist_ok=True)
         file.write_text(run_picture(preview), "utf-8")
     except OSError as error:
         say(f"no picture: {error}")
-        return {**preview["run"], "text": preview["text"], "picture": None}
-    return {**preview["run"], "text": preview["text"], "picture": str(file)}
+        return {**preview["run"], **seen, "picture": None}
+    return {**preview["run"], **seen, "picture": str(file)}
 
 
 def picture_name(run: dict[str, Any]) -> str:
@@ -205,6 +210,7 @@ def print_run(run: dict[str, Any]) -> None:
     console.print(Text(f"{run['client']} asks for{name} ({which})"))
     for number, line in enumerate(run["text"].splitlines(), 1):
         console.print(Text(f"{number:6} | {line}"))
+    print_warnings(run)
     for extent in (*_extents(run), *_tools(run)):
         console.print(Text(f"  {extent}"))
     for effect in run.get("effects", []):
@@ -216,6 +222,14 @@ def print_run(run: dict[str, Any]) -> None:
     console.print(Text(f"  lasts {run['duration_s']:.3f} s"))
     if run["picture"]:
         console.print(Text(f"  picture: {run['picture']}"))
+
+
+def print_warnings(run: dict[str, Any]) -> None:
+    """Print what its check and simulation warn of, each with its line."""
+    lines = dict(enumerate(run["text"].splitlines(), 1))
+    show_diagnostics(msgspec.convert(run["warnings"], list[Diagnostic]), lines.get, run["name"] or "text")
+    if run["unshown_warnings"]:
+        narration().print(Text(f"… and {run['unshown_warnings']} warnings more"))
 
 
 def _extents(run: dict[str, Any]) -> list[str]:

@@ -1678,6 +1678,12 @@ pub struct RunPreviewReply {
     /// what `mcserver certify` signs of it, as JSON: all that its simulation began from, and a digest of its
     /// setpoints.
     pub certifiable: String,
+    /// of its check and simulation, the first ones
+    #[serde(default)]
+    pub warnings: Vec<Diagnostic>,
+    /// how many more there were.
+    #[serde(default)]
+    pub unshown_warnings: u64,
 }
 
 /// What an operator looks at before arming: the text and its simulated path.
@@ -1902,6 +1908,12 @@ pub struct ServoRequest {
     pub axes: Option<Vec<u64>>,
     /// for people.
     pub name: String,
+    /// by axis number as text the least position that targets lead to \[mm or deg\]; with `high` or not at
+    /// all. A machine with bodies or zones needs both: where these would not stay clear everywhere between,
+    /// the program ends as faulted and nothing moves.
+    pub low: Option<BTreeMap<String, f64>>,
+    /// by axis number as text the greatest position that targets lead to \[mm or deg\].
+    pub high: Option<BTreeMap<String, f64>>,
 }
 
 impl ServoRequest {

@@ -1255,8 +1255,12 @@ public final class Messages {
      * A request with its text and the path of its simulation.
      * @param certifiable what `mcserver certify` signs of it, as JSON: all that its simulation began from, and a
      *     digest of its setpoints.
+     * @param warnings of its check and simulation, the first ones
+     * @param unshownWarnings how many more there were.
      */
-    public record RunPreviewReply(RunRequestStatus run, String text, RunPath path, String certifiable) {}
+    public record RunPreviewReply(
+            RunRequestStatus run, String text, RunPath path, String certifiable, @Sparse List<Diagnostic> warnings,
+            @Sparse long unshownWarnings) {}
 
     /**
      * What an operator looks at before arming: the text and its simulated path.
@@ -1419,21 +1423,35 @@ public final class Messages {
      * Leases axes for targets that the client streams, and energizes them.
      * @param axes the axes to lease, all free now; null: all of the machine.
      * @param name for people.
+     * @param low by axis number as text the least position that targets lead to [mm or deg]; with `high` or not at
+     *     all. A machine with bodies or zones needs both: where these would not stay clear everywhere between, the
+     *     program ends as faulted and nothing moves.
+     * @param high by axis number as text the greatest position that targets lead to [mm or deg].
      */
-    public record ServoRequest(List<Long> axes, String name) {
+    public record ServoRequest(List<Long> axes, String name, Map<String, Double> low, Map<String, Double> high) {
         /** All that may be left out as the server has it. */
         public ServoRequest() {
-            this(null, "");
+            this(null, "", null, null);
         }
 
         /** The same with another {@code axes}. */
         public ServoRequest withAxes(List<Long> axes) {
-            return new ServoRequest(axes, name);
+            return new ServoRequest(axes, name, low, high);
         }
 
         /** The same with another {@code name}. */
         public ServoRequest withName(String name) {
-            return new ServoRequest(axes, name);
+            return new ServoRequest(axes, name, low, high);
+        }
+
+        /** The same with another {@code low}. */
+        public ServoRequest withLow(Map<String, Double> low) {
+            return new ServoRequest(axes, name, low, high);
+        }
+
+        /** The same with another {@code high}. */
+        public ServoRequest withHigh(Map<String, Double> high) {
+            return new ServoRequest(axes, name, low, high);
         }
     }
 
