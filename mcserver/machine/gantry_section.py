@@ -76,7 +76,7 @@ def check_gantries(
             mistakes.add((*path, "gantry"), "a [[body]] is carried by it", hint, "MC090")
         what = _wrong_homing(axis.homing, leader.homing)
         if what is not None:
-            mistakes.add((*path, "homing"), *what, "MC091")
+            mistakes.add((*path, "homing"), *what)
 
 
 def _differences(axis: Axis, leader: Axis) -> list[tuple[str, str]]:
@@ -99,16 +99,16 @@ def _differences(axis: Axis, leader: Axis) -> list[tuple[str, str]]:
     return found
 
 
-def _wrong_homing(homing: Homing | None, leader: Homing | None) -> tuple[str, str] | None:
-    """Return what is wrong with the homing of a pair and its remedy; None: nothing."""
+def _wrong_homing(homing: Homing | None, leader: Homing | None) -> tuple[str, str, str] | None:
+    """Return what is wrong with the homing of a pair, its remedy and code; None: nothing."""
     if homing is None or leader is None:
         if homing is leader:
             return None
-        return "one side is homed, the other is not", "give both [axis.homing], or none"
+        return "one side is homed, the other is not", "give both [axis.homing], or none", "MC091"
     if homing.index:
-        return "the two indices are not at one place", "leave index out: each side's switch counts"
+        return "the two indices are not at one place", "leave index out: each side's switch counts", "MC091"
     if homing.method not in SQUARING:
-        return f'method = "{homing.method}" does not square a pair', f"use {', '.join(SQUARING)}"
+        return f'method = "{homing.method}" does not square a pair', f"use {', '.join(SQUARING)}", "MC091"
     # each has its own switch and its place
     same = msgspec.structs.replace(
         homing,
@@ -122,5 +122,6 @@ def _wrong_homing(homing: Homing | None, leader: Homing | None) -> tuple[str, st
         return (
             "the two sides are not homed alike",
             "give both the same keys but position, input, invert, travel and release_travel",
+            "MC091",
         )
     return None

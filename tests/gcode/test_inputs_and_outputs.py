@@ -236,11 +236,12 @@ def test_a_speed_that_the_output_cannot_have_is_refused() -> None:
     assert codes(machine("cnc", mapped=SPINDLE), "S24001 M3") == ["MC151"]
 
 
-def test_a_fan_of_a_printer_keeps_to_the_path() -> None:
+def test_a_fan_of_a_printer_keeps_to_the_path_and_alone_needs_no_value() -> None:
     described = machine("printer", mapped='M106 = { power = "S" }\nM107 = { power = 0 }\n')
     values = interpret(described, "M106 S40", "M107", "M106")
     assert values == [with_motion(POWER, 40.0), with_motion(POWER, 0.0, 2), with_motion(POWER, 100.0, 3)]
     assert codes(described, "M106 S255") == ["MC151"]
+    assert codes(machine("printer", mapped='M104 = { power = "S" }\n'), "M104") == ["MC118"]
     assert check_program("M106 S40", described) == []
 
 

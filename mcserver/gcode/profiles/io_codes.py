@@ -41,7 +41,8 @@ def read_mapped(
 
     Args:
         code: whose settings these are. action: for the place of faults.
-        speed: value of the word S that counts; None: none, and outputs that follow S go to their maximum.
+        speed: value of the word S that counts; None: none, which is full speed for a fan's M106 and a fault
+            for others: a heater must not go to its maximum.
         only_speed: only the outputs that follow S.
     """
     machine = block.setup.machine
@@ -52,6 +53,9 @@ def read_mapped(
         if value is not None and only_speed:
             continue
         if value is None:
+            if speed is None and code != "M106":
+                _refuse_missing(block, action, "S", "S0")
+                continue
             value = output.high if speed is None else speed
             if not output.low <= value <= output.high:
                 _refuse_value(block, action.words.get("S"), action, output, value)
@@ -121,7 +125,7 @@ def _column(
 def _analog_value(block: BlockState, action: Action, column: int | None) -> float | None:
     word = action.words.get("Q")
     if word is None:
-        block.faults.add("MC118", f"{action.code} has no Q: it gives no value", action.span, "add Q1.5")
+        _refuse_missing(block, action, "Q", "Q1.5")
         return None
     if column is None:
         return None
@@ -130,6 +134,11 @@ def _analog_value(block: BlockState, action: Action, column: int | None) -> floa
         _refuse_value(block, word, action, output, word.value)
         return None
     return word.value
+
+
+def _refuse_missing(block: BlockState, action: Action, letter: str, example: str) -> None:
+    what = f"{action.code} has no {letter}: it gives no value"
+    block.faults.add("MC118", what, action.span, f"add {letter}, such as {example}")
 
 
 def _refuse_value(
