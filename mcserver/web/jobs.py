@@ -15,6 +15,7 @@ from mcclient.types import Continuation, SimulatedPath, SimulateReply
 from mcserver.errors import McError
 from mcserver.web.last_runs import LastRun
 from mcserver.web.store import ProgramStore
+from mcserver.web.translation import mark
 
 if TYPE_CHECKING:
     from mcserver.web.link import MachineLink
@@ -143,7 +144,11 @@ class JobQueue:
         self._refuse_more()
         job = Job(next(self._numbers), name, self._store.read(name), user, from_line, middle)
         if not 1 <= from_line <= len(job.lines):
-            raise MotionError("MC062", f"{name} has no line {from_line}", f"it has {len(job.lines)} lines")
+            raise MotionError(
+                "MC062",
+                mark("{name} has no line {line}", name=name, line=from_line),
+                mark("it has {count} lines", count=len(job.lines)),
+            )
         if report is not None:
             job.take(report)
         self._append(job)
@@ -162,7 +167,11 @@ class JobQueue:
 
     def _refuse_more(self) -> None:
         if len(self.waiting) >= MAX_WAITING:
-            raise MotionError("MC062", f"{MAX_WAITING} programs wait already", "let some of them run first")
+            raise MotionError(
+                "MC062",
+                mark("{count} programs wait already", count=MAX_WAITING),
+                mark("let some of them run first"),
+            )
 
     def go_on(self, shown: Continuation, user: str, middle: Middle) -> Job:
         """Queue a program that goes on, from the server's journal and, behind that, from the stored file.
@@ -174,8 +183,12 @@ class JobQueue:
         if text is None and not shown.whole:
             raise MotionError(
                 "MC062",
-                f"of {shown.name or shown.program} only lines through {shown.accepted} are known",
-                "upload its file under the same name, then go on",
+                mark(
+                    "of {name} only lines through {line} are known",
+                    name=shown.name or shown.program,
+                    line=shown.accepted,
+                ),
+                mark("upload its file under the same name, then go on"),
             )
         job = Job(
             next(self._numbers), shown.name, text or "", user, shown.line, middle._replace(whole=shown.whole)
@@ -280,7 +293,9 @@ class JobQueue:
             await self._check(machine, job)
         if self.stopped:
             raise MotionError(
-                "MC062", f"{job.name} was being checked as the queue was stopped", "run it again"
+                "MC062",
+                mark("{name} was being checked as the queue was stopped", name=job.name),
+                mark("run it again"),
             )
         program = await self._opened(machine, job)
         job.program, job.state = program.id, JobState.RUNNING
@@ -334,5 +349,8 @@ class JobQueue:
         if not found.ok:
             first = next(each for each in found.diagnostics if each.severity == "error")
             raise MotionError(
-                first.code, f"line {first.line}: {first.message}", first.hint, diagnostics=found.diagnostics
+                first.code,
+                mark("line {line}: {message}", line=first.line, message=mark(first.message)),
+                first.hint,
+                diagnostics=found.diagnostics,
             )

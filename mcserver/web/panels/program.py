@@ -27,6 +27,7 @@ from mcserver.web.panels.dry_run import show_dry_run
 from mcserver.web.panels.queue import QueuePanel
 from mcserver.web.panels.run_from import RecoveryPanel, ask_run_from
 from mcserver.web.store import MAX_PROGRAM_BYTES
+from mcserver.web.translation import t
 
 
 class ProgramPanel:
@@ -44,36 +45,36 @@ class ProgramPanel:
         # the program that the last upload has replaced, and its text
         self._before: tuple[str, str] | None = None
         with ui.card().classes("mc-card"):
-            ui.html("<h2>Program</h2>", sanitize=False)
-            self._title = ui.label("no program").classes("font-bold")
+            ui.html(f"<h2>{t('Program')}</h2>", sanitize=False)
+            self._title = ui.label(t("no program")).classes("font-bold")
             self._bar = ui.linear_progress(0.0, show_value=False, size="1.2rem").props(
-                'aria-label="progress"'
+                f'aria-label="{t("progress")}"'
             )
             self._times = ui.label("")
             self._text = ui.html("", sanitize=False).classes("w-full")
         with ui.card().classes("mc-card"):
-            ui.html("<h2>Programs and queue</h2>", sanitize=False)
+            ui.html(f"<h2>{t('Programs and queue')}</h2>", sanitize=False)
             self._uploader = ui.upload(
-                label="Upload G-code",
+                label=t("Upload G-code"),
                 auto_upload=True,
                 max_file_size=MAX_PROGRAM_BYTES,
                 on_upload=self._on_upload,
-                on_rejected=lambda: show_refusal("The file is too large", "split the program"),
+                on_rejected=lambda: show_refusal(t("The file is too large"), t("split the program")),
             )
             self._uploader.props('accept=".gcode,.nc,.ngc,.tap,.txt,.g,text/plain" flat bordered')
             self._uploader.classes("w-full")
             with ui.row().classes("items-center w-full"):
-                self._choice = ui.select([], label="Program", with_input=True).classes("grow min-w-40")
-                self._from_line = ui.number("From line", value=1, min=1, format="%d").classes("w-24")
+                self._choice = ui.select([], label=t("Program"), with_input=True).classes("grow min-w-40")
+                self._from_line = ui.number(t("From line"), value=1, min=1, format="%d").classes("w-24")
             self._last_run = ui.label("").classes("text-sm")
             with ui.row().classes("items-center w-full gap-2 mc-warnings") as self._replaced:
                 self._replaced_name = ui.label("").classes("grow min-w-0 break-words").props("role=alert")
-                ui.button("Bring the one before back", on_click=self._bring_back).props("outline no-caps")
+                ui.button(t("Bring the one before back"), on_click=self._bring_back).props("outline no-caps")
             self._replaced.set_visibility(False)
             with ui.element("div").classes("mc-buttons"):
-                ui.button("Run", on_click=self._run).props("color=positive")
-                ui.button("Dry run", on_click=self._dry_run).props("outline")
-                ui.button("Delete", on_click=self._delete).props("outline color=negative")
+                ui.button(t("Run"), on_click=self._run).props("color=positive")
+                ui.button(t("Dry run"), on_click=self._dry_run).props("outline")
+                ui.button(t("Delete"), on_click=self._delete).props("outline color=negative")
             self._jobs = QueuePanel(actions)
             self._report = ui.html("", sanitize=False).classes("w-full").props("aria-live=polite")
 
@@ -87,7 +88,7 @@ class ProgramPanel:
         job = self._job(program.program if program is not None else "")
         running = self._actions.link.jobs.running
         if running is not None and running.state is JobState.CHECKING:
-            self._title.set_text(f"{running.name} · {running.state.value}")
+            self._title.set_text(f"{running.name} · {t(running.state.value)}")
             return
         failed = self._failed(program)
         if failed is not None:
@@ -100,14 +101,20 @@ class ProgramPanel:
         if program.duration_s is not None:
             share = program.progress
         self._title.set_text(
-            f"{program.name or program.program} · {program.state}"
-            + (f" · by {job.user}" if job else f" · by {program.client}")
+            f"{program.name or program.program} · {t(program.state)} · "
+            + t("by {name}", name=job.user if job else program.client)
         )
         self._bar.set_value(1.0 if program.state == "finished" else share)
         remaining = remaining_text(program) if is_live(program) else "0:00"
         self._times.set_text(
-            f"line {line} of {total} · {100 * self._bar.value:.0f} % · remaining {remaining}"
-            f" · override {program.override:.0f} %"
+            t(
+                "line {line} of {total} · {percent:.0f} % · remaining {time} · override {override:.0f} %",
+                line=line,
+                total=total,
+                percent=100 * self._bar.value,
+                time=remaining,
+                override=program.override,
+            )
         )
         faulty = {each.line: each.message for each in program.diagnostics}
         if program.fault is not None and program.fault.line:
@@ -132,14 +139,18 @@ class ProgramPanel:
         if self._shown == ("ended", job.number, at):
             return
         self._shown = ("ended", job.number, at)
-        self._title.set_text(f"{job.name} · {job.state.value}")
+        self._title.set_text(f"{job.name} · {t(job.state.value)}")
         self._bar.set_value(0.0)
         self._times.set_text("")
         faulty = {each.line: each.message for each in job.diagnostics if each.severity == "error"}
         remedy = f"<br>= {html.escape(page_hint(job.hint))}" if job.hint else ""
-        again = "run it again" if at is None else f"Continue at line {at}, or run it again"
-        back = "correct the file and upload it again" if faulty else f"remove the cause, then {again}"
-        said = f"<p><b>{html.escape(job.message)}</b>{remedy}<br>To go on: {back}.</p>"
+        if faulty:
+            back = t("To go on: correct the file and upload it again.")
+        elif at is None:
+            back = t("To go on: remove the cause, then run it again.")
+        else:
+            back = t("To go on: remove the cause, then Continue at line {line}, or run it again.", line=at)
+        said = f"<p><b>{html.escape(t(job.message))}</b>{remedy}<br>{back}</p>"
         excerpt = program_excerpt(job.lines, min(faulty, default=at or 0), faulty) if job.lines else ""
         self._text.set_content(f'<div class="mc-faults" role="alert">{said}</div>{excerpt}')
 
@@ -186,7 +197,7 @@ class ProgramPanel:
         self._replaced.set_visibility(before is not None)
         if before is not None:
             self._replaced_name.set_text(
-                f"{before[0]} was kept already with another text, which is replaced."
+                t("{name} was kept already with another text, which is replaced.", name=before[0])
             )
 
     async def _bring_back(self) -> None:
@@ -210,7 +221,7 @@ class ProgramPanel:
             show_refusal(error.message, error.hint)
             return
         if not found.diagnostics:
-            self._report.set_content(f"<p>{html.escape(name)}: no faults</p>")
+            self._report.set_content(f"<p>{html.escape(name)}: {t('no faults')}</p>")
             return
         faulty = {each.line: each.message for each in found.diagnostics if each.severity == "error"}
         excerpt = program_excerpt(text.split("\n"), min(faulty), faulty) if faulty else ""
@@ -222,7 +233,7 @@ class ProgramPanel:
         if not self._actions.allowed("open"):
             return
         if not self._choice.value:
-            show_refusal("No program is chosen", "choose one, or upload it")
+            show_refusal(t("No program is chosen"), t("choose one, or upload it"))
             return
         try:
             self._actions.link.jobs.add(
@@ -256,13 +267,13 @@ class ProgramPanel:
         if (
             name
             and self._actions.allowed("open")
-            and await ask(f"Delete {name}?", "Delete", colour="negative")
+            and await ask(t("Delete {name}?", name=name), t("Delete"), colour="negative")
         ):
             self._actions.link.store.delete(name)
 
     async def _dry_run(self) -> None:
         if not self._choice.value:
-            show_refusal("No program is chosen", "choose one, or upload it")
+            show_refusal(t("No program is chosen"), t("choose one, or upload it"))
             return
         await show_dry_run(self._actions, self._choice.value, int(self._from_line.value or 1), self._queue)
 
@@ -270,4 +281,10 @@ class ProgramPanel:
 def last_run_text(run: LastRun) -> str:
     """Return how and when a program ran last."""
     when = time.strftime("%d.%m. %H:%M", time.localtime(run.ended_at))
-    return f"last run {when} by {run.user}: {run.state} after {clock_text(run.seconds)}"
+    return t(
+        "last run {when} by {user}: {state} after {time}",
+        when=when,
+        user=run.user,
+        state=t(run.state),
+        time=clock_text(run.seconds),
+    )
