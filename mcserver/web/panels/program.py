@@ -27,7 +27,7 @@ from mcserver.web.panels.dry_run import show_dry_run
 from mcserver.web.panels.queue import QueuePanel
 from mcserver.web.panels.run_from import RecoveryPanel, ask_run_from
 from mcserver.web.store import MAX_PROGRAM_BYTES
-from mcserver.web.translation import t
+from mcserver.web.translation import mark, t
 
 
 class ProgramPanel:
@@ -51,6 +51,8 @@ class ProgramPanel:
                 f'aria-label="{t("progress")}"'
             )
             self._times = ui.label("")
+            self._next = ui.button(t("Next line"), on_click=self._step).props("color=positive")
+            self._next.set_visibility(False)
             self._text = ui.html("", sanitize=False).classes("w-full")
         with ui.card().classes("mc-card"):
             ui.html(f"<h2>{t('Programs and queue')}</h2>", sanitize=False)
@@ -75,6 +77,7 @@ class ProgramPanel:
                 ui.button(t("Run"), on_click=self._run).props("color=positive")
                 ui.button(t("Dry run"), on_click=self._dry_run).props("outline")
                 ui.button(t("Delete"), on_click=self._delete).props("outline color=negative")
+                self._single_step = ui.switch(t("Single step"), on_change=self._switch_single_step)
             self._jobs = QueuePanel(actions)
             self._report = ui.html("", sanitize=False).classes("w-full").props("aria-live=polite")
 
@@ -86,6 +89,7 @@ class ProgramPanel:
         status = self._actions.link.status
         program = current_program(status)
         job = self._job(program.program if program is not None else "")
+        self._show_single_step()
         running = self._actions.link.jobs.running
         if running is not None and running.state is JobState.CHECKING:
             self._title.set_text(f"{running.name} · {t(running.state.value)}")
@@ -103,6 +107,7 @@ class ProgramPanel:
         self._title.set_text(
             f"{program.name or program.program} · {t(program.state)} · "
             + t("by {name}", name=job.user if job else program.client)
+            + (f" · {t('Single step')}" if job is not None and job.single_step else "")
         )
         self._bar.set_value(1.0 if program.state == "finished" else share)
         remaining = remaining_text(program) if is_live(program) else "0:00"
@@ -123,6 +128,39 @@ class ProgramPanel:
         if job is not None and shown != self._shown:
             self._shown = shown
             self._text.set_content(program_excerpt(job.lines, line, faulty))
+
+    def _show_single_step(self) -> None:
+        mode = self._actions.link.jobs.single_step
+        if self._single_step.value != mode:
+            self._single_step.set_value(mode)
+        stepping = self._stepping()
+        self._next.set_visibility(stepping is not None)
+        if stepping is not None:
+            job, done = stepping
+            self._next.set_enabled(done >= job.stepped)
+
+    def _stepping(self) -> tuple[Job, int] | None:
+        """Return the job that runs in single step, and its last line that is done."""
+        job, status = self._actions.link.jobs.running, self._actions.link.status
+        if job is None or not job.single_step or status is None:
+            return None
+        return next(((job, each.done) for each in status.programs if each.program == job.program), None)
+
+    def _switch_single_step(self) -> None:
+        jobs, wanted = self._actions.link.jobs, bool(self._single_step.value)
+        if wanted == jobs.single_step:
+            return
+        if self._actions.allowed("step"):
+            jobs.single_step = wanted
+            self._actions.note(mark("single step on") if wanted else mark("single step off"))
+        else:
+            self._single_step.set_value(jobs.single_step)
+
+    async def _step(self) -> None:
+        stepping = self._stepping()
+        done = 0 if stepping is None else stepping[1]
+        self._next.set_enabled(False)
+        await self._actions.do("step", mark("next line"), lambda _: self._actions.link.jobs.step(done))
 
     def _failed(self, program: ProgramStatus | None) -> Job | None:
         """Return the job that has failed, unless a program runs or has run since."""
