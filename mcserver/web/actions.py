@@ -15,6 +15,7 @@ from mcserver.net.roles import roles_named
 from mcserver.web.control import Driver, needs_control
 from mcserver.web.formatting import page_hint
 from mcserver.web.link import MachineLink
+from mcserver.web.translation import mark, t
 
 log = logging.getLogger(__name__)
 
@@ -24,17 +25,20 @@ Action = Callable[[Machine], Awaitable[object]]
 def show_refusal(message: str, hint: str = "") -> None:
     """A sentence and its remedy, until it is closed. Below: above are the buttons that stop, on a phone."""
     ui.notify(
-        message + (f" — {page_hint(hint)}" if hint else ""),
+        t(message) + (f" — {page_hint(hint)}" if hint else ""),
         type="negative",
         position="bottom",
-        close_button="close",
+        close_button=t("close"),
         timeout=8000,
     )
 
 
 def show_role_refusal(method: str) -> None:
     """Say which roles may call a method."""
-    show_refusal(f"This needs the role {roles_named(BY_NAME[method].roles)}", "log in as somebody who has it")
+    show_refusal(
+        t("This needs the role {roles}", roles=roles_named(BY_NAME[method].roles)),
+        t("log in as somebody who has it"),
+    )
 
 
 class Actions:
@@ -67,7 +71,9 @@ class Actions:
             return True
         other = self.link.control.other(self.driver.browser)
         if other is not None:
-            show_refusal(f"{other.name} has control [MC078]", "press Take control, or ask for it")
+            show_refusal(
+                t("{name} has control [MC078]", name=other.name), t("press Take control, or ask for it")
+            )
             return False
         self.take_control()
         return True
@@ -81,7 +87,7 @@ class Actions:
     def take_control(self) -> None:
         """Drive the machine from now on, whoever did."""
         self.link.control.take(self.driver)
-        self.note("takes control")
+        self.note(mark("takes control"))
 
     def note(self, what: str) -> None:
         """Write down for all visitors what this one has done."""
@@ -97,7 +103,7 @@ class Actions:
         try:
             await action(self.link.connected())
         except (MotionError, McError) as error:
-            show_refusal(f"{name}: {error.message} [{error.code}]", error.hint)
+            show_refusal(f"{t(name)}: {t(error.message)} [{error.code}]", error.hint)
             return False
         return True
 
@@ -106,5 +112,5 @@ class Actions:
         self.link.jobs.stop()
         reason = f"by {self.visitor.name} on the page"
         # whoever has the button before them may press it: a login that has just ended does not matter
-        if await self._carry_out("emergency stop", lambda machine: machine.estop(reason)):
-            ui.notify("emergency stop confirmed", type="warning", position="bottom")
+        if await self._carry_out(mark("emergency stop"), lambda machine: machine.estop(reason)):
+            ui.notify(t("emergency stop confirmed"), type="warning", position="bottom")

@@ -8,6 +8,7 @@ from typing import Literal, NamedTuple
 from mcclient import MachineStatus, ProgramStatus
 
 from mcserver.web.formatting import clock_text, is_live
+from mcserver.web.translation import t
 
 # What another client ran for a shorter time is no job, but a jog, a line or a search [s].
 SHORT_S = 10.0
@@ -51,7 +52,10 @@ class Announcer:
             if (fault.code, fault.axis) not in (self._faults or ()):
                 found.append(
                     Announcement(
-                        "negative", f"{self._machine}: alarm", f"{fault.message} [{fault.code}]", True
+                        "negative",
+                        t("{machine}: alarm", machine=self._machine),
+                        f"{t(fault.message)} [{fault.code}]",
+                        True,
                     )
                 )
         self._faults = faults
@@ -61,7 +65,11 @@ class Announcer:
         name = program.name or program.program
         if program.state == "paused":
             return [
-                Announcement("positive", f"{self._machine}: {name} waits", program.notice or "for Resume")
+                Announcement(
+                    "positive",
+                    t("{machine}: {name} waits", machine=self._machine, name=name),
+                    program.notice or t("for Resume"),
+                )
             ]
         if is_live(program):
             return []
@@ -69,13 +77,13 @@ class Announcer:
         if not is_job and lasted < SHORT_S:
             return []
         kind: Literal["positive", "negative"] = "positive" if program.state == "finished" else "negative"
-        why = "" if program.fault is None else f": {program.fault.message} [{program.fault.code}]"
-        text = f"{name} is {program.state} after {clock_text(lasted)}{why}"
-        return [Announcement(kind, f"{self._machine}: {name}", text)]
+        why = "" if program.fault is None else f": {t(program.fault.message)} [{program.fault.code}]"
+        text = t("{name} is {state} after {time}", name=name, state=t(program.state), time=clock_text(lasted))
+        return [Announcement(kind, f"{self._machine}: {name}", text + why)]
 
 
 def title_of(machine: str, word: str, program: ProgramStatus | None) -> str:
     """Return what a tab of a browser says: how far a program is, else the state unless all is well."""
     if program is not None and is_live(program) and program.state != "queued":
-        return f"{100 * program.progress:.0f} % {word} · {machine}"
-    return machine if word == "ready" else f"{word} · {machine}"
+        return f"{100 * program.progress:.0f} % {t(word)} · {machine}"
+    return machine if word == "ready" else f"{t(word)} · {machine}"

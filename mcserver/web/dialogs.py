@@ -6,6 +6,8 @@ from collections.abc import Callable
 
 from nicegui import ui
 
+from mcserver.web.translation import t
+
 
 def named_dialog(name: str) -> ui.dialog:
     """Return a dialog that a screen reader announces by name."""
@@ -27,7 +29,7 @@ async def ask(question: str, verb: str, *, colour: str, details: Callable[[], ob
             details()
         with ui.element("div").classes("mc-buttons"):
             ui.button(verb, on_click=lambda: dialog.submit(True)).props(f"color={colour}")
-            ui.button("Cancel", on_click=lambda: dialog.submit(False)).props("flat autofocus")
+            ui.button(t("Cancel"), on_click=lambda: dialog.submit(False)).props("flat autofocus")
     agreed = bool(await dialog)
     dialog.delete()
     return agreed
@@ -35,4 +37,4 @@ async def ask(question: str, verb: str, *, colour: str, details: Callable[[], ob
 
 async def ask_to_replace(name: str) -> bool:
     """Ask before a kept program gets another text; whether it shall."""
-    return await ask(f"{name} is kept already. Replace it?", "Replace", colour="warning")
+    return await ask(t("{name} is kept already. Replace it?", name=name), t("Replace"), colour="warning")

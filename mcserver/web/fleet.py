@@ -17,6 +17,7 @@ from mcserver.web.control import needs_control
 from mcserver.web.link import MachineLink
 from mcserver.web.past import Past
 from mcserver.web.store import ProgramStore
+from mcserver.web.translation import mark
 
 log = logging.getLogger(__name__)
 
@@ -102,7 +103,11 @@ class Fleet:
         link = self._links.get(name)
         if link is None:
             if not self.knows(name):
-                raise MotionError("MC063", f"no machine {name} has been seen", "is its server running?")
+                raise MotionError(
+                    "MC063",
+                    mark("no machine {name} has been seen", name=name),
+                    mark("is its server running?"),
+                )
             self._make_room(visitor)
             store = ProgramStore(self._folder / name)
             link = self._links[name] = MachineLink(name, self._connect, self._config_file, store)
@@ -119,13 +124,19 @@ class Fleet:
 
     def _make_room(self, visitor: str) -> None:
         if sum(visitor in link.visitors for link in self.links) >= VISITOR_LINKS:
-            raise MotionError("MC063", f"you look at {VISITOR_LINKS} machines", "close some of their pages")
+            raise MotionError(
+                "MC063",
+                mark("you look at {count} machines", count=VISITOR_LINKS),
+                mark("close some of their pages"),
+            )
         if len(self._links) < MAX_LINKS:
             return
         unused = next((link for link in self.links if not link.in_use), None)
         if unused is None:
             raise MotionError(
-                "MC063", f"{MAX_LINKS} machines are looked at", "close pages, or serve some from another page"
+                "MC063",
+                mark("{count} machines are looked at", count=MAX_LINKS),
+                mark("close pages, or serve some from another page"),
             )
         self._release(unused)
 
@@ -185,7 +196,9 @@ class Fleet:
         driver = None if link is None else link.control.driver
         if driver is not None:
             raise MotionError(
-                "MC078", f"{driver.name} has control", "ask for it, or take control at its page"
+                "MC078",
+                mark("{name} has control", name=driver.name),
+                mark("ask for it, or take control at its page"),
             )
 
     async def _each(
@@ -193,7 +206,7 @@ class Fleet:
     ) -> dict[str, str]:
         """Do something to several machines at once; what failed, by machine."""
         if self._link is None:
-            return dict.fromkeys(names, self.failure or "not connected")
+            return dict.fromkeys(names, self.failure or mark("not connected"))
         link = self._link
         answers = await asyncio.gather(*(act(link, name) for name in names), return_exceptions=True)
         return {name: str(answer) for name, answer in zip(names, answers, strict=True) if answer is not None}

@@ -15,6 +15,7 @@ from mcserver.web.fleet import VISITOR_LINKS, Fleet, Seen
 from mcserver.web.formatting import banner, current_program, is_live, remaining_text
 from mcserver.web.menu import add_menu
 from mcserver.web.sessions import Visitor
+from mcserver.web.translation import mark, t
 
 log = logging.getLogger(__name__)
 
@@ -32,6 +33,7 @@ COLUMNS: list[dict[str, Any]] = [
     {"field": "rank", "hide": True, "sort": "asc", "sortIndex": 0},
     {
         "field": "machine",
+        "headerName": mark("Machine"),
         "pinned": "left",
         "checkboxSelection": True,
         ":cellRenderer": LINK,
@@ -42,35 +44,55 @@ COLUMNS: list[dict[str, Any]] = [
     },
     {
         "field": "state",
+        "headerName": mark("State"),
         "filter": True,
-        "minWidth": 95,
+        "minWidth": 110,
         ":cellClass": "(params) => 'mc-cell-' + (params.data.kind ?? 'offline')",
     },
     {"field": "percent", "headerName": "%", "minWidth": 70},
-    {"field": "remaining", "headerName": "Time left", "minWidth": 105},
-    {"field": "program", "minWidth": 160, "flex": 2},
-    {"field": "faults", "minWidth": 200, "flex": 3},
-    {"field": "today", "headerName": "Today %", "minWidth": 100},
-    {"field": "late", "headerName": "Late cycles", "minWidth": 115},
-    {"field": "group", "filter": True, "minWidth": 110},
-    {"field": "tags", "filter": True, "minWidth": 110},
+    {"field": "remaining", "headerName": mark("Time left"), "minWidth": 105},
+    {"field": "program", "headerName": mark("Program"), "minWidth": 160, "flex": 2},
+    {"field": "faults", "headerName": mark("Faults"), "minWidth": 200, "flex": 3},
+    {"field": "today", "headerName": mark("Today %"), "minWidth": 100},
+    {"field": "late", "headerName": mark("Late cycles"), "minWidth": 115},
+    {"field": "group", "headerName": mark("Group"), "filter": True, "minWidth": 110},
+    {"field": "tags", "headerName": mark("Tags"), "filter": True, "minWidth": 110},
 ]
 
 
 # of the kinds of states that are wrong; all others are alike
 RANKS = {"estop": 0, "fault": 1, "offline": 2}
-STATES = {
-    "": "all states",
-    **{
-        each: each
-        for each in ("ready", "moving", "running", "held", "paused", "fault", "EMERGENCY STOP", "offline")
-    },
+STATES = (
+    mark("ready"),
+    mark("moving"),
+    mark("running"),
+    mark("held"),
+    mark("paused"),
+    mark("fault"),
+    mark("EMERGENCY STOP"),
+    mark("offline"),
+)
+# what the table itself says
+GRID_TEXTS = {
+    "noRowsToShow": mark("no machines"),
+    "noMatchingRows": mark("no machine matches"),
+    "filterOoo": mark("Search"),
+    "contains": mark("contains"),
+    "notContains": mark("does not contain"),
+    "equals": mark("is"),
+    "notEqual": mark("is not"),
+    "startsWith": mark("begins with"),
+    "endsWith": mark("ends with"),
+    "blank": mark("is empty"),
+    "notBlank": mark("is not empty"),
+    "andCondition": mark("and"),
+    "orCondition": mark("or"),
 }
 # given to those that are selected, after a question: the verb, and how the button looks
 ORDERS = {
-    "hold": ("Hold", "color=warning"),
-    "abort": ("Stop", "color=negative outline"),
-    "reset": ("Reset", "color=warning outline"),
+    "hold": (mark("Hold"), "color=warning"),
+    "abort": (mark("Stop"), "color=negative outline"),
+    "reset": (mark("Reset"), "color=warning outline"),
 }
 
 
@@ -82,35 +104,43 @@ class FleetPage:
         self._fleet = fleet
         self._sent: dict[str, dict[str, Any]] = {}
         with ui.header(elevated=True).classes("items-center justify-between no-wrap py-1 px-2 bg-slate-900"):
-            ui.label("Machines").classes("font-bold text-lg")
+            ui.label(t("Machines")).classes("font-bold text-lg")
             self._summary = ui.label("").props("role=status")
             with ui.row().classes("items-center no-wrap gap-0"):
                 add_menu(visitor)
-                ui.button("E-STOP all", on_click=self._stop_all).props(
-                    'color=negative aria-label="Emergency stop of all machines" data-estop'
+                ui.button(t("E-STOP all"), on_click=self._stop_all).props(
+                    f'color=negative aria-label="{t("Emergency stop of all machines")}" data-estop'
                 ).classes("mc-estop")
         with ui.element("div").classes("w-full p-2"):
-            ui.html("<h1 class='sr-only'>Machines</h1>", sanitize=False)
+            ui.html(f"<h1 class='sr-only'>{t('Machines')}</h1>", sanitize=False)
             with ui.row().classes("items-center w-full"):
                 self._search = (
-                    ui.input("Search", on_change=self._filter).props("dense clearable").classes("grow")
+                    ui.input(t("Search"), on_change=self._filter).props("dense clearable").classes("grow")
                 )
                 self._group = ui.select(
-                    {"": "all groups"}, value="", label="Group", on_change=self._filter_group
+                    {"": t("all groups")}, value="", label=t("Group"), on_change=self._filter_group
                 ).classes("min-w-32")
-                self._state = ui.select(STATES, value="", label="State", on_change=self._filter_group)
+                self._state = ui.select(
+                    {"": t("all states"), **{t(each): t(each) for each in STATES}},
+                    value="",
+                    label=t("State"),
+                    on_change=self._filter_group,
+                )
                 self._state.classes("min-w-32")
             with ui.element("div").classes("mc-buttons mt-2"):
                 for order, (verb, looks) in ORDERS.items():
-                    ui.button(f"{verb} selected", on_click=partial(self._ask, order)).props(looks)
-                ui.button("Run on selected …", on_click=self._ask_run).props("outline")
+                    ui.button(t("{verb} selected", verb=t(verb)), on_click=partial(self._ask, order)).props(
+                        looks
+                    )
+                ui.button(t("Run on selected …"), on_click=self._ask_run).props("outline")
                 # apart from the others, and without a question
-                ui.button("E-STOP selected", on_click=self._stop_selected).props(
-                    'color=negative aria-label="Emergency stop of the selected"'
+                ui.button(t("E-STOP selected"), on_click=self._stop_selected).props(
+                    f'color=negative aria-label="{t("Emergency stop of the selected")}"'
                 ).classes("ml-6")
             self._grid = ui.aggrid(
                 {
-                    "columnDefs": COLUMNS,
+                    "columnDefs": [_in_words(column) for column in COLUMNS],
+                    "localeText": {key: t(text) for key, text in GRID_TEXTS.items()},
                     "defaultColDef": {"sortable": True, "flex": 1},
                     "rowData": [],
                     "rowSelection": "multiple",
@@ -123,9 +153,9 @@ class FleetPage:
                 "cellDoubleClicked", lambda event: ui.navigate.to(f"/machine/{event.args['data']['machine']}")
             )
             with ui.row().classes("items-center"):
-                self._open = ui.select([], label="Open machine", with_input=True, on_change=self._go).classes(
-                    "min-w-48"
-                )
+                self._open = ui.select(
+                    [], label=t("Open machine"), with_input=True, on_change=self._go
+                ).classes("min-w-48")
         ui.on("mc_key", self._on_key)
         ui.timer(REFRESH_S, self.update)
         ui.timer(0.1, self.update, once=True)
@@ -149,11 +179,21 @@ class FleetPage:
             groups = sorted({str(row["group"]) for row in rows.values()} - {""})
             kept = self._group.value if self._group.value in groups else ""
             if list(self._group.options) != ["", *groups]:
-                self._group.set_options({"": "all groups", **{group: group for group in groups}}, value=kept)
+                self._group.set_options(
+                    {"": t("all groups"), **{group: group for group in groups}}, value=kept
+                )
         self._sent = rows
         online = sum(seen.online for seen in self._fleet.machines.values())
-        faults = sum(row["state"] in ("fault", "EMERGENCY STOP") for row in rows.values())
-        self._summary.set_text(self._fleet.failure or f"{online} of {len(rows)} online, {faults} with faults")
+        faults = sum(row["kind"] in ("fault", "estop") for row in rows.values())
+        self._summary.set_text(
+            self._fleet.failure
+            or t(
+                "{online} of {count} online, {faults} with faults",
+                online=online,
+                count=len(rows),
+                faults=faults,
+            )
+        )
 
     def _filter(self) -> None:
         self._grid.run_grid_method("setGridOption", "quickFilterText", self._search.value or "")
@@ -189,17 +229,20 @@ class FleetPage:
         failures = await self._fleet.emergency_stop(names, f"by {self._visitor.name} on the fleet's page")
         if failures:
             show_refusal(
-                f"no emergency stop confirmed by {_listed(sorted(failures))}", "use their own emergency stops"
+                t("no emergency stop confirmed by {names}", names=_listed(sorted(failures))),
+                t("use their own emergency stops"),
             )
         done = len(names) - len(failures)
         ui.notify(
-            f"{done} of {len(names)} machines: emergency stop confirmed", type="warning", position="bottom"
+            t("{done} of {count} machines: emergency stop confirmed", done=done, count=len(names)),
+            type="warning",
+            position="bottom",
         )
 
     async def _selected(self) -> list[str]:
         names = [row["machine"] for row in await self._grid.get_selected_rows()]
         if not names:
-            show_refusal("No machine is selected", "tick the machines first")
+            show_refusal(t("No machine is selected"), t("tick the machines first"))
         return names
 
     def _allowed(self, method: str) -> bool:
@@ -214,43 +257,64 @@ class FleetPage:
         names = await self._selected()
         if not names:
             return
-        verb = ORDERS[order][0]
+        verb = t(ORDERS[order][0])
         # the role may have been taken away while the dialog was open
         if await ask(
-            f"{verb} {len(names)} machines: {_listed(names)}?", verb, colour="negative"
+            t("{verb} {count} machines: {names}?", verb=verb, count=len(names), names=_listed(names)),
+            verb,
+            colour="negative",
         ) and self._allowed(order):
-            self._tell(order, names, await self._fleet.order(order, names))
+            self._tell(ORDERS[order][0], names, await self._fleet.order(order, names))
 
     async def _ask_run(self) -> None:
         if not self._allowed("open"):
             return
         names = await self._selected()
         if len(names) > VISITOR_LINKS:
-            show_refusal(f"{len(names)} machines are selected", f"run it on {VISITOR_LINKS} at a time")
+            show_refusal(
+                t("{count} machines are selected", count=len(names)),
+                t("run it on {count} at a time", count=VISITOR_LINKS),
+            )
         elif names:
-            with named_dialog("Run on several machines") as dialog, ui.card().classes("mc-ask"):
-                ui.label(f"Run on {len(names)} machines: {_listed(names)}").classes("font-bold break-words")
+            with named_dialog(t("Run on several machines")) as dialog, ui.card().classes("mc-ask"):
+                ui.label(
+                    t("Run on {count} machines: {names}", count=len(names), names=_listed(names))
+                ).classes("font-bold break-words")
                 text = (
-                    ui.textarea(label="G-code").classes("w-full font-mono").props("autogrow spellcheck=false")
+                    ui.textarea(label=t("G-code"))
+                    .classes("w-full font-mono")
+                    .props("autogrow spellcheck=false")
                 )
-                ui.label("It is checked at each machine, and waits where a program of this page runs.")
+                ui.label(t("It is checked at each machine, and waits where a program of this page runs."))
                 with ui.element("div").classes("mc-buttons"):
-                    ui.button("Run", on_click=lambda: dialog.submit(text.value)).props("color=positive")
-                    ui.button("Cancel", on_click=lambda: dialog.submit(None)).props("flat")
+                    ui.button(t("Run"), on_click=lambda: dialog.submit(text.value)).props("color=positive")
+                    ui.button(t("Cancel"), on_click=lambda: dialog.submit(None)).props("flat")
             chosen = await dialog
             dialog.delete()
             if chosen and self._allowed("open"):
-                self._tell("queued", names, await self._fleet.run(names, chosen, self._visitor.name))
+                self._tell(mark("queued"), names, await self._fleet.run(names, chosen, self._visitor.name))
 
     def _tell(self, what: str, names: list[str], failures: dict[str, str]) -> None:
         log.info("%s: %d machines by %s", what, len(names), self._visitor.name)
         for name, message in failures.items():
-            show_refusal(f"{name}: {message}")
-        ui.notify(f"{len(names) - len(failures)} of {len(names)} machines: {what}", position="bottom")
+            show_refusal(f"{name}: {t(message)}")
+        ui.notify(
+            t(
+                "{done} of {count} machines: {what}",
+                done=len(names) - len(failures),
+                count=len(names),
+                what=t(what),
+            ),
+            position="bottom",
+        )
 
 
 def _listed(names: list[str]) -> str:
     return ", ".join(names[:8]) + (" …" if len(names) > 8 else "")
+
+
+def _in_words(column: dict[str, Any]) -> dict[str, Any]:
+    return {**column, "headerName": t(column["headerName"])} if "headerName" in column else column
 
 
 def group_of(name: str) -> str:
@@ -269,12 +333,12 @@ def _row(seen: Seen, running_today: Mapping[str, float]) -> dict[str, Any]:
         "rank": RANKS.get(kind, len(RANKS)),
         "group": seen.group or group_of(seen.name),
         "tags": " ".join(seen.tags),
-        "state": word,
+        "state": t(word),
         "kind": kind,
         "program": (program.name or program.program) if program is not None and live else "",
         "percent": round(100 * program.progress) if program is not None and live else None,
         "remaining": remaining_text(program) if program is not None and live else "",
-        "faults": "; ".join(f"{fault.code} {fault.message}" for fault in status.faults)
+        "faults": "; ".join(f"{fault.code} {t(fault.message)}" for fault in status.faults)
         if status is not None
         else "",
         "today": running_today.get(seen.name),

@@ -9,6 +9,8 @@ from collections.abc import Sequence
 from mcclient import AxisInfo, Diagnostic, MachineStatus, ProgramStatus
 from mcclient.types import ENDED
 
+from mcserver.web.translation import mark, t
+
 LETTERS = "XYZABC"
 CONTEXT_LINES = 6
 DIAGNOSTICS_SHOWN = 50
@@ -38,7 +40,9 @@ def remaining_text(program: ProgramStatus) -> str:
     shown = clock_text(program.eta_s)
     if program.simulated < 1.0:
         shown = f"≈ {shown}"
-    return f"{shown} + {program.pauses} pause{'s' * (program.pauses != 1)}" if program.pauses else shown
+    if program.pauses > 1:
+        return t("{time} + {count} pauses", time=shown, count=program.pauses)
+    return t("{time} + 1 pause", time=shown) if program.pauses else shown
 
 
 def size_text(size: float) -> str:
@@ -65,18 +69,19 @@ def velocity_text(value: float) -> str:
 def limits_text(axis: AxisInfo) -> str:
     """Travel of an axis with its unit."""
     if axis.min_position is None and axis.max_position is None:
-        return "unlimited"
+        return t("unlimited")
     low = "-∞" if axis.min_position is None else f"{axis.min_position:g}"
     high = "∞" if axis.max_position is None else f"{axis.max_position:g}"
     return f"{low} … {high} {axis.unit}"
 
 
 def banner(status: MachineStatus | None, online: bool) -> tuple[str, str]:
-    """The one word for a machine's state, and its kind for the colour: an emergency stop before all else."""
+    """The one word for a machine's state (`t` says it), and its kind for the colour: an emergency stop before
+    all else."""
     if status is None or not online:
-        return "offline", "offline"
+        return mark("offline"), "offline"
     if status.state == "estop":
-        return "EMERGENCY STOP", "estop"
+        return mark("EMERGENCY STOP"), "estop"
     if status.state == "fault":
         return "fault", "fault"
     states = {program.state for program in status.programs}
@@ -112,8 +117,8 @@ def program_excerpt(
         kind = "bad" if number in faulty else "now" if number == now else "mark"
         rows.append(f'<span class="{kind}" data-line="{number}">{text or " "}</span>')
         if number in faulty:
-            rows.append(f'<span class="mark">        {html.escape(faulty[number])}</span>')
-    return f'<pre class="mc-program" tabindex="0" aria-label="Program text">{"".join(rows)}</pre>'
+            rows.append(f'<span class="mark">        {html.escape(t(faulty[number]))}</span>')
+    return f'<pre class="mc-program" tabindex="0" aria-label="{t("Program text")}">{"".join(rows)}</pre>'
 
 
 def diagnostics_html(diagnostics: Sequence[Diagnostic], head: str = "", lines: Sequence[str] = ()) -> str:
@@ -125,8 +130,8 @@ def diagnostics_html(diagnostics: Sequence[Diagnostic], head: str = "", lines: S
     if not diagnostics:
         return ""
     rows = [
-        f"<li>{'' if each.severity == 'error' else 'warning, '}{_place(each)}"
-        f"{html.escape(each.message)} [{html.escape(each.code)}]"
+        f"<li>{'' if each.severity == 'error' else t('warning, ')}{_place(each)}"
+        f"{html.escape(t(each.message))} [{html.escape(each.code)}]"
         + _named_line(lines, each.line)
         + (f"<br>= {html.escape(page_hint(each.hint))}" if each.hint else "")
         + "</li>"
@@ -145,18 +150,20 @@ def _named_line(lines: Sequence[str], number: int) -> str:
 def _place(diagnostic: Diagnostic) -> str:
     if not diagnostic.line:
         return ""
-    return f"line {diagnostic.line}" + (f", column {diagnostic.column}" if diagnostic.column else "") + ": "
+    if not diagnostic.column:
+        return t("line {line}: ", line=diagnostic.line)
+    return t("line {line}, column {column}: ", line=diagnostic.line, column=diagnostic.column)
 
 
 # what the page has in the place of a command
 _COMMANDS = {
-    "home": "press Home in the card Homing",
-    "reference": "give the position in the card Homing",
-    "reset": "press Reset",
-    "resume": "press Resume",
-    "zero": "use Zero or Set in the card Position",
-    "run": "run it from the line",
-    "continue": "press Continue",
+    "home": mark("press Home in the card Homing"),
+    "reference": mark("give the position in the card Homing"),
+    "reset": mark("press Reset"),
+    "resume": mark("press Resume"),
+    "zero": mark("use Zero or Set in the card Position"),
+    "run": mark("run it from the line"),
+    "continue": mark("press Continue"),
 }
 _COMMAND = re.compile(
     r"(?:machine\.continue_program\([^)]*\), or )?"
@@ -166,11 +173,11 @@ _COMMAND = re.compile(
 
 def page_hint(hint: str) -> str:
     """Return a remedy with the page's own buttons in the place of commands of a terminal."""
-    return _COMMAND.sub(lambda found: _COMMANDS[found[1]], hint)
+    return _COMMAND.sub(lambda found: t(_COMMANDS[found[1]]), t(hint))
 
 
 def channel_text(kind: str, value: float, unit: str) -> str:
     """An input's or output's value: on, off, or a number with its unit."""
     if kind == "digital":
-        return "on" if value else "off"
+        return t("on") if value else t("off")
     return f"{value:g} {unit}".rstrip()

@@ -2,16 +2,22 @@
 
 from __future__ import annotations
 
+import copy
 import hashlib
+import json
 from collections.abc import Awaitable, Callable
 from pathlib import Path
+from typing import cast
 
 from fastapi import FastAPI, Request, Response
 from nicegui import app as nicegui_app
 from nicegui import ui
+from nicegui.language import Language
 from starlette.middleware.trustedhost import TrustedHostMiddleware
 
 from mcserver.doors.listening import LOOPBACK
+from mcserver.web.translation import COOKIE as LANGUAGE_COOKIE
+from mcserver.web.translation import language_for, mark, t
 
 MAX_FRAME_BYTES = 4 * 1024 * 1024
 # NiceGUI gives a link up that has been silent for 0.4 of it: a busy computer or a bad radio link must not
@@ -31,6 +37,15 @@ STATIC = Path(__file__).parent / "static"
 VERSION = hashlib.sha256(
     b"".join(path.read_bytes() for path in sorted(STATIC.iterdir()) if path.suffix in (".css", ".js"))
 ).hexdigest()[:12]
+
+
+# what scripts say by ``mcTexts``, and what styles say
+BROWSER_TEXTS = (
+    mark("Choose a file"),
+    mark("loading"),
+    mark("This browser draws no 3-D pictures (WebGL)."),
+)
+STYLE_TEXTS = (mark(" – old: nothing comes"), mark(" (no link)"))
 
 
 def new_site(host: str | None) -> FastAPI:
@@ -69,9 +84,23 @@ def run_pages(site: FastAPI, title: str) -> None:
 
 
 def add_head() -> None:
-    """Give a page its colours, styles and scripts."""
+    """Give a page its language, colours, styles and scripts."""
+    client = ui.context.client
+    # the page of a route is shared by all who look at it; NiceGUI takes the language of its own texts from it
+    client.page = copy.copy(client.page)
+    client.page.language = cast("Language", language_of(client.request))
+    texts = json.dumps({text: t(text) for text in BROWSER_TEXTS}, ensure_ascii=False)
+    ui.add_head_html(f"<script>window.mcTexts = {texts}</script>")
+    silent, no_link = (json.dumps(t(text), ensure_ascii=False) for text in STYLE_TEXTS)
+    ui.add_head_html(f"<style>:root {{ --mc-silent: {silent}; --mc-no-link: {no_link}; }}</style>")
     ui.colors(primary="#1d4ed8", positive="#166534", negative="#b91c1c", warning="#92400e")
     # browsers keep these files for an hour: those of another version have another address
-    ui.add_head_html(f'<link rel="stylesheet" href="/mc-static/page.css?{VERSION}"><html lang="en">')
+    ui.add_head_html(f'<link rel="stylesheet" href="/mc-static/page.css?{VERSION}">')
     for script in ("page", "browser", "charts"):
         ui.add_body_html(f'<script src="/mc-static/{script}.js?{VERSION}"></script>')
+
+
+def language_of(request: Request) -> str:
+    """Return the language of a request's page: the one chosen there, else one that the browser asks for."""
+    accepted = request.headers.get("accept-language", "")
+    return language_for(request.cookies.get(LANGUAGE_COOKIE, ""), accepted)

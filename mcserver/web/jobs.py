@@ -9,12 +9,13 @@ import time
 from collections import deque
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
-from mcclient import Diagnostic, Machine, MotionError, Program
+from mcclient import Diagnostic, Machine, MotionError, Program, RequestRefused
 from mcclient.types import Continuation, SimulatedPath, SimulateReply
 
 from mcserver.errors import McError
 from mcserver.web.last_runs import LastRun
 from mcserver.web.store import ProgramStore
+from mcserver.web.translation import mark
 
 if TYPE_CHECKING:
     from mcserver.web.link import MachineLink
@@ -63,7 +64,8 @@ class Job:
     Attributes:
         duration_s: simulated; None where it is not known. start: where the axes were [mm, deg], once it runs.
         path: where it goes from there, as the call ``simulate`` gives it; None where that is not known.
-        program: the server's id, once it runs.
+        program: the server's id, once it runs. single_step: its lines wait to be started.
+        stepped: number of the last line that was started so.
     """
 
     def __init__(self, number: int, name: str, text: str, user: str, from_line: int, middle: Middle) -> None:
@@ -76,6 +78,8 @@ class Job:
         self.state = JobState.WAITING
         self.duration_s: float | None = None
         self.program: str | None = None
+        self.single_step = False
+        self.stepped = from_line - 1
         self.started_at: float | None = None
         self.start: dict[int, float] | None = None
         self.path: dict[str, Any] | None = None
@@ -108,6 +112,7 @@ class JobQueue:
         running, waiting, ended: the jobs. latest: the one started last.
         stopped: whether a failure or an operator has stopped what runs and waits; once nothing of it is left,
             the next job starts.
+        single_step: whether jobs that start from now on do so in single step.
     """
 
     def __init__(self, link: MachineLink, store: ProgramStore) -> None:
@@ -116,6 +121,7 @@ class JobQueue:
         self.waiting: deque[Job] = deque()
         self.ended: deque[Job] = deque(maxlen=ENDED_KEPT)
         self.stopped = False
+        self.single_step = False
         self._link = link
         self._store = store
         self._numbers = itertools.count(1)
@@ -143,7 +149,11 @@ class JobQueue:
         self._refuse_more()
         job = Job(next(self._numbers), name, self._store.read(name), user, from_line, middle)
         if not 1 <= from_line <= len(job.lines):
-            raise MotionError("MC062", f"{name} has no line {from_line}", f"it has {len(job.lines)} lines")
+            raise MotionError(
+                "MC062",
+                mark("{name} has no line {line}", name=name, line=from_line),
+                mark("it has {count} lines", count=len(job.lines)),
+            )
         if report is not None:
             job.take(report)
         self._append(job)
@@ -162,7 +172,11 @@ class JobQueue:
 
     def _refuse_more(self) -> None:
         if len(self.waiting) >= MAX_WAITING:
-            raise MotionError("MC062", f"{MAX_WAITING} programs wait already", "let some of them run first")
+            raise MotionError(
+                "MC062",
+                mark("{count} programs wait already", count=MAX_WAITING),
+                mark("let some of them run first"),
+            )
 
     def go_on(self, shown: Continuation, user: str, middle: Middle) -> Job:
         """Queue a program that goes on, from the server's journal and, behind that, from the stored file.
@@ -174,8 +188,12 @@ class JobQueue:
         if text is None and not shown.whole:
             raise MotionError(
                 "MC062",
-                f"of {shown.name or shown.program} only lines through {shown.accepted} are known",
-                "upload its file under the same name, then go on",
+                mark(
+                    "of {name} only lines through {line} are known",
+                    name=shown.name or shown.program,
+                    line=shown.accepted,
+                ),
+                mark("upload its file under the same name, then go on"),
             )
         job = Job(
             next(self._numbers), shown.name, text or "", user, shown.line, middle._replace(whole=shown.whole)
@@ -220,6 +238,36 @@ class JobQueue:
         self.stopped = True
         while self.waiting:
             self.waiting.popleft().state = JobState.CANCELLED
+
+    async def step(self, done: int) -> None:
+        """Start the next line of the job that runs in single step, and the blank ones behind it.
+
+        Args:
+            done: number of the last line that is done.
+
+        Raises:
+            MotionError: MC062 no job waits for it; as the call ``step``.
+        """
+        job = self.running
+        if job is None or job.program is None or not job.single_step:
+            raise MotionError(
+                "MC062", mark("no program runs in single step"), mark("switch single step on, then run it")
+            )
+        if done < job.stepped:
+            # steps add up at the server: a second press would let two lines go
+            raise MotionError(
+                "MC062", mark("line {line} is not done", line=job.stepped), mark("wait for its end")
+            )
+        machine, first = self._link.connected(), max(job.stepped, done) + 1
+        job.stepped = first
+        while job.stepped < len(job.lines) and not job.lines[job.stepped].strip():
+            job.stepped += 1
+        for line in range(first, job.stepped + 1):
+            try:
+                await machine.step(job.program)
+            except RequestRefused:
+                job.stepped = line - 1
+                raise
 
     def programs(self) -> set[str]:
         """Ids of the programs that were jobs of this queue."""
@@ -280,7 +328,9 @@ class JobQueue:
             await self._check(machine, job)
         if self.stopped:
             raise MotionError(
-                "MC062", f"{job.name} was being checked as the queue was stopped", "run it again"
+                "MC062",
+                mark("{name} was being checked as the queue was stopped", name=job.name),
+                mark("run it again"),
             )
         program = await self._opened(machine, job)
         job.program, job.state = program.id, JobState.RUNNING
@@ -290,6 +340,13 @@ class JobQueue:
 
     async def _opened(self, machine: Machine, job: Job) -> Program:
         middle = job.middle
+        if middle.program and self.single_step:
+            raise MotionError(
+                "MC062",
+                mark("what goes on behind a break has no single step"),
+                mark("switch single step off"),
+            )
+        job.single_step = self.single_step
         if middle.program:
             return await machine.continue_program(
                 # without a line: however often it is asked for, no line runs again
@@ -301,6 +358,7 @@ class JobQueue:
             job.name,
             start_line=job.from_line,
             before=job.lines[: job.from_line - 1],
+            step=job.single_step,
             text="\n".join(job.lines),
             way=middle.way,
             outputs=middle.outputs,
@@ -334,5 +392,8 @@ class JobQueue:
         if not found.ok:
             first = next(each for each in found.diagnostics if each.severity == "error")
             raise MotionError(
-                first.code, f"line {first.line}: {first.message}", first.hint, diagnostics=found.diagnostics
+                first.code,
+                mark("line {line}: {message}", line=first.line, message=mark(first.message)),
+                first.hint,
+                diagnostics=found.diagnostics,
             )

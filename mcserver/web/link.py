@@ -20,6 +20,7 @@ from mcserver.web.row_names import RowNames
 from mcserver.web.run_requests import RunRequests
 from mcserver.web.shared_answers import SharedAnswers
 from mcserver.web.store import ProgramStore
+from mcserver.web.translation import language, mark
 
 log = logging.getLogger(__name__)
 
@@ -75,7 +76,7 @@ class MachineLink:
         self.run_requests = RunRequests()
         self.recorded = RecordedFiles(store.folder / ".recordings")
         self.answers = SharedAnswers(time.monotonic)
-        self._made: dict[str, tuple[MachineStatus, str]] = {}
+        self._made: dict[tuple[str, str], tuple[MachineStatus, str]] = {}
         self._connect = connect
         self._config_file = config_file
         self._task = asyncio.ensure_future(self._run())
@@ -102,7 +103,7 @@ class MachineLink:
             del self.visitors[visitor]
 
     def once(self, key: str, make: Callable[[MachineStatus], str]) -> str:
-        """Return what ``make`` gives for the newest state; made once, whoever looks.
+        """Return what ``make`` gives for the newest state; made once for each language, whoever looks.
 
         Args:
             key: of what is made: the same for all viewers to whom the same is shown.
@@ -110,16 +111,19 @@ class MachineLink:
         status = self.status
         if status is None:
             return ""
-        known = self._made.get(key)
+        place = (key, language())
+        known = self._made.get(place)
         if known is None or known[0] is not status:
-            known = self._made[key] = (status, make(status))
+            known = self._made[place] = (status, make(status))
         return known[1]
 
     def connected(self) -> Machine:
         """The machine; raises MotionError (MC530) while it is not connected."""
         if self.machine is None:
             raise MotionError(
-                "MC530", f"{self.name} is not connected: {self.failure}", "is its server running?"
+                "MC530",
+                mark("{name} is not connected: {failure}", name=self.name, failure=self.failure),
+                mark("is its server running?"),
             )
         return self.machine
 

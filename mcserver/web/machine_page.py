@@ -41,6 +41,7 @@ from mcserver.web.panels.teach import TeachPanel
 from mcserver.web.panels.tool_jog import ToolJogPanel
 from mcserver.web.past import Past
 from mcserver.web.sessions import Visitor
+from mcserver.web.translation import mark, t
 
 REFRESH_S = 0.1
 # charts, pictures and lists, in refreshes: drawing them is what costs a phone its battery
@@ -51,7 +52,7 @@ BEAT_EVERY = 10
 SLOW_S = 1.0
 # a message of what has ended stays this long [ms]
 MESSAGE_MS = 15_000
-WHY = "energizing would wait for its end"
+WHY = mark("energizing would wait for its end")
 OVERRIDES = (10, 25, 50, 75, 100, 125, 150, 200)
 
 
@@ -167,32 +168,33 @@ class MachinePage:
     def _header(self, visitor: Visitor) -> None:
         with ui.header(elevated=True).classes("items-center justify-between no-wrap py-1 px-2 bg-slate-900"):
             with ui.row().classes("items-center gap-2"):
-                ui.link("Fleet", "/").classes("text-white")
+                ui.link(t("Fleet"), "/").classes("text-white")
                 ui.label(self._link.name).classes("font-bold")
                 self._state = ui.label("…").classes("mc-state").props("role=status aria-live=polite")
                 self._late = ui.label("").classes("text-xs mc-late")
             with ui.row().classes("items-center no-wrap gap-0"):
                 add_menu(visitor)
-                ui.button("E-STOP", on_click=self._actions.emergency_stop).props(
-                    'color=negative aria-label="Emergency stop" data-estop'
+                ui.button(t("E-STOP"), on_click=self._actions.emergency_stop).props(
+                    f'color=negative aria-label="{t("Emergency stop")}" data-estop'
                 ).classes("mc-estop")
 
     def _controls(self) -> None:
         do = self._actions.do
         with ui.card().classes("mc-card"):
             with ui.element("div").classes("mc-buttons"):
-                ui.button("Hold", on_click=lambda: do("hold", "hold", lambda machine: machine.hold())).props(
-                    "color=warning"
-                )
                 ui.button(
-                    "Resume", on_click=lambda: do("resume", "resume", lambda machine: machine.resume())
+                    t("Hold"), on_click=lambda: do("hold", mark("hold"), lambda machine: machine.hold())
+                ).props("color=warning")
+                ui.button(
+                    t("Resume"),
+                    on_click=lambda: do("resume", mark("resume"), lambda machine: machine.resume()),
                 ).props("color=positive")
                 ui.button(
-                    "Abort", on_click=lambda: do("abort", "abort", lambda machine: machine.abort())
+                    t("Abort"), on_click=lambda: do("abort", mark("abort"), lambda machine: machine.abort())
                 ).props("color=negative outline")
-                ui.button("Energize", on_click=self._energize).props("outline")
+                ui.button(t("Energize"), on_click=self._energize).props("outline")
             self._control = ControlPanel(self._actions)
-            self._override_label = ui.label("Override 100 %").classes("font-bold mt-2")
+            self._override_label = ui.label("").classes("font-bold mt-2")
             with ui.element("div").classes("mc-buttons"):
                 for percent in OVERRIDES:
                     ui.button(f"{percent} %", on_click=lambda percent=percent: self._override(percent)).props(
@@ -203,7 +205,9 @@ class MachinePage:
 
     async def _override(self, percent: float) -> None:
         await self._actions.do(
-            "override", f"override {percent:g} %", lambda machine: machine.override(percent)
+            "override",
+            mark("override {percent:g} %", percent=percent),
+            lambda machine: machine.override(percent),
         )
 
     async def _override_by(self, step: float) -> None:
@@ -219,13 +223,13 @@ class MachinePage:
             async with machine.program(ENERGIZE, at_pause=True) as program:
                 await program.send("G1010")
 
-        await self._actions.do("open", "energize", capture)
+        await self._actions.do("open", mark("energize"), capture)
 
     async def _on_key(self, event: events.GenericEventArguments) -> None:
         if event.args.get("key") == "estop":
             await self._actions.emergency_stop()
         else:
-            await self._actions.do("hold", "hold", lambda machine: machine.hold())
+            await self._actions.do("hold", mark("hold"), lambda machine: machine.hold())
 
     def update(self) -> None:
         """Show the newest state."""
@@ -237,15 +241,15 @@ class MachinePage:
         self._beat += 1
         status, machine = self._link.status, self._link.machine
         word, kind = banner(status, self._link.online)
-        if self._state.text != word:
-            self._state.set_text(word)
+        if self._state.text != t(word):
+            self._state.set_text(t(word))
             self._state.classes(replace=f"mc-state mc-state-{kind}")
         self._control.update()
         self._notices.update(status)
         self._say(status, word)
         if status is None or machine is None:
             return
-        self._late.set_text(f"{status.late_cycles} late cycles")
+        self._late.set_text(t("{count} late cycles", count=status.late_cycles))
         self._positions.update(machine.info)
         self._jog.update(machine.info)
         self._tool_jog.update(machine.info)
@@ -253,7 +257,7 @@ class MachinePage:
         self._buttons.update(machine.info)
         self._channels.update(status, machine.info)
         self._faults.update(status)
-        self._override_label.set_text(f"Override {status.override:.0f} %")
+        self._override_label.set_text(t("Override {override:.0f} %", override=status.override))
         if self._turn % SLOW_EVERY == 0:
             self._program.update()
             self._picture.update(status)
@@ -280,7 +284,7 @@ class MachinePage:
         for kind, head, text, is_alarm in self._announcer.update(status, self._link.jobs.programs()):
             # an alarm has a card of its own. Below: above are the buttons that stop, on a phone
             if not is_alarm:
-                ui.notify(text, type=kind, position="bottom", close_button="close", timeout=MESSAGE_MS)
+                ui.notify(text, type=kind, position="bottom", close_button=t("close"), timeout=MESSAGE_MS)
             ui.run_javascript(f"mcTell({json.dumps(head)}, {json.dumps(text)})")
 
 

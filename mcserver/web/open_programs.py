@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from mcclient import MotionError, ProgramStatus
 
 from mcserver.web.formatting import is_live
+from mcserver.web.translation import t
 
 
 def refusal_of(programs: Sequence[ProgramStatus], why: str) -> MotionError | None:
@@ -23,6 +24,12 @@ def refusal_of(programs: Sequence[ProgramStatus], why: str) -> MotionError | Non
         return None
     return MotionError(
         "MC512",
-        f"{program.name or program.program} of {program.client} is {program.state}: {why}",
-        "wait for its end, or abort it",
+        t(
+            "{program} of {client} is {state}: {why}",
+            program=program.name or program.program,
+            client=program.client,
+            state=t(program.state),
+            why=t(why),
+        ),
+        t("wait for its end, or abort it"),
     )

@@ -17,6 +17,8 @@ from pathlib import Path
 
 from mcclient import Machine, MotionError
 
+from mcserver.web.translation import mark
+
 # Files that are kept on the page's disk: the newest this many of a machine.
 KEPT = 4
 MOST_BYTES = 1 << 30
@@ -57,11 +59,19 @@ class RecordedFiles:
     async def _made(self, machine: Machine, name: str, suffix: str, *command: str) -> Path:
         async with self._busy:
             if _NAME.fullmatch(name) is None:
-                raise MotionError("MC585", f"{name!r} is no recording's name", "the list shows what is there")
+                raise MotionError(
+                    "MC585",
+                    mark("{name!r} is no recording's name", name=name),
+                    mark("the list shows what is there"),
+                )
             listed = (await machine.recordings()).recordings
             size = next((each.size for each in listed if each.name == name), None)
             if size is None:
-                raise MotionError("MC585", f"there is no recording {name!r}", "the list shows what is there")
+                raise MotionError(
+                    "MC585",
+                    mark("there is no recording {name!r}", name=name),
+                    mark("the list shows what is there"),
+                )
             # another recording may come by a name that was used before
             folder = self._folder / f"{name}.{size}"
             output = folder / f"{name}{suffix}"
@@ -72,7 +82,9 @@ class RecordedFiles:
                 await _run(*command, str(output), str(source))
             except OSError as error:
                 raise MotionError(
-                    "MC061", f"{name} cannot be kept: {error.strerror}", "make room on the page's disk"
+                    "MC061",
+                    mark("{name} cannot be kept: {why}", name=name, why=error.strerror),
+                    mark("make room on the page's disk"),
                 ) from error
             return output
 
@@ -82,7 +94,9 @@ class RecordedFiles:
             return path
         if size > MOST_BYTES:
             raise MotionError(
-                "MC589", f"{name} is larger than {MOST_BYTES >> 20} MiB", "download it, and use mcserver plot"
+                "MC589",
+                mark("{name} is larger than {size} MiB", name=name, size=MOST_BYTES >> 20),
+                mark("download it, and use mcserver plot"),
             )
         self._make_room()
         folder.mkdir(parents=True, exist_ok=True)
@@ -116,7 +130,9 @@ async def _run(*arguments: str) -> None:
         _, said = await asyncio.wait_for(process.communicate(), LIMIT_S)
     except TimeoutError as error:
         raise MotionError(
-            "MC588", f"it took more than {LIMIT_S:g} s", "download it, and use mcserver plot"
+            "MC588",
+            mark("it took more than {limit:g} s", limit=LIMIT_S),
+            mark("download it, and use mcserver plot"),
         ) from error
     finally:
         if process.returncode is None:
@@ -126,5 +142,7 @@ async def _run(*arguments: str) -> None:
     if process.returncode:
         lines = said.decode("utf-8", "replace").strip().splitlines()
         raise MotionError(
-            "MC588", f"it cannot be drawn: {lines[0] if lines else 'no reason was given'}", "download it"
+            "MC588",
+            mark("it cannot be drawn: {why}", why=lines[0] if lines else mark("no reason was given")),
+            mark("download it"),
         )

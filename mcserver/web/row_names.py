@@ -7,6 +7,7 @@ from pathlib import Path
 import msgspec
 
 from mcserver.errors import ServiceError
+from mcserver.web.translation import mark
 
 MAX_NAME = 60
 MAX_NAMES = 1000
@@ -45,6 +46,8 @@ class RowNames:
             aside.replace(self._path)
         except OSError as error:
             raise ServiceError(
-                "MC061", f"the name could not be kept: {error.strerror}", "make room on the disk"
+                "MC061",
+                mark("the name could not be kept: {why}", why=error.strerror),
+                mark("make room on the disk"),
             ) from error
         self.names = names

@@ -7,8 +7,15 @@ import re
 from mcclient import Info, MachineStatus
 
 from mcserver.web.formatting import axis_name
+from mcserver.web.translation import mark, t
 
-AXIS_QUANTITIES = ("position", "setpoint", "velocity", "torque", "following error")
+AXIS_QUANTITIES = (
+    mark("position"),
+    mark("setpoint"),
+    mark("velocity"),
+    mark("torque"),
+    mark("following error"),
+)
 _UNITS = {"velocity": "{}/s", "torque": "N·m"}
 _AXIS = re.compile(r"axis (\d+) (.+)")
 _TOOL = re.compile(r"tool (\d+) ([xyzabc])")
@@ -20,21 +27,21 @@ def signals_of(info: Info) -> dict[str, tuple[str, str]]:
     for quantity in AXIS_QUANTITIES:
         for axis in info.axes:
             unit = _UNITS.get(quantity, "{}").format(axis.unit)
-            found[f"axis {axis.index} {quantity}"] = (f"{axis_name(axis.index)} {quantity}", unit)
+            found[f"axis {axis.index} {quantity}"] = (f"{axis_name(axis.index)} {t(quantity)}", unit)
     for axis in info.axes:
-        found[f"axis {axis.index} in G54"] = (f"{axis_name(axis.index)} in G54", axis.unit)
+        found[f"axis {axis.index} in G54"] = (t("{axis} in G54", axis=axis_name(axis.index)), axis.unit)
     for tool in info.tools:
         for letter in "xyzabc":
             unit = "mm" if letter in "xyz" else "deg"
             found[f"tool {tool.number} {letter}"] = (f"T{tool.number} {letter.upper()}", unit)
     for each in info.inputs:
-        found[f"input {each.name}"] = (f"input {each.name}", each.unit or "on/off")
+        found[f"input {each.name}"] = (t("input {name}", name=each.name), each.unit or t("on/off"))
     for output in info.outputs:
-        found[f"output {output.name}"] = (f"output {output.name}", output.unit or "on/off")
+        found[f"output {output.name}"] = (t("output {name}", name=output.name), output.unit or t("on/off"))
     return found | {
-        "override": ("feed override", "%"),
-        "line": ("program line", "line"),
-        "late": ("late cycles", "cycles"),
+        "override": (t("feed override"), "%"),
+        "line": (t("program line"), t("line")),
+        "late": (t("late cycles"), t("cycles")),
     }
 
 

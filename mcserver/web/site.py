@@ -21,13 +21,14 @@ from mcserver.doors.limits import BodyLimit, DoorLimits
 from mcserver.doors.listening import LOOPBACK, Address, Protection, listen, serve_until_stopped
 from mcserver.web.fleet import Fleet
 from mcserver.web.fleet_page import FleetPage
-from mcserver.web.frame import MAX_FRAME_BYTES, STATIC, add_head, new_site, run_pages
+from mcserver.web.frame import MAX_FRAME_BYTES, STATIC, add_head, language_of, new_site, run_pages
 from mcserver.web.machine_files import add_machine_files
 from mcserver.web.machine_page import MachinePage
 from mcserver.web.metrics import metrics_text
 from mcserver.web.past import Past
 from mcserver.web.sessions import COOKIE, Sessions, Visitor
 from mcserver.web.store import MAX_PROGRAM_BYTES
+from mcserver.web.translation import mark, t, t_in
 from mcserver.web.users import read_users
 
 log = logging.getLogger(__name__)
@@ -40,6 +41,8 @@ LIMITS = DoorLimits(
         ("/_nicegui/client/", BodyLimit(MAX_PROGRAM_BYTES + 1024 * 1024, 600.0)),
     )
 )
+# of login.html
+LOGIN_TEXTS = (mark("Log in"), mark("Motion server"), mark("Name"), mark("Password"))
 # how often a page of an unknown machine looks whether it is there by now
 SEEN_S = 1.0
 # what a proxy adds
@@ -105,8 +108,8 @@ def build_site(sessions: Sessions, fleet: Fleet, *, secure: bool, host: str) -> 
     site = new_site(None if sessions.needs_login else host)
 
     @site.get("/login", response_class=HTMLResponse)
-    def login_form(then: str = "/") -> str:
-        return _login_page("", then)
+    def login_form(request: Request, then: str = "/") -> str:
+        return _login_page(request, "", then)
 
     @site.post("/login")
     async def log_in(request: Request) -> Response:
@@ -116,7 +119,10 @@ def build_site(sessions: Sessions, fleet: Fleet, *, secure: bool, host: str) -> 
         token = await asyncio.to_thread(sessions.log_in, name, password, address)
         if token is None:
             return HTMLResponse(
-                _login_page("Wrong name or password, or too many tries: wait half a minute.", then), 401
+                _login_page(
+                    request, mark("Wrong name or password, or too many tries: wait half a minute."), then
+                ),
+                401,
             )
         response = RedirectResponse(_inside(then), 303)
         # a proxy that ends TLS says so; whoever else says it makes the cookie no weaker
@@ -155,7 +161,7 @@ def build_site(sessions: Sessions, fleet: Fleet, *, secure: bool, host: str) -> 
             live_key(name)
             link = fleet.link(name, visitor.name)
         except MotionError as error:
-            ui.label(f"{error.message}: {error.hint}")
+            ui.label(f"{t(error.message)}: {t(error.hint)}")
             if not fleet.knows(name):
                 # this process may have begun a moment ago, or the machine comes later
                 ui.timer(SEEN_S, lambda: ui.navigate.reload() if fleet.knows(name) else None)
@@ -184,9 +190,12 @@ def _inside(path: str) -> str:
     return path if re.fullmatch(r"/[A-Za-z0-9_./%~-]*", path) and not path.startswith("//") else "/"
 
 
-def _login_page(message: str, then: str) -> str:
-    alert = f'<p role="alert">{html.escape(message)}</p>' if message else ""
-    page = (STATIC / "login.html").read_text("utf-8").replace("<!-- message -->", alert)
-    return page.replace(
-        "<!-- then -->", f'<input type="hidden" name="then" value="{html.escape(_inside(then))}">'
-    )
+def _login_page(request: Request, message: str, then: str) -> str:
+    language = language_of(request)
+    alert = f'<p role="alert">{html.escape(t_in(language, message))}</p>' if message else ""
+    page = (STATIC / "login.html").read_text("utf-8")
+    for text in LOGIN_TEXTS:
+        page = page.replace(f">{text}<", f">{t_in(language, text)}<")
+    hidden = f'<input type="hidden" name="then" value="{html.escape(_inside(then))}">'
+    page = page.replace('lang="en"', f'lang="{language}"')
+    return page.replace("<!-- message -->", alert).replace("<!-- then -->", hidden)

@@ -10,6 +10,7 @@ from pathlib import Path
 import msgspec
 
 from mcserver.errors import ServiceError
+from mcserver.web.translation import mark
 
 MAX_PROGRAM_BYTES = 256 * 1024 * 1024
 MAX_PROGRAMS = 500
@@ -28,7 +29,7 @@ def text_of(name: str, content: bytes) -> str:
         pass
     # what no text has: a file of another kind
     if b"\0" in content:
-        raise ServiceError("MC061", f"{name} is no text", "is it the right file?")
+        raise ServiceError("MC061", mark("{name} is no text", name=name), mark("is it the right file?"))
     return content.decode("cp1252", "replace")
 
 
@@ -75,11 +76,21 @@ class ProgramStore:
         path = self._path(name)
         if len(content) > MAX_PROGRAM_BYTES:
             raise ServiceError(
-                "MC061", f"{name} is larger than {MAX_PROGRAM_BYTES >> 20} MiB", "split the program"
+                "MC061",
+                mark(
+                    "{name} is larger than {size} MiB",
+                    name=name,
+                    size=MAX_PROGRAM_BYTES >> 20,
+                ),
+                mark("split the program"),
             )
         content = text_of(name, content).encode("utf-8")
         if not path.exists() and len(self.list()) >= MAX_PROGRAMS:
-            raise ServiceError("MC061", f"{MAX_PROGRAMS} programs are kept already", "delete some of them")
+            raise ServiceError(
+                "MC061",
+                mark("{count} programs are kept already", count=MAX_PROGRAMS),
+                mark("delete some of them"),
+            )
         temporary = path.with_name(f".{path.name}.part")
         try:
             self._folder.mkdir(parents=True, exist_ok=True)
@@ -89,7 +100,9 @@ class ProgramStore:
             with contextlib.suppress(OSError):
                 temporary.unlink(missing_ok=True)
             raise ServiceError(
-                "MC061", f"{name} could not be kept: {error.strerror}", "make room on the disk"
+                "MC061",
+                mark("{name} could not be kept: {why}", name=name, why=error.strerror),
+                mark("make room on the disk"),
             ) from error
 
     def has(self, name: str) -> bool:
@@ -101,7 +114,11 @@ class ProgramStore:
         try:
             return self._path(name).read_text("utf-8-sig")
         except (OSError, UnicodeDecodeError) as error:
-            raise ServiceError("MC061", f"{name} cannot be read: {error}", "upload it again") from error
+            raise ServiceError(
+                "MC061",
+                mark("{name} cannot be read: {why}", name=name, why=error),
+                mark("upload it again"),
+            ) from error
 
     def delete(self, name: str) -> None:
         """Forget a program; one that is gone already is no error."""
@@ -109,5 +126,7 @@ class ProgramStore:
 
     def _path(self, name: str) -> Path:
         if not _NAME.fullmatch(name) or name.startswith("."):
-            raise ServiceError("MC061", f"{name!r} cannot be a file's name", "rename the file")
+            raise ServiceError(
+                "MC061", mark("{name!r} cannot be a file's name", name=name), mark("rename the file")
+            )
         return self._folder / name

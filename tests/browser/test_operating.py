@@ -86,6 +86,31 @@ def test_a_pause_says_what_the_program_asks_for(page: Page, site: PageProcess, m
     assert not machine.programs(ended=False)
 
 
+def test_a_program_runs_line_by_line_in_single_step(
+    page: Page, site: PageProcess, machine: sync.Machine
+) -> None:
+    opened(page, site)
+    start = wait_for(machine, page, at_rest).axes.position[0]
+    upload(page, "step.gcode", "G1010\nG91\nG01 X5 F600\n\nG01 X5\n")
+    switch = page.get_by_role("switch", name="Single step")
+    switch.click()
+    run(page)
+    expect(page.get_by_text(re.compile("^step.gcode · running · .* · Single step$"))).to_be_visible()
+    following = page.get_by_role("button", name="Next line")
+    # the blank line goes with the one before
+    for done, way in ((1, 0.0), (2, 0.0), (4, 5.0)):
+        following.click()
+        status = wait_for(machine, page, lambda status, done=done: status.programs[0].done == done)
+        assert status.axes.position[0] == pytest.approx(start + way, abs=0.05)
+    following.click()
+    expect(page.get_by_text(re.compile("^step.gcode is finished after"))).to_be_visible()
+    assert machine.status().axes.position[0] == pytest.approx(start + 10.0, abs=0.05)
+    expect(following).to_be_hidden()
+    switch.click()
+    run(page)
+    wait_for(machine, page, lambda status: abs(status.axes.position[0] - start - 20.0) < 0.05)
+
+
 def test_a_line_is_completed_remembered_and_refused_while_a_program_runs(
     page: Page, site: PageProcess, machine: sync.Machine
 ) -> None:

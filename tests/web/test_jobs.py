@@ -7,10 +7,11 @@ from pathlib import Path
 from types import SimpleNamespace
 from typing import Any, cast
 
-from mcclient import MotionError
-from mcclient.types import SimulateReply
+import pytest
+from mcclient import MotionError, RequestRefused
+from mcclient.types import Continuation, SimulateReply
 
-from mcserver.web.jobs import JobQueue, JobState
+from mcserver.web.jobs import JobQueue, JobState, Middle
 from mcserver.web.last_runs import LastRuns
 from mcserver.web.link import MachineLink
 from mcserver.web.store import ProgramStore
@@ -128,3 +129,64 @@ async def test_how_a_program_went_is_kept_with_its_name(tmp_path: Path) -> None:
     await ended(queue, 1)
     (run,) = LastRuns(tmp_path / ".runs.json").runs.values()
     assert (run.state, run.user) == ("finished", "ada")
+
+
+async def test_a_step_starts_one_line_with_the_blank_ones_behind_it_and_waits_for_its_end(
+    tmp_path: Path,
+) -> None:
+    bench, stepped, ends = Bench(), list[str](), asyncio.Event()
+
+    class Stepped(Opened):
+        async def __aexit__(self, *_: object) -> None:
+            await ends.wait()
+
+    async def program(name: str, *, step: bool, **_: object) -> Opened:
+        bench.opened.append(f"{name} {step}")
+        return Stepped()
+
+    async def step(program: str) -> None:
+        stepped.append(program)
+        if len(stepped) in (4, 6):
+            raise RequestRefused("MC509", "the machine is not ready", "")
+
+    bench.program, bench.step = program, step  # type: ignore[assignment, attr-defined]
+    queue = queue_of(bench, tmp_path)
+    queue.single_step = True
+    job = queue.add_text("step.gcode", "G01 X1 F600\n\n\nG01 X2\n", "ada")
+    with pytest.raises(MotionError, match="MC062: no program runs in single step"):
+        await queue.step(0)
+    async with asyncio.timeout(20.0):
+        while job.state is not JobState.RUNNING:
+            await asyncio.sleep(0)
+    assert (bench.opened, stepped) == (["step.gcode True"], [])
+    await queue.step(0)
+    assert (len(stepped), job.stepped) == (3, 3)
+    with pytest.raises(MotionError, match="MC062: line 3 is not done"):
+        await queue.step(2)
+    # a line that the server refuses was not started, one before it was
+    for at in (3, 4):
+        with pytest.raises(RequestRefused, match="MC509"):
+            await queue.step(3)
+        assert job.stepped == at
+    await queue.step(4)
+    assert (len(stepped), job.stepped) == (7, 5)
+    ends.set()
+    await ended(queue, 1)
+    queue.single_step = False
+    queue.add("a.gcode", "ada")
+    await ended(queue, 2)
+    assert bench.opened[1:] == ["a.gcode False"]
+    await queue.close()
+
+
+async def test_single_step_is_refused_to_what_goes_on_behind_a_break(tmp_path: Path) -> None:
+    queue = queue_of(Bench(), tmp_path)
+    queue.single_step = True
+    shown = wire_value(Continuation, name="a.gcode", line=1, whole=True, state=None, sha256=None)
+    job = queue.go_on(shown, "ada", Middle("p-0"))
+    await ended(queue, 1)
+    assert (job.state, job.message) == (
+        JobState.FAILED,
+        "what goes on behind a break has no single step",
+    )
+    await queue.close()

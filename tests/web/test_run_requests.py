@@ -142,7 +142,7 @@ async def test_what_a_simulation_warns_of_stands_on_the_card_with_its_line() -> 
     requests = RunRequests()
     await requests.refresh(Warned())  # type: ignore[arg-type]
     shown = _warnings(requests.shown[0])
-    for words in ("1 warning and 7 more", "line 1: enters", "[MC321]", "<code>G01 X10 ("):
+    for words in ("Warnings: 8, the first 1 shown", "line 1: enters", "[MC321]", "<code>G01 X10 ("):
         assert words in shown
     assert "<script" not in shown
     assert _warnings(RunToArm(request(), "", "")) == ""

@@ -14,9 +14,10 @@ from mcserver.gcode.text.source import split_lines
 from mcserver.web.actions import Actions
 from mcserver.web.formatting import axis_name, clock_text, diagnostics_html, position_text
 from mcserver.web.run_requests import RunToArm
+from mcserver.web.translation import mark, t
 
 SECONDS = {30: "30 s", 60: "1 min", 300: "5 min", 1800: "30 min"}
-STANDING = {0: "this run", 900: "and for 15 min", 3600: "and for 1 h"}
+STANDING = {0: mark("this run"), 900: mark("and for 15 min"), 3600: mark("and for 1 h")}
 OVERRIDES = {10: "10 %", 25: "25 %", 50: "50 %", 75: "75 %", 100: "100 %"}
 
 
@@ -33,9 +34,13 @@ class ArmingPanel:
         self._approvals: dict[str, ui.label] = {}
         self._card = ui.card().classes("mc-card")
         with self._card:
-            ui.html("<h2>Runs to arm</h2>", sanitize=False)
-            self._list = ui.column().classes("w-full gap-4").props('role=region aria-label="Runs to arm"')
-            self._standing = ui.column().classes("w-full gap-1").props('role=region aria-label="Approved"')
+            ui.html(f"<h2>{t('Runs to arm')}</h2>", sanitize=False)
+            self._list = (
+                ui.column().classes("w-full gap-4").props(f'role=region aria-label="{t("Runs to arm")}"')
+            )
+            self._standing = (
+                ui.column().classes("w-full gap-1").props(f'role=region aria-label="{t("Approved")}"')
+            )
         self._card.set_visibility(False)
 
     def update(self) -> None:
@@ -71,20 +76,24 @@ class ArmingPanel:
             # numbers alone: the picture has no word of whoever wrote the program
             ui.html(f'<div class="overflow-x-auto">{each.picture}</div>', sanitize=False).classes("w-full")
             ui.html(_warnings(each) + _extents(each) + _effects(each), sanitize=False).classes("w-full")
-            with ui.expansion(f"Program, {len(each.text.splitlines())} lines").classes("w-full"):
+            with ui.expansion(t("Program, {count} lines", count=len(each.text.splitlines()))).classes(
+                "w-full"
+            ):
                 ui.html(_listing(each.text), sanitize=False).classes("w-full max-h-80 overflow-auto")
             with ui.row().classes("w-full items-center gap-2"):
-                seconds = ui.select(SECONDS, value=60, label="Within").classes("min-w-24")
-                override = ui.select(OVERRIDES, value=100, label="Override up to").classes("min-w-28")
+                seconds = ui.select(SECONDS, value=60, label=t("Within")).classes("min-w-24")
+                override = ui.select(OVERRIDES, value=100, label=t("Override up to")).classes("min-w-28")
                 # all that stays inside of this run's envelope
-                standing = ui.select(STANDING, value=0, label="Approve").classes("min-w-32")
+                standing = ui.select(
+                    {each: t(text) for each, text in STANDING.items()}, value=0, label=t("Approve")
+                ).classes("min-w-32")
                 arm = ui.button(
-                    "Arm once", on_click=partial(self._arm, each, seconds, override, standing)
+                    t("Arm once"), on_click=partial(self._arm, each, seconds, override, standing)
                 ).props("color=warning")
                 reason = ui.input(
-                    "Reason", validation={"at most 500 characters": lambda said: len(said) <= 500}
+                    t("Reason"), validation={t("at most 500 characters"): lambda said: len(said) <= 500}
                 )
-                reject = ui.button("Reject", on_click=partial(self._reject, each, reason)).props("outline")
+                reject = ui.button(t("Reject"), on_click=partial(self._reject, each, reason)).props("outline")
                 self._buttons[each.key] = arm, reject
             self._states[each.key] = ui.label("").props("aria-live=polite")
 
@@ -95,18 +104,20 @@ class ArmingPanel:
             for run in approvals:
                 with ui.row().classes("w-full items-center gap-2"):
                     self._approvals[run["sha256"]] = ui.label("")
-                    ui.button("End", on_click=partial(self._end, run["sha256"])).props("outline")
+                    ui.button(t("End"), on_click=partial(self._end, run["sha256"])).props("outline")
 
     async def _end(self, sha256: str) -> None:
         await self._actions.do(
-            "reject", f"end the approval {sha256[:12]}", lambda machine: machine.reject(sha256)
+            "reject",
+            mark("end the approval {sha256}", sha256=sha256[:12]),
+            lambda machine: machine.reject(sha256),
         )
 
     async def _reject(self, each: RunToArm, reason: ui.input) -> None:
         run, said = each.run, str(reason.value or "")[:500]
         await self._actions.do(
             "reject",
-            f"reject {run['sha256'][:12]}",
+            mark("reject {sha256}", sha256=run["sha256"][:12]),
             lambda machine: machine.reject(run["sha256"], said, number=run["number"]),
         )
 
@@ -116,7 +127,7 @@ class ArmingPanel:
         run = each.run
         await self._actions.do(
             "arm",
-            f"arm {run['sha256'][:12]}",
+            mark("arm {sha256}", sha256=run["sha256"][:12]),
             # what is on the screen: the same text asked for anew since is another run
             lambda machine: machine.arm(
                 run["sha256"],
@@ -132,8 +143,13 @@ def _heading(each: RunToArm) -> str:
     """HTML: who asks for what; names are data that anybody may have written."""
     run = each.run
     name = f"“{html.escape(run['name'])}”, " if run["name"] else ""
+    asked = t(
+        "{client} asks for {run}",
+        client=f"<b>{html.escape(run['client'])}</b>",
+        run=f"{name}{clock_text(run['duration_s'])}",
+    )
     return (
-        f"<b>{html.escape(run['client'])}</b> asks for {name}{clock_text(run['duration_s'])} "
+        f"{asked} "
         f'<span class="text-xs">({run["duration_s"]:.3f} s)</span> '
         f"<code>{html.escape(run['sha256'][:12])}</code>"
     )
@@ -141,8 +157,11 @@ def _heading(each: RunToArm) -> str:
 
 def _warnings(each: RunToArm) -> str:
     """HTML: what the check and the simulation warn of, each with the line that it is about."""
-    more = f" and {each.unshown} more" if each.unshown else ""
-    head = f"<b>{len(each.warnings)} warning{'s' * (len(each.warnings) != 1)}{more}</b>"
+    shown = len(each.warnings)
+    head = t("Warnings: {count}", count=shown + each.unshown)
+    if each.unshown:
+        head += t(", the first {count} shown", count=shown)
+    head = f"<b>{head}</b>"
     return diagnostics_html(each.warnings, head, split_lines(each.text))
 
 
@@ -152,8 +171,16 @@ def _extents(each: RunToArm) -> str:
     for tool in each.run.get("tools", []):
         for letter, low, high in zip("XYZ", tool["low"], tool["high"], strict=True):
             speed = f"{tool['speed']:.1f} mm/s" if letter == "X" else ""
-            rows += _row(f"tool {tool['tool']} {letter}", low, f"{position_text(high)} mm", speed)
-    head = "<tr><th>Axis</th><th class=n>from</th><th class=n>to</th><th class=n>up to</th></tr>"
+            rows += _row(
+                t("tool {number} {letter}", number=tool["tool"], letter=letter),
+                low,
+                f"{position_text(high)} mm",
+                speed,
+            )
+    head = (
+        f"<tr><th>{t('Axis')}</th><th class=n>{t('from')}</th><th class=n>{t('to')}</th>"
+        f"<th class=n>{t('up to')}</th></tr>"
+    )
     return f'<table class="mc-positions">{head}{rows}</table>'
 
 
@@ -162,7 +189,7 @@ def _axis_row(part: dict[str, Any]) -> str:
     speed = f"{part.get('speed', 0.0):.1f} {unit}/s"
     if part.get("turns"):
         name = axis_name(part["axis"])
-        return f"<tr><td>{name}</td><td class=n colspan=2>turns</td><td class=n>{speed}</td></tr>"
+        return f"<tr><td>{name}</td><td class=n colspan=2>{t('turns')}</td><td class=n>{speed}</td></tr>"
     return _row(axis_name(part["axis"]), part["low"], f"{position_text(part['high'])} {unit}", speed)
 
 
@@ -178,8 +205,8 @@ def _effects(each: RunToArm) -> str:
     effects = each.run.get("effects", [])
     if not effects:
         return ""
-    items = "".join(f"<li>{html.escape(effect)}</li>" for effect in effects)
-    return f"<p>Afterwards, for every later program, this run</p><ul class='mc-effects'>{items}</ul>"
+    items = "".join(f"<li>{html.escape(t(effect))}</li>" for effect in effects)
+    return f"<p>{t('Afterwards, for every later program, this run')}</p><ul class='mc-effects'>{items}</ul>"
 
 
 def _listing(text: str) -> str:
@@ -187,29 +214,40 @@ def _listing(text: str) -> str:
     lines = text.splitlines()
     width = len(str(len(lines)))
     shown = "\n".join(f"{number:{width}}  {html.escape(line)}" for number, line in enumerate(lines, 1))
-    return f'<pre class="mc-program" tabindex="0" aria-label="Program to arm">{shown}</pre>'
+    return f'<pre class="mc-program" tabindex="0" aria-label="{t("Program to arm")}">{shown}</pre>'
 
 
 def _approval_text(run: dict[str, Any]) -> str:
-    left, limit = clock_text(run["remaining_s"]), f"{run['override']:g} %"
-    return (
-        f"{run['client']} may run what stays inside of {run['sha256'][:12]} for another {left}, "
-        f"up to {limit}: approved by {run['operator']}"
+    return t(
+        "{client} may run what stays inside of {sha256} for another {time}, up to {override:g} %:"
+        " approved by {operator}",
+        client=run["client"],
+        sha256=run["sha256"][:12],
+        time=clock_text(run["remaining_s"]),
+        override=run["override"],
+        operator=run["operator"],
     )
 
 
 def _state_text(each: RunToArm) -> str:
     run = each.run
-    left = f"{math.ceil(run['remaining_s'])} s"
+    left, by, override = f"{math.ceil(run['remaining_s'])} s", run.get("operator"), run.get("override")
     changed = run.get("changed", [])
     if changed:
-        return f"cannot start as it was simulated: {'; '.join(changed)}. It has to be asked for again"
+        what = "; ".join(map(t, changed))
+        return t("cannot start as it was simulated: {what}. It has to be asked for again", what=what)
     if run["state"] == "waiting":
-        beyond = run.get("beyond", [])
-        outside = f". Outside of what is approved for a while: {'; '.join(beyond)}" if beyond else ""
-        return f"waits for an operator, for another {left}{outside}"
+        beyond = "; ".join(map(t, run.get("beyond", [])))
+        outside = t("Outside of what is approved for a while: {what}", what=beyond) if beyond else ""
+        waits = t("waits for an operator, for another {time}", time=left)
+        return f"{waits}. {outside}" if outside else waits
     if run["state"] == "armed":
-        return f"armed by {run['operator']} up to {run['override']:g} %: may be started once within {left}"
+        return t(
+            "armed by {operator} up to {override:g} %: may be started once within {time}",
+            operator=by,
+            override=override,
+            time=left,
+        )
     if run["state"] == "rejected":
-        return f"rejected by {run['operator']}" + (f": {run['reason']}" if run["reason"] else "")
-    return "started"
+        return t("rejected by {operator}", operator=by) + (f": {run['reason']}" if run["reason"] else "")
+    return t("started")

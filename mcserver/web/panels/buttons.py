@@ -13,6 +13,7 @@ from mcserver.machine.button_section import filled
 from mcserver.net.roles import CONFIGURERS, MOVERS, roles_named
 from mcserver.web.actions import Actions, show_refusal
 from mcserver.web.dialogs import named_dialog
+from mcserver.web.translation import t
 
 
 class ButtonsPanel:
@@ -34,7 +35,7 @@ class ButtonsPanel:
         with self._cards:
             for group in groups:
                 with ui.card().classes("mc-card"):
-                    ui.html(f"<h2>{html.escape(group or 'Buttons')}</h2>", sanitize=False)
+                    ui.html(f"<h2>{html.escape(group or t('Buttons'))}</h2>", sanitize=False)
                     with ui.element("div").classes("mc-buttons"):
                         for each in info.buttons:
                             if each.group == group:
@@ -46,7 +47,7 @@ class ButtonsPanel:
     async def _ask(self, button: ButtonInfo) -> None:
         if not self._may(button):
             return
-        with named_dialog(f"Run {button.name}") as dialog, ui.card().classes("mc-ask"):
+        with named_dialog(t("Run {name}", name=button.name)) as dialog, ui.card().classes("mc-ask"):
             ui.label(button.name).classes("font-bold break-words")
             with ui.row().classes("w-full gap-x-4 gap-y-1"):
                 fields = {
@@ -58,11 +59,11 @@ class ButtonsPanel:
                     for each in button.arguments
                 }
             text = ui.label("").classes("mc-program w-full")
-            text.props('aria-label="Program text" aria-live=polite tabindex=0')
+            text.props(f'aria-label="{t("Program text")}" aria-live=polite tabindex=0')
             agreed = ui.checkbox(button.confirm) if button.confirm else None
             with ui.element("div").classes("mc-buttons"):
-                run = ui.button("Run", on_click=lambda: dialog.submit(text.text)).props("color=positive")
-                ui.button("Cancel", on_click=lambda: dialog.submit(None)).props("flat")
+                run = ui.button(t("Run"), on_click=lambda: dialog.submit(text.text)).props("color=positive")
+                ui.button(t("Cancel"), on_click=lambda: dialog.submit(None)).props("flat")
 
             def show() -> None:
                 wrong = wrong_number(button, {name: field.value for name, field in fields.items()})
@@ -88,7 +89,9 @@ class ButtonsPanel:
     def _may(self, button: ButtonInfo) -> bool:
         roles = CONFIGURERS if button.role == "engineer" else MOVERS
         if not self._actions.visitor.has(roles):
-            show_refusal(f"This needs the role {roles_named(roles)}", "log in as somebody who has it")
+            show_refusal(
+                t("This needs the role {roles}", roles=roles_named(roles)), t("log in as somebody who has it")
+            )
             return False
         return self._actions.allowed("open")
 
@@ -98,5 +101,11 @@ def wrong_number(button: ButtonInfo, values: dict[str, float | None]) -> str:
     for each in button.arguments:
         value = values[each.name]
         if value is None or not each.low <= value <= each.high:
-            return f"{each.name}: give a number from {each.low:g} to {each.high:g} {each.unit}".rstrip()
+            return t(
+                "{name}: give a number from {low:g} to {high:g} {unit}",
+                name=each.name,
+                low=each.low,
+                high=each.high,
+                unit=each.unit,
+            ).rstrip()
     return ""

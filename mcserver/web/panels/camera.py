@@ -8,6 +8,7 @@ from mcclient import Info
 from nicegui import ui
 
 from mcserver.web.link import MachineLink
+from mcserver.web.translation import t
 
 PERIOD_S = 1.0
 
@@ -19,8 +20,8 @@ class CameraPanel:
         self._address = f"/machine/{quote(link.name)}/camera"
         self._count = 0
         self._card = ui.card().classes("mc-card")
-        with self._card, ui.expansion("Camera").classes("w-full mc-fold") as self._fold:
-            self._picture = ui.element("img").classes("w-full").props('alt="what the camera sees"')
+        with self._card, ui.expansion(t("Camera")).classes("w-full mc-fold") as self._fold:
+            self._picture = ui.element("img").classes("w-full").props(f'alt="{t("what the camera sees")}"')
         self._card.set_visibility(False)
         ui.timer(PERIOD_S, self._renew)
 

@@ -9,6 +9,7 @@ from nicegui import ui
 
 from mcserver.web.actions import Actions
 from mcserver.web.formatting import channel_text
+from mcserver.web.translation import mark, t
 
 
 class ChannelsPanel:
@@ -22,7 +23,7 @@ class ChannelsPanel:
         self._levels: dict[str, float] = {}
         self._card = ui.card().classes("mc-card")
         with self._card:
-            ui.html("<h2>Inputs and outputs</h2>", sanitize=False)
+            ui.html(f"<h2>{t('Inputs and outputs')}</h2>", sanitize=False)
             self._rows = ui.element("div").classes(
                 "w-full grid grid-cols-[1fr_auto_auto] gap-x-3 gap-y-1 items-center"
             )
@@ -55,15 +56,15 @@ class ChannelsPanel:
                 is_output = isinstance(channel, OutputInfo)
                 settable = isinstance(channel, OutputInfo) or not channel.source
                 if channel.kind == "digital" and settable:
-                    ui.button("switch", on_click=partial(self._switch, channel.name, is_output)).props(
-                        f'outline dense aria-label="switch {channel.name}"'
+                    ui.button(t("switch"), on_click=partial(self._switch, channel.name, is_output)).props(
+                        f'outline dense aria-label="{t("switch {name}", name=channel.name)}"'
                     )
                 else:
                     ui.label("")
 
     async def _switch(self, name: str, is_output: bool) -> None:
         value = not self._levels.get(name, 0.0)
-        word = f"{name} {'on' if value else 'off'}"
+        word = mark("{name} on", name=name) if value else mark("{name} off", name=name)
         if is_output:
             await self._actions.do("set_output", word, lambda machine: machine.set_output(name, value))
         else:
@@ -74,5 +75,5 @@ class ChannelsPanel:
 
 def _interlock(status: InputStatus) -> str:
     if status.stops:
-        return "stops the machine"
-    return "holds the programs" if status.holds else ""
+        return t("stops the machine")
+    return t("holds the programs") if status.holds else ""

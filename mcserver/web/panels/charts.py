@@ -9,6 +9,7 @@ from nicegui import ui
 
 from mcserver.web.link import HISTORY_S, MachineLink
 from mcserver.web.signals import signals_of, value_of
+from mcserver.web.translation import t
 
 SPANS_S = (10, 30, 60, HISTORY_S)
 MOST_SIGNALS = 12
@@ -24,17 +25,17 @@ class ChartPanel:
         self._shown: tuple[object, ...] = ()
         self._sent_until: tuple[str, float] = ("", 0.0)
         with ui.card().classes("mc-card"):
-            ui.html("<h2>Signals</h2>", sanitize=False)
+            ui.html(f"<h2>{t('Signals')}</h2>", sanitize=False)
             with ui.row().classes("w-full items-center"):
                 self._choice = (
-                    ui.select({}, value=[], multiple=True, with_input=True, label="Signals")
+                    ui.select({}, value=[], multiple=True, with_input=True, label=t("Signals"))
                     .props("use-chips dense")
                     .classes("grow basis-64")
                 )
                 self._span = ui.select(
-                    {each: f"{each} s" for each in SPANS_S}, value=30, label="Span"
+                    {each: f"{each} s" for each in SPANS_S}, value=30, label=t("Span")
                 ).classes("w-24")
-                self._freeze = ui.switch("Freeze", on_change=self._on_freeze)
+                self._freeze = ui.switch(t("Freeze"), on_change=self._on_freeze)
             self._chart = ui.echart({}).classes("mc-chart")
 
     def _on_freeze(self) -> None:
@@ -68,6 +69,7 @@ class ChartPanel:
         message = {
             "names": [known[key][0] for key in chosen],
             "units": [known[key][1] for key in chosen],
+            "steps": [known[key][1] == t("on/off") for key in chosen],
             "span": self._span.value,
             "rows": rows[::-1],
             "restart": restart,

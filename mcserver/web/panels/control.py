@@ -7,6 +7,7 @@ from nicegui import ui
 from mcserver.web.actions import Actions
 from mcserver.web.control import Control
 from mcserver.web.dialogs import ask
+from mcserver.web.translation import mark, t
 
 
 class ControlPanel:
@@ -18,25 +19,28 @@ class ControlPanel:
         self._had = False
         with ui.row().classes("items-center w-full gap-2 no-wrap"):
             self._who = ui.label("").classes("grow min-w-0 break-words").props("aria-live=polite")
-            self._take = ui.button("Take control", on_click=self._ask_for_it).props("outline no-caps")
-            self._back = ui.button("Give back", on_click=self._give_back).props("outline no-caps")
+            self._take = ui.button(t("Take control"), on_click=self._ask_for_it).props("outline no-caps")
+            self._back = ui.button(t("Give back"), on_click=self._give_back).props("outline no-caps")
         self.update()
 
     def update(self) -> None:
         other = self._control.other(self._actions.driver.browser)
         mine = other is None and self._control.driver is not None
         self._who.set_text(
-            "You have control"
+            t("You have control")
             if mine
-            else "Nobody has control"
+            else t("Nobody has control")
             if other is None
-            else f"{other.name} has control"
+            else t("{name} has control", name=other.name)
         )
         self._take.set_visibility(not mine)
         self._back.set_visibility(mine)
         if self._had and other is not None:
             ui.notify(
-                f"{other.name} has taken control", type="warning", position="bottom", close_button="close"
+                t("{name} has taken control", name=other.name),
+                type="warning",
+                position="bottom",
+                close_button=t("close"),
             )
         self._had = mine
 
@@ -45,8 +49,8 @@ class ControlPanel:
             return
         other = self._control.other(self._actions.driver.browser)
         if other is not None and not await ask(
-            f"{other.name} has control of {self._actions.link.name}. Take it?",
-            "Take control",
+            t("{name} has control of {machine}. Take it?", name=other.name, machine=self._actions.link.name),
+            t("Take control"),
             colour="warning",
         ):
             return
@@ -58,5 +62,5 @@ class ControlPanel:
     def _give_back(self) -> None:
         self._control.give_back(self._actions.driver.browser)
         self._had = False
-        self._actions.note("gives control back")
+        self._actions.note(mark("gives control back"))
         self.update()

@@ -9,6 +9,7 @@ from nicegui import ui
 
 from mcserver.web.formatting import axis_name
 from mcserver.web.link import MachineLink
+from mcserver.web.translation import t
 
 PERIOD_S = 2.0
 
@@ -19,9 +20,9 @@ class DrivesPanel:
     def __init__(self, link: MachineLink) -> None:
         self._link = link
         self._shown = ""
-        with ui.card().classes("mc-card"), ui.expansion("Drives").classes("w-full mc-fold") as self._fold:
+        with ui.card().classes("mc-card"), ui.expansion(t("Drives")).classes("w-full mc-fold") as self._fold:
             self._table = ui.html("", sanitize=False).classes("w-full overflow-x-auto")
-            self._table.props('tabindex=0 role=region aria-label="Drives"')
+            self._table.props(f'tabindex=0 role=region aria-label="{t("Drives")}"')
 
     async def update(self, info: Info) -> None:
         machine = self._link.machine
@@ -30,7 +31,7 @@ class DrivesPanel:
         try:
             found = await self._link.answers.get("drives", PERIOD_S, machine.drives)
         except MotionError as error:
-            self._set(f"<p>{html.escape(error.message)} [{error.code}]</p>")
+            self._set(f"<p>{html.escape(t(error.message))} [{error.code}]</p>")
             return
         drives = {drive.axis: drive for drive in found}
         rows = [
@@ -38,10 +39,8 @@ class DrivesPanel:
             f"{_cells(drives.get(axis.index))}</tr>"
             for axis in info.axes
         ]
-        head = (
-            "<tr><th>Axis</th><th>Drive</th><th>Bus, node</th><th>State</th><th>Heartbeat</th>"
-            "<th>Details</th></tr>"
-        )
+        titles = (t("Axis"), t("Drive"), t("Bus, node"), t("State"), t("Heartbeat"), t("Details"))
+        head = f"<tr>{''.join(f'<th>{title}</th>' for title in titles)}</tr>"
         self._set(f'<table class="mc-positions"><thead>{head}</thead><tbody>{"".join(rows)}</tbody></table>')
 
     def _set(self, content: str) -> None:
@@ -53,13 +52,19 @@ class DrivesPanel:
 def _cells(drive: DriveInfo | None) -> str:
     if drive is None:
         return "<td>–</td><td>–</td><td>–</td><td></td>"
-    age = "–" if drive.heartbeat_age_s is None else f"{drive.heartbeat_age_s:.1f} s ago"
+    heartbeat = "–" if drive.heartbeat_age_s is None else t("{age:.1f} s ago", age=drive.heartbeat_age_s)
     details = [drive.status, drive.message]
     if drive.emergency:
-        since = "" if drive.emergency_age_s is None else f", {drive.emergency_age_s:.0f} s ago"
-        details.append(f"emergency: {drive.emergency}{since}")
+        age = drive.emergency_age_s
+        since = "" if age is None else ", " + t("{age:.0f} s ago", age=age)
+        details.append(t("emergency: {what}", what=drive.emergency) + since)
     if drive.boot_ups > 1:
-        details.append(f"{drive.boot_ups} boot-ups")
+        details.append(t("{count} boot-ups", count=drive.boot_ups))
     details += [f"{each.name} {'–' if each.value is None else each.value}" for each in drive.monitor]
-    cells = [f"{drive.bus}, {drive.node}", drive.state, age, "; ".join(each for each in details if each)]
+    cells = [
+        f"{drive.bus}, {drive.node}",
+        t(drive.state),
+        heartbeat,
+        "; ".join(each for each in details if each),
+    ]
     return "".join(f"<td>{html.escape(cell)}</td>" for cell in cells)

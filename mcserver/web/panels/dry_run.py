@@ -17,6 +17,7 @@ from mcserver.web.jobs import PATH_POINTS, path_from_line
 from mcserver.web.panels.linked_text import LinkedText
 from mcserver.web.panels.picture import tips_of
 from mcserver.web.space import Space
+from mcserver.web.translation import t
 
 # Lines that are listed as slower than they were asked to be, and from which factor on.
 SLOW_LINES = 8
@@ -29,7 +30,9 @@ async def show_dry_run(
     """Simulate a stored program from where the axes are, and show it with a button that runs it."""
     if not actions.allowed("simulate"):
         return
-    waiting = ui.notification(f"{name} is being simulated", spinner=True, timeout=None, position="bottom")
+    waiting = ui.notification(
+        t("{name} is being simulated", name=name), spinner=True, timeout=None, position="bottom"
+    )
     try:
         text = actions.link.store.read(name)
         machine = actions.link.connected()
@@ -38,22 +41,24 @@ async def show_dry_run(
         role: RunRoleWord = "operator" if actions.visitor.may("open") else "agent"
         report = await machine.simulate(text, positions=start, path_points=PATH_POINTS, role=role)
     except (MotionError, McError) as error:
-        show_refusal(f"{error.message} [{error.code}]", error.hint)
+        show_refusal(f"{t(error.message)} [{error.code}]", error.hint)
         return
     finally:
         waiting.dismiss()
 
-    with named_dialog(f"Dry run of {name}") as dialog, ui.card().classes("mc-dry-run"):
+    with named_dialog(t("Dry run of {name}", name=name)) as dialog, ui.card().classes("mc-dry-run"):
         dialog.on("hide", dialog.delete)
         with ui.row().classes("w-full items-center justify-between no-wrap"):
-            ui.label(f"Dry run of {name}").classes("font-bold break-all")
-            ui.button("Close", on_click=dialog.close).props("flat")
+            ui.label(t("Dry run of {name}", name=name)).classes("font-bold break-all")
+            ui.button(t("Close"), on_click=dialog.close).props("flat")
         ui.html(report_html(text, report, from_line), sanitize=False).classes("w-full overflow-x-auto")
         if not report.ok or report.path is None:
             dialog.open()
             return
         with ui.element("div").classes("mc-path-and-text"):
-            space = Space(f"the path of {name}", f"/machine/{actions.link.name}/model").classes("mc-trail")
+            space = Space(t("the path of {name}", name=name), f"/machine/{actions.link.name}/model").classes(
+                "mc-trail"
+            )
             linked = LinkedText(text.removesuffix("\n").split("\n"), space, from_line)
         path = path_from_line(report.path, from_line)
         axes = dict(zip(status.axes.index, status.axes.position, strict=True))
@@ -68,7 +73,7 @@ async def show_dry_run(
             run(report)
 
         space.on("ready", draw, args=[])
-        word = "Run it" if from_line <= 1 else f"Run it from line {from_line}"
+        word = t("Run it") if from_line <= 1 else t("Run it from line {line}", line=from_line)
         ui.button(word, on_click=start_it).props("color=positive")
     dialog.open()
 
@@ -80,8 +85,8 @@ def report_html(text: str, report: SimulateReply, from_line: int = 1) -> str:
     if not report.ok:
         faulty = {each.line: each.message for each in faults if each.severity == "error"}
         return listed + program_excerpt(text.split("\n"), min(faulty, default=1), faulty)
-    whole = " for the whole program" if from_line > 1 else ""
-    length = f"{report.feed_length_mm:.1f} mm at feed rates"
+    whole = " " + t("for the whole program") if from_line > 1 else ""
+    length = t("{length:.1f} mm at feed rates", length=report.feed_length_mm)
     return (
         f"<p><b>{clock_text(report.duration_s)}</b>{whole}, {length}</p>"
         f"{listed}{_extents(report)}{_slow_lines(report)}"
@@ -96,8 +101,11 @@ def _extents(report: SimulateReply) -> str:
         if axis.max > axis.min
     )
     if not rows:
-        return "<p>no axis moves</p>"
-    head = "<tr><th>Axis</th><th class=n>from</th><th class=n>to</th><th class=n>ends at</th></tr>"
+        return f"<p>{t('no axis moves')}</p>"
+    head = (
+        f"<tr><th>{t('Axis')}</th><th class=n>{t('from')}</th><th class=n>{t('to')}</th>"
+        f"<th class=n>{t('ends at')}</th></tr>"
+    )
     return f'<table class="mc-positions">{head}{rows}</table>'
 
 
@@ -107,8 +115,9 @@ def _slow_lines(report: SimulateReply) -> str:
         for line in report.lines
         if line.bound_by and line.stretched_by is not None and line.stretched_by >= SLOW_FROM
     ]
-    rows = "".join(
-        f"<li>line {line}: {factor:.2f} × its time, {html.escape(bound)}</li>"
+    said = [
+        t("line {line}: {factor:.2f} × its time, {bound}", line=line, factor=factor, bound=t(bound))
         for factor, line, bound in sorted(slow, reverse=True)[:SLOW_LINES]
-    )
-    return f"<p>Slower than asked:</p><ul>{rows}</ul>" if rows else ""
+    ]
+    rows = "".join(f"<li>{html.escape(each)}</li>" for each in said)
+    return f"<p>{t('Slower than asked:')}</p><ul>{rows}</ul>" if rows else ""

@@ -11,6 +11,7 @@ from mcserver.web.actions import Actions
 from mcserver.web.dialogs import named_dialog
 from mcserver.web.formatting import axis_name
 from mcserver.web.link import MachineLink
+from mcserver.web.translation import mark, t
 
 # Methods that find nothing by themselves: somebody says where the axis is.
 BY_HAND = frozenset({"absolute", "manual"})
@@ -26,8 +27,10 @@ class HomingPanel:
         self._card = ui.card().classes("mc-card")
         with self._card:
             with ui.row().classes("items-center w-full justify-between"):
-                ui.html("<h2>Homing</h2>", sanitize=False)
-                self._all = ui.button("Home all", on_click=partial(self._home, None)).props("outline dense")
+                ui.html(f"<h2>{t('Homing')}</h2>", sanitize=False)
+                self._all = ui.button(t("Home all"), on_click=partial(self._home, None)).props(
+                    "outline dense"
+                )
             self._rows = ui.element("div").classes(
                 "w-full grid grid-cols-[3rem_1fr_auto] gap-x-3 gap-y-1 items-center"
             )
@@ -40,7 +43,7 @@ class HomingPanel:
         homed = dict(zip(status.axes.index, status.axes.homed, strict=False))
         for axis in axes:
             text = phase_of(self._actions.link, axis.index, homed=homed.get(axis.index, True))
-            self._states[axis.index].set_text(f"{axis.homing}: {text}")
+            self._states[axis.index].set_text(f"{t(str(axis.homing))}: {text}")
 
     def _build(self, axes: tuple[AxisInfo, ...]) -> None:
         self._axes, self._states = axes, {}
@@ -53,16 +56,16 @@ class HomingPanel:
                 ui.label(name).classes("font-bold")
                 self._states[axis.index] = ui.label("").classes("text-sm")
                 if axis.homing in BY_HAND:
-                    ui.button("Reference", on_click=partial(self._reference, axis)).props(
-                        f'outline dense aria-label="reference axis {name}"'
+                    ui.button(t("Reference"), on_click=partial(self._reference, axis)).props(
+                        f'outline dense aria-label="{t("reference axis {name}", name=name)}"'
                     )
                 else:
-                    ui.button("Home", on_click=partial(self._home, axis.index)).props(
-                        f'outline dense aria-label="home axis {name}"'
+                    ui.button(t("Home"), on_click=partial(self._home, axis.index)).props(
+                        f'outline dense aria-label="{t("home axis {axis}", axis=name)}"'
                     )
 
     async def _home(self, axis: int | None) -> None:
-        what = "home all axes" if axis is None else f"home axis {axis_name(axis)}"
+        what = mark("home all axes") if axis is None else mark("home axis {axis}", axis=axis_name(axis))
         axes = None if axis is None else [axis]
         await self._actions.do("home", what, lambda machine: machine.home(axes))
 
@@ -71,20 +74,25 @@ class HomingPanel:
         if not self._actions.allowed("reference"):
             return
         name = axis_name(axis.index)
-        with named_dialog(f"Reference of axis {name}") as dialog, ui.card():
-            ui.label(f"Where is axis {name} now? Its limits count from this number on.")
+        with named_dialog(t("Reference of axis {name}", name=name)) as dialog, ui.card():
+            ui.label(t("Where is axis {name} now? Its limits count from this number on.", name=name))
             number = ui.number(f"{name} [{axis.unit}]", format="%.4f").props("autofocus")
             with ui.row():
-                ui.button("Set the reference", on_click=lambda: dialog.submit(number.value)).props(
+                ui.button(t("Set the reference"), on_click=lambda: dialog.submit(number.value)).props(
                     "color=warning"
                 )
-                ui.button("Cancel", on_click=lambda: dialog.submit(None)).props("flat")
+                ui.button(t("Cancel"), on_click=lambda: dialog.submit(None)).props("flat")
         position = await dialog
         dialog.delete()
         if position is not None:
             await self._actions.do(
                 "reference",
-                f"reference axis {name} at {position:g} {axis.unit}",
+                mark(
+                    "reference axis {name} at {position:g} {unit}",
+                    name=name,
+                    position=position,
+                    unit=axis.unit,
+                ),
                 lambda machine: machine.reference({axis.index: float(position)}),
             )
 
@@ -104,5 +112,5 @@ def phase_of(link: MachineLink, axis: int, *, homed: bool) -> str:
     if busy and newest is not None and status is not None:
         under_way = {program.program for program in status.programs if not program.ended_at}
         if newest.program in under_way:
-            return newest.message or "searching"
-    return "homed" if homed else "not homed"
+            return t(newest.message) or t("searching")
+    return t("homed") if homed else t("not homed")

@@ -9,6 +9,7 @@ from mcserver.web.actions import Actions
 from mcserver.web.formatting import axis_name, limits_text
 from mcserver.web.jogging import HOLD_S, Move
 from mcserver.web.panels.held_buttons import HeldButtons, JogPad
+from mcserver.web.translation import mark, t
 
 STEPS = (0.0, 0.01, 0.1, 1.0, 10.0, 100.0)
 SPEEDS = (1, 5, 10, 25, 50, 100)
@@ -24,15 +25,15 @@ class JogPanel:
         # two browsers of one person are two people to an axis
         self._by = actions.driver.name
         with ui.card().classes("mc-card"):
-            ui.html("<h2>Jog</h2>", sanitize=False)
+            ui.html(f"<h2>{t('Jog')}</h2>", sanitize=False)
             with ui.row().classes("items-center w-full gap-4"):
                 self._step = ui.select(
-                    {0.0: "while held", **{step: f"step {step:g}" for step in STEPS[1:]}},
+                    {0.0: t("while held"), **{step: t("step {step:g}", step=step) for step in STEPS[1:]}},
                     value=0.0,
-                    label="Distance",
+                    label=t("Distance"),
                 ).classes("min-w-32")
                 self._speed = ui.select(
-                    {each: f"{each} %" for each in SPEEDS}, value=10, label="Speed"
+                    {each: f"{each} %" for each in SPEEDS}, value=10, label=t("Speed")
                 ).classes("min-w-28")
             self._pad = ui.element("div").classes("mc-jog")
         held.add("axis", JogPad("jog", self._press, self._move))
@@ -50,10 +51,11 @@ class JogPanel:
                         ui.label(axis_name(axis.index)).classes("font-bold")
                         if axis.index in joints:
                             ui.label(joints[axis.index]).classes("text-xs break-words")
-                    for direction, sign, word in ((-1, "−", "minus"), (1, "+", "plus")):
+                    minus, plus = mark("jog axis {axis} minus"), mark("jog axis {axis} plus")
+                    for direction, sign, label in ((-1, "−", minus), (1, "+", plus)):
                         ui.button(f"{axis_name(axis.index)}{sign}").props(
                             f"outline data-jog=axis data-what={axis.index} data-direction={direction} "
-                            f'aria-label="jog axis {axis_name(axis.index)} {word}"'
+                            f'aria-label="{t(label, axis=axis_name(axis.index))}"'
                         )
 
     def _move(self, what: str, direction: int) -> Move | None:
@@ -77,7 +79,12 @@ class JogPanel:
         velocity = axis.max_velocity * self._speed.value / 100.0
         await self._actions.do(
             "jog",
-            f"jog {axis_name(axis.index)} {distance:+g} {axis.unit}",
+            mark(
+                "jog {axis} {distance:+g} {unit}",
+                axis=axis_name(axis.index),
+                distance=distance,
+                unit=axis.unit,
+            ),
             lambda machine: machine.jog(axis.index, distance, velocity=velocity, by=self._by),
         )
 

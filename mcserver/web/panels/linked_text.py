@@ -8,6 +8,7 @@ from nicegui import ui
 
 from mcserver.web.formatting import CONTEXT_LINES, program_excerpt
 from mcserver.web.space import Space
+from mcserver.web.translation import t
 
 # the line of the row that a click was in
 CLICKED_LINE = """(event) => {
@@ -27,7 +28,9 @@ class LinkedText:
         self._lines = lines
         self._space = space
         with ui.column().classes("mc-linked"):
-            self._field = ui.number("Line", value=first, min=1, max=len(lines), format="%d").classes("w-32")
+            self._field = ui.number(t("Line"), value=first, min=1, max=len(lines), format="%d").classes(
+                "w-32"
+            )
             self._field.on_value_change(self.show)
             self._text = ui.html("", sanitize=False).classes("w-full")
         self._text.on("click", lambda event: self._field.set_value(event.args), js_handler=CLICKED_LINE)

@@ -13,8 +13,9 @@ from nicegui import ui
 from mcserver.web.actions import Actions, show_refusal
 from mcserver.web.dialogs import named_dialog
 from mcserver.web.formatting import diagnostics_html
+from mcserver.web.translation import mark, t
 
-RESTART = "The server goes by it when it is restarted: systemctl restart mcserver."
+RESTART = mark("The server goes by it when it is restarted: systemctl restart mcserver.")
 # checking solves tools and programs [s]
 DEADLINE_S = 60.0
 
@@ -25,8 +26,8 @@ class MachineFilePanel:
     def __init__(self, actions: Actions) -> None:
         self._actions = actions
         with ui.card().classes("mc-card") as card:
-            ui.html("<h2>Machine file</h2>", sanitize=False)
-            ui.button("Look at the machine file", on_click=self._open).props("outline no-caps")
+            ui.html(f"<h2>{t('Machine file')}</h2>", sanitize=False)
+            ui.button(t("Look at the machine file"), on_click=self._open).props("outline no-caps")
         card.set_visibility(actions.visitor.may("machine_file"))
 
     async def _open(self) -> None:
@@ -35,13 +36,13 @@ class MachineFilePanel:
         try:
             found = await self._actions.link.connected().machine_file()
         except MotionError as error:
-            show_refusal(f"{error.message} [{error.code}]", error.hint)
+            show_refusal(f"{t(error.message)} [{error.code}]", error.hint)
             return
-        dialog = named_dialog(f"Machine file {found.name}").props("maximized")
+        dialog = named_dialog(t("Machine file {name}", name=found.name)).props("maximized")
         with dialog, ui.card().classes("mc-card"):
             with ui.row().classes("w-full items-center justify-between"):
                 ui.label(found.name).classes("font-bold grow break-all")
-                ui.button("Close", on_click=dialog.close).props("flat")
+                ui.button(t("Close"), on_click=dialog.close).props("flat")
             MachineFileEditor(self._actions, found)
         dialog.on("hide", dialog.delete)
         dialog.open()
@@ -53,15 +54,17 @@ class MachineFileEditor:
     def __init__(self, actions: Actions, found: MachineFileReply) -> None:
         self._actions = actions
         self._found = found
-        self._state = ui.label("" if found.in_force else f"It has changed since the start. {RESTART}")
+        self._state = ui.label(
+            "" if found.in_force else f"{t('It has changed since the start.')} {t(RESTART)}"
+        )
         self._text = (
-            ui.textarea(label="Machine file", value=found.text, on_change=self._changed)
+            ui.textarea(label=t("Machine file"), value=found.text, on_change=self._changed)
             .classes("w-full font-mono")
             .props('input-style="min-height: 45vh" spellcheck=false outlined')
         )
         with ui.element("div").classes("mc-buttons"):
-            ui.button("Check", on_click=self._check).props("outline")
-            self._write = ui.button("Write", on_click=self._write_it).props("color=warning")
+            ui.button(t("Check"), on_click=self._check).props("outline")
+            self._write = ui.button(t("Write"), on_click=self._write_it).props("color=warning")
         self._report = ui.html("", sanitize=False).classes("w-full").props("role=status")
         self._write.set_enabled(False)
 
@@ -71,12 +74,12 @@ class MachineFileEditor:
 
     async def _check(self) -> None:
         text = self._text.value
-        if await self._ask("check the machine file", text, only_check=True):
+        if await self._ask(mark("check the machine file"), text, only_check=True):
             self._write.set_enabled(self._text.value == text != self._found.text)
 
     async def _write_it(self) -> None:
         text = self._text.value
-        if await self._ask("write the machine file", text, only_check=False):
+        if await self._ask(mark("write the machine file"), text, only_check=False):
             self._write.set_enabled(False)
 
     async def _ask(self, name: str, text: str, *, only_check: bool) -> bool:
@@ -93,7 +96,9 @@ class MachineFileEditor:
             self._report.set_content(faults_html(reply.diagnostics) + difference_html(found.text, text))
             if reply.written:
                 self._found = await machine.machine_file()
-                self._state.set_text(f"Written; the one before is {reply.before}. {RESTART}")
+                self._state.set_text(
+                    f"{t('Written; the one before is {name}.', name=reply.before)} {t(RESTART)}"
+                )
 
         return await self._actions.do("write_machine_file", name, ask) and ok
 
@@ -101,7 +106,7 @@ class MachineFileEditor:
 def faults_html(diagnostics: Sequence[Diagnostic]) -> str:
     """Return what a check has found, each at its line."""
     if not diagnostics:
-        return "<p>The check finds nothing wrong.</p>"
+        return f"<p>{t('The check finds nothing wrong.')}</p>"
     return diagnostics_html(diagnostics)
 
 
@@ -109,8 +114,7 @@ def difference_html(before: str, after: str) -> str:
     """Return what is taken out and what is added, with two lines about each."""
     lines = list(difflib.unified_diff(before.splitlines(), after.splitlines(), lineterm="", n=2))[2:]
     if not lines:
-        return "<p>No line differs from the file.</p>"
+        return f"<p>{t('No line differs from the file.')}</p>"
+    title = t("What changes")
     shown = "".join(f"<span class=mark>{html.escape(line) or ' '}</span>" for line in lines)
-    return (
-        f"<p><b>What changes</b></p><pre class=mc-program tabindex=0 aria-label='What changes'>{shown}</pre>"
-    )
+    return f"<p><b>{title}</b></p><pre class=mc-program tabindex=0 aria-label='{title}'>{shown}</pre>"

@@ -12,9 +12,10 @@ from mcserver.gcode.text.command_table import COMMANDS
 from mcserver.web.actions import Actions
 from mcserver.web.formatting import page_hint
 from mcserver.web.open_programs import refusal_of
+from mcserver.web.translation import mark, t
 
 HISTORY = 50
-WHY = "a line typed now would move the axes when nobody expects it any more"
+WHY = mark("a line typed now would move the axes when nobody expects it any more")
 
 
 class MdiPanel:
@@ -26,14 +27,16 @@ class MdiPanel:
         self._place = 0
         codes = [command.name for command in COMMANDS]
         with ui.card().classes("mc-card"):
-            ui.html("<h2>Manual input</h2>", sanitize=False)
+            ui.html(f"<h2>{t('Manual input')}</h2>", sanitize=False)
             with ui.row().classes("w-full items-center no-wrap"):
                 self._field = (
-                    ui.input(label="G-code", placeholder="G01 X10 F600", autocomplete=codes)
+                    ui.input(label=t("G-code"), placeholder="G01 X10 F600", autocomplete=codes)
                     .classes("grow font-mono")
-                    .props('autocapitalize=off autocorrect=off spellcheck=false aria-label="G-code line"')
+                    .props(
+                        f'autocapitalize=off autocorrect=off spellcheck=false aria-label="{t("G-code line")}"'
+                    )
                 )
-                ui.button("Run", on_click=self._run).props("color=primary")
+                ui.button(t("Run"), on_click=self._run).props("color=primary")
             self._answer = (
                 ui.html("", sanitize=False).classes("w-full overflow-x-auto").props("aria-live=polite")
             )
@@ -60,18 +63,20 @@ class MdiPanel:
             first = error.diagnostics[0]
             width = max(1, first.end_column - first.column)
             caret = " " * (first.column - 1) + "^" * width
-            self._show_refusal(line, f"{caret} {first.message} [{first.code}]", first.hint)
+            self._show_refusal(line, f"{caret} {t(first.message)} [{first.code}]", first.hint)
         except MotionError as error:
-            self._show_refusal(line, f"{error.message} [{error.code}]", error.hint)
+            self._show_refusal(line, f"{t(error.message)} [{error.code}]", error.hint)
         else:
-            self._show(f"{html.escape(line)}   done")
+            self._show(f"{html.escape(line)}   {t('done')}")
 
     def _show_refusal(self, line: str, message: str, hint: str) -> None:
         remedy = f"\n= {html.escape(page_hint(hint))}" if hint else ""
         self._show(f'{html.escape(line)}\n<span class="text-negative">{html.escape(message)}</span>{remedy}')
 
     def _show(self, content: str) -> None:
-        self._answer.set_content(f'<pre class="mc-program" tabindex="0" aria-label="Answer">{content}</pre>')
+        self._answer.set_content(
+            f'<pre class="mc-program" tabindex="0" aria-label="{t("Answer")}">{content}</pre>'
+        )
 
 
 async def _run_line(machine: Machine, line: str) -> None:

@@ -13,6 +13,7 @@ from mcserver.web.actions import Actions
 from mcserver.web.formatting import axis_name, page_hint
 from mcserver.web.link import MachineLink
 from mcserver.web.panels.replay import show_replay
+from mcserver.web.translation import mark, t
 
 SHOWN = 60
 
@@ -28,9 +29,12 @@ class FaultPanel:
         with self._card:
             self._list = ui.html("", sanitize=False).classes("w-full").props("role=alert")
             ui.button(
-                "Reset", on_click=lambda: actions.do("reset", "reset", lambda machine: machine.reset())
+                t("Reset"),
+                on_click=lambda: actions.do("reset", mark("reset"), lambda machine: machine.reset()),
             ).props("color=warning")
-            self._play = ui.button("Play what led to it", on_click=self._play_box).props("outline")
+            self._play = ui.button(t("Play what led to it"), on_click=self._play_box).props(
+                "outline data-look"
+            )
 
     async def _play_box(self) -> None:
         await show_replay(self._link, self._box)
@@ -48,20 +52,19 @@ class FaultPanel:
         for fault in sorted(status.faults, key=lambda each: each.code != "MC400"):
             joint = self._link.joints.get(-1 if fault.axis is None else fault.axis, "")
             named = html.escape(f"{axis_name(fault.axis)} {joint}".rstrip()) if fault.axis is not None else ""
-            where = f"axis {named}: " if named else ""
-            line = f" (line {fault.line})" if fault.line else ""
+            where = t("axis {name}: ", name=named) if named else ""
+            line = t(" (line {line})", line=fault.line) if fault.line else ""
             rows.append(
-                f"<li><b>{fault.code}</b> {where}{html.escape(fault.message)}{line}"
+                f"<li><b>{fault.code}</b> {where}{html.escape(t(fault.message))}{line}"
                 + (f"<br>= {html.escape(page_hint(fault.hint))}" if fault.hint else "")
                 + "</li>"
             )
         recorded = ""
         if box:
             root = f"/machine/{quote(self._link.name)}/recordings/{quote(box)}"
-            recorded = (
-                f'<p>What led to it: <a href="{root}/plot" target="_blank">plot of the black box</a>, '
-                f'<a href="{root}/file">download</a></p>'
-            )
+            plot = f'<a href="{root}/plot" target="_blank">{t("plot of the black box")}</a>'
+            file = f'<a href="{root}/file">{t("download")}</a>'
+            recorded = f"<p>{t('What led to it:')} {plot}, {file}</p>"
         self._list.set_content(f'<div class="mc-faults"><ul>{"".join(rows)}</ul>{recorded}</div>')
 
 
@@ -91,9 +94,11 @@ class EventPanel:
         self._link = link
         self._count = -1
         with ui.card().classes("mc-card"):
-            ui.html("<h2>Events</h2>", sanitize=False)
+            ui.html(f"<h2>{t('Events')}</h2>", sanitize=False)
             self._list = (
-                ui.html("", sanitize=False).classes("mc-events").props('tabindex=0 aria-label="Events"')
+                ui.html("", sanitize=False)
+                .classes("mc-events")
+                .props(f'tabindex=0 aria-label="{t("Events")}"')
             )
 
     def update(self) -> None:
@@ -108,7 +113,7 @@ def event_row(event: Event) -> str:
     """Return an event as HTML, at the time of the server's clock when it happened."""
     parts = [event.program, event.client, event.state, event.reason, event.message]
     if event.fault is not None:
-        parts.append(f"{event.fault.code} {event.fault.message}")
+        parts.append(f"{event.fault.code} {t(event.fault.message)}")
     if event.percent is not None:
         parts.append(f"{event.percent:g} %")
     when = time.strftime("%H:%M:%S", time.localtime(event.wall))

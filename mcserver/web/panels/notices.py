@@ -9,6 +9,7 @@ from nicegui import ui
 
 from mcserver.web.formatting import is_live
 from mcserver.web.link import MachineLink
+from mcserver.web.translation import t
 
 
 class NoticePanel:
@@ -17,7 +18,7 @@ class NoticePanel:
     def __init__(self, link: MachineLink) -> None:
         self._link = link
         self._shown: tuple[tuple[str, str], ...] = ()
-        self._card = ui.card().classes("mc-card").props('role=alert aria-label="Notices"')
+        self._card = ui.card().classes("mc-card").props(f'role=alert aria-label="{t("Notices")}"')
         self._card.set_visibility(False)
 
     def update(self, status: MachineStatus | None) -> None:
@@ -35,8 +36,13 @@ class NoticePanel:
 def notices_of(status: MachineStatus | None, *, online: bool, failure: str) -> tuple[tuple[str, str], ...]:
     """Return what there is to say: the class of the label, and the sentence."""
     if not online:
-        shown = "What is shown is old" if status is not None else "It has not been seen yet"
-        return (("mc-faults", f"The machine does not answer{': ' + failure if failure else ''}. {shown}."),)
+        shown = t("What is shown is old.") if status is not None else t("It has not been seen yet.")
+        away = (
+            t("The machine does not answer: {why}.", why=failure)
+            if failure
+            else t("The machine does not answer.")
+        )
+        return (("mc-faults", f"{away} {shown}"),)
     if status is None:
         return ()
     found = []
@@ -45,13 +51,26 @@ def notices_of(status: MachineStatus | None, *, online: bool, failure: str) -> t
             continue
         name = program.name or program.program
         if program.state == "paused":
-            what = program.notice or "it has come to a stop that it asks for"
-            found.append(("mc-notice", f"{name} waits at line {program.line}: {what}. Then press Resume."))
+            what = program.notice or t("it has come to a stop that it asks for")
+            found.append(
+                (
+                    "mc-notice",
+                    t(
+                        "{name} waits at line {line}: {what}. Then press Resume.",
+                        name=name,
+                        line=program.line,
+                        what=what,
+                    ),
+                )
+            )
         elif program.notice:
             found.append(("mc-note", f"{name}: {program.notice}"))
     if status.disk is not None:
         # the time of day, so that the sentence stays as it is
         since = time.strftime("%H:%M:%S", time.gmtime(status.disk.since))
-        text = f"The disk of the journal is slow since {since} UTC: what has ended is shown later (MC524)."
+        text = t(
+            "The disk of the journal is slow since {since} UTC: what has ended is shown later (MC524).",
+            since=since,
+        )
         found.append(("mc-note", text))
     return tuple(found)

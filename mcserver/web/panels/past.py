@@ -14,6 +14,7 @@ from mcserver.web.actions import show_refusal
 from mcserver.web.link import MachineLink
 from mcserver.web.panels.replay import show_replay
 from mcserver.web.past import WHATS, WHENS, Answer, Past
+from mcserver.web.translation import t
 
 SHOWN = 100
 # an answer is kept so long [s], whoever asks
@@ -28,14 +29,18 @@ class PastPanel:
         self._link = link
         self._past = past
         with ui.card().classes("mc-card"):
-            ui.html("<h2>History</h2>", sanitize=False)
+            ui.html(f"<h2>{t('History')}</h2>", sanitize=False)
             with ui.row().classes("items-center w-full gap-4"):
-                self._what = ui.select(list(WHATS), value=WHATS[0], label="What").classes("min-w-32")
-                self._when = ui.select(list(WHENS), value=WHENS[0], label="When").classes("min-w-28")
-                ui.button("Look up", on_click=self._look_up).props("outline")
+                self._what = ui.select(
+                    {each: t(each) for each in WHATS}, value=WHATS[0], label=t("What")
+                ).classes("min-w-32")
+                self._when = ui.select(
+                    {each: t(each) for each in WHENS}, value=WHENS[0], label=t("When")
+                ).classes("min-w-28")
+                ui.button(t("Look up"), on_click=self._look_up).props("outline data-look")
             self._state = ui.label("").classes("text-xs").props("aria-live=polite")
             self._table = ui.html("", sanitize=False).classes("mc-events")
-            self._table.props('tabindex=0 aria-label="History"')
+            self._table.props(f'tabindex=0 aria-label="{t("History")}"')
             self._recordings = ui.element("div").classes("w-full")
 
     async def _look_up(self) -> None:
@@ -47,16 +52,16 @@ class PastPanel:
             )
         except MotionError as error:
             self._state.set_text("")
-            show_refusal(f"{error.message} [{error.code}]", error.hint)
+            show_refusal(f"{t(error.message)} [{error.code}]", error.hint)
             return
-        more = f", the newest {SHOWN} are shown" if len(rows) > SHOWN else ""
-        self._state.set_text(f"{len(rows)} rows{more}; times are UTC")
+        more = t(", the newest {count} are shown", count=SHOWN) if len(rows) > SHOWN else ""
+        self._state.set_text(t("{count} rows{more}; times are UTC", count=len(rows), more=more))
         self._table.set_content(table_html((names, rows)))
         self._recordings.clear()
         with self._recordings:
             for name in recordings_of((names, rows)):
-                ui.button(f"Play {name}", on_click=partial(show_replay, link, name)).props(
-                    "flat dense no-caps"
+                ui.button(t("Play {name}", name=name), on_click=partial(show_replay, link, name)).props(
+                    "flat dense no-caps data-look"
                 )
 
 
@@ -64,7 +69,7 @@ def table_html(answer: Answer) -> str:
     """Return an answer as a table; the machine's own column is left out, for it is its page."""
     names, rows = answer
     columns = [at for at, name in enumerate(names) if name != "machine"]
-    head = "".join(f"<th scope=col>{html.escape(names[at].replace('_', ' '))}</th>" for at in columns)
+    head = "".join(f"<th scope=col>{html.escape(t(names[at].replace('_', ' ')))}</th>" for at in columns)
     body = "".join(
         "<tr>" + "".join(f"<td>{html.escape(_shown(row[at]))}</td>" for at in columns) + "</tr>"
         for row in rows[:SHOWN]

@@ -10,6 +10,7 @@ from nicegui import ui
 
 from mcserver.web.formatting import axis_name, is_live
 from mcserver.web.link import MachineLink
+from mcserver.web.translation import mark, t
 
 COMMANDS = 8
 
@@ -21,7 +22,7 @@ class PeoplePanel:
         self._link = link
         self._shown = ""
         with ui.card().classes("mc-card"):
-            ui.html("<h2>Who is here</h2>", sanitize=False)
+            ui.html(f"<h2>{t('Who is here')}</h2>", sanitize=False)
             self._content = ui.html("", sanitize=False).classes("w-full mc-people")
 
     def update(self) -> None:
@@ -37,16 +38,17 @@ def people_html(link: MachineLink, status: MachineStatus) -> str:
     for program in status.programs:
         if is_live(program):
             axes = ", ".join(axis_name(axis) for axis in program.axes)
-            verb = "waits for" if program.state == "queued" else "holds"
-            holding.setdefault(program.client, []).append(
-                f"{program.name or program.program} {verb} {axes} ({program.state})"
+            text = (
+                mark("{name} waits for {axes}") if program.state == "queued" else mark("{name} holds {axes}")
             )
+            said = t(text, name=program.name or program.program, axes=axes)
+            holding.setdefault(program.client, []).append(f"{said} ({t(program.state)})")
     own = None if link.machine is None else link.machine.client
     clients = sorted({*link.clients, *holding, *([own] if own else [])})
     rows = []
     for client in clients:
-        name = f"<b>{html.escape(client)}</b>" + (" (this page)" if client == own else "")
-        what = "; ".join(html.escape(each) for each in holding.get(client, ())) or "holds no axis"
+        name = f"<b>{html.escape(client)}</b>" + (f" ({t('this page')})" if client == own else "")
+        what = "; ".join(html.escape(each) for each in holding.get(client, ())) or t("holds no axis")
         rows.append(f"<li>{name}: {what}</li>")
     visitors = ", ".join(
         html.escape(name) + (f" ({count})" if count > 1 else "")
@@ -61,15 +63,16 @@ def people_html(link: MachineLink, status: MachineStatus) -> str:
     ]
     lines = "".join(
         f"<div>{time.strftime('%H:%M:%S', time.localtime(when))} "
-        f"<b>{html.escape(name)}</b> {html.escape(what)}</div>"
+        f"<b>{html.escape(name)}</b> {html.escape(t(what))}</div>"
         for when, name, what in sorted(done, reverse=True)[:COMMANDS]
     )
     driver = link.control.driver
-    drives = f"<p>Drives: <b>{html.escape(driver.name)}</b></p>" if driver is not None else ""
+    drives = f"<p>{t('Drives:')} <b>{html.escape(driver.name)}</b></p>" if driver is not None else ""
+    nobody = t("nobody")
+    commands = f'<p>{t("Commands:")}</p><div class="text-sm">{lines}</div>' if lines else ""
     return (
-        f"{drives}<p>Clients:</p><ul>{''.join(rows) or '<li>nobody</li>'}</ul>"
-        f"<p>At this page: {visitors or 'nobody'}</p>"
-        + (f'<p>Commands:</p><div class="text-sm">{lines}</div>' if lines else "")
+        f"{drives}<p>{t('Clients:')}</p><ul>{''.join(rows) or f'<li>{nobody}</li>'}</ul>"
+        f"<p>{t('At this page:')} {visitors or nobody}</p>{commands}"
     )
 
 

@@ -13,6 +13,7 @@ from mcserver.view.zeros import work_zeros
 from mcserver.web.formatting import current_program
 from mcserver.web.link import MachineLink
 from mcserver.web.space import Space
+from mcserver.web.translation import t
 
 # A point is drawn when it lies this far from the one before [mm].
 TRAIL_STEP = 0.05
@@ -36,18 +37,18 @@ class PicturePanel:
         self._bodies: Bodies | None = None
         with ui.card().classes("mc-card"):
             with ui.row().classes("items-center w-full justify-between"):
-                ui.html("<h2>Path</h2>", sanitize=False)
+                ui.html(f"<h2>{t('Path')}</h2>", sanitize=False)
                 with ui.row().classes("gap-1"):
-                    ui.button("Look at all", on_click=self._look).props("flat dense")
-                    ui.button("Clear", on_click=self._clear).props("flat dense")
-            self._space = Space(f"{link.name} and its path", f"/machine/{link.name}/model").classes(
-                "mc-trail"
-            )
+                    ui.button(t("Look at all"), on_click=self._look).props("flat dense data-look")
+                    ui.button(t("Clear"), on_click=self._clear).props("flat dense data-look")
+            self._space = Space(
+                t("{name} and its path", name=link.name), f"/machine/{link.name}/model"
+            ).classes("mc-trail")
             self._space.on("ready", self._again, args=[])
             self._space.on("picked", lambda event: self._show_line(int(event.args)))
             ui.html(
-                '<div class="mc-legend"><span class="come">to come</span><span class="done">done</span>'
-                '<span class="trail">travelled</span></div>',
+                f'<div class="mc-legend"><span class="come">{t("to come")}</span>'
+                f'<span class="done">{t("done")}</span><span class="trail">{t("travelled")}</span></div>',
                 sanitize=False,
             )
             self._line = ui.label("").classes("font-mono text-sm break-words").props("aria-live=polite")
@@ -89,7 +90,7 @@ class PicturePanel:
         """Say which line of the program drives where somebody has clicked, and mark all of it."""
         job = self._link.jobs.latest
         if job is not None and 0 < line <= len(job.lines):
-            self._line.set_text(f"line {line}   {job.lines[line - 1].strip()}")
+            self._line.set_text(f"{t('line {line}', line=line)}   {job.lines[line - 1].strip()}")
             self._space.mark_line(line)
 
     def _again(self) -> None:

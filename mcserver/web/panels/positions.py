@@ -15,11 +15,12 @@ from mcserver.web.actions import Actions
 from mcserver.web.dialogs import named_dialog
 from mcserver.web.formatting import axis_name, position_text, velocity_text
 from mcserver.web.open_programs import refusal_of
+from mcserver.web.translation import mark, t
 
 # Axes with a button: those with a letter.
 LETTERED = 6
 NO_JOINTS: Mapping[int, str] = MappingProxyType({})
-WHY = "zero is set where the axes stand"
+WHY = mark("zero is set where the axes stand")
 
 
 class PositionsPanel:
@@ -31,9 +32,9 @@ class PositionsPanel:
         self._axes: tuple[AxisInfo, ...] = ()
         self._buttons: list[ui.button] = []
         with ui.card().classes("mc-card"):
-            ui.html("<h2>Position</h2>", sanitize=False)
+            ui.html(f"<h2>{t('Position')}</h2>", sanitize=False)
             self._table = ui.html("", sanitize=False).classes("w-full overflow-x-auto")
-            self._table.props('tabindex=0 role=region aria-label="Positions"')
+            self._table.props(f'tabindex=0 role=region aria-label="{t("Positions")}"')
             self._offsets = ui.html("", sanitize=False).classes("w-full text-sm mc-offsets")
             self._zero = ui.element("div").classes("mc-buttons")
             self._waits_for = ui.label("").classes("text-sm").props("aria-live=polite")
@@ -74,11 +75,11 @@ class PositionsPanel:
         with self._zero:
             for axis in self._axes:
                 name = axis_name(axis.index)
-                button = ui.button(f"Zero {name}", on_click=partial(self._set_zero, name))
+                button = ui.button(t("Zero {name}", name=name), on_click=partial(self._set_zero, name))
                 self._buttons.append(button.props("outline dense"))
             if self._axes:
-                button = ui.button("Set …", on_click=self._ask)
-                self._buttons.append(button.props('outline dense aria-label="set a work offset"'))
+                button = ui.button(t("Set …"), on_click=self._ask)
+                self._buttons.append(button.props(f'outline dense aria-label="{t("set a work offset")}"'))
 
     async def _set_zero(self, axis: str, value: float = 0.0, system: int = 0) -> None:
         """Nothing moves: from now on programs read ``value`` where the axis is."""
@@ -93,24 +94,26 @@ class PositionsPanel:
             ) as program:
                 await program.send(f"G21 G90 G10 L20 P{system} {axis}{value:.6f}")
 
-        where = "the work coordinate system in force" if system == 0 else system_name(system)
-        if await self._actions.do("open", f"{axis} reads {value:g} in {where}", send):
-            ui.notify(f"{axis} reads {value:g} here now", position="bottom")
+        where = mark("the work coordinate system in force") if system == 0 else system_name(system)
+        if await self._actions.do(
+            "open", mark("{axis} reads {value:g} in {where}", axis=axis, value=value, where=where), send
+        ):
+            ui.notify(t("{axis} reads {value:g} here now", axis=axis, value=value), position="bottom")
 
     async def _ask(self) -> None:
         if not self._actions.allowed("open"):
             return
         names = [axis_name(axis.index) for axis in self._axes]
-        with named_dialog("Set a work offset") as dialog, ui.card():
-            ui.label("What an axis reads where it is now:")
-            axis = ui.select(names, value=names[0], label="Axis").classes("min-w-24")
-            number = ui.number("reads [mm, deg]", value=0.0, format="%.4f")
+        with named_dialog(t("Set a work offset")) as dialog, ui.card():
+            ui.label(t("What an axis reads where it is now:"))
+            axis = ui.select(names, value=names[0], label=t("Axis")).classes("min-w-24")
+            number = ui.number(t("reads [mm, deg]"), value=0.0, format="%.4f")
             system = ui.select(
-                {each: system_name(each) for each in range(1, 10)}, value=1, label="System"
+                {each: system_name(each) for each in range(1, 10)}, value=1, label=t("System")
             ).classes("min-w-24")
             with ui.row():
-                ui.button("Set", on_click=lambda: dialog.submit(True)).props("color=primary")
-                ui.button("Cancel", on_click=lambda: dialog.submit(False)).props("flat")
+                ui.button(t("Set"), on_click=lambda: dialog.submit(True)).props("color=primary")
+                ui.button(t("Cancel"), on_click=lambda: dialog.submit(False)).props("flat")
         wanted = await dialog
         dialog.delete()
         if wanted and number.value is not None:
@@ -139,8 +142,10 @@ def offsets_html(status: MachineStatus, info: Info) -> str:
             f"{axis_name(int(axis))} {position_text(value)} {units.get(int(axis), '')}".rstrip()
             for axis, value in each.origin.items()
         )
-        rows.append(f"<li><b>{html.escape(each.system)}</b> reads zero at {html.escape(places)}</li>")
-    return f"<ul aria-label='Work offsets'>{''.join(rows)}</ul>" if rows else ""
+        system = f"<b>{html.escape(each.system)}</b>"
+        reads = t("{system} reads zero at {places}", system=system, places=html.escape(places))
+        rows.append(f"<li>{reads}</li>")
+    return f"<ul aria-label='{t('Work offsets')}'>{''.join(rows)}</ul>" if rows else ""
 
 
 def joint_html(joints: Mapping[int, str], index: int) -> str:
@@ -159,9 +164,13 @@ def positions_html(
     origin = work_origin(status)
     # a phone has no room for all: what is wide there gives way to the state
     less = ' class="n mc-wide"'
-    titles = [("Position", " class=n"), ("Setpoint", less), ("Velocity", less if work else " class=n")]
+    titles = [
+        (t("Position"), " class=n"),
+        (t("Setpoint"), less),
+        (t("Velocity"), less if work else " class=n"),
+    ]
     if work:
-        titles.insert(1, ("In G54", " class=n"))
+        titles.insert(1, (t("In G54"), " class=n"))
     head = "".join(f"<th{kind}>{title}</th>" for title, kind in titles)
     units = {axis.index: axis.unit for axis in info.axes}
     axes = status.axes
@@ -171,11 +180,11 @@ def positions_html(
     skew = dict(zip(axes.index, axes.skew, strict=False))
     for index, position, setpoint, velocity, state in columns:
         unit = units.get(index, "")
-        shown_state = str(state)
+        shown_state = t(state)
         if not homed.get(index, True):
-            shown_state = f"{state}, not homed"
+            shown_state = f"{shown_state}, {t('not homed')}"
         if skew.get(index):
-            shown_state += f", skew {position_text(skew[index])} {unit}"
+            shown_state += f", {t('skew')} {position_text(skew[index])} {unit}"
         in_work = f"<td class=n>{position_text(position - origin.get(index, 0.0))}</td>" if work else ""
         rows.append(
             f"<tr><td>{axis_name(index)}{joint_html(joints, index)}</td>"
@@ -193,5 +202,5 @@ def positions_html(
         rows.append(
             f"<tr><td>T{tool.number}</td><td class=mc-pose colspan={len(titles) + 1}>{place} {unit}</td></tr>"
         )
-    head = f"<thead><tr><th>Axis</th>{head}<th>State</th></tr></thead>"
+    head = f"<thead><tr><th>{t('Axis')}</th>{head}<th>{t('State')}</th></tr></thead>"
     return f'<table class="mc-positions">{head}<tbody>{"".join(rows)}</tbody></table>'

@@ -27,6 +27,7 @@ from mcserver.web.panels.dry_run import show_dry_run
 from mcserver.web.panels.queue import QueuePanel
 from mcserver.web.panels.run_from import RecoveryPanel, ask_run_from
 from mcserver.web.store import MAX_PROGRAM_BYTES
+from mcserver.web.translation import mark, t
 
 
 class ProgramPanel:
@@ -44,36 +45,39 @@ class ProgramPanel:
         # the program that the last upload has replaced, and its text
         self._before: tuple[str, str] | None = None
         with ui.card().classes("mc-card"):
-            ui.html("<h2>Program</h2>", sanitize=False)
-            self._title = ui.label("no program").classes("font-bold")
+            ui.html(f"<h2>{t('Program')}</h2>", sanitize=False)
+            self._title = ui.label(t("no program")).classes("font-bold")
             self._bar = ui.linear_progress(0.0, show_value=False, size="1.2rem").props(
-                'aria-label="progress"'
+                f'aria-label="{t("progress")}"'
             )
             self._times = ui.label("")
+            self._next = ui.button(t("Next line"), on_click=self._step).props("color=positive")
+            self._next.set_visibility(False)
             self._text = ui.html("", sanitize=False).classes("w-full")
         with ui.card().classes("mc-card"):
-            ui.html("<h2>Programs and queue</h2>", sanitize=False)
+            ui.html(f"<h2>{t('Programs and queue')}</h2>", sanitize=False)
             self._uploader = ui.upload(
-                label="Upload G-code",
+                label=t("Upload G-code"),
                 auto_upload=True,
                 max_file_size=MAX_PROGRAM_BYTES,
                 on_upload=self._on_upload,
-                on_rejected=lambda: show_refusal("The file is too large", "split the program"),
+                on_rejected=lambda: show_refusal(t("The file is too large"), t("split the program")),
             )
             self._uploader.props('accept=".gcode,.nc,.ngc,.tap,.txt,.g,text/plain" flat bordered')
             self._uploader.classes("w-full")
             with ui.row().classes("items-center w-full"):
-                self._choice = ui.select([], label="Program", with_input=True).classes("grow min-w-40")
-                self._from_line = ui.number("From line", value=1, min=1, format="%d").classes("w-24")
+                self._choice = ui.select([], label=t("Program"), with_input=True).classes("grow min-w-40")
+                self._from_line = ui.number(t("From line"), value=1, min=1, format="%d").classes("w-24")
             self._last_run = ui.label("").classes("text-sm")
             with ui.row().classes("items-center w-full gap-2 mc-warnings") as self._replaced:
                 self._replaced_name = ui.label("").classes("grow min-w-0 break-words").props("role=alert")
-                ui.button("Bring the one before back", on_click=self._bring_back).props("outline no-caps")
+                ui.button(t("Bring the one before back"), on_click=self._bring_back).props("outline no-caps")
             self._replaced.set_visibility(False)
             with ui.element("div").classes("mc-buttons"):
-                ui.button("Run", on_click=self._run).props("color=positive")
-                ui.button("Dry run", on_click=self._dry_run).props("outline")
-                ui.button("Delete", on_click=self._delete).props("outline color=negative")
+                ui.button(t("Run"), on_click=self._run).props("color=positive")
+                ui.button(t("Dry run"), on_click=self._dry_run).props("outline")
+                ui.button(t("Delete"), on_click=self._delete).props("outline color=negative")
+                self._single_step = ui.switch(t("Single step"), on_change=self._switch_single_step)
             self._jobs = QueuePanel(actions)
             self._report = ui.html("", sanitize=False).classes("w-full").props("aria-live=polite")
 
@@ -85,9 +89,10 @@ class ProgramPanel:
         status = self._actions.link.status
         program = current_program(status)
         job = self._job(program.program if program is not None else "")
+        self._show_single_step()
         running = self._actions.link.jobs.running
         if running is not None and running.state is JobState.CHECKING:
-            self._title.set_text(f"{running.name} · {running.state.value}")
+            self._title.set_text(f"{running.name} · {t(running.state.value)}")
             return
         failed = self._failed(program)
         if failed is not None:
@@ -100,14 +105,21 @@ class ProgramPanel:
         if program.duration_s is not None:
             share = program.progress
         self._title.set_text(
-            f"{program.name or program.program} · {program.state}"
-            + (f" · by {job.user}" if job else f" · by {program.client}")
+            f"{program.name or program.program} · {t(program.state)} · "
+            + t("by {name}", name=job.user if job else program.client)
+            + (f" · {t('Single step')}" if job is not None and job.single_step else "")
         )
         self._bar.set_value(1.0 if program.state == "finished" else share)
         remaining = remaining_text(program) if is_live(program) else "0:00"
         self._times.set_text(
-            f"line {line} of {total} · {100 * self._bar.value:.0f} % · remaining {remaining}"
-            f" · override {program.override:.0f} %"
+            t(
+                "line {line} of {total} · {percent:.0f} % · remaining {time} · override {override:.0f} %",
+                line=line,
+                total=total,
+                percent=100 * self._bar.value,
+                time=remaining,
+                override=program.override,
+            )
         )
         faulty = {each.line: each.message for each in program.diagnostics}
         if program.fault is not None and program.fault.line:
@@ -116,6 +128,39 @@ class ProgramPanel:
         if job is not None and shown != self._shown:
             self._shown = shown
             self._text.set_content(program_excerpt(job.lines, line, faulty))
+
+    def _show_single_step(self) -> None:
+        mode = self._actions.link.jobs.single_step
+        if self._single_step.value != mode:
+            self._single_step.set_value(mode)
+        stepping = self._stepping()
+        self._next.set_visibility(stepping is not None)
+        if stepping is not None:
+            job, done = stepping
+            self._next.set_enabled(done >= job.stepped)
+
+    def _stepping(self) -> tuple[Job, int] | None:
+        """Return the job that runs in single step, and its last line that is done."""
+        job, status = self._actions.link.jobs.running, self._actions.link.status
+        if job is None or not job.single_step or status is None:
+            return None
+        return next(((job, each.done) for each in status.programs if each.program == job.program), None)
+
+    def _switch_single_step(self) -> None:
+        jobs, wanted = self._actions.link.jobs, bool(self._single_step.value)
+        if wanted == jobs.single_step:
+            return
+        if self._actions.allowed("step"):
+            jobs.single_step = wanted
+            self._actions.note(mark("single step on") if wanted else mark("single step off"))
+        else:
+            self._single_step.set_value(jobs.single_step)
+
+    async def _step(self) -> None:
+        stepping = self._stepping()
+        done = 0 if stepping is None else stepping[1]
+        self._next.set_enabled(False)
+        await self._actions.do("step", mark("next line"), lambda _: self._actions.link.jobs.step(done))
 
     def _failed(self, program: ProgramStatus | None) -> Job | None:
         """Return the job that has failed, unless a program runs or has run since."""
@@ -132,14 +177,18 @@ class ProgramPanel:
         if self._shown == ("ended", job.number, at):
             return
         self._shown = ("ended", job.number, at)
-        self._title.set_text(f"{job.name} · {job.state.value}")
+        self._title.set_text(f"{job.name} · {t(job.state.value)}")
         self._bar.set_value(0.0)
         self._times.set_text("")
         faulty = {each.line: each.message for each in job.diagnostics if each.severity == "error"}
         remedy = f"<br>= {html.escape(page_hint(job.hint))}" if job.hint else ""
-        again = "run it again" if at is None else f"Continue at line {at}, or run it again"
-        back = "correct the file and upload it again" if faulty else f"remove the cause, then {again}"
-        said = f"<p><b>{html.escape(job.message)}</b>{remedy}<br>To go on: {back}.</p>"
+        if faulty:
+            back = t("To go on: correct the file and upload it again.")
+        elif at is None:
+            back = t("To go on: remove the cause, then run it again.")
+        else:
+            back = t("To go on: remove the cause, then Continue at line {line}, or run it again.", line=at)
+        said = f"<p><b>{html.escape(t(job.message))}</b>{remedy}<br>{back}</p>"
         excerpt = program_excerpt(job.lines, min(faulty, default=at or 0), faulty) if job.lines else ""
         self._text.set_content(f'<div class="mc-faults" role="alert">{said}</div>{excerpt}')
 
@@ -186,7 +235,7 @@ class ProgramPanel:
         self._replaced.set_visibility(before is not None)
         if before is not None:
             self._replaced_name.set_text(
-                f"{before[0]} was kept already with another text, which is replaced."
+                t("{name} was kept already with another text, which is replaced.", name=before[0])
             )
 
     async def _bring_back(self) -> None:
@@ -210,7 +259,7 @@ class ProgramPanel:
             show_refusal(error.message, error.hint)
             return
         if not found.diagnostics:
-            self._report.set_content(f"<p>{html.escape(name)}: no faults</p>")
+            self._report.set_content(f"<p>{html.escape(name)}: {t('no faults')}</p>")
             return
         faulty = {each.line: each.message for each in found.diagnostics if each.severity == "error"}
         excerpt = program_excerpt(text.split("\n"), min(faulty), faulty) if faulty else ""
@@ -222,7 +271,7 @@ class ProgramPanel:
         if not self._actions.allowed("open"):
             return
         if not self._choice.value:
-            show_refusal("No program is chosen", "choose one, or upload it")
+            show_refusal(t("No program is chosen"), t("choose one, or upload it"))
             return
         try:
             self._actions.link.jobs.add(
@@ -256,13 +305,13 @@ class ProgramPanel:
         if (
             name
             and self._actions.allowed("open")
-            and await ask(f"Delete {name}?", "Delete", colour="negative")
+            and await ask(t("Delete {name}?", name=name), t("Delete"), colour="negative")
         ):
             self._actions.link.store.delete(name)
 
     async def _dry_run(self) -> None:
         if not self._choice.value:
-            show_refusal("No program is chosen", "choose one, or upload it")
+            show_refusal(t("No program is chosen"), t("choose one, or upload it"))
             return
         await show_dry_run(self._actions, self._choice.value, int(self._from_line.value or 1), self._queue)
 
@@ -270,4 +319,10 @@ class ProgramPanel:
 def last_run_text(run: LastRun) -> str:
     """Return how and when a program ran last."""
     when = time.strftime("%d.%m. %H:%M", time.localtime(run.ended_at))
-    return f"last run {when} by {run.user}: {run.state} after {clock_text(run.seconds)}"
+    return t(
+        "last run {when} by {user}: {state} after {time}",
+        when=when,
+        user=run.user,
+        state=t(run.state),
+        time=clock_text(run.seconds),
+    )

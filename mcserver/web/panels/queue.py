@@ -9,6 +9,7 @@ from nicegui import ui
 from mcserver.web.actions import Actions
 from mcserver.web.formatting import clock_text, current_program, is_live
 from mcserver.web.jobs import Job
+from mcserver.web.translation import t
 
 ENDED_SHOWN = 5
 
@@ -21,7 +22,7 @@ class QueuePanel:
         self._listed: tuple[object, ...] = ()
         self._total = ui.label("").classes("font-bold")
         self._rows = ui.element("div").classes("w-full")
-        self._go_on = ui.button("Start the queue again", on_click=self._start_again).props("color=warning")
+        self._go_on = ui.button(t("Start the queue again"), on_click=self._start_again).props("color=warning")
         self._total.set_visibility(False)
 
     def update(self) -> None:
@@ -41,19 +42,21 @@ class QueuePanel:
                 self._row(job)
             ended = list(jobs.ended)[:ENDED_SHOWN]
             if ended:
-                ui.label("Ended:").classes("mt-2")
+                ui.label(t("Ended:")).classes("mt-2")
             for job in ended:
                 ui.label(ended_text(job)).classes("text-sm break-words")
 
     def _row(self, job: Job) -> None:
         with ui.row().classes("w-full items-center no-wrap gap-2 mc-row"):
-            line = f" from line {job.from_line}" if job.from_line > 1 else ""
-            ui.label(f"{job.name}{line} · {clock_text(job.duration_s)} · by {job.user}").classes(
+            name = job.name
+            if job.from_line > 1:
+                name = t("{name} from line {line}", name=job.name, line=job.from_line)
+            ui.label(f"{name} · {clock_text(job.duration_s)} · " + t("by {name}", name=job.user)).classes(
                 "grow break-words min-w-0"
             )
-            ui.button("Remove", on_click=partial(self._remove, job.number)).props("flat dense no-caps").props[
-                "aria-label"
-            ] = f"remove {job.name} from the queue"
+            ui.button(t("Remove"), on_click=partial(self._remove, job.number)).props(
+                "flat dense no-caps"
+            ).props["aria-label"] = t("remove {name} from the queue", name=job.name)
 
     def _total_text(self) -> str:
         jobs = self._actions.link.jobs
@@ -61,7 +64,12 @@ class QueuePanel:
         eta = program.eta_s if program is not None and is_live(program) else 0.0
         waiting = jobs.remaining_s()
         everything = None if waiting is None or eta is None else waiting + eta
-        return f"{len(jobs.waiting)} waiting: {clock_text(waiting)}; all done in {clock_text(everything)}"
+        return t(
+            "{count} waiting: {time}; all done in {total}",
+            count=len(jobs.waiting),
+            time=clock_text(waiting),
+            total=clock_text(everything),
+        )
 
     def _remove(self, number: int) -> None:
         if self._actions.allowed("open"):
@@ -74,4 +82,4 @@ class QueuePanel:
 
 def ended_text(job: Job) -> str:
     """Return how a job went."""
-    return f"{job.name} · {job.state.value}" + (f" · {job.message}" if job.message else "")
+    return f"{job.name} · {t(job.state.value)}" + (f" · {t(job.message)}" if job.message else "")

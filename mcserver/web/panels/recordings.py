@@ -13,6 +13,7 @@ from nicegui import ui
 from mcserver.web.actions import Action, Actions
 from mcserver.web.formatting import clock_text, size_text
 from mcserver.web.panels.replay import show_replay
+from mcserver.web.translation import mark, t
 
 # Rows that are shown, and how often the list is asked for [s].
 SHOWN = 8
@@ -27,11 +28,13 @@ class RecordingsPanel:
         self._shown: tuple[object, ...] = ()
         self._all = False
         with ui.card().classes("mc-card"):
-            ui.html("<h2>Recordings</h2>", sanitize=False)
+            ui.html(f"<h2>{t('Recordings')}</h2>", sanitize=False)
             with ui.row().classes("w-full items-center gap-2"):
-                self._name = ui.input("Name", placeholder="the time").props("dense").classes("grow min-w-24")
-                ui.button("Record", on_click=self._start).props("color=primary")
-                ui.button("Save black box", on_click=self._save).props("outline")
+                self._name = (
+                    ui.input(t("Name"), placeholder=t("the time")).props("dense").classes("grow min-w-24")
+                )
+                ui.button(t("Record"), on_click=self._start).props("color=primary")
+                ui.button(t("Save black box"), on_click=self._save).props("outline")
             self._state = ui.label("").classes("text-xs")
             self._rows = ui.element("div").classes("w-full")
 
@@ -43,13 +46,17 @@ class RecordingsPanel:
         try:
             found = await link.answers.get("recordings", PERIOD_S, link.machine.recordings)
         except MotionError as error:
-            self._state.set_text(f"{error.message} [{error.code}]")
+            self._state.set_text(f"{t(error.message)} [{error.code}]")
             return
         recorder = found.recorder
         self._state.set_text(
-            "no recorder runs on the server"
+            t("no recorder runs on the server")
             if recorder is None
-            else f"black box: the last {clock_text(recorder.held_s)}, {size_text(recorder.held_bytes)}"
+            else t(
+                "black box: the last {time}, {size}",
+                time=clock_text(recorder.held_s),
+                size=size_text(recorder.held_bytes),
+            )
         )
         shown = (
             self._all,
@@ -66,10 +73,11 @@ class RecordingsPanel:
                 self._row(each)
             if len(recordings) > SHOWN:
                 ui.button(
-                    "Show fewer" if self._all else f"Show all {len(recordings)}", on_click=self._toggle
-                ).props("flat dense")
+                    t("Show fewer") if self._all else t("Show all {count}", count=len(recordings)),
+                    on_click=self._toggle,
+                ).props("flat dense data-look")
             if not recordings:
-                ui.label("nothing has been recorded yet")
+                ui.label(t("nothing has been recorded yet"))
 
     def _row(self, recording: RecordingInfo) -> None:
         name = recording.name
@@ -78,32 +86,36 @@ class RecordingsPanel:
             ui.label(name).classes("grow break-all")
             ui.label(size_text(recording.size)).classes("text-xs")
             if recording.state == "writing":
-                ui.button("Stop", on_click=partial(self._stop, name)).props(
-                    f'dense color=negative aria-label="stop recording {name}"'
+                ui.button(t("Stop"), on_click=partial(self._stop, name)).props(
+                    f'dense color=negative aria-label="{t("stop recording {name}", name=name)}"'
                 )
             elif recording.state == "done":
-                ui.link("plot", f"{root}/plot", new_tab=True).props(f'aria-label="plot {name}"')
-                ui.button("play", on_click=partial(show_replay, self._actions.link, name)).props(
-                    f'flat dense no-caps aria-label="play {name}"'
+                ui.link(t("plot"), f"{root}/plot", new_tab=True).props(
+                    f'aria-label="{t("plot {name}", name=name)}"'
                 )
-                ui.link("download", f"{root}/file").props(f'aria-label="download {name}"')
+                ui.button(t("play"), on_click=partial(show_replay, self._actions.link, name)).props(
+                    f'flat dense no-caps data-look aria-label="{t("play {name}", name=name)}"'
+                )
+                ui.link(t("download"), f"{root}/file").props(
+                    f'aria-label="{t("download {name}", name=name)}"'
+                )
             else:
-                ui.label("unfinished").classes("text-xs")
+                ui.label(t("unfinished")).classes("text-xs")
 
     def _toggle(self) -> None:
         self._all = not self._all
 
     async def _start(self) -> None:
         name = (self._name.value or "").strip()
-        if await self._do("record_start", "record", lambda machine: machine.record_start(name)):
+        if await self._do("record_start", mark("record"), lambda machine: machine.record_start(name)):
             self._name.set_value("")
 
     async def _stop(self, name: str) -> None:
-        await self._do("record_stop", "stop recording", lambda machine: machine.record_stop(name))
+        await self._do("record_stop", mark("stop recording"), lambda machine: machine.record_stop(name))
 
     async def _save(self) -> None:
-        if await self._do("record_save", "save the black box", lambda machine: machine.record_save()):
-            ui.notify("the black box is saved", position="bottom")
+        if await self._do("record_save", mark("save the black box"), lambda machine: machine.record_save()):
+            ui.notify(t("the black box is saved"), position="bottom")
 
     async def _do(self, method: str, name: str, action: Action) -> bool:
         done = await self._actions.do(method, name, action)

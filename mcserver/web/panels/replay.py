@@ -17,6 +17,7 @@ from mcserver.web.link import MachineLink
 from mcserver.web.playback import SPEEDS, Playback
 from mcserver.web.replay_format import Replay, ReplayAxis
 from mcserver.web.space import Space
+from mcserver.web.translation import t
 
 STEP_S = 0.05
 MOST_AXES = 24
@@ -26,23 +27,28 @@ LEAST_TRAVEL = 1e-3
 
 async def show_replay(link: MachineLink, name: str) -> None:
     """Open a recording in a dialog; what is wrong with it is shown instead."""
-    waiting = ui.notification(f"{name} is being read", spinner=True, timeout=None, position="bottom")
+    waiting = ui.notification(
+        t("{name} is being read", name=name), spinner=True, timeout=None, position="bottom"
+    )
     try:
         path = await link.recorded.replay(link.connected(), name)
         replay = msgspec.json.decode(path.read_bytes(), type=Replay)
     except (MotionError, OSError, msgspec.DecodeError) as error:
         if isinstance(error, MotionError):
-            show_refusal(f"{error.message} [{error.code}]", error.hint)
+            show_refusal(f"{t(error.message)} [{error.code}]", error.hint)
         else:
-            show_refusal(f"{name} cannot be played: {error}")
+            show_refusal(t("{name} cannot be played: {error}", name=name, error=error))
         return
     finally:
         waiting.dismiss()
-    with named_dialog(f"{name}, played").props("maximized") as dialog, ui.card().classes("mc-card"):
+    with (
+        named_dialog(t("{name}, played", name=name)).props("maximized") as dialog,
+        ui.card().classes("mc-card"),
+    ):
         with ui.row().classes("w-full items-center justify-between"):
             ui.label(name).classes("font-bold grow break-all")
-            ui.button("Close", on_click=dialog.close).props("flat")
-        player = Player(f"{name}, played", replay, f"/machine/{link.name}/model")
+            ui.button(t("Close"), on_click=dialog.close).props("flat")
+        player = Player(t("{name}, played", name=name), replay, f"/machine/{link.name}/model")
 
     def close() -> None:
         player.close()
@@ -67,19 +73,19 @@ class Player:
         self._space = Space(title, model_url).classes("mc-replay")
         self._space.on("ready", self._begin, args=[])
         with ui.row().classes("w-full items-center no-wrap"):
-            self._button = ui.button("Pause" if playing else "Play", on_click=self._toggle)
+            self._button = ui.button(t("Pause") if playing else t("Play"), on_click=self._toggle)
             self._button.props("color=primary")
             self._slider = (
                 ui.slider(min=0, max=len(replay.time_s) - 1, step=1, value=0, on_change=self._seek)
-                .props('aria-label="time in the recording"')
+                .props(f'aria-label="{t("time in the recording")}"')
                 .classes("grow")
             )
         with ui.row().classes("w-full items-center"):
-            speeds = ui.select(list(SPEEDS), label="speed ×", value="1", on_change=self._take_speed)
+            speeds = ui.select(list(SPEEDS), label=t("speed ×"), value="1", on_change=self._take_speed)
             speeds.classes("w-24")
-            ui.checkbox("repeat").bind_value_to(self._playback, "repeat")
-            ui.checkbox("joint frames", on_change=lambda event: self._space.frames(event.value))
-            ui.button("Look at all", on_click=self._space.look_at_all).props("flat dense")
+            ui.checkbox(t("repeat")).bind_value_to(self._playback, "repeat")
+            ui.checkbox(t("joint frames"), on_change=lambda event: self._space.frames(event.value))
+            ui.button(t("Look at all"), on_click=self._space.look_at_all).props("flat dense")
         self._text = ui.label("").classes("font-mono text-sm break-words")
         self._values = ui.html("", sanitize=False).classes("w-full")
         self._timer = ui.timer(STEP_S, self._step)
@@ -102,13 +108,13 @@ class Player:
         tips = {tip.label: tip.points[row] for tip in replay.tips}
         self._space.show_row(axes, tips, row, self._spans[row])
         line = replay.line[row]
-        shown = f"{replay.time_s[row]:.3f} s   line {line}" if line else f"{replay.time_s[row]:.3f} s"
+        shown = f"{replay.time_s[row]:.3f} s" + (f"   {t('line {line}', line=line)}" if line else "")
         self._text.set_text(f"{shown}   {replay.text.get(line, '').strip()}")
         self._values.set_content(axes_html((axis, position[column]) for column, axis in self._axes))
 
     def _toggle(self) -> None:
         self._playback.toggle()
-        self._button.set_text("Pause" if self._playback.playing else "Play")
+        self._button.set_text(t("Pause") if self._playback.playing else t("Play"))
 
     def _step(self) -> None:
         if not self._space.is_ready or not self._playback.playing:
@@ -116,7 +122,7 @@ class Player:
         self._playback.advance(STEP_S)
         self._slider.set_value(self._playback.row)
         if not self._playback.playing:
-            self._button.set_text("Play")
+            self._button.set_text(t("Play"))
 
     def _seek(self) -> None:
         """Go to the slider's row, unless it is there because time has gone on."""
@@ -158,7 +164,7 @@ def axes_html(axes: Iterable[tuple[ReplayAxis, float]]) -> str:
         for axis, value in axes
     ]
     more = len(rows) - MOST_AXES
-    note = f"<div>and {more} more</div>" if more > 0 else ""
+    note = f"<div>{t('and {count} more', count=more)}</div>" if more > 0 else ""
     return f'<table class="mc-gauges">{"".join(rows[:MOST_AXES])}</table>{note}'
 
 

@@ -15,6 +15,7 @@ from mcserver.web.actions import Actions, show_refusal
 from mcserver.web.dialogs import named_dialog
 from mcserver.web.formatting import axis_name, page_hint, position_text, program_excerpt
 from mcserver.web.jobs import Middle
+from mcserver.web.translation import language, t
 
 
 async def ask_run_from(actions: Actions, name: str, from_line: int) -> Middle | None:
@@ -22,16 +23,23 @@ async def ask_run_from(actions: Actions, name: str, from_line: int) -> Middle | 
     try:
         lines = actions.link.store.read(name).split("\n")
         if not 1 <= from_line <= len(lines):
-            show_refusal(f"{name} has no line {from_line}", f"it has {len(lines)} lines")
+            show_refusal(
+                t("{name} has no line {line}", name=name, line=from_line),
+                t("it has {count} lines", count=len(lines)),
+            )
             return None
         shown = await actions.link.connected().continuation(before=lines[: from_line - 1])
     except (MotionError, McError) as error:
-        show_refusal(f"{error.message} [{error.code}]", error.hint)
+        show_refusal(f"{t(error.message)} [{error.code}]", error.hint)
         return None
     first = max(1, from_line - 3)
     excerpt = program_excerpt(lines, from_line, {}) if len(lines) > 1 else html.escape(lines[first - 1])
     return await _ask(
-        f"Run {name} from line {from_line}?", f"Run from line {from_line}", shown, excerpt, Middle()
+        t("Run {name} from line {line}?", name=name, line=from_line),
+        t("Run from line {line}", line=from_line),
+        shown,
+        excerpt,
+        Middle(),
     )
 
 
@@ -40,7 +48,7 @@ async def ask_to_go_on(actions: Actions, program: ProgramStatus) -> tuple[Contin
     try:
         shown = await actions.link.connected().continuation(program.program)
     except (MotionError, McError) as error:
-        show_refusal(f"{error.message} [{error.code}]", error.hint)
+        show_refusal(f"{t(error.message)} [{error.code}]", error.hint)
         return None
     name = shown.name or shown.program
     rows = [
@@ -48,14 +56,12 @@ async def ask_to_go_on(actions: Actions, program: ProgramStatus) -> tuple[Contin
         f"{html.escape(f'{number:>6}  {text[:200]}')}</span>"
         for number, text in enumerate(shown.lines, shown.first)
     ]
-    text = f'<pre class="mc-program" tabindex="0" aria-label="Program text">{"".join(rows)}</pre>'
-    certain = (
-        f"<p>Lines through {shown.done} are certain; line {shown.done + 1} may have begun."
-        + ("" if shown.whole else f" The text is known through line {shown.accepted}.")
-        + "</p>"
-    )
-    title = f"Go on with {name} at line {shown.line}?"
-    middle = await _ask(title, f"Go on at line {shown.line}", shown, certain + text, Middle(shown.program))
+    text = f'<pre class="mc-program" tabindex="0" aria-label="{t("Program text")}">{"".join(rows)}</pre>'
+    known = "" if shown.whole else " " + t("The text is known through line {line}.", line=shown.accepted)
+    certain = f"<p>{certain_text(shown.done)}{known}</p>"
+    title = t("Go on with {name} at line {line}?", name=name, line=shown.line)
+    verb = t("Go on at line {line}", line=shown.line)
+    middle = await _ask(title, verb, shown, certain + text, Middle(shown.program))
     return None if middle is None else (shown, middle)
 
 
@@ -68,7 +74,7 @@ async def _ask(title: str, verb: str, shown: Continuation, text: str, middle: Mi
         with ui.element("div").classes("mc-buttons"):
             for label, answer in answers_to(asked, verb, middle):
                 ui.button(label, on_click=_submit(dialog, answer)).props("color=positive no-caps")
-            ui.button("Cancel", on_click=lambda: dialog.submit(None)).props("flat autofocus")
+            ui.button(t("Cancel"), on_click=lambda: dialog.submit(None)).props("flat autofocus")
     answer = await dialog
     dialog.delete()
     return answer if isinstance(answer, Middle) else None
@@ -76,6 +82,11 @@ async def _ask(title: str, verb: str, shown: Continuation, text: str, middle: Mi
 
 def _submit(dialog: ui.dialog, answer: Middle) -> Callable[[], None]:
     return lambda: dialog.submit(answer)
+
+
+def certain_text(done: int) -> str:
+    """Return what is certain of a program that was broken off behind its line ``done``."""
+    return t("Lines through {done} are certain; line {next} may have begun.", done=done, next=done + 1)
 
 
 def answers_to(asked: set[str], verb: str, middle: Middle) -> list[tuple[str, Middle]]:
@@ -87,40 +98,48 @@ def answers_to(asked: set[str], verb: str, middle: Middle) -> list[tuple[str, Mi
     if "" in asked:
         return []
     way = "way" in asked
-    taken = f"Take this way: {verb[0].lower()}{verb[1:]}" if way else verb
+    taken = t("Take this way: {verb}", verb=_inside_sentence(verb)) if way else verb
     if "outputs" not in asked:
         return [(taken, middle._replace(way=way))]
+    then = _inside_sentence(taken)
     return [
-        (f"Switch them on: {taken[0].lower()}{taken[1:]}", middle._replace(way=way, outputs="set")),
-        (f"Leave them: {taken[0].lower()}{taken[1:]}", middle._replace(way=way, outputs="leave")),
+        (t("Switch them on: {verb}", verb=then), middle._replace(way=way, outputs="set")),
+        (t("Leave them: {verb}", verb=then), middle._replace(way=way, outputs="leave")),
     ]
+
+
+def _inside_sentence(verb: str) -> str:
+    """Return the words of a button as they stand behind others; nouns of German keep their capitals."""
+    return verb if language() == "de" else verb[0].lower() + verb[1:]
 
 
 def continuation_html(shown: Continuation) -> str:
     """Return where the axes are and are expected, the way between, and what has to be answered, as HTML."""
-    found = [f"<p>In force there: {html.escape(' '.join(shown.modal))}</p>"] if shown.modal else []
+    found = [f"<p>{t('In force there:')} {html.escape(' '.join(shown.modal))}</p>"] if shown.modal else []
     rows = "".join(
         f"<tr><td>{axis_name(each.axis)}</td><td class=n>{position_text(each.now)}</td>"
-        f"<td class=n>{'not known' if each.there is None else position_text(each.there)}</td>"
-        f"<td>{'elsewhere' if each.away else ''}</td></tr>"
+        f"<td class=n>{t('not known') if each.there is None else position_text(each.there)}</td>"
+        f"<td>{t('elsewhere') if each.away else ''}</td></tr>"
         for each in shown.axes
         if each.energized
     )
     if rows:
-        columns = "<th>Axis</th><th class=n>is at</th><th class=n>line starts at</th><th></th>"
-        head = f"<tr>{columns}</tr>"
+        head = (
+            f"<tr><th>{t('Axis')}</th><th class=n>{t('is at')}</th>"
+            f"<th class=n>{t('line starts at')}</th><th></th></tr>"
+        )
         found.append(f'<table class="mc-positions"><thead>{head}</thead><tbody>{rows}</tbody></table>')
     energize = ", ".join(axis_name(axis) for axis in shown.energize)
-    steps = ([f"energize {energize}"] if energize else []) + [each.text for each in shown.way]
+    steps = ([t("energize {axes}", axes=energize)] if energize else []) + [t(each.text) for each in shown.way]
     if steps:
         ways = "".join(f"<li>{html.escape(step)}</li>" for step in steps)
-        found.append(f'<p><b>The way:</b></p><ol class="mc-steps">{ways}</ol>')
+        found.append(f'<p><b>{t("The way:")}</b></p><ol class="mc-steps">{ways}</ol>')
     if shown.axes and not shown.way:
-        found.append("<p>The axes are where the program has them before this line.</p>")
+        found.append(f"<p>{t('The axes are where the program has them before this line.')}</p>")
     for need in shown.needs:
         hint = f"<br>= {html.escape(page_hint(need.hint))}" if need.hint else ""
         kind = "mc-faults" if not need.confirm else "mc-warnings"
-        found.append(f'<div class="{kind}">{html.escape(need.message)} [{need.code}]{hint}</div>')
+        found.append(f'<div class="{kind}">{html.escape(t(need.message))} [{need.code}]{hint}</div>')
     return "".join(found)
 
 
@@ -134,11 +153,11 @@ class RecoveryPanel:
     def __init__(self, actions: Actions) -> None:
         self._actions = actions
         self.program: ProgramStatus | None = None
-        self._card = ui.card().classes("mc-card").props('role=region aria-label="Broken off"')
+        self._card = ui.card().classes("mc-card").props(f'role=region aria-label="{t("Broken off")}"')
         with self._card:
             self._said = ui.label("").classes("w-full font-bold break-words")
             self._certain = ui.label("").classes("w-full")
-            self._button = ui.button("Continue …", on_click=self._go_on).props("color=positive no-caps")
+            self._button = ui.button(t("Continue …"), on_click=self._go_on).props("color=positive no-caps")
             self._button.set_enabled(actions.visitor.may("continue_program"))
         self._card.set_visibility(False)
 
@@ -159,11 +178,11 @@ class RecoveryPanel:
         if program is None or program == shown:
             return
         name = program.name or program.program
-        self._said.set_text(f"{name} was {program.state} at line {program.done + 1}")
-        self._certain.set_text(
-            f"Lines through {program.done} are certain; line {program.done + 1} may have begun."
+        self._said.set_text(
+            t("{name} was {state} at line {line}", name=name, state=t(program.state), line=program.done + 1)
         )
-        self._button.set_text(f"Continue at line {program.done + 1}…")
+        self._certain.set_text(certain_text(program.done))
+        self._button.set_text(t("Continue at line {line}…", line=program.done + 1))
 
     async def _go_on(self) -> None:
         program = self.program

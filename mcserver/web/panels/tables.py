@@ -16,10 +16,11 @@ from mcserver.web.actions import Actions, show_refusal
 from mcserver.web.dialogs import ask, named_dialog
 from mcserver.web.formatting import axis_name, position_text
 from mcserver.web.open_programs import refusal_of
+from mcserver.web.translation import mark, t
 
 PERIOD_S = 1.0
 CHANGES_SHOWN = 12
-WHY = "tables are changed at rest"
+WHY = mark("tables are changed at rest")
 
 
 class TablesPanel:
@@ -31,13 +32,13 @@ class TablesPanel:
         self._info: Info | None = None
         self._content = ""
         with ui.card().classes("mc-card") as self._card:
-            ui.html("<h2>Offsets and tools</h2>", sanitize=False)
+            ui.html(f"<h2>{t('Offsets and tools')}</h2>", sanitize=False)
             self._rows = ui.html("", sanitize=False).classes("w-full overflow-x-auto")
-            self._rows.props('tabindex=0 role=region aria-label="Offsets and tools"')
+            self._rows.props(f'tabindex=0 role=region aria-label="{t("Offsets and tools")}"')
             with ui.element("div").classes("mc-buttons"):
-                offset = ui.button("Change an offset …", on_click=self._ask_offset).props("outline dense")
-                self._tool = ui.button("Change a tool …", on_click=self._ask_tool).props("outline dense")
-                self._undo = ui.button("Undo …", on_click=self._ask_undo).props("outline dense")
+                offset = ui.button(t("Change an offset …"), on_click=self._ask_offset).props("outline dense")
+                self._tool = ui.button(t("Change a tool …"), on_click=self._ask_tool).props("outline dense")
+                self._undo = ui.button(t("Undo …"), on_click=self._ask_undo).props("outline dense")
             self._buttons = (offset, self._tool, self._undo)
             self._waits_for = ui.label("").classes("text-sm").props("aria-live=polite")
         self._card.set_visibility(False)
@@ -51,7 +52,7 @@ class TablesPanel:
         try:
             self._tables = await link.answers.get("tables", PERIOD_S, machine.tables)
         except MotionError as error:
-            self._show(f"<p>{html.escape(error.message)} [{error.code}]</p>")
+            self._show(f"<p>{html.escape(t(error.message))} [{error.code}]</p>")
             return
         self._info = info
         self._show(tables_html(self._tables, info, link.row_names.names))
@@ -89,14 +90,14 @@ class TablesPanel:
             return
         origins = {each.system: each.origin for each in self._tables.offsets}
         names = self._actions.link.row_names.names
-        with named_dialog("Change a work offset") as dialog, ui.card().classes("mc-ask"):
-            ui.label("Where programs read zero. Nothing moves.")
+        with named_dialog(t("Change a work offset")) as dialog, ui.card().classes("mc-ask"):
+            ui.label(t("Where programs read zero. Nothing moves."))
             system = ui.select(
                 {each: f"{each} {names.get(each, '')}".strip() for each in SYSTEMS},
                 value="G54",
-                label="System",
+                label=t("System"),
             )
-            way = ui.select({False: "set to", True: "shift by"}, value=False, label="How")
+            way = ui.select({False: t("set to"), True: t("shift by")}, value=False, label=t("How"))
             with ui.element("div").classes("mc-buttons"):
                 fields = {
                     str(axis.index): ui.number(
@@ -104,8 +105,8 @@ class TablesPanel:
                     ).classes("w-28")
                     for axis in self._info.axes
                 }
-            name = ui.input("Name", value=names.get("G54", "")).props("maxlength=60")
-            line = ui.label("").classes("font-mono break-all").props('aria-label="line to be sent"')
+            name = ui.input(t("Name"), value=names.get("G54", "")).props("maxlength=60")
+            line = ui.label("").classes("font-mono break-all").props(f'aria-label="{t("line to be sent")}"')
 
             def fill() -> None:
                 origin = origins.get(system.value, {})
@@ -139,13 +140,13 @@ class TablesPanel:
             return
         tools = {each.number: each for each in self._tables.tools}
         names = self._actions.link.row_names.names
-        with named_dialog("Change a tool") as dialog, ui.card().classes("mc-ask"):
-            ui.label("Length for G43 and diameter. A G43 before does not see the change.")
-            number = ui.number("Tool", value=min(tools, default=1), min=1, max=99999, format="%d")
-            length = ui.number("Length [mm]", format="%.4f")
-            diameter = ui.number("Diameter [mm]", min=0.0, format="%.4f")
-            name = ui.input("Name").props("maxlength=60")
-            line = ui.label("").classes("font-mono break-all").props('aria-label="line to be sent"')
+        with named_dialog(t("Change a tool")) as dialog, ui.card().classes("mc-ask"):
+            ui.label(t("Length for G43 and diameter. A G43 before does not see the change."))
+            number = ui.number(t("Tool"), value=min(tools, default=1), min=1, max=99999, format="%d")
+            length = ui.number(t("Length [mm]"), format="%.4f")
+            diameter = ui.number(t("Diameter [mm]"), min=0.0, format="%.4f")
+            name = ui.input(t("Name")).props("maxlength=60")
+            line = ui.label("").classes("font-mono break-all").props(f'aria-label="{t("line to be sent")}"')
 
             def fill() -> None:
                 tool = tools.get(int(number.value or 0))
@@ -185,7 +186,7 @@ class TablesPanel:
         except McError as error:
             show_refusal(error.message, error.hint)
             return
-        ui.notify(f"{row} is changed", position="bottom")
+        ui.notify(t("{row} is changed", row=row), position="bottom")
 
     async def _ask_undo(self) -> None:
         if not self._actions.allowed("open") or self._tables is None or not self._tables.changes:
@@ -193,21 +194,23 @@ class TablesPanel:
         last = self._tables.changes[0]
         line = undo_line(last)
         if line is None:
-            show_refusal(f"{last.row} was not in the table before", "change it, or leave it there")
+            show_refusal(
+                t("{row} was not in the table before", row=last.row), t("change it, or leave it there")
+            )
             return
         if await ask(
-            f"Take the last change back? {change_text(last)}",
-            "Undo",
+            t("Take the last change back? {change}", change=change_text(last)),
+            t("Undo"),
             colour="warning",
             details=lambda: ui.label(line).classes("font-mono break-all"),
         ):
-            await self._send(f"undo {change_text(last)}", line)
+            await self._send(mark("undo {change}", change=change_text(last)), line)
 
 
 def _buttons(dialog: ui.dialog) -> None:
     with ui.element("div").classes("mc-buttons"):
-        ui.button("Set", on_click=lambda: dialog.submit(True)).props("color=primary")
-        ui.button("Cancel", on_click=lambda: dialog.submit(False)).props("flat")
+        ui.button(t("Set"), on_click=lambda: dialog.submit(True)).props("color=primary")
+        ui.button(t("Cancel"), on_click=lambda: dialog.submit(False)).props("flat")
 
 
 def tables_html(tables: Tables, info: Info, names: dict[str, str]) -> str:
@@ -224,10 +227,7 @@ def tables_html(tables: Tables, info: Info, names: dict[str, str]) -> str:
         for system in SYSTEMS
         if system == SYSTEMS[0] or system in origins or system in names
     )
-    parts = [
-        f'<table class="mc-positions"><thead><tr><th>System</th>{head}<th>Name</th></tr></thead>'
-        f"<tbody>{rows}</tbody></table>"
-    ]
+    parts = [_table(f"<th>{t('System')}</th>{head}<th>{t('Name')}</th>", rows)]
     if tables.tools:
         rows = "".join(
             f"<tr><td>T{tool.number}</td><td class=n>{position_text(tool.length)}</td>"
@@ -235,15 +235,17 @@ def tables_html(tables: Tables, info: Info, names: dict[str, str]) -> str:
             f"<td>{html.escape(names.get(f'T{tool.number}', ''))}</td></tr>"
             for tool in tables.tools
         )
-        parts.append(
-            '<table class="mc-positions"><thead><tr><th>Tool</th><th class=n>length [mm]</th>'
-            f"<th class=n>diameter [mm]</th><th>Name</th></tr></thead><tbody>{rows}</tbody></table>"
-        )
+        titles = f"<th class=n>{t('Length [mm]')}</th><th class=n>{t('Diameter [mm]')}</th>"
+        parts.append(_table(f"<th>{t('Tool')}</th>{titles}<th>{t('Name')}</th>", rows))
     if tables.changes:
         lines = "".join(
             f"<div>{time.strftime('%d.%m. %H:%M:%S', time.localtime(each.wall))} "
             f"<b>{html.escape(each.name or each.client)}</b> {html.escape(change_text(each))}</div>"
             for each in tables.changes[:CHANGES_SHOWN]
         )
-        parts.append(f'<p>Changes:</p><div class="text-sm">{lines}</div>')
+        parts.append(f'<p>{t("Changes:")}</p><div class="text-sm">{lines}</div>')
     return "".join(parts)
+
+
+def _table(head: str, rows: str) -> str:
+    return f'<table class="mc-positions"><thead><tr>{head}</tr></thead><tbody>{rows}</tbody></table>'

@@ -11,10 +11,11 @@ from mcserver.web.dialogs import ask_to_replace
 from mcserver.web.open_programs import refusal_of
 from mcserver.web.panels.tool_jog import ToolJogPanel, pose_of
 from mcserver.web.tool_steps import opening_lines, pose_line
+from mcserver.web.translation import mark, t
 
 TAUGHT = "taught.gcode"
 MOST_CHARACTERS = 200_000
-WHY = "a pose is taken where the tool stands"
+WHY = mark("a pose is taken where the tool stands")
 
 
 class TeachPanel:
@@ -28,14 +29,14 @@ class TeachPanel:
         self._actions = actions
         self._jog = jog
         with ui.card().classes("mc-card") as self._card:
-            ui.html("<h2>Teach</h2>", sanitize=False)
-            self._text = ui.textarea(label="Taught program").classes("w-full font-mono")
+            ui.html(f"<h2>{t('Teach')}</h2>", sanitize=False)
+            self._text = ui.textarea(label=t("Taught program")).classes("w-full font-mono")
             self._text.props(f"autogrow maxlength={MOST_CHARACTERS} spellcheck=false")
             with ui.element("div").classes("mc-buttons"):
-                ui.button("Take pose", on_click=self._take).props("color=primary")
-                ui.button("Replay", on_click=self._replay).props("color=positive")
-                self._name = ui.input("Program name", value=TAUGHT).classes("w-40")
-                ui.button("Save as program", on_click=self._save).props("outline")
+                ui.button(t("Take pose"), on_click=self._take).props("color=primary")
+                ui.button(t("Replay"), on_click=self._replay).props("color=positive")
+                self._name = ui.input(t("Program name"), value=TAUGHT).classes("w-40")
+                ui.button(t("Save as program"), on_click=self._save).props("outline")
         self._card.set_visibility(False)
 
     def update(self) -> None:
@@ -52,7 +53,7 @@ class TeachPanel:
                 raise refusal
             line = pose_line(tool, pose_of(status.tools, tool), self._jog.speed)
         except MotionError as error:
-            show_refusal(f"{error.message} [{error.code}]", error.hint)
+            show_refusal(f"{t(error.message)} [{error.code}]", error.hint)
             return
         text = str(self._text.value or "").rstrip("\n")
         lines = [text] if text.strip() else opening_lines(tool)
@@ -61,7 +62,7 @@ class TeachPanel:
     def _replay(self) -> None:
         text = str(self._text.value or "")
         if not text.strip():
-            show_refusal("Nothing has been taught", "press Take pose first")
+            show_refusal(t("Nothing has been taught"), t("press Take pose first"))
         elif self._actions.allowed("open"):
             try:
                 self._actions.link.jobs.add_text(self._name.value or TAUGHT, text, self._actions.visitor.name)
@@ -80,4 +81,4 @@ class TeachPanel:
         except McError as error:
             show_refusal(error.message, error.hint)
         else:
-            ui.notify(f"{name} is kept", position="bottom")
+            ui.notify(t("{name} is kept", name=name), position="bottom")

@@ -14,12 +14,13 @@ from mcserver.web.jogging import HOLD_S, Move
 from mcserver.web.open_programs import refusal_of
 from mcserver.web.panels.held_buttons import HeldButtons, JogPad
 from mcserver.web.tool_steps import Frame, step_lines
+from mcserver.web.translation import mark, t
 
 STEPS = (0.1, 1.0, 5.0, 10.0, 50.0)
 SPEEDS = (1, 5, 10, 25, 50, 100, 250)
 # steps that wait or are under way
 MOST = 8
-WHY = "a step of the tool would wait for its end"
+WHY = mark("a step of the tool would wait for its end")
 
 
 class ToolJogPanel:
@@ -37,19 +38,19 @@ class ToolJogPanel:
         # steps of before it was last raised do not run
         self._round = 0
         with ui.card().classes("mc-card") as self._card:
-            ui.html("<h2>Tool jog</h2>", sanitize=False)
+            ui.html(f"<h2>{t('Tool jog')}</h2>", sanitize=False)
             with ui.row().classes("items-center w-full gap-4"):
-                self._choice = ui.select({}, label="Tool", on_change=self._build).classes("min-w-32")
+                self._choice = ui.select({}, label=t("Tool"), on_change=self._build).classes("min-w-32")
                 self._frame = ui.select(
-                    {"base": "base", "tool": "tool"}, value="base", label="Along axes of"
+                    {"base": t("base"), "tool": t("tool")}, value="base", label=t("Along axes of")
                 ).classes("min-w-28")
                 self._step = ui.select(
-                    {0.0: "while held", **{step: f"{step:g} mm, deg" for step in STEPS}},
+                    {0.0: t("while held"), **{step: f"{step:g} mm, deg" for step in STEPS}},
                     value=0.0,
-                    label="Step",
+                    label=t("Step"),
                 ).classes("min-w-32")
                 self._speed = ui.select(
-                    {each: f"{each} mm/s, deg/s" for each in SPEEDS}, value=10, label="Speed of the tip"
+                    {each: f"{each} mm/s, deg/s" for each in SPEEDS}, value=10, label=t("Speed of the tip")
                 ).classes("min-w-36")
             self._pad = ui.element("div").classes("mc-jog")
             self._end = ui.label("").classes("text-sm break-words").props("aria-live=polite")
@@ -85,10 +86,11 @@ class ToolJogPanel:
             for word in "XYZABC" if tool.orientation else "XYZ":
                 with ui.element("div").classes("mc-jog-axis"):
                     ui.label(word).classes("font-bold")
-                    for direction, sign, name in ((-1, "−", "minus"), (1, "+", "plus")):
+                    minus, plus = mark("jog tool {axis} minus"), mark("jog tool {axis} plus")
+                    for direction, sign, label in ((-1, "−", minus), (1, "+", plus)):
                         ui.button(f"{word}{sign}").props(
                             f"outline data-jog=tool data-what={word} data-direction={direction} "
-                            f'aria-label="jog tool {word} {name}"'
+                            f'aria-label="{t(label, axis=word)}"'
                         )
 
     def drop(self) -> None:
@@ -108,7 +110,13 @@ class ToolJogPanel:
                 tool.number, towards, velocity, frame=frame, hold_s=HOLD_S, program=program, by=by
             )
             if reply.obstacle:
-                self._end.set_text(f"{word}{'+' if direction > 0 else '−'} ends where {reply.obstacle}")
+                self._end.set_text(
+                    t(
+                        "{direction} ends where {obstacle}",
+                        direction=f"{word}{'+' if direction > 0 else '−'}",
+                        obstacle=t(reply.obstacle),
+                    )
+                )
             return reply.program
 
         return move
@@ -119,7 +127,7 @@ class ToolJogPanel:
         if tool is None or not known or not self._step.value or not self._actions.allowed("open"):
             return
         if self._waiting >= MOST:
-            show_refusal(f"{MOST} steps of the tool wait", "let some of them end")
+            show_refusal(t("{count} steps of the tool wait", count=MOST), t("let some of them end"))
             return
         amount, frame, speed, turn = direction * self._step.value, self._frame.value, self.speed, self._round
         self._waiting += 1
@@ -142,7 +150,13 @@ class ToolJogPanel:
             async with machine.program(name, axes=tool.axes) as program:
                 await program.send_lines(lines)
 
-        what = f"step T{tool.number} {word} {amount:+g} along the {frame}"
+        what = mark(
+            "step T{number} {axis} {amount:+g} along the {frame}",
+            number=tool.number,
+            axis=word,
+            amount=amount,
+            frame=mark(frame),
+        )
         if not await self._actions.do("open", what, step):
             self.drop()
 
@@ -151,5 +165,7 @@ def pose_of(poses: tuple[ToolPose, ...], tool: ToolInfo) -> ToolPose:
     """Return where a tool is; raises MotionError (MC530) where the server does not say so."""
     found = next((each for each in poses if each.number == tool.number), None)
     if found is None:
-        raise MotionError("MC530", f"the server does not say where T{tool.number} is", "is it starting?")
+        raise MotionError(
+            "MC530", t("the server does not say where T{number} is", number=tool.number), t("is it starting?")
+        )
     return found

@@ -9,9 +9,9 @@
       button.removeAttribute("role");
       button.tabIndex = -1;
       input.tabIndex = 0;
-      input.setAttribute("aria-label", "Choose a file");
+      input.setAttribute("aria-label", window.mcTexts["Choose a file"]);
     },
-    ".q-loading-bar:not([aria-label])": (bar) => bar.setAttribute("aria-label", "loading"),
+    ".q-loading-bar:not([aria-label])": (bar) => bar.setAttribute("aria-label", window.mcTexts["loading"]),
     ".q-menu[role=listbox] > .q-virtual-scroll__content:not([role])": (list) => list.setAttribute("role", "group"),
     ".q-menu[role=listbox] > .q-virtual-scroll__padding:not([role])": (space) => space.setAttribute("role", "presentation"),
   };
@@ -33,6 +33,12 @@
     // NiceGUI sets its own choice as it starts
     if (name in CHOICES) setTimeout(() => wear(name), 0);
   });
+
+  // the language is asked of the server, with every page
+  window.mcLanguage = (code) => {
+    document.cookie = `mc-language=${code}; path=/; max-age=31536000; samesite=lax${location.protocol === "https:" ? "; secure" : ""}`;
+    location.reload();
+  };
 
   // messages of the system, for who looks at something else: asked for by a click, as browsers want it
   const WANTED = "mc-messages";

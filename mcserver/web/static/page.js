@@ -61,15 +61,14 @@
     if (alive !== null && performance.now() - alive > SILENT_MS) document.body.classList.add("mc-silent");
   }, 500);
 
-  // who only looks: buttons that would be refused are disabled, whatever is drawn anew
-  const LOOKING = /^(freeze|go on|look at all|plot|play|download|close|cancel|look)/i;
+  // who only looks: buttons that would be refused are disabled, whatever is drawn anew; data-look has the others
   window.mcWatchOnly = () => {
     const grid = document.querySelector(".mc-grid");
     if (!grid || grid.dataset.watched) return;
     grid.dataset.watched = "1";
     const disable = () => {
       for (const button of grid.querySelectorAll("button:not([disabled])")) {
-        if (LOOKING.test(button.textContent.trim()) || button.closest(".q-expansion-item__container > .q-item")) continue;
+        if ("look" in button.dataset || button.closest(".q-expansion-item__container > .q-item")) continue;
         button.disabled = true;
         button.classList.add("disabled");
       }

@@ -88,7 +88,7 @@ export default {
     try {
       this.renderer = new THREE.WebGLRenderer({ antialias: true, alpha: true, canvas });
     } catch {
-      this.$el.textContent = "This browser draws no 3-D pictures (WebGL).";
+      this.$el.textContent = window.mcTexts["This browser draws no 3-D pictures (WebGL)."];
       return;
     }
     this.renderer.setPixelRatio(Math.min(window.devicePixelRatio, 2));
