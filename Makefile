@@ -145,6 +145,8 @@ pictures: $(VENV)/.for-development  ## draw the pictures of the documentation an
 	$(BIN)/mcserver plot examples/clearance.gcode --machine examples/post-and-door.toml --no-limits \
 		--output docs/images/clearance.png || [ $$? = 1 ]  # it ends in a contact
 	$(BIN)/mcserver plot examples/robot-dog.gcode --machine robot-dog --no-limits --output docs/images/dog.png
+	$(BIN)/mcserver plot examples/mill-part.gcode --machine examples/mill.toml --no-limits \
+		--output docs/images/mill-part.png
 	$(BIN)/python -m tests.bench.servo_picture docs/images/servo.png
 	$(BIN)/python -m tests.bench.shaping_picture docs/images/shaping.png
 	$(BIN)/python -m tests.bench.backlash_picture docs/images/backlash.png

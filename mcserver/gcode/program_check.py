@@ -419,8 +419,8 @@ def _warnings_of(assumed: Mapping[str, int]) -> list[Diagnostic]:
             line=line,
             column=0,
             end_column=0,
-            message=f"what the program does depends on what it measures; assumed here: {what}",
-            hint="as it runs it may take another way",
+            message=f"what the program does depends on what it measures; this check assumes: {what}",
+            hint="as it runs, or is simulated, it may take another way",
         )
         for what, line in assumed.items()
     ]

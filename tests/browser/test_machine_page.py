@@ -69,7 +69,7 @@ def test_a_file_is_uploaded_run_held_overridden_and_finished(
     page.get_by_role("button", name="Hold").click()
     expect(page.get_by_role("status")).to_have_text("held")
     held = wait_for(machine, page, stands)
-    assert held.programs[0].state == "held"
+    assert held.programs[-1].state == "held"  # the newest
     page.get_by_role("button", name="200 %").click()
     expect(page.get_by_text("Override 200 %", exact=True)).to_be_visible()
     page.get_by_role("button", name="Resume").click()
