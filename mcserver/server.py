@@ -35,7 +35,6 @@ from mcserver.security.expiry import authority_of, warn_of_expiry
 from mcserver.service.event_log import EventLog
 from mcserver.service.executor_port import ExecutorPort
 from mcserver.service.jog import Jogging
-from mcserver.service.motion_port import MotionPort
 from mcserver.service.references import References, references_file
 from mcserver.service.reports import Event
 from mcserver.service.service import MachineService
@@ -94,7 +93,7 @@ async def _warn_of_expiry(file: Path, events: EventLog) -> None:
 async def running(
     machine: Machine,
     options: ServerOptions,
-    port: MotionPort,
+    port: ExecutorPort,
     planning: Planning,
     drives: CanDrives | None = None,
     make_recorder: MakeRecorder | None = None,
@@ -210,7 +209,7 @@ async def serve(machine: Machine, options: ServerOptions | None = None) -> None:
             loop.remove_signal_handler(number)
 
 
-async def _until_stopped(stopping: asyncio.Event, port: MotionPort) -> None:
+async def _until_stopped(stopping: asyncio.Event, port: ExecutorPort) -> None:
     while not stopping.is_set():
         with contextlib.suppress(TimeoutError):
             await asyncio.wait_for(stopping.wait(), 0.2)

@@ -26,12 +26,12 @@ from mcserver.service.axes_of_requests import axes_of
 from mcserver.service.channels import Channels
 from mcserver.service.deferred import Deferred
 from mcserver.service.event_log import EventLog
+from mcserver.service.executor_port import ExecutorPort
 from mcserver.service.forecasts import Forecasts
 from mcserver.service.journal_reader import read_programs
 from mcserver.service.kept_texts import KeptTexts
 from mcserver.service.line_intake import LineIntake
 from mcserver.service.line_queue import QUEUE_LINES, LineQueue
-from mcserver.service.motion_port import MotionPort
 from mcserver.service.program import Program
 from mcserver.service.program_access import find_program, open_programs, owned_program
 from mcserver.service.program_table import ProgramTable
@@ -81,7 +81,7 @@ class MachineService:
     def __init__(
         self,
         machine: Machine,
-        port: MotionPort,
+        port: ExecutorPort,
         planning: Planning,
         options: ServiceOptions,
         *,

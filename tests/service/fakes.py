@@ -28,8 +28,8 @@ from mcserver.planning.planner_messages import (
     ReportKind,
 )
 from mcserver.planning.start_state import PauseEnd, StartState, StateBefore
+from mcserver.service.executor_port import Cycles, Snapshot
 from mcserver.service.journal import Journal
-from mcserver.service.motion_port import Cycles, Snapshot
 from mcserver.service.reports import AxisState
 from tests.machine_text import axes_text
 

@@ -34,8 +34,8 @@ from mcserver.planning.planner_messages import (
     ReportKind,
 )
 from mcserver.planning.start_state import PauseEnd, StartState, StateBefore
+from mcserver.service.executor_port import Snapshot
 from mcserver.service.journal_file import open_journal
-from mcserver.service.motion_port import Snapshot
 from mcserver.service.reports import Ack, Event
 from mcserver.service.service import MachineService
 from mcserver.service.service_options import ServiceOptions
