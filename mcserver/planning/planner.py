@@ -18,7 +18,8 @@ from collections.abc import Callable, Sequence
 from typing import Protocol
 
 from mcserver.errors import Diagnostic, McError
-from mcserver.executor.entries import EventKind, ExecutorEvent, MotionSink
+from mcserver.executor.entries import EventKind, ExecutorEvent
+from mcserver.executor.shm.rings import ProgramRing
 from mcserver.executor.view import SlotView
 from mcserver.planning.line_buffer import LineBuffer
 from mcserver.planning.planner_messages import (
@@ -68,7 +69,7 @@ class PlannerPort(Protocol):
     def views(self, slots: Sequence[int]) -> Sequence[SlotView]:
         """The place of each of these slots on its program's time axis, and its override."""
 
-    def sink(self, slot: int) -> MotionSink:
+    def sink(self, slot: int) -> ProgramRing:
         """Where a program that begins in the slot puts its rows and control entries."""
 
 
@@ -88,7 +89,7 @@ class LinePipeline(Protocol):
 class PipelineMaker(Protocol):
     """`mcserver.planning.process.PipelineFactory`."""
 
-    def make(self, request: PipelineRequest, lines: LineBuffer, sink: MotionSink, slot: int) -> LinePipeline:
+    def make(self, request: PipelineRequest, lines: LineBuffer, sink: ProgramRing, slot: int) -> LinePipeline:
         """Make the pipeline of a program in an executor's slot."""
 
 

@@ -13,7 +13,8 @@ from pathlib import Path
 import numpy as np
 
 from mcserver.errors import Diagnostic, ProgramRejected
-from mcserver.executor.entries import EventKind, ExecutorEvent, MotionSink
+from mcserver.executor.entries import EventKind, ExecutorEvent
+from mcserver.executor.shm.rings import ProgramRing
 from mcserver.executor.shm.target_box import Targets
 from mcserver.executor.view import SlotView
 from mcserver.gcode.semantics.modal import ModalState
@@ -76,7 +77,7 @@ class FakePort:
         self.calls.append(("begin", slot, axes, ratio, held))
         self.at_rest.discard(slot)
 
-    def sink(self, slot: int) -> MotionSink:
+    def sink(self, slot: int) -> ProgramRing:
         return FakeSink(self, slot)
 
     def poll_events(self) -> list[ExecutorEvent]:
@@ -315,7 +316,7 @@ class FakePipelines:
         self,
         request: PipelineRequest,
         lines: LineBuffer,
-        sink: MotionSink,
+        sink: ProgramRing,
         slot: int,  # noqa: ARG002
     ) -> FakePipeline:
         if self.failure is not None:

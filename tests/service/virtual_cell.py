@@ -8,7 +8,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from mcserver.errors import ServiceError
-from mcserver.executor.entries import ExecutorEvent, MotionSink
+from mcserver.executor.entries import ExecutorEvent
 from mcserver.executor.envelope_bounds import Envelope
 from mcserver.executor.shm.feedback import FeedbackRing, FeedbackState
 from mcserver.executor.shm.mailbox import CommandMailbox
@@ -71,7 +71,7 @@ class _Faces:
         hold: bool = False,
         unhomed: bool = False,
         envelope: Envelope | None = None,
-    ) -> MotionSink:
+    ) -> ProgramRing:
         return self._executor.open_slot(
             slot, axes_mask, override=override, hold=hold, unhomed=unhomed, envelope=envelope
         )
@@ -105,7 +105,7 @@ class _Planning:
         newest = self._executor.history.newest_slots()
         return [SlotView(newest[slot][0], newest[slot][1], override_of(slot)) for slot in slots]
 
-    def sink(self, slot: int) -> MotionSink:
+    def sink(self, slot: int) -> ProgramRing:
         ring = self._executor.sink(slot)
         ring.restart()
         return ring
