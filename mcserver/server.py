@@ -27,7 +27,6 @@ from mcserver.motion.compiling import COMPILING_EXECUTOR, needs_compiler
 from mcserver.net.configuration import NetworkOptions
 from mcserver.net.endpoint import MachineEndpoint
 from mcserver.planning.client import ProcessPlanning
-from mcserver.planning.planner_messages import Planning
 from mcserver.processes import freeze_heap
 from mcserver.recorder.client import RecorderClient, recorder_for
 from mcserver.security.expiry import CODE as EXPIRY_CODE
@@ -94,7 +93,7 @@ async def running(
     machine: Machine,
     options: ServerOptions,
     port: ExecutorPort,
-    planning: Planning,
+    planning: ProcessPlanning,
     drives: CanDrives | None = None,
     make_recorder: MakeRecorder | None = None,
 ) -> AsyncIterator[tuple[MachineService, MachineEndpoint]]:

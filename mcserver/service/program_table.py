@@ -19,6 +19,7 @@ from mcserver.gcode.profiles.frame import Frame
 from mcserver.gcode.semantics.modal import ModalState
 from mcserver.machine.clearance_section import AGENT, OPERATOR
 from mcserver.machine.machine_file import Machine
+from mcserver.planning.client import PlannerProcess
 from mcserver.planning.planner_messages import (
     Begin,
     CloseProgram,
@@ -35,7 +36,6 @@ from mcserver.planning.planner_messages import (
     OnPlannerEvents,
     PipelineRequest,
     Planned,
-    PlannerClient,
     PlannerEvent,
     PlannerFailed,
     ProgramMessage,
@@ -92,7 +92,7 @@ class ProgramTable:
         self,
         machine: Machine,
         port: ExecutorPort,
-        planner: Callable[[OnPlannerEvents], PlannerClient],
+        planner: Callable[[OnPlannerEvents], PlannerProcess],
         options: ServiceOptions,
         *,
         on_ack: Callable[[Ack], None],

@@ -17,8 +17,9 @@ from mcserver.executor.entries import Control
 from mcserver.executor.envelope_bounds import Envelope
 from mcserver.gcode.semantics.modal import ModalState
 from mcserver.machine.machine_file import Machine
+from mcserver.planning.client import ProcessPlanning
 from mcserver.planning.line_marks import LineMarks
-from mcserver.planning.planner_messages import Planning, StepLine
+from mcserver.planning.planner_messages import StepLine
 from mcserver.planning.start_state import StartState
 from mcserver.service.absences import Absences
 from mcserver.service.approach import NOTHING_CONFIRMED, Approach, Confirmed, refuse_needs
@@ -82,7 +83,7 @@ class MachineService:
         self,
         machine: Machine,
         port: ExecutorPort,
-        planning: Planning,
+        planning: ProcessPlanning,
         options: ServiceOptions,
         *,
         on_ack: Callable[[Ack], None],

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import sqlite3
 import time
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -24,7 +25,7 @@ from mcserver.planning.state_before import state_before
 from mcserver.service.executor_port import ExecutorPort
 from mcserver.service.homing import HomingService
 from mcserver.service.jog import Jogging
-from mcserver.service.journal_file import JournalConnection, open_journal
+from mcserver.service.journal_file import open_journal
 from mcserver.service.program import Program
 from mcserver.service.references import References, references_file
 from mcserver.service.reports import Event
@@ -126,7 +127,7 @@ class VirtualCell:
         machine: Machine,
         folder: Path,
         instance: str = "cell",
-        connect: Callable[[Path], JournalConnection] = open_journal,
+        connect: Callable[[Path], sqlite3.Connection] = open_journal,
         cycles_a_turn: int = CYCLES_A_TURN,
     ) -> None:
         self._cycles_a_turn = cycles_a_turn
