@@ -52,7 +52,7 @@ def measure() -> list[Figure]:
         meter = ClearanceMeter(machine, rows[0])
         times, lines = np.arange(len(rows)) * machine.cycle_s, np.ones(len(rows), np.int64)
         begin = time.process_time()
-        meter.add(times, lines, rows)
+        meter.take(times, lines, rows)
         meter.contacts()
         simulated = (time.process_time() - begin) / len(rows)
         # as they are handed over, with nothing that would end them
@@ -131,7 +131,7 @@ def _robot(name: str, *more: str) -> Machine:
 def _touched(machine: Machine, rows: Array) -> tuple[bool, bool]:
     """Return whether the post is found in the simulation, and as rows are handed over."""
     meter = ClearanceMeter(machine, rows[0])
-    meter.add(np.arange(len(rows)) * machine.cycle_s, np.ones(len(rows), np.int64), rows)
+    meter.take(np.arange(len(rows)) * machine.cycle_s, np.ones(len(rows), np.int64), rows)
     simulated = any("'post'" in each.message for each in meter.contacts())
     scene = Scene(machine)
     sweep = Sweep(scene, 0.0)
