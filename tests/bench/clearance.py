@@ -23,7 +23,7 @@ from mcserver.clearance.sweep import FINEST, Sweep
 from mcserver.machine.machine_file import Machine, builtin_text, parse_machine
 from mcserver.units import MM
 from tests.bench.figures import Figure
-from tests.clearance.machines import block, mill, two_arms
+from tests.clearance.machines import block, middle_of, mill, two_arms
 from tests.clearance.stopping import brute_force
 
 Array = NDArray[np.float64]
@@ -110,7 +110,7 @@ def planted(seed: int, folder: Path) -> tuple[bool, bool]:
     rows = random_motion(far, seed)
     scene = Scene(far)
     moving = [each.names[0] for each in scene.pairs if "post" in each.names]
-    at = scene.middle_of(str(draw.choice(moving)), rows[int(draw.integers(len(rows)))]) / MM
+    at = middle_of(scene, str(draw.choice(moving)), rows[int(draw.integers(len(rows)))]) / MM
     edge = float(draw.uniform(2.0, 60.0))
     hit = _touched(made(MARGIN_ZERO, block("post", tuple(at), edge)), rows)
     # straight up until it is clear in every cycle

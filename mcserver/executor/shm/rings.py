@@ -295,12 +295,10 @@ class ProgramRing:
         """Free the control entries with numbers below ``before``."""
         self._counters[_CONTROLS_READ] = before
 
-    def rows_with(self, number: int) -> int:
-        """Return the number of the row after those that come with a control entry, which must be there."""
-        return self._control_words[number % self.controls * _WORDS]
-
     def glance(self, number: int) -> tuple[int, int, float]:
-        """Return `rows_with`, the kind as a number, and u [cycles] of an entry, which must be there."""
+        """Return of an entry, which must be there: the number of the row after those that come with it, its
+        kind as a number, and u [cycles].
+        """
         words, at = self._control_words, number % self.controls * _WORDS
         return words[at], words[at + _KIND], self._control_numbers[at + _U]
 
