@@ -27,7 +27,6 @@ from mcserver.motion.compiling import COMPILING_EXECUTOR, needs_compiler
 from mcserver.net.configuration import NetworkOptions
 from mcserver.net.endpoint import MachineEndpoint
 from mcserver.planning.client import ProcessPlanning
-from mcserver.planning.planner_messages import Planning
 from mcserver.processes import freeze_heap
 from mcserver.recorder.client import RecorderClient, recorder_for
 from mcserver.security.expiry import CODE as EXPIRY_CODE
@@ -35,7 +34,6 @@ from mcserver.security.expiry import authority_of, warn_of_expiry
 from mcserver.service.event_log import EventLog
 from mcserver.service.executor_port import ExecutorPort
 from mcserver.service.jog import Jogging
-from mcserver.service.motion_port import MotionPort
 from mcserver.service.references import References, references_file
 from mcserver.service.reports import Event
 from mcserver.service.service import MachineService
@@ -94,8 +92,8 @@ async def _warn_of_expiry(file: Path, events: EventLog) -> None:
 async def running(
     machine: Machine,
     options: ServerOptions,
-    port: MotionPort,
-    planning: Planning,
+    port: ExecutorPort,
+    planning: ProcessPlanning,
     drives: CanDrives | None = None,
     make_recorder: MakeRecorder | None = None,
 ) -> AsyncIterator[tuple[MachineService, MachineEndpoint]]:
@@ -210,7 +208,7 @@ async def serve(machine: Machine, options: ServerOptions | None = None) -> None:
             loop.remove_signal_handler(number)
 
 
-async def _until_stopped(stopping: asyncio.Event, port: MotionPort) -> None:
+async def _until_stopped(stopping: asyncio.Event, port: ExecutorPort) -> None:
     while not stopping.is_set():
         with contextlib.suppress(TimeoutError):
             await asyncio.wait_for(stopping.wait(), 0.2)

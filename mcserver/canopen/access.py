@@ -6,7 +6,7 @@ import asyncio
 import time
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
-from typing import TypeVar
+from typing import TypeVar, cast
 
 from canopen.objectdictionary import ODVariable
 
@@ -18,7 +18,7 @@ from mcserver.canopen.node import Node, NodeAxis, Phase
 from mcserver.canopen.service import CanopenService
 from mcserver.canopen.settings import NO_AXIS, DriveSettings
 from mcserver.canopen.values import TYPES, Value, decode_value, encode_value, type_name
-from mcserver.canopen.views import BusScan, DriveInfo, MonitoredValue, SdoTarget, SdoValue
+from mcserver.canopen.views import BusScan, DriveInfo, MonitoredValue, SdoReply, SdoTarget, SdoType
 from mcserver.drives.cia402.state import power_state
 
 T = TypeVar("T")
@@ -62,7 +62,7 @@ def refusal_of_write(index: int, node: Node) -> tuple[str, str] | None:
 
 
 class OperatorAccess:
-    """Implements `mcserver.canopen.views.DriveAccess`; transfers wait in threads of its own."""
+    """Drives as operators may reach them; transfers wait in threads of its own."""
 
     def __init__(self, service: CanopenService) -> None:
         self._service = service
@@ -74,6 +74,7 @@ class OperatorAccess:
         self._pool.shutdown(wait=True, cancel_futures=True)
 
     def drives(self) -> list[DriveInfo]:
+        """Every drive on a CAN bus, by axis."""
         now = time.monotonic()
         nodes = [node for node in self._service.nodes if node.settings.axis != NO_AXIS]
         views = [_view(node, axis, now) for node in nodes for axis in node.axes]
@@ -91,8 +92,8 @@ class OperatorAccess:
             raise DriveError("MC559", f"there is no bus {bus!r}", f"there is {names}")
         return await self._in_thread(lambda: [scan_bus(each, "machine") for each in wanted])
 
-    async def sdo_read(self, target: SdoTarget, kind: str | None) -> SdoValue:
-        """Read an object.
+    async def sdo_read(self, target: SdoTarget, kind: str | None) -> SdoReply:
+        """Read an object; ``kind`` None: by the drive's dictionary.
 
         Raises:
             DriveError: MC553 refused, MC554 no answer, MC559 no such drive, or not to be read as that type.
@@ -111,11 +112,11 @@ class OperatorAccess:
             name, value = "bytes", decode_value("bytes", raw)
         return _value(settings, target, name, value, raw)
 
-    async def sdo_write(self, target: SdoTarget, kind: str | None, value: Value) -> SdoValue:
-        """Write an object.
+    async def sdo_write(self, target: SdoTarget, kind: str | None, value: Value) -> SdoReply:
+        """Write an object, unless that would fight the cycle.
 
         Raises:
-            DriveError: MC553, MC554, MC559 also: it would fight the cycle, or its type is not known.
+            DriveError: MC553, MC554, MC559 also: it would fight it, or its type is not known.
         """
         node, settings = self._find(target)
         refusal = refusal_of_write(target.index, node)
@@ -190,9 +191,11 @@ class OperatorAccess:
         )
 
 
-def _value(settings: DriveSettings, target: SdoTarget, kind: str, value: Value, raw: bytes) -> SdoValue:
-    return SdoValue(
-        settings.axis, settings.bus, settings.node, target.index, target.subindex, kind, value, raw
+def _value(settings: DriveSettings, target: SdoTarget, kind: str, value: Value, raw: bytes) -> SdoReply:
+    # a name of `TYPES`
+    named = cast(SdoType, kind)
+    return SdoReply(
+        settings.axis, settings.bus, settings.node, target.index, target.subindex, named, value, raw
     )
 
 

@@ -13,7 +13,6 @@ from typing import TYPE_CHECKING
 
 from mcserver.canopen.drive_events import CanopenEvent
 from mcserver.canopen.settings import uses_can
-from mcserver.canopen.views import DriveAccess, NoDrives
 from mcserver.errors import ConfigurationError
 from mcserver.machine.machine_file import Machine
 
@@ -30,12 +29,13 @@ class CanDrives:
     """Drives on CAN buses, as the server holds them; without any it does nothing.
 
     Attributes:
-        access: for operators. machine: with the process data that its drives have agreed to.
+        access: for operators; None: no drive is on a CAN bus.
+        machine: with the process data that its drives have agreed to.
     """
 
     def __init__(self, loop: asyncio.AbstractEventLoop) -> None:
         self.machine: Machine | None = None
-        self.access: DriveAccess = NoDrives()
+        self.access: OperatorAccess | None = None
         self._loop = loop
         # the oldest go where nobody takes them
         self._waiting: deque[CanopenEvent] = deque(maxlen=EVENTS_WAITING)

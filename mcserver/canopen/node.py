@@ -174,11 +174,6 @@ class Node:
         payload, at = self._payloads.get(identifier, (b"", 0.0))
         return payload if payload and self._clock() - at <= STALE_S else None
 
-    @property
-    def statusword(self) -> int | None:
-        """Of its first axis; as `statusword_of`."""
-        return self.statusword_of(self.axes[0])
-
     def statusword_of(self, axis: NodeAxis) -> int | None:
         """The newest statusword of an axis, or the fault bits of a drive that streams telemetry."""
         if axis.settings.streamed is not None:

@@ -3,13 +3,29 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal, Protocol
+from typing import Literal
 
 import msgspec
 
-from mcserver.errors import ServiceError
-
 Value = int | float | str | bool
+SdoType = Literal[
+    "bool",
+    "i8",
+    "i16",
+    "i24",
+    "i32",
+    "i64",
+    "u8",
+    "u16",
+    "u24",
+    "u32",
+    "u64",
+    "f32",
+    "f64",
+    "str",
+    "utf16",
+    "bytes",
+]
 # those of `mcserver.canopen.node.Phase`
 DrivePhase = Literal["booting", "operational", "lost", "restarting", "failed", "closed"]
 
@@ -101,54 +117,14 @@ class SdoTarget:
     bus: str = ""
 
 
-@dataclass(frozen=True)
-class SdoValue:
-    """An object's value; ``kind`` is the type's short name, ``raw`` the bytes as they were transferred."""
+class SdoReply(msgspec.Struct, frozen=True):
+    """An object's value, read or written; ``raw``: the bytes, little endian. ``bytes`` are shown as text."""
 
     axis: int
     bus: str
     node: int
     index: int
     subindex: int
-    kind: str
-    value: Value
+    type: SdoType
+    value: bool | int | float | str
     raw: bytes
-
-
-class DriveAccess(Protocol):
-    """Drives as operators may reach them."""
-
-    def drives(self) -> list[DriveInfo]:
-        """Every drive on a CAN bus, by axis."""
-
-    async def scan(self, bus: str, /) -> list[BusScan]:
-        """Ask every node number of a bus, or of all, who is there."""
-
-    async def sdo_read(self, target: SdoTarget, kind: str | None, /) -> SdoValue:
-        """Read an object; ``kind`` None: by the drive's dictionary."""
-
-    async def sdo_write(self, target: SdoTarget, kind: str | None, value: Value, /) -> SdoValue:
-        """Write an object, unless that would fight the cycle."""
-
-
-class NoDrives:
-    """`DriveAccess` of a machine without drives on CAN buses."""
-
-    def drives(self) -> list[DriveInfo]:
-        return []
-
-    async def scan(self, _bus: str, /) -> list[BusScan]:
-        raise self._refusal()
-
-    async def sdo_read(self, _target: SdoTarget, _kind: str | None, /) -> SdoValue:
-        raise self._refusal()
-
-    async def sdo_write(self, _target: SdoTarget, _kind: str | None, _value: Value, /) -> SdoValue:
-        raise self._refusal()
-
-    def _refusal(self) -> ServiceError:
-        return ServiceError(
-            "MC559",
-            "this machine has no drives on a CAN bus",
-            "those on EtherCAT are read by `mcserver drives`, without a server",
-        )

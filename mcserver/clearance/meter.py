@@ -121,7 +121,7 @@ class ClearanceMeter:
         changed = np.flatnonzero(self._scene.with_tools).tolist()
         self._begin([pair for pair in changed if not self._nearest[pair].contact], exchange.line)
 
-    def add(self, times: Array, lines: NDArray[np.int64], setpoint: Array) -> None:
+    def take(self, times: Array, lines: NDArray[np.int64], setpoint: Array) -> None:
         """Take cycles in order: times (n,) [s], lines (n,), setpoints (n, K) [SI]."""
         self._block.append((times.copy(), lines.copy(), setpoint.copy()))
         self._waiting += len(times)

@@ -187,15 +187,6 @@ class Scene:
         turn = float(np.linalg.norm(other.rotation - one.rotation)) / math.sqrt(2.0)
         return float(np.linalg.norm(other.act(middle) - one.act(middle))) + turn * float(shape.aabb_radius)
 
-    def middle_of(self, name: str, positions: Array) -> Array:
-        """Return the middle of a body of that name at these positions, shape (3,) [m]."""
-        self.place(positions)
-        number = next(each for each, known in self._names.items() if known == name)
-        body = self._geometry.geometryObjects[number]
-        body.geometry.computeLocalAABB()
-        middle: Array = self._placed.oMg[number].act(np.asarray(body.geometry.aabb_center))
-        return middle
-
     # ------------------------------------------------------------------ the model
 
     def _robot_model(self) -> Any:

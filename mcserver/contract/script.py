@@ -16,7 +16,8 @@ from mcserver.errors import Diagnostic, Refused, RejectedLines
 from mcserver.net.messages import CloseReply, ErrorReply, OpenReply, SubmitReply
 from mcserver.net.recovery_messages import ContinueReply
 from mcserver.net.rpc import encode_error
-from mcserver.service.line_queue import Gap, LineQueue
+from mcserver.service.line_intake import numbers_of, take_lines
+from mcserver.service.line_queue import LineQueue
 from mcserver.service.program import Program
 from mcserver.service.reports import Ack, Fault, ProgramState, wire_diagnostic
 
@@ -140,8 +141,8 @@ class Script:
         self._refuse()
 
     def _refuse(self) -> None:
-        numbers = {**self._numbers(), "expected": self.program.queue.expected}
-        self._answer(error_message(RejectedLines(self.program.diagnostics, **numbers)))
+        refused = RejectedLines(self.program.diagnostics, **numbers_of(self.program))
+        self._answer(error_message(refused))
 
     def runs(self, through: int) -> None:
         """The planner has taken lines and they have run; an acknowledgement says so."""
@@ -213,40 +214,15 @@ class Script:
         """Take the oldest message as the service does, and give the reply to a `submit` of it."""
         first, lines, rejections = self._messages.pop(0)
         program = self.program
-        if rejections != program.epoch:
-            return error_message(
-                Refused(
-                    "MC505",
-                    f"lines from {first} on were given when {rejections} lines had been rejected, now it is"
-                    f" {program.epoch}",
-                    f"send what is to run from line {program.queue.expected} on",
-                    **self._numbers(),
-                )
-            )
-        if first + len(lines) - 1 > program.queue.accepted:
-            if not program.takes_lines:
-                return error_message(
-                    Refused(
-                        "MC510",
-                        f"{program.program} takes no more lines: {program.state}",
-                        "open another program",
-                        state=program.state,
-                        **self._numbers(),
-                    )
-                )
-            taken = program.queue.take(first, lines)
-            program.journaled = program.queue.accepted
-            if isinstance(taken, Gap):
-                return error_message(
-                    Refused(
-                        "MC505",
-                        f"line {taken.expected} is the next one expected, not {first}",
-                        f"send lines from {taken.expected} on",
-                        **self._numbers(),
-                    )
-                ) | {"ack": shown_message(program.ack(taken.expected))}
-            if taken.lines:
-                program.rejected, program.diagnostics = 0, []
+        try:
+            taken = take_lines(program, first, lines, rejections)
+        except Refused as refused:
+            gap = rejections == program.epoch and refused.code == "MC505"
+            said = {"ack": shown_message(program.ack(program.queue.expected))} if gap else {}
+            return error_message(refused) | said
+        program.journaled = program.queue.accepted
+        if taken is not None:
+            program.rejected, program.diagnostics = 0, []
         return {
             "reply": shown_message(
                 SubmitReply(program.program, program.journaled, program.done, program.credit, program.epoch)
@@ -261,16 +237,6 @@ class Script:
         self.program.queue.consume(through)
         self.program.progress.passed(through)
         self.program.done = through
-
-    def _numbers(self) -> dict[str, object]:
-        program = self.program
-        return {
-            "expected": program.queue.expected,
-            "accepted": program.journaled,
-            "done": program.done,
-            "credit": program.credit,
-            "rejections": program.epoch,
-        }
 
     def _hear(self) -> None:
         """The client has been reached by what the server has to say."""

@@ -10,8 +10,8 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 
-from mcserver.drive_sim.fault_injection import BadRequest, Misbehaviour, values_of
-from mcserver.drive_sim.motor import Hardware, Motor
+from mcserver.drive_sim.motor import Hardware
+from mcserver.drive_sim.streamed_node import BOOT_S, StreamedNode
 from mcserver.drives.damiao.codec import (
     FIRST_FAULT,
     LENGTH,
@@ -34,21 +34,18 @@ from mcserver.drives.damiao.drive import DamiaoDrive
 from mcserver.machine.machine_file import Axis, Machine
 from mcserver.units import TURN
 
-BOOT_S = 0.05
 # Longest step of the motor's own loop, and the longest time that is made up for [s].
 STEP_S = 1e-4
 LONGEST_S = 0.05
 # Without frames it moves on so often [s].
 IDLE_S = 0.005
-NOT_DAMIAO = ("sdo_abort", "sdo_delay", "drop_sync", "ignore_setpoints", "reverse_torque", "inputs")
 
 
-class DamiaoNode:
-    """One motor.
+class DamiaoNode(StreamedNode):
+    """One motor."""
 
-    Attributes:
-        wake, routes: as `Cia402Node`.
-    """
+    kind = "damiao"
+    title = "Damiao motor"
 
     def __init__(
         self,
@@ -60,11 +57,8 @@ class DamiaoNode:
         position: float = 0.0,
     ) -> None:
         """Make a motor that is off; ``position``: of its output shaft [turn]."""
-        self.node = node
+        super().__init__(node, transmit, hardware, position)
         self.wake = math.inf
-        self.routes = 0
-        self.wrong = Misbehaviour()
-        self.motor = Motor(hardware or Hardware(), position)
         self.registers = {
             Register.TIMEOUT: 0.0,
             Register.CTRL_MODE: float(MIT_MODE),
@@ -74,12 +68,10 @@ class DamiaoNode:
         }
         self._stored = dict(self.registers)
         self._feedback_id = feedback_id
-        self._transmit_frame = transmit
         self._zero = 0.0
         self._status = int(Status.DISABLED)
         self._target = (0.0, 0.0, 0.0, 0.0, 0.0)
         self._heard_at = self._stepped_at = 0.0
-        self._booting = True
 
     def switch_on(self, now: float) -> None:
         """Power comes: nothing is heard for a moment; the shaft is within half a turn of its zero."""
@@ -88,10 +80,6 @@ class DamiaoNode:
         self._status = int(Status.DISABLED)
         self._stepped_at = now
         self.wake = now + BOOT_S
-
-    @property
-    def booted(self) -> bool:
-        return not self._booting
 
     def identifiers(self) -> set[int]:
         return {self.node, REGISTERS}
@@ -119,43 +107,17 @@ class DamiaoNode:
         self._advance(now)
         self.wake = now + IDLE_S
 
-    def request(self, fault: str, request: Mapping[str, object], now: float) -> None:
-        """A fault on demand; the code of ``emcy`` is the status from 8 on.
-
-        Raises:
-            BadRequest: there is no such fault, or a value does not fit.
-        """
-        values = values_of(request, fault)
-        if fault in NOT_DAMIAO:
-            raise BadRequest(f"{fault} belongs to CANopen: node {self.node} is a Damiao motor")
-        # its answers are its only sign of life
-        if self.wrong.begin("mute" if fault == "heartbeat_stop" else fault, values):
-            return
-        if fault == "emcy":
-            code = int(values["code"])
+    def trip(self, code: int) -> None:
+        if code:
             self._status = code if code >= FIRST_FAULT and is_status(code) else int(Status.OVERLOAD)
-        elif fault == "reboot":
-            self.switch_on(now)
-        elif fault == "following_error":
-            self.motor.jammed = not values["trip"]
-            if values["trip"]:
-                self._status = int(Status.OVER_CURRENT)
         else:
-            self.wrong = Misbehaviour()
-            self.motor.jammed = False
+            self._status = int(Status.OVER_CURRENT)
 
-    def describe(self) -> dict[str, object]:
-        """What a test may want to know of the node, beyond what the bus shows."""
+    def more(self) -> Mapping[str, object]:
         return {
-            "node": self.node,
-            "kind": "damiao",
-            "nmt": "BOOTING" if self._booting else "OPERATIONAL",
             "power": Status(self._status).name,
             "fault_bits": self._status if self._status >= FIRST_FAULT else 0,
             "timeout": self.registers[Register.TIMEOUT],
-            "turns": self.motor.position,
-            "turns_per_second": self.motor.velocity,
-            "faults": self.wrong.active + ["following_error"] * self.motor.jammed,
         }
 
     # ------------------------------------------------------------------ inside
@@ -187,7 +149,7 @@ class DamiaoNode:
                     self.registers[register] = written[1]
             answer = bytearray(register_request(self.node, register, self.registers[register]))
             answer[2] = payload[2]
-            self._transmit(bytes(answer))
+            self._transmit(self._feedback_id, bytes(answer))
 
     def _advance(self, now: float) -> None:
         self._stepped_at = max(self._stepped_at, now - LONGEST_S)
@@ -216,14 +178,7 @@ class DamiaoNode:
         motor = self.motor
         place = (motor.position - self._zero) * TURN
         feedback = Feedback(self._status, place, motor.velocity * TURN, motor.torque, 31, 28)
-        self._transmit(self._ranges.feedback(self.node, feedback))
-
-    def _transmit(self, payload: bytes) -> None:
-        if self.wrong.mute:
-            return
-        sent = self.wrong.tpdo(self._feedback_id, payload)
-        if sent is not None:
-            self._transmit_frame(self._feedback_id, sent)
+        self._transmit(self._feedback_id, self._ranges.feedback(self.node, feedback))
 
 
 def simulated_node(

@@ -12,8 +12,8 @@ import struct
 from collections.abc import Callable, Mapping
 
 from mcserver.can.cob import Function
-from mcserver.drive_sim.fault_injection import BadRequest, Misbehaviour, values_of
-from mcserver.drive_sim.motor import WINDUP_S, Hardware, Motor
+from mcserver.drive_sim.motor import WINDUP_S, Hardware
+from mcserver.drive_sim.streamed_node import BOOT_S, StreamedNode
 from mcserver.drives.servosila.drive import ServosilaDrive
 from mcserver.machine.machine_file import Axis, Machine
 from mcserver.units import MINUTE, TURN
@@ -22,27 +22,23 @@ NEVER = math.inf
 COMMAND = struct.Struct("<B3xf")
 STATUS = struct.Struct("<Hhf")
 PAIR = struct.Struct("<ff")
-BOOT_S = 0.05
 # Code of the public reference that the server never sends: an offset from the current position.
 SERVO_STEPPER = 0x38
-# Fault bits that the simulation itself sets (reference, page 39): driver chip, overcurrent.
-OTHER_FAULT = 0x0001
+# Fault bit that the simulation itself sets (reference, page 39): overcurrent.
 FOLLOWING_FAULT = 0x0008
 # The reference's FLOAT16 is linear over ±128.
 FLOAT16_PER_VOLT = 32767.0 / 128.0
 DC_BUS_V = 48.0
-NOT_CANOPEN = ("sdo_abort", "sdo_delay", "drop_sync", "ignore_setpoints", "reverse_torque", "inputs")
 # A servo command is followed unless the shaft stays this far behind for this time [turn, s].
 FOLLOWING_WINDOW = 1.0
 FOLLOWING_S = 0.25
 
 
-class ServosilaNode:
-    """One drive.
+class ServosilaNode(StreamedNode):
+    """One drive."""
 
-    Attributes:
-        wake, routes: as `Cia402Node`.
-    """
+    kind = "servosila"
+    title = "Servosila drive"
 
     def __init__(
         self,
@@ -63,12 +59,7 @@ class ServosilaNode:
             codes: command → code. position: of the motor [turn]. timeout_s: without a command for so long it
                 stops. absolute: its encoder knows the angle within a turn.
         """
-        self.node = node
-        self.wake = 0.0
-        self.routes = 0
-        self.wrong = Misbehaviour()
-        self.motor = Motor(hardware or Hardware(), position)
-        self._transmit_frame = transmit
+        super().__init__(node, transmit, hardware, position)
         self._names = {code: name for name, code in codes.items()}
         self._names.setdefault(SERVO_STEPPER, "servo_stepper")
         self._absolute = absolute
@@ -83,7 +74,6 @@ class ServosilaNode:
         self._heard_at = -math.inf
         self._fault_bits = 0
         self._behind_s = 0.0
-        self._booting = True
         self._tick_at = NEVER
         self._torque = 0.0
 
@@ -94,10 +84,6 @@ class ServosilaNode:
         self._enter("off")
         self._tick_at = now + BOOT_S
         self.wake = self._tick_at
-
-    @property
-    def booted(self) -> bool:
-        return not self._booting
 
     def identifiers(self) -> set[int]:
         return {Function.RPDO1 + self.node}
@@ -144,42 +130,14 @@ class ServosilaNode:
             self._tick_at = max(self._tick_at + self._period, now + 0.5 * self._period)
         self.wake = self._tick_at
 
-    def request(self, fault: str, request: Mapping[str, object], now: float) -> None:
-        """A fault on demand.
+    def trip(self, code: int) -> None:
+        self._fail(code or FOLLOWING_FAULT)
 
-        Raises:
-            BadRequest: there is no such fault, or a value does not fit.
-        """
-        values = values_of(request, fault)
-        if fault in NOT_CANOPEN:
-            raise BadRequest(f"{fault} belongs to CANopen: node {self.node} is a Servosila drive")
-        # its telemetry is its only sign of life
-        if self.wrong.begin("mute" if fault == "heartbeat_stop" else fault, values):
-            return
-        if fault == "emcy":
-            self._fail(int(values["code"]) or OTHER_FAULT)
-        elif fault == "reboot":
-            self.switch_on(now)
-        elif fault == "following_error":
-            self.motor.jammed = not values["trip"]
-            if values["trip"]:
-                self._fail(FOLLOWING_FAULT)
-        else:
-            self.wrong = Misbehaviour()
-            self.motor.jammed = False
-
-    def describe(self) -> dict[str, object]:
-        """What a test may want to know of the node, beyond what the bus shows."""
+    def more(self) -> Mapping[str, object]:
         return {
-            "node": self.node,
-            "kind": "servosila",
-            "nmt": "BOOTING" if self._booting else "OPERATIONAL",
             "power": self._command.upper(),
             "fault_bits": self._fault_bits,
             "position": self._work_zone(),
-            "turns": self.motor.position,
-            "turns_per_second": self.motor.velocity,
-            "faults": self.wrong.active + ["following_error"] * self.motor.jammed,
         }
 
     # ------------------------------------------------------------------ inside
@@ -254,17 +212,9 @@ class ServosilaNode:
         angle = (motor.position * self._pole_pairs % 1.0) * TURN
         current = self._torque / motor.hardware.rated_torque
         volts = round(DC_BUS_V * FLOAT16_PER_VOLT)
-        self._transmit(Function.TPDO1, STATUS.pack(self._fault_bits, volts, electrical_hz))
-        self._transmit(Function.TPDO2, PAIR.pack(angle, self._work_zone()))
-        self._transmit(Function.TPDO3, PAIR.pack(current, 0.0))
-
-    def _transmit(self, function: int, payload: bytes) -> None:
-        if self.wrong.mute:
-            return
-        identifier = function + self.node
-        sent = self.wrong.tpdo(identifier, payload)
-        if sent is not None:
-            self._transmit_frame(identifier, sent)
+        self._transmit(Function.TPDO1 + self.node, STATUS.pack(self._fault_bits, volts, electrical_hz))
+        self._transmit(Function.TPDO2 + self.node, PAIR.pack(angle, self._work_zone()))
+        self._transmit(Function.TPDO3 + self.node, PAIR.pack(current, 0.0))
 
 
 def simulated_node(

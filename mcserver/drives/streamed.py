@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING
 
 from mcserver.can.cob import RPDOS, Function
 from mcserver.can.port import CanPort
@@ -14,7 +15,7 @@ if TYPE_CHECKING:
     from mcserver.machine.machine_file import Axis
 
 
-class StreamedAxis(Protocol):
+class StreamedAxis(ABC):
     """One axis in the cycle of its bus.
 
     Attributes:
@@ -25,30 +26,43 @@ class StreamedAxis(Protocol):
         complaint: in which way it is not set up as the machine file says, and what to do; empty: in none.
     """
 
-    position: float
-    velocity: float
-    state: DriveState
-    fault: DriveFault
-    detail: int
-    fresh: bool
-    age: int
-    limit: int
-    short: int
-    complaint: tuple[str, str] | None
+    def __init__(self, axis: Axis, limit: int) -> None:
+        self.limit = limit
+        self.age = 1 << 30
+        self.position = axis.initial_position
+        self.velocity = 0.0
+        self.state = DriveState.OFF
+        self.fault = DriveFault.NONE
+        self.detail = 0
+        self.fresh = False
+        self.short = 0
+        self.complaint: tuple[str, str] | None = None
+        self._commanded = DriveMode.OFF
+        # of the port, and where a frame's payload begins there
+        self._send: Callable[[bytearray], bool] = lambda _buffer: False
+        self._at = 0
 
     @property
+    @abstractmethod
     def booted(self) -> bool:
         """Whether all that it reports has come."""
 
+    @abstractmethod
     def open(self, port: CanPort) -> dict[int, Callable[[bytes], None]]:
-        """Prepare the command's frame; return what to call for which COB-ID."""
+        """Prepare the frames that go out; return what to call for which COB-ID."""
 
+    @abstractmethod
     def read(self) -> None:
         """Take over what has come, once a cycle."""
 
     def fail(self, fault: DriveFault, detail: int = 0) -> bool:
-        """Latch a fault; False: one is latched already, or nobody commands the drive."""
+        """Latch a fault; False: one is latched already, or nobody commands the drive (G1011)."""
+        if self.fault is not DriveFault.NONE or self._commanded is DriveMode.SILENT:
+            return False
+        self.fault, self.detail = fault, detail
+        return True
 
+    @abstractmethod
     def step(self, commanded: DriveMode, position: float, velocity: float, torque: float) -> bool:
         """Go on by one cycle and send the command; False: it found no room."""
 

@@ -7,7 +7,6 @@ cycle, so that what needs no drive costs no cycle; after the exchange it sees fr
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Protocol
 
 import numpy as np
 
@@ -31,22 +30,24 @@ class BarrierFault(Exception):
         self.values = values
 
 
-class Barrier(Protocol):
+class Barrier:
     """One reason for u to stand."""
 
-    def before(self, left: float, held: bool) -> float | None:
+    def before(self, left: float, held: bool) -> float | None:  # noqa: ARG002
         """Return how much of the cycle is left once this is passed [cycles]; None: it stands.
 
         Args:
             left: what is left of the cycle at the moment from which the barrier counts.
         """
+        return None
 
-    def after(self, held: bool) -> bool:
+    def after(self, held: bool) -> bool:  # noqa: ARG002
         """Whether it is passed, by fresh feedback.
 
         Raises:
             BarrierFault: it will never be.
         """
+        return False
 
     def idle_cycles(self, limit: int) -> int:  # noqa: ARG002
         """Return in how many of the next cycles, up to ``limit``, it surely stands and nothing but time
@@ -72,9 +73,6 @@ class Dwell(Barrier):
         if self._remaining > NEAR_ZERO:
             return None
         return min(left, max(0.0, -self._remaining / self._cycle.cycle_s))
-
-    def after(self, held: bool) -> bool:  # noqa: ARG002
-        return False
 
     def idle_cycles(self, limit: int) -> int:
         return int(np.count_nonzero(self._remaining_after(limit) > NEAR_ZERO))
@@ -127,9 +125,6 @@ class Settled(Barrier):
 
     def __init__(self, settled: Callable[[], bool]) -> None:
         self._settled = settled
-
-    def before(self, left: float, held: bool) -> float | None:  # noqa: ARG002
-        return None
 
     def after(self, held: bool) -> bool:
         return not held and self._settled()
@@ -195,56 +190,61 @@ class ExactStop(Barrier):
         return bool((distance <= tolerance).all())
 
 
-class Energized(Barrier):
+class DriveWait(Barrier):
+    """Drives have done what they were told; they have a time for it."""
+
+    def __init__(self, cycle: Cycle, axes: int) -> None:
+        self._cycle = cycle
+        self._axes = axes
+        self._waited = 0.0
+
+    @property
+    def _missing(self) -> int:
+        """Columns of drives that have not done it."""
+        raise NotImplementedError
+
+    def _late(self, column: int) -> BarrierFault:
+        """Return the fault of the first of them when their time is over."""
+        raise NotImplementedError
+
+    def before(self, left: float, held: bool) -> float | None:  # noqa: ARG002
+        return None if self._missing else left
+
+    def after(self, held: bool) -> bool:  # noqa: ARG002
+        missing = self._missing
+        if missing:
+            self._waited += self._cycle.cycle_s
+            if self._waited > DRIVE_TIMEOUT_S:
+                raise self._late(self._cycle.bank.masks.columns(missing)[0])
+        return not missing
+
+
+class Energized(DriveWait):
     """Drives have energized their axes."""
 
-    def __init__(self, cycle: Cycle, axes: int) -> None:
-        self._cycle = cycle
-        self._axes = axes
-        self._waited = 0.0
+    @property
+    def _missing(self) -> int:
+        return self._axes & ~self._cycle.bank.energized
 
-    def before(self, left: float, held: bool) -> float | None:  # noqa: ARG002
-        return left if self._axes & ~self._cycle.bank.energized == 0 else None
-
-    def after(self, held: bool) -> bool:  # noqa: ARG002
-        missing = self._axes & ~self._cycle.bank.energized
-        if not missing:
-            return True
-        self._waited += self._cycle.cycle_s
-        if self._waited > DRIVE_TIMEOUT_S:
-            column = self._cycle.bank.masks.columns(missing)[0]
-            # nobody waits for them any more: none must begin to hold by itself later
-            self._cycle.bank.latch(missing)
-            raise BarrierFault(FaultCode.NO_ENERGIZE, column, (self._waited, DRIVE_TIMEOUT_S))
-        return False
+    def _late(self, column: int) -> BarrierFault:
+        # nobody waits for them any more: none must begin to hold by itself later
+        self._cycle.bank.latch(self._missing)
+        return BarrierFault(FaultCode.NO_ENERGIZE, column, (self._waited, DRIVE_TIMEOUT_S))
 
 
-class DrivesDone(Barrier):
+class DrivesDone(DriveWait):
     """Drives have come to rest after STOP, or have cleared their faults after RESET."""
 
-    def __init__(self, cycle: Cycle, axes: int) -> None:
-        self._cycle = cycle
-        self._axes = axes
-        self._waited = 0.0
+    @property
+    def _missing(self) -> int:
+        return self._axes & (self._cycle.bank.resetting | self._cycle.bank.stopping)
 
-    def before(self, left: float, held: bool) -> float | None:  # noqa: ARG002
-        bank = self._cycle.bank
-        return left if not self._axes & (bank.resetting | bank.stopping) else None
-
-    def after(self, held: bool) -> bool:  # noqa: ARG002
-        bank = self._cycle.bank
-        missing = self._axes & (bank.resetting | bank.stopping)
-        if not missing:
-            return True
-        self._waited += self._cycle.cycle_s
-        if self._waited > DRIVE_TIMEOUT_S:
-            column = bank.masks.columns(missing)[0]
-            fault, detail = bank.reported_fault(column)
-            if fault:
-                # such as a node that was stopped: it hears no reset
-                raise BarrierFault(code_of_drive_fault(fault), column, (float(fault), float(detail)))
-            raise BarrierFault(FaultCode.NO_RESET, column, (self._waited, DRIVE_TIMEOUT_S))
-        return False
+    def _late(self, column: int) -> BarrierFault:
+        fault, detail = self._cycle.bank.reported_fault(column)
+        if fault:
+            # such as a node that was stopped: it hears no reset
+            return BarrierFault(code_of_drive_fault(fault), column, (float(fault), float(detail)))
+        return BarrierFault(FaultCode.NO_RESET, column, (self._waited, DRIVE_TIMEOUT_S))
 
 
 class InputWait(Barrier):
@@ -271,9 +271,6 @@ class InputWait(Barrier):
         self._report = report
         self._before = cycle.io.value(column) != 0.0
         self._waited = 0.0
-
-    def before(self, left: float, held: bool) -> float | None:  # noqa: ARG002
-        return None
 
     def after(self, held: bool) -> bool:
         on, before = self._cycle.io.value(self._column) != 0.0, self._before
@@ -303,9 +300,6 @@ class Paused(Barrier):
     def before(self, left: float, held: bool) -> float | None:
         return left if self.passed and not held else None
 
-    def after(self, held: bool) -> bool:  # noqa: ARG002
-        return False
-
 
 class NextCycle(Barrier):
     """The entry is tried again in each cycle."""
@@ -313,9 +307,6 @@ class NextCycle(Barrier):
     def __init__(self, cycle: Cycle) -> None:
         self._cycle = cycle
         self._number = cycle.number
-
-    def before(self, left: float, held: bool) -> float | None:  # noqa: ARG002
-        return None
 
     def after(self, held: bool) -> bool:  # noqa: ARG002
         return self._cycle.number != self._number

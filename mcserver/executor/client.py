@@ -10,12 +10,10 @@ from collections.abc import Mapping
 from mcserver.drives.registry import create_buses
 from mcserver.errors import RuntimeFault
 from mcserver.executor.entries import ExecutorEvent
-from mcserver.executor.envelope_bounds import Envelope
+from mcserver.executor.faces import ExecutorFaces
 from mcserver.executor.process_start import ExitCode, ProcessState, Start
 from mcserver.executor.realtime import PRIORITY
-from mcserver.executor.shm.feedback import FeedbackRing, FeedbackState
-from mcserver.executor.shm.mailbox import SLOTS, CommandMailbox
-from mcserver.executor.shm.rings import ProgramRing
+from mcserver.executor.shm.mailbox import SLOTS
 from mcserver.executor.shm.shared_memory import SharedParts, create_block, map_block
 from mcserver.executor.stored_reference import StoredReference
 from mcserver.machine.machine_file import Machine
@@ -29,7 +27,7 @@ BEAT_TIMEOUT_S = 2.0
 _POLL_S = 0.002
 
 
-class ExecutorProcess:
+class ExecutorProcess(ExecutorFaces):
     """Starts, watches and ends the executor's process.
 
     A fresh interpreter is started for it, so that it has nothing of the server's in it. The memory that they
@@ -189,74 +187,21 @@ class ExecutorProcess:
         """As the process says."""
         return ProcessState(self.mailbox.executor_state)
 
-    # ------------------------------------------------------------------ the same faces as `VirtualExecutor`
+    # ------------------------------------------------------------------ its faces
 
     @property
-    def _shared(self) -> SharedParts:
+    def parts(self) -> SharedParts:
         if self._parts is None:
             raise RuntimeError("the executor has not been started")
         return self._parts
 
-    @property
-    def mailbox(self) -> CommandMailbox:
-        """Orders to the executor."""
-        return self._shared.mailbox
-
     def beat(self) -> None:
         """Say that the server lives; at least every 50 ms from the first call on."""
-        self._shared.mailbox.beat()
-
-    def open_slot(
-        self,
-        slot: int,
-        axes_mask: int | None = None,
-        *,
-        override: float = 1.0,
-        hold: bool = False,
-        unhomed: bool = False,
-        envelope: Envelope | None = None,
-    ) -> ProgramRing:
-        """Begin a program in a free slot; without a mask on all axes.
-
-        Returns:
-            Where its rows and control entries are put.
-        """
-        ring = self._shared.rings[slot]
-        mask = (1 << len(self.machine.axes)) - 1 if axes_mask is None else axes_mask
-        self.mailbox.open_slot(
-            slot, mask, ring.restart(), override=override, hold=hold, unhomed=unhomed, envelope=envelope
-        )
-        return ring
-
-    def sink(self, slot: int) -> ProgramRing:
-        """Return where the program in a slot puts its rows and control entries."""
-        return self._shared.rings[slot]
+        self.mailbox.beat()
 
     def events(self) -> list[ExecutorEvent]:
         """Return the reports since the last call, in order."""
-        return self._shared.events.take()
-
-    @property
-    def lost_events(self) -> int:
-        """Reports that found no room since the start."""
-        return self._shared.events.lost
-
-    @property
-    def feedback(self) -> FeedbackState:
-        """The latest cycle.
-
-        Raises:
-            RuntimeError: no cycle has passed.
-        """
-        state = self._shared.feedback.latest()
-        if state is None:
-            raise RuntimeError("no cycle has passed yet")
-        return state
-
-    @property
-    def history(self) -> FeedbackRing:
-        """The latest cycles."""
-        return self._shared.feedback
+        return self.parts.events.take()
 
     @property
     def epoch(self) -> float:

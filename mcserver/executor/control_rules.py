@@ -36,6 +36,8 @@ if TYPE_CHECKING:
     from mcserver.executor.slot import ProgramSlot
 
 _OPERATIONS = tuple(AxisOperation)
+# These have something to do behind their barriers; the others are done.
+_GOING_ON = (ControlKind.RAPID, ControlKind.SPEED, ControlKind.TORQUE, ControlKind.AXIS, ControlKind.SETTLE)
 
 
 def pass_control(slot: ProgramSlot, control: Control, left: float, waited: bool = False) -> Barrier | None:
@@ -50,6 +52,8 @@ def pass_control(slot: ProgramSlot, control: Control, left: float, waited: bool 
     Raises:
         BarrierFault: the entry cannot be done; the program is at fault.
     """
+    if waited and control.kind not in _GOING_ON:
+        return None
     if slot.guard is not None and not waited:
         slot.guard.admit_control(control)
     try:
@@ -72,10 +76,14 @@ def _line_end(slot: ProgramSlot, control: Control, left: float, _waited: bool) -
     return None
 
 
+def _refuse(slot: ProgramSlot, axes: int, code: FaultCode) -> None:
+    """Raise a fault of the first of these axes, where there is one."""
+    if axes:
+        raise BarrierFault(code, slot.cycle.bank.masks.columns(axes)[0])
+
+
 def _check_lease(slot: ProgramSlot, axes: int) -> None:
-    foreign = axes & ~slot.axes
-    if foreign:
-        raise BarrierFault(FaultCode.AXIS_NOT_LEASED, slot.cycle.bank.masks.columns(foreign)[0])
+    _refuse(slot, axes & ~slot.axes, FaultCode.AXIS_NOT_LEASED)
 
 
 def _check_power(slot: ProgramSlot, axes: int) -> None:
@@ -85,9 +93,7 @@ def _check_power(slot: ProgramSlot, axes: int) -> None:
     _check_lease(slot, axes)
     if cycle.estop:
         raise BarrierFault(FaultCode.EMERGENCY_STOP, -1)
-    latched = axes & cycle.bank.fault
-    if latched:
-        raise BarrierFault(FaultCode.AXIS_LATCHED, cycle.bank.masks.columns(latched)[0])
+    _refuse(slot, axes & cycle.bank.fault, FaultCode.AXIS_LATCHED)
 
 
 def _check_configured(slot: ProgramSlot, axes: int, mode: DriveMode) -> None:
@@ -101,33 +107,29 @@ def _check_configured(slot: ProgramSlot, axes: int, mode: DriveMode) -> None:
 
 def _check_follows_paths(slot: ProgramSlot, axes: int) -> None:
     """Raise where axes are to follow a path whose drives make their profiles themselves."""
-    profiled = axes & slot.cycle.profiled.mask
-    if profiled:
-        raise BarrierFault(FaultCode.FOLLOWS_NO_PATH, slot.cycle.bank.masks.columns(profiled)[0])
+    _refuse(slot, axes & slot.cycle.profiled.mask, FaultCode.FOLLOWS_NO_PATH)
 
 
 def _check_homed(slot: ProgramSlot, axes: int) -> None:
     """Raise where axes do not know where they are and the program is not to move them then."""
-    barred = slot.cycle.homed.barred(slot.cycle.bank.both(axes))
-    if barred and not (slot.orders is not None and slot.orders.unhomed):
-        raise BarrierFault(FaultCode.NOT_HOMED, slot.cycle.bank.masks.columns(barred)[0])
+    if slot.orders is None or not slot.orders.unhomed:
+        _refuse(slot, slot.cycle.homed.barred(slot.cycle.bank.both(axes)), FaultCode.NOT_HOMED)
+
+
+def _check_free(slot: ProgramSlot, axes: int) -> None:
+    """Raise where axes are not energized, or move by themselves."""
+    bank = slot.cycle.bank
+    _refuse(slot, axes & ~bank.energized, FaultCode.NOT_ENERGIZED)
+    _refuse(slot, axes & (slot.cycle.motions.mask | bank.speed | bank.torque_mode), FaultCode.AXIS_BUSY)
 
 
 def _begin(slot: ProgramSlot, control: Control, _left: float, _waited: bool) -> Barrier | None:
-    bank = slot.cycle.bank
-    both = bank.both(control.axes)
+    both = slot.cycle.bank.both(control.axes)
     _check_lease(slot, both)
     _check_homed(slot, both)
-    latched = both & bank.fault
-    if latched:
-        raise BarrierFault(FaultCode.AXIS_LATCHED, bank.masks.columns(latched)[0])
+    _refuse(slot, both & slot.cycle.bank.fault, FaultCode.AXIS_LATCHED)
     _check_follows_paths(slot, control.axes)
-    missing = both & ~bank.energized
-    if missing:
-        raise BarrierFault(FaultCode.NOT_ENERGIZED, bank.masks.columns(missing)[0])
-    busy = both & (slot.cycle.motions.mask | bank.speed | bank.torque_mode)
-    if busy:
-        raise BarrierFault(FaultCode.AXIS_BUSY, bank.masks.columns(busy)[0])
+    _check_free(slot, both)
     slot.playback.begin(control.axes, control.u)
     return None
 
@@ -137,15 +139,13 @@ def _end(slot: ProgramSlot, control: Control, _left: float, _waited: bool) -> Ba
     return None
 
 
-def _wait(slot: ProgramSlot, control: Control, _left: float, waited: bool) -> Barrier | None:
-    if waited:
-        return None
+def _wait(slot: ProgramSlot, control: Control, _left: float, _waited: bool) -> Barrier | None:
     timeout = control.seconds if control.seconds > 0.0 else slot.cycle.machine.exact_stop_timeout
     return ExactStop(slot.cycle, slot.cycle.bank.both(control.axes), timeout)
 
 
-def _dwell(slot: ProgramSlot, control: Control, _left: float, waited: bool) -> Barrier | None:
-    return None if waited else Dwell(slot.cycle, control.seconds)
+def _dwell(slot: ProgramSlot, control: Control, _left: float, _waited: bool) -> Barrier | None:
+    return Dwell(slot.cycle, control.seconds)
 
 
 def _energize(slot: ProgramSlot, axes: int, mode: DriveMode) -> Barrier | None:
@@ -178,9 +178,7 @@ def _rapid(slot: ProgramSlot, control: Control, left: float, waited: bool) -> Ba
     if not waited:
         _check_power(slot, control.axes)
         _check_homed(slot, control.axes)
-        busy = control.axes & slot.playback.active
-        if busy:
-            raise BarrierFault(FaultCode.AXIS_BUSY, bank.masks.columns(busy)[0])
+        _refuse(slot, control.axes & slot.playback.active, FaultCode.AXIS_BUSY)
         for column in bank.masks.columns(control.axes):
             _check_target(slot, column, targets[column])
         barrier = _energize(slot, control.axes, DriveMode.POSITION)
@@ -252,9 +250,7 @@ def _axis(slot: ProgramSlot, control: Control, left: float, waited: bool) -> Bar
         _check_lease(slot, axes)
         slot.acted = False
         slot.captured = 0
-        busy = axes & slot.playback.active
-        if busy:
-            raise BarrierFault(FaultCode.AXIS_BUSY, bank.masks.columns(busy)[0])
+        _refuse(slot, axes & slot.playback.active, FaultCode.AXIS_BUSY)
         if operation is not AxisOperation.CAPTURE:
             # the drive is to have got its last setpoint
             return AtRest(cycle, axes, exchanged=True)
@@ -293,10 +289,8 @@ def _act(slot: ProgramSlot, axes: int, operation: AxisOperation) -> Barrier | No
     return None
 
 
-def _halt(slot: ProgramSlot, control: Control, left: float, waited: bool) -> Barrier | None:
+def _halt(slot: ProgramSlot, control: Control, left: float, _waited: bool) -> Barrier | None:
     cycle, bank, motions = slot.cycle, slot.cycle.bank, slot.cycle.motions
-    if waited:
-        return None
     _check_lease(slot, control.axes)
     axes = control.axes & bank.energized
     hold_position(cycle, axes & (bank.speed | bank.torque_mode), slot.index, left)
@@ -306,22 +300,18 @@ def _halt(slot: ProgramSlot, control: Control, left: float, waited: bool) -> Bar
     return AtRest(cycle, control.axes)
 
 
-def _pause(slot: ProgramSlot, control: Control, left: float, waited: bool) -> Barrier | None:
-    if waited or slot.orders is None:
+def _pause(slot: ProgramSlot, control: Control, left: float, _waited: bool) -> Barrier | None:
+    if slot.orders is None:
         return None
     lent = signed(slot.lend())
     slot.cycle.emit(EventKind.PAUSED, slot.index, control.line, left, token=lent)
     return Paused(slot.orders.confirm)
 
 
-def _home(slot: ProgramSlot, control: Control, _left: float, waited: bool) -> Barrier | None:
+def _home(slot: ProgramSlot, control: Control, _left: float, _waited: bool) -> Barrier | None:
     cycle, bank = slot.cycle, slot.cycle.bank
-    if waited:
-        return None
     _check_power(slot, control.axes)
-    missing = control.axes & ~bank.energized
-    if missing:
-        raise BarrierFault(FaultCode.NOT_ENERGIZED, bank.masks.columns(missing)[0])
+    _refuse(slot, control.axes & ~bank.energized, FaultCode.NOT_ENERGIZED)
     if cycle.homed.assumed:
         return None
     return Homes(cycle, bank.both(control.axes), slot.index, lambda: slot.rapid_rate)
@@ -329,28 +319,18 @@ def _home(slot: ProgramSlot, control: Control, _left: float, waited: bool) -> Ba
 
 def _check_still(slot: ProgramSlot, axes: int) -> None:
     """Raise where axes are not energized and at rest, or cannot follow setpoints."""
-    cycle, bank = slot.cycle, slot.cycle.bank
     _check_power(slot, axes)
     _check_homed(slot, axes)
     _check_follows_paths(slot, axes)
-    missing = axes & ~bank.energized
-    if missing:
-        raise BarrierFault(FaultCode.NOT_ENERGIZED, bank.masks.columns(missing)[0])
-    busy = axes & (cycle.motions.mask | bank.speed | bank.torque_mode)
-    if busy:
-        raise BarrierFault(FaultCode.AXIS_BUSY, bank.masks.columns(busy)[0])
+    _check_free(slot, axes)
 
 
-def _probe(slot: ProgramSlot, control: Control, _left: float, waited: bool) -> Barrier | None:
-    if waited:
-        return None
+def _probe(slot: ProgramSlot, control: Control, _left: float, _waited: bool) -> Barrier | None:
     _check_still(slot, control.axes)
     return Probes(slot.cycle, control, slot.index, lambda: slot.rapid_rate)
 
 
-def _thread(slot: ProgramSlot, control: Control, _left: float, waited: bool) -> Barrier | None:
-    if waited:
-        return None
+def _thread(slot: ProgramSlot, control: Control, _left: float, _waited: bool) -> Barrier | None:
     _check_still(slot, control.axes)
     spindle, bank = 1 << control.channel, slot.cycle.bank
     _check_lease(slot, spindle)
@@ -359,9 +339,7 @@ def _thread(slot: ProgramSlot, control: Control, _left: float, waited: bool) -> 
     return ThreadPass(slot.cycle, control, slot.index)
 
 
-def _follow(slot: ProgramSlot, control: Control, _left: float, waited: bool) -> Barrier | None:
-    if waited:
-        return None
+def _follow(slot: ProgramSlot, control: Control, _left: float, _waited: bool) -> Barrier | None:
     _check_still(slot, control.axes)
 
     def lost(silence: float, counted: float) -> None:
@@ -378,10 +356,8 @@ def _follow_from(slot: ProgramSlot, control: Control, _left: float, _waited: boo
     slot.follow_from = control.values
 
 
-def _reference(slot: ProgramSlot, control: Control, _left: float, waited: bool) -> Barrier | None:
+def _reference(slot: ProgramSlot, control: Control, _left: float, _waited: bool) -> Barrier | None:
     assert control.values is not None
-    if waited:
-        return None
     _check_lease(slot, control.axes)
     return Refers(slot.cycle, control.axes, control.values, slot.index)
 
@@ -409,9 +385,7 @@ def _output(slot: ProgramSlot, control: Control, _left: float, _waited: bool) ->
     return None
 
 
-def _input(slot: ProgramSlot, control: Control, left: float, waited: bool) -> Barrier | None:
-    if waited:
-        return None
+def _input(slot: ProgramSlot, control: Control, left: float, _waited: bool) -> Barrier | None:
     cycle, mode, column = slot.cycle, WaitMode(control.operation), control.channel
 
     def report(value: float, seconds: float, left: float = 0.0) -> None:

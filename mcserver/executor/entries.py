@@ -9,13 +9,10 @@ interpolated (cubic Hermite on position and velocity).
 from __future__ import annotations
 
 import enum
-from typing import Protocol
 
 import msgspec
 import numpy as np
 from numpy.typing import NDArray
-
-from mcserver.motion.pieces import LineEdges, Rows
 
 Array = NDArray[np.float64]
 
@@ -85,36 +82,6 @@ class Control(msgspec.Struct, frozen=True, gc=False):
     token: int = 0
     channel: int = 0
     value: float = 0.0
-
-
-class MotionSink(Protocol):
-    """The planner's end of one program's rings. Never blocks: ask for room first."""
-
-    def row_room(self) -> int:
-        """Return how many rows fit now."""
-
-    def control_room(self) -> int:
-        """Return how many control entries fit now."""
-
-    def put_rows(self, rows: Rows) -> None:
-        """Put rows behind those before; their first u is above the last one put."""
-
-    def stop_ahead(self) -> float:
-        """Return the longest stop from the rows that the executor has not come to [cycles]."""
-
-    def put_control(self, control: Control, rows: int = 0) -> None:
-        """Put an entry; its u is not below that of the entry before.
-
-        Args:
-            rows: how many rows are put right after it and belong to it: before they have come it is no entry,
-                so that u does not run on past a motion that begins.
-        """
-
-    def put_zones_ahead(self, zones: int) -> None:
-        """Say which zones that an input switches the motion may come into, a bit each; before it is put."""
-
-    def put_edges(self, edges: LineEdges, rows: int = 0) -> None:
-        """Put `LINE_START` and `LINE_END` entries, as `put_control` does one by one."""
 
 
 class EventKind(enum.IntEnum):

@@ -84,10 +84,6 @@ class Follows(Barrier):
             return left
         return None
 
-    def after(self, held: bool) -> bool:  # noqa: ARG002
-        """Return False: targets pass by time alone."""
-        return False
-
     def _take(self) -> None:
         count = self._box.count
         newest = self._box.newest(len(self._columns))

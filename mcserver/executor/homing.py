@@ -384,9 +384,6 @@ class Homes(Barrier):
                 one, other = by_column[pair.leader], by_column[pair.follower]
                 one.partner, other.partner = other, one
 
-    def before(self, left: float, held: bool) -> float | None:  # noqa: ARG002
-        return None
-
     def after(self, held: bool) -> bool:  # noqa: ARG002
         for each in self._homings:
             each.seen = 0 if each.partner is None else each.partner.met
@@ -403,9 +400,6 @@ class Refers(Barrier):
         self._axes = axes
         self._values = values
         self._slot = slot
-
-    def before(self, left: float, held: bool) -> float | None:  # noqa: ARG002
-        return None
 
     def after(self, held: bool) -> bool:  # noqa: ARG002
         cycle = self._cycle

@@ -96,9 +96,6 @@ class Probes(Barrier):
         self._lead = -1
         self._found: Array | None = None
 
-    def before(self, left: float, held: bool) -> float | None:  # noqa: ARG002
-        return None
-
     def after(self, held: bool) -> bool:  # noqa: ARG002
         if self._lead < 0:
             self._begin()

@@ -12,7 +12,7 @@ import signal
 import sys
 import time
 from collections.abc import Callable, Mapping
-from typing import Protocol, TypeGuard
+from typing import TypeGuard
 
 import msgspec
 
@@ -44,13 +44,6 @@ PARENT_CYCLES = 8
 # The cycle follows a bus's clock with this time constant [cycles], at most by this part of a period a cycle.
 CLOCK_FILTER_CYCLES = 16
 GREATEST_CORRECTION = 100
-
-
-class Clock(Protocol):
-    """A clock with absolute sleep [ns]."""
-
-    def now(self) -> int: ...
-    def sleep_until(self, deadline: int) -> None: ...
 
 
 class ServerWatch:
@@ -98,7 +91,7 @@ def clock_correction_ns(bus: ClockedBus, period: int) -> int:
 
 
 def run_loop(
-    executor: Executor, mailbox: CommandMailbox, clock: Clock, parent: int, asked: Callable[[], bool]
+    executor: Executor, mailbox: CommandMailbox, clock: MonotonicClock, parent: int, asked: Callable[[], bool]
 ) -> ExitCode:
     """Run cycles until the server asks for the end or is lost; axes are at rest then where that was possible.
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from typing import Annotated
 
 import msgspec
 from msgspec import Meta
@@ -10,27 +10,11 @@ from msgspec import Meta
 from mcserver.canopen.views import BusScan, DriveInfo
 from mcserver.canopen.views import MonitoredValue as MonitoredValue
 from mcserver.canopen.views import ScannedNode as ScannedNode
+from mcserver.canopen.views import SdoReply as SdoReply
+from mcserver.canopen.views import SdoType as SdoType
 from mcserver.net.messages import AxisIndex, Request
 
 NodeNumber = Annotated[int, Meta(ge=1, le=127)]
-SdoType = Literal[
-    "bool",
-    "i8",
-    "i16",
-    "i24",
-    "i32",
-    "i64",
-    "u8",
-    "u16",
-    "u24",
-    "u32",
-    "u64",
-    "f32",
-    "f64",
-    "str",
-    "utf16",
-    "bytes",
-]
 
 
 class DrivesRequest(Request, frozen=True, kw_only=True):
@@ -76,16 +60,3 @@ class DrivesReply(msgspec.Struct, frozen=True):
     """By axis; empty where no drive is on a CAN bus."""
 
     drives: list[DriveInfo]
-
-
-class SdoReply(msgspec.Struct, frozen=True):
-    """An object's value, read or written; ``raw``: the bytes, little endian. ``bytes`` are shown as text."""
-
-    axis: int
-    bus: str
-    node: int
-    index: int
-    subindex: int
-    type: SdoType
-    value: bool | int | float | str
-    raw: bytes

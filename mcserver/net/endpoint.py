@@ -7,12 +7,11 @@ import logging
 import time
 from collections.abc import Callable
 from functools import partial
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import msgspec
 import zenoh
 
-from mcserver.canopen.views import DriveAccess, NoDrives
 from mcserver.errors import ServiceError
 from mcserver.net.configuration import (
     NetworkOptions,
@@ -38,12 +37,16 @@ from mcserver.net.servo_methods import targets_in_si
 from mcserver.net.session import CLOSE_LIMIT_S, Publication, ZenohSession, is_zenoh_fault
 from mcserver.net.stop_copies import StopCopies
 from mcserver.net.telemetry import CycleTelemetry, StateTelemetry
-from mcserver.recorder.views import RecordingAccess
+from mcserver.recorder.client import RecorderClient
 from mcserver.service.jog import Jogging
 from mcserver.service.reports import ENDED, Ack, Event
 from mcserver.service.service import MachineService
 from mcserver.service.servo import put_targets
 from mcserver.simulation.program_checker import ProgramChecker
+
+if TYPE_CHECKING:
+    # it needs the packages of CANopen
+    from mcserver.canopen.access import OperatorAccess
 
 log = logging.getLogger(__name__)
 
@@ -221,14 +224,14 @@ class MachineEndpoint:
         service: MachineService,
         jogging: Jogging,
         checker: ProgramChecker,
-        drives: DriveAccess | None = None,
-        recorder: RecordingAccess | None = None,
+        drives: OperatorAccess | None = None,
+        recorder: RecorderClient | None = None,
     ) -> None:
         """Declare what clients may use, the liveliness token last."""
         keys, loop = self.keys, self._loop
         self._rpc = RpcServer(
             keys,
-            machine_methods(service, jogging, checker, drives or NoDrives(), recorder),
+            machine_methods(service, jogging, checker, drives, recorder),
             self._replies,
         )
         rpc = self._rpc

@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import logging
+from typing import TYPE_CHECKING
 
-import msgspec
-
-from mcserver.canopen.views import DriveAccess, SdoTarget, SdoValue
+from mcserver.canopen.views import SdoTarget
 from mcserver.errors import Refused, ServiceError
 from mcserver.gcode.profiles.codes import ACTING
 from mcserver.gcode.profiles.frame import LENGTH_AXIS
@@ -26,7 +25,7 @@ from mcserver.net.status import EdgeUnits, machine_info, machine_status
 from mcserver.net.table_messages import Tables, TablesRequest
 from mcserver.net.text_forecast import TextForecast
 from mcserver.net.text_methods import TextMethods
-from mcserver.recorder.views import NoRecorder, RecordingAccess
+from mcserver.recorder.client import RecorderClient
 from mcserver.service.approach import Confirmed
 from mcserver.service.axes_of_requests import positions_in_si
 from mcserver.service.deferred import Deferred
@@ -37,6 +36,10 @@ from mcserver.service.service import MachineService
 from mcserver.service.servo import close_targets
 from mcserver.simulation.program_checker import ProgramChecker
 
+if TYPE_CHECKING:
+    # it needs the packages of CANopen
+    from mcserver.canopen.access import OperatorAccess
+
 log = logging.getLogger(__name__)
 
 
@@ -44,8 +47,8 @@ def machine_methods(
     service: MachineService,
     jogging: Jogging,
     checker: ProgramChecker,
-    drives: DriveAccess,
-    recorder: RecordingAccess | None = None,
+    drives: OperatorAccess | None,
+    recorder: RecorderClient | None = None,
 ) -> dict[str, Handler]:
     """Bind every method to one machine's service.
 
@@ -53,7 +56,7 @@ def machine_methods(
         service: the programs.
         jogging: moves by hand.
         checker: checks and simulations.
-        drives: those on CAN buses. recorder: its recordings.
+        drives: those on CAN buses. recorder: its recordings. None: there are none.
 
     Returns:
         The handlers by the names of their methods.
@@ -65,7 +68,7 @@ def machine_methods(
             TextMethods(service, checker, forecast),
             ArmingMethods(service, checker),
             RecordingMethods(
-                recorder or NoRecorder(),
+                recorder,
                 lambda client, method, detail: _record(service, client, method, None, detail),
             ),
             ModelMethods(service.machine),
@@ -80,7 +83,7 @@ class ProgramMethods:
     """Binds messages about programs, axes, channels and drives to one machine's service."""
 
     def __init__(
-        self, service: MachineService, jogging: Jogging, drives: DriveAccess, forecast: TextForecast
+        self, service: MachineService, jogging: Jogging, drives: OperatorAccess | None, forecast: TextForecast
     ) -> None:
         self._service = service
         self._jogging = jogging
@@ -240,21 +243,31 @@ class ProgramMethods:
         )
 
     def drives(self, _client: str, _request: drive_wire.DrivesRequest) -> drive_wire.DrivesReply:
-        return drive_wire.DrivesReply(self._drives.drives())
+        return drive_wire.DrivesReply([] if self._drives is None else self._drives.drives())
 
     async def drives_scan(
         self, _client: str, request: drive_wire.DrivesScanRequest
     ) -> drive_wire.DrivesScanReply:
-        return drive_wire.DrivesScanReply(await self._drives.scan(request.bus))
+        return drive_wire.DrivesScanReply(await self._reachable.scan(request.bus))
 
     async def sdo_read(self, _client: str, request: drive_wire.SdoReadRequest) -> drive_wire.SdoReply:
-        return _sdo_reply(await self._drives.sdo_read(_target(request), request.type))
+        return await self._reachable.sdo_read(_target(request), request.type)
 
     async def sdo_write(self, client: str, request: drive_wire.SdoWriteRequest) -> drive_wire.SdoReply:
-        reply = _sdo_reply(await self._drives.sdo_write(_target(request), request.type, request.value))
+        reply = await self._reachable.sdo_write(_target(request), request.type, request.value)
         where = f"axis {request.axis}" if request.axis is not None else f"node {request.node}"
         self._record(client, "sdo_write", None, f"{where} {request.index:04X}h.{request.subindex}")
         return reply
+
+    @property
+    def _reachable(self) -> OperatorAccess:
+        if self._drives is None:
+            raise ServiceError(
+                "MC559",
+                "this machine has no drives on a CAN bus",
+                "those on EtherCAT are read by `mcserver drives`, without a server",
+            )
+        return self._drives
 
     def tables(self, _client: str, _request: TablesRequest) -> Tables:
         machine = self._service.machine
@@ -278,22 +291,6 @@ def _target(request: drive_wire.SdoReadRequest) -> SdoTarget:
     if (request.axis is None) == (request.node is None):
         raise ServiceError("MC511", "an SDO goes to one drive", "give either `axis` or `node`")
     return SdoTarget(request.index, request.subindex, request.axis, request.node, request.bus)
-
-
-def _sdo_reply(found: SdoValue) -> drive_wire.SdoReply:
-    return msgspec.convert(
-        {
-            "axis": found.axis,
-            "bus": found.bus,
-            "node": found.node,
-            "index": found.index,
-            "subindex": found.subindex,
-            "type": found.kind,
-            "value": found.value,
-            "raw": found.raw,
-        },
-        drive_wire.SdoReply,
-    )
 
 
 def _submit_reply(program: Program) -> wire.SubmitReply:

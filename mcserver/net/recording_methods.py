@@ -4,21 +4,36 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import Callable
+from pathlib import Path
 
+from mcserver.errors import ServiceError
 from mcserver.net import recording_messages as wire
-from mcserver.recorder.views import RecordingAccess
+from mcserver.recorder.client import RecorderClient
+from mcserver.recorder.folder import RecordingFolder
+
+_NO_FOLDER = RecordingFolder(Path("/nonexistent"))
 
 
 class RecordingMethods:
     """Binds messages to the recorder.
 
     Args:
-        recorder: the server's. note: publishes who did what: client, method, detail.
+        recorder: the server's; None: its machine file switches it off. note: publishes who did what: client,
+            method, detail.
     """
 
-    def __init__(self, recorder: RecordingAccess, note: Callable[[str, str, str], None]) -> None:
-        self._recorder = recorder
+    def __init__(self, recorder: RecorderClient | None, note: Callable[[str, str, str], None]) -> None:
+        self._client = recorder
+        self._folder = _NO_FOLDER if recorder is None else recorder.folder
         self._note = note
+
+    @property
+    def _recorder(self) -> RecorderClient:
+        if self._client is None:
+            raise ServiceError(
+                "MC580", "this server has no recorder", "set enabled = true in [recorder] of its machine file"
+            )
+        return self._client
 
     async def record_start(self, client: str, request: wire.RecordStartRequest) -> wire.RecordReply:
         name = await self._recorder.record(request.name, request.max_s)
@@ -36,12 +51,11 @@ class RecordingMethods:
         return wire.RecordReply(name)
 
     async def recordings(self, _client: str, _request: wire.RecordingsRequest) -> wire.RecordingsReply:
-        status = await self._recorder.status()
+        status = None if self._client is None else await self._client.status()
         writing = frozenset(() if status is None else status.writing)
         # a folder on a disk that hangs must not hold up the loop
-        found = await asyncio.to_thread(self._recorder.folder.entries, writing)
-        return wire.RecordingsReply(found, status, str(self._recorder.folder.path))
+        found = await asyncio.to_thread(self._folder.entries, writing)
+        return wire.RecordingsReply(found, status, str(self._folder.path))
 
     async def recording_read(self, _client: str, request: wire.RecordingReadRequest) -> wire.RecordingPart:
-        folder = self._recorder.folder
-        return await asyncio.to_thread(folder.read, request.name, request.offset, request.size)
+        return await asyncio.to_thread(self._folder.read, request.name, request.offset, request.size)

@@ -40,9 +40,9 @@ from mcserver.net.messages import (
 )
 from mcserver.net.table_messages import Tables, ToolRow
 from mcserver.service.approval_basis import server_version
+from mcserver.service.executor_port import Cycles
 from mcserver.service.leases import EXECUTOR_SLOTS
 from mcserver.service.line_queue import QUEUE_LINES
-from mcserver.service.motion_port import Cycles
 from mcserver.service.service import OPEN_PROGRAMS, MachineService
 from mcserver.service.work_offsets import WorkOffsets
 from mcserver.simulation.tool_poses import ToolPoses

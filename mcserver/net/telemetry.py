@@ -16,7 +16,7 @@ from mcserver.net.publishing import PublishingThread
 from mcserver.net.qos import axis_qos, batch_qos, state_qos
 from mcserver.net.session import ZenohSession, is_zenoh_fault
 from mcserver.net.status import CYCLES_A_MESSAGE, STATE_HZ, EdgeUnits, machine_status
-from mcserver.service.motion_port import MotionPort
+from mcserver.service.executor_port import ExecutorPort
 from mcserver.service.service import MachineService
 
 log = logging.getLogger(__name__)
@@ -74,7 +74,7 @@ class CycleTelemetry:
     """
 
     def __init__(self, session: ZenohSession, keys: Keys, service: MachineService) -> None:
-        self._port: MotionPort = service.port
+        self._port: ExecutorPort = service.port
         self._period_s = CYCLES_A_MESSAGE * service.machine.cycle_s
         self._units = EdgeUnits(service.machine)
         self._encode = msgspec.msgpack.Encoder().encode

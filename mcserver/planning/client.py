@@ -121,7 +121,7 @@ class ConnectionPhase(enum.Enum):
 
 
 class PlannerProcess:
-    """`mcserver.planning.planner_messages.PlannerClient` with a process; belongs to the loop.
+    """The service's end of a planner's process; belongs to the loop.
 
     Args:
         child: is ready. start_again: starts another one, for when it has ended; called in a thread.
@@ -286,7 +286,7 @@ class PlannerProcess:
 
 
 class ProcessPlanning:
-    """`mcserver.planning.planner_messages.Planning` with a process; starts it at once.
+    """Plan a machine's programs in a process, which is started at once.
 
     Args:
         machine: what is planned for. executor: launched; its cycles need not run yet.

@@ -12,7 +12,8 @@ import numpy as np
 from mckinematics.dynamics import JointDynamics
 
 from mcserver.clearance.mounted import Exchange
-from mcserver.executor.entries import Control, ControlKind, MotionSink
+from mcserver.executor.entries import Control, ControlKind
+from mcserver.executor.shm.rings import ProgramRing
 from mcserver.machine.machine_file import Machine
 from mcserver.motion.bound import Bound
 from mcserver.motion.canonical import (
@@ -90,7 +91,7 @@ class LinePlanner:
     def __init__(
         self,
         machine: Machine,
-        sink: MotionSink,
+        sink: ProgramRing,
         positions: Mapping[int, float],
         energized: frozenset[int],
         dynamics: JointDynamics | None = None,

@@ -9,7 +9,8 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from mcserver.executor.entries import Control, ControlKind, MotionSink
+from mcserver.executor.entries import Control, ControlKind
+from mcserver.executor.shm.rings import ProgramRing
 from mcserver.motion.lookahead.setpoint_sampling import CYCLE_ROUNDING
 from mcserver.motion.pieces import Deactivation, LineEdges, Piece, Rows
 from mcserver.planning.clearance_guard import ClearanceGuard
@@ -32,7 +33,7 @@ class Output:
             the executor reports `LAST_TOKEN` once it stands there.
     """
 
-    def __init__(self, sink: MotionSink, guard: ClearanceGuard | None = None) -> None:
+    def __init__(self, sink: ProgramRing, guard: ClearanceGuard | None = None) -> None:
         self._sink = sink
         self._guard = guard
         # u of the last row that came here

@@ -16,8 +16,9 @@ from mckinematics.pose import Kinematics
 
 from mcserver.clearance.mounted import Exchange, places_with_bodies
 from mcserver.errors import Diagnostic, ProgramRejected
-from mcserver.executor.entries import Control, EventKind, ExecutorEvent, MotionSink
+from mcserver.executor.entries import Control, EventKind, ExecutorEvent
 from mcserver.executor.fault_codes import WARNINGS, FaultCode
+from mcserver.executor.shm.rings import ProgramRing
 from mcserver.executor.stopping import longest_stop, stopping_rows
 from mcserver.gcode.computing.machine_values import Unsettled
 from mcserver.gcode.computing.macro_expansion import expansion_of
@@ -89,7 +90,7 @@ class Pipeline:
     def __init__(
         self,
         machine: Machine,
-        sink: MotionSink,
+        sink: ProgramRing,
         *,
         start: StartState,
         lines: LineBuffer | None = None,

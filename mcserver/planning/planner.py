@@ -18,9 +18,11 @@ from collections.abc import Callable, Sequence
 from typing import Protocol
 
 from mcserver.errors import Diagnostic, McError
-from mcserver.executor.entries import EventKind, ExecutorEvent, MotionSink
+from mcserver.executor.entries import EventKind, ExecutorEvent
+from mcserver.executor.shm.rings import ProgramRing
 from mcserver.executor.view import SlotView
 from mcserver.planning.line_buffer import LineBuffer
+from mcserver.planning.pipeline import Pipeline
 from mcserver.planning.planner_messages import (
     Begin,
     CloseProgram,
@@ -46,7 +48,6 @@ from mcserver.planning.planner_messages import (
     ToolsExchanged,
     Validated,
 )
-from mcserver.planning.start_state import PauseEnd
 
 log = logging.getLogger(__name__)
 
@@ -68,27 +69,14 @@ class PlannerPort(Protocol):
     def views(self, slots: Sequence[int]) -> Sequence[SlotView]:
         """The place of each of these slots on its program's time axis, and its override."""
 
-    def sink(self, slot: int) -> MotionSink:
+    def sink(self, slot: int) -> ProgramRing:
         """Where a program that begins in the slot puts its rows and control entries."""
-
-
-class LinePipeline(Protocol):
-    """Lines in, setpoints out: `mcserver.planning.pipeline.Pipeline`."""
-
-    @property
-    def planned_line(self) -> int: ...
-    @property
-    def planned_end_u(self) -> float: ...
-    def pump(self, u: float | None = None, override: float = 1.0) -> bool: ...
-    def on_event(self, event: ExecutorEvent) -> None: ...
-    def end_pause(self, end: PauseEnd) -> None: ...
-    def take_reports(self) -> Sequence[Report]: ...
 
 
 class PipelineMaker(Protocol):
     """`mcserver.planning.process.PipelineFactory`."""
 
-    def make(self, request: PipelineRequest, lines: LineBuffer, sink: MotionSink, slot: int) -> LinePipeline:
+    def make(self, request: PipelineRequest, lines: LineBuffer, sink: ProgramRing, slot: int) -> Pipeline:
         """Make the pipeline of a program in an executor's slot."""
 
 
@@ -109,7 +97,7 @@ class _Plan:
         self.slot = -1
         self.begun = 0.0
         self.lines = LineBuffer()
-        self.pipeline: LinePipeline | None = None
+        self.pipeline: Pipeline | None = None
         # counts rejections: lines sent before the client knew of one are dropped
         self.epoch = 0
         self.consumed = 0
@@ -267,7 +255,7 @@ class Planner:
         plan.lines.consumed = line - 1
         plan.epoch += 1
 
-    def _validate(self, plan: _Plan, pipeline: LinePipeline, *, settled: bool) -> None:
+    def _validate(self, plan: _Plan, pipeline: Pipeline, *, settled: bool) -> None:
         """Say how far lines are right and planned; ``settled``: nothing has come for a while."""
         through = pipeline.planned_line
         grown = through > plan.validated

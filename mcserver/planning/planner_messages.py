@@ -5,7 +5,6 @@ from __future__ import annotations
 import enum
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Protocol
 
 import msgspec
 import numpy as np
@@ -17,7 +16,7 @@ from mcserver.executor.entries import Control, ExecutorEvent
 from mcserver.gcode.profiles.frame import Frame
 from mcserver.machine.clearance_section import OPERATOR
 from mcserver.machine.machine_file import Machine
-from mcserver.planning.start_state import PauseEnd, StartState, StateBefore
+from mcserver.planning.start_state import PauseEnd, StartState
 
 
 class PlannerStart(msgspec.Struct, frozen=True):
@@ -273,34 +272,3 @@ PlannerEvent = (
 )
 
 OnPlannerEvents = Callable[[Sequence[PlannerEvent]], None]
-
-
-# ---------------------------------------------------------------- who plans
-
-
-class PlannerClient(Protocol):
-    """The service's end of a planner, in the loop: `mcserver.planning.client.PlannerProcess`, or one in this
-    process in tests."""
-
-    @property
-    def last_seen(self) -> float:
-        """When it was last at work [s of `time.monotonic`]."""
-
-    def start(self) -> None: ...
-
-    def send(self, command: PlannerCommand) -> None:
-        """Send a command behind those before it, in this turn of the loop or right behind it; never waits."""
-
-    async def stop(self) -> None: ...
-
-
-class Planning(Protocol):
-    """What plans a machine's programs: `mcserver.planning.client.ProcessPlanning`."""
-
-    def state_before(self, lines: Sequence[str], origin: StartState, axes: frozenset[int]) -> StateBefore:
-        """State after lines of a program over ``axes`` that are only read; from any thread.
-
-        Raises ProgramRejected."""
-
-    def planner(self, on_events: OnPlannerEvents) -> PlannerClient:
-        """Make a planner that hands over its events in the loop, in order."""

@@ -17,8 +17,9 @@ from collections.abc import Callable, Sequence
 
 import msgspec
 
-from mcserver.executor.entries import ExecutorEvent, MotionSink
+from mcserver.executor.entries import ExecutorEvent
 from mcserver.executor.shm.feedback import FeedbackState
+from mcserver.executor.shm.rings import ProgramRing
 from mcserver.executor.shm.shared_memory import SharedParts, map_block
 from mcserver.executor.view import SlotView
 from mcserver.gcode.profiles.frame import tool_table
@@ -58,7 +59,7 @@ class SharedPlannerPort:
         newest = self._parts.feedback.newest_slots()
         return [SlotView(newest[slot][0], newest[slot][1], override_of(slot)) for slot in slots]
 
-    def sink(self, slot: int) -> MotionSink:
+    def sink(self, slot: int) -> ProgramRing:
         ring = self._parts.rings[slot]
         # the server has set in the executor where the program begins in it; only this side's notes are of the
         # program before
@@ -84,7 +85,7 @@ class PipelineFactory:
         if machine.clearance is not None:
             self._guards = ClearanceGuards(machine, SharedSpace(machine, feedback))
 
-    def make(self, request: PipelineRequest, lines: LineBuffer, sink: MotionSink, slot: int) -> Pipeline:
+    def make(self, request: PipelineRequest, lines: LineBuffer, sink: ProgramRing, slot: int) -> Pipeline:
         """Make the pipeline of a program that begins now."""
         guard = None
         if self._guards is not None:

@@ -10,7 +10,7 @@ from mcserver.errors import Refused
 from mcserver.executor.io_bank import NOBODY, OPERATOR, switches_of
 from mcserver.machine.io_section import Input, Output
 from mcserver.machine.machine_file import Machine
-from mcserver.service.motion_port import MotionPort, Snapshot
+from mcserver.service.executor_port import ExecutorPort, Snapshot
 from mcserver.service.reports import InputStatus, OutputStatus
 
 Level = bool | float
@@ -24,7 +24,7 @@ class Channels:
         program_in: gives the id of the program in an executor's slot.
     """
 
-    def __init__(self, machine: Machine, port: MotionPort, program_in: Callable[[int], str | None]) -> None:
+    def __init__(self, machine: Machine, port: ExecutorPort, program_in: Callable[[int], str | None]) -> None:
         self._machine = machine
         self._port = port
         self._program_in = program_in

@@ -1,80 +1,86 @@
-"""The port over an executor's rings and mailbox, in a process of its own or on a virtual clock."""
+"""The executor as the service sees it: a port over its rings and mailbox."""
 
 from __future__ import annotations
 
 import threading
 from collections.abc import Sequence
-from typing import Protocol
+from typing import get_args
 
-from mcserver.executor.entries import Control, MotionSink
+import msgspec
+import numpy as np
+from numpy.typing import NDArray
+
+from mcserver.executor.client import ExecutorProcess
+from mcserver.executor.entries import Control
 from mcserver.executor.envelope_bounds import Envelope
-from mcserver.executor.shm.feedback import LATE, TIME, Block, FeedbackRing, FeedbackState, homed_of
-from mcserver.executor.shm.mailbox import CommandMailbox
-from mcserver.executor.shm.rings import ProgramRing
+from mcserver.executor.shm.feedback import LATE, TIME, Block, homed_of
 from mcserver.executor.shm.target_box import Targets
 from mcserver.executor.view import SlotView
 from mcserver.machine.machine_file import Machine
-from mcserver.service.motion_port import Cycles, Snapshot
 from mcserver.service.reports import AxisState
 
-_STATES: tuple[AxisState, ...] = (
-    "off",
-    "starting",
-    "standstill",
-    "moving",
-    "speed",
-    "torque",
-    "stopping",
-    "released",
-    "fault",
-)
+Array = NDArray[np.float64]
+# by `AxisCondition`
+_STATES: tuple[AxisState, ...] = get_args(AxisState)
 
 
-class ExecutorFaces(Protocol):
-    """What an executor offers its server: `mcserver.executor.client.ExecutorProcess`."""
+class Cycles(msgspec.Struct, frozen=True):
+    """A run of consecutive cycles, as the drives reported them, in SI.
 
-    @property
-    def mailbox(self) -> CommandMailbox: ...
-    @property
-    def feedback(self) -> FeedbackState: ...
-    @property
-    def history(self) -> FeedbackRing: ...
-    @property
-    def epoch(self) -> float: ...
-    @property
-    def alive(self) -> bool: ...
-    @property
-    def ending(self) -> str: ...
-    def open_slot(
-        self,
-        slot: int,
-        axes_mask: int | None = None,
-        *,
-        override: float = 1.0,
-        hold: bool = False,
-        unhomed: bool = False,
-        envelope: Envelope | None = None,
-    ) -> MotionSink: ...
-    def sink(self, slot: int) -> ProgramRing: ...
-    def beat(self) -> None: ...
-    def stop(self) -> object: ...
+    Attributes:
+        first: number of the first cycle. start: its executor time [s].
+        setpoint, position, velocity, torque: shape (n, K) over the machine's axes [m, rad; per s; N·m].
+    """
+
+    first: int
+    start: float
+    setpoint: Array
+    position: Array
+    velocity: Array
+    torque: Array
+
+
+class Snapshot(msgspec.Struct, frozen=True):
+    """The machine in its newest cycle, in SI; K numbers each: of so few, plain ones are quicker than arrays.
+
+    Attributes:
+        inputs, outputs: in the order of the machine's model. owners: who has set each output last, as
+            `mcserver.executor.io_bank` has it.
+        homed: whether each axis knows where it is.
+    """
+
+    time: float
+    setpoint: list[float]
+    position: list[float]
+    velocity: list[float]
+    torque: list[float]
+    states: list[AxisState]
+    late_cycles: int
+    inputs: list[float] = []
+    outputs: list[float] = []
+    owners: list[int] = []
+    homed: list[bool] = []
 
 
 class ExecutorPort:
-    """One machine's executor.
+    """Commands to one machine's executor and reports from it.
+
+    `beat` belongs to the heartbeat's thread; `emergency_stop` and what only reads may be called from any
+    thread; all else belongs to the loop.
 
     Args:
         machine: its axes, in the order of the executor's columns.
         executor: running, with at least one cycle of feedback.
     """
 
-    def __init__(self, machine: Machine, executor: ExecutorFaces) -> None:
+    def __init__(self, machine: Machine, executor: ExecutorProcess) -> None:
         self._columns = {axis.index: column for column, axis in enumerate(machine.axes)}
         self._executor = executor
         self._closing = threading.Lock()
 
     @property
     def epoch(self) -> float:
+        """Unix time of executor time 0 [s]."""
         return self._executor.epoch
 
     def begin(
@@ -88,6 +94,12 @@ class ExecutorPort:
         controls: Sequence[Control] = (),
         envelope: Envelope | None = None,
     ) -> None:
+        """Empty the slot's rings and start its time axis at 0.
+
+        Args:
+            ratio: the override. unhomed: the program may move axes that are not homed.
+            controls: all of a program that needs no planner. envelope: what it has to stay within.
+        """
         sink = self._executor.open_slot(
             slot, self._mask(axes), override=ratio, hold=held, unhomed=unhomed, envelope=envelope
         )
@@ -95,48 +107,63 @@ class ExecutorPort:
             sink.put_control(control)
 
     def put_targets(self, slot: int, targets: Targets) -> None:
+        """Give the slot's axes, which follow targets, the newest ones."""
         self._executor.sink(slot).targets.put(targets)
 
     def close_targets(self, slot: int) -> None:
+        """Say that no more targets come."""
         self._executor.sink(slot).targets.close()
 
     def beat(self) -> None:
+        """Say that the server is alive; without it motion stops."""
         self._executor.beat()
 
     def slots(self) -> list[SlotView]:
+        """Where every slot's program is now."""
         return [SlotView(u, rate) for u, rate, *_ in self._executor.history.newest_slots()]
 
     def hold(self, slot: int) -> None:
+        """Ramp the slot's rate to 0 along the path."""
         self._executor.mailbox.set_hold(True, slot)
 
     def resume(self, slot: int) -> None:
+        """Ramp the rate back."""
         self._executor.mailbox.resume(slot)
 
     def end_pause(self, slot: int) -> None:
+        """End M00 and M01."""
         self._executor.mailbox.end_pause(slot)
 
     def override(self, slot: int, ratio: float) -> None:
+        """Feed override, 1 as programmed."""
         self._executor.mailbox.set_override(ratio, slot)
 
     def abort(self, slot: int) -> None:
+        """Stop along the path, empty the rings and report STOPPED."""
         self._executor.mailbox.abort(slot)
 
     def set_output(self, column: int, value: float) -> None:
+        """Set an output of the machine."""
         self._executor.mailbox.set_output(column, value)
 
     def set_input(self, column: int, value: float) -> None:
+        """Set a simulated input of the machine."""
         self._executor.mailbox.set_input(column, value)
 
     def stop_all(self) -> None:
+        """Abort every program and stop every axis within its limits; axes stay energized."""
         self._executor.mailbox.stop()
 
     def emergency_stop(self) -> None:
+        """Stop every axis as its drive's emergency stop does; latched until `reset`."""
         self._executor.mailbox.emergency_stop()
 
     def reset(self, axes: frozenset[int]) -> None:
+        """Clear latched faults of these axes, and the emergency stop."""
         self._executor.mailbox.reset(self._mask(axes))
 
     def snapshot(self) -> Snapshot:
+        """The newest cycle."""
         history = self._executor.history
         row = history.newest_row()
         if not row:
@@ -158,6 +185,7 @@ class ExecutorPort:
         )
 
     def cycles_since(self, cycle: int, limit: int) -> Cycles | None:
+        """Up to ``limit`` cycles from number ``cycle`` on, or later where these are gone; None: none yet."""
         history = self._executor.history
         if cycle < 0:
             cycle = max(0, history.written - limit)
@@ -177,17 +205,20 @@ class ExecutorPort:
         )
 
     def ended(self, slot: int) -> bool:
+        """Whether the program that was begun last in the slot has come to its end and to rest."""
         shown = self._executor.feedback.slots[slot]
         return shown.state.free and shown.generation == self._executor.mailbox.slot_orders(slot).generation
 
     def ending(self) -> str:
-        """How the executor came to its end; empty while it runs."""
+        """How the executor came to its end, for a message; empty while it runs."""
         return self._executor.ending
 
     def alive(self) -> bool:
+        """Whether the executor runs."""
         return self._executor.alive
 
     def close(self) -> None:
+        """Stop motion, release the axes and end the executor."""
         if self._closing.acquire(blocking=False):
             self._executor.stop()
 

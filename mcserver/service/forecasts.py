@@ -7,7 +7,7 @@ from collections.abc import Iterable, Sequence
 
 from mcserver.executor.view import SlotView
 from mcserver.planning.line_marks import LineMarks
-from mcserver.service.motion_port import MotionPort
+from mcserver.service.executor_port import ExecutorPort
 from mcserver.service.program import Program
 from mcserver.service.timeline import Timeline
 
@@ -22,7 +22,7 @@ class Forecasts:
         port: where the slots of running programs are read. cycle_s: of the executor [s].
     """
 
-    def __init__(self, port: MotionPort, cycle_s: float) -> None:
+    def __init__(self, port: ExecutorPort, cycle_s: float) -> None:
         self._port = port
         self._cycle_s = cycle_s
         self._timelines: OrderedDict[str, Timeline] = OrderedDict()

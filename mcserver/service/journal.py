@@ -27,7 +27,6 @@ from mcserver.service.disk_sync import DiskSync
 from mcserver.service.journal_file import (
     COUNT_COMMIT,
     JournalBounds,
-    JournalConnection,
     Statement,
     count_commits,
     insertion,
@@ -84,7 +83,7 @@ class Journal:
         call_soon: Callable[[Callable[[], None]], None],
         on_failure: Callable[[str], None],
         bounds: JournalBounds | None = None,
-        connect: Callable[[Path], JournalConnection] = open_journal,
+        connect: Callable[[Path], sqlite3.Connection] = open_journal,
         threaded: bool = True,
     ) -> None:
         self.path = path

@@ -6,10 +6,9 @@ import contextlib
 import os
 import sqlite3
 import zlib
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any, Protocol
 
 import msgspec
 
@@ -157,19 +156,9 @@ def _seals() -> Iterator[str]:
 COUNT_COMMIT = f"UPDATE sums SET rows=rows+1, crc=row_checksum(of, rows+1, total) WHERE of='{COMMITS}'"
 
 
-class JournalConnection(Protocol):
-    """The part of `sqlite3.Connection` that the journal uses; tests have one with a full disk.
-
-    A statement outside `transaction` is one by itself.
-    """
-
-    def execute(self, statement: str, parameters: tuple[object, ...] = ..., /) -> Iterable[Any]: ...
-    def close(self) -> None: ...
-
-
 @contextlib.contextmanager
-def transaction(connection: JournalConnection) -> Iterator[None]:
-    """Commit all statements of the block together, or none."""
+def transaction(connection: sqlite3.Connection) -> Iterator[None]:
+    """Commit all statements of the block together, or none; one outside of a block is one by itself."""
     connection.execute("BEGIN")
     try:
         yield
@@ -233,7 +222,7 @@ def open_journal(path: Path) -> sqlite3.Connection:
     return connection
 
 
-def count_commits(connection: JournalConnection) -> int:
+def count_commits(connection: sqlite3.Connection) -> int:
     """Return how many transactions the journal counts."""
     rows = connection.execute("SELECT rows FROM sums WHERE of=?", (COMMITS,))
     return int(next(iter(rows), (0,))[0])

@@ -12,7 +12,7 @@ import msgspec
 from mcserver.errors import Refused, ServiceError
 from mcserver.planning.start_state import StartState
 from mcserver.service.journal import KnownText
-from mcserver.service.reports import Fault, LineReport, ProgramStatus
+from mcserver.service.reports import Fault, ProgramStatus
 
 _COLUMNS = (
     "program, client, name, axes, start_line, resume_of, state, started, done, fault, opened_at, ended_at,"
@@ -39,25 +39,6 @@ def _reading(path: Path) -> Iterator[sqlite3.Connection]:
             f"the journal {path} cannot be read: {error}",
             "look at the disk; the next start of the server checks and repairs the journal",
         ) from error
-
-
-class CommandRecord(msgspec.Struct, frozen=True):
-    """Who ordered what, and when [Unix time, s]; ``program`` is None where the whole machine was meant."""
-
-    at: float
-    client: str
-    method: str
-    program: str | None
-    detail: str
-
-
-def read_commands(path: Path, *, limit: int) -> list[CommandRecord]:
-    """Read the last commands in the journal, newest first."""
-    with _reading(path) as connection:
-        rows = connection.execute(
-            "SELECT at, client, method, program, detail FROM commands ORDER BY id DESC LIMIT ?", (limit,)
-        ).fetchall()
-    return [CommandRecord(*row) for row in rows]
 
 
 def read_programs(path: Path, *, limit: int, program: str | None = None) -> list[ProgramStatus]:
@@ -230,12 +211,3 @@ def read_lines_near(path: Path, program: str, first: int, last: int) -> tuple[in
         lines.extend(msgspec.msgpack.decode(blob, type=list[str]))
     skipped = max(0, first - start)
     return start + skipped, lines[skipped : max(0, last - start + 1)]
-
-
-def read_reports(path: Path, program: str) -> list[LineReport]:
-    """Times of the lines that have ended, in order."""
-    with _reading(path) as connection:
-        rows = connection.execute(
-            "SELECT blob FROM reports WHERE program=? ORDER BY id", (program,)
-        ).fetchall()
-    return [report for (blob,) in rows for report in msgspec.msgpack.decode(blob, type=list[LineReport])]

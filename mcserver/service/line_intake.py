@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 from mcserver.errors import Refused, RejectedLines, ServiceError
 from mcserver.service.deferred import Deferred
-from mcserver.service.line_queue import Gap
+from mcserver.service.line_queue import Gap, Taken
 from mcserver.service.program import Program, Verdict
 from mcserver.service.program_access import owned_program
 from mcserver.service.program_table import ProgramTable
@@ -59,7 +59,7 @@ class LineIntake:
             if limit is not None:
                 limit.cancel()
             if value is Verdict.REJECTED and program.rejected <= last:
-                result.fail(RejectedLines(program.diagnostics, **_numbers(program)))
+                result.fail(RejectedLines(program.diagnostics, **numbers_of(program)))
             elif value is Verdict.NOT_JOURNALED:
                 result.fail(self.unjournaled(program))
             else:
@@ -107,7 +107,7 @@ class LineIntake:
                 "MC505",
                 f"line {program.queue.expected} is the next one expected, {last} was to be the last",
                 f"send lines from {program.queue.expected} on first",
-                **_numbers(program),
+                **numbers_of(program),
             )
         if not program.over:
             self._check_journal(program, program.queue.accepted)
@@ -138,43 +138,11 @@ class LineIntake:
         lines: Sequence[str],
         rejections: int | None,
     ) -> None:
-        last = first + len(lines) - 1
-        of_now = _of_now(program, rejections)
-        if of_now and last <= program.queue.accepted:
-            # all of it is there: acknowledged again, whatever has become of the program since
+        taken = take_lines(program, first, lines, rejections, lambda: self._check_journal(program))
+        if taken is None:
             self._table.acks.acknowledge(program)
-            return
-        if not program.takes_lines:
-            raise Refused(
-                "MC510",
-                f"{program.program} takes no more lines: {program.state}",
-                "open another program",
-                state=program.state,
-                reason=program.reason,
-                **_numbers(program),
-            )
-        if not of_now:
-            # they were given before a line was rejected: their numbers are those of other lines now
-            raise Refused(
-                "MC505",
-                f"lines from {first} on were given when {rejections} lines had been rejected, now it is"
-                f" {program.epoch}",
-                f"send what is to run from line {program.queue.expected} on",
-                **_numbers(program),
-            )
-        self._check_journal(program)
-        taken = program.queue.take(first, lines)
-        if isinstance(taken, Gap):
-            raise Refused(
-                "MC505",
-                f"line {taken.expected} is the next one expected, not {first}",
-                f"send lines from {taken.expected} on",
-                **_numbers(program),
-            )
-        if not taken.lines:
-            self._table.acks.acknowledge(program)
-            return
-        self._table.lines(program, taken.first, taken.lines)
+        else:
+            self._table.lines(program, taken.first, taken.lines)
 
     def _check_journal(self, program: Program, through: int | None = None) -> None:
         """Refuse what the journal cannot take now; with ``through`` only if these lines are not in it."""
@@ -187,7 +155,7 @@ class LineIntake:
             "MC519",
             f"the journal cannot be written: {self._table.journal_failure}",
             "make room on the disk, then send again",
-            **({} if program is None else _numbers(program)),
+            **({} if program is None else numbers_of(program)),
         )
 
     def _stop_waiting(self, program: Program, through: int, verdict: Deferred[Verdict]) -> None:
@@ -198,12 +166,65 @@ class LineIntake:
             self._loop.call_later(VERDICT_LIMIT_S, self._stop_waiting, program, through, verdict)
 
 
+def take_lines(
+    program: Program,
+    first: int,
+    lines: Sequence[str],
+    rejections: int | None,
+    check: Callable[[], None] = lambda: None,
+) -> Taken | None:
+    """Take lines into a program's queue.
+
+    Args:
+        rejections: as of `LineIntake.submit`. check: raises where lines that are new cannot be taken now.
+
+    Returns:
+        Those that are new; None: all of it is there, and is acknowledged again.
+
+    Raises:
+        ServiceError: MC505 a gap or lines of before a rejection, MC510 it takes no more.
+    """
+    of_now = _of_now(program, rejections)
+    if of_now and first + len(lines) - 1 <= program.queue.accepted:
+        # whatever has become of the program since
+        return None
+    if not program.takes_lines:
+        raise Refused(
+            "MC510",
+            f"{program.program} takes no more lines: {program.state}",
+            "open another program",
+            state=program.state,
+            reason=program.reason,
+            **numbers_of(program),
+        )
+    if not of_now:
+        # they were given before a line was rejected: their numbers are those of other lines now
+        raise Refused(
+            "MC505",
+            f"lines from {first} on were given when {rejections} lines had been rejected, now it is"
+            f" {program.epoch}",
+            f"send what is to run from line {program.queue.expected} on",
+            **numbers_of(program),
+        )
+    check()
+    taken = program.queue.take(first, lines)
+    if isinstance(taken, Gap):
+        raise Refused(
+            "MC505",
+            f"line {taken.expected} is the next one expected, not {first}",
+            f"send lines from {taken.expected} on",
+            **numbers_of(program),
+        )
+    return taken if taken.lines else None
+
+
 def _of_now(program: Program, rejections: int | None) -> bool:
     """Return whether lines that were given at this count of rejections have the numbers of now."""
     return rejections is None or rejections == program.epoch
 
 
-def _numbers(program: Program) -> dict[str, object]:
+def numbers_of(program: Program) -> dict[str, object]:
+    """Return what a refusal of lines says of where the program is."""
     return {
         "expected": program.queue.expected,
         "accepted": program.journaled,

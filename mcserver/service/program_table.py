@@ -19,6 +19,7 @@ from mcserver.gcode.profiles.frame import Frame
 from mcserver.gcode.semantics.modal import ModalState
 from mcserver.machine.clearance_section import AGENT, OPERATOR
 from mcserver.machine.machine_file import Machine
+from mcserver.planning.client import PlannerProcess
 from mcserver.planning.planner_messages import (
     Begin,
     CloseProgram,
@@ -35,7 +36,6 @@ from mcserver.planning.planner_messages import (
     OnPlannerEvents,
     PipelineRequest,
     Planned,
-    PlannerClient,
     PlannerEvent,
     PlannerFailed,
     ProgramMessage,
@@ -48,13 +48,13 @@ from mcserver.service.axis_reports import AxisReports
 from mcserver.service.deferred import Deferred
 from mcserver.service.disk_watch import DiskWatch
 from mcserver.service.event_log import EventLog
+from mcserver.service.executor_port import ExecutorPort
 from mcserver.service.fault_latch import FaultLatch, fault_of
 from mcserver.service.heartbeat import Heartbeat
 from mcserver.service.journal import Journal
 from mcserver.service.journal_repair import JournalLock, prepare_journal
 from mcserver.service.leases import Grant, LeaseTable
 from mcserver.service.line_queue import Taken
-from mcserver.service.motion_port import MotionPort
 from mcserver.service.pauses import Pauses
 from mcserver.service.program import Program, Verdict
 from mcserver.service.progress_reports import ProgressReports
@@ -91,8 +91,8 @@ class ProgramTable:
     def __init__(
         self,
         machine: Machine,
-        port: MotionPort,
-        planner: Callable[[OnPlannerEvents], PlannerClient],
+        port: ExecutorPort,
+        planner: Callable[[OnPlannerEvents], PlannerProcess],
         options: ServiceOptions,
         *,
         on_ack: Callable[[Ack], None],

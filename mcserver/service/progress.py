@@ -2,24 +2,10 @@
 
 from __future__ import annotations
 
-import enum
 from collections.abc import Iterable
-from typing import Protocol
 
+from mcserver.planning.planner_messages import Report, ReportKind
 from mcserver.service.reports import LineReport
-
-
-class PlannedTime(Protocol):
-    """What planning says about a line; later reports of a line complete earlier ones."""
-
-    @property
-    def kind(self) -> enum.Enum: ...
-    @property
-    def line(self) -> int: ...
-    @property
-    def requested_s(self) -> float | None: ...
-    @property
-    def bound_by(self) -> str | None: ...
 
 
 class LineProgress:
@@ -48,14 +34,14 @@ class LineProgress:
         self._running: dict[int, float] = {}
         self._ended: list[LineReport] = []
 
-    def planned(self, reports: Iterable[PlannedTime]) -> None:
-        """Take what planning found."""
+    def planned(self, reports: Iterable[Report]) -> None:
+        """Take what planning found; later reports of a line complete earlier ones."""
         for report in reports:
             if report.requested_s is not None:
                 self._requested[report.line] = report.requested_s
             if report.bound_by is not None:
                 self._bound_by[report.line] = report.bound_by
-            elif report.kind.value == "bound":
+            elif report.kind is ReportKind.BOUND:
                 # planned anew, and no limit stretches it now
                 self._bound_by.pop(report.line, None)
 

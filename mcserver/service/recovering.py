@@ -12,7 +12,7 @@ from mcserver.gcode.profiles.codes import SYSTEM_NUMBERS
 from mcserver.gcode.profiles.frame import Frame
 from mcserver.gcode.semantics.modal import ModalState
 from mcserver.machine.machine_file import Machine
-from mcserver.planning.planner_messages import Planning
+from mcserver.planning.client import ProcessPlanning
 from mcserver.planning.start_state import StartState, StateBefore
 from mcserver.service.approach import Approach, Need, free_axes, plan_approach
 from mcserver.service.journal import KnownText
@@ -53,7 +53,7 @@ class Recovering:
     def __init__(
         self,
         machine: Machine,
-        planning: Planning,
+        planning: ProcessPlanning,
         table: ProgramTable,
         written: Callable[[], Awaitable[None]],
     ) -> None:

@@ -17,8 +17,9 @@ from mcserver.executor.entries import Control
 from mcserver.executor.envelope_bounds import Envelope
 from mcserver.gcode.semantics.modal import ModalState
 from mcserver.machine.machine_file import Machine
+from mcserver.planning.client import ProcessPlanning
 from mcserver.planning.line_marks import LineMarks
-from mcserver.planning.planner_messages import Planning, StepLine
+from mcserver.planning.planner_messages import StepLine
 from mcserver.planning.start_state import StartState
 from mcserver.service.absences import Absences
 from mcserver.service.approach import NOTHING_CONFIRMED, Approach, Confirmed, refuse_needs
@@ -26,12 +27,12 @@ from mcserver.service.axes_of_requests import axes_of
 from mcserver.service.channels import Channels
 from mcserver.service.deferred import Deferred
 from mcserver.service.event_log import EventLog
+from mcserver.service.executor_port import ExecutorPort
 from mcserver.service.forecasts import Forecasts
 from mcserver.service.journal_reader import read_programs
 from mcserver.service.kept_texts import KeptTexts
 from mcserver.service.line_intake import LineIntake
 from mcserver.service.line_queue import QUEUE_LINES, LineQueue
-from mcserver.service.motion_port import MotionPort
 from mcserver.service.program import Program
 from mcserver.service.program_access import find_program, open_programs, owned_program
 from mcserver.service.program_table import ProgramTable
@@ -81,8 +82,8 @@ class MachineService:
     def __init__(
         self,
         machine: Machine,
-        port: MotionPort,
-        planning: Planning,
+        port: ExecutorPort,
+        planning: ProcessPlanning,
         options: ServiceOptions,
         *,
         on_ack: Callable[[Ack], None],

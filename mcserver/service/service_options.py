@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import hashlib
 import os
+import sqlite3
 import time
 from collections.abc import Callable
 from pathlib import Path
 
 import msgspec
 
-from mcserver.service.journal_file import JournalConnection, open_journal
+from mcserver.service.journal_file import open_journal
 
 
 def state_folder() -> Path:
@@ -55,7 +56,7 @@ class ServiceOptions(msgspec.Struct, frozen=True):
     instance: str
     clock: Callable[[], float] = time.time
     monotonic: Callable[[], float] = time.monotonic
-    connect: Callable[[Path], JournalConnection] = open_journal
+    connect: Callable[[Path], sqlite3.Connection] = open_journal
     journal_thread: bool = True
     authority: bytes | None = None
     machine_file: LoadedFile | None = None

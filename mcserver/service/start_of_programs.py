@@ -6,7 +6,7 @@ from mcserver.gcode.profiles.frame import Frame
 from mcserver.gcode.semantics.modal import ModalState
 from mcserver.machine.machine_file import Machine
 from mcserver.planning.start_state import StartState
-from mcserver.service.motion_port import Snapshot
+from mcserver.service.executor_port import Snapshot
 
 ENERGIZED = frozenset({"standstill", "moving", "speed", "torque", "stopping"})
 SETTLED = frozenset({"off", "standstill", "released", "fault"})

@@ -8,7 +8,7 @@ from collections.abc import Callable, Mapping
 import msgspec
 
 from mcserver.errors import Refused
-from mcserver.service.motion_port import MotionPort
+from mcserver.service.executor_port import ExecutorPort
 from mcserver.service.program_table import ProgramTable
 from mcserver.service.reports import AxisState, Event, Fault, MachineState
 
@@ -29,7 +29,7 @@ class StopLatch:
     def __init__(
         self,
         table: ProgramTable,
-        port: MotionPort,
+        port: ExecutorPort,
         loop: asyncio.AbstractEventLoop,
         on_first: Callable[[str, str], None],
     ) -> None:

@@ -43,7 +43,7 @@ class PathSampler:
         self._last: Array | None = None
         self._kept: list[tuple[float, int, Array]] = []
 
-    def add(self, lines: NDArray[np.int64], setpoint: Array) -> None:
+    def take(self, times: Array, lines: NDArray[np.int64], setpoint: Array) -> None:  # noqa: ARG002
         """Take cycles in order: lines (n,), setpoints (n, K) [SI]."""
         if not self._columns or not len(lines):
             return

@@ -9,10 +9,8 @@ from typing import TYPE_CHECKING, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from mcserver.clearance.meter import ClearanceMeter
 from mcserver.machine.io_section import Input, Output
 from mcserver.machine.machine_file import Machine
-from mcserver.simulation.path_sampler import PathSampler
 from mcserver.simulation.tool_poses import ToolPoses
 
 if TYPE_CHECKING:
@@ -62,8 +60,7 @@ class Recorder:
 
     Args:
         keep: rows are wanted. channels: the executor's own inputs and outputs, which it changes in place.
-        sampler: takes the path too. takers: are shown every cycle's setpoints [SI].
-        clearance: measures how near its bodies come to each other.
+        takers: are shown every cycle's setpoints [SI], in this order.
 
     Attributes:
         line: line of the newest cycle. low, high, last: least, greatest and newest setpoints, shape
@@ -75,14 +72,10 @@ class Recorder:
         machine: Machine,
         keep: bool,
         channels: tuple[Array, Array] | None = None,
-        sampler: PathSampler | None = None,
         takers: Sequence[CycleTaker] = (),
-        clearance: ClearanceMeter | None = None,
     ) -> None:
         self._machine = machine
-        self._sampler = sampler
         self._takers = takers
-        self._clearance = clearance
         self._keep = keep
         start = np.array([axis.initial_position for axis in machine.axes])
         self.low: Array = start.copy()
@@ -99,52 +92,23 @@ class Recorder:
         self._fill = _BLOCK
 
     def __call__(self, time: float, line: int, setpoint: Array, actual: Array) -> None:
-        np.minimum(self.low, setpoint, out=self.low)
-        np.maximum(self.high, setpoint, out=self.high)
-        self.last[:] = setpoint
-        self.line = line
-        self._look_at_outputs(self._outputs, self._outputs)
-        if self._sampler is not None:
-            self._sampler.add(np.array([line]), setpoint[None])
-        for taker in self._takers:
-            taker.take(np.array([time]), np.array([line]), setpoint[None])
-        if self._clearance is not None:
-            self._clearance.add(np.array([time]), np.array([line]), setpoint[None])
-        if not self._keep:
-            return
-        if self._fill == _BLOCK:
-            self._blocks.append(np.empty((_BLOCK, self._columns)))
-            self._fill = 0
-        row = self._blocks[-1][self._fill]
-        row[0] = time
-        row[1] = line
-        row[2 : 2 + self._width] = setpoint
-        at = 2 + 2 * self._width
-        row[2 + self._width : at] = actual
-        row[at : at + len(self._inputs)] = self._inputs
-        row[at + len(self._inputs) :] = self._outputs
-        self._fill += 1
-
-    def _look_at_outputs(self, low: Array, high: Array) -> None:
-        """Take the least and the greatest values of some cycles, shape (O,)."""
-        if len(self._outputs):
-            np.minimum(self.outputs_low, low, out=self.outputs_low)
-            np.maximum(self.outputs_high, high, out=self.outputs_high)
+        """Record one cycle."""
+        self._take(np.array([time]), np.array([line]), setpoint[None], actual[None], self._outputs[None])
 
     def block(self, times: Array, block: Block) -> None:
         """Record cycles in one go, at these executor times, shape (n,) [s]."""
-        lines, setpoint = block.lines, block.setpoint
-        np.minimum(self.low, setpoint.min(axis=0), out=self.low)
-        np.maximum(self.high, setpoint.max(axis=0), out=self.high)
+        self._take(times, block.lines, block.setpoint, block.actual, block.outputs)
+
+    def _take(
+        self, times: Array, lines: NDArray[np.int64], setpoint: Array, actual: Array, outputs: Array
+    ) -> None:
+        _widen(self.low, self.high, setpoint)
         self.last[:] = setpoint[-1]
         self.line = int(lines[-1])
-        self._look_at_outputs(block.outputs.min(axis=0), block.outputs.max(axis=0))
-        if self._sampler is not None:
-            self._sampler.add(lines, setpoint)
+        if len(self._outputs):
+            _widen(self.outputs_low, self.outputs_high, outputs)
         for taker in self._takers:
             taker.take(times, lines, setpoint)
-        if self._clearance is not None:
-            self._clearance.add(times, lines, setpoint)
         if not self._keep:
             return
         done = 0
@@ -158,10 +122,10 @@ class Recorder:
             rows[:, 0], rows[:, 1] = times[part], lines[part]
             rows[:, 2 : 2 + self._width] = setpoint[part]
             at = 2 + 2 * self._width
-            rows[:, 2 + self._width : at] = block.actual[part]
+            rows[:, 2 + self._width : at] = actual[part]
             # inputs do not change in a block
             rows[:, at : at + len(self._inputs)] = self._inputs
-            rows[:, at + len(self._inputs) :] = block.outputs[part]
+            rows[:, at + len(self._inputs) :] = outputs[part]
             self._fill += count
             done += count
 
@@ -185,6 +149,14 @@ class Recorder:
             inputs=_by_name(machine.inputs, channels[: len(self._inputs)]),
             outputs=_by_name(machine.outputs, channels[len(self._inputs) :]),
         )
+
+
+def _widen(low: Array, high: Array, values: Array) -> None:
+    """Let bounds, shape (m,), hold values, shape (n, m)."""
+    # a reduction takes 2 µs, and most calls are for one cycle
+    one = len(values) == 1
+    np.minimum(low, values[0] if one else values.min(axis=0), out=low)
+    np.maximum(high, values[0] if one else values.max(axis=0), out=high)
 
 
 def _by_name(channels: Sequence[Input | Output], values: Array) -> dict[str, Array]:

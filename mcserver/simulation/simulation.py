@@ -269,10 +269,11 @@ class _Run:
             self._clearance = ClearanceMeter(machine, positions, tool_table(machine, start.frame), self._role)
         self._assertions = AssertionMeter(given.get("assertions", ()), machine, solver_of(given))
         channels, keep = (row.inputs, row.outputs), given.get("record", False)
-        takers = (*given.get("takers", ()), *([self._assertions] if given.get("assertions") else []))
         self._lost = self._lost_drives(start) if self._stops else None
-        takers = (*takers, *([self._lost] if self._lost is not None else []))
-        self._recorder = Recorder(machine, keep, channels, sampler, takers, self._clearance)
+        assertions = self._assertions if given.get("assertions") else None
+        more = (assertions, self._lost, self._clearance)
+        takers = [each for each in (sampler, *given.get("takers", ()), *more) if each is not None]
+        self._recorder = Recorder(machine, keep, channels, takers)
         self._executor.recorder = self._recorder
         self._seen_u = -1.0
         # where the program's words read zero, by the name of the system

@@ -13,12 +13,13 @@ from mcserver.drives.bus import DriveBus
 from mcserver.drives.registry import VIRTUAL_FACTORIES, create_buses
 from mcserver.executor.block import Block, LineEvents
 from mcserver.executor.entries import Array, EventKind, ExecutorEvent
-from mcserver.executor.envelope_bounds import Envelope
 from mcserver.executor.executor import Executor
+from mcserver.executor.faces import ExecutorFaces
 from mcserver.executor.shm.event_ring import EventRing
-from mcserver.executor.shm.feedback import FeedbackRing, FeedbackState
+from mcserver.executor.shm.feedback import FeedbackRing
 from mcserver.executor.shm.mailbox import SLOTS, CommandMailbox
 from mcserver.executor.shm.rings import CONTROLS, ROWS, ProgramRing
+from mcserver.executor.shm.shared_memory import SharedParts
 from mcserver.executor.stopping import StopTimes, torque_axes
 from mcserver.executor.stored_reference import StoredReference
 from mcserver.machine.machine_file import Machine
@@ -37,7 +38,7 @@ class BlockRecorder(Protocol):
         """Record cycles at these executor times, shape (n,) [s]."""
 
 
-class VirtualExecutor:
+class VirtualExecutor(ExecutorFaces):
     """An executor whose time passes as `step` is called.
 
     Args:
@@ -45,7 +46,7 @@ class VirtualExecutor:
         homed: every axis counts as homed. references: those of an earlier start, by axis number.
 
     Attributes:
-        mailbox: orders to it. recorder: called after each cycle with (t, line, setpoint (K,), actual (K,));
+        recorder: called after each cycle with (t, line, setpoint (K,), actual (K,));
             the arrays are the executor's own, to be copied. executor: the executor itself.
     """
 
@@ -65,25 +66,31 @@ class VirtualExecutor:
         stops, torques = StopTimes(machine), torque_axes(machine)
         self.machine = machine
         inputs, outputs = len(machine.inputs), len(machine.outputs)
-        self.mailbox = CommandMailbox(None, slots, inputs=inputs, outputs=outputs)
+        self._parts = SharedParts(
+            CommandMailbox(None, slots, inputs=inputs, outputs=outputs),
+            FeedbackRing(None, axes, slots, inputs=inputs, outputs=outputs),
+            EventRing(None, axes),
+            tuple(ProgramRing(None, rows, controls, axes, stops, torques) for _ in range(slots)),
+        )
         self.mailbox.initialise()
         self.recorder = recorder
-        self._rings = tuple(ProgramRing(None, rows, controls, axes, stops, torques) for _ in range(slots))
-        self._events = EventRing(None, axes)
-        self._feedback = FeedbackRing(None, axes, slots, inputs=inputs, outputs=outputs)
         self.buses = list(create_buses(machine, VIRTUAL_FACTORIES) if buses is None else buses)
         self.executor = Executor(
             machine,
             self.buses,
-            self._rings,
+            self._parts.rings,
             self.mailbox,
-            self._feedback,
-            self._events,
+            self._parts.feedback,
+            self._parts.events,
             references=references,
             assume_homed=homed,
         )
         self._cycles = 0
         self._reports: list[ExecutorEvent | LineEvents] = []
+
+    @property
+    def parts(self) -> SharedParts:
+        return self._parts
 
     def bring_to(self, start: StartState) -> None:
         """Let axes be energized and homed, and inputs and outputs have values, as in a state; time stands.
@@ -98,32 +105,6 @@ class VirtualExecutor:
             inputs=start.inputs,
             outputs=start.outputs,
         )
-
-    def open_slot(
-        self,
-        slot: int,
-        axes_mask: int | None = None,
-        *,
-        override: float = 1.0,
-        hold: bool = False,
-        unhomed: bool = False,
-        envelope: Envelope | None = None,
-    ) -> ProgramRing:
-        """Begin a program in a free slot; without a mask on all axes.
-
-        Returns:
-            Where its rows and control entries are put.
-        """
-        ring = self._rings[slot]
-        mask = (1 << len(self.machine.axes)) - 1 if axes_mask is None else axes_mask
-        self.mailbox.open_slot(
-            slot, mask, ring.restart(), override=override, hold=hold, unhomed=unhomed, envelope=envelope
-        )
-        return ring
-
-    def sink(self, slot: int) -> ProgramRing:
-        """Where the program in a slot puts its rows and control entries."""
-        return self._rings[slot]
 
     def u(self, slot: int) -> float:
         """Where the program in a slot is on its time axis [cycles]."""
@@ -145,7 +126,7 @@ class VirtualExecutor:
                     blocks.block(times, block)
                     self._cycles += len(block.lines)
                     if len(block.events.line):
-                        self._reports += [*self._events.take(), block.events]
+                        self._reports += [*self._parts.events.take(), block.events]
             executor.cycle(self._cycles * cycle_s)
             self._cycles += 1
             if recorder is not None:
@@ -162,25 +143,8 @@ class VirtualExecutor:
 
     def reports(self) -> list[ExecutorEvent | LineEvents]:
         """What `events` returns, with those of lines in columns where they came in blocks."""
-        reports, self._reports = [*self._reports, *self._events.take()], []
+        reports, self._reports = [*self._reports, *self._parts.events.take()], []
         return reports
-
-    @property
-    def feedback(self) -> FeedbackState:
-        """The latest cycle.
-
-        Raises:
-            RuntimeError: no cycle has passed.
-        """
-        state = self._feedback.latest()
-        if state is None:
-            raise RuntimeError("no cycle has passed yet")
-        return state
-
-    @property
-    def history(self) -> FeedbackRing:
-        """The latest cycles."""
-        return self._feedback
 
     @property
     def time(self) -> float:

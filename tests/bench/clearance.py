@@ -23,7 +23,7 @@ from mcserver.clearance.sweep import FINEST, Sweep
 from mcserver.machine.machine_file import Machine, builtin_text, parse_machine
 from mcserver.units import MM
 from tests.bench.figures import Figure
-from tests.clearance.machines import block, mill, two_arms
+from tests.clearance.machines import block, middle_of, mill, two_arms
 from tests.clearance.stopping import brute_force
 
 Array = NDArray[np.float64]
@@ -52,7 +52,7 @@ def measure() -> list[Figure]:
         meter = ClearanceMeter(machine, rows[0])
         times, lines = np.arange(len(rows)) * machine.cycle_s, np.ones(len(rows), np.int64)
         begin = time.process_time()
-        meter.add(times, lines, rows)
+        meter.take(times, lines, rows)
         meter.contacts()
         simulated = (time.process_time() - begin) / len(rows)
         # as they are handed over, with nothing that would end them
@@ -110,7 +110,7 @@ def planted(seed: int, folder: Path) -> tuple[bool, bool]:
     rows = random_motion(far, seed)
     scene = Scene(far)
     moving = [each.names[0] for each in scene.pairs if "post" in each.names]
-    at = scene.middle_of(str(draw.choice(moving)), rows[int(draw.integers(len(rows)))]) / MM
+    at = middle_of(scene, str(draw.choice(moving)), rows[int(draw.integers(len(rows)))]) / MM
     edge = float(draw.uniform(2.0, 60.0))
     hit = _touched(made(MARGIN_ZERO, block("post", tuple(at), edge)), rows)
     # straight up until it is clear in every cycle
@@ -131,7 +131,7 @@ def _robot(name: str, *more: str) -> Machine:
 def _touched(machine: Machine, rows: Array) -> tuple[bool, bool]:
     """Return whether the post is found in the simulation, and as rows are handed over."""
     meter = ClearanceMeter(machine, rows[0])
-    meter.add(np.arange(len(rows)) * machine.cycle_s, np.ones(len(rows), np.int64), rows)
+    meter.take(np.arange(len(rows)) * machine.cycle_s, np.ones(len(rows), np.int64), rows)
     simulated = any("'post'" in each.message for each in meter.contacts())
     scene = Scene(machine)
     sweep = Sweep(scene, 0.0)

@@ -25,9 +25,10 @@ import msgspec
 
 from mcserver.errors import ServiceError
 from mcserver.service.journal import Journal
-from mcserver.service.journal_reader import read_commands, read_lines_near, read_programs, read_reports
+from mcserver.service.journal_reader import read_lines_near, read_programs
 from mcserver.service.journal_repair import Damage, prepare_journal
 from mcserver.service.reports import Fault, LineReport, ProgramState
+from tests.service.journal_rows import commands_in, reports_in
 
 PROGRAMS = 20
 SUFFIXES = ("", "-wal", "-shm", "-commits")
@@ -46,9 +47,9 @@ def say(path: Path) -> Truth:
     told = {}
     for status in read_programs(path, limit=1000):
         lines = read_lines_near(path, status.program, 1, 10**6)
-        reports = read_reports(path, status.program)
+        reports = reports_in(path, status.program)
         told[status.program] = msgspec.msgpack.encode((status, lines, reports))
-    return Truth(told, [msgspec.msgpack.encode(each) for each in read_commands(path, limit=10**6)])
+    return Truth(told, [msgspec.msgpack.encode(each) for each in commands_in(path)])
 
 
 class Writer:

@@ -7,8 +7,11 @@ import re
 import xml.etree.ElementTree as ElementTree
 from pathlib import Path
 
+import numpy as np
 from mckinematics.model import read_urdf
+from numpy.typing import NDArray
 
+from mcserver.clearance.scene import Scene
 from mcserver.machine.machine_file import Machine, builtin_text, parse_machine
 
 _AXIS = """
@@ -98,3 +101,12 @@ shape = "box"
 size_mm = [{edge_mm}, {edge_mm}, {edge_mm}]
 at_mm = [{at_mm[0]}, {at_mm[1]}, {at_mm[2]}]
 """
+
+
+def middle_of(scene: Scene, name: str, positions: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the middle of a body of that name at these positions, shape (3,) [m]."""
+    scene.place(positions)
+    number = next(each for each, known in scene._names.items() if known == name)
+    body = scene._geometry.geometryObjects[number]
+    body.geometry.computeLocalAABB()
+    return np.asarray(scene._placed.oMg[number].act(np.asarray(body.geometry.aabb_center)))

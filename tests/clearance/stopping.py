@@ -18,7 +18,7 @@ from mcserver.planning.start_state import StartState
 from mcserver.simulation.simulation import Simulation, simulate_lines
 from mcserver.simulation.virtual_executor import VirtualExecutor
 from mcserver.units import MM
-from tests.clearance.machines import block, mill
+from tests.clearance.machines import block, middle_of, mill
 
 ORDERS = ("hold", "abort", "estop")
 # How a drive is lost: it fails, or answers no more.
@@ -162,8 +162,8 @@ def planted_loss(
     at = draw.randint(5, cycles)
     rows, _ = stopped(lines, free, at, draw.choice(LOSSES), column)
     # at the end of its run the bound is tight
-    place = scene.middle_of(body, rows[-1])
-    before = scene.middle_of(body, rows[at - 1])
+    place = middle_of(scene, body, rows[-1])
+    before = middle_of(scene, body, rows[at - 1])
     away = place - before
     if np.linalg.norm(away) < MM:
         return None

@@ -181,7 +181,7 @@ def test_the_least_distances_are_those_of_every_cycle(seed: int) -> None:
     at = 0
     while at < len(rows):
         count = draw.choice((1, 1, 7, 300))
-        meter.add(times[at : at + count], lines[at : at + count], rows[at : at + count])
+        meter.take(times[at : at + count], lines[at : at + count], rows[at : at + count])
         at += count
     exact = distances_of(machine, rows)
     margin = 0.5e-3 if seed % 2 == 0 else 1e-3
@@ -212,7 +212,7 @@ def test_an_obstacle_planted_in_the_way_is_found_and_one_moved_clear_is_not(seed
     lines = np.ones(len(rows), np.int64)
     times = np.arange(len(rows)) * 1e-3
     meter = ClearanceMeter(planted, rows[0])
-    meter.add(times, lines, rows)
+    meter.take(times, lines, rows)
     assert any("'post'" in each.message for each in meter.contacts())
     # as large as leaves 1 mm everywhere
     exact = distances_of(arm("[clearance]\nmargin_mm = 0.0\n", block("post", (*tip[:2], 3000.0), 30.0)), rows)
@@ -220,7 +220,7 @@ def test_an_obstacle_planted_in_the_way_is_found_and_one_moved_clear_is_not(seed
     over = min(column.min() for name, column in zip(names, exact.T, strict=True) if "post" in name)
     clear = arm("[clearance]\nmargin_mm = 0.0\n", block("post", (*tip[:2], 3000.0 - over / MM + 1.0), 30.0))
     meter = ClearanceMeter(clear, rows[0])
-    meter.add(times, lines, rows)
+    meter.take(times, lines, rows)
     assert not any("'post'" in each.message for each in meter.contacts())
 
 

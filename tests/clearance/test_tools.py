@@ -17,7 +17,7 @@ from mcserver.service.program import Program
 from mcserver.simulation.simulation import Simulation, simulate
 from mcserver.units import DEGREE, MM
 from tests.clearance.cells import Start, fault_of, place
-from tests.clearance.machines import MILL, VISE, arm, block
+from tests.clearance.machines import MILL, VISE, arm, block, middle_of
 from tests.service.virtual_cell import VirtualCell
 
 # T1 is short, T2 long, T3 thick: below the nose of the spindle at Z100 they reach down to Z70, Z20 and Z70
@@ -155,7 +155,7 @@ def beside_the_tip() -> str:
     scene = Scene(machine)
     half = np.array([axis.initial_position for axis in machine.axes])
     half[2] -= 60.0 * DEGREE
-    at = scene.middle_of("gripper", half) + np.array([0.0, 0.06, 0.0])
+    at = middle_of(scene, "gripper", half) + np.array([0.0, 0.06, 0.0])
     return block("lump", tuple((at / MM).tolist()), 10.0)
 
 

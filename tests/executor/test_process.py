@@ -79,7 +79,7 @@ def test_a_program_runs_in_the_process_and_it_ends_when_asked(process: ExecutorP
     # rows may come some cycles after the line's start
     assert 0.3 - 1e-9 <= end - start <= 0.3 + (late + 5) * 1e-3
     assert process.feedback.setpoint[0] == pytest.approx(0.1)
-    assert process.lost_events == 0
+    assert process.parts.events.lost == 0
     before = process.history.written
     first, rows = process.history.since(0)
     assert before <= first + len(rows) <= process.history.written

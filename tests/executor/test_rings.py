@@ -83,7 +83,7 @@ def test_edges_of_lines_in_columns_are_the_same_entries_as_one_by_one(turns: lis
         assert columns.controls_written == single.controls_written == number
         for each in range(max(0, number - 8), number):
             assert columns.control(each) == single.control(each)
-            assert columns.rows_with(each) == single.rows_with(each)
+            assert columns.glance(each) == single.glance(each)
         for ring in (columns, single):
             ring.free_controls(max(number - read, number - 8 + ring.control_room()))
     with pytest.raises(OverflowError):

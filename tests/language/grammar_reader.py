@@ -7,6 +7,9 @@ from __future__ import annotations
 
 import re
 
+from mcserver.language.grammar.expressions import Grammar
+from mcserver.language.grammar.notations import write_regex
+
 TOKEN = re.compile(
     r"""\s*(?:(?P<name>[A-Za-z][\w-]*)(?=\s*::=)|(?P<ref>[A-Za-z][\w-]*)|::=|"(?P<text>[^"]*)"|(?P<set>\[[^\]]*\])
     |(?P<code>\#x[0-9A-F]+)|(?P<count>\{\d+,\d*\}|[?*+])|(?P<mark>[()|]))""",
@@ -56,3 +59,14 @@ def as_class(written: str) -> str:
 def pattern_of(rules: dict[str, str], rule: str) -> str:
     """One rule with every reference replaced."""
     return re.sub(r"<([\w-]+)>", lambda hit: pattern_of(rules, hit[1]), rules[rule])
+
+
+class Recognizer:
+    """Decides whether texts can be derived from a rule, with the regular expression of the grammar."""
+
+    def __init__(self, grammar: Grammar, rule: str = "line") -> None:
+        self._pattern = re.compile(write_regex(grammar, rule))
+
+    def accepts(self, text: str) -> bool:
+        """Return True if the whole text can be derived."""
+        return self._pattern.fullmatch(text) is not None

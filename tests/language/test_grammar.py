@@ -16,12 +16,12 @@ from hypothesis import strategies as st
 from mcserver.gcode.program_check import check_program
 from mcserver.gcode.text.parser import scan_line
 from mcserver.gcode.text.source import split_lines
-from mcserver.language.grammar.derive import Recognizer, derive
+from mcserver.language.grammar.derive import derive
 from mcserver.language.grammar.dialect import build_grammar
 from mcserver.language.grammar.expressions import Grammar
 from mcserver.language.grammar.notations import Notation, write_grammar, write_regex
 from mcserver.machine.machine_file import load_machine
-from tests.language.grammar_reader import pattern_of, read_grammar
+from tests.language.grammar_reader import Recognizer, pattern_of, read_grammar
 
 ROOT = Path(__file__).resolve().parents[2]
 PLAIN = str(ROOT / "tests" / "golden" / "machines" / "plain.toml")

@@ -14,12 +14,12 @@ import pytest
 from mcserver.gcode.profiles.reader import reader_of
 from mcserver.gcode.text.source import split_lines
 from mcserver.gcode.text.words import Word
-from mcserver.language.grammar.derive import Recognizer, derive
+from mcserver.language.grammar.derive import derive
 from mcserver.language.grammar.dialect import build_grammar
 from mcserver.language.grammar.expressions import Grammar
 from mcserver.language.grammar.notations import Notation, write_grammar
 from mcserver.machine.machine_file import Machine, load_machine, parse_machine
-from tests.language.grammar_reader import pattern_of, read_grammar
+from tests.language.grammar_reader import Recognizer, pattern_of, read_grammar
 
 CORPUS = Path(__file__).resolve().parents[1] / "corpus"
 PROFILES = ("cnc", "printer", "robot")

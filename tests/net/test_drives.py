@@ -11,7 +11,7 @@ import pytest
 from mcserver.canopen.booted_drives import CanDrives
 from mcserver.canopen.canopen_errors import DriveError
 from mcserver.canopen.drive_events import CanopenEvent
-from mcserver.canopen.views import BusScan, DriveInfo, ScannedNode, SdoTarget, SdoValue, Value
+from mcserver.canopen.views import BusScan, DriveInfo, ScannedNode, SdoReply, SdoTarget, Value
 from mcserver.net.configuration import NetworkOptions
 from mcserver.server import ServerOptions, running
 from mcserver.service.service import MachineService
@@ -32,15 +32,15 @@ class AnsweringDrives:
         node = ScannedNode(3, 402, "drive", 0x11, 0x22, modes=["csp", "hm"], axis=1)
         return [BusScan(bus or "can0", "can0", [node], "[machine]\n")]
 
-    async def sdo_read(self, target: SdoTarget, kind: str | None, /) -> SdoValue:
+    async def sdo_read(self, target: SdoTarget, kind: str | None, /) -> SdoReply:
         self.asked.append((target, kind, None))
         if target.index == 0x2345:
             raise DriveError("MC553", "no such object", "see the EDS", abort_code=0x0602_0000)
-        return SdoValue(1, "can0", 3, target.index, target.subindex, kind or "i32", -7, b"\xf9\xff\xff\xff")
+        return SdoReply(1, "can0", 3, target.index, target.subindex, kind or "i32", -7, b"\xf9\xff\xff\xff")
 
-    async def sdo_write(self, target: SdoTarget, kind: str | None, value: Value, /) -> SdoValue:
+    async def sdo_write(self, target: SdoTarget, kind: str | None, value: Value, /) -> SdoReply:
         self.asked.append((target, kind, value))
-        return SdoValue(1, "can0", 3, target.index, target.subindex, kind or "u8", value, b"\x01")
+        return SdoReply(1, "can0", 3, target.index, target.subindex, kind or "u8", value, b"\x01")
 
 
 @pytest.fixture

@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 
 from mcserver.net.stop_copies import LEAST_NUMBER
-from mcserver.service.journal_reader import read_commands
 from mcserver.service.stop_latch import CONFIRM_PERIOD_S
 from tests.net.client import ErrorAnswer, WireClient
 from tests.net.conftest import Rig
 from tests.service.fakes import executed_lines
+from tests.service.journal_rows import commands_in
 
 
 async def test_info_describes_the_machine_in_its_edge_units(client: WireClient) -> None:
@@ -281,10 +281,7 @@ async def test_who_ordered_what_is_in_the_journal(rig: Rig, client: WireClient) 
     await other.call("reset")
     await other.close()
     await rig.service.stop()
-    kept = [
-        (each.client, each.method, each.program, each.detail)
-        for each in read_commands(rig.service.options.journal, limit=9)
-    ]
+    kept = [each[:4] for each in commands_in(rig.service.options.journal)]
     assert kept == [
         ("anna.mcctl-1", "reset", None, ""),
         ("panel", "estop", None, "fire"),

@@ -13,7 +13,8 @@ from pathlib import Path
 import numpy as np
 
 from mcserver.errors import Diagnostic, ProgramRejected
-from mcserver.executor.entries import EventKind, ExecutorEvent, MotionSink
+from mcserver.executor.entries import EventKind, ExecutorEvent
+from mcserver.executor.shm.rings import ProgramRing
 from mcserver.executor.shm.target_box import Targets
 from mcserver.executor.view import SlotView
 from mcserver.gcode.semantics.modal import ModalState
@@ -28,8 +29,8 @@ from mcserver.planning.planner_messages import (
     ReportKind,
 )
 from mcserver.planning.start_state import PauseEnd, StartState, StateBefore
+from mcserver.service.executor_port import Cycles, Snapshot
 from mcserver.service.journal import Journal
-from mcserver.service.motion_port import Cycles, Snapshot
 from mcserver.service.reports import AxisState
 from tests.machine_text import axes_text
 
@@ -76,7 +77,7 @@ class FakePort:
         self.calls.append(("begin", slot, axes, ratio, held))
         self.at_rest.discard(slot)
 
-    def sink(self, slot: int) -> MotionSink:
+    def sink(self, slot: int) -> ProgramRing:
         return FakeSink(self, slot)
 
     def poll_events(self) -> list[ExecutorEvent]:
@@ -315,7 +316,7 @@ class FakePipelines:
         self,
         request: PipelineRequest,
         lines: LineBuffer,
-        sink: MotionSink,
+        sink: ProgramRing,
         slot: int,  # noqa: ARG002
     ) -> FakePipeline:
         if self.failure is not None:

@@ -20,8 +20,9 @@ from typing import Any
 import msgspec
 
 from mcserver.errors import Diagnostic, ProgramRejected, ServiceError
-from mcserver.executor.entries import EventKind, ExecutorEvent, MotionSink
+from mcserver.executor.entries import EventKind, ExecutorEvent
 from mcserver.executor.fault_codes import FaultCode
+from mcserver.executor.shm.rings import ProgramRing
 from mcserver.planning.line_buffer import LineBuffer
 from mcserver.planning.planner import Planner
 from mcserver.planning.planner_messages import (
@@ -34,8 +35,8 @@ from mcserver.planning.planner_messages import (
     ReportKind,
 )
 from mcserver.planning.start_state import PauseEnd, StartState, StateBefore
+from mcserver.service.executor_port import Snapshot
 from mcserver.service.journal_file import open_journal
-from mcserver.service.motion_port import Snapshot
 from mcserver.service.reports import Ack, Event
 from mcserver.service.service import MachineService
 from mcserver.service.service_options import ServiceOptions
@@ -264,7 +265,7 @@ class SimulatedPlanner:
         self,
         request: PipelineRequest,
         lines: LineBuffer,
-        sink: MotionSink,
+        sink: ProgramRing,
         slot: int,  # noqa: ARG002
     ) -> SimulatedPipeline:
         assert isinstance(sink, FakeSink)

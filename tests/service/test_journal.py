@@ -19,9 +19,10 @@ import pytest
 from mcserver.errors import ServiceError
 from mcserver.service.journal import Journal
 from mcserver.service.journal_file import JournalBounds, insertion, open_journal, prune, transaction
-from mcserver.service.journal_reader import read_lines_before, read_programs, read_reports
+from mcserver.service.journal_reader import read_lines_before, read_programs
 from mcserver.service.reports import Fault, LineReport
 from tests.service.fakes import open_program
+from tests.service.journal_rows import reports_in
 
 LIMIT_S = 5.0
 
@@ -215,7 +216,7 @@ def test_reports_faults_and_ends_are_kept(make: Callable[[], Kept]) -> None:
     kept.settle()
     (program,) = read_programs(kept.path, limit=5)
     assert (program.state, program.done, program.line, program.fault) == ("faulted", 1, 2, fault)
-    assert read_reports(kept.path, "p") == [report]
+    assert reports_in(kept.path, "p") == [report]
 
 
 def test_a_new_start_finds_open_programs_interrupted(make: Callable[[], Kept]) -> None:

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import asyncio
+import sqlite3
 import time
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from mcserver.errors import ServiceError
-from mcserver.executor.entries import ExecutorEvent, MotionSink
+from mcserver.executor.entries import ExecutorEvent
 from mcserver.executor.envelope_bounds import Envelope
 from mcserver.executor.shm.feedback import FeedbackRing, FeedbackState
 from mcserver.executor.shm.mailbox import CommandMailbox
@@ -24,7 +25,7 @@ from mcserver.planning.state_before import state_before
 from mcserver.service.executor_port import ExecutorPort
 from mcserver.service.homing import HomingService
 from mcserver.service.jog import Jogging
-from mcserver.service.journal_file import JournalConnection, open_journal
+from mcserver.service.journal_file import open_journal
 from mcserver.service.program import Program
 from mcserver.service.references import References, references_file
 from mcserver.service.reports import Event
@@ -71,7 +72,7 @@ class _Faces:
         hold: bool = False,
         unhomed: bool = False,
         envelope: Envelope | None = None,
-    ) -> MotionSink:
+    ) -> ProgramRing:
         return self._executor.open_slot(
             slot, axes_mask, override=override, hold=hold, unhomed=unhomed, envelope=envelope
         )
@@ -105,7 +106,7 @@ class _Planning:
         newest = self._executor.history.newest_slots()
         return [SlotView(newest[slot][0], newest[slot][1], override_of(slot)) for slot in slots]
 
-    def sink(self, slot: int) -> MotionSink:
+    def sink(self, slot: int) -> ProgramRing:
         ring = self._executor.sink(slot)
         ring.restart()
         return ring
@@ -126,7 +127,7 @@ class VirtualCell:
         machine: Machine,
         folder: Path,
         instance: str = "cell",
-        connect: Callable[[Path], JournalConnection] = open_journal,
+        connect: Callable[[Path], sqlite3.Connection] = open_journal,
         cycles_a_turn: int = CYCLES_A_TURN,
     ) -> None:
         self._cycles_a_turn = cycles_a_turn

@@ -39,12 +39,14 @@ def test_points_do_not_depend_on_how_cycles_arrive_and_stay_bounded(cycles: int)
     setpoint = np.zeros((len(angle), len(machine.axes)))
     setpoint[:, 0], setpoint[:, 1] = np.cos(angle), np.sin(angle)
     for first in range(0, len(angle), cycles):
-        sampler.add(np.full(len(angle[first : first + cycles]), 3), setpoint[first : first + cycles])
+        sampler.take(
+            np.zeros(0), np.full(len(angle[first : first + cycles]), 3), setpoint[first : first + cycles]
+        )
     points = np.array(sampler.path()["tips"][0]["points"])
     assert 50 <= len(points) <= 201
     assert np.hypot(points[:, 0], points[:, 1]) == pytest.approx(1000.0, abs=0.01)
     whole = PathSampler(machine, ToolPoses(machine, None), 200)
-    whole.add(np.full(len(angle), 3), setpoint)
+    whole.take(np.zeros(0), np.full(len(angle), 3), setpoint)
     assert len(whole.path()["tips"][0]["points"]) == len(points)
 
 

@@ -27,6 +27,7 @@ from mcserver.drives.damiao.codec import (
     velocity_step,
 )
 from mcserver.drives.damiao.drive import DamiaoDrive
+from mcserver.drives.streamed import StreamedAxis
 from mcserver.machine.machine_file import Axis
 from mcserver.units import TURN
 
@@ -57,10 +58,12 @@ _FAULTS: Mapping[int, DriveFault] = MappingProxyType(
 )
 
 
-class DamiaoAxis:
-    """State of one axis; attributes as `mcserver.drives.streamed.StreamedAxis`."""
+class DamiaoAxis(StreamedAxis):
+    """State of one axis."""
 
     def __init__(self, axis: Axis, drive: DamiaoDrive, cycle_s: float, silence_cycles: int) -> None:
+        # while a motor is asked for its registers, its feedback comes every other cycle
+        super().__init__(axis, silence_cycles + 1)
         sign = -1.0 if drive.invert else 1.0
         self._node = drive.node
         self._feedback_id = drive.feedback_id
@@ -81,9 +84,6 @@ class DamiaoAxis:
         self._asks = False
         self._command = bytearray()
         self._request = bytearray()
-        self._at = 0
-        self._send: Callable[[bytearray], bool] = lambda _buffer: False
-        self._commanded = DriveMode.OFF
         self._since = 0
         self._status = int(Status.DISABLED)
         self._shaft = 0.0
@@ -91,17 +91,6 @@ class DamiaoAxis:
         self._foreign = 0
         self._braking_cycles = round(BRAKING_S / cycle_s)
         self._braking = 0
-        # while a motor is asked for its registers, its feedback comes every other cycle
-        self.limit = silence_cycles + 1
-        self.age = 1 << 30
-        self.position = axis.initial_position
-        self.velocity = 0.0
-        self.state = DriveState.OFF
-        self.fault = DriveFault.NONE
-        self.detail = 0
-        self.fresh = False
-        self.short = 0
-        self.complaint: tuple[str, str] | None = None
 
     @staticmethod
     def _expected(drive: DamiaoDrive) -> tuple[tuple[Register, float], ...]:
@@ -113,7 +102,6 @@ class DamiaoAxis:
         )
 
     def open(self, port: CanPort) -> dict[int, Callable[[bytes], None]]:
-        """Prepare the frames; return what to call for which COB-ID."""
         self._command = port.prepare(self._node, LENGTH)
         self._request = port.prepare(REGISTERS, LENGTH)
         self._at = port.payload_offset
@@ -175,11 +163,9 @@ class DamiaoAxis:
 
     @property
     def booted(self) -> bool:
-        """Whether feedback has come, and its registers are as they have to be."""
         return self._known and self.ready
 
     def read(self) -> None:
-        """Once a cycle, after what has come was taken."""
         self.age += 1
         self.fresh = self.age <= (0 if self.ready else 1)
 
@@ -188,12 +174,10 @@ class DamiaoAxis:
         self._written = False
 
     def fail(self, fault: DriveFault, detail: int = 0) -> bool:
-        """Latch a fault; False: one is latched already, or nobody commands the drive (G1011)."""
-        if self.fault is not DriveFault.NONE or self._commanded is DriveMode.SILENT:
-            return False
-        self.fault, self.detail = fault, detail
-        self._braking = self._braking_cycles
-        return True
+        latched = super().fail(fault, detail)
+        if latched:
+            self._braking = self._braking_cycles
+        return latched
 
     # ------------------------------------------------------------------ what goes out
 

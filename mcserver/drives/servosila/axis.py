@@ -25,6 +25,7 @@ from mcserver.drives.servosila.codec import (
     unpack_status,
 )
 from mcserver.drives.servosila.drive import ServosilaDrive
+from mcserver.drives.streamed import StreamedAxis
 from mcserver.machine.machine_file import Axis
 from mcserver.units import MINUTE
 
@@ -40,18 +41,13 @@ JUMP_COUNTS = 16.0
 MOTION_FACTOR = 2.0
 
 
-class ServosilaAxis:
-    """State of one axis.
-
-    Attributes:
-        position, velocity: of the axis [m, rad; per second]. state, fault, detail: as `Feedback`.
-        fresh: telemetry is no older than its rate allows.
-        short: telemetry with a wrong length.
-    """
-
-    complaint: tuple[str, str] | None = None
+class ServosilaAxis(StreamedAxis):
+    """State of one axis."""
 
     def __init__(self, axis: Axis, drive: ServosilaDrive, cycle_s: float, silence_cycles: int) -> None:
+        every = 1 if drive.telemetry_hz <= 0.0 else math.ceil(1.0 / (drive.telemetry_hz * cycle_s) - 1e-9)
+        super().__init__(axis, every - 1 + silence_cycles)
+        self._allowed = every - 1
         scaling = Scaling.of(axis)
         self._node = drive.node
         self._cycle = cycle_s
@@ -63,15 +59,9 @@ class ServosilaAxis:
         self._pole_pairs = drive.pole_pairs
         self._sign = sign
         self._torque = "torque" in drive.codes
-        every = 1 if drive.telemetry_hz <= 0.0 else math.ceil(1.0 / (drive.telemetry_hz * cycle_s) - 1e-9)
-        self._allowed = every - 1
-        self.limit = self._allowed + silence_cycles
         self._greatest = JUMP_FACTOR * axis.max_velocity * cycle_s * abs(self._counts)
         self._base = axis.initial_position
         self._buffer = bytearray()
-        self._at = 0
-        self._send: Callable[[bytearray], bool] = lambda _buffer: False
-        self._commanded = DriveMode.OFF
         self._since = ANSWER_CYCLES
         self._work_zone = 0.0
         self._known = False
@@ -82,17 +72,8 @@ class ServosilaAxis:
         # cycles after a reset in which the work zone may still be seen to be zeroed
         self._zeroing = 0
         self._before = axis.initial_position
-        self.age = 1 << 30
-        self.position = axis.initial_position
-        self.velocity = 0.0
-        self.state = DriveState.OFF
-        self.fault = DriveFault.NONE
-        self.detail = 0
-        self.fresh = False
-        self.short = 0
 
     def open(self, port: CanPort) -> dict[int, Callable[[bytes], None]]:
-        """Prepare the command's frame; return what to call for which COB-ID."""
         self._buffer = port.prepare(COMMAND + self._node, LENGTH)
         self._at = port.payload_offset
         self._send = port.send_prepared
@@ -138,11 +119,9 @@ class ServosilaAxis:
 
     @property
     def booted(self) -> bool:
-        """Whether status and reading have come."""
         return self._known and self._status_age <= self._allowed
 
     def read(self) -> None:
-        """Once a cycle, after what has come was taken."""
         self._status_age += 1
         self._reading_age += 1
         self.age = max(self._status_age, self._reading_age)
@@ -156,13 +135,6 @@ class ServosilaAxis:
             self._before = self.position
         if self._zeroing:
             self._zeroing -= 1
-
-    def fail(self, fault: DriveFault, detail: int = 0) -> bool:
-        """Latch a fault; False: one is latched already, or nobody commands the drive (G1011)."""
-        if self.fault is not DriveFault.NONE or self._commanded is DriveMode.SILENT:
-            return False
-        self.fault, self.detail = fault, detail
-        return True
 
     # ------------------------------------------------------------------ what goes out
 

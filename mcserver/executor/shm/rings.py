@@ -151,7 +151,7 @@ class ProgramRing:
         return self.controls - (self._counters[_CONTROLS_WRITTEN] - self._counters[_CONTROLS_READ])
 
     def put_rows(self, rows: Rows) -> None:
-        """Put rows (see `MotionSink`).
+        """Put rows behind those before; their first u is above the last one put.
 
         Raises:
             OverflowError: more rows than `row_room`; none was taken.
@@ -195,7 +195,11 @@ class ProgramRing:
         return float(max(self.stop[first:].max(), self.stop[:behind].max()))
 
     def put_control(self, control: Control, rows: int = 0) -> None:
-        """Put an entry (see `MotionSink`) before the rows that lie past it, of which ``rows`` come with it.
+        """Put an entry before the rows that lie past it; its u is not below that of the entry before.
+
+        Args:
+            rows: how many rows are put right after it and belong to it: before they have come it is no entry,
+                so that u does not run on past a motion that begins.
 
         Raises:
             OverflowError: no `control_room`.
@@ -228,7 +232,7 @@ class ProgramRing:
         self._counters[_CONTROLS_WRITTEN] = written + 1
 
     def put_edges(self, edges: LineEdges, rows: int = 0) -> None:
-        """Put entries where lines begin and end (see `MotionSink`).
+        """Put `LINE_START` and `LINE_END` entries, as `put_control` does one by one.
 
         Raises:
             OverflowError: more than `control_room`; none was taken.
@@ -291,12 +295,10 @@ class ProgramRing:
         """Free the control entries with numbers below ``before``."""
         self._counters[_CONTROLS_READ] = before
 
-    def rows_with(self, number: int) -> int:
-        """Return the number of the row after those that come with a control entry, which must be there."""
-        return self._control_words[number % self.controls * _WORDS]
-
     def glance(self, number: int) -> tuple[int, int, float]:
-        """Return `rows_with`, the kind as a number, and u [cycles] of an entry, which must be there."""
+        """Return of an entry, which must be there: the number of the row after those that come with it, its
+        kind as a number, and u [cycles].
+        """
         words, at = self._control_words, number % self.controls * _WORDS
         return words[at], words[at + _KIND], self._control_numbers[at + _U]
 

@@ -1,12 +1,10 @@
-"""Derive random programs from a grammar, and recognize lines that can be derived."""
+"""Derive random programs from a grammar."""
 
 from __future__ import annotations
 
-import re
 from random import Random
 
 from mcserver.language.grammar.expressions import Chars, Choice, Expression, Grammar, Ref, Repeat, Seq, SomeOf
-from mcserver.language.grammar.notations import write_regex
 
 _MORE = 0.35  # probability of one more repetition: texts stay short
 _TAKEN = 0.3  # probability of each of several words that may stand
@@ -43,14 +41,3 @@ def _character(chars: Chars, random: Random) -> str:
         return str(random.choice([each for each in _SHOWN if chars.holds(each)]))
     first, last = random.choice(chars.ranges)
     return chr(random.randint(ord(first), ord(last)))
-
-
-class Recognizer:
-    """Decides whether texts can be derived from a rule, with the regular expression of the grammar."""
-
-    def __init__(self, grammar: Grammar, rule: str = "line") -> None:
-        self._pattern = re.compile(write_regex(grammar, rule))
-
-    def accepts(self, text: str) -> bool:
-        """Return True if the whole text can be derived."""
-        return self._pattern.fullmatch(text) is not None
