@@ -275,20 +275,6 @@ def test_a_hold_waits_for_rows_that_leave_some_jerk_while_there_is_room_before_t
     assert_limits(rig, 50.0)
 
 
-def swinging(jerk: float) -> Rows:
-    """To and fro about the start for 1.5 s with nearly all of a jerk, from rest to rest."""
-    pulse = 2.0 * np.pi / 0.06
-    size = 0.98 * jerk / pulse**3
-
-    def position(time: Array) -> Array:
-        share = np.clip(np.minimum(time, 1.5 - time) / 0.3, 0.0, 1.0)
-        swing: Array = size * share**4 * (35.0 - 84.0 * share + 70.0 * share**2 - 20.0 * share**3)
-        return np.outer(swing * np.sin(pulse * time), [1.0, 0.3])
-
-    time, step = np.arange(1, 1501) * CYCLE_S, 1e-7
-    return Rows(position(time), (position(time + step) - position(time - step)) / (2.0 * step))
-
-
 def test_a_resumed_motion_is_played_by_whole_rows_again() -> None:
     rig, rows = start("line", 0.2, None)
     rig.step(403)
