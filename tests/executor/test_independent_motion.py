@@ -12,16 +12,13 @@ from hypothesis import strategies as st
 from mcserver.executor.entries import ControlKind, EventKind
 from mcserver.executor.fault_codes import WARNINGS
 from tests.executor.rig import CYCLE_S, Rig, machine
+from tests.limits import assert_keeps
 
 ACCELERATION = 10.0
 
 
-def within_limits(rig: Rig, column: int, *, velocity: float = 1.0, jerk: float | None = None) -> None:
-    setpoint = rig.setpoint[:, column]
-    assert np.abs(np.diff(setpoint)).max() / CYCLE_S <= velocity * 1.001
-    assert np.abs(rig.acceleration(column)).max() <= 1.01 * ACCELERATION
-    if jerk is not None:
-        assert np.abs(np.diff(setpoint, 3)).max() / CYCLE_S**3 <= 1.05 * jerk
+def within_limits(rig: Rig, column: int, *, jerk: float | None = None) -> None:
+    assert_keeps(rig.setpoint[:, column], (1.0, ACCELERATION, jerk))
 
 
 def test_a_rapid_energizes_and_each_axis_takes_its_own_time() -> None:

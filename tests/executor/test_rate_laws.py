@@ -14,6 +14,7 @@ from hypothesis import strategies as st
 from mcserver.executor.entries import ControlKind
 from mcserver.executor.shm.feedback import SlotState
 from tests.executor.rig import CYCLE_S, Array, Rig, give, machine
+from tests.limits import assert_keeps
 
 VELOCITY, ACCELERATION, JERK = 1.0, 10.0, 300.0
 RADIUS = 0.05
@@ -103,13 +104,8 @@ def start(path: str, speed: float, jerk: float | None) -> tuple[Rig, Rows]:
 
 
 def assert_limits(rig: Rig, jerk: float | None) -> None:
-    """Differences of the setpoints at the cycle rate: 100.1 %, 101 % and 105 % of the limits."""
     points = rig.setpoint
-    points = np.concatenate((np.tile(points[:1], (3, 1)), points, np.tile(points[-1:], (3, 1))))
-    assert np.abs(np.diff(points, axis=0)).max() / CYCLE_S <= 1.001 * VELOCITY
-    assert np.abs(np.diff(points, 2, axis=0)).max() / CYCLE_S**2 <= 1.01 * ACCELERATION
-    if jerk is not None:
-        assert np.abs(np.diff(points, 3, axis=0)).max() / CYCLE_S**3 <= 1.05 * jerk
+    assert_keeps(np.concatenate((points, np.tile(points[-1:], (3, 1)))), (VELOCITY, ACCELERATION, jerk))
 
 
 @settings(max_examples=24, deadline=None)

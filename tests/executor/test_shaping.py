@@ -25,6 +25,7 @@ from tests.executor.homing_cell import SWITCH, Cell
 from tests.executor.homing_cell import machine as machine_to_home
 from tests.executor.planned import Planned
 from tests.executor.rig import CYCLE_S, Rig, machine, under_way
+from tests.limits import assert_keeps, limits_of
 
 EI, ZV = (f'shaper = {{ type = "{kind}", frequency_hz = 40.0, damping = 0.05 }}' for kind in ("ei", "zv"))
 WIDE = "path_tolerance_mm = 5.0"
@@ -55,10 +56,7 @@ def moving(**keys: object) -> Rig:
 
 
 def assert_limits(rig: Rig) -> None:
-    axis = rig.machine.axes[0]
-    for order, limit in enumerate((axis.max_velocity, axis.max_acceleration, axis.max_jerk), start=1):
-        found = np.abs(np.diff(rig.setpoint, order, axis=0)).max() / CYCLE_S**order
-        assert found <= 1.05 * limit, order
+    assert_keeps(rig.setpoint, limits_of(rig.machine), most=(1.05,) * 3)
     assert broken_by_shapers(rig) == []
 
 
