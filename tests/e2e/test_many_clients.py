@@ -178,31 +178,6 @@ async def test_every_line_twice_runs_once_and_is_acknowledged_again(
     assert (await machine.status()).axes.setpoint[0] == pytest.approx(19.0, abs=0.01)
 
 
-async def test_a_gap_is_refused_with_the_number_expected(wire: WireClient) -> None:
-    program = (await wire.call("open", axes=[11]))["program"]
-    acks = wire.subscribe(f"ack/{program}")
-    await wire.call("submit", program=program, first=1, lines=["G1010 P11", "G93 F600"])
-    with pytest.raises(ErrorAnswer) as refused:
-        await wire.call("submit", program=program, first=4, lines=["G01 [11]1"])
-    assert refused.value.code == "MC505"
-    assert refused.value.body["details"]["expected"] == 3
-    wire.put(wire.lines_key(program), [7, ["G01 [11]1"]])
-    ack = await acks.first(lambda ack: ack.get("expected"))
-    assert (ack["expected"], ack["accepted"]) == (3, 2)
-    with pytest.raises(ErrorAnswer) as refused:
-        await wire.call("close", program=program, last=7)
-    assert (refused.value.code, refused.value.body["details"]["expected"]) == ("MC505", 3)
-    await wire.call("close", program=program, last=2)
-    await acks.first(lambda ack: ack["state"] == "finished")
-
-
-async def test_another_client_may_not_send_lines_of_a_program(wire: WireClient, machine: Machine) -> None:
-    async with machine.program(axes=[10]) as program:
-        with pytest.raises(ErrorAnswer) as refused:
-            await wire.call("submit", program=program.id, first=1, lines=["G1010"])
-        assert refused.value.code == "MC504"
-
-
 async def test_three_thousand_lines_are_acknowledged_and_reported_once_in_order(machine: Machine) -> None:
     await run(machine, ["G1010", "G00 X0 Y0"])
 

@@ -123,19 +123,6 @@ async def test_what_was_asked_for_anew_is_not_armed_by_who_saw_the_one_before(
     assert (armed["state"], armed["number"]) == ("armed", now["number"])
 
 
-async def test_an_emergency_stop_takes_the_arming_back(
-    rig: Rig, client: WireClient, operator: WireClient
-) -> None:
-    run = (await client.call("request_run", text=TEXT))["run"]
-    await operator.call("arm", sha256=run["sha256"])
-    await operator.call("estop")
-    await operator.call("reset")
-    with pytest.raises(ErrorAnswer) as refused:
-        await client.call("run_armed", text=TEXT)
-    assert refused.value.body["code"] == "MC571"
-    assert rig.service.current() == []
-
-
 async def test_a_request_ends_with_its_clients_liveliness(rig: Rig, operator: WireClient) -> None:
     events = operator.subscribe("event")
     bot = WireClient(rig.endpoint, "bench", "bot.agent-1")
