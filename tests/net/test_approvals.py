@@ -14,7 +14,6 @@ import numpy as np
 import pytest
 
 from mcserver.errors import ServiceError
-from mcserver.executor.entries import Control, ControlKind
 from mcserver.machine.machine_file import Machine, parse_machine
 from mcserver.net import arming_messages as wire
 from mcserver.net.arming_methods import ArmingMethods
@@ -161,18 +160,22 @@ async def test_a_person_who_moves_an_axis_voids_it_and_moving_it_back_does_not(s
     assert (await site.run()).state == "finished"
 
 
-async def test_an_offset_set_by_a_person_is_named(site: Site) -> None:
+@pytest.mark.parametrize(
+    ("text", "by_hand", "words"),
+    [
+        (TEXT, ["G10 L20 P2 Y7"], "G55 Y moved by -7 mm"),
+        ("T2 M6\nG43 H2\nG1 Z-5 F600", ["G10 L1 P2 Z45"], "T2 length moved by 15 mm"),
+        (TEXT, ["G38.3 Z-20 F600", "G10 L20 P1 Z0", "G0 X0 Y0", "G53 G0 Z0"], "G54 Z moved by -20 mm"),
+    ],
+    ids=["offset", "tool", "probe"],
+)
+async def test_what_a_person_sets_meanwhile_voids_an_approval_and_is_named(
+    site: Site, text: str, by_hand: list[str], words: str
+) -> None:
     await site.by_hand("G0 X0 Y0 Z0")
-    await site.arm()
-    await site.by_hand("G10 L20 P2 Y7")
-    assert "G55 Y moved by -7 mm" in await site.refusal()
-
-
-async def test_a_tool_that_a_person_measured_anew_voids_an_approval_and_names_it(site: Site) -> None:
-    text = "T2 M6\nG43 H2\nG1 Z-5 F600"
     await site.arm(text)
-    await site.by_hand("G10 L1 P2 Z45")
-    assert "T2 length moved by 15 mm" in await site.refusal(text)
+    await site.by_hand(*by_hand)
+    assert words in await site.refusal(text)
 
 
 async def test_another_override_than_was_allowed_does_not_count(site: Site) -> None:
@@ -186,20 +189,6 @@ async def test_another_override_than_was_allowed_does_not_count(site: Site) -> N
     assert program.state == "finished", program.fault
     speed = np.abs(np.diff(np.array(site.rows)[:, 0])).max() / 1e-3
     assert speed <= 0.0101
-
-
-async def test_past_the_server_an_override_above_the_allowed_one_is_stopped_by_the_executor(
-    site: Site,
-) -> None:
-    text = "G1 X200 F1200\nG1 X0"
-    await site.arm(text, override=50.0)
-    program = await site.start(text)
-    await site.cell.until(lambda: site.extent()[1] > 20.0)
-    assert program.slot is not None
-    site.cell.service.port.override(program.slot, 1.0)
-    await site.cell.ended(program)
-    assert program.fault is not None
-    assert (program.state, program.fault.code, program.fault.axis) == ("faulted", "MC461", 0)
 
 
 async def test_an_input_that_the_program_reads_is_named_and_one_that_it_does_not_read_is_not(
@@ -286,13 +275,6 @@ async def test_a_client_that_goes_while_its_run_is_simulated_leaves_no_request(
     assert site.arming.run_requests(ANNA, wire.RunRequestsRequest()).requests == []
     # its successor, and the same client come back, may ask
     await site.ask(client="bot.agent-2")
-
-
-async def test_a_contact_of_the_probe_that_sets_another_zero_voids_an_approval(site: Site) -> None:
-    await site.by_hand("G0 X0 Y0 Z0")
-    await site.arm()
-    await site.by_hand("G38.3 Z-20 F600", "G10 L20 P1 Z0", "G0 X0 Y0", "G53 G0 Z0")
-    assert "G54 Z moved by -20 mm" in await site.refusal()
 
 
 async def test_holds_and_resumes_and_what_others_do_meanwhile_do_not_open_the_envelope(site: Site) -> None:
@@ -406,23 +388,6 @@ async def test_a_run_is_not_asked_for_while_its_axes_still_move(site: Site) -> N
         await site.ask("G1 [3]90 F6000")
     assert refused.value.code == "MC572"
     assert refused.value.message.startswith("A ")
-
-
-async def test_a_planted_command_of_homing_or_torque_is_refused_by_the_executor(
-    site: Site, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    await site.arm()
-    begin = site.cell.service.port.begin
-
-    def planted(*args: Any, **more: Any) -> None:
-        begin(
-            *args, **{**more, "controls": (Control(ControlKind.REFERENCE, 0.0, 1, 1, (0.3, 0.0, 0.0, 0.0)),)}
-        )
-
-    monkeypatch.setattr(site.cell.service.port, "begin", planted)
-    program = await site.run()
-    assert program.fault is not None
-    assert program.fault.code == "MC464"
 
 
 def test_every_field_of_the_start_counts_in_the_digest_and_in_what_has_changed() -> None:
