@@ -135,9 +135,8 @@ async def test_emergency_stop_latches_and_faults_the_program_until_reset(machine
             await program.finish()
         stopped = await until(machine, at_rest)
         assert stopped.state == "estop"
-        with pytest.raises(RequestRefused) as refused:
+        with pytest.raises(RequestRefused, match="MC509: "):
             await machine.program()
-        assert refused.value.code == "MC509"
         await reset(machine)
         assert (await machine.status()).state == "ready"
         # nothing starts by itself, and axes have to be captured anew
@@ -150,7 +149,6 @@ async def test_emergency_stop_latches_and_faults_the_program_until_reset(machine
 
 async def test_orders_for_a_program_that_is_not_there_are_refused(machine: Machine, wire: WireClient) -> None:
     for method in ("hold", "resume", "abort"):
-        with pytest.raises(ErrorAnswer) as refused:
+        with pytest.raises(ErrorAnswer, match="MC503: "):
             await wire.call(method, program="nowhere")
-        assert refused.value.code == "MC503"
     assert (await known(machine, (await run(machine, ["G04 P0"])).program)).state == "finished"

@@ -140,9 +140,8 @@ async def test_what_is_no_longer_as_it_was_simulated_is_shown_and_not_armed(site
     await site.by_hand("G0 X0 Y0 Z0", "G10 L2 P1 X300")
     (shown,) = site.arming.run_requests(ANNA, wire.RunRequestsRequest()).requests
     assert "G54 X moved by 300 mm" in shown.changed
-    with pytest.raises(ServiceError) as refused:
+    with pytest.raises(ServiceError, match="MC572: "):
         site.arming.arm(ANNA, wire.ArmRequest(sha256=run.sha256))
-    assert refused.value.code == "MC572"
 
 
 async def test_what_a_program_shifts_is_named_though_it_moves_nothing(site: Site) -> None:
@@ -225,9 +224,8 @@ async def test_a_tool_length_of_another_machine_file_is_another_approval(site: S
     again = Site(parse_machine(MILL.replace("length_mm = 30.0", "length_mm = 130.0")), tmp_path, "second")
     try:
         # an approval is of one start of one machine: nothing is armed any more
-        with pytest.raises(ServiceError) as refused:
+        with pytest.raises(ServiceError, match="MC571: "):
             await again.start(text)
-        assert refused.value.code == "MC571"
         after = await again.ask(text)
         assert after.digest != before.digest
         assert after.extents[0].high == pytest.approx(before.extents[0].high + 100.0)
@@ -240,9 +238,8 @@ async def test_a_restart_alone_ends_an_approval(site: Site, tmp_path: Path) -> N
     await site.cell.stop()
     again = Site(site.machine, tmp_path, "second")
     try:
-        with pytest.raises(ServiceError) as refused:
+        with pytest.raises(ServiceError, match="MC571: "):
             await again.start()
-        assert refused.value.code == "MC571"
         # the same text, from the same state, on the same machine
         assert (await again.ask()).digest == before.digest
     finally:
@@ -253,9 +250,8 @@ async def test_an_emergency_stop_ends_an_approval(site: Site) -> None:
     await site.arm()
     site.cell.service.latch.emergency_stop(ANNA, "")
     site.cell.service.reset(None)
-    with pytest.raises(ServiceError) as refused:
+    with pytest.raises(ServiceError, match="MC571: "):
         await site.start()
-    assert refused.value.code == "MC571"
 
 
 async def test_a_client_that_goes_while_its_run_is_simulated_leaves_no_request(
@@ -268,9 +264,8 @@ async def test_a_client_that_goes_while_its_run_is_simulated_leaves_no_request(
         return await simulate(client, text, start, axes)
 
     monkeypatch.setattr(site, "preview", gone)
-    with pytest.raises(ServiceError) as refused:
+    with pytest.raises(ServiceError, match="MC570: "):
         await site.ask()
-    assert refused.value.code == "MC570"
     monkeypatch.setattr(site, "preview", simulate)
     assert site.arming.run_requests(ANNA, wire.RunRequestsRequest()).requests == []
     # its successor, and the same client come back, may ask
@@ -327,9 +322,8 @@ async def test_an_armed_run_waits_for_its_client_as_long_as_it_was_asked_to(site
 async def test_a_program_that_is_put_in_front_moves_nothing_that_was_approved(site: Site) -> None:
     await site.arm()
     ahead = await site.cell.service.open(ANNA, axes=[0])
-    with pytest.raises(ServiceError) as refused:
+    with pytest.raises(ServiceError, match="MC572: "):
         await site.start()
-    assert refused.value.code == "MC572"
     site.cell.service.abort(ahead.program)
     await site.cell.ended(ahead)
     assert (await site.run()).state == "finished"
@@ -377,9 +371,8 @@ async def test_what_g1030_and_g1040_would_do_is_bounded_or_refused(site: Site) -
     assert (turning.extents[-1].turns, turning.extents[-1].speed) == (True, pytest.approx(360.0, rel=1e-3))
     assert "leaves A turning or pushing" in turning.effects
     for text in ("G1040 [3]0.1", "G1030 X60"):
-        with pytest.raises(ServiceError) as refused:
+        with pytest.raises(ServiceError, match="MC577: "):
             await site.ask(text)
-        assert refused.value.code == "MC577"
 
 
 async def test_a_run_is_not_asked_for_while_its_axes_still_move(site: Site) -> None:

@@ -218,9 +218,8 @@ async def test_nobody_jogs_once_it_goes_on(shop: Shop) -> None:
     program = await shop.begin([*CHANGE[:4], "G1 X200 F1000"])
     await shop.paused(program)
     shop.service.resume(None)
-    with pytest.raises(Refused) as refused:
+    with pytest.raises(Refused, match="MC512: "):
         await shop.jog(0, 1.0)
-    assert refused.value.code == "MC512"
     await shop.ended(program)
     assert shop.at()[0] == pytest.approx(200.0)
 
@@ -314,9 +313,8 @@ async def test_the_spindle_that_turns_on_at_the_pause_is_not_lent(tmp_path: Path
     shop = Shop(mill("spindle_axis = 3\n" + SPINDLE), tmp_path)
     program = await shop.begin(["T1 M6", "S600 M3", "G1 X10 F3000", "M0 (measure)", "G1 X20", "M5"])
     await shop.paused(program)
-    with pytest.raises(Refused) as refused:
+    with pytest.raises(Refused, match="MC512: "):
         await shop.jog(3, 1.0)
-    assert refused.value.code == "MC512"
     await shop.jogged(0, 2.0)
     assert shop.service.port.snapshot().states[3] == "speed"
     await shop.resumed(program)
@@ -348,9 +346,8 @@ async def test_an_approved_run_goes_on_only_from_within_what_was_approved(tmp_pa
     assert (refused.value.code, program.state) == ("MC460", "paused")
     await shop.jogged(1, -90.0)
     # its bounds are places by the references of now
-    with pytest.raises(Refused) as refused:
+    with pytest.raises(Refused, match="MC512: "):
         await shop.homing.reference("page", {0: 0.1})
-    assert refused.value.code == "MC512"
     assert (await shop.resumed(program)).state == "finished"
     await shop.stop()
 
@@ -464,9 +461,8 @@ async def test_zero_that_is_changed_elsewhere_still_refuses_to_go_on(restarts: R
     await shop.paused(program)
     shop = await restarts.killed(shop, program, 3)
     await shop.run("G10 L2 P1 X3")
-    with pytest.raises(ServiceError) as refused:
+    with pytest.raises(ServiceError, match="MC594: "):
         await shop.service.continue_program("page", program.program, confirmed=Confirmed(way=True))
-    assert refused.value.code == "MC594"
     await asyncio.sleep(0)
 
 

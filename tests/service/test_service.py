@@ -107,9 +107,8 @@ async def test_a_closed_program_that_holds_a_faulty_line_ends_as_rejected(bench:
 async def test_close_with_a_last_line_refuses_while_it_is_missing(bench: Bench) -> None:
     program = await bench.service.open("hmi")
     await bench.service.lines.submit("hmi", program.program, 1, ["move"])
-    with pytest.raises(ServiceError) as refused:
+    with pytest.raises(ServiceError, match="MC505: "):
         bench.service.lines.close("hmi", program.program, last=2)
-    assert refused.value.code == "MC505"
     bench.service.lines.close("hmi", program.program, last=1)
     await bench.until_acked(program.program, state="finished")
 
@@ -119,16 +118,14 @@ async def test_a_closed_program_takes_no_more_lines(bench: Bench) -> None:
     program = await bench.service.open("hmi")
     await bench.service.lines.submit("hmi", program.program, 1, ["wait"])
     bench.service.lines.close("hmi", program.program)
-    with pytest.raises(ServiceError) as refused:
+    with pytest.raises(ServiceError, match="MC510: "):
         await bench.service.lines.submit("hmi", program.program, 2, ["move"])
-    assert refused.value.code == "MC510"
 
 
 async def test_another_client_may_not_submit(bench: Bench) -> None:
     program = await bench.service.open("hmi")
-    with pytest.raises(ServiceError) as refused:
+    with pytest.raises(ServiceError, match="MC504: "):
         await bench.service.lines.submit("other", program.program, 1, ["move"])
-    assert refused.value.code == "MC504"
 
 
 async def test_disjoint_programs_run_side_by_side_and_others_wait(bench: Bench) -> None:
@@ -287,9 +284,8 @@ async def test_an_emergency_stop_is_latched_confirmed_once_and_ends_programs(ben
     await bench.until_acked(program.program, state="faulted")
     assert bench.kinds().count("estop") == 1
     assert bench.service.latch.state == "estop"
-    with pytest.raises(ServiceError) as refused:
+    with pytest.raises(ServiceError, match="MC509: "):
         await bench.service.open("hmi")
-    assert refused.value.code == "MC509"
     bench.service.reset(None)
     assert bench.service.latch.state == "ready"
 
@@ -327,9 +323,8 @@ async def test_reset_waits_for_motion_to_come_to_rest(bench: Bench) -> None:
     program = await bench.service.open("hmi")
     bench.port.stops_at_once = False
     bench.service.latch.emergency_stop("", "")
-    with pytest.raises(ServiceError) as refused:
+    with pytest.raises(ServiceError, match="MC509: "):
         bench.service.reset(None)
-    assert refused.value.code == "MC509"
     bench.port.happen(EventKind.STOPPED, 0)
     await bench.until_acked(program.program, state="faulted")
     bench.service.reset(None)
@@ -444,15 +439,12 @@ async def test_with_a_full_disk_submits_are_refused_and_not_left_waiting(
     await fill(bench, disk, program)
     async with asyncio.timeout(LIMIT_S):
         for lines in (["move"], ["move"], ["move", "move"]):
-            with pytest.raises(ServiceError) as refused:
+            with pytest.raises(ServiceError, match="MC519: "):
                 await bench.service.lines.submit("hmi", program.program, 2, lines)
-            assert refused.value.code == "MC519"
-        with pytest.raises(ServiceError) as refused:
+        with pytest.raises(ServiceError, match="MC519: "):
             bench.service.lines.close("hmi", program.program)
-        assert refused.value.code == "MC519"
-        with pytest.raises(ServiceError) as refused:
+        with pytest.raises(ServiceError, match="MC519: "):
             await bench.service.open("hmi")
-        assert refused.value.code == "MC519"
     assert program.journaled == 1
     assert "cannot be written" in caplog.text
     assert executed_lines(bench.pipelines, program.program) == [1]
@@ -481,9 +473,8 @@ async def test_what_was_refused_with_a_full_disk_runs_once_when_there_is_room(
 async def test_one_client_cannot_hold_all_programs(bench: Bench) -> None:
     for _ in range(CLIENT_PROGRAMS):
         await bench.service.open("greedy")
-    with pytest.raises(ServiceError) as refused:
+    with pytest.raises(ServiceError, match="MC508: "):
         await bench.service.open("greedy")
-    assert refused.value.code == "MC508"
     assert (await bench.service.open("modest")).state == "queued"
 
 
@@ -493,6 +484,5 @@ async def test_a_resumption_of_a_program_that_never_was_is_refused(
     bench: Bench, start_line: int, before: bool
 ) -> None:
     lines = ["G90"] * (start_line - 1) if before else []
-    with pytest.raises(ServiceError) as refused:
+    with pytest.raises(ServiceError, match="MC503: "):
         await bench.service.open("hmi", resume_of="nobody-1", start_line=start_line, before=lines)
-    assert refused.value.code == "MC503"
