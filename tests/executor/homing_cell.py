@@ -61,6 +61,10 @@ class Cell:
         program.finish()
         return program
 
+    def find_home(self, *axes: int) -> None:
+        self.home(*axes)
+        self.run()
+
     def step(self, cycles: int = 1) -> None:
         self.executor.step(cycles)
         self.events += self.executor.events()

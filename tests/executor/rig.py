@@ -86,6 +86,13 @@ class Rig:
                 return cycle + 1
         raise AssertionError(f"not at rest after {limit} cycles")
 
+    def play(self, *, line: bool = False) -> int:
+        """End the program, and with ``line`` its line; run as `run` does."""
+        if line:
+            self.program.end_line()
+        self.program.finish()
+        return self.run()
+
     def run_until(self, kind: EventKind, limit: int = 20000) -> ExecutorEvent:
         for _ in range(limit):
             before = len(self.events)

@@ -256,8 +256,7 @@ def test_a_dwell_does_not_pass_in_feed_hold() -> None:
 
 def test_a_program_may_be_opened_held_and_begins_with_resume() -> None:
     rig = Rig(machine())
-    rig.program.finish()
-    rig.run()
+    rig.play()
     program = Program(rig.executor.open_slot(1, 3, hold=True), 2)
     program.capture()
     program.start_line(1)

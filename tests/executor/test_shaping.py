@@ -94,8 +94,7 @@ def test_ei_leaves_a_twentieth_of_a_vibration_at_a_tenth_beside_its_frequency(sh
         rig.program.dwell(0.05)
         rig.program.rapid({0: 0.03})
         rig.program.wait(1)
-        rig.program.finish()
-        rig.run()
+        rig.play()
         rig.step(50)
         (rests,) = np.nonzero(rig.setpoint[:, 0] != 0.03)
         swing = rig.actual[rests[-1] + 2 :, 0] - 0.03
@@ -108,8 +107,7 @@ def test_an_axis_without_a_shaper_is_delayed_exactly() -> None:
     rig = Rig(shaped(EI, ""))
     rig.program.capture()
     rig.program.move({0: 0.05, 1: 0.05}, 1000)
-    rig.program.finish()
-    rig.run()
+    rig.play()
     shaping = rig.machine.shaping
     assert shaping is not None
     assert np.abs(rig.setpoint[shaping.delay :, 1] - rig.ordered[: -shaping.delay, 1]).max() < 1e-15
@@ -221,8 +219,7 @@ def test_an_axis_that_coasts_is_captured_without_a_jump() -> None:
     bus.push(0, 0.3)
     rig.step(20)
     rig.program.capture()
-    rig.program.finish()
-    rig.run()
+    rig.play()
     rig.step(50)
     assert np.abs(rig.acceleration()[22:]).max() <= 1.05 * rig.machine.axes[0].max_acceleration
     assert rig.setpoint[-1, 0] == rig.ordered[-1, 0]
@@ -235,8 +232,7 @@ def test_a_speed_is_shaped_and_taken_back_within_the_limits() -> None:
     rig.program.control(ControlKind.HALT_AXES, axes=1)
     rig.program.rapid({0: 0.0})
     rig.program.wait(1)
-    rig.program.finish()
-    rig.run()
+    rig.play()
     assert rig.setpoint[-1, 0] == pytest.approx(0.0, abs=1e-12)
     assert_limits(rig)
 
@@ -246,8 +242,7 @@ def test_homing_gives_positions_without_a_jump_for_the_drive() -> None:
     plain = machine_to_home((drive, f"{SWITCH}then_move_to = 5.0"), travel=500.0)
     axis = msgspec.structs.replace(plain.axes[0], shaper=Shaper("ei", 40.0, 0.05))
     cell = Cell(msgspec.structs.replace(plain, axes=(axis,), shaping=Shaping.of([axis], CYCLE_S)))
-    cell.home(0)
-    cell.run()
+    cell.find_home(0)
     assert cell.of(EventKind.HOMED)
     assert not cell.of(EventKind.FAULT)
     steps = np.diff(np.array(cell.drive_setpoints)[:, 0], 2) / CYCLE_S**2
