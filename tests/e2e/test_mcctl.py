@@ -59,25 +59,6 @@ def test_a_rejected_program_ends_with_4_and_points_at_the_fault(
     assert caret.index("^") == text.index("R30")
 
 
-def test_a_program_rejected_in_its_stream_ends_with_4_after_the_lines_before(
-    mcctl: Mcctl, target: tuple[str, ...], tmp_path: Path
-) -> None:
-    file = written(tmp_path, "G1010\nG94 F6000 G01 X3 Y0\nGO1 X9\n")
-    done = mcctl("run", file, "--no-check", *target)
-    assert done.returncode == 4, done.stderr
-    assert "part.gcode:3:" in done.stderr
-    status = mcctl("status", *target, "--json")
-    assert json.loads(status.stdout)["axes"]["setpoint"][0] == pytest.approx(3.0, abs=0.001)
-
-
-def test_a_runtime_fault_ends_with_1(mcctl: Mcctl, target: tuple[str, ...], tmp_path: Path) -> None:
-    file = written(tmp_path, "G1011\nG94 F600\nG01 X1\n")
-    done = mcctl("run", file, *target)
-    assert done.returncode == 1, done.stderr
-    assert "G1010" in done.stderr
-    assert mcctl("reset", *target).returncode == 0
-
-
 def test_orders_of_the_operator_end_with_0(mcctl: Mcctl, target: tuple[str, ...]) -> None:
     for arguments in (("override", "100"), ("abort",)):
         done = mcctl(*arguments, *target)
