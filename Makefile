@@ -147,10 +147,10 @@ pictures: $(VENV)/.for-development  ## draw the pictures of the documentation an
 	$(BIN)/mcserver plot examples/robot-dog.gcode --machine robot-dog --no-limits --output docs/images/dog.png
 	$(BIN)/mcserver plot examples/mill-part.gcode --machine examples/mill.toml --no-limits \
 		--output docs/images/mill-part.png
-	$(BIN)/python -m tests.bench.servo_picture docs/images/servo.png
-	$(BIN)/python -m tests.bench.shaping_picture docs/images/shaping.png
-	$(BIN)/python -m tests.bench.backlash_picture docs/images/backlash.png
-	$(BIN)/python -m tests.bench.threading_picture docs/images/threading.png
+	$(BIN)/python -m tests.bench.pictures servo docs/images/servo.png
+	$(BIN)/python -m tests.bench.pictures shaping docs/images/shaping.png
+	$(BIN)/python -m tests.bench.pictures backlash docs/images/backlash.png
+	$(BIN)/python -m tests.bench.pictures threading docs/images/threading.png
 	$(BIN)/python -m tests.browser.picture docs/images
 	$(BIN)/python -m tests.motion.picture docs/images/chords.png docs/images/stretches.png
 

@@ -62,7 +62,6 @@ LONG = (
     "e2e/test_restart.py",
     "security",
     "gateway",
-    "e2e/test_recorded_in_step.py",
     "canopen/test_families.py",
     "fire",
     "packaging",

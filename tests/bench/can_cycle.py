@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import socket
 import time
+from collections.abc import Iterator
+from contextlib import contextmanager
 from types import TracebackType
 
 from mcserver.can.cob import SYNC, Function
@@ -14,10 +16,11 @@ from mcserver.drives.bus import DriveMode, DriveState, Setpoints
 from mcserver.drives.can_bus import CanBus
 from mcserver.executor.entries import Control, ControlKind
 from mcserver.executor.shm.feedback import AxisCondition
-from mcserver.machine.machine_file import parse_machine
+from mcserver.machine.machine_file import Machine, parse_machine
 from mcserver.motion.canonical import AxisOperation
 from mcserver.simulation.virtual_executor import VirtualExecutor
-from tests.bench.figures import Figure, percentile
+from tests.bench.figures import Figure, percentiles
+from tests.machine_text import axes_text
 
 CYCLES = 2000
 WARM_UP = 200
@@ -29,26 +32,17 @@ ENABLED = 0x0227
 
 def measure() -> list[Figure]:
     """8 and 32 axes in position mode and moving, each on one bus; 8 whose loops are closed here (cst)."""
+    against = "packing and sending as many frames, receiving as many"
     figures = []
     for axes, goal in GOALS.items():
         floor = frames(axes)
-        taken = exchanges(axes)
-        for what, times, share in (
-            ("exchange", taken, 0.5),
-            ("exchange", taken, 0.99),
-            ("whole cycle of the executor", cycles(axes), 0.5),
-            *((("exchange, cst", exchanges(axes, "cst"), 0.5),) if axes == min(GOALS) else ()),
-        ):
-            figures.append(
-                Figure(
-                    f"{axes} axes, {what}, p{100 * share:g}",
-                    percentile(times, share),
-                    "µs",
-                    percentile(floor, share),
-                    "packing and sending as many frames, receiving as many",
-                    goal if times is taken and share == 0.5 else "",
-                )
-            )
+        figures += percentiles(f"{axes} axes, exchange", exchanges(axes), floor, against, {0.5: goal})
+        figures += percentiles(
+            f"{axes} axes, whole cycle of the executor", cycles(axes), floor, against, shares=[0.5]
+        )
+        if axes == min(GOALS):
+            taken = exchanges(axes, "cst")
+            figures += percentiles(f"{axes} axes, exchange, cst", taken, floor, against, shares=[0.5])
     return figures
 
 
@@ -148,29 +142,38 @@ class Answers:
 
 def machine_text(axes: int, mode: str = "csp") -> str:
     """Axes on one bus, at a rate at which they fit."""
-    torques = "rated_torque = 1.0\ninertia = 1e-4\n" if mode == "cst" else ""
-    text = '[machine]\nname = "bench"\ncycle_hz = 50\n'
-    for index in range(axes):
-        text += f'[[axis]]\nindex = {index}\ntype = "linear"\nmax_velocity = 1000.0\n'
-        text += "max_acceleration = 1000.0\nunits_per_motor_rev = 10.0\nmax_following_error = 1000.0\n"
-        text += f'[axis.drive]\nmode = "{mode}"\n{torques}'
-        text += f'kind = "cia402"\nbus = "can0"\nnode = {index + 1}\ncounts_per_motor_rev = 10000\n'
-    return text
+    keys = "units_per_motor_rev = 10.0\nmax_following_error = 1000.0"
+    drive = f'bus = "can0"\ncounts_per_motor_rev = 10000\nmode = "{mode}"\n'
+    drive += "rated_torque = 1.0\ninertia = 1e-4\n" if mode == "cst" else ""
+    limits = {"velocity": 1000.0, "acceleration": 1000.0, "keys": keys, "drive": "cia402"}
+    nodes = (f"{drive}node = {index + 1}" for index in range(axes))
+    text = "".join(axes_text([index], **limits, drive_keys=node) for index, node in enumerate(nodes))
+    return f'[machine]\nname = "bench"\ncycle_hz = 50\n{text}'
+
+
+@contextmanager
+def answered_bus(machine: Machine) -> Iterator[tuple[CanBus, Answers]]:
+    """A bus of all axes, and the drives that answer on it."""
+    axes = len(machine.axes)
+    with DatagramPort() as port:
+        answers = Answers(axes, port.other)
+        yield (
+            CanBus(
+                machine,
+                machine.buses[0],
+                list(range(axes)),
+                opener=lambda _address: port,
+                wait=lambda _seconds: answers.answer(),
+            ),
+            answers,
+        )
 
 
 def exchanges(axes: int, mode: str = "csp") -> list[float]:
     """Time of each exchange [µs]: drain, states, scaling, RPDOs, SYNC."""
     machine = parse_machine(machine_text(axes, mode))
     taken = []
-    with DatagramPort() as port:
-        answers = Answers(axes, port.other)
-        bus = CanBus(
-            machine,
-            machine.buses[0],
-            list(range(axes)),
-            opener=lambda _address: port,
-            wait=lambda _seconds: answers.answer(),
-        )
+    with answered_bus(machine) as (bus, answers):
         feedback = bus.boot()
         setpoints = Setpoints.of(axes)
         setpoints.mode[:] = DriveMode.POSITION
@@ -195,15 +198,7 @@ def cycles(axes: int) -> list[float]:
     machine = parse_machine(machine_text(axes))
     mask = (1 << axes) - 1
     taken = []
-    with DatagramPort() as port:
-        answers = Answers(axes, port.other)
-        bus = CanBus(
-            machine,
-            machine.buses[0],
-            list(range(axes)),
-            opener=lambda _address: port,
-            wait=lambda _seconds: answers.answer(),
-        )
+    with answered_bus(machine) as (bus, answers):
         virtual = VirtualExecutor(machine, buses=[bus])
         ring = virtual.open_slot(0, mask)
         ring.put_control(Control(ControlKind.AXIS, 0.0, 1, axes=mask, operation=CAPTURE))

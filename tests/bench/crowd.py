@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import contextlib
 import queue
-import subprocess
-import sys
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -13,9 +11,9 @@ from contextlib import contextmanager
 import msgspec
 import zenoh
 
-from tests.bench.figures import Figure, NotAvailable, percentile
+from tests.bench.figures import Figure, NotAvailable, percentile, percentiles
 from tests.bench.round_trip import RAW_KEY, latencies, raw_session
-from tests.bench.server import Server, server
+from tests.bench.server import Server, companion, server
 from tests.machine_text import axes_text
 
 SUBSCRIBERS, STREAMS = 50, 20
@@ -44,9 +42,7 @@ def measure() -> list[Figure]:
             stops = stop_latencies(reached)
     what = f"status beside {SUBSCRIBERS} subscribers and {STREAMS} streams"
     return [
-        Figure(f"{what} {name}", percentile(status, share), "µs", percentile(floor, share), "a raw get", goal)
-        for name, share, goal in (("p50", 0.5, ""), ("p99", 0.99, "≤ 5000 µs"))
-    ] + [
+        *percentiles(what, status, floor, "a raw get", {0.99: "≤ 5000 µs"}),
         Figure("emergency stop, put → event there p50", percentile(stops, 0.5), "µs"),
         Figure("emergency stop, put → event there, worst", max(stops), "µs", None, "", "p99 ≤ 5000 µs"),
         Figure("status alone p50", percentile(alone, 0.5), "µs"),
@@ -96,23 +92,7 @@ def stop_latencies(reached: Server) -> list[float]:
 @contextmanager
 def crowd(reached: Server, subscribers: int, streams: int) -> Iterator[None]:
     """Subscribers and streams in processes of their own, until the block ends."""
-    commands = [
-        ["tests.bench.listeners", reached.endpoint, reached.machine, str(subscribers), "--events"],
-        ["tests.bench.streams", reached.endpoint, reached.machine, str(streams)],
-    ]
-    processes = [
-        subprocess.Popen(
-            [sys.executable, "-m", *command], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
-        )
-        for command in commands
-    ]
-    try:
-        for process in processes:
-            assert process.stdout is not None
-            answer = process.stdout.readline().strip()
-            if answer != "ready":
-                raise NotAvailable(f"not all of the crowd came: {answer}")
+    listeners = ("tests.bench.listeners", reached.endpoint, reached.machine, str(subscribers), "--events")
+    streaming = ("tests.bench.streams", reached.endpoint, reached.machine, str(streams))
+    with companion(*listeners), companion(*streaming):
         yield
-    finally:
-        for process in processes:
-            process.communicate(timeout=30)

@@ -13,7 +13,7 @@ import time
 from pathlib import Path
 
 from mcserver.drives.bus import DriveMode, DriveState
-from tests.bench.figures import Figure, NotAvailable, percentile
+from tests.bench.figures import Figure, NotAvailable, percentiles
 from tests.ethercat.rig import Cycle, Namespace, SimulatedLine, line_of, missing_means
 
 CYCLES = 500
@@ -38,17 +38,8 @@ def measure() -> list[Figure]:
             taken = _exchanges(namespace, axes)
         finally:
             namespace.close()
-        for share in (0.5, 0.99):
-            figures.append(
-                Figure(
-                    f"{axes} axes, exchange, p{100 * share:g}",
-                    percentile(taken, share),
-                    "µs",
-                    percentile(floor, share),
-                    "sending as many bytes on this line, and taking them at its end",
-                    goal if share == 0.5 else "",
-                )
-            )
+        against = "sending as many bytes on this line, and taking them at its end"
+        figures += percentiles(f"{axes} axes, exchange", taken, floor, against, {0.5: goal})
     return figures
 
 

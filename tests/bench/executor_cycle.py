@@ -15,7 +15,7 @@ from mcserver.motion.canonical import AxisOperation
 from mcserver.motion.kernels.rate_search import warm_up_playback
 from mcserver.motion.pieces import Rows
 from mcserver.simulation.virtual_executor import VirtualExecutor
-from tests.bench.figures import Figure, percentile
+from tests.bench.figures import Figure, percentile, percentiles
 from tests.bench.machines import ideal
 
 CYCLES = 3000
@@ -29,32 +29,16 @@ def measure() -> list[Figure]:
     """8 and 64 simulated axes; 2 and 64 ideal ones under orders."""
     figures = []
     for axes in (8, 64):
-        taken, floor = cycles(axes), numpy_rows(axes)
-        for share in (0.5, 0.999):
-            goal = "≤ 50 µs" if (axes, share) == (64, 0.5) else ""
-            figures.append(
-                Figure(
-                    f"{axes} axes, p{100 * share:g}",
-                    percentile(taken, share),
-                    "µs",
-                    percentile(floor, share),
-                    "four NumPy operations on a row",
-                    goal,
-                )
-            )
+        goals = {0.5: "≤ 50 µs"} if axes == 64 else {}
+        against = "four NumPy operations on a row"
+        taken = cycles(axes)
+        figures += percentiles(f"{axes} axes", taken, numpy_rows(axes), against, goals, shares=(0.5, 0.999))
     for axes in (2, 64):
-        plain, taken = with_orders(axes, False), with_orders(axes, True)
-        for share in (0.5, 0.99, 1.0):
-            figures.append(
-                Figure(
-                    f"{axes} axes under orders, {'longest' if share == 1.0 else f'p{100 * share:g}'}",
-                    percentile(taken, share),
-                    "µs",
-                    percentile(plain, 0.5),
-                    "p50 without orders",
-                    "≤ 150 µs" if (axes, share) == (64, 1.0) else "",
-                )
-            )
+        # all beside the median without orders
+        plain, taken = [percentile(with_orders(axes, False), 0.5)], with_orders(axes, True)
+        goals = {1.0: "≤ 150 µs"} if axes == 64 else {}
+        what = f"{axes} axes under orders"
+        figures += percentiles(what, taken, plain, "p50 without orders", goals, shares=(0.5, 0.99, 1.0))
     return figures
 
 

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import statistics
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from types import MappingProxyType
 
 
 @dataclass(frozen=True)
@@ -67,3 +68,27 @@ def percentile(values: list[float], share: float) -> float:
     """The value that ``share`` (0 … 1) of the values do not pass."""
     ordered = sorted(values)
     return ordered[min(int(share * len(ordered)), len(ordered) - 1)]
+
+
+def percentiles(
+    what: str,
+    taken: list[float],
+    floor: list[float] | None = None,
+    against: str = "",
+    goals: Mapping[float, str] = MappingProxyType({}),
+    *,
+    shares: Sequence[float] = (0.5, 0.99),
+    unit: str = "µs",
+) -> list[Figure]:
+    """One row for each share of the values (1: the longest), beside the same share of the floor's."""
+    return [
+        Figure(
+            f"{what}, {'longest' if share == 1.0 else f'p{100 * share:g}'}",
+            percentile(taken, share),
+            unit,
+            None if floor is None else percentile(floor, share),
+            against,
+            goals.get(share, ""),
+        )
+        for share in shares
+    ]

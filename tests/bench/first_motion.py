@@ -9,7 +9,7 @@ from collections import deque
 import msgspec
 import numpy as np
 
-from tests.bench.figures import Figure, NotAvailable, percentile
+from tests.bench.figures import Figure, NotAvailable, percentiles
 from tests.bench.server import server
 
 LINES = 60
@@ -74,7 +74,5 @@ def measure() -> list[Figure]:
                 taken.append(1000.0 * (watcher.first() - start))
             time.sleep(0.15)
         subscriber.undeclare()
-    return [
-        Figure(f"submit → first motion {name}", percentile(taken[1:], share), "ms", None, "", "≤ 10 ms")
-        for name, share in (("p50", 0.5), ("p99", 0.99))
-    ]
+    goals = dict.fromkeys((0.5, 0.99), "≤ 10 ms")
+    return percentiles("submit → first motion", taken[1:], goals=goals, unit="ms")

@@ -186,16 +186,6 @@ def play(
     return Run(points, span, ended, faults, np.array(scales), max(begun, 0), begins, ends)
 
 
-def worst_ratios(machine: Machine, run: Run) -> tuple[float, float, float]:
-    """Return velocity, acceleration and jerk at every cycle, each in shares of its limit."""
-    points = np.concatenate((np.tile(run.setpoint[:1], (3, 1)), run.setpoint))
-    found = []
-    for order, name in enumerate(("max_velocity", "max_acceleration", "max_jerk"), start=1):
-        limits = np.array([getattr(axis, name) for axis in machine.axes])
-        found.append(float((np.abs(np.diff(points, order, axis=0)) / machine.cycle_s**order / limits).max()))
-    return found[0], found[1], found[2]
-
-
 def measure() -> list[Figure]:
     """150 and 200 % from the start, and from the middle of the time of 100 %; and how soon it is planned."""
     machine = ideal(axes=2, velocity=500.0, acceleration=3000.0, jerk=60_000.0, tolerance_mm=0.02)

@@ -7,8 +7,6 @@ same client that is the server's share. The SDK's calls are what a program waits
 from __future__ import annotations
 
 import queue
-import subprocess
-import sys
 import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
@@ -20,7 +18,7 @@ import zenoh
 
 from tests.bench.figures import Figure, NotAvailable, percentile
 from tests.bench.sdk_calls import WARMING, SdkCalls, sdk_calls
-from tests.bench.server import Server, client_config, free_port, server
+from tests.bench.server import Server, client_config, companion, free_port, server
 
 CALLS = 200
 ROUNDS = 5
@@ -194,19 +192,11 @@ def raw_session() -> Iterator[zenoh.Session]:
 def raw_process() -> Iterator[tuple[zenoh.Session, int]]:
     """A session to a process that does nothing but answer `RAW_KEY`, and the process's number."""
     endpoint = f"tcp/127.0.0.1:{free_port()}"
-    process = subprocess.Popen(
-        [sys.executable, "-m", "tests.bench.raw_queryable", endpoint],
-        stdin=subprocess.PIPE,
-        stdout=subprocess.PIPE,
-        text=True,
-    )
-    try:
-        assert process.stdout is not None
-        process.stdout.readline()
-        with zenoh.open(client_config(endpoint)) as session:
-            yield session, process.pid
-    finally:
-        process.communicate(timeout=20)
+    with (
+        companion("tests.bench.raw_queryable", endpoint) as process,
+        zenoh.open(client_config(endpoint)) as session,
+    ):
+        yield session, process.pid
 
 
 def latencies(session: zenoh.Session, key: str, payloads: list[bytes], pause_s: float = 0.0) -> list[float]:

@@ -77,6 +77,27 @@ def server(machine_file: str = "", name: str = "bench") -> Iterator[Server]:
             end(process)
 
 
+@contextmanager
+def companion(*command: str) -> Iterator[subprocess.Popen[str]]:
+    """``python -m command``, which says in a line that it is ready, and ends once its input closes.
+
+    Raises:
+        NotAvailable: it says anything else.
+    """
+    process = subprocess.Popen(
+        [sys.executable, "-m", *command], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
+    )
+    assert process.stdout is not None
+    try:
+        said = process.stdout.readline().strip()
+        if said != "ready":
+            raise NotAvailable(f"{' '.join(command)} is not ready: {said}")
+        yield process
+    finally:
+        if not process.stdout.closed:
+            process.communicate(timeout=30)
+
+
 def end(process: subprocess.Popen[Any]) -> None:
     """End a process in order; kill it where it takes too long, which must not hide what was measured."""
     process.terminate()

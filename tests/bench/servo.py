@@ -14,7 +14,7 @@ from ruckig import InputParameter, OutputParameter, Ruckig
 from mcserver.executor.shm.target_box import Targets
 from mcserver.motion.kernels.target_tracking import follow_targets, read_reference
 from mcserver.service.target_stream import Now, TargetMessage, TargetStream
-from tests.bench.figures import Figure, percentile
+from tests.bench.figures import Figure, percentiles
 from tests.bench.machines import ideal
 
 Array = NDArray[np.float64]
@@ -47,16 +47,8 @@ def measure() -> list[Figure]:
     figures = []
     for axes in (6, 64):
         taken, floor = cycles_of(axes), cycles_of_ruckig(axes)
-        for share in (0.5, 0.99):
-            figures.append(
-                Figure(
-                    f"{axes} axes with new targets in each cycle, p{100 * share:g}",
-                    percentile(taken.tolist(), share),
-                    "µs",
-                    percentile(floor.tolist(), share),
-                    f"Ruckig's update of {axes} axes",
-                )
-            )
+        what, against = f"{axes} axes with new targets in each cycle", f"Ruckig's update of {axes} axes"
+        figures += percentiles(what, taken.tolist(), floor.tolist(), against)
     for name, ours, theirs in (
         (
             "positions and velocities",

@@ -3,46 +3,27 @@
 from __future__ import annotations
 
 import os
-import subprocess
-import sys
 import time
 from pathlib import Path
 
 from tests.bench.figures import Figure
-from tests.bench.server import server
+from tests.bench.server import companion, server
+from tests.machine_text import axes_text
 
 AXES, SUBSCRIBERS = 64, 50
 SETTLE_S, WATCH_S = 1.0, 4.0
-MACHINE = '[machine]\nname = "bench"\ncycle_hz = 1000\n' + "".join(
-    f'[[axis]]\nindex = {index}\ntype = "linear"\nmax_velocity = 200.0\nmax_acceleration = 1000.0\n'
-    for index in range(AXES)
-)
+_AXES_TEXT = axes_text(range(AXES), acceleration=1000.0, drive="simulated")
+MACHINE = f'[machine]\nname = "bench"\ncycle_hz = 1000\n{_AXES_TEXT}'
 
 
 def measure() -> list[Figure]:
     """Of the server's own process; the executor has its own."""
     with server(MACHINE) as reached:
         alone = cpu_share(reached.process.pid)
-        listeners = subprocess.Popen(
-            [
-                sys.executable,
-                "-m",
-                "tests.bench.listeners",
-                reached.endpoint,
-                reached.machine,
-                str(SUBSCRIBERS),
-            ],
-            stdin=subprocess.PIPE,
-            stdout=subprocess.PIPE,
-            text=True,
-        )
-        assert listeners.stdout is not None
-        assert listeners.stdin is not None
-        listeners.stdout.readline()
-        heard = cpu_share(reached.process.pid)
-        listeners.stdin.close()
-        messages = int(listeners.stdout.readline() or 0)
-        listeners.wait(30)
+        command = ("tests.bench.listeners", reached.endpoint, reached.machine, str(SUBSCRIBERS))
+        with companion(*command) as listeners:
+            heard = cpu_share(reached.process.pid)
+            messages = int(listeners.communicate(timeout=30)[0] or 0)
     return [
         Figure("nobody listens", alone, "% of a core", None, "", "1.5 %"),
         Figure(f"{SUBSCRIBERS} subscribers", heard, "% of a core", alone, "nobody listens", "≤ 15 %"),

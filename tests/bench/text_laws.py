@@ -11,10 +11,11 @@ import numpy as np
 from mcserver.machine.machine_file import Machine
 from mcserver.motion.geometry.curves import Array
 from mcserver.simulation.simulation import Simulation, simulate
-from tests.bench.override import Run, play, worst_ratios
+from tests.bench.override import Run, play
 from tests.bench.shaped_machines import shaped
 from tests.bench.text_programs import TOLERANCES, Asked, Text, orders_of, text_program_of
-from tests.motion.measure import ACCELERATION_SLACK, JERK_SLACK, VELOCITY_SLACK
+from tests.limits import broken_limits, limits_of
+from tests.motion.measure import VELOCITY_SLACK
 
 # What rounding may take away from an end [m or rad].
 EXACT = 1e-9
@@ -57,12 +58,7 @@ def _units(machine: Machine) -> Array:
 
 def _broken_limits(text: Text, run: Run) -> list[str]:
     """Name the limits that setpoints pass; a tolerance or a stop is at each vertex, so jerk holds too."""
-    limits = ("velocity", VELOCITY_SLACK), ("acceleration", ACCELERATION_SLACK), ("jerk", JERK_SLACK)
-    broken = [
-        f"{name} {value:.6g} > {most:.6g}"
-        for (name, most), value in zip(limits, worst_ratios(text.machine, run), strict=True)
-        if not value <= most
-    ]
+    broken = broken_limits(run.setpoint, limits_of(text.machine), text.machine.cycle_s)
     if np.abs(run.setpoint[-1] - text.end * _units(text.machine)).max() > EXACT:
         broken.append("the end is missed")
     return broken

@@ -16,10 +16,11 @@ from mcserver.machine.machine_file import Machine, load_machine
 from mcserver.machine.machine_kinematics import build_kinematics
 from mcserver.motion.geometry.curves import Array
 from mcserver.simulation.simulation import simulate
-from tests.bench.override import Run, play, worst_ratios
+from tests.bench.override import Run, play
 from tests.bench.text_programs import orders_of
 from tests.golden.urdf_tips import tips
-from tests.motion.measure import ACCELERATION_SLACK, JERK_SLACK, VELOCITY_SLACK
+from tests.limits import broken_limits, limits_of
+from tests.motion.measure import VELOCITY_SLACK
 
 START = np.array([460.0, 0.0, 675.0])
 # Where the points of a program are [mm], and the angles A B C at most [degrees].
@@ -194,12 +195,7 @@ def _farthest(points: Array, parts: Sequence[tuple[Array, Array]]) -> float:
 
 def _broken_limits(machine: Machine, run: Run, end: Array) -> list[str]:
     """Name the limits of the joints that setpoints pass, and a tip that is not where the program ends."""
-    limits = ("velocity", VELOCITY_SLACK), ("acceleration", ACCELERATION_SLACK), ("jerk", JERK_SLACK)
-    broken = [
-        f"{name} {value:.6g} > {most:.6g}"
-        for (name, most), value in zip(limits, worst_ratios(machine, run), strict=True)
-        if not value <= most
-    ]
+    broken = broken_limits(run.setpoint, limits_of(machine), machine.cycle_s)
     away = float(np.linalg.norm(1e3 * tips("arm6.urdf", "tip", run.setpoint[-1:])[0][0] - end))
     if away > SOLVED:
         broken.append(f"the end is missed by {away:.3g} mm")

@@ -8,7 +8,7 @@ import sys
 import tempfile
 from pathlib import Path
 
-from tests.bench.figures import Figure, NotAvailable, percentile
+from tests.bench.figures import Figure, NotAvailable, percentiles
 
 CYCLES = 4000
 PERIOD_NS = 1_000_000
@@ -21,20 +21,8 @@ def measure() -> list[Figure]:
         floor = start([str(compiled(Path(folder))), str(CYCLES), str(PERIOD_NS)])
         ours = start([sys.executable, "-m", "tests.bench.wake_up_loop", str(CYCLES), str(PERIOD_NS)])
         least, taken = latencies(floor), latencies(ours)
-    figures = []
-    for share, goal in ((0.5, ""), (0.99, ""), (0.999, "≤ 1.5")):
-        name = f"p{100 * share:g}"
-        figures.append(
-            Figure(
-                f"wake-up latency {name}",
-                percentile(taken, share),
-                "µs",
-                percentile(least, share),
-                "a C loop",
-                goal,
-            )
-        )
-    return figures
+    what, goals = "wake-up latency", {0.999: "≤ 1.5"}
+    return percentiles(what, taken, least, "a C loop", goals, shares=(0.5, 0.99, 0.999))
 
 
 def compiled(folder: Path) -> Path:

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Callable, Iterator
+from pathlib import Path
 
 import pytest
 
 from mcserver.can.open import open_port
 from mcserver.canopen.network import PortNetwork
 from tests.canopen.fake_drives import FakeDrives
-from tests.canopen.rig import RunningHub, Watched
+from tests.canopen.rig import BusCell, Desk, RunningHub, Watched, machine_file
 
 
 @pytest.fixture
@@ -39,6 +40,22 @@ def make_drives(hub: RunningHub) -> Iterator[Callable[..., FakeDrives]]:
     yield make
     for drives in made:
         drives.close()
+
+
+@pytest.fixture
+def cell(hub: RunningHub, make_drives: Callable[..., FakeDrives], watched: Watched) -> BusCell:
+    return BusCell(hub, make_drives, watched)
+
+
+@pytest.fixture
+def desk(
+    hub: RunningHub,
+    make_drives: Callable[..., FakeDrives],
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+) -> Desk:
+    """Of one axis, node 3."""
+    return Desk(machine_file(tmp_path, hub), hub, make_drives, capsys)
 
 
 @pytest.fixture

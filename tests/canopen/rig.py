@@ -2,11 +2,16 @@
 
 from __future__ import annotations
 
+import json
 import queue
 import threading
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import pytest
 
 from mcserver.can.hub import Hub
 from mcserver.canopen.boot import BootTimes
@@ -14,7 +19,9 @@ from mcserver.canopen.drive_events import CanopenEvent
 from mcserver.canopen.service import CanopenService
 from mcserver.canopen.service_bus import ServiceTimes
 from mcserver.canopen.settings import SdoTimes
+from mcserver.cli.app import run_command_line
 from mcserver.machine.machine_file import Machine, parse_machine
+from tests.canopen.fake_drives import FakeDrives
 from tests.machine_text import axes_text
 
 LIMIT_S = 20.0
@@ -85,6 +92,27 @@ class Watched:
             seen.append(event)
 
 
+@dataclass
+class BusCell:
+    """A hub, simple nodes on it, and the service path that boots them."""
+
+    hub: RunningHub
+    make_drives: Callable[..., FakeDrives]
+    watched: Watched
+
+    def machine(self, *nodes: int, **on: Any) -> Machine:
+        """A machine whose axes have these nodes."""
+        return machine_on(self.hub.address(), nodes, **on)
+
+    def start(self, *nodes: int, **on: Any) -> CanopenService:
+        """Boot such a machine."""
+        return self.watched.start(self.machine(*nodes, **on))
+
+    def booted(self, *nodes: int, **on: Any) -> tuple[FakeDrives, CanopenService]:
+        """Make these nodes, and boot a machine that has them."""
+        return self.make_drives(*nodes), self.start(*nodes, **on)
+
+
 def axis_on(index: int, node: int, keys: str = "", kind: str = "cia402", axis_keys: str = "") -> str:
     """An axis of 10 mm and 4096 counts a motor turn, on the bus ``left``."""
     return axes_text(
@@ -126,3 +154,42 @@ def wait_until(holds: Callable[[], bool], what: str) -> None:
     while not holds():
         assert time.monotonic() < deadline, f"not within {LIMIT_S:g} s: {what}"
         pause.wait(0.005)
+
+
+def machine_file(folder: Path, hub: RunningHub, nodes: Sequence[int] = (3,), keys: str = "") -> str:
+    """Write a machine whose axes have these nodes on the hub's bus."""
+    file = folder / "machine.toml"
+    axes = "".join(axis_on(axis, node, keys) for axis, node in enumerate(nodes))
+    file.write_text(
+        f'[machine]\nname = "m"\ncycle_hz = 100\n[[bus]]\nname = "left"\naddress = "{hub.address()}"\n{axes}'
+    )
+    return str(file)
+
+
+@dataclass
+class Desk:
+    """``mcserver drives``, on a machine whose drives are simple nodes."""
+
+    file: str
+    hub: RunningHub
+    make_drives: Callable[..., FakeDrives]
+    capsys: pytest.CaptureFixture[str]
+
+    @property
+    def folder(self) -> Path:
+        return Path(self.file).parent
+
+    def describe(self, nodes: Sequence[int] = (3,), keys: str = "") -> None:
+        """Write another machine in the place of that of one axis, node 3."""
+        machine_file(self.folder, self.hub, nodes, keys)
+
+    def __call__(self, *arguments: str, file: str = "") -> tuple[int, Any]:
+        """Return the exit code and the answer as JSON."""
+        self.capsys.readouterr()
+        code = run_command_line(["drives", *arguments, "-m", file or self.file, "--json"])
+        return code, json.loads(self.capsys.readouterr().out)
+
+    def refusal(self, *arguments: str, file: str = "") -> tuple[int, str]:
+        """Return the exit code and the code of the one diagnostic."""
+        code, said = self(*arguments, file=file)
+        return code, said["diagnostics"][0]["code"]

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -16,8 +15,7 @@ from mcserver.canopen.dictionary import generic_dictionary
 from mcserver.machine.bus_load import frame_bits
 from mcserver.machine.machine_file import load_machine
 from tests.canopen.fake_drives import FakeDrives
-from tests.canopen.rig import RunningHub, Watched, machine_on
-from tests.canopen.test_desk import answer, machine_file
+from tests.canopen.rig import Desk, Watched, machine_on
 
 TPDO, SLOW, RPDO = 0x183, 0x283, 0x203
 STATUS, READING, TARGET = (
@@ -210,15 +208,13 @@ def test_what_never_came_is_no_number() -> None:
 Make = Callable[..., FakeDrives]
 
 
-def test_without_a_master_the_drives_say_what_they_remember(
-    tmp_path: Path, hub: RunningHub, make_drives: Make, capsys: pytest.CaptureFixture[str]
-) -> None:
-    drive = make_drives(3)[3]
+def test_without_a_master_the_drives_say_what_they_remember(desk: Desk) -> None:
+    drive = desk.make_drives(3)[3]
     drive.objects[0x1003, 0] = b"\x02"
     drive.objects[0x1003, 1] = (0x0007_3210).to_bytes(4, "little")
     drive.objects[0x1003, 2] = (0x8611).to_bytes(4, "little")
     drive.objects[0x1001, 0] = b"\x05"
-    code, said = answer(capsys, "health", "--seconds", "0.2", "-m", machine_file(tmp_path, hub))
+    code, said = desk("health", "--seconds", "0.2")
     (bus,) = said["buses"]
     assert (code, bus["master"]) == (0, "")
     assert bus["drives"]["0"]["register"] == "generic, voltage"
@@ -228,22 +224,17 @@ def test_without_a_master_the_drives_say_what_they_remember(
     assert drive.written == []
 
 
-def test_a_drive_that_does_not_answer_is_in_the_report(
-    tmp_path: Path, hub: RunningHub, capsys: pytest.CaptureFixture[str]
-) -> None:
-    code, said = answer(capsys, "health", "--seconds", "0.1", "-m", machine_file(tmp_path, hub))
+def test_a_drive_that_does_not_answer_is_in_the_report(desk: Desk) -> None:
+    code, said = desk("health", "--seconds", "0.1")
     assert code == 0
     assert said["buses"][0]["drives"]["0"]["error"].startswith("MC554")
 
 
-def test_beside_a_server_nothing_is_sent(
-    tmp_path: Path, hub: RunningHub, make_drives: Make, watched: Watched, capsys: pytest.CaptureFixture[str]
-) -> None:
-    file = machine_file(tmp_path, hub)
-    drives = make_drives(3)
-    watched.start(load_machine(file))
+def test_beside_a_server_nothing_is_sent(desk: Desk, watched: Watched) -> None:
+    drives = desk.make_drives(3)
+    watched.start(load_machine(desk.file))
     before = dict(drives.heard)
-    code, said = answer(capsys, "health", "--seconds", "0.5", "-m", file)
+    code, said = desk("health", "--seconds", "0.5")
     (bus,) = said["buses"]
     assert code == 0
     assert "node 127" in bus["master"]
@@ -254,8 +245,5 @@ def test_beside_a_server_nothing_is_sent(
 
 
 @pytest.mark.parametrize("seconds", ["0", "-1", "nan", "1e9"])
-def test_a_duration_that_cannot_be_meant_is_refused(
-    tmp_path: Path, hub: RunningHub, capsys: pytest.CaptureFixture[str], seconds: str
-) -> None:
-    code, said = answer(capsys, "health", "--seconds", seconds, "-m", machine_file(tmp_path, hub))
-    assert (code, said["diagnostics"][0]["code"]) == (2, "MC017")
+def test_a_duration_that_cannot_be_meant_is_refused(desk: Desk, seconds: str) -> None:
+    assert desk.refusal("health", "--seconds", seconds) == (2, "MC017")

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import threading
 from collections.abc import Callable
 from pathlib import Path
@@ -17,12 +16,11 @@ from mcserver.canopen.dictionary import generic_dictionary
 from mcserver.canopen.eds import parse_description
 from mcserver.canopen.parameters import find, parameters_of, search
 from mcserver.canopen.settings import settings_of
-from mcserver.cli.app import run_command_line
 from mcserver.errors import RuntimeFault, UsageFault
 from mcserver.machine.machine_file import load_machine
 from tests.canopen.fake_drives import FakeDrives
 from tests.canopen.local_drives import LocalDrive
-from tests.canopen.rig import RunningHub, Watched, axis_on
+from tests.canopen.rig import Desk, RunningHub, Watched, machine_file
 
 SHIPPED_EDS = Path(__file__).parents[2] / "mcserver" / "drive_sim" / "cia402.eds"
 Make = Callable[..., FakeDrives]
@@ -55,26 +53,6 @@ AccessType=ro
 ParameterName=Odd
 DataType=none
 """
-
-
-def machine_file(folder: Path, hub: RunningHub, nodes: tuple[int, ...] = (3,), keys: str = "") -> str:
-    file = folder / "machine.toml"
-    axes = "".join(axis_on(axis, node, keys) for axis, node in enumerate(nodes))
-    file.write_text(
-        f'[machine]\nname = "m"\ncycle_hz = 100\n[[bus]]\nname = "left"\naddress = "{hub.address()}"\n{axes}'
-    )
-    return str(file)
-
-
-@pytest.fixture
-def file(tmp_path: Path, hub: RunningHub) -> str:
-    return machine_file(tmp_path, hub)
-
-
-def answer(capsys: pytest.CaptureFixture[str], *arguments: str) -> Any:
-    capsys.readouterr()
-    code = run_command_line(["drives", *arguments, "--json"])
-    return code, json.loads(capsys.readouterr().out)
 
 
 def dictionary_of_eds() -> Any:
@@ -146,37 +124,33 @@ def test_a_further_axis_of_a_node_has_its_own_objects_under_the_same_names() -> 
         assert find(parameters_of(dictionary, axis), dictionary, "following error window").index == index
 
 
-def test_parameters_are_listed_and_searched_without_a_bus(
-    tmp_path: Path, hub: RunningHub, capsys: pytest.CaptureFixture[str]
-) -> None:
-    (tmp_path / "drive.eds").write_text(EDS)
-    file = machine_file(tmp_path, hub, keys='eds = "drive.eds"')
-    hub.stop()
-    code, listed = answer(capsys, "list", "-m", file)
+def test_parameters_are_listed_and_searched_without_a_bus(desk: Desk) -> None:
+    (desk.folder / "drive.eds").write_text(EDS)
+    desk.describe(keys='eds = "drive.eds"')
+    desk.hub.stop()
+    code, listed = desk("list")
     assert (code, listed["drives"][0]["node"]) == (0, 3)
-    code, listed = answer(capsys, "list", "0", "-m", file)
+    code, listed = desk("list", "0")
     assert (code, len(listed["parameters"])) == (0, 4)
-    code, found = answer(capsys, "search", "0", "limits", "-m", file)
+    code, found = desk("search", "0", "limits")
     assert [each["name"] for each in found["parameters"]] == ["Limits.Lower", "Limits.Upper"]
 
 
-def test_values_are_read_by_name(file: str, make_drives: Make, capsys: pytest.CaptureFixture[str]) -> None:
-    drives = make_drives(3)
+def test_values_are_read_by_name(desk: Desk) -> None:
+    drives = desk.make_drives(3)
     drives[3].objects[WINDOW] = (1234).to_bytes(4, "little")
-    code, read = answer(capsys, "read", "0", "Following error window", "1008", "-m", file)
+    code, read = desk("read", "0", "Following error window", "1008")
     assert code == 0
     assert [each["value"] for each in read["values"]] == [1234, "A drive with a long name"]
     assert drives[3].written == []
     assert drives[3].resets == 0
 
 
-def test_a_value_is_written_read_back_and_stored(
-    file: str, make_drives: Make, capsys: pytest.CaptureFixture[str]
-) -> None:
-    drives = make_drives(3)
-    code, wrote = answer(capsys, "write", "0", "following error window", "0x100", "-m", file)
+def test_a_value_is_written_read_back_and_stored(desk: Desk) -> None:
+    drives = desk.make_drives(3)
+    code, wrote = desk("write", "0", "following error window", "0x100")
     assert (code, wrote["values"][0]["value"]) == (0, 256)
-    assert answer(capsys, "save", "0", "-m", file) == (0, {"ok": True})
+    assert desk("save", "0") == (0, {"ok": True})
     assert drives[3].written == [(*WINDOW, b"\x00\x01\x00\x00"), (0x1010, 1, b"save")]
 
 
@@ -192,54 +166,47 @@ def test_a_value_is_written_read_back_and_stored(
     ],
 )
 def test_a_value_that_the_eds_does_not_allow_opens_no_bus(
-    tmp_path: Path, hub: RunningHub, capsys: pytest.CaptureFixture[str], parameter: str, value: str, said: str
+    desk: Desk, parameter: str, value: str, said: str
 ) -> None:
-    (tmp_path / "drive.eds").write_text(EDS)
-    file = machine_file(tmp_path, hub, keys='eds = "drive.eds"')
-    hub.stop()
-    code, refused = answer(capsys, "write", "0", parameter, value, "-m", file)
+    (desk.folder / "drive.eds").write_text(EDS)
+    desk.describe(keys='eds = "drive.eds"')
+    desk.hub.stop()
+    code, refused = desk("write", "0", parameter, value)
     assert code == 2
     assert refused["diagnostics"][0]["code"] == "MC559"
     assert said in refused["diagnostics"][0]["message"]
 
 
 @pytest.mark.parametrize("name", ["6040", "6060", "target position", "60FF", "60FE:1", "1010:1", "1011:1"])
-def test_what_commands_motion_or_stores_is_not_written(
-    file: str, make_drives: Make, capsys: pytest.CaptureFixture[str], name: str
-) -> None:
-    drives = make_drives(3)
-    code, refused = answer(capsys, "write", "0", name, "1", "-m", file)
-    assert (code, refused["diagnostics"][0]["code"]) == (1, "MC559")
+def test_what_commands_motion_or_stores_is_not_written(desk: Desk, name: str) -> None:
+    drives = desk.make_drives(3)
+    assert desk.refusal("write", "0", name, "1") == (1, "MC559")
     assert drives[3].written == []
 
 
 @pytest.mark.parametrize("command", [("write", "0", "6065", "7"), ("save", "0")])
-def test_nothing_is_written_to_an_energized_drive(
-    file: str, make_drives: Make, capsys: pytest.CaptureFixture[str], command: tuple[str, ...]
-) -> None:
-    drives = make_drives(3)
+def test_nothing_is_written_to_an_energized_drive(desk: Desk, command: tuple[str, ...]) -> None:
+    drives = desk.make_drives(3)
     drives[3].statusword = ENABLED
-    code, refused = answer(capsys, *command, "-m", file)
+    code, refused = desk(*command)
     assert (code, refused["diagnostics"][0]["code"]) == (1, "MC559")
     assert "operation enabled" in refused["diagnostics"][0]["message"]
     assert drives[3].written == []
 
 
-def test_a_running_server_is_the_master_of_its_bus(
-    file: str, make_drives: Make, watched: Watched, capsys: pytest.CaptureFixture[str]
-) -> None:
-    drives = make_drives(3)
-    watched.start(load_machine(file))
+def test_a_running_server_is_the_master_of_its_bus(desk: Desk, watched: Watched) -> None:
+    drives = desk.make_drives(3)
+    watched.start(load_machine(desk.file))
     before = list(drives[3].written)
     for command in (("read", "0", "6065"), ("write", "0", "6065", "7"), ("save", "0")):
-        code, refused = answer(capsys, *command, "-m", file)
+        code, refused = desk(*command)
         assert (code, refused["diagnostics"][0]["code"]) == (1, "MC560")
         assert "mcctl sdo" in refused["diagnostics"][0]["hint"]
     assert drives[3].written == before
 
 
-def test_process_data_of_a_drive_are_no_master(file: str, make_drives: Make) -> None:
-    drives = make_drives(3)
+def test_process_data_of_a_drive_are_no_master(desk: Desk) -> None:
+    drives = desk.make_drives(3)
     stopping = threading.Event()
 
     def babble() -> None:
@@ -249,7 +216,7 @@ def test_process_data_of_a_drive_are_no_master(file: str, make_drives: Make) -> 
     thread = threading.Thread(target=babble)
     thread.start()
     try:
-        with at_desk(settings_of(load_machine(file))[0]) as desk:
+        with at_desk(settings_of(load_machine(desk.file))[0]) as desk:
             assert desk.read_number(0x1000) is not None
     finally:
         stopping.set()
@@ -266,11 +233,11 @@ def test_sync_by_agreement_is_no_master(tmp_path: Path, hub: RunningHub, make_dr
         assert desk.read_number(0x1000) is not None
 
 
-def test_a_master_that_comes_ends_the_desk(file: str, make_drives: Make) -> None:
-    drives = make_drives(3)
+def test_a_master_that_comes_ends_the_desk(desk: Desk) -> None:
+    drives = desk.make_drives(3)
     dictionary = generic_dictionary(3)
     window = find(parameters_of(dictionary), dictionary, "6065")
-    with at_desk(settings_of(load_machine(file))[0]) as desk:
+    with at_desk(settings_of(load_machine(desk.file))[0]) as desk:
         desk.read(window)
         drives.send(SYNC, b"")
         # frames come in order: once this answer is there, so is the SYNC
@@ -281,64 +248,55 @@ def test_a_master_that_comes_ends_the_desk(file: str, make_drives: Make) -> None
     assert drives[3].written == []
 
 
-def test_an_abort_is_named_with_its_remedy(
-    file: str, make_drives: Make, capsys: pytest.CaptureFixture[str]
-) -> None:
-    make_drives(3)[3].aborts[WINDOW] = 0x0800_0022
-    code, refused = answer(capsys, "write", "0", "6065", "7", "-m", file)
+def test_an_abort_is_named_with_its_remedy(desk: Desk) -> None:
+    desk.make_drives(3)[3].aborts[WINDOW] = 0x0800_0022
+    code, refused = desk("write", "0", "6065", "7")
     (shown,) = refused["diagnostics"]
     assert (code, shown["code"]) == (1, "MC553")
     assert "0800 0022h" in shown["message"]
     assert shown["hint"]
 
 
-def test_a_drive_that_rounds_a_value_is_no_success(file: str, make_drives: Make) -> None:
+def test_a_drive_that_rounds_a_value_is_no_success(desk: Desk) -> None:
     dictionary = generic_dictionary(3)
     window = find(parameters_of(dictionary), dictionary, "6065")
-    drives = make_drives(3)
-    with at_desk(settings_of(load_machine(file))[0]) as desk:
+    drives = desk.make_drives(3)
+    with at_desk(settings_of(load_machine(desk.file))[0]) as desk:
         desk.write(window, 7)
         drives[3].kept = {WINDOW}
         with pytest.raises(DriveError, match=r"MC559.*holds 7 after 9 was written"):
             desk.write(window, 9)
 
 
-def test_a_length_that_is_not_that_of_the_eds_gives_bytes(file: str, make_drives: Make) -> None:
+def test_a_length_that_is_not_that_of_the_eds_gives_bytes(desk: Desk) -> None:
     dictionary = generic_dictionary(3)
     window = find(parameters_of(dictionary), dictionary, "6065")
-    make_drives(3)[3].objects[WINDOW] = b"\x01\x02"
-    with at_desk(settings_of(load_machine(file))[0]) as desk:
+    desk.make_drives(3)[3].objects[WINDOW] = b"\x01\x02"
+    with at_desk(settings_of(load_machine(desk.file))[0]) as desk:
         reading = desk.read(window)
     assert (reading.kind, reading.value) == ("bytes", "01 02")
 
 
-def test_a_stopped_or_missing_node_is_named(
-    file: str, make_drives: Make, capsys: pytest.CaptureFixture[str]
-) -> None:
-    make_drives(4)[4].state = NmtState.STOPPED
-    code, refused = answer(capsys, "read", "0", "6065", "-m", file)
-    assert (code, refused["diagnostics"][0]["code"]) == (1, "MC554")
+def test_a_stopped_or_missing_node_is_named(desk: Desk) -> None:
+    desk.make_drives(4)[4].state = NmtState.STOPPED
+    assert desk.refusal("read", "0", "6065") == (1, "MC554")
 
 
-def test_an_axis_without_a_drive_is_refused_with_those_that_have_one(
-    file: str, capsys: pytest.CaptureFixture[str]
-) -> None:
-    for machine, axis in ((file, "7"), ("cartesian", "0")):
-        code, refused = answer(capsys, "read", axis, "6065", "-m", machine)
+def test_an_axis_without_a_drive_is_refused_with_those_that_have_one(desk: Desk) -> None:
+    for machine, axis in ((desk.file, "7"), ("cartesian", "0")):
+        code, refused = desk("read", axis, "6065", file=machine)
         assert (code, refused["diagnostics"][0]["code"]) == (2, "MC559")
 
 
-def test_a_slave_that_is_not_ours_is_read_and_written_by_the_names_of_its_eds(
-    tmp_path: Path, hub: RunningHub, capsys: pytest.CaptureFixture[str]
-) -> None:
-    (tmp_path / "drive.eds").write_bytes(SHIPPED_EDS.read_bytes())
-    file = machine_file(tmp_path, hub, keys='eds = "drive.eds"')
-    slave = LocalDrive(hub, SHIPPED_EDS.read_text(), 3).start()
+def test_a_slave_that_is_not_ours_is_read_and_written_by_the_names_of_its_eds(desk: Desk) -> None:
+    (desk.folder / "drive.eds").write_bytes(SHIPPED_EDS.read_bytes())
+    desk.describe(keys='eds = "drive.eds"')
+    slave = LocalDrive(desk.hub, SHIPPED_EDS.read_text(), 3).start()
     try:
-        code, wrote = answer(capsys, "write", "0", "encoder increments", "8192", "-m", file)
+        code, wrote = desk("write", "0", "encoder increments", "8192")
         assert (code, wrote["values"][0]["value"]) == (0, 8192)
         assert slave.written == [(0x608F, 1, (8192).to_bytes(4, "little"))]
-        code, read = answer(capsys, "read", "0", "608F:1", "manufacturer device name", "-m", file)
+        code, read = desk("read", "0", "608F:1", "manufacturer device name")
         assert [each["value"] for each in read["values"]] == [8192, "Simulated servo drive"]
     finally:
         slave.close()

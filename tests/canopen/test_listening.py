@@ -13,7 +13,7 @@ from mcserver.canopen.service_bus import ServiceTimes
 from mcserver.canopen.settings import SdoTimes
 from mcserver.errors import RuntimeFault
 from tests.canopen.fake_drives import FakeDrives
-from tests.canopen.rig import RunningHub, Watched, machine_on
+from tests.canopen.rig import BusCell, Watched, machine_on
 from tests.drives.fake_can import FakeBus
 
 Make = Callable[..., FakeDrives]
@@ -56,36 +56,30 @@ def test_a_foreign_sync_by_agreement_is_no_sign_of_a_master() -> None:
     assert sign_of_master(0x080, listening(FakeBus(), foreign_sync=True)) == ""
 
 
-def test_a_server_does_not_reset_the_nodes_of_another_one(
-    hub: RunningHub, make_drives: Make, watched: Watched
-) -> None:
-    drives = make_drives(1)
-    watched.start(machine_on(hub.address(), [1]))
+def test_a_server_does_not_reset_the_nodes_of_another_one(cell: BusCell) -> None:
+    drives, _ = cell.booted(1)
     resets = drives[1].resets
     with pytest.raises(RuntimeFault, match=r"MC560.*bus left: the heartbeat of node 127"):
-        Watched().start(machine_on(hub.address(), [1]), PATIENT)
+        Watched().start(machine_on(cell.hub.address(), [1]), PATIENT)
     assert drives[1].resets == resets
     assert drives[1].state is NmtState.OPERATIONAL
 
 
-def test_to_take_over_resets_them_and_the_first_server_tells_of_the_second(
-    hub: RunningHub, make_drives: Make, watched: Watched
-) -> None:
-    drives = make_drives(1)
-    watched.start(machine_on(hub.address(), [1]))
+def test_to_take_over_resets_them_and_the_first_server_tells_of_the_second(cell: BusCell) -> None:
+    drives, _ = cell.booted(1)
     other = Watched()
-    other.start(machine_on(hub.address(), [1]), LISTENS, take_over=True)
+    other.start(machine_on(cell.hub.address(), [1]), LISTENS, take_over=True)
     try:
         assert drives[1].resets >= 2
-        event = watched.expect("bus.foreign_master")
+        event = cell.watched.expect("bus.foreign_master")
         assert event.code == "MC560"
     finally:
         for service in other.services:
             service.close()
 
 
-def test_a_silent_bus_is_taken(hub: RunningHub, make_drives: Make, watched: Watched) -> None:
-    drives = make_drives(1)
+def test_a_silent_bus_is_taken(cell: BusCell) -> None:
+    drives = cell.make_drives(1)
     drives.send(Function.HEARTBEAT + 1, bytes((NmtState.OPERATIONAL,)))
-    watched.start(machine_on(hub.address(), [1]), LISTENS)
+    cell.watched.start(machine_on(cell.hub.address(), [1]), LISTENS)
     assert drives[1].state is NmtState.OPERATIONAL

@@ -25,8 +25,7 @@ from mcserver.canopen.parameters import Parameter, parameters_of
 from mcserver.canopen.values import Value
 from mcserver.errors import UsageFault
 from tests.canopen.fake_drives import PRODUCT, VENDOR, FakeDrives
-from tests.canopen.rig import RunningHub
-from tests.canopen.test_desk import answer, machine_file
+from tests.canopen.rig import Desk
 
 Make = Callable[..., FakeDrives]
 Capture = pytest.CaptureFixture[str]
@@ -34,14 +33,15 @@ WINDOW, MAX_TORQUE, QUICK = (0x6065, 0), (0x6072, 0), (0x605A, 0)
 
 
 @pytest.fixture
-def file(tmp_path: Path, hub: RunningHub) -> str:
-    return machine_file(tmp_path, hub, (3, 4))
+def desk(desk: Desk) -> Desk:
+    """Of two axes, nodes 3 and 4."""
+    desk.describe((3, 4))
+    return desk
 
 
-def backed_up(capsys: Capture, machine: str, axis: int = 0) -> Path:
-    path = Path(machine).parent / f"axis{axis}.toml"
-    code, _ = answer(capsys, "backup", str(axis), "-m", machine, "-o", str(path))
-    assert code == 0
+def backed_up(desk: Desk, axis: int = 0) -> Path:
+    path = desk.folder / f"axis{axis}.toml"
+    assert desk("backup", str(axis), "-o", str(path))[0] == 0
     return path
 
 
@@ -120,11 +120,11 @@ def test_what_is_the_masters_or_commands_is_in_no_file(index: int, name: str) ->
     assert not is_stored(Parameter(0x2100, 0, "Gain", "u32", "ro"))
 
 
-def test_a_backup_has_identity_names_and_values(file: str, make_drives: Make, capsys: Capture) -> None:
-    drives = make_drives(3)
+def test_a_backup_has_identity_names_and_values(desk: Desk) -> None:
+    drives = desk.make_drives(3)
     drives[3].objects[WINDOW] = (777).to_bytes(4, "little")
     drives[3].aborts[QUICK] = 0x0800_0022
-    taken = read(backed_up(capsys, file))
+    taken = read(backed_up(desk))
     assert (taken.drive.vendor_id, taken.drive.product_code) == (VENDOR, PRODUCT)
     assert taken.values[WINDOW] == StoredParameter("6065h:00", 777, "u32", "Following error window")
     kept = [each for each in parameters_of(generic_dictionary(3)) if is_stored(each)]
@@ -134,59 +134,49 @@ def test_a_backup_has_identity_names_and_values(file: str, make_drives: Make, ca
     assert drives[3].written == []
 
 
-def test_a_backup_that_cannot_be_read_to_its_end_leaves_no_file(
-    file: str, make_drives: Make, capsys: Capture, tmp_path: Path
-) -> None:
-    make_drives(3)[3].unanswered[WINDOW] = 99
-    code, refused = answer(capsys, "backup", "0", "-m", file, "-o", str(tmp_path / "b.toml"))
-    assert (code, refused["diagnostics"][0]["code"]) == (1, "MC554")
-    assert not (tmp_path / "b.toml").exists()
+def test_a_backup_that_cannot_be_read_to_its_end_leaves_no_file(desk: Desk) -> None:
+    desk.make_drives(3)[3].unanswered[WINDOW] = 99
+    assert desk.refusal("backup", "0", "-o", str(desk.folder / "b.toml")) == (1, "MC554")
+    assert not (desk.folder / "b.toml").exists()
 
 
-def test_a_restore_writes_what_differs_and_nothing_else(
-    file: str, make_drives: Make, capsys: Capture
-) -> None:
-    drives = make_drives(3)
+def test_a_restore_writes_what_differs_and_nothing_else(desk: Desk) -> None:
+    drives = desk.make_drives(3)
     drives[3].objects[WINDOW] = (777).to_bytes(4, "little")
-    path = backed_up(capsys, file)
+    path = backed_up(desk)
     drives[3].objects[WINDOW] = (5).to_bytes(4, "little")
-    code, done = answer(capsys, "restore", "0", str(path), "-m", file)
+    code, done = desk("restore", "0", str(path))
     assert (code, [each["name"] for each in done["written"]]) == (0, ["Following error window"])
     assert drives[3].written == [(*WINDOW, (777).to_bytes(4, "little"))]
 
 
-def test_a_second_restore_writes_nothing(file: str, make_drives: Make, capsys: Capture) -> None:
-    drives = make_drives(3)
-    path = backed_up(capsys, file)
-    assert answer(capsys, "restore", "0", str(path), "-m", file)[1]["written"] == []
+def test_a_second_restore_writes_nothing(desk: Desk) -> None:
+    drives = desk.make_drives(3)
+    path = backed_up(desk)
+    assert desk("restore", "0", str(path))[1]["written"] == []
     assert drives[3].written == []
 
 
-def test_another_drive_of_the_same_kind_takes_the_parameters_and_is_then_the_same(
-    file: str, make_drives: Make, capsys: Capture
-) -> None:
-    drives = make_drives(3, 4)
+def test_another_drive_of_the_same_kind_takes_the_parameters_and_is_then_the_same(desk: Desk) -> None:
+    drives = desk.make_drives(3, 4)
     drives[3].objects[MAX_TORQUE] = (900).to_bytes(2, "little")
     drives[4].objects[0x1018, 4] = (99).to_bytes(4, "little")
-    code, compared = answer(capsys, "compare", "0", "1", "-m", file)
+    code, compared = desk("compare", "0", "1")
     assert (code, compared["same"]) == (1, False)
     assert compared["differences"] == [{"object": "6072h:00", "name": "Max torque", "left": 900, "right": 0}]
-    path = backed_up(capsys, file)
-    assert answer(capsys, "restore", "1", str(path), "-m", file)[0] == 0
-    code, compared = answer(capsys, "compare", str(path), "1", "-m", file)
+    path = backed_up(desk)
+    assert desk("restore", "1", str(path))[0] == 0
+    code, compared = desk("compare", str(path), "1")
     assert (code, compared["same"]) == (0, True)
 
 
 @pytest.mark.parametrize("subindex", [1, 2, 3])
-def test_parameters_of_another_device_are_refused(
-    file: str, make_drives: Make, capsys: Capture, subindex: int
-) -> None:
-    drives = make_drives(3)
-    path = backed_up(capsys, file)
+def test_parameters_of_another_device_are_refused(desk: Desk, subindex: int) -> None:
+    drives = desk.make_drives(3)
+    path = backed_up(desk)
     drives[3].objects[WINDOW] = (5).to_bytes(4, "little")
     drives[3].objects[0x1018, subindex] = struct.pack("<I", 0x0005_0000)
-    code, refused = answer(capsys, "restore", "0", str(path), "-m", file)
-    assert (code, refused["diagnostics"][0]["code"]) == (2, "MC566")
+    assert desk.refusal("restore", "0", str(path)) == (2, "MC566")
     assert drives[3].written == []
 
 
@@ -206,38 +196,35 @@ def test_a_lesser_revision_and_another_serial_number_are_no_other_device() -> No
     ],
 )
 def test_a_file_with_what_is_no_parameter_of_the_drive_writes_nothing(
-    file: str, make_drives: Make, capsys: Capture, old: str, new: str, code: str
+    desk: Desk, old: str, new: str, code: str
 ) -> None:
-    drives = make_drives(3)
-    path = backed_up(capsys, file)
+    drives = desk.make_drives(3)
+    path = backed_up(desk)
     text = path.read_text()
     assert old in text
     path.write_text(text.replace(old, new, 1))
     drives[3].objects[MAX_TORQUE] = (5).to_bytes(2, "little")
-    exit_code, refused = answer(capsys, "restore", "0", str(path), "-m", file)
+    exit_code, refused = desk("restore", "0", str(path))
     assert (exit_code, refused["diagnostics"][0]["code"]) == (2, code)
     assert drives[3].written == []
 
 
-def test_an_energized_drive_is_not_restored(file: str, make_drives: Make, capsys: Capture) -> None:
-    drives = make_drives(3)
-    path = backed_up(capsys, file)
+def test_an_energized_drive_is_not_restored(desk: Desk) -> None:
+    drives = desk.make_drives(3)
+    path = backed_up(desk)
     drives[3].objects[WINDOW] = (5).to_bytes(4, "little")
     drives[3].statusword = 0x0237
-    code, refused = answer(capsys, "restore", "0", str(path), "-m", file)
-    assert (code, refused["diagnostics"][0]["code"]) == (1, "MC559")
+    assert desk.refusal("restore", "0", str(path)) == (1, "MC559")
     assert drives[3].written == []
 
 
-def test_a_drive_that_does_not_take_a_parameter_is_no_success(
-    file: str, make_drives: Make, capsys: Capture
-) -> None:
-    drives = make_drives(3)
-    path = backed_up(capsys, file)
+def test_a_drive_that_does_not_take_a_parameter_is_no_success(desk: Desk) -> None:
+    drives = desk.make_drives(3)
+    path = backed_up(desk)
     for place in (WINDOW, MAX_TORQUE):
         drives[3].objects[place] = b"\x05".ljust(len(drives[3].objects[place]), b"\0")
     drives[3].kept = {WINDOW}
-    code, refused = answer(capsys, "restore", "0", str(path), "-m", file)
+    code, refused = desk("restore", "0", str(path))
     (shown,) = refused["diagnostics"]
     assert (code, shown["code"]) == (1, "MC567")
     assert "1 of " in shown["message"]
@@ -246,15 +233,13 @@ def test_a_drive_that_does_not_take_a_parameter_is_no_success(
     assert all(place[0] != 0x1010 for place in drives[3].written)
 
 
-def test_a_restore_whose_drive_is_lost_says_how_far_it_came(
-    file: str, make_drives: Make, capsys: Capture
-) -> None:
-    drives = make_drives(3)
-    path = backed_up(capsys, file)
+def test_a_restore_whose_drive_is_lost_says_how_far_it_came(desk: Desk) -> None:
+    drives = desk.make_drives(3)
+    path = backed_up(desk)
     for place in (WINDOW, MAX_TORQUE):
         drives[3].objects[place] = b"\x05".ljust(len(drives[3].objects[place]), b"\0")
     drives[3].lost_at = MAX_TORQUE
-    code, refused = answer(capsys, "restore", "0", str(path), "-m", file)
+    code, refused = desk("restore", "0", str(path))
     (shown,) = refused["diagnostics"]
     assert (code, shown["code"]) == (1, "MC554")
     assert "; 1 of 2 parameters that differ were written before it, none is stored" in shown["message"]
@@ -275,6 +260,5 @@ def test_not_a_number_is_no_difference() -> None:
     assert differing({(0x2000, 0): one}, {(0x2000, 0): other}) == []
 
 
-def test_a_file_that_is_not_there_is_named(file: str, capsys: Capture) -> None:
-    code, refused = answer(capsys, "compare", "none.toml", "none.toml", "-m", file)
-    assert (code, refused["diagnostics"][0]["code"]) == (2, "MC565")
+def test_a_file_that_is_not_there_is_named(desk: Desk) -> None:
+    assert desk.refusal("compare", "none.toml", "none.toml") == (2, "MC565")

@@ -7,7 +7,6 @@ import math
 import struct
 import threading
 from collections.abc import Callable, Sequence
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -23,8 +22,7 @@ from mcserver.errors import UsageFault
 from mcserver.plot.scope_picture import draw_scope, panels_of
 from mcserver.recorder.scope_file import field_names, write_scope
 from tests.canopen.fake_drives import FakeDrives
-from tests.canopen.rig import RunningHub, machine_on
-from tests.canopen.test_desk import answer, machine_file
+from tests.canopen.rig import Desk, machine_on
 
 Make = Callable[..., FakeDrives]
 Capture = pytest.CaptureFixture[str]
@@ -233,13 +231,12 @@ def cycling(make_drives: Make) -> object:
 
 
 def test_the_command_records_around_a_trigger_draws_and_sends_nothing(
-    tmp_path: Path, hub: RunningHub, cycling: FakeDrives, capsys: Capture
+    desk: Desk, cycling: FakeDrives
 ) -> None:
-    output, picture = tmp_path / "s.mcap", tmp_path / "s.png"
-    code, said = answer(
-        capsys,
+    output, picture = desk.folder / "s.mcap", desk.folder / "s.png"
+    code, said = desk(
         *("scope", "0", "--trigger", "position actual > 20", "--seconds", "0.4", "--before", "0.1"),
-        *("-m", machine_file(tmp_path, hub), "-o", str(output), "--plot", str(picture)),
+        *("-o", str(output), "--plot", str(picture)),
     )
     assert (code, said["cycles"]) == (0, 40)
     shown = {each["name"]: each for each in said["signals"]}
@@ -251,24 +248,19 @@ def test_the_command_records_around_a_trigger_draws_and_sends_nothing(
     assert cycling.heard == {}
 
 
-def test_a_trigger_that_does_not_come_leaves_no_file(
-    tmp_path: Path, hub: RunningHub, cycling: FakeDrives, capsys: Capture
-) -> None:
-    output = tmp_path / "s.mcap"
-    code, said = answer(
-        capsys,
+def test_a_trigger_that_does_not_come_leaves_no_file(desk: Desk, cycling: FakeDrives) -> None:
+    output = desk.folder / "s.mcap"
+    code, said = desk(
         *("scope", "0", "--trigger", "position actual > 99", "--timeout", "0.3"),
-        *("-m", machine_file(tmp_path, hub), "-o", str(output)),
+        *("-o", str(output)),
     )
     assert (code, said["diagnostics"][0]["code"]) == (1, "MC569")
     assert not output.exists()
     assert cycling.heard == {}
 
 
-def test_without_a_cycle_there_is_nothing_to_record(tmp_path: Path, hub: RunningHub, capsys: Capture) -> None:
-    code, said = answer(
-        capsys, "scope", "0", "-m", machine_file(tmp_path, hub), "-o", str(tmp_path / "s.mcap")
-    )
+def test_without_a_cycle_there_is_nothing_to_record(desk: Desk) -> None:
+    code, said = desk("scope", "0", "-o", str(desk.folder / "s.mcap"))
     assert (code, said["diagnostics"][0]["code"]) == (1, "MC569")
     assert "no SYNC" in said["diagnostics"][0]["message"]
 
@@ -277,10 +269,5 @@ def test_without_a_cycle_there_is_nothing_to_record(tmp_path: Path, hub: Running
     "options",
     [("--seconds", "0"), ("--seconds", "nan"), ("--seconds", "1e9"), ("--before", "3"), ("--timeout", "inf")],
 )
-def test_durations_that_cannot_be_are_refused(
-    tmp_path: Path, hub: RunningHub, capsys: Capture, options: tuple[str, str]
-) -> None:
-    code, said = answer(
-        capsys, "scope", "0", *options, "-m", machine_file(tmp_path, hub), "-o", str(tmp_path / "s.mcap")
-    )
-    assert (code, said["diagnostics"][0]["code"]) == (2, "MC017")
+def test_durations_that_cannot_be_are_refused(desk: Desk, options: tuple[str, str]) -> None:
+    assert desk.refusal("scope", "0", *options, "-o", str(desk.folder / "s.mcap")) == (2, "MC017")

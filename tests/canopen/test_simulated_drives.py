@@ -14,11 +14,8 @@ from pathlib import Path
 import pytest
 from mcclient.sync import Machine as Client
 
-from mcserver.canopen.boot import BootTimes
-from mcserver.canopen.canopen_errors import DriveError
 from mcserver.canopen.service import CanopenService
 from mcserver.canopen.service_bus import ServiceTimes
-from mcserver.canopen.settings import SdoTimes
 from mcserver.drive_sim.control import Control
 from mcserver.machine.machine_file import load_machine
 from tests.canopen.rig import TIMES, RunningHub, Watched, wait_until
@@ -135,43 +132,10 @@ def test_a_rebooted_drive_comes_back_without_energy(
     assert (state["nmt"], state["power"]) == ("OPERATIONAL", "SWITCH_ON_DISABLED")
 
 
-def test_a_heartbeat_that_stops_is_reported(simulation: Simulation, start: Start, watched: Watched) -> None:
-    start()
-    simulation.control.fault(3, "heartbeat_stop")
-    assert watched.expect("drive.lost").axis == 2
-    simulation.control.clear(3)
-    assert watched.expect("drive.back").axis == 2
-
-
-def test_an_emergency_is_reported(simulation: Simulation, start: Start, watched: Watched) -> None:
-    start()
-    simulation.control.fault(1, "emcy", code=0x8611)
-    assert "8611h following error" in watched.expect("drive.emergency").message
-
-
-@pytest.mark.parametrize("index", [0x1000, 0x1018, 0x1017, 0x1400, 0x1601, 0x1A00, 0x1803, 0x60C2, 0x6060])
-def test_an_abort_on_demand_is_named(simulation: Simulation, start: Start, index: int) -> None:
-    simulation.control.fault(2, "sdo_abort", index=index, code=0x0800_0022)
-    with pytest.raises(DriveError, match=rf"MC553: axis 1, node 2 on can: {index:04X}h.*0800 0022h"):
-        start()
-
-
-def test_answers_that_are_too_late_are_reported(simulation: Simulation, start: Start) -> None:
-    simulation.control.fault(2, "sdo_delay", seconds=2.0)
-    with pytest.raises(DriveError, match=r"MC554: axis 1, node 2 on can: 1000h:00"):
-        start(ServiceTimes(SdoTimes(response_s=0.2, attempts=2), TIMES.boot))
-
-
 def test_answers_that_are_slow_are_waited_for(simulation: Simulation, start: Start) -> None:
     simulation.control.fault(2, "sdo_delay", seconds=0.02)
     start()
     assert simulation.nmt(2) == "OPERATIONAL"
-
-
-def test_a_mute_drive_is_named(simulation: Simulation, start: Start) -> None:
-    simulation.control.fault(1, "mute")
-    with pytest.raises(DriveError, match=r"MC550: axis 0, node 1 on can"):
-        start(ServiceTimes(TIMES.sdo, BootTimes(appear_s=1.0)))
 
 
 def test_a_killed_drive_process_is_noticed_for_every_node(watched: Watched, tmp_path: Path) -> None:

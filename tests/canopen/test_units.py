@@ -6,7 +6,6 @@ import io
 import struct
 import threading
 from collections.abc import Callable
-from pathlib import Path
 
 import pytest
 
@@ -16,8 +15,7 @@ from mcserver.canopen.units_check import DriveScale, corrected_lines, measured_s
 from mcserver.cli import drive_units
 from mcserver.errors import UsageFault
 from tests.canopen.fake_drives import FakeDrive, FakeDrives
-from tests.canopen.rig import RunningHub, machine_on
-from tests.canopen.test_desk import answer, machine_file
+from tests.canopen.rig import Desk, machine_on
 
 Make = Callable[..., FakeDrives]
 Capture = pytest.CaptureFixture[str]
@@ -87,13 +85,11 @@ def hold(drive: FakeDrive, index: int, subindex: int, value: int) -> None:
     drive.objects[index, subindex] = struct.pack("<i", value)
 
 
-def test_the_drive_s_scale_stands_beside_the_machine_file_s(
-    tmp_path: Path, hub: RunningHub, make_drives: Make, capsys: Capture
-) -> None:
-    drive = make_drives(3)[3]
+def test_the_drive_s_scale_stands_beside_the_machine_file_s(desk: Desk) -> None:
+    drive = desk.make_drives(3)[3]
     hold(drive, 0x608F, 1, 8192)
     hold(drive, 0x608F, 2, 1)
-    code, said = answer(capsys, "units", "0", "--pitch", "5", "-m", machine_file(tmp_path, hub))
+    code, said = desk("units", "0", "--pitch", "5")
     assert code == 0
     assert said["drive"] == {"encoder": [8192, 1], "gear": None, "feed": None}
     assert said["lines"][0].startswith("units_per_motor_rev = 5 ")
@@ -102,15 +98,9 @@ def test_the_drive_s_scale_stands_beside_the_machine_file_s(
 
 @pytest.mark.parametrize(("counted", "code"), [(4096, 0), (-4096, 3), (8192, 3)])
 def test_a_move_by_hand_is_compared_with_what_was_measured(
-    tmp_path: Path,
-    hub: RunningHub,
-    make_drives: Make,
-    capsys: Capture,
-    monkeypatch: pytest.MonkeyPatch,
-    counted: int,
-    code: int,
+    desk: Desk, monkeypatch: pytest.MonkeyPatch, counted: int, code: int
 ) -> None:
-    drive = make_drives(3)[3]
+    drive = desk.make_drives(3)[3]
     begin = (1 << 31) - 100
     hold(drive, 0x6064, 0, begin)
 
@@ -119,42 +109,29 @@ def test_a_move_by_hand_is_compared_with_what_was_measured(
         return "10"
 
     monkeypatch.setattr(drive_units.typer, "prompt", measured)  # type: ignore[attr-defined]
-    exit_code, said = answer(capsys, "units", "0", "--check", "-m", machine_file(tmp_path, hub))
+    exit_code, said = desk("units", "0", "--check")
     assert (exit_code, said["fits"], said["counts"]) == (code, code == 0, counted)
     assert drive.written == []
 
 
 @pytest.mark.parametrize("typed", ["much\n", "0\n", "inf\n"])
 def test_a_length_that_cannot_be_meant_is_refused(
-    tmp_path: Path,
-    hub: RunningHub,
-    make_drives: Make,
-    capsys: Capture,
-    monkeypatch: pytest.MonkeyPatch,
-    typed: str,
+    desk: Desk, monkeypatch: pytest.MonkeyPatch, typed: str
 ) -> None:
-    make_drives(3)
+    desk.make_drives(3)
     monkeypatch.setattr("sys.stdin", io.StringIO(typed))
-    code, said = answer(capsys, "units", "0", "--check", "-m", machine_file(tmp_path, hub))
-    assert (code, said["diagnostics"][0]["code"]) == (2, "MC017")
+    assert desk.refusal("units", "0", "--check") == (2, "MC017")
 
 
 @pytest.mark.parametrize("pitch", ["0", "-1", "nan", "inf"])
-def test_a_pitch_that_cannot_be_meant_is_refused(
-    tmp_path: Path, hub: RunningHub, capsys: Capture, pitch: str
-) -> None:
-    code, said = answer(capsys, "units", "0", "--pitch", pitch, "-m", machine_file(tmp_path, hub))
-    assert (code, said["diagnostics"][0]["code"]) == (2, "MC017")
+def test_a_pitch_that_cannot_be_meant_is_refused(desk: Desk, pitch: str) -> None:
+    assert desk.refusal("units", "0", "--pitch", pitch) == (2, "MC017")
 
 
 def test_beside_a_server_the_position_comes_from_process_data_and_nothing_is_sent(
-    tmp_path: Path,
-    hub: RunningHub,
-    make_drives: Make,
-    capsys: Capture,
-    monkeypatch: pytest.MonkeyPatch,
+    desk: Desk, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    drives = make_drives(3)
+    drives = desk.make_drives(3)
     position = [1000]
     stopping = threading.Event()
 
@@ -171,10 +148,9 @@ def test_beside_a_server_the_position_comes_from_process_data_and_nothing_is_sen
     thread = threading.Thread(target=server)
     thread.start()
     try:
-        code, said = answer(capsys, "units", "0", "--check", "-m", machine_file(tmp_path, hub))
+        code, said = desk("units", "0", "--check")
         assert (code, said["fits"], said["counts"]) == (0, True, -4096)
-        code, said = answer(capsys, "units", "0", "-m", machine_file(tmp_path, hub))
-        assert (code, said["diagnostics"][0]["code"]) == (1, "MC560")
+        assert desk.refusal("units", "0") == (1, "MC560")
     finally:
         stopping.set()
         thread.join()

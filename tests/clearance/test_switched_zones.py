@@ -70,9 +70,8 @@ async def test_a_program_is_held_before_a_zone_that_is_switched_on_and_goes_on_b
     assert 20.0 < place(cell, 0) < 79.0
     held = [event for event in cell.events if event.kind == "program.held"]
     assert [(each.reason, '"curtain"' in each.message) for each in held] == [("MC449", True)]
-    with pytest.raises(Refused) as refused:
+    with pytest.raises(Refused, match="MC443: "):
         cell.service.resume(program.program)
-    assert refused.value.code == "MC443"
     await switch(cell, on=False)
     await rests(cell)
     assert place(cell, 0) < 79.0

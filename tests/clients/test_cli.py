@@ -9,11 +9,9 @@ import select
 import signal
 import subprocess
 import sys
-import threading
 from collections.abc import Callable
 from pathlib import Path
 
-import numpy as np
 import pytest
 from fake_methods import FakeProgram
 from fake_server import FakeServer
@@ -173,39 +171,6 @@ def test_run_from_a_line_gives_the_lines_before_for_their_modal_state(
     opened = next(request for method, request in server.requests if method == "open")
     assert (opened["start_line"], opened["before"]) == (3, ["G91", "G01 X1 F5"])
     assert [(number, text) for _, number, text in server.executed] == [(3, "X2"), (4, "X3")]
-
-
-def test_run_records_setpoints_readings_and_lines(mcctl: Run, server: FakeServer, tmp_path: Path) -> None:
-    stop = threading.Event()
-
-    def publish() -> None:
-        block = np.zeros((10, 3, 4), dtype="<f4")
-        block[:, :, 0], block[:, :, 1] = 2.0, 3.0
-        while not stop.wait(0.005):
-            server.publish_samples(block.tobytes(), 10)
-
-    publishing = threading.Thread(target=publish)
-    publishing.start()
-    try:
-        output = tmp_path / "out.npz"
-        code, _, err = mcctl("run", write(tmp_path, "G01 X1", "G01 X2"), "--record", str(output))
-    finally:
-        stop.set()
-        publishing.join()
-    assert code == 0
-    assert "recorded" in err
-    with np.load(output) as recorded:
-        rows = len(recorded["time_s"])
-        assert rows > 0
-        assert recorded["time_s"][0] == 0.0
-        np.testing.assert_allclose(np.diff(recorded["time_s"]), 0.001)
-        assert recorded["line"].shape == (rows,)
-        np.testing.assert_array_equal(recorded["axes"], [0, 1, 2])
-        assert recorded["setpoint"].shape == recorded["actual"].shape == (rows, 3)
-        assert {array.dtype.name for array in recorded.values()} == {"float64"}
-        assert (recorded["setpoint"] == 2.0).all()
-        assert (recorded["actual"] == 3.0).all()
-    assert list(tmp_path.glob("*.part")) == []
 
 
 def process(server: FakeServer, *arguments: str, **options: object) -> subprocess.Popen[str]:

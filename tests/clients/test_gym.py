@@ -10,6 +10,8 @@ import numpy as np
 import pytest
 from gymnasium.utils.env_checker import check_env
 
+from tests.limits import assert_keeps, limits_of
+
 
 @pytest.mark.parametrize(
     "keys",
@@ -28,16 +30,13 @@ def test_gymnasium_s_own_check_finds_nothing(keys: dict[str, Any]) -> None:
 def test_no_action_breaks_a_limit(actions: mcclient_gym.Actions) -> None:
     env = mcclient_gym.ReachEnv(actions=actions, period_s=0.001)
     env.reset(seed=7)
-    rng, rows = np.random.default_rng(7), [env.positions.copy()] * 3
+    rng, rows = np.random.default_rng(7), [env.positions.copy()]
     for step in range(600):
         if step % 40 == 0:
             action = rng.choice([-1.0, -0.2, 0.0, 0.5, 1.0], 6)
         env.step(action)
         rows.append(env.positions.copy())
-    for order, name in enumerate(("velocity", "acceleration", "jerk"), start=1):
-        limit = np.array([getattr(axis, f"max_{name}") for axis in env.machine.axes])
-        found = np.abs(np.diff(rows, order, axis=0)).max(axis=0) * 1e3**order
-        assert (found <= limit * (1.0 + 1e-5)).all()
+    assert_keeps(rows, limits_of(env.machine), most=(1.0 + 1e-5,) * 3)
     assert env.servo.taken + env.servo.jumped == 600
 
 

@@ -41,28 +41,6 @@ async def test_done_waits_for_the_lines_end_and_not_only_for_acceptance(server: 
         assert program.done_through == 2
 
 
-async def test_a_rejected_line_is_reported_with_its_place_and_can_be_corrected(server: FakeServer) -> None:
-    async with Machine.connect(connect=server.endpoint) as machine, machine.program() as program:
-        await program.send("G01 X1")
-        with pytest.raises(ProgramRejected) as caught:
-            await program.send("BAD X2")
-        assert (caught.value.line, caught.value.column, caught.value.code) == (2, 1, "MC101")
-        assert caught.value.hint == "use a known one"
-        await program.send("G01 X2")
-    assert [text for _, _, text in server.executed] == ["G01 X1", "G01 X2"]
-
-
-async def test_a_rejected_line_of_a_stream_ends_the_stream_and_its_number_is_used_again(
-    server: FakeServer,
-) -> None:
-    async with Machine.connect(connect=server.endpoint) as machine, machine.program() as program:
-        with pytest.raises(ProgramRejected) as caught:
-            await program.send_lines(["G01 X1", "BAD", *["G01 X9"] * 5000])
-        assert (caught.value.line, caught.value.accepted) == (2, 1)
-        assert await program.send_lines(["G01 X2", "G01 X3"]) == 3
-    assert [text for _, _, text in server.executed] == ["G01 X1", "G01 X2", "G01 X3"]
-
-
 async def test_no_line_is_given_in_ignorance_of_a_rejection(server: FakeServer) -> None:
     server.runs_by_itself = False
     server.credit_limit = 10
@@ -96,19 +74,6 @@ async def test_a_program_that_finished_without_a_rejected_line_says_so(server: F
         with pytest.raises(ProgramRejected) as caught:
             await finishing
         assert caught.value.line == 2
-
-
-async def test_a_line_found_faulty_after_its_acceptance_is_reported_by_done(server: FakeServer) -> None:
-    server.runs_by_itself = False
-    async with Machine.connect(connect=server.endpoint) as machine:
-        program = await machine.program()
-        await program.send_lines(["G01 X1", "G01 X2", "G01 X3"])
-        server.reject(program.id, 2)
-        with pytest.raises(ProgramRejected) as caught:
-            await program.done()
-        assert caught.value.line == 2
-        server.run_lines(program.id)
-        assert (await program.finish()).done == 1
 
 
 async def test_finish_tells_a_rejection_only_after_the_lines_before_it_have_run(server: FakeServer) -> None:
@@ -183,22 +148,6 @@ async def test_lines_after_the_end_of_the_program_are_not_waited_for(server: Fak
         assert (await program.finish()).state == "finished"
         with pytest.raises(ProgramClosed):
             await program.send("G01 X1")
-
-
-async def test_a_stream_waits_for_credit_and_does_not_exceed_it(server: FakeServer) -> None:
-    server.runs_by_itself = False
-    server.credit_limit = 10
-    async with Machine.connect(connect=server.endpoint) as machine, machine.program() as program:
-        streaming = asyncio.create_task(program.send_lines(["G01 X1"] * 35))
-        for through in range(10, 36, 5):
-            await asyncio.to_thread(
-                server.wait_until, lambda n=through: server.programs[program.id].accepted >= n
-            )
-            assert server.programs[program.id].accepted - server.programs[program.id].done <= 10
-            server.run_lines(program.id, through)
-        await streaming
-        server.run_lines(program.id)
-    assert len(server.executed) == 35
 
 
 async def test_single_lines_wait_for_credit_too(server: FakeServer) -> None:

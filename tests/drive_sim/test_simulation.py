@@ -22,74 +22,42 @@ from mcserver.errors import RuntimeFault
 from mcserver.machine.machine_file import Machine, parse_machine
 from tests.can.hubs import address_of, receive, running_hub, wait_until
 from tests.drive_sim.in_a_thread import simulated
-
-AXES = """
-[machine]
-name = "bench"
-cycle_hz = 100
-
-[[bus]]
-name = "left"
-address = "{left}"
-
-[[bus]]
-name = "right"
-address = "{right}"
-
-[[axis]]
-index = 0
-type = "linear"
-max_velocity = 500.0
-max_acceleration = 5000.0
-units_per_motor_rev = 10.0
-min_position = -200.0
-max_position = 200.0
-[axis.drive]
-kind = "cia402"
-bus = "left"
-node = 1
-counts_per_motor_rev = 4096
-initial_position = 25.0
-invert = true
-
-[[axis]]
-index = 1
-type = "rotary"
-max_velocity = 500.0
-max_acceleration = 5000.0
-[axis.drive]
-kind = "cia402"
-bus = "right"
-node = 1
-encoder = [20000, 1]
-gear = [10, 1]
-feed = [360.0, 1]
-initial_position = 36.0
-vendor_id = 0x1234
-product_code = 0x5678
-
-[[axis]]
-index = 2
-type = "rotary"
-max_velocity = 500.0
-max_acceleration = 5000.0
-[axis.drive]
-kind = "servosila"
-bus = "right"
-node = 2
-counts_per_motor_rev = 4096
-codes = {{ off = 2 }}
-
-[[axis]]
-index = 3
-type = "rotary"
-max_velocity = 500.0
-max_acceleration = 5000.0
-"""
+from tests.machine_text import axes_text
 
 
 def machine_of(left: str = "can0", right: str = "can1") -> Machine:
-    return parse_machine(AXES.format(left=left, right=right))
+    """A linear axis on one bus, two rotary ones on another, and one without."""
+    buses = "".join(
+        f'[[bus]]\nname = "{name}"\naddress = "{address}"\n'
+        for name, address in (("left", left), ("right", right))
+    )
+    drives = (
+        (
+            "cia402",
+            'bus = "left"\nnode = 1\ncounts_per_motor_rev = 4096\ninitial_position = 25.0\ninvert = true',
+        ),
+        (
+            "cia402",
+            'bus = "right"\nnode = 1\nencoder = [20000, 1]\ngear = [10, 1]\nfeed = [360.0, 1]\n'
+            "initial_position = 36.0\nvendor_id = 0x1234\nproduct_code = 0x5678",
+        ),
+        ("servosila", 'bus = "right"\nnode = 2\ncounts_per_motor_rev = 4096\ncodes = { off = 2 }'),
+        ("simulated", ""),
+    )
+    linear = "units_per_motor_rev = 10.0\nmin_position = -200.0\nmax_position = 200.0"
+    axes = "".join(
+        axes_text(
+            [index],
+            rotary=index > 0,
+            velocity=500.0,
+            acceleration=5000.0,
+            keys="" if index else linear,
+            drive=kind,
+            drive_keys=keys,
+        )
+        for index, (kind, keys) in enumerate(drives)
+    )
+    return parse_machine(f'[machine]\nname = "bench"\ncycle_hz = 100\n{buses}{axes}')
 
 
 class Silence:

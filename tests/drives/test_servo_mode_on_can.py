@@ -13,6 +13,7 @@ from mcserver.executor.shm.feedback import SlotState
 from mcserver.executor.shm.target_box import Targets
 from tests.drives.can_rig import COUNTS, CanRig, machine
 from tests.executor.rig import CYCLE_S, Program
+from tests.limits import EXACTLY, assert_keeps
 
 JERK = 200.0
 AXIS = f"max_following_error = 2.0\nmax_jerk = {JERK * 1e3}"
@@ -52,13 +53,9 @@ def state(rig: CanRig) -> SlotState:
     return rig.executor.feedback.slots[0].state
 
 
-def worst(rig: CanRig, column: int, first: int = 60) -> float:
-    """The largest share of velocity, acceleration or jerk that the setpoints take."""
-    moved = np.array(rig.setpoints[first:])[:, column]
-    return max(
-        float(np.abs(np.diff(moved, order)).max()) / CYCLE_S**order / limit
-        for order, limit in ((1, 1.0), (2, 10.0), (3, JERK))
-    )
+def assert_limits(rig: CanRig, first: int = 59, columns: int = 2) -> None:
+    moved = np.array(rig.setpoints[first:])[:, :columns]
+    assert_keeps(moved, (1.0, 10.0, JERK), most=EXACTLY)
 
 
 def test_drives_follow_from_where_their_encoders_are() -> None:
@@ -68,7 +65,7 @@ def test_drives_follow_from_where_their_encoders_are() -> None:
     behind = np.abs(rig.actual[-1000:] - rig.setpoint[-1000:]).max()
     assert behind < 2e-3
     assert rig.of(EventKind.FAULT) == []
-    assert max(worst(rig, 0), worst(rig, 1)) <= 1.0 + 1e-6
+    assert_limits(rig)
 
 
 def test_a_program_takes_the_axes_at_rest_without_a_jump() -> None:
@@ -96,7 +93,7 @@ def test_a_drive_that_trips_stops_the_other_within_its_limits() -> None:
     stream(rig, 400)
     assert state(rig) is SlotState.FAULTED
     assert np.ptp(rig.setpoint[-50:, 0]) == 0.0
-    assert worst(rig, 0) <= 1.0 + 1e-6
+    assert_limits(rig, columns=1)
     assert abs(rig.drives[0].position / COUNTS_PER_M - rig.setpoint[-1, 0]) < 1e-5
 
 
@@ -109,7 +106,7 @@ def test_a_drive_that_says_nothing_more_ends_it_and_targets_move_nothing_then() 
     stands = rig.setpoint[-1, 0]
     stream(rig, 100)
     assert rig.setpoint[-1, 0] == stands
-    assert worst(rig, 0) <= 1.0 + 1e-6
+    assert_limits(rig, columns=1)
 
 
 def test_after_an_emergency_stop_it_follows_again_from_where_the_axes_have_come_to_rest() -> None:
@@ -129,4 +126,4 @@ def test_after_an_emergency_stop_it_follows_again_from_where_the_axes_have_come_
     codes = {fault.code for fault in rig.of(EventKind.FAULT)}
     assert codes <= {FaultCode.EMERGENCY_STOP}
     assert state(rig) is SlotState.RUNNING
-    assert max(worst(rig, 0, first), worst(rig, 1, first)) <= 1.0 + 1e-6
+    assert_limits(rig, first)

@@ -25,17 +25,10 @@ def server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[ServerProcess]:
     yield from served(folder, slower(folder, "cartesian"), "cell")
 
 
-@pytest.fixture(scope="module")
-def dog_server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[ServerProcess]:
-    """A server of the built-in machine `robot-dog`."""
-    pytest.importorskip("pinocchio")
-    yield from served(tmp_path_factory.mktemp("dog"), "robot-dog", "dog")
-
-
 def slower(folder: Path, machine: str) -> str:
     """Write a built-in machine at a quarter of its rate, which costs a tenth of a core all the time.
 
-    Machines at 1 kHz: the robot dog, and those of test_restart.py, tests/fire and tests/e2e_can.
+    Machines at 1 kHz are those of test_restart.py, tests/fire and tests/e2e_can.
     """
     text = (ROOT / "mcserver" / "machine" / "builtin" / f"{machine}.toml").read_text("utf-8")
     changed = text.replace("cycle_hz = 1000", "cycle_hz = 250")

@@ -95,38 +95,25 @@ async def recorded(machine: Machine) -> AsyncIterator[Recording]:
 
 @dataclass(frozen=True)
 class Ran:
-    """A program that has finished.
-
-    Attributes:
-        lines: the reports of its lines, in the order in which they came.
-        late_s: time of the cycles that the executor was late for meanwhile; each makes lines longer by a
-            cycle.
-    """
+    """A program that has finished, with the reports of its lines in the order in which they came."""
 
     program: str
     lines: list[LineReport]
-    late_s: float
 
     def line(self, number: int) -> LineReport:
         """The one report of a line."""
         (found,) = [each for each in self.lines if each.line == number]
         return found
 
-    def took(self, number: int) -> float:
-        """From start to end [s]."""
-        return self.line(number).end_s - self.line(number).start_s
-
 
 async def run(machine: Machine, lines: Iterable[str], axes: list[int] | None = None) -> Ran:
     """Runs a program to its end, which has to be a good one."""
-    late = (await machine.status()).late_cycles
     async with asyncio.timeout(LIMIT_S), machine.program(axes=axes) as program:
         reports = await listening(machine, program)
         await program.send_lines(lines)
         await program.finish()
         ended = await ended_lines(reports)
-    late = (await machine.status()).late_cycles - late
-    return Ran(program.id, ended, late * machine.info.cycle_s)
+    return Ran(program.id, ended)
 
 
 async def listening(machine: Machine, program: Program) -> Feed[Report]:
@@ -183,12 +170,3 @@ async def known(machine: Machine, program: str) -> ProgramStatus:
     """A program as the server knows it."""
     (found,) = await machine.programs(program)
     return found
-
-
-def distance_to(path: Array, point: tuple[float, ...]) -> float:
-    """Least distance of a point from the polyline through the samples, shape (N, axes) [mm]."""
-    start, along = path[:-1], np.diff(path, axis=0)
-    offset = np.asarray(point) - start
-    length = np.maximum(np.einsum("ij,ij->i", along, along), 1e-30)
-    share = np.clip(np.einsum("ij,ij->i", offset, along) / length, 0.0, 1.0)
-    return float(np.linalg.norm(offset - share[:, None] * along, axis=1).min())

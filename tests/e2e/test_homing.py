@@ -10,13 +10,33 @@ from pathlib import Path
 import pytest
 
 from tests.e2e.conftest import Mcctl, served
-from tests.e2e.homed_axis import HOMED_AXIS
 from tests.e2e.servers import ServerProcess
 
-MACHINE = f"""
+# travel in mm; the probe meets the work at X10
+MACHINE = """
 [machine]
 name = "lathe"
-{HOMED_AXIS}
+[[input]]
+number = 4
+name = "touch"
+[probe]
+input = 4
+simulated_at = { X = 10.0 }
+[[axis]]
+index = 0
+type = "linear"
+max_velocity = 200.0
+max_acceleration = 2000.0
+min_position = 0.0
+max_position = 300.0
+[axis.homing]
+method = "switch"
+velocity = 50.0
+latch_velocity = 5.0
+position = -2.0
+then_move_to = 5.0
+[axis.drive]
+home_switch = [-1000.0, -10.0]
 initial_position = 20.0
 [[axis]]
 index = 2

@@ -18,7 +18,7 @@ from tests.e2e.observing import (
     run,
 )
 from tests.e2e.servers import ServerProcess
-from tests.net.client import ErrorAnswer, Messages, WireClient
+from tests.net.client import ErrorAnswer, WireClient
 
 
 async def test_programs_on_disjoint_axes_run_side_by_side(machine: Machine, server: ServerProcess) -> None:
@@ -138,69 +138,6 @@ async def reset_when_at_rest(wire: WireClient, number: int) -> None:
                 continue
             assert await wire.call("reset", request=number) == first
             return
-
-
-async def acknowledged(acks: Messages, seen: int, line: int) -> None:
-    """Until one of the acknowledgements after the first ``seen`` is of this line."""
-    await acks.first(lambda ack: ack["accepted"] >= line and any(ack is each for each in acks.all[seen:]))
-
-
-@pytest.mark.parametrize("by", ["submit", "put"])
-async def test_every_line_twice_runs_once_and_is_acknowledged_again(
-    wire: WireClient, machine: Machine, by: str
-) -> None:
-    await run(machine, ["G1010", "G00 X0"])
-    program = (await wire.call("open", axes=[0]))["program"]
-    acks, events = wire.subscribe(f"ack/{program}"), wire.subscribe("event")
-    await wire.call("status")
-    lines = ["G1010", "G91 G94 F6000", *["G01 X0.5"] * 38]
-    for first in range(1, 41, 8):
-        chunk = lines[first - 1 : first + 7]
-        for _ in range(2):
-            if by == "submit":
-                reply = await wire.call("submit", program=program, first=first, lines=chunk)
-                assert reply["accepted"] == first + 7
-            else:
-                seen = len(acks.all)
-                wire.put(wire.lines_key(program), [first, chunk])
-                await acknowledged(acks, seen, first + 7)
-    await wire.call("close", program=program, last=40)
-    await acks.first(lambda ack: ack["state"] == "finished")
-    await events.first(lambda each: each["kind"] == "program.ended" and each["program"] == program)
-    ended = [
-        line["line"]
-        for each in events.all
-        if each.get("program") == program
-        for line in each.get("lines", [])
-    ]
-    assert ended == sorted(set(ended))
-    assert set(range(3, 41)) <= set(ended)
-    assert (await machine.status()).axes.setpoint[0] == pytest.approx(19.0, abs=0.01)
-
-
-async def test_a_gap_is_refused_with_the_number_expected(wire: WireClient) -> None:
-    program = (await wire.call("open", axes=[11]))["program"]
-    acks = wire.subscribe(f"ack/{program}")
-    await wire.call("submit", program=program, first=1, lines=["G1010 P11", "G93 F600"])
-    with pytest.raises(ErrorAnswer) as refused:
-        await wire.call("submit", program=program, first=4, lines=["G01 [11]1"])
-    assert refused.value.code == "MC505"
-    assert refused.value.body["details"]["expected"] == 3
-    wire.put(wire.lines_key(program), [7, ["G01 [11]1"]])
-    ack = await acks.first(lambda ack: ack.get("expected"))
-    assert (ack["expected"], ack["accepted"]) == (3, 2)
-    with pytest.raises(ErrorAnswer) as refused:
-        await wire.call("close", program=program, last=7)
-    assert (refused.value.code, refused.value.body["details"]["expected"]) == ("MC505", 3)
-    await wire.call("close", program=program, last=2)
-    await acks.first(lambda ack: ack["state"] == "finished")
-
-
-async def test_another_client_may_not_send_lines_of_a_program(wire: WireClient, machine: Machine) -> None:
-    async with machine.program(axes=[10]) as program:
-        with pytest.raises(ErrorAnswer) as refused:
-            await wire.call("submit", program=program.id, first=1, lines=["G1010"])
-        assert refused.value.code == "MC504"
 
 
 async def test_three_thousand_lines_are_acknowledged_and_reported_once_in_order(machine: Machine) -> None:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import contextlib
 import json
-import socket
 from pathlib import Path
 
 import numpy as np
@@ -36,16 +35,6 @@ def test_run_ends_with_0_and_narrates_on_standard_error(
     assert "part.gcode: finished, 4 lines" in done.stderr
 
 
-def test_run_json_tells_the_end_on_standard_output(
-    mcctl: Mcctl, target: tuple[str, ...], tmp_path: Path
-) -> None:
-    file = written(tmp_path, "G1010\nG94 F30000 G01 X10\n")
-    done = mcctl("run", file, *target, "--json")
-    answer = json.loads(done.stdout)
-    assert (done.returncode, answer["ok"], answer["state"]) == (0, True, "finished")
-    assert (answer["accepted"], answer["done"]) == (2, 2)
-
-
 def test_run_records_the_path_really_taken(mcctl: Mcctl, target: tuple[str, ...], tmp_path: Path) -> None:
     file = written(tmp_path, "G1010\nG00 X0 Y0\nG94 F12000\nG02 X20 Y20 R20\n")
     done = mcctl("run", file, *target, "--record", str(tmp_path / "out.npz"), "--axes", "0-1")
@@ -68,35 +57,6 @@ def test_a_rejected_program_ends_with_4_and_points_at_the_fault(
     (caret,) = [line for line in done.stderr.splitlines() if "^^^" in line]
     (text,) = [line for line in done.stderr.splitlines() if "G02 X100 Y0 R30" in line]
     assert caret.index("^") == text.index("R30")
-
-
-def test_a_program_rejected_in_its_stream_ends_with_4_after_the_lines_before(
-    mcctl: Mcctl, target: tuple[str, ...], tmp_path: Path
-) -> None:
-    file = written(tmp_path, "G1010\nG94 F6000 G01 X3 Y0\nGO1 X9\n")
-    done = mcctl("run", file, "--no-check", *target)
-    assert done.returncode == 4, done.stderr
-    assert "part.gcode:3:" in done.stderr
-    status = mcctl("status", *target, "--json")
-    assert json.loads(status.stdout)["axes"]["setpoint"][0] == pytest.approx(3.0, abs=0.001)
-
-
-def test_a_runtime_fault_ends_with_1(mcctl: Mcctl, target: tuple[str, ...], tmp_path: Path) -> None:
-    file = written(tmp_path, "G1011\nG94 F600\nG01 X1\n")
-    done = mcctl("run", file, *target)
-    assert done.returncode == 1, done.stderr
-    assert "G1010" in done.stderr
-    assert mcctl("reset", *target).returncode == 0
-
-
-def test_nobody_answering_ends_with_5(mcctl: Mcctl, tmp_path: Path) -> None:
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        # bound and not listening: nobody answers there, and nobody else can take the port
-        endpoint = f"tcp/127.0.0.1:{probe.getsockname()[1]}"
-        done = mcctl("run", written(tmp_path, "G1010\n"), "--machine", "cell", "--connect", endpoint)
-    assert done.returncode == 5, done.stderr
-    assert "MC530" in done.stderr
 
 
 def test_orders_of_the_operator_end_with_0(mcctl: Mcctl, target: tuple[str, ...]) -> None:
@@ -145,9 +105,3 @@ def test_at_a_pause_the_axes_are_jogged_and_the_program_goes_on_from_there(
     assert (jogged.returncode, asked.returncode, resumed.returncode) == (0, 0, 0), asked.stderr
     places = json.loads(mcctl("status", "--json", *target).stdout)["axes"]["position"]
     assert places[:2] == pytest.approx([17.0, 13.0], abs=0.05)
-
-
-def test_list_names_the_machine(mcctl: Mcctl, server: ServerProcess) -> None:
-    done = mcctl("list", "--connect", server.endpoint)
-    assert done.returncode == 0, done.stderr
-    assert server.name in done.stdout

@@ -135,9 +135,8 @@ async def test_emergency_stop_latches_and_faults_the_program_until_reset(machine
             await program.finish()
         stopped = await until(machine, at_rest)
         assert stopped.state == "estop"
-        with pytest.raises(RequestRefused) as refused:
+        with pytest.raises(RequestRefused, match="MC509: "):
             await machine.program()
-        assert refused.value.code == "MC509"
         await reset(machine)
         assert (await machine.status()).state == "ready"
         # nothing starts by itself, and axes have to be captured anew
@@ -148,39 +147,8 @@ async def test_emergency_stop_latches_and_faults_the_program_until_reset(machine
         await run(machine, ["G1010", "G93 F60 G01 X0 Y0"], [0, 1])
 
 
-@pytest.mark.parametrize(
-    ("method", "fields"),
-    [
-        ("open", {}),
-        ("abort", {}),
-        ("hold", {}),
-        ("resume", {}),
-        ("reset", {}),
-        ("estop", {}),
-        ("override", {"percent": 10.0}),
-        ("jog", {"axis": 0, "distance": 5.0}),
-    ],
-)
-@pytest.mark.parametrize("pattern", ["mc/@v1/*/@rpc/anyone/{}", "mc/@v1/**/@rpc/anyone/{}"])
-async def test_a_wildcard_that_would_change_machines_is_refused(
-    wire: WireClient, machine: Machine, method: str, fields: dict[str, object], pattern: str
-) -> None:
-    before = await machine.status()
-    with pytest.raises(ErrorAnswer) as refused:
-        await wire.ask(pattern.format(method), {"request": 77, **fields})
-    assert refused.value.code == "MC502"
-    after = await machine.status()
-    assert (after.state, after.override, after.programs) == ("ready", 100.0, before.programs)
-
-
-async def test_a_wildcard_may_ask(wire: WireClient) -> None:
-    (status,) = await wire.ask("mc/@v1/*/@rpc/anyone/status")
-    assert status["state"] == "ready"
-
-
 async def test_orders_for_a_program_that_is_not_there_are_refused(machine: Machine, wire: WireClient) -> None:
     for method in ("hold", "resume", "abort"):
-        with pytest.raises(ErrorAnswer) as refused:
+        with pytest.raises(ErrorAnswer, match="MC503: "):
             await wire.call(method, program="nowhere")
-        assert refused.value.code == "MC503"
     assert (await known(machine, (await run(machine, ["G04 P0"])).program)).state == "finished"

@@ -61,15 +61,6 @@ def stands_at_the_end(server: ServerProcess) -> None:
         assert machine.programs()[0].state == "finished"
 
 
-def test_the_sdk_goes_on_by_one_call(server: ServerProcess) -> None:
-    name = killed_in_line_6(server)
-    with sync.Machine.connect("mill", server.endpoint) as machine:
-        with machine.continue_program(name) as program:
-            assert (program.done_through, program.given_through) == (5, len(PART))
-        assert program.state == "finished"
-    stands_at_the_end(server)
-
-
 def test_mcctl_shows_the_way_and_goes_on(server: ServerProcess, mcctl: Mcctl) -> None:
     name = killed_in_line_6(server)
     target = ("--machine", "mill", "--connect", server.endpoint)

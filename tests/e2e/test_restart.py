@@ -105,9 +105,8 @@ async def test_a_program_goes_on_by_one_call_with_its_modal_state_and_ends_where
         (x,) = shown.axes
         assert (x.now, x.there) == (pytest.approx(0.0, abs=0.01), pytest.approx(SLOW_MM))
         assert [need.confirm for need in shown.needs] == ["way"]
-        with pytest.raises(RequestRefused) as refused:
+        with pytest.raises(RequestRefused, match="MC592: "):
             await machine.continue_program(program.id)
-        assert refused.value.code == "MC592"
         assert (await machine.status()).axes.state == ("off",) * len(machine.info.axes)
         async with asyncio.timeout(LIMIT_S):
             goes_on = await machine.continue_program(program.id, way=True)
@@ -120,9 +119,8 @@ async def test_a_program_goes_on_by_one_call_with_its_modal_state_and_ends_where
         assert [each.requested_s for each in timings] == pytest.approx([1.0, 0.2, 0.2])
         assert (await machine.status()).axes.setpoint[0] == pytest.approx(END_MM, abs=0.01)
         assert (await known(machine, goes_on.id)).resume_of == program.id
-        with pytest.raises(RequestRefused) as done:
+        with pytest.raises(RequestRefused, match="MC517: "):
             await machine.continue_program(program.id, way=True)
-        assert done.value.code == "MC517"
 
 
 async def until_refused(servo: Servo) -> None:
@@ -145,9 +143,8 @@ async def test_targets_for_a_server_that_was_started_again_are_refused_by_the_sd
             await until_refused(servo)
         assert (interrupted.value.code, servo.state) == ("MC534", "interrupted")
         assert "servo mode anew" in interrupted.value.hint
-        with pytest.raises(RequestRefused) as refused:
+        with pytest.raises(RequestRefused, match="MC517: "):
             await machine.continue_program(servo.id)
-        assert refused.value.code == "MC517"
 
 
 async def test_f_of_an_earlier_line_is_in_force_where_a_program_goes_on(own_server: ServerProcess) -> None:

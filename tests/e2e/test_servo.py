@@ -77,13 +77,6 @@ async def test_a_block_that_raises_stops_at_once(machine: Machine) -> None:
     assert found.state == "aborted"
 
 
-async def test_a_program_keeps_its_axes_to_itself(machine: Machine) -> None:
-    async with machine.program("mine", axes=[1]):
-        with pytest.raises(RequestRefused, match="mine") as refusal:
-            await machine.servo([0, 1])
-    assert refusal.value.code == "MC512"
-
-
 async def test_targets_of_another_client_move_nothing(machine: Machine, wire: WireClient) -> None:
     start = await position(machine, 0)
     async with machine.servo([0]) as servo:

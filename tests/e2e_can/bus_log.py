@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import selectors
 import threading
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 from mcserver.can.open import open_port
@@ -65,7 +65,3 @@ class BusLog:
         for identifier, payload in port.drain():
             if len(self._frames) < MOST_FRAMES:
                 self._frames.append(Logged(bus, identifier, payload))
-
-
-def of_bus(frames: Sequence[Logged], bus: int) -> Iterator[Logged]:
-    return (frame for frame in frames if frame.bus == bus)

@@ -8,8 +8,8 @@ from mcserver.executor.homing import HomingPhase
 from mcserver.executor.stored_reference import StoredReference
 from mcserver.machine.machine_file import Machine, parse_machine
 from mcserver.simulation.virtual_executor import VirtualExecutor
-from tests.executor.planned import assert_within_limits
 from tests.executor.rig import Array, Program
+from tests.limits import EXACTLY, assert_keeps, limits_of
 from tests.machine_text import axes_text
 
 MM = 1e-3
@@ -61,6 +61,10 @@ class Cell:
         program.finish()
         return program
 
+    def find_home(self, *axes: int) -> None:
+        self.home(*axes)
+        self.run()
+
     def step(self, cycles: int = 1) -> None:
         self.executor.step(cycles)
         self.events += self.executor.events()
@@ -99,4 +103,4 @@ class Cell:
 
     def check_limits(self) -> None:
         """Of what the drives are told: a reading that is set leaves the axes where they are."""
-        assert_within_limits(self.machine, self.drive_setpoints)
+        assert_keeps(self.drive_setpoints, limits_of(self.machine)[:2], self.machine.cycle_s, EXACTLY)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from typing import Any
 
-import numpy as np
 from mckinematics.pose import Kinematics
 
 from mcserver.executor.entries import Array, EventKind, ExecutorEvent
@@ -67,11 +66,3 @@ class Planned:
     @property
     def faults(self) -> list[int]:
         return [event.code for event in self.of(EventKind.FAULT)]
-
-
-def assert_within_limits(machine: Machine, path: list[Array]) -> None:
-    """No jump: setpoints keep the axes' speed and acceleration in every cycle."""
-    for column, axis in enumerate(machine.axes):
-        places = np.array(path)[:, column]
-        assert np.abs(np.diff(places)).max() / machine.cycle_s <= axis.max_velocity * (1 + 1e-6)
-        assert np.abs(np.diff(places, 2)).max() / machine.cycle_s**2 <= axis.max_acceleration * (1 + 1e-6)

@@ -86,6 +86,13 @@ class Rig:
                 return cycle + 1
         raise AssertionError(f"not at rest after {limit} cycles")
 
+    def play(self, *, line: bool = False) -> int:
+        """End the program, and with ``line`` its line; run as `run` does."""
+        if line:
+            self.program.end_line()
+        self.program.finish()
+        return self.run()
+
     def run_until(self, kind: EventKind, limit: int = 20000) -> ExecutorEvent:
         for _ in range(limit):
             before = len(self.events)
@@ -213,6 +220,19 @@ class Program:
         self.u = float(first + count - 1)
         self.position = position[-1].copy()
 
+    def first_rows(self, position: Array, velocity: Array, mask: int = 3) -> None:
+        """Capture the axes and begin a motion of which these rows are known."""
+        self.capture()
+        self.control(ControlKind.BEGIN, axes=mask)
+        self.rows(position, velocity, mask)
+
+    def last_rows(self, position: Array, velocity: Array, mask: int = 3) -> None:
+        """The rest of the motion, and the program's end."""
+        if len(position):
+            self.rows(position, velocity, mask)
+        self.control(ControlKind.END, axes=mask)
+        self.finish()
+
     def move(self, targets: dict[int, float], cycles: int, *, open_end: bool = False) -> None:
         """A straight move from rest to rest by a polynomial without jumps of acceleration; whole u only."""
         mask = mask_of(targets)
@@ -242,6 +262,41 @@ def under_way(rig: Rig, target: float) -> Rig:
 def quintic(share: Array) -> tuple[Array, Array]:
     """From 0 to 1 with no velocity and acceleration at the ends; the value and its slope."""
     return share**3 * (10 - 15 * share + 6 * share**2), 30 * share**2 * (1 - share) ** 2
+
+
+def s_curve(
+    length: float, speed: float, acceleration: float = 10.0, jerk: float | None = None
+) -> tuple[Array, Array]:
+    """Positions and velocities along a move from rest to rest, at whole cycles."""
+    if jerk is None:
+        ramps = [(speed / acceleration, acceleration, 0.0)]
+    elif speed * jerk < acceleration**2:
+        rise = np.sqrt(speed / jerk)
+        ramps = [(rise, 0.0, jerk), (rise, rise * jerk, -jerk)]
+    else:
+        rise = acceleration / jerk
+        ramps = [
+            (rise, 0.0, jerk),
+            (speed / acceleration - rise, acceleration, 0.0),
+            (rise, acceleration, -jerk),
+        ]
+    ramp_length = 0.5 * speed * sum(duration for duration, _, _ in ramps)
+    cruise = ((length - 2.0 * ramp_length) / speed, 0.0, 0.0)
+    falls = [(duration, -a - duration * j, j) for duration, a, j in reversed(ramps)]
+    phases = [*ramps, cruise, *falls]
+    time = np.arange(1, int(np.ceil(sum(phase[0] for phase in phases) / CYCLE_S - 1e-9)) + 1) * CYCLE_S
+    position, velocity = np.full(len(time), length), np.zeros(len(time))
+    start = p = v = 0.0
+    for duration, a, j in phases:
+        inside = (time > start) & (time <= start + duration)
+        x = time[inside] - start
+        position[inside] = p + x * (v + x * (a / 2.0 + x * j / 6.0))
+        velocity[inside] = v + x * (a + x * j / 2.0)
+        p += duration * (v + duration * (a / 2.0 + duration * j / 6.0))
+        v += duration * (a + duration * j / 2.0)
+        start += duration
+    position[-1], velocity[-1] = length, 0.0
+    return position, velocity
 
 
 def mask_of(columns: dict[int, float] | Sequence[int]) -> int:

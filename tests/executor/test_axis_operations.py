@@ -23,9 +23,7 @@ def test_capture_costs_ideal_drives_no_time() -> None:
     rig.program.end_line()
     rig.program.start_line(2)
     rig.program.move({0: 0.01}, 20)
-    rig.program.end_line()
-    rig.program.finish()
-    rig.run()
+    rig.play(line=True)
     assert rig.time_of(EventKind.LINE_END, 1) == 0.0
     assert rig.time_of(EventKind.LINE_END, 2) == pytest.approx(0.02)
 
@@ -34,9 +32,7 @@ def test_capture_waits_until_a_simulated_drive_holds() -> None:
     rig = simulated()
     rig.program.start_line(1)
     rig.program.capture()
-    rig.program.end_line()
-    rig.program.finish()
-    rig.run()
+    rig.play(line=True)
     assert 0.0 < rig.time_of(EventKind.LINE_END, 1) <= 2 * CYCLE_S
     assert rig.executor.feedback.condition.tolist() == [AxisCondition.HOLDING] * 2
 
@@ -45,8 +41,7 @@ def test_capture_takes_the_encoder_as_setpoint_without_a_jump() -> None:
     keys = "initial_position = 12.3456\nencoder_resolution = 0.01"
     rig = simulated(axis="in_position = 0.1", drive_keys=keys)
     rig.program.capture()
-    rig.program.finish()
-    rig.run()
+    rig.play()
     rig.step(20)
     assert np.ptp(rig.actual, axis=0) == pytest.approx([0.0, 0.0])
     assert rig.setpoint[-1] == pytest.approx(rig.actual[-1])
@@ -58,8 +53,7 @@ def test_capture_does_nothing_to_an_energized_axis() -> None:
     rig.program.rapid({0: 0.1})
     rig.program.wait(1)
     rig.program.capture()
-    rig.program.finish()
-    rig.run()
+    rig.play()
     assert rig.setpoint[-1, 0] == 0.1
 
 
@@ -71,8 +65,7 @@ def test_a_coasting_axis_is_braked_within_its_limits_as_it_is_captured() -> None
     program.axis(AxisOperation.OFF, 1)
     program.dwell(0.01)
     program.capture(1)
-    program.finish()
-    rig.run()
+    rig.play()
     rig.step(50)
     # off after 201 cycles, when the setpoint becomes the encoder's reading
     assert np.abs(np.diff(rig.actual[205:, 0], 2)).max() / CYCLE_S**2 <= 1.2 * 10.0
@@ -85,9 +78,7 @@ def test_axis_operations_act_once_motion_before_them_has_ended() -> None:
     rig.program.rapid({0: 0.5})
     rig.program.start_line(2)
     rig.program.axis(AxisOperation.OFF)
-    rig.program.end_line()
-    rig.program.finish()
-    rig.run()
+    rig.play(line=True)
     assert rig.setpoint[-1, 0] == 0.5
     assert rig.time_of(EventKind.AXIS_DONE, 2) == pytest.approx(0.6, abs=0.0015)
     assert rig.executor.executor.bank.energized == 0
@@ -99,8 +90,7 @@ def test_off_lets_an_axis_coast_and_its_setpoint_is_the_encoder() -> None:
     program.speed({0: 0.5})
     program.dwell(0.2)
     program.axis(AxisOperation.OFF)
-    program.finish()
-    rig.run()
+    rig.play()
     rig.step(400)
     coasting = np.diff(rig.actual[250:350, 0], 2) / CYCLE_S**2
     assert coasting == pytest.approx(-2.0, abs=1e-6)
@@ -114,9 +104,7 @@ def test_stop_brings_the_axis_to_rest_before_the_program_goes_on() -> None:
     program.dwell(0.2)
     program.start_line(3)
     program.axis(AxisOperation.STOP)
-    program.end_line()
-    program.finish()
-    rig.run()
+    rig.play(line=True)
     assert rig.time_of(EventKind.LINE_END, 3) - rig.time_of(EventKind.LINE_START, 3) == pytest.approx(
         0.05, abs=0.005
     )
@@ -131,8 +119,7 @@ def test_a_released_drive_times_out_by_itself(brake: bool) -> None:
     program = rig.program
     program.capture()
     program.axis(AxisOperation.RELEASE)
-    program.finish()
-    rig.run()
+    rig.play()
     rig.step(10)
     bus = rig.executor.buses[0]
     assert isinstance(bus, SimulatedBus)
@@ -152,8 +139,7 @@ def test_reset_ends_the_capture() -> None:
     rig = simulated()
     rig.program.capture()
     rig.program.axis(AxisOperation.RESET, 1)
-    rig.program.finish()
-    rig.run()
+    rig.play()
     assert rig.executor.feedback.condition.tolist() == [AxisCondition.OFF, AxisCondition.HOLDING]
 
 
@@ -166,8 +152,7 @@ def test_exact_stop_costs_ideal_drives_no_cycle() -> None:
         program.move({0: target}, 300)
         program.wait(1)
         program.end_line()
-    program.finish()
-    rig.run()
+    rig.play()
     ends = [rig.time_of(EventKind.LINE_END, line) for line in range(1, 5)]
     assert ends == pytest.approx([0.3, 0.6, 0.9, 1.2], abs=1e-12)
 
@@ -245,8 +230,7 @@ def test_an_exact_stop_of_an_axis_that_stands_costs_simulated_drives_no_cycle() 
         program.rapid({0: 0.0})
         program.wait(3)
         program.end_line()
-    program.finish()
-    rig.run()
+    rig.play()
     assert rig.time_of(EventKind.LINE_END, 3) == rig.time_of(EventKind.LINE_START, 1)
 
 

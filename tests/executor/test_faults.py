@@ -83,8 +83,7 @@ def test_feedback_that_is_late_by_a_few_cycles_is_borne() -> None:
 
 def test_a_fault_of_one_program_leaves_the_others_running() -> None:
     rig = Rig(machine(3, drive="simulated", axis="max_following_error = 2.0"))
-    rig.program.finish()
-    rig.run()
+    rig.play()
     first, second = rig.open(0, 0b011), rig.open(1, 0b100)
     first.capture(0b011)
     first.start_line(1)
@@ -206,8 +205,7 @@ def test_programs_with_common_axes_are_refused() -> None:
 
 def test_a_program_cannot_move_axes_that_are_not_its_own() -> None:
     rig = Rig(machine())
-    rig.program.finish()
-    rig.run()
+    rig.play()
     program = rig.open(0, 0b01)
     program.start_line(1)
     program.rapid({1: 0.1})

@@ -15,6 +15,7 @@ from mcserver.executor.shm.target_box import POINTS, Targets
 from mcserver.machine.machine_file import Machine
 from tests.bench.servo_streams import broken_laws_of_streams
 from tests.executor.rig import CYCLE_S, Array, Rig, machine
+from tests.limits import EXACTLY, assert_keeps
 
 COUNTS_S = 0.05
 
@@ -52,13 +53,8 @@ def following(made: Machine | None = None, **keys: float) -> tuple[Rig, Stream]:
     return rig, Stream(rig, 2)
 
 
-def worst(rig: Rig, velocity: float = 1.0, acceleration: float = 10.0, jerk: float = 200.0) -> float:
-    """The largest share of a limit over all cycles."""
-    setpoint = rig.setpoint
-    return max(
-        float(np.abs(np.diff(setpoint, order, axis=0)).max()) / CYCLE_S**order / limit
-        for order, limit in ((1, velocity), (2, acceleration), (3, jerk))
-    )
+def assert_limits(rig: Rig, velocity: float = 1.0) -> None:
+    assert_keeps(rig.setpoint, (velocity, 10.0, 200.0), most=EXACTLY)
 
 
 def state(rig: Rig) -> SlotState:
@@ -92,7 +88,7 @@ def test_a_target_far_away_is_reached_within_the_limits_and_exactly() -> None:
         stream.put([0.5, -0.2])
         rig.step(10)
     assert rig.setpoint[-1].tolist() == [0.5, -0.2]
-    assert worst(rig) <= 1.0 + 1e-6
+    assert_limits(rig)
     # what a cycle of jerk moves
     assert rig.setpoint.max() <= 0.5 + 200.0 * CYCLE_S**3
 
@@ -103,7 +99,7 @@ def test_a_sine_with_velocities_is_followed_one_interval_behind() -> None:
     # the first setpoint behind a target is a cycle on
     late = setpoint[1009:-1] - asked[1000:-10]
     assert np.abs(late).max() < 2e-5
-    assert worst(rig) <= 1.0 + 1e-6
+    assert_limits(rig)
 
 
 def test_velocities_alone_are_followed_and_a_later_position_goes_on_from_there() -> None:
@@ -117,7 +113,7 @@ def test_velocities_alone_are_followed_and_a_later_position_goes_on_from_there()
         stream.put([0.0, 0.0])
         rig.step(10)
     assert rig.setpoint[-1] == pytest.approx([0.0, 0.0], abs=1e-12)
-    assert worst(rig) <= 1.0 + 1e-6
+    assert_limits(rig)
 
 
 def test_targets_beyond_travel_end_on_it() -> None:
@@ -127,7 +123,7 @@ def test_targets_beyond_travel_end_on_it() -> None:
         rig.step(10)
     assert rig.setpoint[:, 0].max() <= 0.1
     assert rig.setpoint[-1, 0] == pytest.approx(0.1, abs=1e-9)
-    assert worst(rig) <= 1.0 + 1e-6
+    assert_limits(rig)
 
 
 def test_velocities_towards_the_end_of_travel_stop_on_it() -> None:
@@ -137,7 +133,7 @@ def test_velocities_towards_the_end_of_travel_stop_on_it() -> None:
         rig.step(10)
     assert np.abs(rig.setpoint).max() <= 0.1
     assert np.abs(rig.setpoint[-1]) == pytest.approx([0.1, 0.1], abs=1e-5)
-    assert worst(rig) <= 1.0 + 1e-6
+    assert_limits(rig)
 
 
 def test_what_is_no_number_stops_the_axes() -> None:
@@ -148,7 +144,7 @@ def test_what_is_no_number_stops_the_axes() -> None:
         stream.put([math.nan, 0.5], [math.nan, math.inf])
         rig.step(10)
     assert np.ptp(rig.setpoint[-5:], axis=0).tolist() == [0.0, 0.0]
-    assert worst(rig) <= 1.0 + 1e-6
+    assert_limits(rig)
 
 
 def test_silence_stops_on_the_limits_and_ends_the_program_without_a_latch() -> None:
@@ -159,7 +155,7 @@ def test_silence_stops_on_the_limits_and_ends_the_program_without_a_latch() -> N
     assert fault.code == FaultCode.TARGETS_LOST
     assert fault.values == pytest.approx((COUNTS_S, COUNTS_S), abs=1.5 * CYCLE_S)
     assert state(rig) is SlotState.STOPPED
-    assert worst(rig) <= 1.0 + 1e-6
+    assert_limits(rig)
     stream.put([0.0, 0.0])
     stands = rig.setpoint[-1].tolist()
     rig.step(100)
@@ -185,7 +181,7 @@ def test_a_hold_stops_and_a_resume_goes_on_to_the_targets() -> None:
         stream.put([0.5, 0.0])
         rig.step(10)
     assert rig.setpoint[-1].tolist() == [0.5, 0.0]
-    assert worst(rig) <= 1.0 + 1e-6
+    assert_limits(rig)
 
 
 def test_a_slot_that_still_brakes_for_a_hold_is_not_held_yet() -> None:
@@ -204,7 +200,7 @@ def test_an_override_bounds_the_speed() -> None:
     for _ in range(60):
         stream.put([0.5, 0.0])
         rig.step(10)
-    assert worst(rig, velocity=0.25) <= 1.0 + 1e-6
+    assert_limits(rig, velocity=0.25)
 
 
 @pytest.mark.parametrize("order", ["abort", "stop", "estop"])
@@ -221,7 +217,7 @@ def test_whoever_stops_it_brings_the_axes_to_rest(order: str) -> None:
     assert state(rig) is (SlotState.FAULTED if order == "estop" else SlotState.STOPPED)
     assert np.ptp(rig.setpoint[-5:], axis=0).tolist() == [0.0, 0.0]
     if order != "estop":
-        assert worst(rig) <= 1.0 + 1e-6
+        assert_limits(rig)
 
 
 def test_an_axis_that_fails_stops_the_others() -> None:
@@ -243,7 +239,7 @@ def test_closed_it_goes_on_to_the_last_targets_and_finishes() -> None:
     stream.box.close()
     rig.run_until(EventKind.FINISHED)
     assert rig.setpoint[-1].tolist() == [0.05, 0.0]
-    assert worst(rig) <= 1.0 + 1e-6
+    assert_limits(rig)
 
 
 def test_closed_while_targets_go_on_at_a_speed_it_ends_where_they_stop_counting() -> None:
@@ -253,7 +249,7 @@ def test_closed_while_targets_go_on_at_a_speed_it_ends_where_they_stop_counting(
     rig.run_until(EventKind.FINISHED)
     assert not rig.of(EventKind.FAULT)
     assert np.ptp(rig.setpoint[-2:, 0]) < 1e-9
-    assert worst(rig) <= 1.0 + 1e-6
+    assert_limits(rig)
 
 
 def test_closed_before_any_targets_it_finishes_at_once() -> None:
@@ -278,7 +274,7 @@ def test_a_chunk_is_played_at_its_times_and_the_next_one_takes_over_anywhere() -
     rig.step(490)
     asked = 0.05 * np.sin(2.0 * math.pi * np.arange(1, 991) * CYCLE_S)
     assert np.abs(rig.setpoint[first + 300 :, 0] - asked[300:]).max() < 2e-5
-    assert worst(rig) <= 1.0 + 1e-6
+    assert_limits(rig)
 
 
 @pytest.mark.parametrize("seed", [0, 5, 6, 10, 15, 27])
@@ -306,7 +302,7 @@ def test_missed_cycles_delay_motion_and_never_make_it_jump() -> None:
         rig.step(7)
         if turn % 9 == 5:
             rig.executor.miss(11)
-    assert worst(rig) <= 1.0 + 1e-6
+    assert_limits(rig)
 
 
 def test_a_stall_ends_it_where_the_axes_stand() -> None:
@@ -343,7 +339,7 @@ def test_closed_far_from_the_last_targets_it_ends_on_them_and_not_where_they_sto
     stream.box.close()
     rig.run_until(EventKind.FINISHED)
     assert rig.setpoint[-1].tolist() == [0.5, 0.0]
-    assert worst(rig) <= 1.0 + 1e-6
+    assert_limits(rig)
 
 
 def test_closed_in_a_hold_it_ends_once_a_resume_has_let_it_arrive() -> None:

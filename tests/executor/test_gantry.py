@@ -108,8 +108,7 @@ def test_a_fault_of_one_drive_switches_both_off_at_once(column: int) -> None:
 def test_homing_squares_the_sides_each_by_its_own_switch() -> None:
     # as the encoders start the right side is 0.4 mm off, 0.2 mm of it by the place of its switch
     cell = Cell(switched(-40.0, -40.2))
-    cell.home(1)
-    cell.run()
+    cell.find_home(1)
     assert not cell.faults
     assert cell.homed == 0b111
     # the edges by the encoders read 0 and 0.2
@@ -127,16 +126,14 @@ def test_homing_squares_the_sides_each_by_its_own_switch() -> None:
 
 def test_without_a_place_to_go_to_the_sides_come_to_one_place() -> None:
     cell = Cell(switched(-40.0, -40.3, then=""))
-    cell.home(1)
-    cell.run()
+    cell.find_home(1)
     assert not cell.faults
     assert skews(cell)[-1] == 0.0
 
 
 def test_a_switch_that_does_not_come_does_not_bend_the_gantry() -> None:
     cell = Cell(switched(-40.0, -90.0))
-    cell.home(1)
-    cell.run()
+    cell.find_home(1)
     assert cell.faults == [FaultCode.SKEW]
     drives = np.array(cell.drive_setpoints)[-1, 1:]
     # the limit, and the way in which the side comes to rest from latch_velocity
@@ -177,8 +174,7 @@ def test_a_pair_that_cannot_be_is_refused_with_its_place(leader: str, follower: 
 @pytest.mark.parametrize(("left", "right"), [(2.0, -40.0), (-40.0, 2.0), (2.0, 1.8)])
 def test_a_switch_that_is_active_at_the_start_is_left_within_the_skew(left: float, right: float) -> None:
     cell = Cell(switched(left, right))
-    cell.home(1)
-    cell.run()
+    cell.find_home(1)
     drives = np.array(cell.drive_setpoints)[:, 1:]
     apart = np.abs(np.diff(drives, axis=1)).max()
     cell.check_limits()

@@ -53,8 +53,7 @@ def test_soft_limits_count_from_the_reference_on() -> None:
     cell.run()
     assert cell.faults == []
     assert cell.setpoints[-1][0] == pytest.approx(60 * MM)
-    cell.home(0)
-    cell.run()
+    cell.find_home(0)
     assert cell.faults == [FaultCode.SWITCH_NOT_FOUND]
     program = cell.program(unhomed=True)
     program.control(ControlKind.REFERENCE, axes=1, values=(0.0,))

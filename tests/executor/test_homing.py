@@ -14,8 +14,7 @@ from tests.executor.homing_cell import MM, SWITCH, Cell, machine
 
 def test_a_switch_is_found_fast_and_latched_slowly_where_it_lies() -> None:
     cell = Cell(machine(("home_switch = [-1000.0, -37.125]", SWITCH + "position = 5.0")))
-    cell.home(0)
-    cell.run()
+    cell.find_home(0)
     assert cell.faults == []
     assert cell.phases() == [
         HomingPhase.APPROACH,
@@ -34,8 +33,7 @@ def test_a_switch_is_found_fast_and_latched_slowly_where_it_lies() -> None:
 
 def test_nothing_jumps_in_the_cycle_of_the_reference() -> None:
     cell = Cell(machine(("home_switch = [-1000.0, -20.0]", SWITCH + "position = 80.0\nthen_move_to = 60.0")))
-    cell.home(0)
-    cell.run()
+    cell.find_home(0)
     cell.check_limits()
     positions = np.array(cell.setpoints)[:, 0]
     # by the axis itself there is one jump, as long as the offset
@@ -49,15 +47,13 @@ def test_nothing_jumps_in_the_cycle_of_the_reference() -> None:
 def test_towards_positive_the_same() -> None:
     homing = SWITCH + 'direction = "positive"\nposition = 90.0'
     cell = Cell(machine(("home_switch = [42.0, 1000.0]", homing)))
-    cell.home(0)
-    cell.run()
+    cell.find_home(0)
     assert cell.offset[0] == pytest.approx(90.0 - 42.0, abs=1e-9)
 
 
 def test_a_jerk_limit_holds_while_homing() -> None:
     cell = Cell(machine(("home_switch = [-1000.0, -20.0]", SWITCH), jerk="max_jerk = 20000.0\n"))
-    cell.home(0)
-    cell.run()
+    cell.find_home(0)
     assert cell.offset[0] == pytest.approx(20.0, abs=1e-9)
     jerk = np.abs(np.diff(np.array(cell.drive_setpoints)[:, 0], 3)) / cell.machine.cycle_s**3
     assert jerk.max() <= 20.0 * (1 + 1e-3)
@@ -65,8 +61,7 @@ def test_a_jerk_limit_holds_while_homing() -> None:
 
 def test_a_switch_that_is_active_at_the_start_is_left_first() -> None:
     cell = Cell(machine(("home_switch = [-1000.0, 4.0]", SWITCH)))
-    cell.home(0)
-    cell.run()
+    cell.find_home(0)
     assert cell.phases()[:3] == [HomingPhase.RELEASE, HomingPhase.START, HomingPhase.APPROACH]
     assert cell.offset[0] == pytest.approx(-4.0, abs=1e-9)
 
@@ -82,8 +77,7 @@ def test_a_switch_without_a_latch_is_taken_between_two_readings() -> None:
         return feedback
 
     cell.bus.exchange = exchange  # type: ignore[method-assign]
-    cell.home(0)
-    cell.run()
+    cell.find_home(0)
     # at 2 mm/s a cycle is 2 µm long
     assert cell.offset[0] == pytest.approx(37.125, abs=1.001e-3)
 
@@ -91,8 +85,7 @@ def test_a_switch_without_a_latch_is_taken_between_two_readings() -> None:
 def test_the_index_behind_the_switch_counts() -> None:
     homing = SWITCH + "index = true\nposition = 0.0"
     cell = Cell(machine(("home_switch = [-1000.0, -37.0]\nindex_at = 1.25", homing)))
-    cell.home(0)
-    cell.run()
+    cell.find_home(0)
     assert cell.faults == []
     # a turn is 5 mm: indices at … -38.75, -33.75; away from the switch the next is -33.75
     assert cell.offset[0] == pytest.approx(33.75, abs=1e-9)
@@ -101,16 +94,14 @@ def test_the_index_behind_the_switch_counts() -> None:
 def test_the_index_alone_is_a_reference() -> None:
     homing = 'method = "index"\nlatch_velocity = 5.0'
     cell = Cell(machine(("index_at = -3.0", homing)))
-    cell.home(0)
-    cell.run()
+    cell.find_home(0)
     assert cell.offset[0] == pytest.approx(3.0, abs=1e-9)
 
 
 def test_a_hard_stop_is_found_by_torque_and_left_again() -> None:
     homing = 'method = "hard-stop"\nvelocity = 20.0\nlatch_velocity = 5.0\nback_off = 4.0\ntorque = 3.0'
     cell = Cell(machine(("hard_stops = [-30.5, 70.0]", homing)))
-    cell.home(0)
-    cell.run()
+    cell.find_home(0)
     assert cell.faults == []
     assert cell.offset[0] == pytest.approx(30.5, abs=1e-6)
     # off the stop at the end
@@ -120,8 +111,7 @@ def test_a_hard_stop_is_found_by_torque_and_left_again() -> None:
 
 def test_the_drive_homes_itself_and_its_reading_counts() -> None:
     cell = Cell(machine(("initial_position = 12.0", 'method = "drive"')))
-    cell.home(0)
-    cell.run()
+    cell.find_home(0)
     assert cell.faults == []
     assert cell.phases() == [HomingPhase.DRIVE, HomingPhase.HOLD, HomingPhase.DONE]
     assert cell.offset[0] == 0.0
@@ -148,8 +138,7 @@ def test_axes_home_together() -> None:
             ("home_switch = [-1000.0, -30.0]", SWITCH + "position = 7.0"),
         )
     )
-    cell.home(0, 1)
-    cell.run()
+    cell.find_home(0, 1)
     assert cell.offset == pytest.approx([10.0, 37.0], abs=1e-9)
     done = {event.axis: event.time for event in cell.of(EventKind.HOMED)}
     assert done[1] - done[0] < 0.6
@@ -173,8 +162,7 @@ def test_what_is_not_found_is_a_fault_and_the_axis_stays_unhomed(
     drive: str, homing: str, code: FaultCode
 ) -> None:
     cell = Cell(machine((drive, homing)))
-    cell.home(0)
-    cell.run()
+    cell.find_home(0)
     assert cell.faults == [code]
     assert not cell.homed & 1 or not homing
     assert cell.executor.feedback.slots[0].state is SlotState.FAULTED
@@ -233,8 +221,7 @@ def test_homing_again_after_an_abort_finds_the_same_place() -> None:
     cell.run_to_phase(HomingPhase.LATCH)
     cell.executor.mailbox.abort(0)
     cell.run()
-    cell.home(0)
-    cell.run()
+    cell.find_home(0)
     assert cell.offset[0] == pytest.approx(37.125, abs=1e-9)
 
 

@@ -71,9 +71,7 @@ def test_an_output_changes_in_the_cycle_in_which_its_place_is_passed(drive: str)
     program.start_line(2)
     program.control(ControlKind.OUTPUT, channel=0, value=1.0)
     program.move({0: 0.02}, 50)
-    program.end_line()
-    program.finish()
-    rig.run()
+    rig.play(line=True)
     changed = [outputs[0] for outputs in rig.outputs].index(1.0)
     assert changed == round(rig.time_of(EventKind.LINE_START, 2) / CYCLE_S)
 
@@ -83,8 +81,7 @@ def test_an_output_between_two_cycles_changes_in_the_cycle_that_ends_behind_it()
     rig.program.u = 10.25
     rig.program.control(ControlKind.OUTPUT, channel=0, value=1.0)
     rig.program.u = 20.0
-    rig.program.finish()
-    rig.run()
+    rig.play()
     assert [outputs[0] for outputs in rig.outputs].index(1.0) == 11
 
 
@@ -108,8 +105,7 @@ def test_a_feed_hold_holds_outputs_too() -> None:
 def test_outputs_stay_behind_the_end_of_a_program() -> None:
     rig = IoRig(machine(LAMP))
     rig.program.control(ControlKind.OUTPUT, channel=0, value=1.0)
-    rig.program.finish()
-    rig.run()
+    rig.play()
     rig.step(5)
     assert rig.outputs[-1] == [1.0]
     assert rig.executor.feedback.owners.tolist() == [NOBODY]

@@ -41,9 +41,7 @@ def test_line_events_carry_times_between_cycles() -> None:
     position = np.outer(share, [0.0, 0.0])
     program.rows(position, np.zeros_like(position), 3)
     program.control(ControlKind.END, axes=3)
-    program.end_line()
-    program.finish()
-    rig.run()
+    rig.play(line=True)
     assert rig.time_of(EventKind.LINE_END, 1) == pytest.approx(40.25 * CYCLE_S, abs=1e-12)
     assert rig.time_of(EventKind.LINE_START, 2) == pytest.approx(40.25 * CYCLE_S, abs=1e-12)
     assert rig.time_of(EventKind.LINE_END, 2) == pytest.approx(0.1, abs=1e-12)
@@ -55,8 +53,7 @@ def test_dwells_carry_fractions_of_a_cycle_over() -> None:
         rig.program.start_line(line)
         rig.program.dwell(0.0005)
         rig.program.end_line()
-    rig.program.finish()
-    rig.run()
+    rig.play()
     assert rig.time_of(EventKind.LINE_END, 1) == pytest.approx(0.0005, abs=1e-12)
     assert rig.time_of(EventKind.LINE_END, 2) == pytest.approx(0.001, abs=1e-12)
 
@@ -66,9 +63,7 @@ def test_an_override_does_not_scale_a_dwell() -> None:
     rig.executor.mailbox.set_override(0.5, 0)
     rig.program.start_line(1)
     rig.program.dwell(0.0205)
-    rig.program.end_line()
-    rig.program.finish()
-    rig.run()
+    rig.play(line=True)
     assert rig.time_of(EventKind.LINE_END, 1) == pytest.approx(0.0205, abs=1e-12)
 
 
@@ -80,9 +75,7 @@ def test_a_program_goes_on_where_it_waited_for_more_entries() -> None:
     rig.step(500)
     program.start_line(3)
     program.move({0: 0.02}, 50)
-    program.end_line()
-    program.finish()
-    rig.run()
+    rig.play(line=True)
     assert rig.setpoint[-1, 0] == 0.02
     duration = rig.time_of(EventKind.LINE_END, 3) - rig.time_of(EventKind.LINE_START, 3)
     assert duration == pytest.approx(0.05, abs=1e-9)
@@ -113,8 +106,7 @@ def test_the_line_of_a_cycle_is_that_of_its_row() -> None:
         program.start_line(line)
         program.move({0: target}, 20)
         program.end_line()
-    program.finish()
-    rig.run()
+    rig.play()
     rig.step(2)
     assert set(rig.lines[1:20]) == {4}
     assert set(rig.lines[21:40]) == {5}
@@ -144,8 +136,7 @@ def test_an_axis_may_join_a_motion_under_way() -> None:
     program.ring.put_rows(Rows(101, first[100:], velocity[100:], masks[100:], np.ones(100, np.int64)))
     program.u = 200.0
     program.control(ControlKind.END, axes=3)
-    program.finish()
-    rig.run()
+    rig.play()
     assert np.allclose(rig.setpoint[1:201], first, atol=1e-12)
 
 

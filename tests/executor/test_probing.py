@@ -11,8 +11,9 @@ from mcserver.gcode.program_check import check_program
 from mcserver.machine.machine_file import Machine, parse_machine
 from mcserver.planning.start_state import StartState
 from mcserver.simulation.simulation import simulate
-from tests.executor.planned import Planned, assert_within_limits
+from tests.executor.planned import Planned
 from tests.executor.rig import Array
+from tests.limits import EXACTLY, assert_keeps, limits_of
 from tests.machine_text import axes_text
 
 MM = 1e-3
@@ -56,7 +57,7 @@ def test_the_place_of_contact_is_latched_on_the_plane() -> None:
     assert place == pytest.approx([1.6, 0.0, -3.2], abs=1e-4)
     # it stops behind it within the limits: v²/2a = 0.05 mm
     assert cell.rows[-1][2] / MM == pytest.approx(-3.25, abs=0.02)
-    assert_within_limits(cell.machine, cell.rows)
+    assert_keeps(cell.rows, limits_of(cell.machine)[:2], cell.machine.cycle_s, EXACTLY)
 
 
 def test_the_move_stays_on_its_line_while_it_stops() -> None:
@@ -71,7 +72,7 @@ def test_the_next_line_starts_where_the_probe_stopped() -> None:
     cell = Cell(machine(PLANE), "G21 G90 G94\nG38.2 Z-8 F600\nG91 G1 Z1 F600\nG90 G1 X5 Z0\nM2")
     cell.run()
     assert cell.faults == []
-    assert_within_limits(cell.machine, cell.rows)
+    assert_keeps(cell.rows, limits_of(cell.machine)[:2], cell.machine.cycle_s, EXACTLY)
     assert cell.rows[-1] / MM == pytest.approx([5.0, 0.0, 0.0])
 
 
@@ -143,7 +144,7 @@ def test_a_hold_stops_on_the_line_and_a_resume_goes_on() -> None:
     cell.run()
     assert probed(cell)[0]
     assert probed(cell)[1][2] == pytest.approx(-3.2, abs=1e-4)
-    assert_within_limits(cell.machine, cell.rows)
+    assert_keeps(cell.rows, limits_of(cell.machine)[:2], cell.machine.cycle_s, EXACTLY)
 
 
 @pytest.mark.parametrize("how", ["abort", "estop", "trip"])

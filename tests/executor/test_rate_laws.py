@@ -11,9 +11,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from mcserver.executor.entries import ControlKind
+from mcserver.executor.entries import EventKind
 from mcserver.executor.shm.feedback import SlotState
-from tests.executor.rig import CYCLE_S, Array, Rig, give, machine
+from tests.executor.rig import CYCLE_S, Array, Rig, give, machine, s_curve
+from tests.limits import assert_keeps
 
 VELOCITY, ACCELERATION, JERK = 1.0, 10.0, 300.0
 RADIUS = 0.05
@@ -28,40 +29,8 @@ class Rows:
     velocity: Array
 
 
-def s_curve(length: float, speed: float, acceleration: float, jerk: float | None) -> tuple[Array, Array]:
-    """Positions and velocities along a move from rest to rest, at whole cycles."""
-    if jerk is None:
-        ramps = [(speed / acceleration, acceleration, 0.0)]
-    elif speed * jerk < acceleration**2:
-        rise = np.sqrt(speed / jerk)
-        ramps = [(rise, 0.0, jerk), (rise, rise * jerk, -jerk)]
-    else:
-        rise = acceleration / jerk
-        ramps = [
-            (rise, 0.0, jerk),
-            (speed / acceleration - rise, acceleration, 0.0),
-            (rise, acceleration, -jerk),
-        ]
-    ramp_length = 0.5 * speed * sum(duration for duration, _, _ in ramps)
-    cruise = ((length - 2.0 * ramp_length) / speed, 0.0, 0.0)
-    falls = [(duration, -a - duration * j, j) for duration, a, j in reversed(ramps)]
-    phases = [*ramps, cruise, *falls]
-    time = np.arange(1, int(np.ceil(sum(phase[0] for phase in phases) / CYCLE_S - 1e-9)) + 1) * CYCLE_S
-    position, velocity = np.full(len(time), length), np.zeros(len(time))
-    start = p = v = 0.0
-    for duration, a, j in phases:
-        inside = (time > start) & (time <= start + duration)
-        x = time[inside] - start
-        position[inside] = p + x * (v + x * (a / 2.0 + x * j / 6.0))
-        velocity[inside] = v + x * (a + x * j / 2.0)
-        p += duration * (v + duration * (a / 2.0 + duration * j / 6.0))
-        v += duration * (a + duration * j / 2.0)
-        start += duration
-    return position, velocity
-
-
 def line(speed: float, jerk: float | None) -> Rows:
-    position, velocity = s_curve(0.6, speed, ACCELERATION, jerk)
+    position, velocity = s_curve(min(0.6, 3.0 * speed), speed, ACCELERATION, jerk)
     direction = np.array([1.0, 0.3])
     return Rows(np.outer(position, direction), np.outer(velocity, direction))
 
@@ -85,31 +54,28 @@ def away_from(path: str, points: Array) -> float:
     return float(np.abs(points[:, 1] - 0.3 * points[:, 0]).max())
 
 
-def hand_over(rig: Rig, rows: Rows) -> None:
-    """One motion, all of it, and the program's end."""
-    program = rig.program
-    program.capture()
-    program.control(ControlKind.BEGIN, axes=3)
-    program.rows(rows.position, rows.velocity, 3)
-    program.control(ControlKind.END, axes=3)
-    program.finish()
-
-
-def start(path: str, speed: float, jerk: float | None) -> tuple[Rig, Rows]:
+def start(path: str, speed: float, jerk: float | None, known: int | None = None) -> tuple[Rig, Rows]:
+    """A motion of which some rows are known, all of them where no number says otherwise."""
     rig = Rig(machine(jerk=None if jerk is None else 1000.0 * jerk))
     rows = line(speed, jerk) if path == "line" else circle(speed, jerk)
-    hand_over(rig, rows)
+    rig.program.start_line(1)
+    rig.program.first_rows(rows.position[:known], rows.velocity[:known])
+    if known is None:
+        rig.program.last_rows(rows.position[:0], rows.velocity[:0])
     return rig, rows
 
 
+def run_with_the_rest(rig: Rig, rows: Rows, known: int) -> None:
+    rig.program.last_rows(rows.position[known:], rows.velocity[known:])
+    give(rig, "resume")
+    give(rig, 1.0)
+    rig.run()
+    assert np.array_equal(rig.setpoint[-1], rows.position[-1])
+
+
 def assert_limits(rig: Rig, jerk: float | None) -> None:
-    """Differences of the setpoints at the cycle rate: 100.1 %, 101 % and 105 % of the limits."""
     points = rig.setpoint
-    points = np.concatenate((np.tile(points[:1], (3, 1)), points, np.tile(points[-1:], (3, 1))))
-    assert np.abs(np.diff(points, axis=0)).max() / CYCLE_S <= 1.001 * VELOCITY
-    assert np.abs(np.diff(points, 2, axis=0)).max() / CYCLE_S**2 <= 1.01 * ACCELERATION
-    if jerk is not None:
-        assert np.abs(np.diff(points, 3, axis=0)).max() / CYCLE_S**3 <= 1.05 * jerk
+    assert_keeps(np.concatenate((points, np.tile(points[-1:], (3, 1)))), (VELOCITY, ACCELERATION, jerk))
 
 
 @settings(max_examples=24, deadline=None)
@@ -134,6 +100,10 @@ def test_any_sequence_of_orders_keeps_velocity_acceleration_and_jerk_on_the_path
     rig.run()
     assert_limits(rig, jerk)
     assert away_from(path, rig.setpoint) < 2e-8
+    along = rig.setpoint[:, 0]
+    if path == "circle":
+        along = np.unwrap(np.arctan2(rig.setpoint[:, 1], RADIUS - along))
+    assert np.diff(along).min() >= -1e-12, "backwards"
     assert np.array_equal(rig.setpoint[-1], rows.position[-1])
 
 
@@ -159,9 +129,11 @@ def test_any_sequence_of_orders_keeps_the_limits_of_rapids(
     assert rig.setpoint[-1].tolist() == [0.5, -0.2]
 
 
-@pytest.mark.parametrize("jerk", [None, JERK])
-def test_a_hold_from_a_steady_speed_takes_no_longer_than_the_limits_ask(jerk: float | None) -> None:
-    rig, _ = start("line", 0.2, jerk)
+@pytest.mark.parametrize(("speed", "jerk"), [(0.05, None), (0.2, None), (0.8, None), (0.2, JERK)])
+def test_a_hold_from_a_steady_speed_takes_no_longer_than_the_limits_ask(
+    speed: float, jerk: float | None
+) -> None:
+    rig, _ = start("line", speed, jerk)
     rig.step(400)
     give(rig, "hold")
     cycles = 0
@@ -169,7 +141,7 @@ def test_a_hold_from_a_steady_speed_takes_no_longer_than_the_limits_ask(jerk: fl
         rig.step()
         cycles += 1
         assert cycles < 1000
-    least = 0.2 / ACCELERATION + (0.0 if jerk is None else ACCELERATION / jerk)
+    least = speed / ACCELERATION + (0.0 if jerk is None else ACCELERATION / jerk)
     assert cycles * CYCLE_S <= least + 0.005
     assert_limits(rig, jerk)
 
@@ -177,65 +149,28 @@ def test_a_hold_from_a_steady_speed_takes_no_longer_than_the_limits_ask(jerk: fl
 @pytest.mark.parametrize("known", [17, 60, 120])
 def test_a_motion_that_begins_with_few_rows_can_stop_before_the_last_of_them(known: int) -> None:
     # 17 rows of an s-curve: from 100 % no stop within them keeps the jerk limit
-    rig = Rig(machine(jerk=1000.0 * JERK))
-    program, rows = rig.program, line(0.4, JERK)
-    program.capture()
-    program.control(ControlKind.BEGIN, axes=3)
-    program.rows(rows.position[:known], rows.velocity[:known], 3)
+    rig, rows = start("line", 0.4, JERK, known)
     rig.step(1500)
     assert rig.executor.feedback.slots[0].rate == 0.0
-    program.rows(rows.position[known:], rows.velocity[known:], 3)
-    program.control(ControlKind.END, axes=3)
-    program.finish()
-    rig.run()
+    run_with_the_rest(rig, rows, known)
     assert_limits(rig, JERK)
-    assert np.array_equal(rig.setpoint[-1], rows.position[-1])
 
 
 @pytest.mark.parametrize("cycles", [68, 72, 76])
 def test_a_hold_for_which_rows_leave_nothing_yet_waits_before_an_edge(cycles: int) -> None:
     # rows take all of the jerk while their acceleration falls, and the last known row comes near
-    rig = Rig(machine(jerk=1000.0 * JERK))
-    program, rows = rig.program, line(0.8, JERK)
-    program.capture()
-    program.control(ControlKind.BEGIN, axes=3)
-    program.rows(rows.position[:269], rows.velocity[:269], 3)
+    rig, rows = start("line", 0.8, JERK, 269)
     rig.step(cycles)
     give(rig, "hold")
     rig.step(600)
     assert rig.executor.feedback.slots[0].state is SlotState.HELD
-    program.rows(rows.position[269:], rows.velocity[269:], 3)
-    program.control(ControlKind.END, axes=3)
-    program.finish()
-    give(rig, "resume")
-    rig.run()
+    run_with_the_rest(rig, rows, 269)
     assert_limits(rig, JERK)
-    assert np.array_equal(rig.setpoint[-1], rows.position[-1])
-
-
-def trickled(path: str, speed: float, jerk: float, known: int) -> tuple[Rig, Rows]:
-    """A motion of which the first rows are known."""
-    rig = Rig(machine(jerk=1000.0 * jerk))
-    rows = line(speed, jerk) if path == "line" else circle(speed, jerk)
-    rig.program.capture()
-    rig.program.control(ControlKind.BEGIN, axes=3)
-    rig.program.rows(rows.position[:known], rows.velocity[:known], 3)
-    return rig, rows
-
-
-def run_with_the_rest(rig: Rig, rows: Rows, known: int) -> None:
-    rig.program.rows(rows.position[known:], rows.velocity[known:], 3)
-    rig.program.control(ControlKind.END, axes=3)
-    rig.program.finish()
-    give(rig, "resume")
-    give(rig, 1.0)
-    rig.run()
-    assert np.array_equal(rig.setpoint[-1], rows.position[-1])
 
 
 @pytest.mark.parametrize(("jerk", "known"), [(50.0, 169), (100.0, 105)])
 def test_rows_that_take_all_of_the_jerk_are_begun_more_slowly_before_an_edge(jerk: float, known: int) -> None:
-    rig, rows = trickled("circle", 0.4, jerk, known)
+    rig, rows = start("circle", 0.4, jerk, known)
     rig.step(1500)
     assert rig.executor.feedback.slots[0].rate == 0.0
     assert rig.setpoint[-1, 1] != 0.0
@@ -244,7 +179,7 @@ def test_rows_that_take_all_of_the_jerk_are_begun_more_slowly_before_an_edge(jer
 
 
 def test_motion_that_stands_where_rows_take_all_of_the_jerk_goes_on_in_parts() -> None:
-    rig, rows = trickled("line", 0.4, 50.0, 20)
+    rig, rows = start("line", 0.4, 50.0, 20)
     rig.step(800)
     run_with_the_rest(rig, rows, 20)
     assert_limits(rig, 50.0)
@@ -266,27 +201,13 @@ def test_a_hold_amid_a_ramp_that_takes_all_of_the_jerk_does_not_wait_for_its_end
 
 
 def test_a_hold_waits_for_rows_that_leave_some_jerk_while_there_is_room_before_the_edge() -> None:
-    rig, rows = trickled("line", 0.4, 50.0, 515)
+    rig, rows = start("line", 0.4, 50.0, 515)
     rig.step(5)
     give(rig, 0.0)
     rig.step(1500)
     assert rig.executor.feedback.slots[0].rate == 0.0
     run_with_the_rest(rig, rows, 515)
     assert_limits(rig, 50.0)
-
-
-def swinging(jerk: float) -> Rows:
-    """To and fro about the start for 1.5 s with nearly all of a jerk, from rest to rest."""
-    pulse = 2.0 * np.pi / 0.06
-    size = 0.98 * jerk / pulse**3
-
-    def position(time: Array) -> Array:
-        share = np.clip(np.minimum(time, 1.5 - time) / 0.3, 0.0, 1.0)
-        swing: Array = size * share**4 * (35.0 - 84.0 * share + 70.0 * share**2 - 20.0 * share**3)
-        return np.outer(swing * np.sin(pulse * time), [1.0, 0.3])
-
-    time, step = np.arange(1, 1501) * CYCLE_S, 1e-7
-    return Rows(position(time), (position(time + step) - position(time - step)) / (2.0 * step))
 
 
 def test_a_resumed_motion_is_played_by_whole_rows_again() -> None:
@@ -298,6 +219,20 @@ def test_a_resumed_motion_is_played_by_whole_rows_again() -> None:
     rig.step(100)
     latest = rig.setpoint[-1]
     assert (rows.position == latest).all(axis=1).any()
+
+
+def test_an_abort_stops_on_the_path_drops_the_rest_and_holds() -> None:
+    rig, _ = start("circle", 0.4, None)
+    rig.step(400)
+    rig.executor.mailbox.abort(0)
+    stopped = rig.run_until(EventKind.STOPPED)
+    rig.step(50)
+    assert stopped.line == 1
+    assert rig.executor.feedback.slots[0].state is SlotState.STOPPED
+    assert not rig.of(EventKind.FINISHED)
+    assert away_from("circle", rig.setpoint) < 2e-8
+    assert rig.executor.executor.bank.energized == 3
+    assert_limits(rig, None)
 
 
 def test_an_emergency_stop_does_not_wait_for_the_jerk_limit() -> None:
@@ -312,12 +247,10 @@ def test_an_emergency_stop_does_not_wait_for_the_jerk_limit() -> None:
 
 @pytest.mark.parametrize(("first", "second"), [(498, 688), (510, 705)])
 def test_a_stop_on_the_last_known_row_keeps_a_low_jerk_limit_to_its_end(first: int, second: int) -> None:
-    rig = Rig(machine(jerk=50_000.0))
-    program, rows = rig.program, line(0.8, 50.0)
-    program.capture()
-    program.control(ControlKind.BEGIN, axes=3)
-    for known in (slice(0, first), slice(first, second)):
-        program.rows(rows.position[known], rows.velocity[known], 3)
-        rig.step(1500)
-        assert rig.executor.feedback.slots[0].rate == 0.0
+    rig, rows = start("line", 0.8, 50.0, first)
+    rig.step(1500)
+    assert rig.executor.feedback.slots[0].rate == 0.0
+    rig.program.rows(rows.position[first:second], rows.velocity[first:second], 3)
+    rig.step(1500)
+    assert rig.executor.feedback.slots[0].rate == 0.0
     assert_limits(rig, 50.0)

@@ -25,6 +25,7 @@ from tests.executor.homing_cell import SWITCH, Cell
 from tests.executor.homing_cell import machine as machine_to_home
 from tests.executor.planned import Planned
 from tests.executor.rig import CYCLE_S, Rig, machine, under_way
+from tests.limits import assert_keeps, limits_of
 
 EI, ZV = (f'shaper = {{ type = "{kind}", frequency_hz = 40.0, damping = 0.05 }}' for kind in ("ei", "zv"))
 WIDE = "path_tolerance_mm = 5.0"
@@ -55,10 +56,7 @@ def moving(**keys: object) -> Rig:
 
 
 def assert_limits(rig: Rig) -> None:
-    axis = rig.machine.axes[0]
-    for order, limit in enumerate((axis.max_velocity, axis.max_acceleration, axis.max_jerk), start=1):
-        found = np.abs(np.diff(rig.setpoint, order, axis=0)).max() / CYCLE_S**order
-        assert found <= 1.05 * limit, order
+    assert_keeps(rig.setpoint, limits_of(rig.machine), most=(1.05,) * 3)
     assert broken_by_shapers(rig) == []
 
 
@@ -96,8 +94,7 @@ def test_ei_leaves_a_twentieth_of_a_vibration_at_a_tenth_beside_its_frequency(sh
         rig.program.dwell(0.05)
         rig.program.rapid({0: 0.03})
         rig.program.wait(1)
-        rig.program.finish()
-        rig.run()
+        rig.play()
         rig.step(50)
         (rests,) = np.nonzero(rig.setpoint[:, 0] != 0.03)
         swing = rig.actual[rests[-1] + 2 :, 0] - 0.03
@@ -110,8 +107,7 @@ def test_an_axis_without_a_shaper_is_delayed_exactly() -> None:
     rig = Rig(shaped(EI, ""))
     rig.program.capture()
     rig.program.move({0: 0.05, 1: 0.05}, 1000)
-    rig.program.finish()
-    rig.run()
+    rig.play()
     shaping = rig.machine.shaping
     assert shaping is not None
     assert np.abs(rig.setpoint[shaping.delay :, 1] - rig.ordered[: -shaping.delay, 1]).max() < 1e-15
@@ -223,8 +219,7 @@ def test_an_axis_that_coasts_is_captured_without_a_jump() -> None:
     bus.push(0, 0.3)
     rig.step(20)
     rig.program.capture()
-    rig.program.finish()
-    rig.run()
+    rig.play()
     rig.step(50)
     assert np.abs(rig.acceleration()[22:]).max() <= 1.05 * rig.machine.axes[0].max_acceleration
     assert rig.setpoint[-1, 0] == rig.ordered[-1, 0]
@@ -237,8 +232,7 @@ def test_a_speed_is_shaped_and_taken_back_within_the_limits() -> None:
     rig.program.control(ControlKind.HALT_AXES, axes=1)
     rig.program.rapid({0: 0.0})
     rig.program.wait(1)
-    rig.program.finish()
-    rig.run()
+    rig.play()
     assert rig.setpoint[-1, 0] == pytest.approx(0.0, abs=1e-12)
     assert_limits(rig)
 
@@ -248,8 +242,7 @@ def test_homing_gives_positions_without_a_jump_for_the_drive() -> None:
     plain = machine_to_home((drive, f"{SWITCH}then_move_to = 5.0"), travel=500.0)
     axis = msgspec.structs.replace(plain.axes[0], shaper=Shaper("ei", 40.0, 0.05))
     cell = Cell(msgspec.structs.replace(plain, axes=(axis,), shaping=Shaping.of([axis], CYCLE_S)))
-    cell.home(0)
-    cell.run()
+    cell.find_home(0)
     assert cell.of(EventKind.HOMED)
     assert not cell.of(EventKind.FAULT)
     steps = np.diff(np.array(cell.drive_setpoints)[:, 0], 2) / CYCLE_S**2

@@ -11,6 +11,7 @@ from mcserver.executor.entries import Array, EventKind
 from mcserver.machine.machine_file import Machine, parse_machine
 from mcserver.units import MM, TURN
 from tests.executor.planned import Planned
+from tests.limits import assert_keeps, limits_of
 from tests.machine_text import axes_text
 
 SPINDLE = 3
@@ -84,11 +85,5 @@ class Turned(Planned):
 
 def assert_keeps_limits(cell: Turned, line: int) -> None:
     """Velocity 100.1, acceleration 101 and jerk 105 % at the most, in every cycle of a line."""
-    rows, cycle_s = np.array(cell.rows)[cell.path(line)], cell.machine.cycle_s
-    for column, axis in enumerate(cell.machine.axes[:3]):
-        for order, limit, share in (
-            (1, axis.max_velocity, 1.001),
-            (2, axis.max_acceleration, 1.01),
-            (3, axis.max_jerk, 1.05),
-        ):
-            assert np.abs(np.diff(rows[:, column], order)).max() / cycle_s**order <= share * limit
+    limits = [each[:3] for each in limits_of(cell.machine)]
+    assert_keeps(np.array(cell.rows)[cell.path(line), :3], limits, cell.machine.cycle_s)

@@ -85,9 +85,8 @@ def test_lines_are_taken_once_and_in_order(bench: Bench) -> None:
     assert bench.acks[-1].accepted == 7
     bench.machine.stream("anna", program, 20, ["G01 X1"])
     assert (bench.acks[-1].accepted, bench.acks[-1].expected) == (7, 8)
-    with pytest.raises(McError) as gap:
+    with pytest.raises(McError, match="MC505: "):
         bench.call("submit", program=program, first=20, lines=["G01 X1"])
-    assert gap.value.code == "MC505"
     bench.machine.stream("stranger", program, 8, ["G01 X1"])
     assert bench.machine.status().programs[0].accepted == 7
 
@@ -115,9 +114,8 @@ def test_an_emergency_stop_ends_programs_and_is_latched_until_a_reset(bench: Ben
     bench.machine.emergency_stop("panel", "fire")
     state = bench.after(1.0)
     assert (state.state, state.programs[0].state, state.programs[0].done) == ("estop", "faulted", 2)
-    with pytest.raises(McError) as refused:
+    with pytest.raises(McError, match="MC509: "):
         bench.call("open")
-    assert refused.value.code == "MC509"
     bench.call("reset")
     assert bench.machine.status().state == "ready"
 
@@ -129,9 +127,8 @@ def test_programs_that_nobody_ends_do_not_gather(bench: Bench) -> None:
     assert len(bench.machine.status().programs) <= 5
     for _ in range(4):
         bench.opened(1)
-    with pytest.raises(McError) as full:
+    with pytest.raises(McError, match="MC508: "):
         bench.call("open")
-    assert full.value.code == "MC508"
 
 
 def test_machines_are_shared_evenly_and_none_is_left_out() -> None:

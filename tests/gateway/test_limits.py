@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
-import http.client
 import shutil
 import socket
 from collections.abc import Iterator
@@ -79,18 +78,3 @@ async def test_one_token_fills_no_more_than_its_places_even_at_once(
     assert honest is not None
     for each in (*inside, honest):
         await each.close()
-
-
-def test_a_body_without_a_length_is_bounded_while_it_is_read(gateway: GatewayProcess, tokens: Tokens) -> None:
-    connection = http.client.HTTPConnection(urlsplit(gateway.url).netloc, timeout=60.0)
-    headers = {"Authorization": f"Bearer {tokens[1]['observer']}", "Content-Type": "application/json"}
-
-    def endless() -> Iterator[bytes]:
-        while True:
-            yield 1024 * 1024 * b"x"
-
-    # the gateway answers 413 and closes, and the client is still writing
-    with pytest.raises(ConnectionError):
-        connection.request("POST", "/v1/machines/cell/check", endless(), headers, encode_chunked=True)
-    connection.close()
-    assert ask(gateway, "/v1/machines/cell/status", tokens[1]["observer"])[0] == 200

@@ -18,7 +18,7 @@ class ErrorAnswer(Exception):
     """A `reply_err`."""
 
     def __init__(self, body: dict[str, Any]) -> None:
-        super().__init__(body)
+        super().__init__(f"{body['code']}: {body['message']}")
         self.body = body
         self.code: str = body["code"]
 

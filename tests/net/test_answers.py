@@ -39,9 +39,8 @@ def test_another_client_may_use_the_same_number() -> None:
 def test_the_same_number_for_another_method_is_refused() -> None:
     memory, got = AnswerMemory(Clock(0.0)), list[Answer]()
     ask(memory, 1, got)
-    with pytest.raises(ServiceError) as refused:
+    with pytest.raises(ServiceError, match="MC506: "):
         ask(memory, 1, got, "close")
-    assert refused.value.code == "MC506"
 
 
 def test_answers_are_forgotten_by_age() -> None:
@@ -80,9 +79,8 @@ def test_a_client_too_many_is_refused_until_an_old_one_s_answers_have_aged() -> 
     for name in ("a", "b", "c"):
         memory.begin(name, 1, "jog", got.append)
         memory.finish(name, 1, Answer(True, b"x"))
-    with pytest.raises(ServiceError) as refused:
+    with pytest.raises(ServiceError, match="MC508: "):
         memory.begin("d", 1, "jog", got.append)
-    assert refused.value.code == "MC508"
     clock.now = 10.5
     assert memory.begin("d", 1, "jog", got.append)
     assert len(memory) == 1

@@ -14,7 +14,6 @@ import numpy as np
 import pytest
 
 from mcserver.errors import ServiceError
-from mcserver.executor.entries import Control, ControlKind
 from mcserver.machine.machine_file import Machine, parse_machine
 from mcserver.net import arming_messages as wire
 from mcserver.net.arming_methods import ArmingMethods
@@ -141,9 +140,8 @@ async def test_what_is_no_longer_as_it_was_simulated_is_shown_and_not_armed(site
     await site.by_hand("G0 X0 Y0 Z0", "G10 L2 P1 X300")
     (shown,) = site.arming.run_requests(ANNA, wire.RunRequestsRequest()).requests
     assert "G54 X moved by 300 mm" in shown.changed
-    with pytest.raises(ServiceError) as refused:
+    with pytest.raises(ServiceError, match="MC572: "):
         site.arming.arm(ANNA, wire.ArmRequest(sha256=run.sha256))
-    assert refused.value.code == "MC572"
 
 
 async def test_what_a_program_shifts_is_named_though_it_moves_nothing(site: Site) -> None:
@@ -161,18 +159,22 @@ async def test_a_person_who_moves_an_axis_voids_it_and_moving_it_back_does_not(s
     assert (await site.run()).state == "finished"
 
 
-async def test_an_offset_set_by_a_person_is_named(site: Site) -> None:
+@pytest.mark.parametrize(
+    ("text", "by_hand", "words"),
+    [
+        (TEXT, ["G10 L20 P2 Y7"], "G55 Y moved by -7 mm"),
+        ("T2 M6\nG43 H2\nG1 Z-5 F600", ["G10 L1 P2 Z45"], "T2 length moved by 15 mm"),
+        (TEXT, ["G38.3 Z-20 F600", "G10 L20 P1 Z0", "G0 X0 Y0", "G53 G0 Z0"], "G54 Z moved by -20 mm"),
+    ],
+    ids=["offset", "tool", "probe"],
+)
+async def test_what_a_person_sets_meanwhile_voids_an_approval_and_is_named(
+    site: Site, text: str, by_hand: list[str], words: str
+) -> None:
     await site.by_hand("G0 X0 Y0 Z0")
-    await site.arm()
-    await site.by_hand("G10 L20 P2 Y7")
-    assert "G55 Y moved by -7 mm" in await site.refusal()
-
-
-async def test_a_tool_that_a_person_measured_anew_voids_an_approval_and_names_it(site: Site) -> None:
-    text = "T2 M6\nG43 H2\nG1 Z-5 F600"
     await site.arm(text)
-    await site.by_hand("G10 L1 P2 Z45")
-    assert "T2 length moved by 15 mm" in await site.refusal(text)
+    await site.by_hand(*by_hand)
+    assert words in await site.refusal(text)
 
 
 async def test_another_override_than_was_allowed_does_not_count(site: Site) -> None:
@@ -186,20 +188,6 @@ async def test_another_override_than_was_allowed_does_not_count(site: Site) -> N
     assert program.state == "finished", program.fault
     speed = np.abs(np.diff(np.array(site.rows)[:, 0])).max() / 1e-3
     assert speed <= 0.0101
-
-
-async def test_past_the_server_an_override_above_the_allowed_one_is_stopped_by_the_executor(
-    site: Site,
-) -> None:
-    text = "G1 X200 F1200\nG1 X0"
-    await site.arm(text, override=50.0)
-    program = await site.start(text)
-    await site.cell.until(lambda: site.extent()[1] > 20.0)
-    assert program.slot is not None
-    site.cell.service.port.override(program.slot, 1.0)
-    await site.cell.ended(program)
-    assert program.fault is not None
-    assert (program.state, program.fault.code, program.fault.axis) == ("faulted", "MC461", 0)
 
 
 async def test_an_input_that_the_program_reads_is_named_and_one_that_it_does_not_read_is_not(
@@ -236,9 +224,8 @@ async def test_a_tool_length_of_another_machine_file_is_another_approval(site: S
     again = Site(parse_machine(MILL.replace("length_mm = 30.0", "length_mm = 130.0")), tmp_path, "second")
     try:
         # an approval is of one start of one machine: nothing is armed any more
-        with pytest.raises(ServiceError) as refused:
+        with pytest.raises(ServiceError, match="MC571: "):
             await again.start(text)
-        assert refused.value.code == "MC571"
         after = await again.ask(text)
         assert after.digest != before.digest
         assert after.extents[0].high == pytest.approx(before.extents[0].high + 100.0)
@@ -251,9 +238,8 @@ async def test_a_restart_alone_ends_an_approval(site: Site, tmp_path: Path) -> N
     await site.cell.stop()
     again = Site(site.machine, tmp_path, "second")
     try:
-        with pytest.raises(ServiceError) as refused:
+        with pytest.raises(ServiceError, match="MC571: "):
             await again.start()
-        assert refused.value.code == "MC571"
         # the same text, from the same state, on the same machine
         assert (await again.ask()).digest == before.digest
     finally:
@@ -264,9 +250,8 @@ async def test_an_emergency_stop_ends_an_approval(site: Site) -> None:
     await site.arm()
     site.cell.service.latch.emergency_stop(ANNA, "")
     site.cell.service.reset(None)
-    with pytest.raises(ServiceError) as refused:
+    with pytest.raises(ServiceError, match="MC571: "):
         await site.start()
-    assert refused.value.code == "MC571"
 
 
 async def test_a_client_that_goes_while_its_run_is_simulated_leaves_no_request(
@@ -279,20 +264,12 @@ async def test_a_client_that_goes_while_its_run_is_simulated_leaves_no_request(
         return await simulate(client, text, start, axes)
 
     monkeypatch.setattr(site, "preview", gone)
-    with pytest.raises(ServiceError) as refused:
+    with pytest.raises(ServiceError, match="MC570: "):
         await site.ask()
-    assert refused.value.code == "MC570"
     monkeypatch.setattr(site, "preview", simulate)
     assert site.arming.run_requests(ANNA, wire.RunRequestsRequest()).requests == []
     # its successor, and the same client come back, may ask
     await site.ask(client="bot.agent-2")
-
-
-async def test_a_contact_of_the_probe_that_sets_another_zero_voids_an_approval(site: Site) -> None:
-    await site.by_hand("G0 X0 Y0 Z0")
-    await site.arm()
-    await site.by_hand("G38.3 Z-20 F600", "G10 L20 P1 Z0", "G0 X0 Y0", "G53 G0 Z0")
-    assert "G54 Z moved by -20 mm" in await site.refusal()
 
 
 async def test_holds_and_resumes_and_what_others_do_meanwhile_do_not_open_the_envelope(site: Site) -> None:
@@ -345,9 +322,8 @@ async def test_an_armed_run_waits_for_its_client_as_long_as_it_was_asked_to(site
 async def test_a_program_that_is_put_in_front_moves_nothing_that_was_approved(site: Site) -> None:
     await site.arm()
     ahead = await site.cell.service.open(ANNA, axes=[0])
-    with pytest.raises(ServiceError) as refused:
+    with pytest.raises(ServiceError, match="MC572: "):
         await site.start()
-    assert refused.value.code == "MC572"
     site.cell.service.abort(ahead.program)
     await site.cell.ended(ahead)
     assert (await site.run()).state == "finished"
@@ -395,9 +371,8 @@ async def test_what_g1030_and_g1040_would_do_is_bounded_or_refused(site: Site) -
     assert (turning.extents[-1].turns, turning.extents[-1].speed) == (True, pytest.approx(360.0, rel=1e-3))
     assert "leaves A turning or pushing" in turning.effects
     for text in ("G1040 [3]0.1", "G1030 X60"):
-        with pytest.raises(ServiceError) as refused:
+        with pytest.raises(ServiceError, match="MC577: "):
             await site.ask(text)
-        assert refused.value.code == "MC577"
 
 
 async def test_a_run_is_not_asked_for_while_its_axes_still_move(site: Site) -> None:
@@ -406,23 +381,6 @@ async def test_a_run_is_not_asked_for_while_its_axes_still_move(site: Site) -> N
         await site.ask("G1 [3]90 F6000")
     assert refused.value.code == "MC572"
     assert refused.value.message.startswith("A ")
-
-
-async def test_a_planted_command_of_homing_or_torque_is_refused_by_the_executor(
-    site: Site, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    await site.arm()
-    begin = site.cell.service.port.begin
-
-    def planted(*args: Any, **more: Any) -> None:
-        begin(
-            *args, **{**more, "controls": (Control(ControlKind.REFERENCE, 0.0, 1, 1, (0.3, 0.0, 0.0, 0.0)),)}
-        )
-
-    monkeypatch.setattr(site.cell.service.port, "begin", planted)
-    program = await site.run()
-    assert program.fault is not None
-    assert program.fault.code == "MC464"
 
 
 def test_every_field_of_the_start_counts_in_the_digest_and_in_what_has_changed() -> None:

@@ -70,17 +70,14 @@ async def test_a_run_is_asked_for_armed_and_started_once(
         {"axis": 0, "low": 0.0, "high": 10.0, "unit": "mm", "speed": 10.0, "turns": False}
     ]
     # the text says what it likes: only an operator's order arms it
-    with pytest.raises(ErrorAnswer) as unarmed:
+    with pytest.raises(ErrorAnswer, match="MC571: "):
         await client.call("run_armed", text=TEXT)
-    assert unarmed.value.body["code"] == "MC571"
-    with pytest.raises(ErrorAnswer) as own:
+    with pytest.raises(ErrorAnswer, match="MC575: "):
         await client.call("arm", sha256=run["sha256"])
-    assert own.value.body["code"] == "MC575"
     armed = await operator.call("arm", sha256=run["sha256"][:8], override=40.0)
     assert armed["state"] == "armed"
-    with pytest.raises(ErrorAnswer) as changed:
+    with pytest.raises(ErrorAnswer, match="MC571: "):
         await client.call("run_armed", text=TEXT.replace("X10", "X100"))
-    assert changed.value.body["code"] == "MC571"
     assert rig.service.current() == []
     # nothing is planned: the run has not ended while it is looked at
     monkeypatch.setattr(FakePipeline, "pump", lambda *_: False)
@@ -89,9 +86,8 @@ async def test_a_run_is_asked_for_armed_and_started_once(
     # nobody raises it above what the operator allowed
     await operator.call("override", percent=150.0, program=started["program"])
     assert rig.service.program(started["program"]).override == pytest.approx(0.4)
-    with pytest.raises(ErrorAnswer) as again:
+    with pytest.raises(ErrorAnswer, match="MC571: "):
         await client.call("run_armed", text=TEXT)
-    assert again.value.body["code"] == "MC571"
 
 
 async def test_an_operator_is_shown_the_text_the_path_and_what_is_warned_of(
@@ -105,9 +101,8 @@ async def test_an_operator_is_shown_the_text_the_path_and_what_is_warned_of(
     assert (seen["run"]["sha256"], seen["text"]) == (run["sha256"], TEXT)
     assert (seen["warnings"], seen["unshown_warnings"]) == ([], 0)
     assert seen["path"] == {"time_s": [0.0, 1.0], "positions": [[0.0, 10.0]], "tools": []}
-    with pytest.raises(ErrorAnswer) as unknown:
+    with pytest.raises(ErrorAnswer, match="MC570: "):
         await operator.call("run_preview", sha256="0" * 64)
-    assert unknown.value.body["code"] == "MC570"
 
 
 async def test_what_was_asked_for_anew_is_not_armed_by_who_saw_the_one_before(
@@ -116,24 +111,10 @@ async def test_what_was_asked_for_anew_is_not_armed_by_who_saw_the_one_before(
     seen = (await client.call("request_run", text=TEXT))["run"]
     now = (await client.call("request_run", text=TEXT))["run"]
     assert (seen["sha256"], seen["number"]) != (now["sha256"], now["number"])
-    with pytest.raises(ErrorAnswer) as refused:
+    with pytest.raises(ErrorAnswer, match="MC570: "):
         await operator.call("arm", sha256=seen["sha256"], number=seen["number"])
-    assert refused.value.body["code"] == "MC570"
     armed = await operator.call("arm", sha256=now["sha256"], number=now["number"])
     assert (armed["state"], armed["number"]) == ("armed", now["number"])
-
-
-async def test_an_emergency_stop_takes_the_arming_back(
-    rig: Rig, client: WireClient, operator: WireClient
-) -> None:
-    run = (await client.call("request_run", text=TEXT))["run"]
-    await operator.call("arm", sha256=run["sha256"])
-    await operator.call("estop")
-    await operator.call("reset")
-    with pytest.raises(ErrorAnswer) as refused:
-        await client.call("run_armed", text=TEXT)
-    assert refused.value.body["code"] == "MC571"
-    assert rig.service.current() == []
 
 
 async def test_a_request_ends_with_its_clients_liveliness(rig: Rig, operator: WireClient) -> None:
@@ -158,9 +139,8 @@ async def test_a_run_is_rejected_with_a_reason_or_withdrawn(client: WireClient, 
         await client.call("run_armed", text=TEXT)
     assert (refused.value.body["code"], "too fast" in refused.value.body["message"]) == ("MC576", True)
     await client.call("request_run", text=TEXT)
-    with pytest.raises(ErrorAnswer) as foreign:
+    with pytest.raises(ErrorAnswer, match="MC573: "):
         await operator.call("withdraw", sha256=run["sha256"])
-    assert foreign.value.body["code"] == "MC573"
     assert (await client.call("withdraw", sha256=run["sha256"]))["requests"] == []
 
 
@@ -183,9 +163,8 @@ async def test_a_faulty_text_waits_for_nobody(client: WireClient) -> None:
 
 
 async def test_a_text_that_needs_an_axis_that_it_does_not_ask_for_is_refused(client: WireClient) -> None:
-    with pytest.raises(ErrorAnswer) as refused:
+    with pytest.raises(ErrorAnswer, match="MC511: "):
         await client.call("request_run", text="G01 Y5 F5", axes=[0])
-    assert refused.value.body["code"] == "MC511"
 
 
 async def test_mcctl_shows_the_picture_before_it_arms(

@@ -75,9 +75,8 @@ def test_endpoints_by_mode_are_those_of_the_file_s_mode(tmp_path: Path) -> None:
 def test_an_option_that_contradicts_the_file_is_refused(
     tmp_path: Path, text: str, options: dict[str, tuple[str, ...]]
 ) -> None:
-    with pytest.raises(ConfigurationError) as refused:
+    with pytest.raises(ConfigurationError, match="MC521: "):
         reach(NetworkOptions(config_file=written(tmp_path, text), **options))  # type: ignore[arg-type]
-    assert refused.value.code == "MC521"
 
 
 def test_an_option_that_says_the_same_as_the_file_is_none(tmp_path: Path) -> None:
@@ -95,9 +94,8 @@ def test_what_else_the_file_says_holds_against_the_server_s_own_settings(tmp_pat
 @pytest.mark.parametrize("text", ["{mode: 3}", "not JSON5", '{id: "6740b2f8"}'])
 def test_a_file_that_cannot_hold_is_refused(tmp_path: Path, text: str) -> None:
     options = NetworkOptions(config_file=written(tmp_path, text))
-    with pytest.raises(ConfigurationError) as refused:
+    with pytest.raises(ConfigurationError, match="MC521: "):
         main_configuration(options, reach(options))
-    assert refused.value.code == "MC521"
 
 
 async def test_hundreds_of_connections_that_say_nothing_keep_no_client_out(rig: Rig) -> None:

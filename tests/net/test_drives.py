@@ -151,9 +151,8 @@ async def test_a_drive_s_abort_code_is_in_the_details(client: WireClient) -> Non
 
 
 async def test_a_write_takes_no_wildcard(client: WireClient, answering: AnsweringDrives) -> None:
-    with pytest.raises(ErrorAnswer) as refused:
+    with pytest.raises(ErrorAnswer, match="MC502: "):
         await client.ask("mc/@v1/*/@rpc/t/sdo_write", {"request": 1, "axis": 1, "index": 1, "value": 1})
-    assert refused.value.code == "MC502"
     assert answering.asked == []
 
 

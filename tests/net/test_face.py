@@ -8,6 +8,7 @@ import msgspec
 import numpy as np
 import pytest
 
+from mcserver.net.method_table import METHODS
 from mcserver.net.stop_copies import LEAST_NUMBER
 from mcserver.service.stop_latch import CONFIRM_PERIOD_S
 from tests.net.client import ErrorAnswer, WireClient
@@ -66,33 +67,29 @@ async def test_an_error_is_remembered_like_an_answer(client: WireClient) -> None
 
 async def test_a_request_number_cannot_serve_two_methods(client: WireClient) -> None:
     await client.call("open", request=7)
-    with pytest.raises(ErrorAnswer) as refused:
+    with pytest.raises(ErrorAnswer, match="MC506: "):
         await client.call("hold", request=7)
-    assert refused.value.code == "MC506"
 
 
 async def test_a_call_that_changes_something_needs_a_number(client: WireClient) -> None:
-    with pytest.raises(ErrorAnswer) as refused:
+    with pytest.raises(ErrorAnswer, match="MC506: "):
         await client.ask(client.method("open"), {})
-    assert refused.value.code == "MC506"
 
 
-@pytest.mark.parametrize(
-    "key",
-    [
+async def test_a_wildcard_never_changes_a_machine(rig: Rig, client: WireClient) -> None:
+    await client.call("open")
+    for key in (
         "mc/@v1/*/@rpc/t/abort",
         "mc/@v1/bench/@rpc/t/*",
         "mc/@v1/bench/@rpc/*/abort",
         "mc/@v1/bench/@rpc/**",
         "mc/@v1/ben$*/@rpc/t/open",
-    ],
-)
-async def test_a_wildcard_never_changes_a_machine(rig: Rig, client: WireClient, key: str) -> None:
-    await client.call("open")
-    with pytest.raises(ErrorAnswer) as refused:
-        await client.ask(key, {"request": 900})
-    assert refused.value.code == "MC502"
-    assert [program.state for program in rig.service.current()] == ["running"]
+        "mc/@v1/**/@rpc/anyone/reset",
+        *(f"mc/@v1/*/@rpc/anyone/{method.name}" for method in METHODS if method.changes),
+    ):
+        with pytest.raises(ErrorAnswer, match="MC502: "):
+            await client.ask(key, {"request": 900})
+        assert [program.state for program in rig.service.current()] == ["running"]
 
 
 async def test_a_wildcard_may_ask_for_the_status_of_all_machines(client: WireClient) -> None:
@@ -211,9 +208,8 @@ async def test_programs_are_listed_newest_first(client: WireClient) -> None:
 
 
 async def test_an_unknown_program_is_refused(client: WireClient) -> None:
-    with pytest.raises(ErrorAnswer) as refused:
+    with pytest.raises(ErrorAnswer, match="MC503: "):
         await client.call("programs", program="nobody")
-    assert refused.value.code == "MC503"
 
 
 async def test_a_jog_is_a_program_on_its_axis_alone(rig: Rig, client: WireClient) -> None:
@@ -225,9 +221,8 @@ async def test_a_jog_is_a_program_on_its_axis_alone(rig: Rig, client: WireClient
 
 async def test_a_jog_on_a_leased_axis_is_refused(client: WireClient) -> None:
     await client.call("open", axes=[1])
-    with pytest.raises(ErrorAnswer) as refused:
+    with pytest.raises(ErrorAnswer, match="MC512: "):
         await client.call("jog", axis=1, distance=5.0)
-    assert refused.value.code == "MC512"
 
 
 def press(client: WireClient, **fields: object) -> None:

@@ -33,9 +33,8 @@ GARBAGE = [INVALID_UTF8, NESTED, HUGE, b"\xc1", b"\xdb\xff\xff\xff\xff", b"\xa3a
 @pytest.mark.parametrize("payload", GARBAGE)
 @pytest.mark.parametrize("kind", [OpenRequest, StreamLines, EstopRequest])
 def test_whatever_the_bytes_are_the_decoder_raises_mc500(kind: type[msgspec.Struct], payload: bytes) -> None:
-    with pytest.raises(ServiceError) as refused:
+    with pytest.raises(ServiceError, match="MC500: "):
         MessageDecoder(kind)(payload)
-    assert refused.value.code == "MC500"
 
 
 def test_a_refused_message_names_the_field_and_no_file() -> None:
@@ -59,9 +58,8 @@ def test_numbers_that_pass_every_bound_are_refused(number: float) -> None:
 
 @pytest.mark.parametrize("payload", GARBAGE)
 async def test_a_call_with_garbage_is_answered_with_mc500(client: WireClient, payload: bytes) -> None:
-    with pytest.raises(ErrorAnswer) as refused:
+    with pytest.raises(ErrorAnswer, match="MC500: "):
         await client.ask_raw(client.method("programs"), payload)
-    assert refused.value.code == "MC500"
 
 
 async def test_garbage_by_the_hundred_delays_no_call(rig: Rig, client: WireClient) -> None:
@@ -104,9 +102,8 @@ async def test_an_emergency_stop_with_garbage_is_a_whole_emergency_stop(
 
 @pytest.mark.parametrize("body", [{}, {"request": None}, {"client": "tester"}])
 async def test_a_change_without_a_number_is_refused(client: WireClient, body: dict[str, object]) -> None:
-    with pytest.raises(ErrorAnswer) as refused:
+    with pytest.raises(ErrorAnswer, match="MC506: "):
         await client.ask(client.method("abort"), body)
-    assert refused.value.code == "MC506"
 
 
 async def test_what_a_handler_raises_costs_its_own_item_alone() -> None:

@@ -26,10 +26,9 @@ async def test_a_second_server_of_the_same_name_does_not_start(
         network=NetworkOptions(listen=("tcp/127.0.0.1:0",), connect=(rig.endpoint,)),
         journal=tmp_path / "second.db",
     )
-    with pytest.raises(ServiceError) as refused:
+    with pytest.raises(ServiceError, match="MC528: "):
         async with running(three_axes(), options, port, FakePipelines(port)):
             pass
-    assert refused.value.code == "MC528"
 
 
 async def test_a_server_says_so_when_another_one_of_its_name_comes(rig: Rig, client: WireClient) -> None:

@@ -201,7 +201,6 @@ async def test_what_others_reach_needs_a_certificate_of_opc_ua_and_secrets(
         OpcUaOptions(authority_alone),
         OpcUaOptions(Address("127.0.0.1", 0), trust=empty),
     ):
-        with pytest.raises(ConfigurationError) as refused:
+        with pytest.raises(ConfigurationError, match="MC085: "):
             async with serving(options):
                 pass
-        assert refused.value.code == "MC085"

@@ -9,8 +9,8 @@ import pytest
 
 from mcserver.machine.machine_file import Machine
 from tests.bench.machines import ideal
-from tests.bench.override import Run, play, worst_ratios
-from tests.motion.measure import ACCELERATION_SLACK, JERK_SLACK, VELOCITY_SLACK
+from tests.bench.override import Run, play
+from tests.limits import assert_keeps, limits_of
 
 
 def machine() -> Machine:
@@ -39,10 +39,7 @@ def text_of(seed: int) -> tuple[list[str], list[float]]:
 
 
 def check(run: Run, lines: list[str], end: list[float]) -> None:
-    velocity, acceleration, jerk = worst_ratios(machine(), run)
-    assert velocity <= VELOCITY_SLACK
-    assert acceleration <= ACCELERATION_SLACK
-    assert jerk <= JERK_SLACK
+    assert_keeps(run.setpoint, limits_of(machine()))
     assert run.faults == 0
     # G1010 ends too
     assert [line for line in run.lines if line > 2] == list(range(3, len(lines) + 2))

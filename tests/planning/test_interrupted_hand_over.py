@@ -13,8 +13,7 @@ from mcserver.executor.shm.rings import ProgramRing
 from mcserver.motion.canonical import AxisOperation
 from mcserver.motion.pieces import LineEdges, Rows
 from mcserver.planning.motion_output import Output
-from tests.executor.rig import CYCLE_S, Rig, machine
-from tests.executor.test_rate import trapezoid
+from tests.executor.rig import CYCLE_S, Rig, machine, s_curve
 
 ACCELERATION = 10.0
 LENGTH, SPEED = 0.02, 0.2
@@ -60,7 +59,7 @@ def test_a_motion_is_played_whole_wherever_its_hand_over_is_interrupted(
 
     output = Output(InterruptedSink(rig.program.ring, pause))
     output.put(Control(ControlKind.AXIS, 0.0, 1, axes=3, operation=CAPTURE))
-    travelled, speeds = trapezoid(LENGTH, SPEED, ACCELERATION)
+    travelled, speeds = s_curve(LENGTH, SPEED, ACCELERATION)
     count = len(travelled)
     for move in range(moves):
         begun = float(move * count)

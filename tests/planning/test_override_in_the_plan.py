@@ -26,10 +26,9 @@ from tests.bench.override import (
     play,
     quick_chords,
     quick_zigzag,
-    worst_ratios,
 )
 from tests.bench.text_laws import broken_laws_of_text
-from tests.motion.measure import ACCELERATION_SLACK, JERK_SLACK, VELOCITY_SLACK
+from tests.limits import assert_keeps, limits_of
 from tests.motion.support import alike, at_speed, in_time, line_curve
 
 # The horizon: from an order above 100 % until all that is played is planned for it [s].
@@ -68,10 +67,7 @@ def stops_and_commas(k: float) -> list[str]:
 
 
 def assert_laws(run: Run) -> None:
-    velocity, acceleration, jerk = worst_ratios(machine(), run)
-    assert velocity <= VELOCITY_SLACK
-    assert acceleration <= ACCELERATION_SLACK
-    assert jerk <= JERK_SLACK
+    assert_keeps(run.setpoint, limits_of(machine()))
     assert run.faults == 0
     assert run.lines == sorted(set(run.lines))
 
@@ -309,10 +305,7 @@ def test_a_motion_is_not_cut_where_two_corners_in_a_time_of_their_own_meet() -> 
     program = ["G94", "G91", "F5749", *(f"G01 X{x} Y{y}" for _ in range(3) for x, y in turns)]
     # each order plans anew from the cut
     run = play(quick, program, [(60 * index, 2.0 - 0.7 * (index % 2)) for index in range(30)])
-    velocity, acceleration, jerk = worst_ratios(quick, run)
-    assert velocity <= VELOCITY_SLACK
-    assert acceleration <= ACCELERATION_SLACK
-    assert jerk <= JERK_SLACK
+    assert_keeps(run.setpoint, limits_of(quick))
 
 
 @pytest.mark.parametrize("jerk", [None, 50_000.0])

@@ -7,8 +7,8 @@ import pytest
 
 from mcserver.machine.machine_file import Machine
 from tests.bench.machines import ideal
-from tests.bench.override import Order, Run, play, worst_ratios
-from tests.motion.measure import ACCELERATION_SLACK, JERK_SLACK, VELOCITY_SLACK
+from tests.bench.override import Order, Run, play
+from tests.limits import assert_keeps, limits_of
 
 F = 3600.0
 # Cycles in which speed has to be that of an order: one that the executor follows, and one above what the rows
@@ -43,10 +43,7 @@ def speeds(run: Run) -> np.ndarray[tuple[int], np.dtype[np.float64]]:
 
 def assert_speeds_follow(run: Run, orders: list[Order]) -> None:
     speed = speeds(run)
-    velocity, acceleration, jerk = worst_ratios(machine(), run)
-    assert velocity <= VELOCITY_SLACK
-    assert acceleration <= ACCELERATION_SLACK
-    assert jerk <= JERK_SLACK
+    assert_keeps(run.setpoint, limits_of(machine()))
     before, planned = None, 1.0
     for index, (cycle, override) in enumerate(orders):
         until = orders[index + 1][0] if index + 1 < len(orders) else cycle + 1200

@@ -9,6 +9,7 @@ from typing import Any
 
 import pytest
 
+from mcserver.service.program import Program
 from mcserver.service.reports import Ack, Event
 from mcserver.service.service import MachineService
 from mcserver.service.service_options import ServiceOptions
@@ -50,6 +51,12 @@ class Bench:
             while not condition():
                 self._news.clear()
                 await self._news.wait()
+
+    async def opened(self, *lines: str) -> Program:
+        """A program of ``hmi`` that has been sent lines."""
+        program = await self.service.open("hmi")
+        await self.service.lines.submit("hmi", program.program, 1, list(lines))
+        return program
 
     async def until_acked(self, program: str, *, accepted: int = 0, done: int = 0, state: str = "") -> Ack:
         """The first acknowledgement that shows at least this."""

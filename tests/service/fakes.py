@@ -6,9 +6,8 @@ import asyncio
 import threading
 import time
 from collections import deque
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from functools import cache
-from pathlib import Path
 
 import numpy as np
 
@@ -329,9 +328,6 @@ class FakePipelines:
 def executed_lines(pipelines: FakePipelines, program: str) -> list[int]:
     """Numbers of the lines that a program has executed."""
     return [number for number, _ in pipelines.made[program].executed]
-
-
-JournalPath = Callable[[], Path]
 
 
 def open_program(

@@ -57,9 +57,8 @@ def test_what_is_armed_starts_once_with_the_operators_override(bench: Bench) -> 
     bench.arm()
     started = bench.start()
     assert (started.override, started.operator, started.axes) == (0.5, "anna.mcctl-1", (0,))
-    with pytest.raises(ServiceError) as again:
+    with pytest.raises(ServiceError, match="MC571: "):
         bench.start()
-    assert code_of(again) == "MC571"
 
 
 def test_nothing_starts_without_being_armed(bench: Bench) -> None:
@@ -77,18 +76,16 @@ def test_nothing_starts_without_being_armed(bench: Bench) -> None:
 def test_a_changed_text_is_not_the_armed_one(bench: Bench, changed: str) -> None:
     bench.ask()
     bench.arm()
-    with pytest.raises(ServiceError) as refused:
+    with pytest.raises(ServiceError, match="MC571: "):
         bench.start(text=changed)
-    assert code_of(refused) == "MC571"
 
 
 def test_another_client_does_not_start_it(bench: Bench) -> None:
     bench.ask()
     bench.arm()
     for client in ("bot.a-2", "anna.mcctl-1"):
-        with pytest.raises(ServiceError) as refused:
+        with pytest.raises(ServiceError, match="MC573: "):
             bench.start(client)
-        assert code_of(refused) == "MC573"
     bench.start()
 
 
@@ -96,9 +93,8 @@ def test_an_arming_is_over_after_its_time(bench: Bench) -> None:
     bench.ask()
     bench.arm(seconds=5.0)
     bench.now = 5.0
-    with pytest.raises(ServiceError) as refused:
+    with pytest.raises(ServiceError, match="MC571: "):
         bench.start()
-    assert code_of(refused) == "MC571"
     assert bench.arming.requests() == []
 
 
@@ -115,26 +111,23 @@ def test_what_has_changed_since_the_simulation_is_named_and_refuses_the_start(be
 def test_axes_in_use_refuse_the_start_and_keep_the_arming(bench: Bench) -> None:
     bench.ask()
     bench.arm()
-    with pytest.raises(ServiceError) as refused:
+    with pytest.raises(ServiceError, match="MC572: "):
         bench.arming.start("bot.a-1", TEXT, frozenset({0, 1}), lambda _run: [])
-    assert code_of(refused) == "MC572"
     bench.arming.start("bot.a-1", TEXT, frozenset({1}), lambda _run: [])
 
 
 def test_who_asks_may_not_arm_whatever_connection_he_takes(bench: Bench) -> None:
     bench.ask()
     for operator in ("bot.a-1", "bot.mcctl-7"):
-        with pytest.raises(ServiceError) as refused:
+        with pytest.raises(ServiceError, match="MC575: "):
             bench.arm(operator)
-        assert code_of(refused) == "MC575"
 
 
 @pytest.mark.parametrize("sha256", ["", hash_of(TEXT)[:7], "0" * 64, hash_of(TEXT) + "0"])
 def test_a_hash_that_names_no_waiting_text_arms_nothing(bench: Bench, sha256: str) -> None:
     bench.ask()
-    with pytest.raises(ServiceError) as refused:
+    with pytest.raises(ServiceError, match="MC570: "):
         bench.arming.arm("anna.mcctl-1", sha256, seconds=60.0, override=1.0)
-    assert code_of(refused) == "MC570"
 
 
 def test_asking_again_takes_the_arming_back(bench: Bench) -> None:
@@ -151,9 +144,8 @@ def test_a_request_made_anew_has_another_number_and_forgets_its_operator(bench: 
     again = bench.ask()
     assert again.number != first.number
     assert (again.operator, again.override) == ("", 1.0)
-    with pytest.raises(ServiceError) as refused:
+    with pytest.raises(ServiceError, match="MC570: "):
         bench.arming.arm("anna", hash_of(TEXT), seconds=60.0, override=1.0, number=first.number)
-    assert code_of(refused) == "MC570"
     bench.arming.arm("anna", hash_of(TEXT), seconds=60.0, override=1.0, number=again.number)
     assert bench.arming.find(hash_of(TEXT)[:8]).operator == "anna"
 
@@ -180,14 +172,12 @@ def test_requests_end_with_the_client_that_made_them(bench: Bench) -> None:
 
 def test_only_its_own_user_withdraws_a_request(bench: Bench) -> None:
     bench.ask()
-    with pytest.raises(ServiceError) as foreign:
+    with pytest.raises(ServiceError, match="MC573: "):
         bench.arming.withdraw("anna.mcctl-1", hash_of(TEXT))
-    assert code_of(foreign) == "MC573"
     bench.arming.withdraw("bot.a-2", hash_of(TEXT)[:8])
     assert bench.arming.requests() == []
-    with pytest.raises(ServiceError) as over:
+    with pytest.raises(ServiceError, match="MC570: "):
         bench.arming.withdraw("bot.a-1", hash_of(TEXT))
-    assert code_of(over) == "MC570"
 
 
 @pytest.mark.parametrize("armed", [False, True])
@@ -195,9 +185,8 @@ def test_a_rejected_run_does_not_start_and_says_why(bench: Bench, armed: bool) -
     number = bench.ask().number
     if armed:
         bench.arm()
-    with pytest.raises(ServiceError) as other:
+    with pytest.raises(ServiceError, match="MC570: "):
         bench.arming.reject("anna.mcctl-1", hash_of(TEXT), "too fast", number=number + 1)
-    assert code_of(other) == "MC570"
     bench.arming.reject("anna.mcctl-1", hash_of(TEXT), "too fast", number=number)
     with pytest.raises(ServiceError, match="too fast") as refused:
         bench.start()
@@ -227,6 +216,5 @@ def test_requests_are_bounded_and_forgotten(bench: Bench) -> None:
 
 def test_two_clients_do_not_share_a_request(bench: Bench) -> None:
     bench.ask()
-    with pytest.raises(ServiceError) as refused:
+    with pytest.raises(ServiceError, match="MC573: "):
         bench.ask("other")
-    assert code_of(refused) == "MC573"

@@ -184,9 +184,8 @@ def test_lines_that_are_not_all_there_are_refused(make: Callable[[], Kept]) -> N
     kept.open("p", start_line=10)
     kept.journal.lines("p", 10, ["ten"])
     kept.settle()
-    with pytest.raises(ServiceError) as refused:
+    with pytest.raises(ServiceError, match="MC514: "):
         read_lines_before(kept.path, "p", 11)
-    assert refused.value.code == "MC514"
 
 
 def test_a_resumed_program_can_be_resumed_again(make: Callable[[], Kept]) -> None:
@@ -200,9 +199,8 @@ def test_a_resumed_program_can_be_resumed_again(make: Callable[[], Kept]) -> Non
 def test_an_unknown_program_is_refused(make: Callable[[], Kept]) -> None:
     kept = make()
     kept.settle()
-    with pytest.raises(ServiceError) as refused:
+    with pytest.raises(ServiceError, match="MC503: "):
         read_lines_before(kept.path, "nobody", 2)
-    assert refused.value.code == "MC503"
 
 
 def test_reports_faults_and_ends_are_kept(make: Callable[[], Kept]) -> None:
@@ -276,9 +274,8 @@ def test_a_journal_that_cannot_be_written_commits_once_it_can(make: Callable[[],
 def test_a_file_that_is_no_journal_is_refused(tmp_path: Path) -> None:
     path = tmp_path / "journal.db"
     path.write_text("something else" * 100)
-    with pytest.raises(ServiceError) as refused:
+    with pytest.raises(ServiceError, match="MC520: "):
         open_journal(path)
-    assert refused.value.code == "MC520"
 
 
 def test_a_journal_of_another_version_is_refused(tmp_path: Path) -> None:

@@ -249,9 +249,8 @@ def test_a_journal_of_an_older_version_is_brought_up_to_date(tmp_path: Path) -> 
 def test_a_file_that_is_no_journal_is_refused_and_left_alone(tmp_path: Path, content: bytes) -> None:
     path = tmp_path / "journal.db"
     path.write_bytes(content)
-    with pytest.raises(ServiceError) as refused:
+    with pytest.raises(ServiceError, match="MC520: "):
         prepare_journal(path)
-    assert refused.value.code == "MC520"
     assert path.read_bytes() == content
 
 
@@ -282,9 +281,8 @@ def test_a_folder_in_the_place_of_a_file_is_refused_by_mc520(tmp_path: Path, suf
 def test_a_second_server_on_the_same_journal_is_refused(tmp_path: Path) -> None:
     path = tmp_path / "journal.db"
     held = JournalLock(path)
-    with pytest.raises(ServiceError) as refused:
+    with pytest.raises(ServiceError, match="MC526: "):
         JournalLock(path)
-    assert refused.value.code == "MC526"
     held.release()
     JournalLock(path).release()
 
@@ -293,9 +291,8 @@ async def test_a_second_service_leaves_the_programs_of_the_first_one_alone(tmp_p
     first = Bench(tmp_path / "journal.db")
     first.service.start()
     program = await first.service.open("hmi")
-    with pytest.raises(ServiceError) as refused:
+    with pytest.raises(ServiceError, match="MC526: "):
         Bench(tmp_path / "journal.db", "two")
-    assert refused.value.code == "MC526"
     (known,) = await first.service.known(program_id=program.program, ended=True, limit=5)
     assert known.state == "running"
     await first.service.stop()

@@ -28,8 +28,7 @@ def modes(folder: Path) -> dict[str, int]:
 async def test_the_journal_and_all_beside_it_are_readable_by_the_owner_only(tmp_path: Path) -> None:
     bench = Bench(tmp_path / "journal.db")
     bench.service.start()
-    program = await bench.service.open("hmi")
-    await bench.service.lines.submit("hmi", program.program, 1, ["G01 X1 F100"])
+    await bench.opened("G01 X1 F100")
     found = modes(tmp_path)
     await bench.service.stop()
     assert {"journal.db", "journal.db-wal", "journal.db-shm", "journal.db-commits"} <= set(found)

@@ -190,9 +190,8 @@ async def test_no_line_runs_again_and_the_call_goes_on_with_the_last_that_went_o
     ended = lines_ended(cell.events, third.program)
     assert ended == [8, 9]
     for line in (None, len(PART) + 1):
-        with pytest.raises(Refused) as refused:
+        with pytest.raises(Refused, match="MC517: "):
             await cell.service.continue_program("page", name, line)
-        assert refused.value.code == "MC517"
 
 
 def lines_ended(events: Sequence[Event], program: str) -> list[int]:
@@ -220,9 +219,8 @@ async def test_what_was_switched_on_is_named_and_set_only_where_somebody_says_so
         ("coolant", 1.0, 0.0),
         ("axis 3", pytest.approx(600.0), 0.0),
     ]
-    with pytest.raises(ServiceError) as refused:
+    with pytest.raises(ServiceError, match="MC593: "):
         await cell.service.continue_program("page", name)
-    assert refused.value.code == "MC593"
     left = await rig.until_ended(
         await cell.service.continue_program("page", name, 5, confirmed=Confirmed(outputs="leave"))
     )
@@ -276,9 +274,8 @@ async def test_a_start_from_a_line_takes_the_same_way(rig: Rig) -> None:
     assert program.state == "finished"
     assert max(z for _, _, z in rig.path) == pytest.approx(50.0, abs=1e-3)
     cell = await rig.started(machine())
-    with pytest.raises(ServiceError) as refused:
+    with pytest.raises(ServiceError, match="MC592: "):
         await cell.service.open("cam", start_line=7, before=PART[:6])
-    assert refused.value.code == "MC592"
 
 
 async def test_a_hold_and_an_abort_count_on_the_way_too(rig: Rig) -> None:
@@ -299,9 +296,8 @@ async def test_the_way_is_not_taken_while_another_program_has_an_axis(rig: Rig) 
     name = await rig.killed_in(machine(RECOVERY), PART, 7)
     cell = await rig.started(machine(RECOVERY))
     await cell.service.open("other", axes=[1])
-    with pytest.raises(Refused) as refused:
+    with pytest.raises(Refused, match="MC512: "):
         await cell.service.continue_program("page", name)
-    assert refused.value.code == "MC512"
 
 
 @pytest.mark.parametrize("line", [None, 1, 2])

@@ -33,14 +33,12 @@ async def test_lines_run_and_are_done(bench: Bench) -> None:
 
 
 async def test_a_line_that_needs_no_time_is_done_without_motion(bench: Bench) -> None:
-    program = await bench.service.open("hmi")
-    await bench.service.lines.submit("hmi", program.program, 1, ["G90"])
+    program = await bench.opened("G90")
     assert (await bench.until_acked(program.program, done=1)).accepted == 1
 
 
 async def test_a_repeated_line_is_acknowledged_and_not_executed_again(bench: Bench) -> None:
-    program = await bench.service.open("hmi")
-    await bench.service.lines.submit("hmi", program.program, 1, ["move", "move"])
+    program = await bench.opened("move", "move")
     again = await bench.service.lines.submit("hmi", program.program, 1, ["move", "move", "move"])
     assert again.journaled == 3
     await bench.until_acked(program.program, done=3)
@@ -48,8 +46,7 @@ async def test_a_repeated_line_is_acknowledged_and_not_executed_again(bench: Ben
 
 
 async def test_a_gap_is_refused_with_the_number_expected(bench: Bench) -> None:
-    program = await bench.service.open("hmi")
-    await bench.service.lines.submit("hmi", program.program, 1, ["move"])
+    program = await bench.opened("move")
     with pytest.raises(ServiceError, match="line 2 is the next one expected") as refused:
         await bench.service.lines.submit("hmi", program.program, 5, ["move"])
     assert refused.value.code == "MC505"
@@ -105,30 +102,25 @@ async def test_a_closed_program_that_holds_a_faulty_line_ends_as_rejected(bench:
 
 
 async def test_close_with_a_last_line_refuses_while_it_is_missing(bench: Bench) -> None:
-    program = await bench.service.open("hmi")
-    await bench.service.lines.submit("hmi", program.program, 1, ["move"])
-    with pytest.raises(ServiceError) as refused:
+    program = await bench.opened("move")
+    with pytest.raises(ServiceError, match="MC505: "):
         bench.service.lines.close("hmi", program.program, last=2)
-    assert refused.value.code == "MC505"
     bench.service.lines.close("hmi", program.program, last=1)
     await bench.until_acked(program.program, state="finished")
 
 
 async def test_a_closed_program_takes_no_more_lines(bench: Bench) -> None:
     bench.pipelines.gate.clear()
-    program = await bench.service.open("hmi")
-    await bench.service.lines.submit("hmi", program.program, 1, ["wait"])
+    program = await bench.opened("wait")
     bench.service.lines.close("hmi", program.program)
-    with pytest.raises(ServiceError) as refused:
+    with pytest.raises(ServiceError, match="MC510: "):
         await bench.service.lines.submit("hmi", program.program, 2, ["move"])
-    assert refused.value.code == "MC510"
 
 
 async def test_another_client_may_not_submit(bench: Bench) -> None:
     program = await bench.service.open("hmi")
-    with pytest.raises(ServiceError) as refused:
+    with pytest.raises(ServiceError, match="MC504: "):
         await bench.service.lines.submit("other", program.program, 1, ["move"])
-    assert refused.value.code == "MC504"
 
 
 async def test_disjoint_programs_run_side_by_side_and_others_wait(bench: Bench) -> None:
@@ -159,8 +151,7 @@ async def test_an_axis_that_the_machine_lacks_is_refused(bench: Bench) -> None:
 
 
 async def test_a_client_that_goes_takes_its_stopping_programs_along(bench: Bench) -> None:
-    program = await bench.service.open("hmi")
-    await bench.service.lines.submit("hmi", program.program, 1, ["wait", "move"])
+    program = await bench.opened("wait", "move")
     bench.service.client_gone("hmi")
     await bench.until_acked(program.program, state="aborted")
     assert ("abort", 0) in bench.port.calls
@@ -233,8 +224,7 @@ async def test_an_override_of_all_holds_for_programs_to_come(bench: Bench) -> No
 
 
 async def test_a_fault_of_an_idle_axis_ends_no_program_and_one_of_the_machine_all(bench: Bench) -> None:
-    program = await bench.service.open("hmi")
-    await bench.service.lines.submit("hmi", program.program, 1, ["wait"])
+    program = await bench.opened("wait")
     bench.port.happen(EventKind.FAULT, -1, 0, code=411, axis=1)
     await bench.until(lambda: bench.service.latch.state == "fault")
     assert bench.service.program(program.program).state == "running"
@@ -257,8 +247,7 @@ async def test_a_stall_of_the_cycle_ends_only_the_programs_that_the_executor_nam
 
 
 async def test_a_fault_ends_the_program_and_names_axis_and_line(bench: Bench) -> None:
-    program = await bench.service.open("hmi")
-    await bench.service.lines.submit("hmi", program.program, 1, ["wait"])
+    program = await bench.opened("wait")
     bench.port.happen(EventKind.FAULT, 0, 1, code=411, axis=1)
     ack = await bench.until_acked(program.program, state="faulted")
     assert ack.fault is not None
@@ -287,9 +276,8 @@ async def test_an_emergency_stop_is_latched_confirmed_once_and_ends_programs(ben
     await bench.until_acked(program.program, state="faulted")
     assert bench.kinds().count("estop") == 1
     assert bench.service.latch.state == "estop"
-    with pytest.raises(ServiceError) as refused:
+    with pytest.raises(ServiceError, match="MC509: "):
         await bench.service.open("hmi")
-    assert refused.value.code == "MC509"
     bench.service.reset(None)
     assert bench.service.latch.state == "ready"
 
@@ -327,9 +315,8 @@ async def test_reset_waits_for_motion_to_come_to_rest(bench: Bench) -> None:
     program = await bench.service.open("hmi")
     bench.port.stops_at_once = False
     bench.service.latch.emergency_stop("", "")
-    with pytest.raises(ServiceError) as refused:
+    with pytest.raises(ServiceError, match="MC509: "):
         bench.service.reset(None)
-    assert refused.value.code == "MC509"
     bench.port.happen(EventKind.STOPPED, 0)
     await bench.until_acked(program.program, state="faulted")
     bench.service.reset(None)
@@ -378,8 +365,7 @@ async def test_the_resume_of_a_hold_leaves_the_pause_to_its_own_confirmation(ben
 
 
 async def test_line_reports_say_how_long_and_how_much_longer(bench: Bench) -> None:
-    program = await bench.service.open("hmi")
-    await bench.service.lines.submit("hmi", program.program, 1, ["move"])
+    await bench.opened("move")
     await bench.until(lambda: "lines.ended" in bench.kinds())
     report = next(event for event in bench.events if event.kind == "lines.ended").lines[0]
     assert report.line == 1
@@ -439,20 +425,16 @@ async def test_with_a_full_disk_submits_are_refused_and_not_left_waiting(
     full_disk: tuple[Bench, SimulatedDisk], caplog: pytest.LogCaptureFixture
 ) -> None:
     bench, disk = full_disk
-    program = await bench.service.open("hmi")
-    await bench.service.lines.submit("hmi", program.program, 1, ["move"])
+    program = await bench.opened("move")
     await fill(bench, disk, program)
     async with asyncio.timeout(LIMIT_S):
         for lines in (["move"], ["move"], ["move", "move"]):
-            with pytest.raises(ServiceError) as refused:
+            with pytest.raises(ServiceError, match="MC519: "):
                 await bench.service.lines.submit("hmi", program.program, 2, lines)
-            assert refused.value.code == "MC519"
-        with pytest.raises(ServiceError) as refused:
+        with pytest.raises(ServiceError, match="MC519: "):
             bench.service.lines.close("hmi", program.program)
-        assert refused.value.code == "MC519"
-        with pytest.raises(ServiceError) as refused:
+        with pytest.raises(ServiceError, match="MC519: "):
             await bench.service.open("hmi")
-        assert refused.value.code == "MC519"
     assert program.journaled == 1
     assert "cannot be written" in caplog.text
     assert executed_lines(bench.pipelines, program.program) == [1]
@@ -462,8 +444,7 @@ async def test_what_was_refused_with_a_full_disk_runs_once_when_there_is_room(
     full_disk: tuple[Bench, SimulatedDisk],
 ) -> None:
     bench, disk = full_disk
-    program = await bench.service.open("hmi")
-    await bench.service.lines.submit("hmi", program.program, 1, ["move"])
+    program = await bench.opened("move")
     await fill(bench, disk, program)
     with pytest.raises(ServiceError):
         await bench.service.lines.submit("hmi", program.program, 2, ["move"])
@@ -481,9 +462,8 @@ async def test_what_was_refused_with_a_full_disk_runs_once_when_there_is_room(
 async def test_one_client_cannot_hold_all_programs(bench: Bench) -> None:
     for _ in range(CLIENT_PROGRAMS):
         await bench.service.open("greedy")
-    with pytest.raises(ServiceError) as refused:
+    with pytest.raises(ServiceError, match="MC508: "):
         await bench.service.open("greedy")
-    assert refused.value.code == "MC508"
     assert (await bench.service.open("modest")).state == "queued"
 
 
@@ -493,6 +473,5 @@ async def test_a_resumption_of_a_program_that_never_was_is_refused(
     bench: Bench, start_line: int, before: bool
 ) -> None:
     lines = ["G90"] * (start_line - 1) if before else []
-    with pytest.raises(ServiceError) as refused:
+    with pytest.raises(ServiceError, match="MC503: "):
         await bench.service.open("hmi", resume_of="nobody-1", start_line=start_line, before=lines)
-    assert refused.value.code == "MC503"

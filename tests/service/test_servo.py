@@ -112,9 +112,8 @@ async def test_axes_in_servo_mode_are_refused_to_a_jog_and_a_program_waits_for_t
 
 async def test_lines_are_refused_in_servo_mode(cell: VirtualCell) -> None:
     streamer = await opened(cell, [0])
-    with pytest.raises(Refused) as refusal:
+    with pytest.raises(Refused, match="MC510: "):
         await cell.service.lines.submit("policy", streamer.program.program, 1, ["G01 X1 F100"])
-    assert refusal.value.code == "MC510"
 
 
 async def test_a_client_that_is_gone_stops_at_once(cell: VirtualCell) -> None:
@@ -143,9 +142,8 @@ async def test_an_emergency_stop_ends_it_and_latches(cell: VirtualCell) -> None:
     cell.service.latch.emergency_stop("page", "")
     program = await cell.ended(streamer.program)
     assert program.state == "faulted"
-    with pytest.raises(Refused) as refusal:
+    with pytest.raises(Refused, match="MC509: "):
         await opened(cell, [0])
-    assert refusal.value.code == "MC509"
 
 
 async def test_an_override_slows_it_down(cell: VirtualCell) -> None:
@@ -238,9 +236,8 @@ async def bounded(cell: VirtualCell, low: float, high: float) -> Streamer:
 
 
 async def test_targets_for_a_machine_with_clearance_need_bounds(guarded: VirtualCell) -> None:
-    with pytest.raises(Refused) as refusal:
+    with pytest.raises(Refused, match="MC595: "):
         await opened(guarded, [0])
-    assert refusal.value.code == "MC595"
 
 
 @pytest.mark.parametrize("end", ["close", "abort", "estop", "silence", "hold"])
@@ -314,6 +311,5 @@ async def test_a_program_beside_bounded_targets_counts_all_places_between_them(g
 async def test_bounds_that_fit_no_axis_are_refused(
     guarded: VirtualCell, within: tuple[dict[int, float], dict[int, float]]
 ) -> None:
-    with pytest.raises(Refused) as refusal:
+    with pytest.raises(Refused, match="MC327: "):
         await open_servo(guarded.service, "policy", [0], within=within)
-    assert refusal.value.code == "MC327"

@@ -20,6 +20,7 @@ from mcserver.service.target_stream import Now, TargetMessage, TargetStream
 from mcserver.simulation.virtual_executor import VirtualExecutor
 from tests.kinematics import arm7
 from tests.kinematics.tool_machines import Joint, Z, chain_machine
+from tests.limits import assert_keeps, limits_of
 
 Array = NDArray[np.float64]
 CAPTURE = list(AxisOperation).index(AxisOperation.CAPTURE)
@@ -95,17 +96,8 @@ class Arm:
         now = euler_to_matrix(tuple(self.pose()[3:]), "ZYX")
         return float(np.linalg.norm(rotation_vectors((wanted @ now.T)[None])))
 
-    def worst(self) -> float:
-        """The largest share of a limit of any axis in any cycle."""
-        rows = np.array(self.setpoints)
-        rows = np.concatenate((np.repeat(rows[:1], 3, axis=0), rows))
-        found = 0.0
-        for order, name in enumerate(("velocity", "acceleration", "jerk"), start=1):
-            limit = np.array([getattr(axis, f"max_{name}") for axis in self.machine.axes])
-            found = max(
-                found, float((np.abs(np.diff(rows, order, axis=0)).max(axis=0) * 1e3**order / limit).max())
-            )
-        return found
+    def assert_limits(self) -> None:
+        assert_keeps(self.setpoints, limits_of(self.machine), most=(1.0 + 1e-5,) * 3)
 
 
 def circle(arm: Arm, radius: float, hz: float, *, turned: float = 0.0) -> Given:
@@ -142,7 +134,7 @@ def test_a_circle_is_followed_and_ends_where_it_began() -> None:
     assert arm.pose()[:3] == pytest.approx(np.array(last)[:3], abs=1e-8)  # type: ignore[index]
     assert arm.turned(np.array(last)) < 1e-8
     assert (arm.status.taken, arm.status.slowed) == (280, 0)
-    assert arm.worst() <= 1.0 + 1e-5
+    arm.assert_limits()
 
 
 def test_a_pose_may_be_passed_at_a_twist() -> None:
@@ -166,7 +158,7 @@ def test_a_twist_moves_straight_on_until_it_does_not_count(in_tool: bool) -> Non
     assert np.linalg.norm(way - np.outer(way @ along, along), axis=1).max() < 1e-5
     arm.step(400)
     assert np.ptp(arm.setpoints[-5:], axis=0).max() == 0.0
-    assert arm.worst() <= 1.0 + 1e-5
+    arm.assert_limits()
 
 
 def test_a_twist_in_the_tool_s_frame_is_turned_with_it() -> None:
@@ -187,7 +179,7 @@ def test_a_twist_out_of_reach_is_slowed_to_a_stop_and_one_back_leads_back() -> N
     assert np.abs(out - out[0])[:, 1:].max() < 2e-3
     arm.follow(lambda _: {"velocities": [-0.5, 0.0, 0.0, 0.0, 0.0, 0.0]}, 3.0)
     assert arm.pose()[0] < out[-1, 0] - 0.3
-    assert arm.worst() <= 1.0 + 1e-5
+    arm.assert_limits()
 
 
 def test_a_twist_to_the_end_of_travel_slows_all_axes_together() -> None:
@@ -223,7 +215,7 @@ def test_a_pose_that_jumps_is_dropped_until_the_next_one_confirms_it() -> None:
     assert (arm.status.jumped, arm.status.refused) == (2, 0)
     assert arm.status.slowed > 10
     assert arm.pose()[:3] == pytest.approx(over[:3], abs=1e-8)
-    assert arm.worst() <= 1.0 + 1e-5
+    arm.assert_limits()
 
 
 @pytest.mark.parametrize("radius", [0.03, 0.001])
@@ -245,7 +237,7 @@ def test_a_stream_round_the_wrist_s_singularity_keeps_limits_and_branch(radius: 
         return {"positions": [*middle[:3], *matrix_to_euler(base @ tilt, "ZYX")], "counts_s": 1.0}
 
     arm.follow(round_it, 4.0)
-    assert arm.worst() <= 1.0 + 1e-5
+    arm.assert_limits()
     assert arm.status.taken > 300
     assert np.abs(arm.pose()[:3] - middle[:3]).max() < 0.02
 
@@ -274,7 +266,7 @@ def test_poses_pass_through_the_wrist_s_singularity_straight_and_beside_it_the_w
     assert abs(arm.setpoints[-1][3]) == pytest.approx(turned, abs=0.1)
     assert arm.turned(np.array(through(2.0)["positions"])) < 1e-8
     assert arm.status.refused < 10
-    assert arm.worst() <= 1.0 + 1e-5
+    arm.assert_limits()
 
 
 def test_what_is_no_pose_of_the_program_s_tools_is_refused() -> None:
@@ -320,7 +312,7 @@ def test_a_chunk_of_poses_is_stretched_where_the_axes_are_too_slow() -> None:
     arm.step(4000)
     assert arm.pose()[:3] == pytest.approx(rows[-1, :3], abs=1e-8)
     assert np.abs(arm.path() - start[:3])[:, [0, 2]].max() < 1e-3
-    assert arm.worst() <= 1.0 + 1e-5
+    arm.assert_limits()
 
 
 def test_under_an_override_a_twist_keeps_its_direction() -> None:
@@ -356,6 +348,6 @@ def test_joints_to_spare_go_to_the_tool_s_posture_as_the_tool_travels(tmp_path: 
     for keys in ("", f"posture = {posture}"):
         arm = Arm(arm7.machine(tmp_path, tools=[keys]))
         arm.follow(circle(arm, 0.03, 1.0), 2.0)
-        assert arm.worst() <= 1.0 + 1e-5
+        arm.assert_limits()
         left.append(float(np.linalg.norm(np.degrees(arm.setpoints[-1]) - posture)))
     assert left[1] < left[0] - 0.2

@@ -16,6 +16,7 @@ from mcserver.motion.canonical import FeedGroup, MotionLine
 from mcserver.planning.start_state import StartState
 from mcserver.planning.state_before import state_before
 from mcserver.simulation.simulation import Simulation, simulate
+from tests.limits import assert_keeps
 
 from .five_axes import HEAD_HEAD, HEAD_TABLE, LIMITS, TABLE_TABLE, Array, FiveAxes
 
@@ -57,10 +58,7 @@ def off(points: Array, corners: Array) -> Array:
 
 def assert_within_limits(found: Simulation, machine: Machine) -> None:
     for axis, values in rows(found, machine).items():
-        still = np.concatenate([np.repeat(values[:1], 3), values, np.repeat(values[-1:], 3)])
-        kind = "rotary" if axis > 2 else "linear"
-        for order, limit, slack in zip((1, 2, 3), LIMITS[kind], (1.0001, 1.001, 1.05), strict=True):
-            assert np.abs(np.diff(still, order)).max() * 1000.0**order <= slack * limit
+        assert_keeps(values, LIMITS["rotary" if axis > 2 else "linear"], most=(1.0001, 1.001, 1.05))
 
 
 @pytest.mark.parametrize("mill", [TABLE_TABLE, HEAD_TABLE, HEAD_HEAD], ids=["tables", "mixed", "heads"])

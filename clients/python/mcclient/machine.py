@@ -97,16 +97,7 @@ class Machine(MachineCalls):
         """
         named = name or os.environ.get("MC_MACHINE") or None
         endpoints = endpoints_of(connect)
-        return Starting(
-            lambda: cls._open(
-                named,
-                endpoints,
-                client,
-                timeout_s=timeout_s,
-                patience_s=patience_s,
-                config_file=config_file,
-            )
-        )
+        return Starting(lambda: cls._open(named, endpoints, client, timeout_s, patience_s, config_file))
 
     @classmethod
     async def _open(
@@ -114,7 +105,6 @@ class Machine(MachineCalls):
         name: str | None,
         endpoints: tuple[str, ...],
         client: str,
-        *,
         timeout_s: float,
         patience_s: float,
         config_file: Path | None,

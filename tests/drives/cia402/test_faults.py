@@ -197,8 +197,7 @@ def test_a_further_emergency_message_of_a_latched_axis_is_a_warning() -> None:
 
 def test_an_axis_that_stands_idle_latches_a_fault_too() -> None:
     rig = CanRig(machine(2))
-    rig.program.finish()
-    rig.run()
+    rig.play()
     rig.drives[0].trip(0x3210)
     rig.step(2)
     assert rig.executor.feedback.condition[0] == AxisCondition.FAULT

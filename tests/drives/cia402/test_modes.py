@@ -29,8 +29,7 @@ def test_g1030_turns_the_axis_in_csv_and_goes_back_to_csp_at_a_rapid() -> None:
     assert rig.executor.feedback.actual_velocity[0] == pytest.approx(0.05, rel=1e-3)
     rig.program.rapid({0: 0.0})
     rig.program.wait(1)
-    rig.program.finish()
-    rig.run()
+    rig.play()
     assert (drive.shown, drive.word) == (Mode.CYCLIC_POSITION, ENABLED)
     assert not rig.of(EventKind.FAULT)
     assert abs(drive.position) <= 1
@@ -100,9 +99,7 @@ def test_a_csv_drive_follows_a_path_by_a_position_loop_here() -> None:
     rig.program.start_line(1)
     rig.program.move({0: 0.1}, 400)
     rig.program.wait(1)
-    rig.program.end_line()
-    rig.program.finish()
-    rig.run()
+    rig.play(line=True)
     assert not rig.of(EventKind.FAULT)
     assert rig.drives[0].position == pytest.approx(100_000, abs=5)
     moving = slice(100, 300)
@@ -130,9 +127,7 @@ def test_slow_cycles_follow_a_path_and_change_from_speed_to_position_within_the_
     program.dwell(0.5)
     program.rapid({0: 0.0})
     program.wait(3)
-    program.end_line()
-    program.finish()
-    rig.run()
+    rig.play(line=True)
     assert not rig.of(EventKind.FAULT)
     assert [drive.position for drive in rig.drives] == [0, 200_000]
     acceleration = np.diff(rig.setpoint[:, 0], 2) * cycle_hz**2

@@ -141,9 +141,7 @@ def test_a_path_is_streamed_as_counts_of_the_work_zone() -> None:
     rig.program.start_line(1)
     rig.program.move({0: 0.1}, 400)
     rig.program.wait(1)
-    rig.program.end_line()
-    rig.program.finish()
-    rig.run()
+    rig.play(line=True)
     assert not rig.of(EventKind.FAULT)
     assert rig.latest == (SERVO, pytest.approx(100_000.0, rel=1e-6))
 
@@ -201,8 +199,7 @@ def test_a_released_drive_hears_nothing() -> None:
     rig = ServosilaRig(machine())
     rig.program.capture()
     rig.program.axis(AxisOperation.RELEASE)
-    rig.program.finish()
-    rig.run()
+    rig.play()
     rig.drive.commands.clear()
     rig.step(20)
     assert rig.drive.commands == []

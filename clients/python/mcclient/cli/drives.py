@@ -210,15 +210,7 @@ def read(
     json: JsonOption = False,
 ) -> None:
     """Read an object: mcctl sdo read 2 6041."""
-    with errors_shown(json):
-        index, subindex = parse_object(place)
-        chosen = sdo_type(kind)
-
-    async def work() -> SdoReply:
-        async with target.open() as one:
-            return await one.sdo_read(index, subindex, axis=axis, type=chosen)
-
-    _tell(carry_out(work, json), json)
+    _carry_out(target, axis, place, kind, json)
 
 
 def write(
@@ -232,12 +224,21 @@ def write(
     json: JsonOption = False,
 ) -> None:
     """Write an object, unless that would fight the cycle: mcctl sdo write 2 6065 5000."""
+    _carry_out(target, axis, place, kind, json, value)
+
+
+def _carry_out(
+    target: Target, axis: int, place: str, kind: str | None, json: bool, value: str | None = None
+) -> None:
+    """Read an object, or write a value into it, and tell what it holds."""
     with errors_shown(json):
         index, subindex = parse_object(place)
         chosen = sdo_type(kind)
 
     async def work() -> SdoReply:
         async with target.open() as one:
+            if value is None:
+                return await one.sdo_read(index, subindex, axis=axis, type=chosen)
             return await one.sdo_write(index, value, subindex, axis=axis, type=chosen)
 
     _tell(carry_out(work, json), json)
