@@ -276,7 +276,11 @@ class SimulatedBus:
             np.copyto(reference, self._position, where=self._free)
             np.copyto(self._loop[3], 0.0, where=self._free)
         np.subtract(self._position, reference, out=self._loop[0])
-        self._follow(reference)
+        if self._any_load or np.count_nonzero(self._loop):
+            self._follow(reference)
+        else:
+            # all stand where they are to be: a server that idles spends little on them
+            self._change.fill(0.0)
 
     def _follow(self, reference: Array) -> None:
         """Loops of all axes; ``reference``: the position setpoints that row 0 of the loop was taken

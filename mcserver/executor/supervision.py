@@ -153,8 +153,9 @@ class Supervision:
             self._past[cycle.number % self._delay] = row.setpoint
         if cycle.number % STRAY_CYCLES == 0:
             self._find_strays()
-        for pair, skew in cycle.gantries.broken(self._homed):
-            self._stop_pair(pair, skew)
+        if cycle.gantries.pairs:
+            for pair, skew in cycle.gantries.broken(self._homed):
+                self._stop_pair(pair, skew)
         for column in cycle.profiled.late:
             self._latch(column, FaultCode.FOLLOWING_ERROR, (float(self._error[column]), 0.0))
         for column in cycle.motions.limited:
