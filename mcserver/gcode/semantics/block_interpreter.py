@@ -5,6 +5,7 @@ from __future__ import annotations
 from mcserver.gcode.line_faults import FaultList
 from mcserver.gcode.profiles.actions import Effects, act_after, act_at_end, act_before
 from mcserver.gcode.profiles.drilling import drill, repeat_action
+from mcserver.gcode.profiles.transforming import refuse_beside
 from mcserver.gcode.semantics.arcs import command_number
 from mcserver.gcode.semantics.axis_words import (
     Words,
@@ -64,6 +65,8 @@ class BlockInterpreter:
         """Interpret a line that holds codes of a profile, in RS-274's order of execution (D-61)."""
         block = self.block
         effects = Effects()
+        if block.modal.transformation is not None:
+            refuse_beside(block, profile)
         act_before(block, profile.actions, effects)
         if block.frame.tip_tool is not None:
             refuse_beside_tip(block, profile)
@@ -93,9 +96,11 @@ class BlockInterpreter:
                 (1, len(block.parsed.text) + 1),
                 "write G91 behind it, in a line of its own",
             )
-        block.change(shift=None, incremental=False)
+        before = block.transformation
+        block.change(shift=None, incremental=False, transformation=None)
         self._read_groups()
         block.change(shift=shift, incremental=incremental and not modes)
+        block.transformation = before.without(axis for axis in block.moved)
 
     def _read_groups(self) -> None:
         for group in self.block.parsed.groups:

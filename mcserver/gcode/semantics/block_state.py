@@ -11,6 +11,7 @@ from mckinematics.pose import Kinematics
 
 from mcserver.gcode.line_faults import FaultList, Span
 from mcserver.gcode.profiles.frame import Frame
+from mcserver.gcode.profiles.transformation import Transformation
 from mcserver.gcode.semantics.arc_geometry import RadiusTolerance, radius_tolerance
 from mcserver.gcode.semantics.commanded_state import CommandedState
 from mcserver.gcode.semantics.compensation_state import Compensation
@@ -122,6 +123,15 @@ class BlockState:
     @frame.setter
     def frame(self, frame: Frame) -> None:
         self.change(frame=frame, shift=frame.shift())
+
+    @property
+    def transformation(self) -> Transformation:
+        """Rotation, scaling and polar coordinates in force; those that change nothing are not kept."""
+        return self.modal.transformation or Transformation()
+
+    @transformation.setter
+    def transformation(self, found: Transformation) -> None:
+        self.change(transformation=None if found.idle else found)
 
     @property
     def drilling(self) -> bool:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Container, Mapping, Sequence
 
+import msgspec
 from mckinematics.pose import Kinematics
 
 from mcserver.errors import Diagnostic
@@ -123,9 +124,12 @@ class Interpreter:
         return None if held is None else held.line.line
 
     @property
-    def _led_by_tip(self) -> bool:
-        frame = self._modal.frame
-        return frame is not None and frame.tip_tool is not None
+    def _one_by_one(self) -> bool:
+        """Whether lines are not read in columns."""
+        modal = self._modal
+        by_tip = modal.frame is not None and modal.frame.tip_tool is not None
+        beside = self._compensation is not None or modal.transformation is not None
+        return self._ended or self._setup.dynamics is not None or by_tip or beside
 
     @property
     def coordinates(self) -> Mapping[int, float]:
@@ -218,6 +222,11 @@ class Interpreter:
         """
         self._commanded.invalidate(positions)
         self.sync_positions(positions)
+        transformation = self._modal.transformation
+        if transformation is not None:
+            self._modal = msgspec.structs.replace(
+                self._modal, transformation=transformation.without(positions)
+            )
         if frame is not None:
             self._modal = with_tables(self._modal, self._setup.machine, frame)
             self._frame = self._modal.frame or self._frame
@@ -227,9 +236,7 @@ class Interpreter:
 
         Saves the caller from gathering lines in vain: after parts without batches attempts are rare.
         """
-        one_by_one = self._ended or self._capture_due or self._setup.dynamics is not None
-        one_by_one = one_by_one or self._program is not None or self._compensation is not None
-        one_by_one = one_by_one or self._led_by_tip
+        one_by_one = self._one_by_one or self._capture_due or self._program is not None
         return 0 if one_by_one else self._batches.window(number)
 
     def interpret_batch(
@@ -249,9 +256,7 @@ class Interpreter:
         Returns:
             The batch; None below `mcserver.gcode.fast_path.interpreted_batch.MIN_LINES`.
         """
-        if self._ended or self._setup.dynamics is not None or self._compensation is not None:
-            return None
-        if self._led_by_tip:
+        if self._one_by_one:
             return None
         found = self._batches.interpret(texts, number, self._modal, self._commanded, most)
         if found is None:

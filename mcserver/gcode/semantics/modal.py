@@ -7,6 +7,7 @@ import msgspec
 from mcserver.gcode.computing.parameters import Kept
 from mcserver.gcode.profiles.codes import LEAST_FEED_UNDER_G99
 from mcserver.gcode.profiles.frame import Frame
+from mcserver.gcode.profiles.transformation import Transformation
 from mcserver.gcode.semantics.program_units import length_scale, path_speed
 from mcserver.machine.machine_file import Machine
 from mcserver.units import MM
@@ -37,6 +38,7 @@ class ModalState(msgspec.Struct, frozen=True):
         motion: 0-3, the code that axis words without a code repeat.
         frame: work offsets and spindle of the profiles (D-62); None in the reference's dialect.
         shift: the program's zero in axis positions, axis → [m or rad], as the frame gives it; None: no shift.
+        transformation: rotation, scaling and polar coordinates of programmed places (D-94 to D-96).
         absolute_centres: I J K of arcs are positions (G90.1), not increments from the start.
         relative: axes whose words are increments under G90 too (M83).
         computed: parameters and subprograms of the lines before, where a program starts in its middle.
@@ -55,10 +57,16 @@ class ModalState(msgspec.Struct, frozen=True):
     motion: int | None = None
     frame: Frame | None = None
     shift: dict[int, float] | None = None
+    transformation: Transformation | None = None
     absolute_centres: bool = False
     relative: tuple[int, ...] = ()
     carried: tuple[int, ...] = ()
     computed: Kept | None = None
+
+    @property
+    def builds_on_places(self) -> bool:
+        """Whether ends of moves follow from where axes were: increments, or turned with another axis."""
+        return self.incremental or self.transformation is not None
 
 
 INITIAL = ModalState()

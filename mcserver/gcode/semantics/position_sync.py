@@ -70,6 +70,15 @@ def find_axes_to_sync(
     if parsed.groups and modal.frame is not None and modal.frame.cycle is not None and motion is None:
         # a canned cycle starts from the height of its axis
         needed |= {0, 1, 2}
+    if modal.transformation is not None:
+        # one axis takes the other along
+        words = (item for group in parsed.groups for command in group for item in command.items)
+        needed |= modal.transformation.coupled(
+            frozenset(each.axis for each in words if isinstance(each, Word))
+        )
+    if parsed.profile is not None and any(each.code == "G68" for each in parsed.profile.actions):
+        # without words it turns about where the axes are
+        needed |= {0, 1, 2}
     needed &= set(unsynced)
     return frozenset(needed)
 
