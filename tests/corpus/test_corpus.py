@@ -207,7 +207,7 @@ def test_the_reference_s_own_codes_are_read_with_any_spacing(code: str) -> None:
 
 def test_g5_1_without_a_curve_and_units_by_din_66025_are_read() -> None:
     assert ends("G05.1 Q1\nG70\nG0 X1\nG71\nG0 Y1\nG5.1 Q0") == [25.4, 1.0, 0.0]
-    assert [each.code for each in errors("G5.1 X1 Y1 I1 J1", "cnc")] == ["MC141"]
+    assert [each.code for each in errors("G5.1 X1 Y1 I1 J1", "robot")] == ["MC141"]
     assert [each.code for each in errors("G71 Q100 X5 Z-3 D1 I1 R1", "cnc")] == ["MC147", "MC141"]
 
 

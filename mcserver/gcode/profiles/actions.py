@@ -14,6 +14,7 @@ from mcserver.gcode.profiles.codes import (
     PRINTER_STOPS,
     PROBING,
     SPINDLE,
+    SPLINES,
     SYSTEM_NUMBERS,
     TAKES_AXES,
     THREADING,
@@ -22,7 +23,9 @@ from mcserver.gcode.profiles.codes import (
 from mcserver.gcode.profiles.drilling import drill
 from mcserver.gcode.profiles.frame import LENGTH_AXIS, Offsets, tool_table
 from mcserver.gcode.profiles.io_codes import read_io, read_mapped
+from mcserver.gcode.profiles.nurbs import add_control_point
 from mcserver.gcode.profiles.probing import read_probe_move
+from mcserver.gcode.profiles.splines import read_spline
 from mcserver.gcode.profiles.threading import orient, read_threads
 from mcserver.gcode.profiles.transforming import end_transformation, transform
 from mcserver.gcode.semantics.arc_plane import PLANES
@@ -125,8 +128,7 @@ def act_before(block: BlockState, actions: tuple[Action, ...], effects: Effects)
             end_transformation(block, action, frozenset(each.code for each in actions))
         elif code == "G80":
             # no motion code is in force behind it, nor is a cycle
-            block.change(motion=None)
-            block.frame = msgspec.structs.replace(frame, cycle=None)
+            block.end_motion_code()
         elif code in ("G92.1", "G92.2", "G92.3"):
             kept: Offsets = {} if code == "G92.1" else frame.g92
             block.frame = msgspec.structs.replace(frame, g92=kept, g92_on=code != "G92.2")
@@ -159,6 +161,11 @@ def act_after(block: BlockState, actions: tuple[Action, ...], effects: Effects) 
             effects.after += read_threads(block, action)
         elif action.code == "M19":
             effects.after += orient(block, action)
+        elif action.code == "G5.2":
+            add_control_point(block, action)
+        elif action.code in SPLINES:
+            curve = read_spline(block, action)
+            effects.after += [] if curve is None else [curve]
         elif action.code in PROBING:
             probe = read_probe_move(block, action)
             if probe is not None:

@@ -29,6 +29,8 @@ DRILLING: Final = frozenset({"G73", "G81", "G82", "G83", "G85", "G89"}) | TAPPIN
 THREADING: Final = frozenset({"G33", "G33.1", "G76"})
 # rotation, scaling, mirrors and polar coordinates (D-94 to D-96)
 TRANSFORMING: Final = frozenset({"G15", "G16", "G50", "G50.1", "G51", "G51.1", "G68", "G69"})
+# curves by control points (D-97)
+SPLINES: Final = frozenset({"G5", "G5.1", "G5.2", "G5.3"})
 _CYCLE_MODES: Final = frozenset({"G80", "G98", "G99"})
 
 # codes of printers that stop until somebody resumes, with what they say to the operator; "": the program ends
@@ -59,6 +61,7 @@ ACTING: Final[Mapping[str, frozenset[str]]] = MappingProxyType(
             | {"M19"}
             | COMPENSATING.keys()
             | TRANSFORMING
+            | SPLINES
             | {"G40", "G90.1", "G91.1"}
         ),
         "robot": frozenset(_FRAME | {"G4", "M3", "M4", "M5"}),
@@ -74,10 +77,11 @@ TAKES_AXES: Final = (
     | PROBING
     | DRILLING
     | THREADING
+    | SPLINES
 )
 
 # actions that move axes
-MOVING: Final = frozenset({"G28", "G30", "M19", "REPEAT"}) | PROBING | DRILLING | THREADING
+MOVING: Final = frozenset({"G28", "G30", "M19", "REPEAT"}) | PROBING | DRILLING | THREADING | SPLINES
 
 _NO_COMPENSATION = {"G40", "G40.1", "G50", "G69"}
 # analog outputs: a machine without any leaves them alone
@@ -136,6 +140,8 @@ OWN_WORDS: Final[Mapping[str, str]] = MappingProxyType(
         "REPEAT": "PQL",
         **dict.fromkeys(DRILLING, "PQL"),
         "G51": "P",
+        "G5": "PQ",
+        "G5.2": "PL",
         "G76": "PQHEL",
         "M19": "P",
         **IO_WORDS,
@@ -151,9 +157,10 @@ _MACRO_B = (
 )
 REFUSED: Final[Mapping[str, str]] = MappingProxyType(
     {
-        "G5": "splines are not interpolated here; let the post write arcs and lines",
-        "G5.1": "splines are not interpolated here; let the post write arcs and lines",
-        "G5.2": "splines are not interpolated here; let the post write arcs and lines",
+        "G5": "splines are read in the profile cnc; let the post write arcs and lines",
+        "G5.1": "splines are read in the profile cnc; let the post write arcs and lines",
+        "G5.2": "splines are read in the profile cnc; let the post write arcs and lines",
+        "G5.3": "splines are read in the profile cnc; let the post write arcs and lines",
         "G7": "diameters are not halved here; let the post write radii",
         "G10": "retractions by firmware are not done here; let the slicer write them as moves of E",
         "G11": "retractions by firmware are not done here; let the slicer write them as moves of E",

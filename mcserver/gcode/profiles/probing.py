@@ -18,7 +18,7 @@ def read_probe_move(block: BlockState, action: Action) -> ProbeLine | None:
     modal = block.modal
     targets = straight_targets(block, action, "MC155")
     # bare axis words behind it do not repeat it, nor what was in force before
-    block.change(motion=None)
+    block.end_motion_code()
     if targets is None:
         return None
     if modal.feed is None or modal.inverse_time:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from mcserver.gcode.line_faults import FaultList
 from mcserver.gcode.profiles.actions import Effects, act_after, act_at_end, act_before
 from mcserver.gcode.profiles.drilling import drill, repeat_action
+from mcserver.gcode.profiles.nurbs import read_control_line
 from mcserver.gcode.profiles.transforming import refuse_beside
 from mcserver.gcode.semantics.arcs import command_number
 from mcserver.gcode.semantics.axis_words import (
@@ -53,7 +54,9 @@ class BlockInterpreter:
     def read(self) -> None:
         """Interpret the line; what follows M02 or M30 is not read (D-05)."""
         profile = self.block.parsed.profile
-        if profile is not None:
+        if self.block.modal.control_points is not None:
+            self.after += read_control_line(self.block)
+        elif profile is not None:
             self._read_profile(profile)
         else:
             self._read_groups()

@@ -7,7 +7,7 @@ from collections.abc import Container, Mapping, Sequence
 import msgspec
 from mckinematics.pose import Kinematics
 
-from mcserver.errors import Diagnostic
+from mcserver.errors import Diagnostic, ProgramRejected
 from mcserver.gcode.fast_path.batches import MAX_LINES, BatchInterpreter
 from mcserver.gcode.fast_path.interpreted_batch import InterpretedBatch
 from mcserver.gcode.profiles.codes import COMPENSATING, MOVING, PRINTER_STOPS
@@ -129,6 +129,7 @@ class Interpreter:
         modal = self._modal
         by_tip = modal.frame is not None and modal.frame.tip_tool is not None
         beside = self._compensation is not None or modal.transformation is not None
+        beside = beside or modal.control_points is not None
         return self._ended or self._setup.dynamics is not None or by_tip or beside
 
     @property
@@ -145,6 +146,26 @@ class Interpreter:
         frame = self._modal.frame
         tool = None if frame is None else frame.tip_tool
         return (axis,) if tool is None else (axis, *self._setup.chains[tool])
+
+    def check_closed(self) -> None:
+        """Note that the text has ended.
+
+        Raises:
+            ProgramRejected: MC189 a curve is not closed.
+        """
+        points = self._modal.control_points
+        if points is not None:
+            self._modal = msgspec.structs.replace(self._modal, control_points=None)
+            raise ProgramRejected(
+                [
+                    Diagnostic(
+                        code="MC189",
+                        line=points.line,
+                        message="no G5.3 ends the curve that begins here",
+                        hint="write G5.3 behind its last control point",
+                    )
+                ]
+            )
 
     def finish(self) -> list[Canonical]:
         """Return what is held, behind the last line of a text that has no M2."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from mcserver.gcode.profiles.codes import DRILLING, THREADING
+from mcserver.gcode.profiles.codes import DRILLING, SPLINES, THREADING
 from mcserver.gcode.semantics.block_state import Setup
 from mcserver.gcode.semantics.commanded_state import CommandedState
 from mcserver.gcode.semantics.modal import ModalState
@@ -62,7 +62,9 @@ def find_axes_to_sync(
         if any(action.code in ("G28", "G30") for action in parsed.profile.actions):
             # the spindle goes nowhere with them, and turns on
             needed |= set(unsynced) - {spindle}
-        if any(action.code in DRILLING | THREADING | {"REPEAT"} for action in parsed.profile.actions):
+        if any(
+            action.code in DRILLING | SPLINES | THREADING | {"REPEAT"} for action in parsed.profile.actions
+        ):
             needed |= {0, 1, 2}
         if spindle is not None and any(action.code == "M19" for action in parsed.profile.actions):
             # it is brought to rest, and turns to the angle from there
