@@ -111,6 +111,10 @@ def check_lines(
         except ProgramRejected as rejected:
             survey.faults(rejected.diagnostics)
         _check_expanded(interpreter, expansion, survey)
+        try:
+            interpreter.check_closed()
+        except ProgramRejected as rejected:
+            survey.faults(rejected.diagnostics)
     for value in interpreter.finish():
         survey.value(value)
     survey.faults(_warnings_of(expansion.assumed))

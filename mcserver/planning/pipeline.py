@@ -411,6 +411,7 @@ class Pipeline:
             self._expansion.close()
             if self._expansion.running:
                 return True
+            self._interpreter.check_closed()
             plan.canonical.extend(self._interpreter.finish())
             if plan.canonical:
                 return True

@@ -170,7 +170,7 @@ def state_before(
             expansion.interpreted(values)
             pauses.passed(without_pause(values) if pause else values)
             for value in values:
-                effects.take(value, incremental=interpreter.modal.incremental)
+                effects.take(value, incremental=interpreter.modal.builds_on_places)
     pauses.stood_at(number)
     compensation = interpreter.compensation
     if compensation is not None:

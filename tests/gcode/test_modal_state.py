@@ -4,10 +4,11 @@ import pytest
 
 from mcserver.gcode.semantics.interpreter import Interpreter
 from mcserver.gcode.semantics.modal import INITIAL
+from mcserver.machine.machine_file import parse_machine
 from mcserver.motion.canonical import EndLine, FeedGroup, MotionLine, PauseLine
 from mcserver.planning.start_state import StartState
 from mcserver.planning.state_before import state_before
-from tests.gcode.support import CARTESIAN, Program, feeding, machine_of
+from tests.gcode.support import CARTESIAN, Program, check, feeding, machine_of
 
 ROUNDING = machine_of("0:linear 1:linear", motion="[motion]\npath_tolerance_mm = 0.25\n")
 
@@ -238,6 +239,16 @@ def test_each_comma_group_repeats_too_and_the_last_motion_of_a_line_counts() -> 
 def test_axis_words_with_nothing_to_repeat_are_an_error() -> None:
     assert feeding().codes("X10 Y5") == ["MC113"]
     assert feeding("G1020 X1").codes("X10") == ["MC113"]
+
+
+def test_axis_words_behind_a_probe_do_not_drill_once_more() -> None:
+    axes = '[[axis]]\nindex = {}\ntype = "linear"\nmax_velocity = 1e3\nmax_acceleration = 1e4\n'
+    machine = parse_machine(
+        '[machine]\nname = "mill"\n[probe]\ninput = 0\n[[input]]\nnumber = 0\nname = "probe"\n'
+        f'[dialect]\nprofile = "cnc"\n{"".join(axes.format(index) for index in range(3))}'
+    )
+    lines = "F100", "G0 Z10", "G81 X1 Y1 Z-1 R2", "G38.3 Z5", "X10"
+    assert check(*lines, machine=machine) == [(5, "MC113")]
 
 
 def test_offsets_on_a_repeated_straight_move_are_refused() -> None:

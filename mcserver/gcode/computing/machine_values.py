@@ -57,11 +57,13 @@ class _Probe(msgspec.Struct, frozen=True):
     """The last probing move: the program's zero and scale as it began, and what came of it.
 
     Attributes:
+        transformed: axes that are turned or scaled, whose programmed place is not told.
         place: of all axes, by number [m or rad]; None: it has not ended yet.
     """
 
     shift: Mapping[int, float]
     inch: bool
+    transformed: frozenset[int] = frozenset()
     place: Mapping[int, float] | None = None
     tripped: bool = False
 
@@ -97,7 +99,7 @@ class MachineValues:
         for value in values:
             if isinstance(value, ProbeLine):
                 modal = self._interpreter.modal
-                self._probe = _Probe(dict(modal.shift or {}), modal.inch)
+                self._probe = _Probe(dict(modal.shift or {}), modal.inch, self._transformed)
                 if self._source is Source.ASSUMED:
                     self.probed(self._interpreter.positions, tripped=value.kind.towards)
             elif isinstance(value, InputLine):
@@ -223,9 +225,26 @@ class MachineValues:
         unsynced = frozenset(each for each in unsynced if each in self._interpreter.unsynced)
         if unsynced:
             self._wait(f"where {_LETTERS[letter]} is", span, unsynced)
+        if not absolute:
+            self._refuse_transformed(axis, self._transformed, span)
         modal = self._interpreter.modal
         zero = 0.0 if absolute else (modal.shift or {}).get(axis, 0.0)
         return (positions[axis] - zero) / self._scale(axis, inch=modal.inch)
+
+    @property
+    def _transformed(self) -> frozenset[int]:
+        transformation = self._interpreter.modal.transformation
+        return frozenset() if transformation is None else transformation.axes
+
+    def _refuse_transformed(self, axis: int, transformed: frozenset[int], span: Span) -> None:
+        """Refuse the place of a turned or scaled axis: controllers tell it turned, or along the axes."""
+        if axis in transformed:
+            raise ComputingError(
+                "MC187",
+                "positions under G68, G51 and G16 differ from controller to controller",
+                span,
+                "read them ahead of these codes or behind G69, G50 and G15; #<_abs_x> is of the machine",
+            )
 
     def _probed(self, number: int, span: Span) -> float:
         probe = self._probe
@@ -241,6 +260,7 @@ class MachineValues:
         axis = self._axes[number - _PROBE]
         if axis not in probe.place:
             return 0.0
+        self._refuse_transformed(axis, probe.transformed, span)
         return (probe.place[axis] - probe.shift.get(axis, 0.0)) / self._scale(axis, inch=probe.inch)
 
     def _read(self, span: Span) -> float:

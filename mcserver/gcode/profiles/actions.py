@@ -14,15 +14,20 @@ from mcserver.gcode.profiles.codes import (
     PRINTER_STOPS,
     PROBING,
     SPINDLE,
+    SPLINES,
     SYSTEM_NUMBERS,
     TAKES_AXES,
     THREADING,
+    TRANSFORMING,
 )
 from mcserver.gcode.profiles.drilling import drill
 from mcserver.gcode.profiles.frame import LENGTH_AXIS, Offsets, tool_table
 from mcserver.gcode.profiles.io_codes import read_io, read_mapped
+from mcserver.gcode.profiles.nurbs import add_control_point
 from mcserver.gcode.profiles.probing import read_probe_move
+from mcserver.gcode.profiles.splines import read_spline
 from mcserver.gcode.profiles.threading import orient, read_threads
+from mcserver.gcode.profiles.transforming import end_transformation, transform
 from mcserver.gcode.semantics.arc_plane import PLANES
 from mcserver.gcode.semantics.block_state import BlockState
 from mcserver.gcode.semantics.compensation_state import Compensation
@@ -119,10 +124,11 @@ def act_before(block: BlockState, actions: tuple[Action, ...], effects: Effects)
             _switch_on(block, action)
         elif code in ("G98", "G99"):
             block.frame = msgspec.structs.replace(frame, to_initial=code == "G98")
+        elif code in TRANSFORMING:
+            end_transformation(block, action, frozenset(each.code for each in actions))
         elif code == "G80":
             # no motion code is in force behind it, nor is a cycle
-            block.change(motion=None)
-            block.frame = msgspec.structs.replace(frame, cycle=None)
+            block.end_motion_code()
         elif code in ("G92.1", "G92.2", "G92.3"):
             kept: Offsets = {} if code == "G92.1" else frame.g92
             block.frame = msgspec.structs.replace(frame, g92=kept, g92_on=code != "G92.2")
@@ -149,10 +155,17 @@ def act_after(block: BlockState, actions: tuple[Action, ...], effects: Effects) 
             _go_home(block, action, effects)
         elif action.code in DRILLING or action.code == "REPEAT":
             effects.after += drill(block, action)
+        elif action.code in TRANSFORMING:
+            transform(block, action)
         elif action.code in THREADING:
             effects.after += read_threads(block, action)
         elif action.code == "M19":
             effects.after += orient(block, action)
+        elif action.code == "G5.2":
+            add_control_point(block, action)
+        elif action.code in SPLINES:
+            curve = read_spline(block, action)
+            effects.after += [] if curve is None else [curve]
         elif action.code in PROBING:
             probe = read_probe_move(block, action)
             if probe is not None:
@@ -371,7 +384,11 @@ def _switch_on(block: BlockState, action: Action) -> None:
     if diameter is not None:
         place = None if before is None else before.place
         block.compensation = Compensation(
-            COMPENSATING[action.code], diameter / 2.0, plane, block.parsed.number, place
+            -COMPENSATING[action.code] if block.transformation.mirrors(plane) else COMPENSATING[action.code],
+            diameter / 2.0,
+            plane,
+            block.parsed.number,
+            place,
         )
 
 
@@ -482,11 +499,20 @@ def _go_home(block: BlockState, action: Action, effects: Effects) -> None:
     named = _axis_values(block, action)
     home = block.frame.stored.get(int(action.code[1:3]), {})
     through: dict[int, float] = {}
+    transformation = block.transformation
+    uncertain = transformation.axes | (transformation.unsettled if modal.incremental else frozenset())
     for axis, value in named:
         if modal.incremental:
             through[axis] = block.commanded.positions[axis] + value
         else:
             through[axis] = value + (modal.shift or {}).get(axis, 0.0)
+    if any(axis in uncertain and (value or not modal.incremental) for axis, value in named):
+        block.faults.add(
+            "MC186",
+            f"controllers differ in where {action.code} goes through here",
+            action.span,
+            f"write G91 {action.code} with words of 0, which goes straight to the stored position",
+        )
     taken = set(block.setup.machine.dialect.letters.values()) | {block.setup.machine.dialect.spindle}
     axes = [axis for axis, _ in named] or [
         axis for axis in range(6) if axis in block.setup.leased and axis not in taken
@@ -495,6 +521,7 @@ def _go_home(block: BlockState, action: Action, effects: Effects) -> None:
     if block.setup.machine.dialect.profile != "printer":
         _rapid(block, action, through, effects)
     _rapid(block, action, {axis: home.get(axis, 0.0) for axis in axes}, effects)
+    block.transformation = transformation.without(axes)
 
 
 def _rapid(block: BlockState, action: Action, targets: dict[int, float], effects: Effects) -> None:

@@ -27,6 +27,10 @@ TAPPING: Final = frozenset({"G74", "G84"})
 DRILLING: Final = frozenset({"G73", "G81", "G82", "G83", "G85", "G89"}) | TAPPING
 # motion by the turns of the spindle (D-89, D-90)
 THREADING: Final = frozenset({"G33", "G33.1", "G76"})
+# rotation, scaling, mirrors and polar coordinates (D-94 to D-96)
+TRANSFORMING: Final = frozenset({"G15", "G16", "G50", "G50.1", "G51", "G51.1", "G68", "G69"})
+# curves by control points (D-97)
+SPLINES: Final = frozenset({"G5", "G5.1", "G5.2", "G5.3"})
 _CYCLE_MODES: Final = frozenset({"G80", "G98", "G99"})
 
 # codes of printers that stop until somebody resumes, with what they say to the operator; "": the program ends
@@ -56,6 +60,8 @@ ACTING: Final[Mapping[str, frozenset[str]]] = MappingProxyType(
             | _CYCLE_MODES
             | {"M19"}
             | COMPENSATING.keys()
+            | TRANSFORMING
+            | SPLINES
             | {"G40", "G90.1", "G91.1"}
         ),
         "robot": frozenset(_FRAME | {"G4", "M3", "M4", "M5"}),
@@ -67,13 +73,15 @@ PROBING: Final = frozenset({f"G38.{n}" for n in range(2, 6)})
 # of these the axis words, where a line has one of them
 TAKES_AXES: Final = (
     frozenset({"G10", "G28", "G28.1", "G30", "G30.1", "G52", "G92", "REPEAT"})
+    | {"G50.1", "G51", "G51.1", "G68"}
     | PROBING
     | DRILLING
     | THREADING
+    | SPLINES
 )
 
 # actions that move axes
-MOVING: Final = frozenset({"G28", "G30", "M19", "REPEAT"}) | PROBING | DRILLING | THREADING
+MOVING: Final = frozenset({"G28", "G30", "M19", "REPEAT"}) | PROBING | DRILLING | THREADING | SPLINES
 
 _NO_COMPENSATION = {"G40", "G40.1", "G50", "G69"}
 # analog outputs: a machine without any leaves them alone
@@ -86,8 +94,8 @@ IGNORED: Final[Mapping[str, frozenset[str]]] = MappingProxyType(
     {
         "reference": frozenset(),
         "cnc": frozenset(
-            _NO_COMPENSATION
-            | {"G8", "G15", "G67", "G103", "G187"}
+            (_NO_COMPENSATION - TRANSFORMING)
+            | {"G8", "G67", "G103", "G187"}
             | {f"M{n}" for n in (7, 8, 9, 10, 11, 17, 18, 41, 42, 43, 44, 48, 49, 50, 51, 52, 53, 84)}
         ),
         "robot": frozenset(
@@ -131,6 +139,9 @@ OWN_WORDS: Final[Mapping[str, str]] = MappingProxyType(
         **dict.fromkeys(PRINTER_STOPS, "*"),
         "REPEAT": "PQL",
         **dict.fromkeys(DRILLING, "PQL"),
+        "G51": "P",
+        "G5": "PQ",
+        "G5.2": "PL",
         "G76": "PQHEL",
         "M19": "P",
         **IO_WORDS,
@@ -146,13 +157,14 @@ _MACRO_B = (
 )
 REFUSED: Final[Mapping[str, str]] = MappingProxyType(
     {
-        "G5": "splines are not interpolated here; let the post write arcs and lines",
-        "G5.1": "splines are not interpolated here; let the post write arcs and lines",
-        "G5.2": "splines are not interpolated here; let the post write arcs and lines",
+        "G5": "splines are read in the profile cnc; let the post write arcs and lines",
+        "G5.1": "splines are read in the profile cnc; let the post write arcs and lines",
+        "G5.2": "splines are read in the profile cnc; let the post write arcs and lines",
+        "G5.3": "splines are read in the profile cnc; let the post write arcs and lines",
         "G7": "diameters are not halved here; let the post write radii",
         "G10": "retractions by firmware are not done here; let the slicer write them as moves of E",
         "G11": "retractions by firmware are not done here; let the slicer write them as moves of E",
-        "G16": "polar coordinates are not read here; let the post write X and Y",
+        "G16": "polar coordinates are read in the profile cnc; let the post write X and Y",
         "G33.1": "holes are tapped in the profile cnc; let the CAM mill the thread",
         "G33": "threads are cut in the profile cnc; let the CAM mill the thread",
         "G41": "cutter compensation is for the profile cnc; let the CAM compute the tool's own path",
@@ -160,13 +172,13 @@ REFUSED: Final[Mapping[str, str]] = MappingProxyType(
         "G43.4": "the tip is led on the work piece in the profile cnc only; let the post write the axes",
         "G43.5": "the tool's direction is not read as I J K; let the post write G43.4 and the rotary axes",
         "G50": "with words it sets coordinates or the spindle's limit on a lathe; let the post write G92",
-        "G50.1": "mirroring is not done here; let the CAM mirror the part",
-        "G51": "scaling is not done here; let the CAM scale the part",
-        "G51.1": "mirroring is not done here; let the CAM mirror the part",
+        "G50.1": "mirrors are for the profile cnc; let the CAM mirror the part",
+        "G51": "scaling is done in the profile cnc; let the CAM scale the part",
+        "G51.1": "mirrors are for the profile cnc; let the CAM mirror the part",
         "G53.1": "the tool's axis is not turned here; let the CAM write the rotary axes",
         "G54.1": "there are the systems G54 to G59.3; let the post write one of them",
         "G54.2": "offsets do not turn with the table here; let the post write the moves out",
-        "G68": "rotation is not done here; let the CAM rotate the part",
+        "G68": "rotation is done in the profile cnc; let the CAM rotate the part",
         "G68.2": "tilted planes are not computed here; let the post write the rotary axes and the moves",
         "G76": "threads are cut in the profile cnc; let the CAM mill the thread",
         "G90.1": "arc centres are increments from the start here; let the post write G91.1",

@@ -13,10 +13,10 @@ from mcserver.gcode.profiles.cycle_motion import CycleMotion, check_travel
 from mcserver.gcode.profiles.frame import DrillCycle, Level
 from mcserver.gcode.profiles.threading import find_spindle, read_pass
 from mcserver.gcode.semantics.block_state import ASSUMED_FEED, BlockState
-from mcserver.gcode.semantics.program_units import axis_scale, length_scale, shown_position
+from mcserver.gcode.semantics.program_places import ends_of, given_by
+from mcserver.gcode.semantics.program_units import length_scale, shown_position
 from mcserver.gcode.semantics.travel_limits import ROUNDING
 from mcserver.gcode.text.profile_words import Action, ProfileWord
-from mcserver.gcode.text.words import INCREMENTAL_LETTERS
 from mcserver.motion.canonical import Canonical
 from mcserver.units import MM, AxisType
 
@@ -68,7 +68,7 @@ def drill(block: BlockState, action: Action) -> list[Canonical]:
     for _ in range(repeats):
         if motion.at(hole.axis) < hole.clear - ROUNDING:
             motion.rapid({hole.axis: hole.clear})
-        motion.rapid({axis: _end(block, axis, word) for axis, word in targets.items()})
+        motion.rapid(_ends(block, action, targets))
         motion.rapid({hole.axis: hole.clear})
         if spindle is None:
             _down(motion, cycle, hole)
@@ -206,15 +206,13 @@ def _targets(block: BlockState, action: Action, normal: int) -> dict[int, Profil
     return found
 
 
-def _end(block: BlockState, axis: int, word: ProfileWord) -> float:
-    """Return where a word takes its axis [m]; a target beyond the travel is reported (MC201)."""
-    value = word.value * axis_scale(block.setup.axes[axis].type, block.modal.inch)
-    if block.modal.incremental or word.letter in INCREMENTAL_LETTERS:
-        end = block.commanded.positions[axis] + value
-    else:
-        end = value + (block.modal.shift or {}).get(axis, 0.0)
-    check_travel(block, axis, end, word)
-    return end
+def _ends(block: BlockState, action: Action, targets: Mapping[int, ProfileWord]) -> dict[int, float]:
+    """Return where words take axes [m]; a target beyond the travel is reported (MC201)."""
+    found = ends_of(block, given_by(block, targets), action) or {}
+    for axis, end in found.items():
+        if block.usable_axis(axis, action) is not None:
+            check_travel(block, axis, end, targets.get(axis, action))
+    return found
 
 
 def _feed(block: BlockState, action: Action) -> float | None:
@@ -249,6 +247,14 @@ def _sound(block: BlockState, action: Action, cycle: DrillCycle, hole: _Hole) ->
     if cycle.code in _PECKING and math.ceil((hole.clear - hole.bottom) / cycle.peck) > MOST_PECKS:
         block.faults.add(
             "MC146", f"{cycle.code} takes more than {MOST_PECKS} pecks", action.span, "give a larger Q"
+        )
+        return False
+    if hole.axis in block.transformation.axes:
+        block.faults.add(
+            "MC185",
+            f"a canned cycle along a scaled axis does not go together with {block.transformation.names}",
+            action.span,
+            f"end that by {block.transformation.enders} first, or scale X and Y alone",
         )
         return False
     asked = [word for letter, word in action.words.items() if letter in "PQ" and word.value != 0.0]

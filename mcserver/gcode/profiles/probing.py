@@ -5,10 +5,10 @@ from __future__ import annotations
 import math
 
 from mcserver.gcode.semantics.block_state import BlockState
-from mcserver.gcode.semantics.program_units import axis_scale, shown_position
+from mcserver.gcode.semantics.program_places import ends_of, given_by
+from mcserver.gcode.semantics.program_units import shown_position
 from mcserver.gcode.semantics.travel_limits import ROUNDING
-from mcserver.gcode.text.profile_words import Action
-from mcserver.gcode.text.words import INCREMENTAL_LETTERS
+from mcserver.gcode.text.profile_words import Action, ProfileWord
 from mcserver.motion.canonical import ProbeKind, ProbeLine
 from mcserver.units import AxisType
 
@@ -18,7 +18,7 @@ def read_probe_move(block: BlockState, action: Action) -> ProbeLine | None:
     modal = block.modal
     targets = straight_targets(block, action, "MC155")
     # bare axis words behind it do not repeat it, nor what was in force before
-    block.change(motion=None)
+    block.end_motion_code()
     if targets is None:
         return None
     if modal.feed is None or modal.inverse_time:
@@ -57,7 +57,7 @@ def straight_targets(block: BlockState, action: Action, rotary: str) -> dict[int
         rotary: code of the fault that one of them is rotary.
     """
     modal = block.modal
-    found: dict[int, float] = {}
+    named: dict[int, ProfileWord] = {}
     if not action.axes:
         block.faults.add("MC118", f"{action.code} names no axis", action.span, "add axis words, such as Z-10")
         return None
@@ -74,24 +74,22 @@ def straight_targets(block: BlockState, action: Action, rotary: str) -> dict[int
             what = f"axis {word.axis} follows no path: its drive goes to points on profiles of its own"
             block.faults.add("MC138", what, word.span, "use axes whose drives have csp or ip")
             return None
-        if word.axis in found:
+        if word.axis in named:
             block.faults.add(
                 "MC111", f"{word.letter} stands twice in one command", word.span, "keep one of them"
             )
             return None
-        value = word.value * axis_scale(axis.type, modal.inch)
-        if modal.incremental or word.letter in INCREMENTAL_LETTERS:
-            end = block.commanded.positions[word.axis] + value
-        else:
-            end = value + (modal.shift or {}).get(word.axis, 0.0)
+        named[word.axis] = word
+    found = ends_of(block, given_by(block, named), action)
+    for index, end in (found or {}).items():
+        axis = block.setup.axes[index]
         if not axis.min_position - ROUNDING <= end <= axis.max_position + ROUNDING:
             shown = shown_position(end, axis.type, modal.inch)
             block.faults.add(
                 "MC201",
-                f"{action.code} takes axis {word.axis} to {shown}, beyond its travel",
-                word.span,
+                f"{action.code} takes axis {index} to {shown}, beyond its travel",
+                named[index].span,
                 "stay within the axis's travel",
-                axis=word.axis,
+                axis=index,
             )
-        found[word.axis] = end
     return found

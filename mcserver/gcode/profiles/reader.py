@@ -179,14 +179,16 @@ class ProfileReader:
                     motions.append(word)
                 elif name in PROGRAM:
                     stops.append(word if name != "M60" else msgspec.structs.replace(word, text="00"))
+                elif name == "G50" and _GEOMETRY_OR_SPEED.search(code):
+                    self._refuse(word, name, faults)
+                elif name == "G5.1" and not _GEOMETRY.search(code):
+                    # G5.1 Q1 is lookahead on Fanuc's controllers; with X and Y it is a spline
+                    ignored.append(name)
                 elif name == "G53" and name in self._acting:
                     machine_frame = True
                 elif name in self._acting or (name in SILENT and self._dialect.profile != "reference"):
                     codes.append(word)
-                elif name == "G50" and _GEOMETRY_OR_SPEED.search(code):
-                    self._refuse(word, name, faults)
-                elif name in self._ignored or (name == "G5.1" and not _GEOMETRY.search(code)):
-                    # G5.1 Q1 is lookahead on Fanuc's controllers; with X and Y it is a spline
+                elif name in self._ignored:
                     ignored.append(name)
                 else:
                     compensated = compensated or name in ("G41", "G42")

@@ -32,8 +32,7 @@ class Spindle(msgspec.Struct, frozen=True):
 def read_threads(block: BlockState, action: Action) -> list[Canonical]:
     """Return the motion of G33 or G76; faults are reported and nothing is returned."""
     # bare axis words behind it do not repeat it, nor what was in force before
-    block.change(motion=None)
-    block.frame = msgspec.structs.replace(block.frame, cycle=None)
+    block.end_motion_code()
     spindle = find_spindle(block, action)
     if spindle is None:
         return []

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 
+from mcserver.gcode.profiles.transformation import Transformation
 from mcserver.gcode.semantics.arc_geometry import (
     Arc,
     ChordTooLong,
@@ -95,7 +96,10 @@ def find_arc(
     Args:
         start, end: positions by coordinate 0 1 2 [m].
     """
-    clockwise = command_number(block, command) == 2
+    bent = _transformed(block, command, words, plane)
+    if bent is None:
+        return None
+    clockwise = (command_number(block, command) == 2) != bent.mirrors(plane)
     turns = read_turns(block, words)
     if turns is None:
         return None
@@ -107,7 +111,8 @@ def find_arc(
         word = words.radius.word
         if word.value != word.value:
             return None
-        radius = word.value * length_scale(words.radius.inch)
+        factor = abs(bent.factors(plane)[0])
+        radius = word.value * length_scale(words.radius.inch) * factor
         try:
             return _noticed(
                 block,
@@ -126,7 +131,7 @@ def find_arc(
                 "for a full circle give the centre by I J K",
             )
         except ChordTooLong as fault:
-            scale = length_scale(words.radius.inch)
+            scale = length_scale(words.radius.inch) * factor
             # rounded up, so that the radius that the hint offers is long enough
             least = math.ceil(fault.chord / 2.0 / scale * 1000.0 - 1e-6) / 1000.0
             shown = shown_number(least)
@@ -149,14 +154,16 @@ def find_arc(
                 "give both, or write G91.1",
             )
             return None
-        zero = block.modal.shift or {}
-        centre = [zero.get(plane[0], 0.0), zero.get(plane[1], 0.0)]
+        zero, origin = block.modal.shift or {}, bent.applied(dict.fromkeys(plane, 0.0))
+        centre = [zero.get(axis, 0.0) + origin[axis] for axis in plane]
+    across = [0.0, 0.0]
     for coordinate, offset in words.offsets.items():
         if offset.word.value != offset.word.value:
             return None
         if coordinate not in plane:
             continue
-        centre[plane.index(coordinate)] += offset.word.value * length_scale(offset.inch)
+        across[plane.index(coordinate)] = offset.word.value * length_scale(offset.inch)
+    centre = [place + each for place, each in zip(centre, bent.vector(plane, *across), strict=True)]
     try:
         shape = arc_by_centre(begin, finish, (centre[0], centre[1]), clockwise, turns, block.arc_tolerance)
         return _noticed(block, command, shape, begin, finish)
@@ -178,6 +185,23 @@ def find_arc(
             "I J K are increments from the start point, absolute mode or not; check them and the endpoint",
         )
     return None
+
+
+def _transformed(
+    block: BlockState, command: Command, words: Words, plane: tuple[int, int]
+) -> Transformation | None:
+    """Return what turns and scales an arc, or report why it would be none, or a doubtful one."""
+    found = block.transformation
+    what = hint = ""
+    if not found.keeps_circles(plane):
+        what = f"the factors of {found.names} would make an ellipse of this arc"
+        hint = "give both axes of the plane one factor, or let the CAM scale the part"
+    elif found.polar is not None and words.offsets and set(plane) & set(found.polar.plane):
+        what, hint = "an arc under G16 has R, not I J K", "give the radius by R"
+    if what:
+        block.faults.add("MC188", what, block.span(command), hint)
+        return None
+    return found
 
 
 def _noticed(block: BlockState, command: Command, shape: Arc, start: Point, end: Point) -> Arc:

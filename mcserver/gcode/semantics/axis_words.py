@@ -6,9 +6,11 @@ from collections.abc import Mapping
 
 import msgspec
 
+from mcserver.gcode.semantics.arc_plane import PLANES
 from mcserver.gcode.semantics.block_state import ASSUMED_FEED, ASSUMED_TOOL, BlockState
 from mcserver.gcode.semantics.modal import SMALLEST_FEED, apply_setting, read_feed, smallest_feed
-from mcserver.gcode.semantics.program_units import axis_scale, length_scale
+from mcserver.gcode.semantics.program_places import Given, ends_of
+from mcserver.gcode.semantics.program_units import length_scale
 from mcserver.gcode.text.syntax import Command, Setting
 from mcserver.gcode.text.words import INCREMENTAL_LETTERS, Word
 from mcserver.machine.machine_file import Axis
@@ -78,6 +80,14 @@ def apply_setting_item(block: BlockState, setting: Setting) -> None:
     """Apply a modal code; the P of G64 must not be negative."""
     argument = setting.argument
     tolerance: float | None = None
+    plane, turned = setting.spec.number, block.modal.transformation
+    if turned is not None and turned.needs_plane and plane in PLANES and PLANES[plane] != turned.needs_plane:
+        block.faults.add(
+            "MC185",
+            f"another plane does not go together with {turned.names}",
+            block.parsed.span(setting.index),
+            f"end that by {turned.enders} first",
+        )
     if argument is not None and argument.value == argument.value:
         tolerance = argument.value
         if tolerance < 0.0:
@@ -156,21 +166,44 @@ def apply_tool_word(block: BlockState, word: Word) -> None:
 
 def resolve_targets(block: BlockState, words: tuple[ModalWord, ...]) -> list[Target]:
     """Compute the ends of directly named axes; after a faulty word the axis's position counts as a guess."""
-    targets: list[Target] = []
+    given: dict[int, Given] = {}
+    named: dict[int, Word] = {}
     for entry in words:
         word = entry.word
-        if word.axis < 0:
-            continue
-        axis = block.usable_axis(word.axis, word)
-        if axis is None:
+        if word.axis < 0 or block.usable_axis(word.axis, word) is None:
             continue
         if word.value != word.value or (entry.incremental and word.axis in block.commanded.guessed):
             block.commanded.mark_guessed(word.axis)
             continue
-        end = word.value * axis_scale(axis.type, entry.inch)
-        if entry.incremental:
-            end += block.commanded.positions[word.axis]
-        elif block.modal.shift is not None:
-            end += block.modal.shift.get(word.axis, 0.0)
-        targets.append(Target(axis, end, word))
-    return targets
+        given[word.axis] = Given(word.value, entry.inch, entry.incremental)
+        named[word.axis] = word
+    if block.modal.transformation is not None:
+        given = _whole(block, words, given)
+    if not given:
+        return []
+    first = named[next(iter(given))]
+    found = ends_of(block, given, first)
+    if found is None:
+        for axis in block.transformation.coupled(frozenset(given)):
+            block.commanded.mark_guessed(axis)
+        return []
+    # what a rotation takes along is said of the word that does it
+    return [
+        Target(block.setup.axes[axis], end, named.get(axis, first))
+        for axis, end in found.items()
+        if axis in named or block.usable_axis(axis, first) is not None
+    ]
+
+
+def _whole(block: BlockState, words: tuple[ModalWord, ...], given: dict[int, Given]) -> dict[int, Given]:
+    """Leave out words of coupled axes one of which has no known place; these places count as guesses."""
+    lost = {entry.word.axis for entry in words if entry.word.axis >= 0} - given.keys()
+    known = dict(given)
+    for axis in given:
+        together = block.transformation.coupled(frozenset((axis,)))
+        absolute = {other for other in together & given.keys() if not given[other].incremental}
+        if (together & lost) or block.commanded.guessed & (together - absolute):
+            for other in together:
+                block.commanded.mark_guessed(other)
+            del known[axis]
+    return known

@@ -5,6 +5,8 @@ from __future__ import annotations
 from mcserver.gcode.line_faults import FaultList
 from mcserver.gcode.profiles.actions import Effects, act_after, act_at_end, act_before
 from mcserver.gcode.profiles.drilling import drill, repeat_action
+from mcserver.gcode.profiles.nurbs import read_control_line
+from mcserver.gcode.profiles.transforming import refuse_beside
 from mcserver.gcode.semantics.arcs import command_number
 from mcserver.gcode.semantics.axis_words import (
     Words,
@@ -52,7 +54,9 @@ class BlockInterpreter:
     def read(self) -> None:
         """Interpret the line; what follows M02 or M30 is not read (D-05)."""
         profile = self.block.parsed.profile
-        if profile is not None:
+        if self.block.modal.control_points is not None:
+            self.after += read_control_line(self.block)
+        elif profile is not None:
             self._read_profile(profile)
         else:
             self._read_groups()
@@ -64,6 +68,8 @@ class BlockInterpreter:
         """Interpret a line that holds codes of a profile, in RS-274's order of execution (D-61)."""
         block = self.block
         effects = Effects()
+        if block.modal.transformation is not None:
+            refuse_beside(block, profile)
         act_before(block, profile.actions, effects)
         if block.frame.tip_tool is not None:
             refuse_beside_tip(block, profile)
@@ -93,9 +99,11 @@ class BlockInterpreter:
                 (1, len(block.parsed.text) + 1),
                 "write G91 behind it, in a line of its own",
             )
-        block.change(shift=None, incremental=False)
+        before = block.transformation
+        block.change(shift=None, incremental=False, transformation=None)
         self._read_groups()
         block.change(shift=shift, incremental=incremental and not modes)
+        block.transformation = before.without(axis for axis in block.moved)
 
     def _read_groups(self) -> None:
         for group in self.block.parsed.groups:

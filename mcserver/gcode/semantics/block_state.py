@@ -11,12 +11,13 @@ from mckinematics.pose import Kinematics
 
 from mcserver.gcode.line_faults import FaultList, Span
 from mcserver.gcode.profiles.frame import Frame
+from mcserver.gcode.profiles.transformation import Transformation
 from mcserver.gcode.semantics.arc_geometry import RadiusTolerance, radius_tolerance
 from mcserver.gcode.semantics.commanded_state import CommandedState
 from mcserver.gcode.semantics.compensation_state import Compensation
 from mcserver.gcode.semantics.modal import Feed, ModalState
 from mcserver.gcode.text.parser import ParsedLine
-from mcserver.gcode.text.profile_words import Action
+from mcserver.gcode.text.profile_words import Action, ProfileWord
 from mcserver.gcode.text.syntax import Command
 from mcserver.gcode.text.words import Word
 from mcserver.machine.machine_file import Axis, Machine
@@ -124,14 +125,29 @@ class BlockState:
         self.change(frame=frame, shift=frame.shift())
 
     @property
+    def transformation(self) -> Transformation:
+        """Rotation, scaling and polar coordinates in force; those that change nothing are not kept."""
+        return self.modal.transformation or Transformation()
+
+    @transformation.setter
+    def transformation(self, found: Transformation) -> None:
+        self.change(transformation=None if found.idle else found)
+
+    @property
     def drilling(self) -> bool:
         """Return True if a canned cycle is in force, which axis words without a code repeat (D-75)."""
         frame = self.modal.frame
         return self.modal.motion is None and frame is not None and frame.cycle is not None
 
-    def span(self, source: Word | Command | Action) -> Span:
+    def end_motion_code(self) -> None:
+        """Let no motion code or cycle be in force, which axis words without a code would repeat."""
+        self.change(motion=None, spline_end=None, control_points=None)
+        if self.frame.cycle is not None:
+            self.frame = msgspec.structs.replace(self.frame, cycle=None)
+
+    def span(self, source: Word | Command | ProfileWord | Action) -> Span:
         """Return the columns of a word or of a whole command; computed only for faults."""
-        if isinstance(source, Action):
+        if isinstance(source, Action | ProfileWord):
             return source.span
         if isinstance(source, Word):
             return self.parsed.span(source.index)

@@ -85,6 +85,8 @@ def _is_allowed(block: BlockState, before: ModalState, values: Sequence[Canonica
     ended = any(isinstance(value, EndLine) for value in values)
     if not what and not ended and block.modal.shift != before.shift:
         what = "another zero"
+    elif not what and not ended and not block.transformation.like(before.transformation):
+        what = "another rotation or scaling"
     elif not what and not ended and block.modal.plane != before.plane:
         what = "another plane"
     elif not what and block.drilling and any(isinstance(value, MotionLine) for value in values):

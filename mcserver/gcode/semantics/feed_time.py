@@ -11,6 +11,7 @@ import msgspec
 from mcserver.gcode.semantics.block_state import ASSUMED_FEED, BlockState
 from mcserver.gcode.semantics.modal import Feed
 from mcserver.gcode.semantics.program_units import move_duration, turning_speed
+from mcserver.gcode.text.profile_words import Action
 from mcserver.gcode.text.syntax import Command
 from mcserver.motion.canonical import FeedGroup
 from mcserver.motion.geometry.curves import Curve
@@ -30,7 +31,7 @@ class FeedBasis(enum.Enum):
 class FeedMove(msgspec.Struct, frozen=True):
     """One of G01-G03 with the feed in force for it."""
 
-    command: Command
+    command: Command | Action
     curve: Curve
     measure: FeedBasis
     inverse_time: bool

@@ -10,6 +10,7 @@ from mckinematics.dynamics import JointDynamics
 from mckinematics.text import degrees_text, millimetres_text
 
 from mcserver.gcode.semantics.block_state import BlockState
+from mcserver.gcode.text.profile_words import Action
 from mcserver.gcode.text.syntax import Command
 from mcserver.motion.geometry.curves import Array, Curve
 from mcserver.motion.geometry.torque_limits import APART, HOLDING_SHARE, MOST_SAMPLES
@@ -20,7 +21,7 @@ PROBES = np.linspace(0.0, 1.0, 17)
 
 
 def check_holding(
-    block: BlockState, command: Command, curves: Iterable[Curve], before: Mapping[int, float]
+    block: BlockState, command: Command | Action, curves: Iterable[Curve], before: Mapping[int, float]
 ) -> None:
     """Report MC314 where gravity alone needs more than a joint's torque on a path.
 

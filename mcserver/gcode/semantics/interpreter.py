@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Container, Mapping, Sequence
 
+import msgspec
 from mckinematics.pose import Kinematics
 
-from mcserver.errors import Diagnostic
+from mcserver.errors import Diagnostic, ProgramRejected
 from mcserver.gcode.fast_path.batches import MAX_LINES, BatchInterpreter
 from mcserver.gcode.fast_path.interpreted_batch import InterpretedBatch
 from mcserver.gcode.profiles.codes import COMPENSATING, MOVING, PRINTER_STOPS
@@ -123,9 +124,13 @@ class Interpreter:
         return None if held is None else held.line.line
 
     @property
-    def _led_by_tip(self) -> bool:
-        frame = self._modal.frame
-        return frame is not None and frame.tip_tool is not None
+    def _one_by_one(self) -> bool:
+        """Whether lines are not read in columns."""
+        modal = self._modal
+        by_tip = modal.frame is not None and modal.frame.tip_tool is not None
+        beside = self._compensation is not None or modal.transformation is not None
+        beside = beside or modal.control_points is not None
+        return self._ended or self._setup.dynamics is not None or by_tip or beside
 
     @property
     def coordinates(self) -> Mapping[int, float]:
@@ -141,6 +146,26 @@ class Interpreter:
         frame = self._modal.frame
         tool = None if frame is None else frame.tip_tool
         return (axis,) if tool is None else (axis, *self._setup.chains[tool])
+
+    def check_closed(self) -> None:
+        """Note that the text has ended.
+
+        Raises:
+            ProgramRejected: MC189 a curve is not closed.
+        """
+        points = self._modal.control_points
+        if points is not None:
+            self._modal = msgspec.structs.replace(self._modal, control_points=None)
+            raise ProgramRejected(
+                [
+                    Diagnostic(
+                        code="MC189",
+                        line=points.line,
+                        message="no G5.3 ends the curve that begins here",
+                        hint="write G5.3 behind its last control point",
+                    )
+                ]
+            )
 
     def finish(self) -> list[Canonical]:
         """Return what is held, behind the last line of a text that has no M2."""
@@ -218,6 +243,11 @@ class Interpreter:
         """
         self._commanded.invalidate(positions)
         self.sync_positions(positions)
+        transformation = self._modal.transformation
+        if transformation is not None:
+            self._modal = msgspec.structs.replace(
+                self._modal, transformation=transformation.without(positions)
+            )
         if frame is not None:
             self._modal = with_tables(self._modal, self._setup.machine, frame)
             self._frame = self._modal.frame or self._frame
@@ -227,9 +257,7 @@ class Interpreter:
 
         Saves the caller from gathering lines in vain: after parts without batches attempts are rare.
         """
-        one_by_one = self._ended or self._capture_due or self._setup.dynamics is not None
-        one_by_one = one_by_one or self._program is not None or self._compensation is not None
-        one_by_one = one_by_one or self._led_by_tip
+        one_by_one = self._one_by_one or self._capture_due or self._program is not None
         return 0 if one_by_one else self._batches.window(number)
 
     def interpret_batch(
@@ -249,9 +277,7 @@ class Interpreter:
         Returns:
             The batch; None below `mcserver.gcode.fast_path.interpreted_batch.MIN_LINES`.
         """
-        if self._ended or self._setup.dynamics is not None or self._compensation is not None:
-            return None
-        if self._led_by_tip:
+        if self._one_by_one:
             return None
         found = self._batches.interpret(texts, number, self._modal, self._commanded, most)
         if found is None:

@@ -7,6 +7,7 @@ import msgspec
 from mcserver.gcode.computing.parameters import Kept
 from mcserver.gcode.profiles.codes import LEAST_FEED_UNDER_G99
 from mcserver.gcode.profiles.frame import Frame
+from mcserver.gcode.profiles.transformation import Transformation
 from mcserver.gcode.semantics.program_units import length_scale, path_speed
 from mcserver.machine.machine_file import Machine
 from mcserver.units import MM
@@ -24,6 +25,25 @@ class Feed(msgspec.Struct, frozen=True, gc=False):
     speed: float
 
 
+class SplineEnd(msgspec.Struct, frozen=True):
+    """Where the last G5 ended, and the way from its last control point to there, X and Y [m]."""
+
+    place: tuple[float, ...]
+    leaving: tuple[float, ...]
+
+
+class ControlPoints(msgspec.Struct, frozen=True):
+    """A curve that G5.2 has begun and G5.3 is to end.
+
+    Attributes:
+        line: of G5.2. order: one more than its degree. points: X and Y along the axes [m] and weight.
+    """
+
+    line: int
+    order: int
+    points: tuple[tuple[float, float, float], ...]
+
+
 class ModalState(msgspec.Struct, frozen=True):
     """What stays in force from line to line; the defaults are a program's start (D-10).
 
@@ -37,7 +57,10 @@ class ModalState(msgspec.Struct, frozen=True):
         motion: 0-3, the code that axis words without a code repeat.
         frame: work offsets and spindle of the profiles (D-62); None in the reference's dialect.
         shift: the program's zero in axis positions, axis → [m or rad], as the frame gives it; None: no shift.
+        transformation: rotation, scaling and polar coordinates of programmed places (D-94 to D-96).
         absolute_centres: I J K of arcs are positions (G90.1), not increments from the start.
+        spline_end: of the last G5, which a G5 without I and J goes on from.
+        control_points: of a curve that is not yet closed (G5.2).
         relative: axes whose words are increments under G90 too (M83).
         computed: parameters and subprograms of the lines before, where a program starts in its middle.
         carried: tools chosen so far, each once, the last one last: their payloads stay after G1050 (D-55).
@@ -55,10 +78,18 @@ class ModalState(msgspec.Struct, frozen=True):
     motion: int | None = None
     frame: Frame | None = None
     shift: dict[int, float] | None = None
+    transformation: Transformation | None = None
     absolute_centres: bool = False
+    spline_end: SplineEnd | None = None
+    control_points: ControlPoints | None = None
     relative: tuple[int, ...] = ()
     carried: tuple[int, ...] = ()
     computed: Kept | None = None
+
+    @property
+    def builds_on_places(self) -> bool:
+        """Whether ends of moves follow from where axes were: increments, or turned with another axis."""
+        return self.incremental or self.transformation is not None
 
 
 INITIAL = ModalState()

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 
 from mcserver.gcode.semantics.arc_geometry import plane_extrema
+from mcserver.gcode.semantics.arc_plane import PLANES
 from mcserver.gcode.semantics.arcs import find_arc, find_plane
 from mcserver.gcode.semantics.axis_words import Target, Words, resolve_targets
 from mcserver.gcode.semantics.block_state import BlockState
@@ -97,6 +98,13 @@ def line(block: BlockState, command: Command, words: Words) -> FeedMove | None:
 
 def arc(block: BlockState, command: Command, words: Words) -> FeedMove | None:
     """Interpret G02 and G03: a plane's two axes, further ones in proportion to the angle (D-22, D-23)."""
+    if block.transformation.unsettled.intersection(PLANES[block.modal.plane or 17]):
+        block.faults.add(
+            "MC186",
+            "controllers differ in where this arc starts",
+            block.span(command),
+            "write a G0 or G1 under G90 with both axes of the plane before it",
+        )
     targets = resolve_targets(block, words.axes)
     by_axis = {target.axis.index: target for target in targets}
     found = _arc(block, command, words, targets, by_axis)

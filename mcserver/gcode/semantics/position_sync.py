@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from mcserver.gcode.profiles.codes import DRILLING, THREADING
+from mcserver.gcode.profiles.codes import DRILLING, SPLINES, THREADING
 from mcserver.gcode.semantics.block_state import Setup
 from mcserver.gcode.semantics.commanded_state import CommandedState
 from mcserver.gcode.semantics.modal import ModalState
@@ -62,13 +62,24 @@ def find_axes_to_sync(
         if any(action.code in ("G28", "G30") for action in parsed.profile.actions):
             # the spindle goes nowhere with them, and turns on
             needed |= set(unsynced) - {spindle}
-        if any(action.code in DRILLING | THREADING | {"REPEAT"} for action in parsed.profile.actions):
+        if any(
+            action.code in DRILLING | SPLINES | THREADING | {"REPEAT"} for action in parsed.profile.actions
+        ):
             needed |= {0, 1, 2}
         if spindle is not None and any(action.code == "M19" for action in parsed.profile.actions):
             # it is brought to rest, and turns to the angle from there
             needed.add(spindle)
     if parsed.groups and modal.frame is not None and modal.frame.cycle is not None and motion is None:
         # a canned cycle starts from the height of its axis
+        needed |= {0, 1, 2}
+    if modal.transformation is not None:
+        # one axis takes the other along
+        words = (item for group in parsed.groups for command in group for item in command.items)
+        needed |= modal.transformation.coupled(
+            frozenset(each.axis for each in words if isinstance(each, Word))
+        )
+    if parsed.profile is not None and any(each.code == "G68" for each in parsed.profile.actions):
+        # without words it turns about where the axes are
         needed |= {0, 1, 2}
     needed &= set(unsynced)
     return frozenset(needed)

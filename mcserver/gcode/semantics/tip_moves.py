@@ -38,7 +38,7 @@ LEVER_CHANGE, FASTER_BETWEEN = 1.02, 1.0005
 # axes X, Y and Z
 _COORDINATES = (0, 1, 2)
 # what reads or sets places of axes, not of the tip
-_REFUSED = TAKES_AXES | COMPENSATING.keys() | {"M6", "G92.1", "G92.2", "G92.3"}
+_REFUSED = TAKES_AXES | COMPENSATING.keys() | {"M6", "G16", "G92.1", "G92.2", "G92.3"}
 
 
 class TipFrame(msgspec.Struct, frozen=True):
@@ -96,6 +96,8 @@ def lead_by_tip(block: BlockState, action: Action) -> None:
         reason = f"T{block.modal.tool} is in force"
     elif block.compensation is not None:
         reason = f"cutter compensation is on since line {block.compensation.line}"
+    elif block.transformation.axes:
+        reason = f"{block.transformation.names} is in force"
     if reason:
         block.faults.add("MC172", f"{action.code} while {reason}", action.span, "end that before it")
         return

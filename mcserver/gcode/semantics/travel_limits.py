@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from mcserver.gcode.semantics.block_state import BlockState
 from mcserver.gcode.semantics.program_units import shown_position
+from mcserver.gcode.text.profile_words import Action, ProfileWord
 from mcserver.gcode.text.syntax import Command
 from mcserver.gcode.text.words import Word
 from mcserver.machine.machine_file import Axis
@@ -12,7 +13,13 @@ ROUNDING = 1e-9  # m or rad: a converted unit may miss its limit in the last bit
 
 
 def check_travel(
-    block: BlockState, axis: Axis, start: float, low: float, high: float, end: float, source: Word | Command
+    block: BlockState,
+    axis: Axis,
+    start: float,
+    low: float,
+    high: float,
+    end: float,
+    source: Word | Command | ProfileWord | Action,
 ) -> None:
     """Report a curve that leaves the axis's travel.
 

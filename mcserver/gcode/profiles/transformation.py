@@ -1,0 +1,189 @@
+"""Turned, scaled, mirrored and polar coordinates of a program as an immutable value (D-94 to D-96).
+
+Programmed coordinates go through polar coordinates, scaling and rotation in this order, as on Fanuc's
+controllers; offsets of the zero and compensation of the cutter come behind.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping
+
+import msgspec
+
+Offsets = Mapping[int, float]
+# factors whose amounts differ by less are equal
+SAME_FACTOR = 1e-9
+
+
+class Scaling(msgspec.Struct, frozen=True):
+    """G51, or G51.1, which mirrors.
+
+    Attributes:
+        code: that it comes from. factors, centres: by axis [1, m]; axes without are as programmed.
+    """
+
+    code: str
+    factors: Offsets
+    centres: Offsets
+
+    def scaled(self, axis: int, value: float) -> float:
+        """Return where a coordinate lies [m]."""
+        centre = self.centres.get(axis, 0.0)
+        return centre + self.factors.get(axis, 1.0) * (value - centre)
+
+    def unscaled(self, axis: int, value: float) -> float:
+        """Return the coordinate of a place [m]."""
+        centre = self.centres.get(axis, 0.0)
+        return centre + (value - centre) / self.factors.get(axis, 1.0)
+
+
+class Rotation(msgspec.Struct, frozen=True):
+    """G68.
+
+    Attributes:
+        plane: its two axes. centre: as scaled [m]. degrees: counter-clockwise, seen from the plane's normal.
+    """
+
+    plane: tuple[int, int]
+    centre: tuple[float, float]
+    degrees: float
+
+    def turned(self, first: float, second: float, *, back: bool = False) -> tuple[float, float]:
+        """Turn a vector of the plane; ``back``: the other way."""
+        cosine, sine = cosine_and_sine(-self.degrees if back else self.degrees)
+        return cosine * first - sine * second, sine * first + cosine * second
+
+
+class Polar(msgspec.Struct, frozen=True):
+    """G16: the plane's first letter is a radius, its second one an angle.
+
+    Attributes:
+        plane: its two axes. radius, degrees: of the last words [m, deg]; None: there were none yet.
+    """
+
+    plane: tuple[int, int]
+    radius: float | None = None
+    degrees: float | None = None
+
+
+class Transformation(msgspec.Struct, frozen=True):
+    """How programmed X Y Z become coordinates along the axes, in the zero in force.
+
+    Attributes:
+        unsettled: axes whose programmed coordinate controllers have differently, until a word of G90 says it.
+    """
+
+    scaling: Scaling | None = None
+    rotation: Rotation | None = None
+    polar: Polar | None = None
+    unsettled: frozenset[int] = frozenset()
+
+    @property
+    def idle(self) -> bool:
+        """Whether X Y Z are as they are without it."""
+        return self == Transformation()
+
+    @property
+    def axes(self) -> frozenset[int]:
+        """Return the axes that do not go where their words say."""
+        found = set(() if self.scaling is None else self.scaling.factors)
+        for part in (self.rotation, self.polar):
+            found.update(() if part is None else part.plane)
+        return frozenset(found)
+
+    def like(self, other: Transformation | None) -> bool:
+        """Return whether places are turned and scaled alike."""
+        other = other or Transformation()
+        polar = (self.polar is None) == (other.polar is None)
+        return polar and (self.scaling, self.rotation) == (other.scaling, other.rotation)
+
+    @property
+    def needs_plane(self) -> tuple[int, int] | None:
+        """Return the axes of the plane that may not change; None: any may be chosen."""
+        part = self.rotation or self.polar
+        return None if part is None else part.plane
+
+    @property
+    def names(self) -> str:
+        """Name the codes in force."""
+        found = [] if self.scaling is None else [self.scaling.code]
+        found += [] if self.rotation is None else ["G68"]
+        return " and ".join(found + ([] if self.polar is None else ["G16"]))
+
+    @property
+    def enders(self) -> str:
+        """Name the codes that end those in force, in their order."""
+        found = [] if self.polar is None else ["G15"]
+        found += [] if self.rotation is None else ["G69"]
+        return " and ".join(
+            found + ([] if self.scaling is None else [self.scaling.code.replace("G51", "G50")])
+        )
+
+    def coupled(self, named: frozenset[int]) -> frozenset[int]:
+        """Return the axes that words of some axes move."""
+        found = set(named)
+        for part in (self.rotation, self.polar):
+            if part is not None and named.intersection(part.plane):
+                found.update(part.plane)
+        return frozenset(found)
+
+    def without(self, moved: Iterable[int]) -> Transformation:
+        """Return it behind a motion that knows nothing of it, such as G53."""
+        lost = self.coupled(frozenset(moved)) & self.axes
+        return msgspec.structs.replace(self, unsettled=self.unsettled | lost)
+
+    def applied(self, place: Mapping[int, float]) -> dict[int, float]:
+        """Return coordinates along the axes [m] of programmed ones, both of a rotation's plane or none."""
+        found = dict(place)
+        if self.scaling is not None:
+            found = {axis: self.scaling.scaled(axis, value) for axis, value in found.items()}
+        return self._turned(found, back=False)
+
+    def undone(self, place: Mapping[int, float]) -> dict[int, float]:
+        """Return the programmed coordinates [m] of ones along the axes."""
+        found = self._turned(dict(place), back=True)
+        if self.scaling is not None:
+            found = {axis: self.scaling.unscaled(axis, value) for axis, value in found.items()}
+        return found
+
+    def _turned(self, place: dict[int, float], *, back: bool) -> dict[int, float]:
+        rotation = self.rotation
+        if rotation is None or not place.keys() >= set(rotation.plane):
+            return place
+        first, second = rotation.plane
+        u, v = rotation.centre
+        x, y = rotation.turned(place[first] - u, place[second] - v, back=back)
+        return {**place, first: u + x, second: v + y}
+
+    def vector(self, plane: tuple[int, int], first: float, second: float) -> tuple[float, float]:
+        """Return a programmed vector of a plane along its axes."""
+        u, v = (factor * each for factor, each in zip(self.factors(plane), (first, second), strict=True))
+        rotation = self.rotation
+        return (u, v) if rotation is None or rotation.plane != plane else rotation.turned(u, v)
+
+    def factors(self, plane: tuple[int, int]) -> tuple[float, float]:
+        """Return the factors of a plane's axes."""
+        scaling = self.scaling
+        if scaling is None:
+            return 1.0, 1.0
+        return scaling.factors.get(plane[0], 1.0), scaling.factors.get(plane[1], 1.0)
+
+    def mirrors(self, plane: tuple[int, int]) -> bool:
+        """Return whether left and right change sides in a plane."""
+        first, second = self.factors(plane)
+        return first * second < 0.0
+
+    def keeps_circles(self, plane: tuple[int, int]) -> bool:
+        """Return whether arcs of a plane stay arcs."""
+        first, second = self.factors(plane)
+        return abs(abs(first) - abs(second)) <= SAME_FACTOR * abs(first)
+
+
+def cosine_and_sine(degrees: float) -> tuple[float, float]:
+    """Return both of an angle, exact at multiples of 90 degrees."""
+    quarters = degrees / 90.0
+    if quarters == round(quarters):
+        return ((1.0, 0.0), (0.0, 1.0), (-1.0, 0.0), (0.0, -1.0))[int(quarters % 4.0)]
+    angle = math.radians(degrees)
+    return math.cos(angle), math.sin(angle)

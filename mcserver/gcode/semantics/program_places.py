@@ -1,0 +1,126 @@
+"""Where axis words lead: zero, increments, and turned, scaled and polar coordinates (D-62, D-94 to D-96)."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import NamedTuple
+
+import msgspec
+
+from mcserver.gcode.profiles.transformation import Transformation, cosine_and_sine
+from mcserver.gcode.semantics.block_state import BlockState
+from mcserver.gcode.semantics.program_units import axis_scale, length_scale
+from mcserver.gcode.text.profile_words import Action, ProfileWord
+from mcserver.gcode.text.words import INCREMENTAL_LETTERS, Word
+
+# what turning there and back leaves of an axis that stands [m]
+_SAME_PLACE = 1e-12
+
+
+class Given(NamedTuple):
+    """The number of an axis word, with the units and the distance mode that it is read in."""
+
+    value: float
+    inch: bool
+    incremental: bool
+
+
+def given_by(block: BlockState, words: Mapping[int, ProfileWord]) -> dict[int, Given]:
+    """Return words of an action by axis, read in the modes in force."""
+    modal = block.modal
+    return {
+        axis: Given(word.value, modal.inch, modal.incremental or word.letter in INCREMENTAL_LETTERS)
+        for axis, word in words.items()
+    }
+
+
+def ends_of(block: BlockState, given: Mapping[int, Given], source: Word | Action) -> dict[int, float] | None:
+    """Return where the words of a move take axes [m or rad], those that it turns along behind the named ones.
+
+    Reports MC186 and MC188, and returns None then. Behind it the ends count as programmed ones.
+    """
+    found, at = block.modal.transformation, block.commanded.positions
+    scales = {axis: axis_scale(block.setup.axes[axis].type, each.inch) for axis, each in given.items()}
+    ends = {axis: each.value * scales[axis] for axis, each in given.items()}
+    shift = block.modal.shift or {}
+    for axis, each in given.items():
+        if each.incremental:
+            ends[axis] += at[axis]
+        elif block.modal.shift is not None:
+            ends[axis] += shift.get(axis, 0.0)
+    if found is None:
+        return ends
+    settled = _settled(block, found, given, source)
+    own = found.coupled(frozenset(given)) & (found.axes | found.unsettled)
+    if settled is None or not own:
+        return ends if settled is not None else None
+    block.transformation = settled
+    inside = found.axes & own
+    if not inside:
+        return ends
+    words = {axis: each for axis, each in given.items() if axis in inside}
+    places = found.undone({axis: at[axis] - shift.get(axis, 0.0) for axis in inside})
+    polar = found.polar
+    if polar is not None and inside.intersection(polar.plane):
+        reached = _polar(block, found, words, source)
+        if reached is None:
+            return None
+        places.update(reached)
+        words = {axis: each for axis, each in words.items() if axis not in polar.plane}
+    for axis, each in words.items():
+        places[axis] = each.value * scales[axis] + (places[axis] if each.incremental else 0.0)
+    for axis, place in found.applied(places).items():
+        end = place + shift.get(axis, 0.0)
+        ends[axis] = at[axis] if abs(end - at[axis]) < _SAME_PLACE else end
+    return ends
+
+
+def _settled(
+    block: BlockState, found: Transformation, given: Mapping[int, Given], source: Word | Action
+) -> Transformation | None:
+    """Return the transformation behind the words; None where controllers would go to different places."""
+    needed = found.coupled(frozenset(given))
+    absolute = {axis for axis, each in given.items() if not each.incremental}
+    open_axes = needed & found.unsettled - absolute
+    if open_axes:
+        missing = " and ".join("XYZ"[axis] for axis in sorted(needed & found.unsettled))
+        block.faults.add(
+            "MC186",
+            "controllers differ in where this goes: the first move behind G68, G69, G51, G50, G16 or G53 "
+            "has to say where it ends",
+            block.span(source),
+            f"write {missing} under G90",
+        )
+        return None
+    return msgspec.structs.replace(found, unsettled=found.unsettled - needed)
+
+
+def _polar(
+    block: BlockState, found: Transformation, words: Mapping[int, Given], source: Word | Action
+) -> dict[int, float] | None:
+    """Return the coordinates of radius and angle [m], and keep both for words that leave one out."""
+    polar = found.polar
+    assert polar is not None
+    first, second = polar.plane
+    radius, degrees = polar.radius, polar.degrees
+    if first in words:
+        word = words[first]
+        radius = word.value * length_scale(word.inch)
+        if word.incremental or radius < 0.0:
+            block.faults.add(
+                "MC188",
+                f"{'XYZ'[first]} is the radius under G16: it is above 0, and no increment",
+                block.span(source),
+                "write it under G90",
+            )
+            return None
+    if second in words:
+        word = words[second]
+        degrees = word.value + (degrees or 0.0 if word.incremental else 0.0)
+    if radius is None or degrees is None:
+        # both were missing, and a fault of a line before has settled them
+        return None
+    kept = msgspec.structs.replace(polar, radius=radius, degrees=degrees)
+    block.transformation = msgspec.structs.replace(block.transformation, polar=kept)
+    cosine, sine = cosine_and_sine(degrees)
+    return {first: radius * cosine, second: radius * sine}
