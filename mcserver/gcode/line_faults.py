@@ -100,6 +100,7 @@ TITLES: Mapping[str, str] = MappingProxyType(
         "MC182": "the program has no end where it needs one",
         "MC183": "there is no such block",
         "MC184": "the program stops itself with an alarm",
+        "MC198": "there is one block delete switch",
         "MC155": "the probing move cannot be made",
         "MC153": "words of two codes would be mixed up",
         "MC201": "the move leaves the axis's travel",
