@@ -425,6 +425,10 @@ type CheckRequest struct {
 	// Positions: start the axes there [mm, deg].
 	Positions map[string]float64 `msgpack:"positions"`
 	Sha256    string             `msgpack:"sha256"`
+	// BlockDelete: as of `OpenRequest`.
+	BlockDelete *bool `msgpack:"block_delete"`
+	// OptionalStop: as of `OpenRequest`.
+	OptionalStop *bool `msgpack:"optional_stop"`
 }
 
 // ClearanceReport: The least distances of a run's bodies.
@@ -487,6 +491,10 @@ type Continuation struct {
 	Switched []Switched `msgpack:"switched" mc:"required"`
 	// Needs: what stands in the way; one that has `confirm` passes with that field of the request.
 	Needs []Need `msgpack:"needs" mc:"required"`
+	// BlockDelete: what it goes on with.
+	BlockDelete bool `msgpack:"block_delete"`
+	// OptionalStop: what it goes on with.
+	OptionalStop bool `msgpack:"optional_stop"`
 }
 
 // ContinuationRequest: What a start in the middle of a program would do; nothing moves.
@@ -499,6 +507,10 @@ type ContinuationRequest struct {
 	Before []string `msgpack:"before"`
 	// Axes: of it; nil: all of the machine.
 	Axes []int64 `msgpack:"axes"`
+	// BlockDelete: of the text, as of `OpenRequest`; a program keeps what it had.
+	BlockDelete *bool `msgpack:"block_delete"`
+	// OptionalStop: of the text, as of `OpenRequest`; a program keeps what it had.
+	OptionalStop *bool `msgpack:"optional_stop"`
 }
 
 // ContinueReply: The program that goes on, as `OpenReply`.
@@ -1025,6 +1037,11 @@ type OpenRequest struct {
 	Way bool `msgpack:"way"`
 	// Outputs: of a start in the middle, as in `ContinueRequest`.
 	Outputs *Outputs `msgpack:"outputs"`
+	// BlockDelete: lines that begin with `/` are skipped, until the program ends; nil: they are carried out as if
+	// it were not there, but `resume_of` keeps what it had (D-98).
+	BlockDelete *bool `msgpack:"block_delete"`
+	// OptionalStop: whether M01 pauses; nil: it does, but `resume_of` keeps what it had.
+	OptionalStop *bool `msgpack:"optional_stop"`
 }
 
 // OutputInfo: One output.
@@ -1133,6 +1150,12 @@ type ProgramStatus struct {
 	Servo *ServoStatus `msgpack:"servo"`
 	// Reason: as in `Ack`.
 	Reason string `msgpack:"reason"`
+	// BlockDelete: as of `OpenRequest`; not said of programs of an earlier start of the server (`continuation`
+	// tells them).
+	BlockDelete bool `msgpack:"block_delete"`
+	// OptionalStop: as of `OpenRequest`; not said of programs of an earlier start of the server (`continuation`
+	// tells them).
+	OptionalStop bool `msgpack:"optional_stop"`
 }
 
 // ProgramsReply: Newest first.
@@ -1329,6 +1352,10 @@ type RunRequestRequest struct {
 	Axes []int64 `msgpack:"axes"`
 	// Certificate: a file of `mcserver certify` for this very run, which arms it; nil: a person has to.
 	Certificate string `msgpack:"certificate"`
+	// BlockDelete: as of `OpenRequest`, and part of what is approved; a certificate has its own.
+	BlockDelete *bool `msgpack:"block_delete"`
+	// OptionalStop: as of `OpenRequest`, and part of what is approved; a certificate has its own.
+	OptionalStop *bool `msgpack:"optional_stop"`
 }
 
 // RunRequestStatus: A request: what would move, how far, how long; `remaining_s` until it or its arming is over.
@@ -1360,6 +1387,10 @@ type RunRequestStatus struct {
 	Approval string `msgpack:"approval"`
 	// Beyond: what of it is outside of the one that its client has, a sentence each.
 	Beyond []string `msgpack:"beyond"`
+	// BlockDelete: what the run has of them, as of `OpenRequest`.
+	BlockDelete bool `msgpack:"block_delete"`
+	// OptionalStop: what the run has of them, as of `OpenRequest`.
+	OptionalStop bool `msgpack:"optional_stop"`
 }
 
 // RunRequestsReply: The oldest first.
@@ -1536,6 +1567,10 @@ type SimulateRequest struct {
 	// Role: whose run it is to be: `agent`, one that a person approves, or `operator`, any other; zones of the
 	// other do not count. nil: all zones do.
 	Role *RunRole `msgpack:"role"`
+	// BlockDelete: as of `OpenRequest`.
+	BlockDelete *bool `msgpack:"block_delete"`
+	// OptionalStop: as of `OpenRequest`.
+	OptionalStop *bool `msgpack:"optional_stop"`
 }
 
 // SimulatedPath: Points at even distances along the axes' travel.

@@ -32,6 +32,9 @@ type OpenOptions struct {
 	Outputs Outputs
 	// Hold begins held; Resume starts it.
 	Hold bool
+	// BlockDelete skips lines that begin with /. NoOptionalStop lets M01 pass without a pause.
+	BlockDelete    bool
+	NoOptionalStop bool
 }
 
 // Program is one stream of lines with modal state and axes of its own.
@@ -167,6 +170,12 @@ func (o *OpenOptions) request() OpenRequest {
 	}
 	if o.StartLine > 0 {
 		request.StartLine = &o.StartLine
+	}
+	if o.BlockDelete {
+		request.BlockDelete = Ptr(true)
+	}
+	if o.NoOptionalStop {
+		request.OptionalStop = Ptr(false)
 	}
 	if o.Outputs != "" {
 		request.Outputs = &o.Outputs

@@ -13,13 +13,22 @@ import typer
 
 from mcserver.cli.console import json_answer_on_error, results, write_json
 from mcserver.cli.exit_codes import ExitCode
-from mcserver.cli.options import DEFAULT_MACHINE, JsonOption, MachineOption, ProgramArgument, ZeroOption
+from mcserver.cli.options import (
+    DEFAULT_MACHINE,
+    BlockDeleteOption,
+    JsonOption,
+    MachineOption,
+    OptionalStopOption,
+    ProgramArgument,
+    ZeroOption,
+)
 from mcserver.cli.output_file import write_atomically
 from mcserver.cli.program_text import load_program
 from mcserver.cli.rejection import reject
 from mcserver.cli.simulation_report import diagnostics_of
 from mcserver.errors import NobodyAnswers, ServiceError
 from mcserver.gcode.axes_used import axes_used
+from mcserver.gcode.switches import Switches
 from mcserver.machine.machine_file import load_machine
 from mcserver.planning.start_state import StartState
 from mcserver.simulation.work_zero import with_zeros
@@ -41,6 +50,8 @@ def certify(
     ],
     machine: MachineOption = DEFAULT_MACHINE,
     zero: ZeroOption = None,
+    block_delete: BlockDeleteOption = False,
+    optional_stop: OptionalStopOption = True,
     connect: Annotated[
         str | None,
         typer.Option(
@@ -72,12 +83,13 @@ def certify(
 
         now = datetime.datetime.now(datetime.UTC)
         signer = signer_of(site, by, now)
+        switches = Switches(block_delete, optional_stop)
         basis, axes, start = ApprovalBasis(described), axes_used(program.text, described), None
         if connect is not None:
-            asked = asyncio.run(_ask(described.name, connect, zenoh, program.text))
+            asked = asyncio.run(_ask(described.name, connect, zenoh, program.text, switches))
             refuse_other_run(basis, asked, program.text, axes)
             start = asked.start
-        start = start or StartState.of(described)
+        start = start or StartState.of(described, switches=switches)
         seen = preview(program.text, described, start, axes)
         faults = diagnostics_of(seen.report)
         if seen.envelope is not None:
@@ -103,7 +115,7 @@ def certify(
         _show(approval, by, output)
 
 
-async def _ask(machine: str, endpoint: str, zenoh: Path | None, text: str) -> Approval:
+async def _ask(machine: str, endpoint: str, zenoh: Path | None, text: str, switches: Switches) -> Approval:
     """Let a server simulate a run from where its machine stands; return what can be certified of it."""
     from mcclient import Machine as RemoteMachine
     from mcclient.errors import MotionError, RequestRefused
@@ -113,7 +125,12 @@ async def _ask(machine: str, endpoint: str, zenoh: Path | None, text: str) -> Ap
     try:
         remote = await RemoteMachine.connect(machine, [endpoint], client="certify", config_file=zenoh)
         try:
-            asked = await remote.request_run(text, "certify")
+            asked = await remote.request_run(
+                text,
+                "certify",
+                block_delete=switches.block_delete,
+                optional_stop=switches.optional_stop,
+            )
             if asked.run is None:
                 fault = asked.diagnostics[0]
                 raise ServiceError(fault.code, f"line {fault.line}: {fault.message}", fault.hint)

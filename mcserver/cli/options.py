@@ -51,6 +51,12 @@ ZeroOption = Annotated[
         help="Where the program's zero lies, in G54 or as G55:X=10 [mm, deg]; repeatable.",
     ),
 ]
+BlockDeleteOption = Annotated[
+    bool, typer.Option("--block-delete", help="Skip lines that begin with /, as with that switch on.")
+]
+OptionalStopOption = Annotated[
+    bool, typer.Option("--optional-stop/--no-optional-stop", help="Whether M01 is a pause.")
+]
 JsonOption = Annotated[bool, typer.Option("--json", help="Answer with one JSON object on standard output.")]
 ConnectOption = Annotated[
     list[str] | None,

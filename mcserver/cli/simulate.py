@@ -11,7 +11,15 @@ from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 
 from mcserver.cli.console import json_answer_on_error, narration, show_diagnostics
 from mcserver.cli.exit_codes import ExitCode
-from mcserver.cli.options import DEFAULT_MACHINE, JsonOption, MachineOption, ProgramArgument, ZeroOption
+from mcserver.cli.options import (
+    DEFAULT_MACHINE,
+    BlockDeleteOption,
+    JsonOption,
+    MachineOption,
+    OptionalStopOption,
+    ProgramArgument,
+    ZeroOption,
+)
 from mcserver.cli.output_file import check_output, write_atomically
 from mcserver.cli.planner_warm_up import prepare_planner
 from mcserver.cli.program_file import read_program
@@ -24,11 +32,13 @@ from mcserver.cli.simulation_report import (
     shown_rows,
     write_report,
 )
+from mcserver.gcode.switches import Switches
 from mcserver.gcode.text.source import decode
 from mcserver.machine.clearance_section import RunRole
 from mcserver.machine.machine_file import load_machine
 from mcserver.machine.machine_kinematics import build_kinematics
 from mcserver.motion.compiling import SHORT_LINES
+from mcserver.planning.start_state import StartState
 from mcserver.processes import collect_seldom
 from mcserver.simulation.assertions import read_assertion
 from mcserver.simulation.input_script import with_inputs
@@ -102,6 +112,8 @@ def simulate_program(
     output: OutputOption = None,
     inputs: InputsOption = None,
     zero: ZeroOption = None,
+    block_delete: BlockDeleteOption = False,
+    optional_stop: OptionalStopOption = True,
     stops: StopsOption = False,
     role: RoleOption = None,
     assertions: AssertOption = None,
@@ -124,6 +136,7 @@ def simulate_program(
                 simulation = simulate_lines(
                     program.source,
                     described,
+                    start=StartState.of(described, switches=Switches(block_delete, optional_stop)),
                     kinematics=kinematics,
                     progress=progress,
                     record=output is not None,

@@ -15,6 +15,7 @@ from mcserver.gcode.computing.macro_expansion import expansion_of
 from mcserver.gcode.profiles.codes import LATHE, SPINDLE
 from mcserver.gcode.profiles.frame import Frame
 from mcserver.gcode.semantics.interpreter import Interpreter
+from mcserver.gcode.switches import AS_WRITTEN, Switches
 from mcserver.gcode.text.line_window import BLOCK, LineWindow
 from mcserver.gcode.text.parser import ParsedLine
 from mcserver.gcode.text.profile_words import ProfileWords
@@ -80,18 +81,21 @@ def check_lines(
     lease: frozenset[int] | None = None,
     at_rest: bool = False,
     frame: Frame | None = None,
+    switches: Switches = AS_WRITTEN,
 ) -> list[Diagnostic]:
     """Find the faults of a program as `check_program` does, however long it is: it is read line by line.
 
     Args:
         lines: without their ends. progress: called with the lines read about every `PROGRESS_STEP` lines,
-            and at the end. frame: work offsets at the start; None: the machine file's. The others as in
-            `check_program`.
+            and at the end. frame: work offsets at the start; None: the machine file's. switches: of the
+            operator. The others as in `check_program`.
 
     Returns:
         The faults in reading order; behind `MOST_FAULTS` of them the check ends (MC158).
     """
-    interpreter = Interpreter(machine, kinematics=kinematics, positions=positions, lease=lease, frame=frame)
+    interpreter = Interpreter(
+        machine, kinematics=kinematics, positions=positions, lease=lease, frame=frame, switches=switches
+    )
     survey = _Survey(machine, at_rest)
     try:
         window = LineWindow(lines)

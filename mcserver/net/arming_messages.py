@@ -34,12 +34,16 @@ class RunRequestRequest(Request, frozen=True, kw_only=True):
         text: the program. name: for people.
         axes: the only axes that it may move; None: those that the text names.
         certificate: a file of ``mcserver certify`` for this very run, which arms it; None: a person has to.
+        block_delete, optional_stop: as of `OpenRequest`, and part of what is approved; a certificate has its
+            own.
     """
 
     text: ProgramText
     name: Annotated[str, Meta(max_length=200)] = ""
     axes: list[AxisIndex] | None = None
     certificate: Annotated[str, Meta(max_length=MAX_CERTIFICATE)] | None = None
+    block_delete: bool | None = None
+    optional_stop: bool | None = None
 
 
 class RunArmedRequest(Request, frozen=True, kw_only=True):
@@ -124,6 +128,7 @@ class RunRequestStatus(msgspec.Struct, frozen=True):
         number: another one each time that the run is asked for, even with the same text.
         approval: hash of the approval for a while that has armed it, inside of whose envelope it stays.
         beyond: what of it is outside of the one that its client has, a sentence each.
+        block_delete, optional_stop: what the run has of them, as of `OpenRequest`.
     """
 
     sha256: str
@@ -144,6 +149,8 @@ class RunRequestStatus(msgspec.Struct, frozen=True):
     changed: list[str] = []
     approval: str = ""
     beyond: list[str] = []
+    block_delete: bool = False
+    optional_stop: bool = True
 
 
 class RunRequestReply(msgspec.Struct, frozen=True):

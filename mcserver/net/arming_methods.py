@@ -12,9 +12,10 @@ import msgspec
 
 from mcserver.errors import Diagnostic, Refused, ServiceError
 from mcserver.gcode.axes_used import axes_used
+from mcserver.gcode.switches import AS_WRITTEN, Switches
 from mcserver.gcode.text.source import split_lines
 from mcserver.net import arming_messages as wire
-from mcserver.net.certified_runs import approval_of, refuse_other_motion, refuse_other_run
+from mcserver.net.certified_runs import RECERTIFY, approval_of, refuse_other_motion, refuse_other_run
 from mcserver.planning.start_state import StartState, axis_word
 from mcserver.service.approval_basis import ApprovalBasis, extents_of, tools_of
 from mcserver.service.arming import (
@@ -69,12 +70,15 @@ class ArmingMethods:
             raise Refused(
                 "MC511", f"the text needs the axes {', '.join(map(str, named))}", "ask for all of them"
             )
-        start = self._service.start_state()
+        switches = Switches.of(request.block_delete, request.optional_stop)
+        start = msgspec.structs.replace(self._service.start_state(), switches=switches or AS_WRITTEN)
         self._refuse_unsettled(start, axes)
         certified = self._certified(client, request, axes)
         if certified is not None:
             # what was certified is simulated, and is compared with how the machine stands now
             start = certified.approval.start
+            if switches not in (None, start.switches):
+                raise Refused("MC579", "the certificate is of a run with other switches", RECERTIFY)
         self._asking[client] += 1
         try:
             seen = await self._checker.preview(client, request.text, start, axes)
@@ -120,7 +124,7 @@ class ArmingMethods:
             kept = self._arming.arm(certified.signer, kept.sha256, seconds=WITHIN_S, override=override)
         else:
             kept = self._arming.arm_within(kept, self._basis.beyond)
-        self._service.foresee(kept.sha256, seen.marks)
+        self._service.foresee(kept.sha256, seen.marks, switches=start.switches)
         self._publish("run.requested", client, kept)
         if kept.state is RunState.ARMED:
             self._publish("run.armed", kept.operator, kept)
@@ -186,6 +190,7 @@ class ArmingMethods:
             axes=run.axes,
             grace_s=request.grace_s,
             sha256=run.sha256,
+            switches=run.start.switches,
             override_limit=run.override,
             envelope=envelope,
         )
@@ -279,6 +284,8 @@ class ArmingMethods:
             changed=self._changes_now()(run) if rests and run.state in OPEN else [],
             approval=run.approval,
             beyond=list(run.beyond),
+            block_delete=run.start.switches.block_delete,
+            optional_stop=run.start.switches.optional_stop,
         )
 
     def _publish(self, kind: Any, client: str, run: RunRequest, program: str | None = None) -> None:

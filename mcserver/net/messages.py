@@ -136,6 +136,9 @@ class OpenRequest(Request, frozen=True, kw_only=True):
             modal state of there.
         resume_of: id of an earlier program; its journaled lines before ``start_line`` serve as ``before``.
         step: single line mode: a line starts only when ``step`` asks for it.
+        block_delete: lines that begin with ``/`` are skipped, until the program ends; None: they are carried
+            out as if it were not there, but ``resume_of`` keeps what it had (D-98).
+        optional_stop: whether M01 pauses; None: it does, but ``resume_of`` keeps what it had.
         hold: begin held; ``resume`` starts it.
         sha256: of the whole text; its times, of ``simulate`` or ``put_text``, are those of the program.
         at_pause: run now, also on axes of a program that stands at a pause, such as to set zero with a new
@@ -156,6 +159,8 @@ class OpenRequest(Request, frozen=True, kw_only=True):
     at_pause: bool = False
     way: bool = False
     outputs: Outputs | None = None
+    block_delete: bool | None = None
+    optional_stop: bool | None = None
 
 
 class OpenReply(msgspec.Struct, frozen=True):
@@ -334,11 +339,14 @@ class CheckRequest(Request, frozen=True, kw_only=True):
     Attributes:
         text: the whole of it; or sha256: of one that was handed over by ``put_text``.
         positions: start the axes there [mm, deg].
+        block_delete, optional_stop: as of `OpenRequest`.
     """
 
     text: str | None = None
     positions: dict[str, float] | None = None
     sha256: Sha256 | None = None
+    block_delete: bool | None = None
+    optional_stop: bool | None = None
 
 
 class SimulateRequest(Request, frozen=True, kw_only=True):
@@ -352,6 +360,7 @@ class SimulateRequest(Request, frozen=True, kw_only=True):
         against: another program's text, from the same start: the reply has the `difference` to its motion.
         role: whose run it is to be: `agent`, one that a person approves, or `operator`, any other; zones of
             the other do not count. None: all zones do.
+        block_delete, optional_stop: as of `OpenRequest`.
     """
 
     text: str
@@ -361,6 +370,8 @@ class SimulateRequest(Request, frozen=True, kw_only=True):
     assertions: Annotated[list[Assertion], Meta(max_length=MOST_ASSERTIONS)] = []
     against: str | None = None
     role: RunRole | None = None
+    block_delete: bool | None = None
+    optional_stop: bool | None = None
 
 
 class InfoRequest(Request, frozen=True, kw_only=True):

@@ -9,6 +9,7 @@ from mcserver.canopen.views import SdoTarget
 from mcserver.errors import Refused, ServiceError
 from mcserver.gcode.profiles.codes import ACTING
 from mcserver.gcode.profiles.frame import LENGTH_AXIS
+from mcserver.gcode.switches import Switches
 from mcserver.net import drive_messages as drive_wire
 from mcserver.net import messages as wire
 from mcserver.net.arming_methods import ArmingMethods
@@ -103,6 +104,7 @@ class ProgramMethods:
             before=request.before,
             resume_of=request.resume_of,
             step=request.step,
+            switches=Switches.of(request.block_delete, request.optional_stop),
             hold=request.hold,
             sha256=request.sha256,
             at_pause=request.at_pause,

@@ -20,12 +20,15 @@ class ContinuationRequest(Request, frozen=True, kw_only=True):
         program: one that has ended; where others have gone on with it, the last of these is meant.
         line: the first that would run; None: the one behind the last that is done.
         before: lines 1 … line - 1 of a text, instead of ``program``. axes: of it; None: all of the machine.
+        block_delete, optional_stop: of the text, as of `OpenRequest`; a program keeps what it had.
     """
 
     program: ProgramId | None = None
     line: LineNumber | None = None
     before: list[str] = msgspec.field(default_factory=list)
     axes: list[AxisIndex] | None = None
+    block_delete: bool | None = None
+    optional_stop: bool | None = None
 
 
 class Continuation(msgspec.Struct, frozen=True):
@@ -41,6 +44,7 @@ class Continuation(msgspec.Struct, frozen=True):
         way: the moves that bring them there, in order.
         switched: what the program had switched otherwise than it is now.
         needs: what stands in the way; one that has `confirm` passes with that field of the request.
+        block_delete, optional_stop: what it goes on with.
     """
 
     program: str
@@ -59,6 +63,8 @@ class Continuation(msgspec.Struct, frozen=True):
     way: list[WayStep]
     switched: list[Switched]
     needs: list[Need]
+    block_delete: bool = False
+    optional_stop: bool = True
 
 
 class ContinueRequest(Request, frozen=True, kw_only=True):

@@ -6,6 +6,7 @@ from collections.abc import Callable, Sequence
 
 from mcserver.errors import Refused
 from mcserver.gcode.modal_codes import modal_codes
+from mcserver.gcode.switches import Switches
 from mcserver.net import recovery_messages as wire
 from mcserver.service.approach import Confirmed
 from mcserver.service.axes_of_requests import axes_of
@@ -38,7 +39,8 @@ class RecoveryMethods:
             if not request.before:
                 raise Refused("MC511", "neither a program nor lines before are given", "give one of them")
             axes, line = axes_of(self._service.machine, request.axes), len(request.before) + 1
-            start = await recovery.start_of(axes, line, before=request.before)
+            switches = Switches.of(request.block_delete, request.optional_stop)
+            start = await recovery.start_of(axes, line, before=request.before, switches=switches)
             return self._shown(None, line, (1, []), start, axes)
         found = await recovery.recorded(request.program)
         status = found.status
@@ -93,6 +95,8 @@ class RecoveryMethods:
             line=line,
             first=first,
             lines=lines,
+            block_delete=start.switches.block_delete,
+            optional_stop=start.switches.optional_stop,
             modal=[] if start.state is None else modal_codes(start.state.modal),
             energize=[] if approach is None else list(approach.energize),
             axes=[] if approach is None else list(approach.axes),

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import msgspec
+
+from mcserver.gcode.switches import Switches
 from mcserver.service.program import Program
 from mcserver.service.service import MachineService
 from mcserver.simulation.foresight import Foreseen
@@ -18,22 +21,27 @@ class TextForecast:
     def begin(self, sha256: str | None) -> None:
         """Simulate a text that is kept while programs run it, unless its times are known."""
         service = self._service
-        if sha256 is None or not service.texts.has(sha256) or service.forecasts.knows(sha256):
+        if sha256 is None or not service.texts.has(sha256):
             return
-        if not self._running(sha256):
-            return
+        for switches in {each.switches for each in self._running(sha256)}:
+            if not service.forecasts.knows(sha256, switches):
+                self._begin(sha256, switches)
+
+    def _begin(self, sha256: str, switches: Switches) -> None:
+        service = self._service
         text = service.texts.find(sha256)
 
         def listen(found: Foreseen) -> bool:
-            programs = self._running(sha256)
+            programs = [each for each in self._running(sha256) if each.switches == switches]
             if found.marks is not None:
-                service.foresee(sha256, found.marks, text.lines)
+                service.foresee(sha256, found.marks, text.lines, switches)
             if found.fault is not None:
                 for program in programs:
                     program.notice = f"line {found.fault.line} will be refused: {found.fault.message}"
             return bool(programs)
 
-        self._checker.foresee(sha256, text.path, listen, service.start_state(), checked=text.checked)
+        start = msgspec.structs.replace(service.start_state(), switches=switches)
+        self._checker.foresee(sha256, text.path, listen, start, checked=text.checked == switches)
 
     def _running(self, sha256: str) -> list[Program]:
         """Return the programs of a text that have not ended."""

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from mcserver.errors import Refused
+from mcserver.gcode.switches import AS_WRITTEN, Switches
 from mcserver.net import messages as wire
 from mcserver.net import text_messages as text_wire
 from mcserver.net.text_forecast import TextForecast
@@ -40,17 +41,19 @@ class TextMethods:
         return text_wire.PutTextReply(text.received, text.lines, text.complete)
 
     async def check(self, client: str, request: wire.CheckRequest) -> wire.CheckReply:
-        found = await self._checker.check(client, self._text(request), self._start(request.positions))
+        start = self._start(request.positions, Switches.of(request.block_delete, request.optional_stop))
+        found = await self._checker.check(client, self._text(request), start)
         faulty = any(diagnostic.severity == "error" for diagnostic in found)
         if request.sha256 is not None and self._service.texts.has(request.sha256):
-            self._service.texts.find(request.sha256).checked = not faulty
+            self._service.texts.find(request.sha256).checked = None if faulty else start.switches
         return wire.CheckReply(not faulty, [wire_diagnostic(diagnostic) for diagnostic in found])
 
     async def simulate(self, client: str, request: wire.SimulateRequest) -> dict[str, Any]:
+        start = self._start(request.positions, Switches.of(request.block_delete, request.optional_stop))
         report, marks = await self._checker.simulate(
             client,
             request.text,
-            self._start(request.positions),
+            start,
             request.path_points,
             request.lines,
             request.assertions,
@@ -58,7 +61,7 @@ class TextMethods:
             request.role,
         )
         if marks is not None:
-            self._service.foresee(hash_of(request.text), marks)
+            self._service.foresee(hash_of(request.text), marks, switches=start.switches)
         return report
 
     def _text(self, request: wire.CheckRequest) -> str | Path:
@@ -68,8 +71,8 @@ class TextMethods:
             request.text if request.text is not None else self._service.texts.find(str(request.sha256)).path
         )
 
-    def _start(self, positions: Mapping[str, float] | None) -> StartState:
+    def _start(self, positions: Mapping[str, float] | None, switches: Switches | None) -> StartState:
         """Return the state of a machine at rest, in the work offsets that are kept, somewhere [mm or deg]."""
         machine = self._service.machine
-        start = StartState.of(machine, self._service.start_state().frame)
+        start = StartState.of(machine, self._service.start_state().frame, switches or AS_WRITTEN)
         return start if positions is None else start.at(positions_in_si(machine, positions))

@@ -119,6 +119,7 @@ class Pipeline:
             modal=start.modal,
             frame=start.frame,
             machine_coordinates=machine_coordinates or bool(approach),
+            switches=start.switches,
         )
         self._expansion = expansion_of(self._interpreter)
         self._exchanges = Exchanges(machine, self._interpreter.frame) if places_with_bodies(machine) else None

@@ -14,6 +14,7 @@ import msgspec
 from mcserver.gcode.profiles.codes import SYSTEM_NUMBERS
 from mcserver.gcode.profiles.frame import Frame, tool_table
 from mcserver.gcode.semantics.modal import ModalState
+from mcserver.gcode.switches import AS_WRITTEN, Switches
 from mcserver.gcode.text.words import AXIS_LETTERS
 from mcserver.machine.dialect_section import Cutter
 from mcserver.machine.machine_file import Machine
@@ -49,6 +50,7 @@ class StartState(msgspec.Struct, frozen=True):
         modal: state behind the lines before its first; None: a program's own beginning.
         inputs, outputs: values in the order of the machine's.
         pauses: of a program that began so and was recorded: what others changed at its pauses, in order.
+        switches: of the operator.
     """
 
     positions: Mapping[int, float]
@@ -60,9 +62,10 @@ class StartState(msgspec.Struct, frozen=True):
     inputs: tuple[float, ...] = ()
     outputs: tuple[float, ...] = ()
     pauses: tuple[PauseEnd, ...] = ()
+    switches: Switches = AS_WRITTEN
 
     @classmethod
-    def of(cls, machine: Machine, frame: Frame | None = None) -> StartState:
+    def of(cls, machine: Machine, frame: Frame | None = None, switches: Switches = AS_WRITTEN) -> StartState:
         """Return the state of a machine that nobody has used: as its file has it, all axes homed."""
         systems = machine.dialect.systems
         return cls(
@@ -71,6 +74,7 @@ class StartState(msgspec.Struct, frozen=True):
             frame=Frame(systems=systems) if frame is None and systems else frame,
             inputs=tuple(each.initial for each in machine.inputs),
             outputs=tuple(each.initial for each in machine.outputs),
+            switches=switches,
         )
 
     def at(self, positions: Mapping[int, float]) -> StartState:

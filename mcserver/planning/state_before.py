@@ -138,7 +138,12 @@ def state_before(
             or under cutter compensation; MC168 a line before it went by what was measured.
     """
     interpreter = Interpreter(
-        machine, kinematics=kinematics, positions=origin.positions, lease=lease, frame=origin.frame
+        machine,
+        kinematics=kinematics,
+        positions=origin.positions,
+        lease=lease,
+        frame=origin.frame,
+        switches=origin.switches,
     )
     effects = _Effects(origin)
     pauses = _Pauses(interpreter, origin.pauses)

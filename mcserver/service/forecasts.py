@@ -6,6 +6,7 @@ from collections import OrderedDict
 from collections.abc import Iterable, Sequence
 
 from mcserver.executor.view import SlotView
+from mcserver.gcode.switches import AS_WRITTEN, Switches
 from mcserver.planning.line_marks import LineMarks
 from mcserver.service.executor_port import ExecutorPort
 from mcserver.service.program import Program
@@ -16,7 +17,7 @@ TEXTS = 16
 
 
 class Forecasts:
-    """Times of the texts that were simulated last, by the SHA-256 of the text.
+    """Times of the texts that were simulated last, by the SHA-256 of the text and the operator's switches.
 
     Args:
         port: where the slots of running programs are read. cycle_s: of the executor [s].
@@ -25,33 +26,39 @@ class Forecasts:
     def __init__(self, port: ExecutorPort, cycle_s: float) -> None:
         self._port = port
         self._cycle_s = cycle_s
-        self._timelines: OrderedDict[str, Timeline] = OrderedDict()
+        self._timelines: OrderedDict[tuple[str, Switches], Timeline] = OrderedDict()
 
     def take(
-        self, sha256: str, marks: LineMarks, programs: Iterable[Program], total: int | None = None
+        self,
+        sha256: str,
+        marks: LineMarks,
+        programs: Iterable[Program],
+        total: int | None = None,
+        switches: Switches = AS_WRITTEN,
     ) -> None:
         """Keep the times of a text, and give them to the programs that run it.
 
         Args:
             marks: of the simulation. programs: those that are there. total: how many lines the text has.
+            switches: that it was simulated with.
         """
-        timeline = Timeline(marks, total)
-        self._timelines.pop(sha256, None)
-        self._timelines[sha256] = timeline
+        timeline, key = Timeline(marks, total), (sha256, switches)
+        self._timelines.pop(key, None)
+        self._timelines[key] = timeline
         while len(self._timelines) > TEXTS:
             self._timelines.popitem(last=False)
         for program in programs:
-            if program.sha256 == sha256 and not program.over:
+            if (program.sha256, program.switches) == key and not program.over:
                 program.clock.foresee(timeline)
 
-    def knows(self, sha256: str) -> bool:
+    def knows(self, sha256: str, switches: Switches = AS_WRITTEN) -> bool:
         """Whether the times of a text are those of its whole simulation."""
-        timeline = self._timelines.get(sha256)
+        timeline = self._timelines.get((sha256, switches))
         return timeline is not None and timeline.simulated >= 1.0
 
     def begin(self, program: Program) -> None:
         """Give a program that opens the times of its text, where they are known."""
-        timeline = self._timelines.get(program.sha256 or "")
+        timeline = self._timelines.get((program.sha256 or "", program.switches))
         if timeline is not None:
             program.clock.foresee(timeline)
 

@@ -100,7 +100,8 @@ class RecordedProgram(msgspec.Struct, frozen=True):
 
     Attributes:
         text: what is known of its lines. sha256: of the whole text, where that was said.
-        origin: the machine as it began; None: it never did.
+        origin: the machine as it began; None: it never did. One whose operator had switched something, and
+            which never began, has the machine as it was opened.
     """
 
     status: ProgramStatus

@@ -10,6 +10,7 @@ from collections import OrderedDict
 from pathlib import Path
 
 from mcserver.errors import Refused
+from mcserver.gcode.switches import Switches
 from mcserver.service.kept_file import private
 
 # Texts that are kept, the latest used; of one text, and of all [bytes].
@@ -27,7 +28,7 @@ class KeptText:
     Attributes:
         sha256: of the whole of it. size: of the whole of it [bytes]. received: so much is there [bytes].
         lines: how many it has so far. path: the file. complete: all is there, and is what the hash says.
-        checked: a check has found no fault in it.
+        checked: the switches with which a check has found no fault in it; None: there was none.
     """
 
     def __init__(self, sha256: str, size: int, path: Path) -> None:
@@ -37,7 +38,7 @@ class KeptText:
         self.received = 0
         self.lines = 0
         self.complete = False
-        self.checked = False
+        self.checked: Switches | None = None
         self._digest = hashlib.sha256()
         self._last = b"\n"
 

@@ -10,6 +10,7 @@ from mcserver.executor.entries import Control
 from mcserver.executor.envelope_bounds import Envelope
 from mcserver.gcode.profiles.frame import Frame
 from mcserver.gcode.semantics.modal import ModalState
+from mcserver.gcode.switches import AS_WRITTEN, Switches
 from mcserver.planning.start_state import StartState
 from mcserver.service.deferred import Deferred
 from mcserver.service.line_queue import LineQueue
@@ -55,6 +56,7 @@ class Program:
         opened_at: float,
         queue: LineQueue,
         sha256: str | None = None,
+        switches: Switches = AS_WRITTEN,
     ) -> None:
         self.program = program
         self.client = client
@@ -63,6 +65,7 @@ class Program:
         self.on_disconnect = on_disconnect
         self.start_line = start_line
         self.step = step
+        self.switches = switches
         self.resume_of = resume_of
         self.opened_at = opened_at
         # how long its client may be away before it ends as `on_disconnect` says [s]
@@ -207,6 +210,8 @@ class Program:
             rejections=self.epoch,
             reason=self.reason,
             resume_of=self.resume_of,
+            block_delete=self.switches.block_delete,
+            optional_stop=self.switches.optional_stop,
             servo=None if self.targets is None else self.targets.status,
             opened_at=self.opened_at,
             ended_at=self.ended_at,

@@ -17,6 +17,7 @@ from mcserver.executor.entries import EventKind, ExecutorEvent
 from mcserver.executor.fault_codes import WARNINGS, FaultCode
 from mcserver.gcode.profiles.frame import Frame
 from mcserver.gcode.semantics.modal import ModalState
+from mcserver.gcode.switches import AS_WRITTEN, Switches
 from mcserver.machine.clearance_section import AGENT, OPERATOR
 from mcserver.machine.machine_file import Machine
 from mcserver.planning.client import PlannerProcess
@@ -146,9 +147,9 @@ class ProgramTable:
         self._holding: set[int] = set()
         self.heartbeat = Heartbeat(port.beat, lambda: self.planner.last_seen)
 
-    def start_state(self, modal: ModalState | None = None) -> StartState:
+    def start_state(self, modal: ModalState | None = None, switches: Switches = AS_WRITTEN) -> StartState:
         """Return what a program that begins now starts from."""
-        return start_state(self._machine, self.port.snapshot(), self.offsets.frame(), modal)
+        return start_state(self._machine, self.port.snapshot(), self.offsets.frame(), modal, switches)
 
     def close_journal(self) -> None:
         """Write what is left; blocks. Another server may have the journal then."""
@@ -179,6 +180,10 @@ class ProgramTable:
             sha256=program.sha256,
             by_hand=program.by_hand or bool(program.controls),
         )
+        if program.switches != AS_WRITTEN:
+            # it may never begin here: who goes on with it then has to know them
+            origin = program.origin or self.start_state(switches=program.switches)
+            self.journal.program_begun(program.program, origin)
         self.publish("program.opened", program, message=program.name)
         for at in range(0, len(known), KNOWN_LINES):
             taken = program.queue.take(program.start_line + at, known[at : at + KNOWN_LINES])
@@ -288,7 +293,7 @@ class ProgramTable:
             envelope=program.envelope,
         )
         if self._planned(program):
-            begins = self.start_state(program.modal)
+            begins = self.start_state(program.modal, program.switches)
             program.frame = (program.modal and program.modal.frame) or begins.frame or Frame()
             request = PipelineRequest(
                 program.program,
@@ -302,7 +307,7 @@ class ProgramTable:
                 role=OPERATOR if program.envelope is None else AGENT,
             )
             if not program.controls:
-                program.origin = program.origin or self.start_state()
+                program.origin = program.origin or self.start_state(switches=program.switches)
                 self.journal.program_begun(program.program, program.origin)
             self.planner.send(Begin(request, grant.slot, program.step, program.begun))
         program.modal = None

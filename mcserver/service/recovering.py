@@ -11,6 +11,7 @@ from mcserver.errors import Refused
 from mcserver.gcode.profiles.codes import SYSTEM_NUMBERS
 from mcserver.gcode.profiles.frame import Frame
 from mcserver.gcode.semantics.modal import ModalState
+from mcserver.gcode.switches import AS_WRITTEN, Switches
 from mcserver.machine.machine_file import Machine
 from mcserver.planning.client import ProcessPlanning
 from mcserver.planning.start_state import StartState, StateBefore
@@ -36,11 +37,13 @@ class Start(msgspec.Struct, frozen=True):
     Attributes:
         before: the lines before it. state: behind them; None: nothing is before it.
         origin: the machine as the program began; None: that is not known, and counts as it is now.
+        switches: of the operator.
     """
 
     before: Sequence[str]
     state: StateBefore | None
     origin: StartState | None
+    switches: Switches
 
 
 class Recovering:
@@ -109,16 +112,24 @@ class Recovering:
         return await asyncio.to_thread(read_lines_near, self._path, program, first, last)
 
     async def start_of(
-        self, axes: Sequence[int], line: int, *, before: Sequence[str] = (), program: str | None = None
+        self,
+        axes: Sequence[int],
+        line: int,
+        *,
+        before: Sequence[str] = (),
+        program: str | None = None,
+        switches: Switches | None = None,
     ) -> Start:
         """Rebuild the state before a line.
 
         Args:
             axes: of the program that starts there. before: the lines before it. program: whose lines they are
                 otherwise, and which began as the journal says.
+            switches: of the operator; None: those of ``program``.
 
         Raises:
-            ServiceError: MC503, MC511, MC514, MC517. ProgramRejected: a line before it has a fault.
+            ServiceError: MC483 the switches of ``program`` are others; MC503, MC511, MC514, MC517.
+            ProgramRejected: a line before it has a fault.
         """
         origin: StartState | None = None
         if program is not None:
@@ -131,11 +142,21 @@ class Recovering:
                 f"{len(before)} lines before line {line}: lines 1 … {line - 1} are meant",
                 "give all of them, or none",
             )
+        kept = AS_WRITTEN if origin is None else origin.switches
+        if switches is None:
+            switches = kept
+        elif program is not None and switches != kept:
+            raise Refused(
+                "MC483",
+                f"{program} has block delete {'on' if kept.block_delete else 'off'} and optional stop"
+                f" {'on' if kept.optional_stop else 'off'}",
+                "go on with the same switches, or run the file from the line: mcctl run FILE --from-line",
+            )
         if not before:
-            return Start(before, None, origin)
-        begun = origin or self._table.start_state()
+            return Start(before, None, origin, switches)
+        begun = origin or self._table.start_state(switches=switches)
         state = await asyncio.to_thread(self._planning.state_before, before, begun, frozenset(axes))
-        return Start(before, state, origin)
+        return Start(before, state, origin, switches)
 
     def plan(self, start: Start, axes: Sequence[int]) -> Approach:
         """Plan the way from where the axes are now to where a start has them."""

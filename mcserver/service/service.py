@@ -16,6 +16,7 @@ from mcserver.errors import Refused
 from mcserver.executor.entries import Control
 from mcserver.executor.envelope_bounds import Envelope
 from mcserver.gcode.semantics.modal import ModalState
+from mcserver.gcode.switches import AS_WRITTEN, Switches
 from mcserver.machine.machine_file import Machine
 from mcserver.planning.client import ProcessPlanning
 from mcserver.planning.line_marks import LineMarks
@@ -217,6 +218,7 @@ class MachineService:
         before: Sequence[str] = (),
         resume_of: str | None = None,
         step: bool = False,
+        switches: Switches | None = None,
         hold: bool = False,
         unhomed: bool = False,
         controls: Sequence[Control] = (),
@@ -232,6 +234,7 @@ class MachineService:
 
         Args:
             grace_s: how long the client may be away before ``on_disconnect`` applies.
+            switches: of the operator; None: those of ``resume_of``, which none but the same may replace.
             unhomed: it may move axes that are not homed. controls: all of a program that needs no planner.
             sha256: of its whole text, so that a simulation of the text tells how long it takes.
             by_hand: a jog or a search: in machine coordinates, and no override applies.
@@ -244,7 +247,7 @@ class MachineService:
         Raises:
             ServiceError: MC503 no program ``resume_of``, MC507 no such axis, MC508 too many programs, MC509 a
                 latched fault, MC511, MC514 the journal lacks the lines before, MC515 stopping, MC519; of a
-                start in the middle also MC450, MC512, MC592, MC593, MC594.
+                start in the middle also MC450, MC483, MC512, MC592, MC593, MC594.
         """
         self._ready()
         if self._table.journal_failure:
@@ -258,8 +261,10 @@ class MachineService:
         approach: Approach | None = None
         modal: ModalState | None = None
         if resume_of is not None or before:
-            start = await self.recovery.start_of(wanted, start_line, before=before, program=resume_of)
-            before = start.before
+            start = await self.recovery.start_of(
+                wanted, start_line, before=before, program=resume_of, switches=switches
+            )
+            before, switches = start.before, start.switches
             if start_line > 1 and before:
                 approach = self.recovery.plan(start, wanted)
                 refuse_needs(approach, way=confirmed.way, outputs=confirmed.outputs)
@@ -278,6 +283,7 @@ class MachineService:
             on_disconnect=on_disconnect,
             start_line=start_line,
             step=step,
+            switches=switches or AS_WRITTEN,
             resume_of=resume_of,
             opened_at=self.options.clock(),
             queue=LineQueue(start_line, limit_lines=max(QUEUE_LINES, len(known))),
@@ -588,13 +594,15 @@ class MachineService:
             find_program(self._table.programs, program_id)
         return found[:limit]
 
-    def foresee(self, sha256: str, marks: LineMarks, total: int | None = None) -> None:
+    def foresee(
+        self, sha256: str, marks: LineMarks, total: int | None = None, switches: Switches = AS_WRITTEN
+    ) -> None:
         """Take the times of a text from a simulation: programs that run it tell their time left by them.
 
         Args:
-            total: how many lines the text has.
+            total: how many lines the text has. switches: that it was simulated with.
         """
-        self.forecasts.take(sha256, marks, self._table.programs.values(), total)
+        self.forecasts.take(sha256, marks, self._table.programs.values(), total, switches)
 
     def estimate(self) -> None:
         """Follow the programs that run, so that their time left is true; asked for now and then."""

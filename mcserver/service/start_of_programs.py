@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from mcserver.gcode.profiles.frame import Frame
 from mcserver.gcode.semantics.modal import ModalState
+from mcserver.gcode.switches import AS_WRITTEN, Switches
 from mcserver.machine.machine_file import Machine
 from mcserver.planning.start_state import StartState
 from mcserver.service.executor_port import Snapshot
@@ -13,12 +14,17 @@ SETTLED = frozenset({"off", "standstill", "released", "fault"})
 
 
 def start_state(
-    machine: Machine, cycle: Snapshot, frame: Frame | None, modal: ModalState | None = None
+    machine: Machine,
+    cycle: Snapshot,
+    frame: Frame | None,
+    modal: ModalState | None = None,
+    switches: Switches = AS_WRITTEN,
 ) -> StartState:
     """Return the state of a machine in a cycle.
 
     Args:
         frame: work offsets that are kept; None: none. modal: of a program that starts in its middle.
+        switches: of its operator.
     """
     axes = [axis.index for axis in machine.axes]
     states = dict(zip(axes, cycle.states, strict=True))
@@ -37,4 +43,5 @@ def start_state(
         modal=modal,
         inputs=tuple(cycle.inputs),
         outputs=tuple(cycle.outputs),
+        switches=switches,
     )

@@ -17,8 +17,10 @@ from multiprocessing.connection import Connection
 from pathlib import Path
 
 import msgspec
+from mckinematics.pose import Kinematics
 
 from mcserver.errors import Diagnostic
+from mcserver.gcode.switches import Switches
 from mcserver.machine.machine_file import Machine
 from mcserver.planning.line_marks import LineMarks
 from mcserver.planning.start_state import StartState
@@ -57,13 +59,17 @@ class _Job:
     listener: Listener
     checked: bool
 
+    @property
+    def key(self) -> tuple[str, Switches]:
+        return self.sha256, self.start.switches
+
 
 class Foresight:
     """The simulations of one machine's programs; belongs to the loop."""
 
     def __init__(self) -> None:
-        self._waiting: dict[str, _Job] = {}
-        self._running: dict[str, multiprocessing.process.BaseProcess] = {}
+        self._waiting: dict[tuple[str, Switches], _Job] = {}
+        self._running: dict[tuple[str, Switches], multiprocessing.process.BaseProcess] = {}
         self._closed = False
 
     def begin(
@@ -81,10 +87,11 @@ class Foresight:
         Args:
             start: what the program starts from. checked: the text has no faults.
         """
-        if self._closed or sha256 in self._running or sha256 in self._waiting:
+        job = _Job(sha256, path, machine, start, listener, checked)
+        if self._closed or job.key in self._running or job.key in self._waiting:
             return
         if len(self._waiting) < WAITING:
-            self._waiting[sha256] = _Job(sha256, path, machine, start, listener, checked)
+            self._waiting[job.key] = job
             self._start_next()
 
     def close(self) -> None:
@@ -106,7 +113,7 @@ class Foresight:
                 daemon=True,
                 name="foresight",
             )
-            self._running[job.sha256] = process
+            self._running[job.key] = process
             # starting a process takes longer than the loop may wait
             threading.Thread(
                 target=self._follow,
@@ -145,10 +152,10 @@ class Foresight:
         if process.pid is not None:
             process.join()
         with contextlib.suppress(RuntimeError):
-            loop.call_soon_threadsafe(self._ended, job.sha256)
+            loop.call_soon_threadsafe(self._ended, job.key)
 
-    def _ended(self, sha256: str) -> None:
-        self._running.pop(sha256, None)
+    def _ended(self, key: tuple[str, Switches]) -> None:
+        self._running.pop(key, None)
         if not self._closed:
             self._start_next()
 
@@ -176,18 +183,13 @@ def foresee_file(
     Args:
         start: what it starts from; None: a machine that nobody has used. checked: it has no faults.
     """
-    from mcserver.gcode.program_check import check_lines
     from mcserver.machine.machine_kinematics import build_kinematics
     from mcserver.simulation.line_times import LineTimes
     from mcserver.simulation.simulation import simulate_lines
 
     kinematics = build_kinematics(machine)
     start = start or StartState.of(machine)
-    found = (
-        []
-        if checked
-        else check_lines(lines_in(path), machine, kinematics, positions=start.positions, frame=start.frame)
-    )
+    found = [] if checked else check_file(path, machine, start, kinematics)
     faults = [each for each in found if each.severity == "error"]
     if faults:
         tell(Foreseen(fault=faults[0]))
@@ -230,10 +232,22 @@ def lines_in(path: str) -> Iterator[str]:
         yield from lines_of(iter(lambda: file.read(BLOCK_BYTES), b""))
 
 
-def check_file(path: str, machine: Machine, start: StartState) -> list[Diagnostic]:
-    """Find the faults of a file, as `mcserver.simulation.program_checker.check_text`; runs in the worker."""
+def check_file(
+    path: str, machine: Machine, start: StartState, kinematics: Kinematics | None = None
+) -> list[Diagnostic]:
+    """Find the faults of a file, as `mcserver.simulation.program_checker.check_text`; runs in the worker.
+
+    Args:
+        kinematics: of the machine's tools; None: they are built.
+    """
     from mcserver.gcode.program_check import check_lines
     from mcserver.machine.machine_kinematics import build_kinematics
 
-    kinematics = build_kinematics(machine)
-    return check_lines(lines_in(path), machine, kinematics, positions=start.positions, frame=start.frame)
+    return check_lines(
+        lines_in(path),
+        machine,
+        kinematics or build_kinematics(machine),
+        positions=start.positions,
+        frame=start.frame,
+        switches=start.switches,
+    )

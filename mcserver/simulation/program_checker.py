@@ -274,7 +274,14 @@ def check_text(text: str, machine: Machine, start: StartState) -> list[Diagnosti
     from mcserver.machine.machine_kinematics import build_kinematics
 
     kinematics = build_kinematics(machine)
-    return check_lines(split_lines(text), machine, kinematics, positions=start.positions, frame=start.frame)
+    return check_lines(
+        split_lines(text),
+        machine,
+        kinematics,
+        positions=start.positions,
+        frame=start.frame,
+        switches=start.switches,
+    )
 
 
 def simulate_text(

@@ -167,7 +167,14 @@ def simulate_lines(
     start = given.get("start") or StartState.of(machine)
     machine = machine_for(starting_at(machine, start.positions), start.homed, moves_unhomed=False)
     if not checked:
-        faults = check_lines(source(), machine, kinematics, frame=start.frame, lease=given.get("lease"))
+        faults = check_lines(
+            source(),
+            machine,
+            kinematics,
+            frame=start.frame,
+            lease=given.get("lease"),
+            switches=start.switches,
+        )
     else:
         faults = []
     if any(fault.severity == "error" for fault in faults):

@@ -24,6 +24,7 @@ from mcserver.gcode.computing import expressions
 from mcserver.gcode.computing.macro_expansion import expansion_of
 from mcserver.gcode.line_faults import Span
 from mcserver.gcode.semantics.interpreter import Interpreter
+from mcserver.gcode.switches import AS_WRITTEN, Switches
 from mcserver.gcode.text.parser import ParsedLine
 from mcserver.machine.machine_file import Machine, parse_machine
 from mcserver.motion.canonical import Canonical, FeedGroup, MotionLine, RapidGroup
@@ -211,9 +212,11 @@ class Writer:
         return str(self._label)
 
 
-def moves_here(text: str, machine: Machine = MACHINE) -> tuple[list[Move], str]:
+def moves_here(
+    text: str, machine: Machine = MACHINE, switches: Switches = AS_WRITTEN
+) -> tuple[list[Move], str]:
     """Return ends (and centres) of the moves [mm], and the fault that ends them, if any."""
-    interpreter = Interpreter(machine)
+    interpreter = Interpreter(machine, switches=switches)
     expansion = expansion_of(interpreter)
     place = [0.0, 0.0, 0.0]
     found: list[Move] = []

@@ -22,6 +22,22 @@ def short(tmp_path: Path) -> str:
     return str(path)
 
 
+def test_block_delete_and_optional_stop_are_as_asked_for(tmp_path: Path, capfd: Capture) -> None:
+    path = tmp_path / "switched.gcode"
+    path.write_text("G1010\nF6000\n/G01 X10 Y\nG01 Z5 M01\n")
+    assert run_command_line(["check", str(path)]) == 4
+    assert run_command_line(["check", str(path), "--block-delete"]) == 0
+    path.write_text("G1010\nF6000\n/G01 X10\nG01 Z5 M01\nG01 Z9\n")
+    capfd.readouterr()
+    found = {}
+    for options in ([], ["--block-delete"], ["--no-optional-stop"]):
+        assert run_command_line(["simulate", str(path), "--json", *options]) == 0
+        found[" ".join(options)] = json.loads(capfd.readouterr().out)
+    assert [found[each]["axes"]["0"]["position"] for each in found] == [10.0, 0.0, 10.0]
+    # without the pause the motion goes on through it
+    assert found["--no-optional-stop"]["duration_s"] < found[""]["duration_s"]
+
+
 def test_json_is_one_object_of_the_documented_form(short: str, capfd: Capture) -> None:
     assert run_command_line(["simulate", short, "--json"]) == 0
     answer = json.loads(capfd.readouterr().out)

@@ -91,6 +91,27 @@ def test_send_runs_lines_as_one_program(mcctl: Run, server: FakeServer) -> None:
     assert [text for _, _, text in server.executed] == ["G91", "G01 X1"]
 
 
+def test_send_of_a_file_says_how_a_file_is_run(
+    mcctl: Run, server: FakeServer, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    for name in ("p.gcode", "G28", "G38.2"):
+        (tmp_path / name).write_text("G01 X1\n")
+    code, _, err = mcctl("send", "p.gcode")
+    assert (code, "p.gcode is a file" in err, "mcctl run p.gcode" in err) == (2, True, True)
+    assert server.executed == []
+    assert mcctl("send", "G28", "G38.2")[0] == 0
+
+
+def test_switches_of_the_operator_reach_each_call_of_a_run(
+    mcctl: Run, server: FakeServer, tmp_path: Path
+) -> None:
+    assert mcctl("run", write(tmp_path, "/G01 X1"), "--block-delete", "--no-optional-stop")[0] == 0
+    asked = {method: request for method, request in server.requests if "block_delete" in request}
+    assert {(each["block_delete"], each["optional_stop"]) for each in asked.values()} == {(True, False)}
+    assert asked.keys() == {"check", "simulate", "open"}
+
+
 def test_a_rejected_line_is_shown_with_a_caret_and_is_exit_code_4(mcctl: Run) -> None:
     code, out, err = mcctl("send", "G01 X1", "BAD X2")
     assert (code, out) == (4, "")

@@ -387,6 +387,7 @@ def test_every_field_of_the_start_counts_in_the_digest_and_in_what_has_changed()
     """A piece of state that is added to the start and forgotten in the comparison fails here."""
     from mcserver.gcode.profiles.frame import Frame
     from mcserver.gcode.semantics.modal import ModalState
+    from mcserver.gcode.switches import Switches
     from mcserver.planning.start_state import changes_between
     from mcserver.service.approval_basis import ApprovalBasis
 
@@ -402,8 +403,11 @@ def test_every_field_of_the_start_counts_in_the_digest_and_in_what_has_changed()
         "inputs": (0.0, 0.0, 0.0),
         "outputs": (1.0,),
     }
-    # what others changed at pauses is the past of a program that goes on: a run that is asked for has none
-    assert {*other, "pauses"} == set(StartState.__struct_fields__)
+    # what others changed at pauses is the past of a program that goes on: a run that is asked for has none;
+    # switches are asked for with the run, and it starts with these
+    assert {*other, "pauses", "switches"} == set(StartState.__struct_fields__)
+    skipping = msgspec.structs.replace(start, switches=Switches(block_delete=True))
+    assert basis.digest(TEXT, (0,), skipping) != basis.digest(TEXT, (0,), start)
     for field, value in other.items():
         now = msgspec.structs.replace(start, **{field: value})
         tolerance = dict.fromkeys(range(4), 1e-4)

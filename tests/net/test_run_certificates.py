@@ -95,6 +95,29 @@ async def test_a_changed_text_is_refused(site: Site) -> None:
     assert "another text" in message
 
 
+async def test_a_certificate_has_the_operators_switches_and_others_are_refused(site: Site) -> None:
+    text = "G1 X10 F6000\n/G1 X50\nM01"
+    asked = wire.RunRequestRequest(text=text, block_delete=True, optional_stop=False)
+    reply = await site.arming.request_run(BOT, asked)
+    assert reply.run is not None
+    seen = site.arming.run_preview(BOT, wire.RunPreviewRequest(sha256=reply.run.sha256))
+    approval = msgspec.structs.replace(
+        msgspec.json.decode(seen.certifiable, type=Approval), until=(NOW + HOUR).timestamp()
+    )
+    signed = sign(approval, SIGNER.certificate, SIGNER.key).decode()
+    with pytest.raises(ServiceError) as refused:
+        await site.arming.request_run(
+            BOT, msgspec.structs.replace(asked, block_delete=False, certificate=signed)
+        )
+    assert refused.value.code == "MC579"
+    certified = (await ask(site, signed, text)).run
+    assert certified is not None
+    assert (certified.state, certified.block_delete, certified.optional_stop) == ("armed", True, False)
+    program = await site.run(text)
+    assert (program.state, program.done) == ("finished", 3)
+    assert np.allclose(site.extent(), (0.0, 10.0))
+
+
 @pytest.mark.parametrize(
     ("text", "by_hand"),
     [

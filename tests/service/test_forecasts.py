@@ -8,6 +8,7 @@ from typing import Any
 import pytest
 from mcclient.cli.progress import Snapshot
 
+from mcserver.gcode.switches import Switches
 from mcserver.machine.machine_file import builtin_text, parse_machine
 from mcserver.planning.line_marks import LineMarks
 from mcserver.service import forecasts
@@ -152,6 +153,15 @@ async def test_a_simulation_of_the_text_tells_the_time_of_its_program(bench: Ben
     status = found[program.program]
     assert (status.duration_s, status.eta_s, status.progress) == (12.0, 12.0, 0.0)
     assert found[other.program].duration_s is None
+
+
+async def test_the_times_of_a_text_are_those_with_the_switches_of_its_program(bench: Bench) -> None:
+    service, sha256, skipping = bench.service, hash_of("move"), Switches(block_delete=True)
+    service.foresee(sha256, marks_of(TIMES))
+    program = await service.open("hmi", sha256=sha256, switches=skipping)
+    assert program.status().duration_s is None
+    service.foresee(sha256, marks_of({**TIMES, "duration_s": 13.0}), switches=skipping)
+    assert program.status().duration_s == 13.0
 
 
 async def test_a_simulation_under_way_gives_an_estimate_that_says_so(bench: Bench) -> None:

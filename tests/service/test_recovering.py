@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 
 from mcserver.errors import Refused, ServiceError
+from mcserver.gcode.switches import AS_WRITTEN, Switches
 from mcserver.machine.machine_file import Machine, parse_machine
 from mcserver.service.approach import Approach, Confirmed
 from mcserver.service.program import Program
@@ -64,11 +65,17 @@ class Rig:
         return self.cell
 
     async def killed_in(
-        self, machine: Machine, lines: Sequence[str], line: int, *, close: bool = True
+        self,
+        machine: Machine,
+        lines: Sequence[str],
+        line: int,
+        *,
+        close: bool = True,
+        switches: Switches | None = None,
     ) -> str:
         """Run a program until a line of it moves, and kill the server."""
         cell = await self.started(machine)
-        program = await cell.service.open("cam", name="part.nc")
+        program = await cell.service.open("cam", name="part.nc", switches=switches)
         cell.service.lines.submit("cam", program.program, 1, lines)
         if close:
             cell.service.lines.close("cam", program.program)
@@ -192,6 +199,58 @@ async def test_no_line_runs_again_and_the_call_goes_on_with_the_last_that_went_o
     for line in (None, len(PART) + 1):
         with pytest.raises(Refused, match="MC517: "):
             await cell.service.continue_program("page", name, line)
+
+
+SKIPPING = Switches(block_delete=True, optional_stop=False)
+SWITCHED = ["G1010", "G91 F6000", "G1 X10", "/G1 Y50", "G1 X10", "M01", "/G1 Y50", "G1 X10"]
+
+
+async def test_a_program_goes_on_with_the_operators_switches_that_it_had(rig: Rig) -> None:
+    name = await rig.killed_in(machine(RECOVERY), SWITCHED, 5, switches=SKIPPING)
+    cell = await rig.started(machine(RECOVERY))
+    for other in (AS_WRITTEN, Switches(block_delete=True)):
+        with pytest.raises(Refused) as refused:
+            await cell.service.open("page", start_line=5, resume_of=name, switches=other)
+        assert (refused.value.code, "block delete on" in refused.value.message) == ("MC483", True)
+    program = await rig.until_ended(await cell.service.continue_program("page", name))
+    assert (program.state, program.done, program.switches) == ("finished", len(SWITCHED), SKIPPING)
+    assert rig.path[-1] == pytest.approx((30.0, 0.0, 0.0), abs=1e-3)
+
+
+async def test_a_program_that_never_began_keeps_its_switches(rig: Rig) -> None:
+    cell = await rig.started(machine(RECOVERY))
+    before = await cell.service.open("cam")
+    waiting = await cell.service.open("cam", switches=SKIPPING)
+    cell.service.lines.submit("cam", waiting.program, 1, SWITCHED)
+    cell.service.lines.close("cam", waiting.program)
+    await cell.until(lambda: waiting.journaled == len(SWITCHED))
+    assert (before.state, waiting.state) == ("running", "queued")
+    cell = await rig.started(machine(RECOVERY))
+    program = await rig.until_ended(await cell.service.continue_program("page", waiting.program))
+    assert program.state == "finished"
+    assert rig.path[-1] == pytest.approx((30.0, 0.0, 0.0), abs=1e-3)
+
+
+async def test_a_start_from_a_line_is_behind_the_lines_that_the_switches_leave(rig: Rig) -> None:
+    cell = await rig.started(machine(RECOVERY))
+    for switches, y in ((AS_WRITTEN, 50.0), (SKIPPING, 0.0)):
+        start = await cell.service.recovery.start_of([0, 1, 2], 5, before=SWITCHED[:4], switches=switches)
+        assert start.state is not None
+        assert start.state.positions[1] == pytest.approx(y * MM)
+
+
+async def test_a_skipped_line_is_done_and_takes_a_step_of_single_line_mode(rig: Rig) -> None:
+    cell = await rig.started(machine())
+    program = await cell.service.open("cam", step=True, switches=SKIPPING)
+    cell.service.lines.submit("cam", program.program, 1, SWITCHED)
+    cell.service.lines.close("cam", program.program)
+    for line in range(1, len(SWITCHED) + 1):
+        assert program.done == line - 1
+        cell.service.step("cam", program.program)
+        await cell.until(lambda line=line: program.done == line)  # type: ignore[misc]
+    await cell.until(lambda: program.ended)
+    assert cell.position(0) == pytest.approx(30.0 * MM, abs=1e-6)
+    assert cell.position(1) == 0.0
 
 
 def lines_ended(events: Sequence[Event], program: str) -> list[int]:

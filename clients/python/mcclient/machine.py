@@ -208,6 +208,8 @@ class Machine(MachineCalls):
         start_line: int = 1,
         before: Sequence[str] = (),
         step: bool = False,
+        block_delete: bool | None = None,
+        optional_stop: bool | None = None,
         hold: bool = False,
         text: str | None = None,
         sha256: str | None = None,
@@ -229,6 +231,8 @@ class Machine(MachineCalls):
             before: the lines 1 … start_line - 1. They do not run: what they energize is energized, modal
                 state is as behind them, and the axes go to where they end, as `continue_program` says.
             step: a line starts only when `Program.step` asks for it.
+            block_delete: lines that begin with ``/`` are skipped; without it they are carried out.
+            optional_stop: False: M01 does not pause.
             hold: begin held.
             text: all of it, if known: once `simulate` was called with it, before or after, the program's
                 status tells how long it takes. It has to be sent all the same.
@@ -250,6 +254,8 @@ class Machine(MachineCalls):
                     start_line=start_line,
                     before=before,
                     step=step,
+                    block_delete=block_delete,
+                    optional_stop=optional_stop,
                     hold=hold,
                     sha256=known,
                     at_pause=at_pause,

@@ -71,6 +71,8 @@ class MachineCalls:
         at_pause: bool = False,
         way: bool = False,
         outputs: wire.OutputsWord | None = None,
+        block_delete: bool | None = None,
+        optional_stop: bool | None = None,
         deadline_s: float = 5.0,
     ) -> wire.OpenReply:
         """Open a program, queued for its axes.
@@ -93,6 +95,9 @@ class MachineCalls:
                 other's end.
             way: of a start in the middle, as in `ContinueRequest`.
             outputs: of a start in the middle, as in `ContinueRequest`.
+            block_delete: lines that begin with ``/`` are skipped, until the program ends; None: they are
+                carried out as if it were not there, but ``resume_of`` keeps what it had (D-98).
+            optional_stop: whether M01 pauses; None: it does, but ``resume_of`` keeps what it had.
         """
         self._declare_token()
         return await self._caller.ask(
@@ -112,6 +117,8 @@ class MachineCalls:
                 "at_pause": at_pause,
                 "way": way,
                 "outputs": outputs,
+                "block_delete": block_delete,
+                "optional_stop": optional_stop,
             },
             deadline_s,
         )
@@ -123,6 +130,8 @@ class MachineCalls:
         line: int | None = None,
         before: Sequence[str] = (),
         axes: Sequence[int] | None = None,
+        block_delete: bool | None = None,
+        optional_stop: bool | None = None,
         deadline_s: float = 15.0,
     ) -> wire.Continuation:
         """Tell how a program would go on in its middle: what is certain, where the axes are and where it has
@@ -133,6 +142,8 @@ class MachineCalls:
             line: the first that would run; None: the one behind the last that is done.
             before: lines 1 … line - 1 of a text, instead of ``program``.
             axes: of it; None: all of the machine.
+            block_delete: of the text, as of `OpenRequest`; a program keeps what it had.
+            optional_stop: of the text, as of `OpenRequest`; a program keeps what it had.
         """
         return await self._caller.ask(
             wire.Continuation,
@@ -142,6 +153,8 @@ class MachineCalls:
                 "line": line,
                 "before": list(before),
                 "axes": None if axes is None else list(axes),
+                "block_delete": block_delete,
+                "optional_stop": optional_stop,
             },
             deadline_s,
         )
@@ -458,6 +471,8 @@ class MachineCalls:
         *,
         positions: Mapping[int, float] | None = None,
         sha256: str | None = None,
+        block_delete: bool | None = None,
+        optional_stop: bool | None = None,
         deadline_s: float = 300.0,
     ) -> wire.CheckReply:
         """Find every fault of a program's text; nothing runs.
@@ -465,6 +480,8 @@ class MachineCalls:
         Args:
             text: the whole of it; or sha256: of one that was handed over by ``put_text``.
             positions: start the axes there [mm, deg].
+            block_delete: as of `OpenRequest`.
+            optional_stop: as of `OpenRequest`.
         """
         return await self._caller.ask(
             wire.CheckReply,
@@ -475,6 +492,8 @@ class MachineCalls:
                 if positions is None
                 else {str(key): each for key, each in positions.items()},
                 "sha256": sha256,
+                "block_delete": block_delete,
+                "optional_stop": optional_stop,
             },
             deadline_s,
         )
@@ -489,6 +508,8 @@ class MachineCalls:
         assertions: Sequence[wire.Assertion] = (),
         against: str | None = None,
         role: wire.RunRoleWord | None = None,
+        block_delete: bool | None = None,
+        optional_stop: bool | None = None,
         deadline_s: float = 300.0,
     ) -> wire.SimulateReply:
         """Run a program's text on a virtual clock: its times, travels and faults.
@@ -503,6 +524,8 @@ class MachineCalls:
                 motion.
             role: whose run it is to be: `agent`, one that a person approves, or `operator`, any other; zones
                 of the other do not count. None: all zones do.
+            block_delete: as of `OpenRequest`.
+            optional_stop: as of `OpenRequest`.
         """
         return await self._caller.ask(
             wire.SimulateReply,
@@ -517,6 +540,8 @@ class MachineCalls:
                 "assertions": list(assertions),
                 "against": against,
                 "role": role,
+                "block_delete": block_delete,
+                "optional_stop": optional_stop,
             },
             deadline_s,
         )
@@ -546,6 +571,8 @@ class MachineCalls:
         *,
         axes: Sequence[int] | None = None,
         certificate: str | None = None,
+        block_delete: bool | None = None,
+        optional_stop: bool | None = None,
         deadline_s: float = 300.0,
     ) -> wire.RunRequestReply:
         """Ask for a run that an operator has to arm.
@@ -558,6 +585,8 @@ class MachineCalls:
             axes: the only axes that it may move; None: those that the text names.
             certificate: a file of ``mcserver certify`` for this very run, which arms it; None: a person has
                 to.
+            block_delete: as of `OpenRequest`, and part of what is approved; a certificate has its own.
+            optional_stop: as of `OpenRequest`, and part of what is approved; a certificate has its own.
         """
         self._declare_token()
         return await self._caller.ask(
@@ -568,6 +597,8 @@ class MachineCalls:
                 "name": name,
                 "axes": None if axes is None else list(axes),
                 "certificate": certificate,
+                "block_delete": block_delete,
+                "optional_stop": optional_stop,
             },
             deadline_s,
         )

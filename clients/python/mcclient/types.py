@@ -638,6 +638,8 @@ class Continuation:
         way: the moves that bring them there, in order.
         switched: what the program had switched otherwise than it is now.
         needs: what stands in the way; one that has `confirm` passes with that field of the request.
+        block_delete: what it goes on with.
+        optional_stop: what it goes on with.
     """
 
     program: str
@@ -656,6 +658,8 @@ class Continuation:
     way: tuple[WayStep, ...]
     switched: tuple[Switched, ...]
     needs: tuple[Need, ...]
+    block_delete: bool = False
+    optional_stop: bool = True
 
 
 @dataclass(frozen=True, slots=True)
@@ -1149,6 +1153,10 @@ class ProgramStatus:
         rejections: as in `Ack`; 0 in programs of an earlier start of the server.
         servo: of a program in servo mode; None: it is none.
         reason: as in `Ack`.
+        block_delete: as of `OpenRequest`; not said of programs of an earlier start of the server
+            (`continuation` tells them).
+        optional_stop: as of `OpenRequest`; not said of programs of an earlier start of the server
+            (`continuation` tells them).
     """
 
     program: str
@@ -1178,6 +1186,8 @@ class ProgramStatus:
     rejections: int = 0
     servo: ServoStatus | None = None
     reason: str = ""
+    block_delete: bool = False
+    optional_stop: bool = True
 
 
 @dataclass(frozen=True, slots=True)
@@ -1496,6 +1506,8 @@ class RunRequestStatus:
         changed: what of that is no longer as it was, a sentence each; while there is any it cannot start.
         approval: hash of the approval for a while that has armed it, inside of whose envelope it stays.
         beyond: what of it is outside of the one that its client has, a sentence each.
+        block_delete: what the run has of them, as of `OpenRequest`.
+        optional_stop: what the run has of them, as of `OpenRequest`.
     """
 
     sha256: str
@@ -1516,6 +1528,8 @@ class RunRequestStatus:
     changed: tuple[str, ...] = ()
     approval: str = ""
     beyond: tuple[str, ...] = ()
+    block_delete: bool = False
+    optional_stop: bool = True
 
 
 @dataclass(frozen=True, slots=True)

@@ -61,6 +61,20 @@ impl ProgramOptions {
         self
     }
 
+    /// Skips lines that begin with `/`.
+    #[must_use]
+    pub fn block_delete(mut self) -> Self {
+        self.0.block_delete = Some(true);
+        self
+    }
+
+    /// Says whether M01 pauses; it does otherwise.
+    #[must_use]
+    pub fn optional_stop(mut self, pauses: bool) -> Self {
+        self.0.optional_stop = Some(pauses);
+        self
+    }
+
     /// Begins held.
     #[must_use]
     pub fn hold(mut self) -> Self {

@@ -258,6 +258,10 @@ export interface CheckRequest {
   /** start the axes there [mm, deg]. */
   positions?: Record<string, number> | null | undefined;
   sha256?: string | null | undefined;
+  /** as of `OpenRequest`. */
+  block_delete?: boolean | null | undefined;
+  /** as of `OpenRequest`. */
+  optional_stop?: boolean | null | undefined;
 }
 
 /** The least distances of a run's bodies. */
@@ -322,6 +326,10 @@ export interface Continuation {
   switched: Switched[];
   /** what stands in the way; one that has `confirm` passes with that field of the request. */
   needs: Need[];
+  /** what it goes on with. */
+  block_delete?: boolean;
+  /** what it goes on with. */
+  optional_stop?: boolean;
 }
 
 /** What a start in the middle of a program would do; nothing moves. */
@@ -334,6 +342,10 @@ export interface ContinuationRequest {
   before?: string[] | undefined;
   /** of it; null: all of the machine. */
   axes?: number[] | null | undefined;
+  /** of the text, as of `OpenRequest`; a program keeps what it had. */
+  block_delete?: boolean | null | undefined;
+  /** of the text, as of `OpenRequest`; a program keeps what it had. */
+  optional_stop?: boolean | null | undefined;
 }
 
 /** The program that goes on, as `OpenReply`. */
@@ -872,6 +884,13 @@ export interface OpenRequest {
   way?: boolean | undefined;
   /** of a start in the middle, as in `ContinueRequest`. */
   outputs?: Outputs | null | undefined;
+  /**
+   * lines that begin with `/` are skipped, until the program ends; null: they are carried out as if it were not
+   * there, but `resume_of` keeps what it had (D-98).
+   */
+  block_delete?: boolean | null | undefined;
+  /** whether M01 pauses; null: it does, but `resume_of` keeps what it had. */
+  optional_stop?: boolean | null | undefined;
 }
 
 /** One output. */
@@ -979,6 +998,10 @@ export interface ProgramStatus {
   servo?: ServoStatus | null;
   /** as in `Ack`. */
   reason?: string;
+  /** as of `OpenRequest`; not said of programs of an earlier start of the server (`continuation` tells them). */
+  block_delete?: boolean;
+  /** as of `OpenRequest`; not said of programs of an earlier start of the server (`continuation` tells them). */
+  optional_stop?: boolean;
 }
 
 /** Newest first. */
@@ -1177,6 +1200,10 @@ export interface RunRequestRequest {
   axes?: number[] | null | undefined;
   /** a file of `mcserver certify` for this very run, which arms it; null: a person has to. */
   certificate?: string | null | undefined;
+  /** as of `OpenRequest`, and part of what is approved; a certificate has its own. */
+  block_delete?: boolean | null | undefined;
+  /** as of `OpenRequest`, and part of what is approved; a certificate has its own. */
+  optional_stop?: boolean | null | undefined;
 }
 
 /** A request: what would move, how far, how long; `remaining_s` until it or its arming is over. */
@@ -1208,6 +1235,10 @@ export interface RunRequestStatus {
   approval?: string;
   /** what of it is outside of the one that its client has, a sentence each. */
   beyond?: string[];
+  /** what the run has of them, as of `OpenRequest`. */
+  block_delete?: boolean;
+  /** what the run has of them, as of `OpenRequest`. */
+  optional_stop?: boolean;
 }
 
 /** The oldest first. */
@@ -1390,6 +1421,10 @@ export interface SimulateRequest {
    * not count. null: all zones do.
    */
   role?: RunRole | null | undefined;
+  /** as of `OpenRequest`. */
+  block_delete?: boolean | null | undefined;
+  /** as of `OpenRequest`. */
+  optional_stop?: boolean | null | undefined;
 }
 
 /** Points at even distances along the axes' travel. */

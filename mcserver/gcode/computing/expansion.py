@@ -31,6 +31,7 @@ from mcserver.gcode.computing.parameters import Kept, ParameterTable, check_own
 from mcserver.gcode.line_faults import Origin, Span, in_file
 from mcserver.gcode.semantics.interpreter import Interpreter
 from mcserver.gcode.text.parser import ParsedLine
+from mcserver.gcode.text.source import split_lines
 from mcserver.motion.canonical import Canonical
 
 # Steps of one program: an endless loop is found.
@@ -185,6 +186,7 @@ class Expansion:
         self.head = 0
 
     def _take(self, text: str, number: int) -> None:
+        text = self._interpreter.switches.read(text)
         if not self._interpreter.computes or not self._compute(text, number):
             self._ready = self._interpreter.parse(text, number)
         if not self.head:
@@ -407,10 +409,15 @@ class Expansion:
         text = self._interpreter.machine.dialect.subroutines.get(name)
         if text is None:
             return None
+        number = 0
         try:
-            routine = self._compile_file(name, text)
+            lines = split_lines(text)
+            for number, line in enumerate(lines, start=1):
+                lines[number - 1] = self._interpreter.switches.read(line)
+            number = 0
+            routine = self._compile_file(name, "\n".join(lines))
         except ComputingError as error:
-            message = f"{shown_name(name)} of the machine's folder, line {error.line}: {error}"
+            message = f"{shown_name(name)} of the machine's folder, line {error.line or number}: {error}"
             raise ComputingError(error.code, message, step.span, error.hint) from None
         routine.file = f"{shown_name(name)} of the machine's folder"
         return routine

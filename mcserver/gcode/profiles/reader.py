@@ -145,8 +145,6 @@ class ProfileReader:
             faults.add("MC140", COMPUTED, (1, len(code.rstrip()) + 1), "let the post write plain numbers")
             return nothing()
         code = _CHECKSUM.sub(lambda match: " " * len(match[0]), code)
-        if stripped.startswith("/"):
-            code = code.replace("/", " ", 1)
         return self._sort(text, code, number, faults)
 
     def _sort(self, text: str, code: str, number: int, faults: FaultList) -> ParsedLine:

@@ -156,7 +156,7 @@ class BlockInterpreter:
         elif kind is Kind.AXIS:
             assert spec.operation is not None
             self._axis_command(command, spec.operation)
-        elif kind is Kind.PROGRAM:
+        elif kind is Kind.PROGRAM and (spec.number != 1 or self.block.setup.switches.optional_stop):
             number = self.block.parsed.number
             self.ended = spec.number in (2, 30)
             self._add(EndLine(number) if self.ended else PauseLine(number))

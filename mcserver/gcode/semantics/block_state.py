@@ -16,6 +16,7 @@ from mcserver.gcode.semantics.arc_geometry import RadiusTolerance, radius_tolera
 from mcserver.gcode.semantics.commanded_state import CommandedState
 from mcserver.gcode.semantics.compensation_state import Compensation
 from mcserver.gcode.semantics.modal import Feed, ModalState
+from mcserver.gcode.switches import AS_WRITTEN, Switches
 from mcserver.gcode.text.parser import ParsedLine
 from mcserver.gcode.text.profile_words import Action, ProfileWord
 from mcserver.gcode.text.syntax import Command
@@ -36,6 +37,7 @@ class Setup(msgspec.Struct, frozen=True):
         chains: axes of each tool, in the chain's order.
         tools_of: tools that use an axis.
         dynamics: of joints with torque limits; None without any.
+        switches: of the operator.
     """
 
     machine: Machine
@@ -45,9 +47,15 @@ class Setup(msgspec.Struct, frozen=True):
     chains: Mapping[int, tuple[int, ...]]
     tools_of: Mapping[int, tuple[int, ...]]
     dynamics: JointDynamics | None = None
+    switches: Switches = AS_WRITTEN
 
 
-def set_up(machine: Machine, kinematics: Kinematics | None, lease: frozenset[int] | None) -> Setup:
+def set_up(
+    machine: Machine,
+    kinematics: Kinematics | None,
+    lease: frozenset[int] | None,
+    switches: Switches = AS_WRITTEN,
+) -> Setup:
     """Build the tables of a machine; without a lease the program may use all its axes."""
     # a second drive does what its leader is told
     axes = {axis.index: axis for axis in machine.axes if axis.gantry is None}
@@ -63,6 +71,7 @@ def set_up(machine: Machine, kinematics: Kinematics | None, lease: frozenset[int
             {axis: tuple(tool for tool, chain in chains.items() if axis in chain) for axis in axes}
         ),
         dynamics=dynamics if dynamics is not None and dynamics.limited else None,
+        switches=switches,
     )
 
 

@@ -22,6 +22,7 @@ from mcserver.gcode.semantics.compensation_state import Compensation
 from mcserver.gcode.semantics.modal import INITIAL, ModalState, initial_modal, with_tables
 from mcserver.gcode.semantics.position_sync import find_axes_to_sync
 from mcserver.gcode.semantics.tip_moves import tip_coordinates
+from mcserver.gcode.switches import AS_WRITTEN, Switches
 from mcserver.gcode.text.command_table import Kind
 from mcserver.gcode.text.parser import ParsedLine
 from mcserver.gcode.text.words import Word
@@ -42,6 +43,7 @@ class Interpreter:
         frame: work offsets to start from where ``modal`` is None (D-62).
         machine_coordinates: read lines as the reference has them, in positions of the axes whatever the
             machine's profile and ``frame`` say, until `begin_program`.
+        switches: of the operator (D-98); block delete is for who reads the text (`Switches.read`).
     """
 
     def __init__(
@@ -54,8 +56,9 @@ class Interpreter:
         modal: ModalState | None = None,
         frame: Frame | None = None,
         machine_coordinates: bool = False,
+        switches: Switches = AS_WRITTEN,
     ) -> None:
-        self._setup = set_up(machine, kinematics, lease)
+        self._setup = set_up(machine, kinematics, lease, switches)
         initial = {axis.index: axis.initial_position for axis in machine.axes}
         self._commanded = CommandedState({**initial, **(positions or {})})
         self._modal = initial_modal(machine, frame) if modal is None else modal
@@ -91,6 +94,11 @@ class Interpreter:
     def machine(self) -> Machine:
         """Return the machine whose programs are read."""
         return self._setup.machine
+
+    @property
+    def switches(self) -> Switches:
+        """Return the operator's switches."""
+        return self._setup.switches
 
     @property
     def computes(self) -> bool:

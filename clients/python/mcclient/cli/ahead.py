@@ -42,6 +42,13 @@ class JobOptions:
     interactive: bool
     way: bool = False
     outputs: OutputsChoice | None = None
+    block_delete: bool = False
+    optional_stop: bool = True
+
+    @property
+    def switches(self) -> dict[str, bool]:
+        """Return the operator's switches as the calls take them."""
+        return {"block_delete": self.block_delete, "optional_stop": self.optional_stop}
 
 
 class Ahead:
@@ -96,10 +103,10 @@ class Ahead:
 
     async def _check(self, machine: Machine) -> CheckReply:
         if self._file is None:
-            return await machine.check(self._text, positions=self._standing)
+            return await machine.check(self._text, positions=self._standing, **self._options.switches)
         say(f"checking {self._source.total} lines of {self._source.name}; --no-check starts at once")
         await self._hand_over(machine)
-        return await machine.check(positions=self._standing, sha256=self.sha256)
+        return await machine.check(positions=self._standing, sha256=self.sha256, **self._options.switches)
 
     def _show(self, found: CheckReply) -> None:
         show_diagnostics(found.diagnostics, self._source.line_at, self._source.name)
@@ -137,7 +144,11 @@ class Ahead:
                 await self._hand_over(machine)
                 return
             report = await machine.simulate(
-                self._text, positions=self._standing, lines=False, role="operator"
+                self._text,
+                positions=self._standing,
+                lines=False,
+                role="operator",
+                **self._options.switches,
             )
         except MotionError:
             # the run says its own faults; the time left is estimated from the lines then

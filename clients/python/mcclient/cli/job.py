@@ -130,6 +130,7 @@ class Job:
             start_line=options.from_line,
             before=before,
             step=options.step,
+            **options.switches,
             sha256=self._ahead.sha256,
             way=options.way,
             outputs=outputs_of(options.outputs),

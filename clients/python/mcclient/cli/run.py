@@ -47,6 +47,12 @@ def run(
         typer.Option("--record", metavar="OUT.npz", help="Keep the path really taken, cycle by cycle."),
     ] = None,
     step: Annotated[bool, typer.Option("--step", help="Line by line: Enter starts the next one.")] = False,
+    block_delete: Annotated[
+        bool, typer.Option("--block-delete", help="Skip lines that begin with /.")
+    ] = False,
+    optional_stop: Annotated[
+        bool, typer.Option("--optional-stop/--no-optional-stop", help="Whether M01 is a pause.")
+    ] = True,
     check: Annotated[
         bool, typer.Option("--check/--no-check", help="Look for faults in the whole text first.")
     ] = True,
@@ -70,6 +76,7 @@ def run(
     """
     if certificate is not None:
         plain = (axes, record, outputs) == (None, None, None) and (from_line, step, way) == (1, False, False)
+        plain = plain and (block_delete, optional_stop) == (False, True)
         with errors_shown(json):
             if not plain:
                 raise RequestRefused(
@@ -88,6 +95,8 @@ def run(
             json=json,
             way=way,
             outputs=outputs,
+            block_delete=block_delete,
+            optional_stop=optional_stop,
             interactive=sys.stdin.isatty() and narration().is_terminal and file != "-",
         )
         if step and file == "-":

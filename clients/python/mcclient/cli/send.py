@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from typing import Annotated, Any
 
 import typer
@@ -14,7 +15,7 @@ from mcclient.cli.options import (
     parse_axes,
 )
 from mcclient.cli.output import carry_out, error_as_json, exit_code_of, results, write_json
-from mcclient.errors import ProgramRejected
+from mcclient.errors import ProgramRejected, RequestRefused
 
 
 def send(
@@ -34,6 +35,10 @@ def send(
     texts = [text for argument in lines for text in argument.splitlines() or [""]]
 
     async def work() -> dict[str, Any] | ProgramRejected:
+        for argument in lines:
+            # a file G28 takes nothing from the line G28
+            if os.path.splitext(argument)[1][1:2].isalpha() and os.path.isfile(argument):
+                raise RequestRefused("MC511", f"{argument} is a file", f"mcctl run {argument}")
         async with target.open() as one:
             program = await one.program(
                 "mcctl send",

@@ -336,6 +336,10 @@ pub struct CheckRequest {
     /// start the axes there \[mm, deg\].
     pub positions: Option<BTreeMap<String, f64>>,
     pub sha256: Option<String>,
+    /// as of `OpenRequest`.
+    pub block_delete: Option<bool>,
+    /// as of `OpenRequest`.
+    pub optional_stop: Option<bool>,
 }
 
 impl CheckRequest {
@@ -425,6 +429,16 @@ pub struct Continuation {
     pub switched: Vec<Switched>,
     /// what stands in the way; one that has `confirm` passes with that field of the request.
     pub needs: Vec<Need>,
+    /// what it goes on with.
+    #[serde(default)]
+    pub block_delete: bool,
+    /// what it goes on with.
+    #[serde(default = "continuation_optional_stop")]
+    pub optional_stop: bool,
+}
+
+fn continuation_optional_stop() -> bool {
+    true
 }
 
 /// What a start in the middle of a program would do; nothing moves.
@@ -438,6 +452,10 @@ pub struct ContinuationRequest {
     pub before: Vec<String>,
     /// of it; none: all of the machine.
     pub axes: Option<Vec<u64>>,
+    /// of the text, as of `OpenRequest`; a program keeps what it had.
+    pub block_delete: Option<bool>,
+    /// of the text, as of `OpenRequest`; a program keeps what it had.
+    pub optional_stop: Option<bool>,
 }
 
 impl ContinuationRequest {
@@ -1180,6 +1198,11 @@ pub struct OpenRequest {
     pub way: bool,
     /// of a start in the middle, as in `ContinueRequest`.
     pub outputs: Option<Outputs>,
+    /// lines that begin with `/` are skipped, until the program ends; none: they are carried out as if it
+    /// were not there, but `resume_of` keeps what it had (D-98).
+    pub block_delete: Option<bool>,
+    /// whether M01 pauses; none: it does, but `resume_of` keeps what it had.
+    pub optional_stop: Option<bool>,
 }
 
 impl OpenRequest {
@@ -1200,6 +1223,8 @@ impl OpenRequest {
             at_pause: false,
             way: false,
             outputs: None,
+            block_delete: None,
+            optional_stop: None,
         }
     }
 }
@@ -1368,10 +1393,22 @@ pub struct ProgramStatus {
     /// as in `Ack`.
     #[serde(default)]
     pub reason: String,
+    /// as of `OpenRequest`; not said of programs of an earlier start of the server (`continuation` tells
+    /// them).
+    #[serde(default)]
+    pub block_delete: bool,
+    /// as of `OpenRequest`; not said of programs of an earlier start of the server (`continuation` tells
+    /// them).
+    #[serde(default = "program_status_optional_stop")]
+    pub optional_stop: bool,
 }
 
 fn program_status_simulated() -> f64 {
     1.0
+}
+
+fn program_status_optional_stop() -> bool {
+    true
 }
 
 /// Newest first.
@@ -1723,6 +1760,10 @@ pub struct RunRequestRequest {
     pub axes: Option<Vec<u64>>,
     /// a file of `mcserver certify` for this very run, which arms it; none: a person has to.
     pub certificate: Option<String>,
+    /// as of `OpenRequest`, and part of what is approved; a certificate has its own.
+    pub block_delete: Option<bool>,
+    /// as of `OpenRequest`, and part of what is approved; a certificate has its own.
+    pub optional_stop: Option<bool>,
 }
 
 impl RunRequestRequest {
@@ -1734,6 +1775,8 @@ impl RunRequestRequest {
             name: String::new(),
             axes: None,
             certificate: None,
+            block_delete: None,
+            optional_stop: None,
         }
     }
 }
@@ -1777,6 +1820,16 @@ pub struct RunRequestStatus {
     /// what of it is outside of the one that its client has, a sentence each.
     #[serde(default)]
     pub beyond: Vec<String>,
+    /// what the run has of them, as of `OpenRequest`.
+    #[serde(default)]
+    pub block_delete: bool,
+    /// what the run has of them, as of `OpenRequest`.
+    #[serde(default = "run_request_status_optional_stop")]
+    pub optional_stop: bool,
+}
+
+fn run_request_status_optional_stop() -> bool {
+    true
 }
 
 /// The oldest first.
@@ -2045,6 +2098,10 @@ pub struct SimulateRequest {
     /// whose run it is to be: `agent`, one that a person approves, or `operator`, any other; zones of the
     /// other do not count. none: all zones do.
     pub role: Option<RunRole>,
+    /// as of `OpenRequest`.
+    pub block_delete: Option<bool>,
+    /// as of `OpenRequest`.
+    pub optional_stop: Option<bool>,
 }
 
 impl SimulateRequest {
@@ -2059,6 +2116,8 @@ impl SimulateRequest {
             assertions: Vec::new(),
             against: None,
             role: None,
+            block_delete: None,
+            optional_stop: None,
         }
     }
 }

@@ -336,26 +336,39 @@ public final class Messages {
      * Every fault of a program's text; nothing runs.
      * @param text the whole of it; or sha256: of one that was handed over by `put_text`.
      * @param positions start the axes there [mm, deg].
+     * @param blockDelete as of `OpenRequest`.
+     * @param optionalStop as of `OpenRequest`.
      */
-    public record CheckRequest(String text, Map<String, Double> positions, String sha256) {
+    public record CheckRequest(
+            String text, Map<String, Double> positions, String sha256, Boolean blockDelete, Boolean optionalStop) {
         /** All that may be left out as the server has it. */
         public CheckRequest() {
-            this(null, null, null);
+            this(null, null, null, null, null);
         }
 
         /** The same with another {@code text}. */
         public CheckRequest withText(String text) {
-            return new CheckRequest(text, positions, sha256);
+            return new CheckRequest(text, positions, sha256, blockDelete, optionalStop);
         }
 
         /** The same with another {@code positions}. */
         public CheckRequest withPositions(Map<String, Double> positions) {
-            return new CheckRequest(text, positions, sha256);
+            return new CheckRequest(text, positions, sha256, blockDelete, optionalStop);
         }
 
         /** The same with another {@code sha256}. */
         public CheckRequest withSha256(String sha256) {
-            return new CheckRequest(text, positions, sha256);
+            return new CheckRequest(text, positions, sha256, blockDelete, optionalStop);
+        }
+
+        /** The same with another {@code blockDelete}. */
+        public CheckRequest withBlockDelete(Boolean blockDelete) {
+            return new CheckRequest(text, positions, sha256, blockDelete, optionalStop);
+        }
+
+        /** The same with another {@code optionalStop}. */
+        public CheckRequest withOptionalStop(Boolean optionalStop) {
+            return new CheckRequest(text, positions, sha256, blockDelete, optionalStop);
         }
     }
 
@@ -405,11 +418,14 @@ public final class Messages {
      * @param way the moves that bring them there, in order.
      * @param switched what the program had switched otherwise than it is now.
      * @param needs what stands in the way; one that has `confirm` passes with that field of the request.
+     * @param blockDelete what it goes on with.
+     * @param optionalStop what it goes on with.
      */
     public record Continuation(
             String program, String name, @Nil ProgramState state, long done, long accepted, boolean whole, @Nil String
             sha256, long line, long first, List<String> lines, List<String> modal, List<Long> energize, List<AxisStart>
-            axes, List<WayStep> way, List<Switched> switched, List<Need> needs) {}
+            axes, List<WayStep> way, List<Switched> switched, List<Need> needs, @Sparse boolean blockDelete, @Sparse
+            boolean optionalStop) {}
 
     /**
      * What a start in the middle of a program would do; nothing moves.
@@ -417,31 +433,44 @@ public final class Messages {
      * @param line the first that would run; null: the one behind the last that is done.
      * @param before lines 1 … line - 1 of a text, instead of `program`.
      * @param axes of it; null: all of the machine.
+     * @param blockDelete of the text, as of `OpenRequest`; a program keeps what it had.
+     * @param optionalStop of the text, as of `OpenRequest`; a program keeps what it had.
      */
-    public record ContinuationRequest(String program, Long line, List<String> before, List<Long> axes) {
+    public record ContinuationRequest(
+            String program, Long line, List<String> before, List<Long> axes, Boolean blockDelete, Boolean optionalStop) {
         /** All that may be left out as the server has it. */
         public ContinuationRequest() {
-            this(null, null, List.of(), null);
+            this(null, null, List.of(), null, null, null);
         }
 
         /** The same with another {@code program}. */
         public ContinuationRequest withProgram(String program) {
-            return new ContinuationRequest(program, line, before, axes);
+            return new ContinuationRequest(program, line, before, axes, blockDelete, optionalStop);
         }
 
         /** The same with another {@code line}. */
         public ContinuationRequest withLine(Long line) {
-            return new ContinuationRequest(program, line, before, axes);
+            return new ContinuationRequest(program, line, before, axes, blockDelete, optionalStop);
         }
 
         /** The same with another {@code before}. */
         public ContinuationRequest withBefore(List<String> before) {
-            return new ContinuationRequest(program, line, before, axes);
+            return new ContinuationRequest(program, line, before, axes, blockDelete, optionalStop);
         }
 
         /** The same with another {@code axes}. */
         public ContinuationRequest withAxes(List<Long> axes) {
-            return new ContinuationRequest(program, line, before, axes);
+            return new ContinuationRequest(program, line, before, axes, blockDelete, optionalStop);
+        }
+
+        /** The same with another {@code blockDelete}. */
+        public ContinuationRequest withBlockDelete(Boolean blockDelete) {
+            return new ContinuationRequest(program, line, before, axes, blockDelete, optionalStop);
+        }
+
+        /** The same with another {@code optionalStop}. */
+        public ContinuationRequest withOptionalStop(Boolean optionalStop) {
+            return new ContinuationRequest(program, line, before, axes, blockDelete, optionalStop);
         }
     }
 
@@ -902,78 +931,92 @@ public final class Messages {
      *     tool; refused (MC512) where it would have to wait. Without it a program waits for the other's end.
      * @param way of a start in the middle, as in `ContinueRequest`.
      * @param outputs of a start in the middle, as in `ContinueRequest`.
+     * @param blockDelete lines that begin with `/` are skipped, until the program ends; null: they are carried out
+     *     as if it were not there, but `resume_of` keeps what it had (D-98).
+     * @param optionalStop whether M01 pauses; null: it does, but `resume_of` keeps what it had.
      */
     public record OpenRequest(
             String name, List<Long> axes, OnDisconnect onDisconnect, double graceS, long startLine, List<String> before,
-            String resumeOf, boolean step, boolean hold, String sha256, boolean atPause, boolean way, Outputs outputs) {
+            String resumeOf, boolean step, boolean hold, String sha256, boolean atPause, boolean way, Outputs outputs,
+            Boolean blockDelete, Boolean optionalStop) {
         /** All that may be left out as the server has it. */
         public OpenRequest() {
-            this("", null, OnDisconnect.STOP, 10.0, 1, List.of(), null, false, false, null, false, false, null);
+            this("", null, OnDisconnect.STOP, 10.0, 1, List.of(), null, false, false, null, false, false, null, null, null);
         }
 
         /** The same with another {@code name}. */
         public OpenRequest withName(String name) {
-            return new OpenRequest(name, axes, onDisconnect, graceS, startLine, before, resumeOf, step, hold, sha256, atPause, way, outputs);
+            return new OpenRequest(name, axes, onDisconnect, graceS, startLine, before, resumeOf, step, hold, sha256, atPause, way, outputs, blockDelete, optionalStop);
         }
 
         /** The same with another {@code axes}. */
         public OpenRequest withAxes(List<Long> axes) {
-            return new OpenRequest(name, axes, onDisconnect, graceS, startLine, before, resumeOf, step, hold, sha256, atPause, way, outputs);
+            return new OpenRequest(name, axes, onDisconnect, graceS, startLine, before, resumeOf, step, hold, sha256, atPause, way, outputs, blockDelete, optionalStop);
         }
 
         /** The same with another {@code onDisconnect}. */
         public OpenRequest withOnDisconnect(OnDisconnect onDisconnect) {
-            return new OpenRequest(name, axes, onDisconnect, graceS, startLine, before, resumeOf, step, hold, sha256, atPause, way, outputs);
+            return new OpenRequest(name, axes, onDisconnect, graceS, startLine, before, resumeOf, step, hold, sha256, atPause, way, outputs, blockDelete, optionalStop);
         }
 
         /** The same with another {@code graceS}. */
         public OpenRequest withGraceS(double graceS) {
-            return new OpenRequest(name, axes, onDisconnect, graceS, startLine, before, resumeOf, step, hold, sha256, atPause, way, outputs);
+            return new OpenRequest(name, axes, onDisconnect, graceS, startLine, before, resumeOf, step, hold, sha256, atPause, way, outputs, blockDelete, optionalStop);
         }
 
         /** The same with another {@code startLine}. */
         public OpenRequest withStartLine(long startLine) {
-            return new OpenRequest(name, axes, onDisconnect, graceS, startLine, before, resumeOf, step, hold, sha256, atPause, way, outputs);
+            return new OpenRequest(name, axes, onDisconnect, graceS, startLine, before, resumeOf, step, hold, sha256, atPause, way, outputs, blockDelete, optionalStop);
         }
 
         /** The same with another {@code before}. */
         public OpenRequest withBefore(List<String> before) {
-            return new OpenRequest(name, axes, onDisconnect, graceS, startLine, before, resumeOf, step, hold, sha256, atPause, way, outputs);
+            return new OpenRequest(name, axes, onDisconnect, graceS, startLine, before, resumeOf, step, hold, sha256, atPause, way, outputs, blockDelete, optionalStop);
         }
 
         /** The same with another {@code resumeOf}. */
         public OpenRequest withResumeOf(String resumeOf) {
-            return new OpenRequest(name, axes, onDisconnect, graceS, startLine, before, resumeOf, step, hold, sha256, atPause, way, outputs);
+            return new OpenRequest(name, axes, onDisconnect, graceS, startLine, before, resumeOf, step, hold, sha256, atPause, way, outputs, blockDelete, optionalStop);
         }
 
         /** The same with another {@code step}. */
         public OpenRequest withStep(boolean step) {
-            return new OpenRequest(name, axes, onDisconnect, graceS, startLine, before, resumeOf, step, hold, sha256, atPause, way, outputs);
+            return new OpenRequest(name, axes, onDisconnect, graceS, startLine, before, resumeOf, step, hold, sha256, atPause, way, outputs, blockDelete, optionalStop);
         }
 
         /** The same with another {@code hold}. */
         public OpenRequest withHold(boolean hold) {
-            return new OpenRequest(name, axes, onDisconnect, graceS, startLine, before, resumeOf, step, hold, sha256, atPause, way, outputs);
+            return new OpenRequest(name, axes, onDisconnect, graceS, startLine, before, resumeOf, step, hold, sha256, atPause, way, outputs, blockDelete, optionalStop);
         }
 
         /** The same with another {@code sha256}. */
         public OpenRequest withSha256(String sha256) {
-            return new OpenRequest(name, axes, onDisconnect, graceS, startLine, before, resumeOf, step, hold, sha256, atPause, way, outputs);
+            return new OpenRequest(name, axes, onDisconnect, graceS, startLine, before, resumeOf, step, hold, sha256, atPause, way, outputs, blockDelete, optionalStop);
         }
 
         /** The same with another {@code atPause}. */
         public OpenRequest withAtPause(boolean atPause) {
-            return new OpenRequest(name, axes, onDisconnect, graceS, startLine, before, resumeOf, step, hold, sha256, atPause, way, outputs);
+            return new OpenRequest(name, axes, onDisconnect, graceS, startLine, before, resumeOf, step, hold, sha256, atPause, way, outputs, blockDelete, optionalStop);
         }
 
         /** The same with another {@code way}. */
         public OpenRequest withWay(boolean way) {
-            return new OpenRequest(name, axes, onDisconnect, graceS, startLine, before, resumeOf, step, hold, sha256, atPause, way, outputs);
+            return new OpenRequest(name, axes, onDisconnect, graceS, startLine, before, resumeOf, step, hold, sha256, atPause, way, outputs, blockDelete, optionalStop);
         }
 
         /** The same with another {@code outputs}. */
         public OpenRequest withOutputs(Outputs outputs) {
-            return new OpenRequest(name, axes, onDisconnect, graceS, startLine, before, resumeOf, step, hold, sha256, atPause, way, outputs);
+            return new OpenRequest(name, axes, onDisconnect, graceS, startLine, before, resumeOf, step, hold, sha256, atPause, way, outputs, blockDelete, optionalStop);
+        }
+
+        /** The same with another {@code blockDelete}. */
+        public OpenRequest withBlockDelete(Boolean blockDelete) {
+            return new OpenRequest(name, axes, onDisconnect, graceS, startLine, before, resumeOf, step, hold, sha256, atPause, way, outputs, blockDelete, optionalStop);
+        }
+
+        /** The same with another {@code optionalStop}. */
+        public OpenRequest withOptionalStop(Boolean optionalStop) {
+            return new OpenRequest(name, axes, onDisconnect, graceS, startLine, before, resumeOf, step, hold, sha256, atPause, way, outputs, blockDelete, optionalStop);
         }
     }
 
@@ -1045,6 +1088,10 @@ public final class Messages {
      * @param rejections as in `Ack`; 0 in programs of an earlier start of the server.
      * @param servo of a program in servo mode; null: it is none.
      * @param reason as in `Ack`.
+     * @param blockDelete as of `OpenRequest`; not said of programs of an earlier start of the server
+     *     (`continuation` tells them).
+     * @param optionalStop as of `OpenRequest`; not said of programs of an earlier start of the server
+     *     (`continuation` tells them).
      */
     public record ProgramStatus(
             String program, ProgramState state, String client, String name, List<Long> axes, long startLine, long line,
@@ -1052,7 +1099,7 @@ public final class Messages {
             @Sparse Double etaS, @Sparse Fault fault, @Sparse long rejected, @Sparse List<Diagnostic> diagnostics,
             @Sparse("null") String resumeOf, @Sparse Double endedAt, @Sparse Double durationS, @Sparse String notice,
             @Sparse("1") double simulated, @Sparse long pauses, @Sparse long rejections, @Sparse ServoStatus servo,
-            @Sparse String reason) {}
+            @Sparse String reason, @Sparse boolean blockDelete, @Sparse boolean optionalStop) {}
 
     /** Newest first. */
     public record ProgramsReply(List<ProgramStatus> programs) {}
@@ -1277,26 +1324,39 @@ public final class Messages {
      * @param name for people.
      * @param axes the only axes that it may move; null: those that the text names.
      * @param certificate a file of `mcserver certify` for this very run, which arms it; null: a person has to.
+     * @param blockDelete as of `OpenRequest`, and part of what is approved; a certificate has its own.
+     * @param optionalStop as of `OpenRequest`, and part of what is approved; a certificate has its own.
      */
-    public record RunRequestRequest(String text, String name, List<Long> axes, String certificate) {
+    public record RunRequestRequest(
+            String text, String name, List<Long> axes, String certificate, Boolean blockDelete, Boolean optionalStop) {
         /** All that may be left out as the server has it. */
         public RunRequestRequest(String text) {
-            this(text, "", null, null);
+            this(text, "", null, null, null, null);
         }
 
         /** The same with another {@code name}. */
         public RunRequestRequest withName(String name) {
-            return new RunRequestRequest(text, name, axes, certificate);
+            return new RunRequestRequest(text, name, axes, certificate, blockDelete, optionalStop);
         }
 
         /** The same with another {@code axes}. */
         public RunRequestRequest withAxes(List<Long> axes) {
-            return new RunRequestRequest(text, name, axes, certificate);
+            return new RunRequestRequest(text, name, axes, certificate, blockDelete, optionalStop);
         }
 
         /** The same with another {@code certificate}. */
         public RunRequestRequest withCertificate(String certificate) {
-            return new RunRequestRequest(text, name, axes, certificate);
+            return new RunRequestRequest(text, name, axes, certificate, blockDelete, optionalStop);
+        }
+
+        /** The same with another {@code blockDelete}. */
+        public RunRequestRequest withBlockDelete(Boolean blockDelete) {
+            return new RunRequestRequest(text, name, axes, certificate, blockDelete, optionalStop);
+        }
+
+        /** The same with another {@code optionalStop}. */
+        public RunRequestRequest withOptionalStop(Boolean optionalStop) {
+            return new RunRequestRequest(text, name, axes, certificate, blockDelete, optionalStop);
         }
     }
 
@@ -1311,12 +1371,15 @@ public final class Messages {
      * @param changed what of that is no longer as it was, a sentence each; while there is any it cannot start.
      * @param approval hash of the approval for a while that has armed it, inside of whose envelope it stays.
      * @param beyond what of it is outside of the one that its client has, a sentence each.
+     * @param blockDelete what the run has of them, as of `OpenRequest`.
+     * @param optionalStop what the run has of them, as of `OpenRequest`.
      */
     public record RunRequestStatus(
             String sha256, String client, String name, RunState state, List<Long> axes, double durationS, List<Extent>
             extents, double remainingS, double override, String operator, @Sparse long number, @Sparse String reason,
             @Sparse List<String> effects, @Sparse List<ToolExtent> tools, @Sparse String digest, @Sparse List<String>
-            changed, @Sparse String approval, @Sparse List<String> beyond) {}
+            changed, @Sparse String approval, @Sparse List<String> beyond, @Sparse boolean blockDelete, @Sparse boolean
+            optionalStop) {}
 
     /** The oldest first. */
     public record RunRequestsReply(List<RunRequestStatus> requests) {}
@@ -1509,43 +1572,55 @@ public final class Messages {
      * @param against another program's text, from the same start: the reply has the `difference` to its motion.
      * @param role whose run it is to be: `agent`, one that a person approves, or `operator`, any other; zones of
      *     the other do not count. null: all zones do.
+     * @param blockDelete as of `OpenRequest`.
+     * @param optionalStop as of `OpenRequest`.
      */
     public record SimulateRequest(
             String text, Map<String, Double> positions, long pathPoints, boolean lines, List<Assertion> assertions,
-            String against, RunRole role) {
+            String against, RunRole role, Boolean blockDelete, Boolean optionalStop) {
         /** All that may be left out as the server has it. */
         public SimulateRequest(String text) {
-            this(text, null, 0, true, List.of(), null, null);
+            this(text, null, 0, true, List.of(), null, null, null, null);
         }
 
         /** The same with another {@code positions}. */
         public SimulateRequest withPositions(Map<String, Double> positions) {
-            return new SimulateRequest(text, positions, pathPoints, lines, assertions, against, role);
+            return new SimulateRequest(text, positions, pathPoints, lines, assertions, against, role, blockDelete, optionalStop);
         }
 
         /** The same with another {@code pathPoints}. */
         public SimulateRequest withPathPoints(long pathPoints) {
-            return new SimulateRequest(text, positions, pathPoints, lines, assertions, against, role);
+            return new SimulateRequest(text, positions, pathPoints, lines, assertions, against, role, blockDelete, optionalStop);
         }
 
         /** The same with another {@code lines}. */
         public SimulateRequest withLines(boolean lines) {
-            return new SimulateRequest(text, positions, pathPoints, lines, assertions, against, role);
+            return new SimulateRequest(text, positions, pathPoints, lines, assertions, against, role, blockDelete, optionalStop);
         }
 
         /** The same with another {@code assertions}. */
         public SimulateRequest withAssertions(List<Assertion> assertions) {
-            return new SimulateRequest(text, positions, pathPoints, lines, assertions, against, role);
+            return new SimulateRequest(text, positions, pathPoints, lines, assertions, against, role, blockDelete, optionalStop);
         }
 
         /** The same with another {@code against}. */
         public SimulateRequest withAgainst(String against) {
-            return new SimulateRequest(text, positions, pathPoints, lines, assertions, against, role);
+            return new SimulateRequest(text, positions, pathPoints, lines, assertions, against, role, blockDelete, optionalStop);
         }
 
         /** The same with another {@code role}. */
         public SimulateRequest withRole(RunRole role) {
-            return new SimulateRequest(text, positions, pathPoints, lines, assertions, against, role);
+            return new SimulateRequest(text, positions, pathPoints, lines, assertions, against, role, blockDelete, optionalStop);
+        }
+
+        /** The same with another {@code blockDelete}. */
+        public SimulateRequest withBlockDelete(Boolean blockDelete) {
+            return new SimulateRequest(text, positions, pathPoints, lines, assertions, against, role, blockDelete, optionalStop);
+        }
+
+        /** The same with another {@code optionalStop}. */
+        public SimulateRequest withOptionalStop(Boolean optionalStop) {
+            return new SimulateRequest(text, positions, pathPoints, lines, assertions, against, role, blockDelete, optionalStop);
         }
     }
 

@@ -49,6 +49,16 @@ public final class ProgramOptions {
         return new ProgramOptions(request.withStep(true));
     }
 
+    /** Skips lines that begin with {@code /}. */
+    public ProgramOptions withBlockDelete() {
+        return new ProgramOptions(request.withBlockDelete(true));
+    }
+
+    /** Lets M01 pass without a pause. */
+    public ProgramOptions withoutOptionalStop() {
+        return new ProgramOptions(request.withOptionalStop(false));
+    }
+
     /** Of a start in the middle: lets axes go the way that {@code continuation} shows, where the machine file names no safe one. */
     public ProgramOptions withWay() {
         return new ProgramOptions(request.withWay(true));
