@@ -19,6 +19,7 @@ from mcserver.net.rpc import Handler
 from mcserver.net.status import CYCLES_A_MESSAGE, TELEMETRY_FIELDS
 from mcserver.service.event_log import EventLog
 from mcserver.service.line_queue import QUEUE_LINES, Gap, LineQueue
+from mcserver.service.program_access import find_program, owned_program
 from mcserver.service.reports import Ack, Event, Fault, MachineState, ProgramState, ProgramStatus
 from mcserver.service.timebase import Timebase
 
@@ -265,7 +266,7 @@ class LightMachine:
         )
 
     def _submit(self, client: str, request: wire.SubmitRequest) -> wire.SubmitReply:
-        program = self._owned(client, request.program)
+        program = owned_program(self._programs, client, request.program)
         if program.closed or program.ended:
             raise Refused(
                 "MC510", f"{program.program} takes no more lines", "open another program", state=program.state
@@ -284,7 +285,7 @@ class LightMachine:
         return wire.SubmitReply(program.program, program.queue.accepted, program.done, program.queue.credit)
 
     def _close(self, client: str, request: wire.CloseRequest) -> wire.CloseReply:
-        program = self._owned(client, request.program)
+        program = owned_program(self._programs, client, request.program)
         accepted = program.queue.accepted
         if request.last is not None and not program.ended and accepted < request.last:
             raise Refused(
@@ -333,7 +334,7 @@ class LightMachine:
             each for each in reversed(self._programs.values()) if request.program in (None, each.program)
         ]
         if request.program is not None and not found:
-            self._owned("", request.program)
+            find_program(self._programs, request.program)
         shown = [each.status() for each in found if request.ended or not each.ended]
         return wire.ProgramsReply(shown[: request.limit])
 
@@ -393,28 +394,13 @@ class LightMachine:
         self._on_ack(program.ack())
 
     def _chosen(self, program_id: str | None) -> list[LightProgram]:
-        if program_id is not None and program_id not in self._programs:
-            self._owned("", program_id)
+        if program_id is not None:
+            find_program(self._programs, program_id)
         return [
             program
             for program in self._programs.values()
             if not program.ended and program_id in (None, program.program)
         ]
-
-    def _owned(self, client: str, program_id: str) -> LightProgram:
-        program = self._programs.get(program_id)
-        if program is None:
-            raise Refused(
-                "MC503", f"there is no program {program_id}", "list them with `programs`", program=program_id
-            )
-        if program.client != client:
-            raise Refused(
-                "MC504",
-                f"{program_id} belongs to {program.client}",
-                "open a program of your own",
-                program=program_id,
-            )
-        return program
 
     def _require_ready(self) -> None:
         if self.state == "estop":
