@@ -3,19 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Protocol, TypeVar
+from typing import TypeVar
 
 from mcserver.errors import Refused
 from mcserver.service.program import Program
 
-
-class Owned(Protocol):
-    """What belongs to a client."""
-
-    client: str
-
-
-AnyProgram = TypeVar("AnyProgram", bound=Owned)
+AnyProgram = TypeVar("AnyProgram", bound=Program)
 
 
 def find_program(programs: Mapping[str, AnyProgram], program_id: str) -> AnyProgram:
