@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 from mcserver.can.pdo_layout import Mode
-from mcserver.drives.cia402.drive import Cia402Drive
+from mcserver.drives.cia402.drive import BASE_MODES, Cia402Drive
 from mcserver.drives.cia402.scaling import homing_objects, profile_objects, scaling_objects
 from mcserver.drives.streamed import StreamedDrive
 from mcserver.machine.bus_section import BusConfig
@@ -13,13 +13,6 @@ from mcserver.machine.drive import CanDrive
 from mcserver.machine.io_process_data import HEARTBEAT_MS, nodes_on
 from mcserver.machine.machine_file import Axis, Machine
 
-_MODES = {
-    "csp": Mode.CYCLIC_POSITION,
-    "csv": Mode.CYCLIC_VELOCITY,
-    "ip": Mode.INTERPOLATED_POSITION,
-    "pp": Mode.PROFILE_POSITION,
-    "cst": Mode.CYCLIC_TORQUE,
-}
 # From the objects of a node's axis to those of its next one (CiA 402).
 AXIS_OFFSET = 0x800
 # In place of an axis's number, of nodes that have none.
@@ -171,7 +164,7 @@ def _of_axis(machine: Machine, axis: Axis) -> DriveSettings:
     return replace(
         settings,
         eds=drive.eds,
-        mode=_MODES[drive.mode],
+        mode=BASE_MODES[drive.mode],
         scaling=scaling_objects(drive),
         vendor_id=drive.vendor_id,
         product_code=drive.product_code,

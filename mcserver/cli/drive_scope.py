@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import importlib.util
 import math
 import time
 from typing import Annotated
@@ -18,7 +17,7 @@ from mcserver.cli.console import json_answer_on_error, narration, results, write
 from mcserver.cli.drive_of_machine import AxisArgument, Described, described, on_can, table
 from mcserver.cli.options import JsonOption, MachineOption
 from mcserver.cli.output_file import check_output, write_atomically
-from mcserver.errors import ConfigurationError, RuntimeFault, UsageFault
+from mcserver.errors import RuntimeFault, UsageFault
 from mcserver.machine.machine_file import load_machine
 
 LONGEST_S = 600.0
@@ -49,8 +48,6 @@ def scope(
         check_output(output, (".mcap",))
         if plot:
             check_output(plot, (".png",))
-            if importlib.util.find_spec("matplotlib") is None:
-                raise ConfigurationError("MC016", "pictures need matplotlib", "pip install 'mcserver[plot]'")
         lead = (0.25 * seconds if trigger else 0.0) if before is None else before
         if not (0.0 < seconds <= LONGEST_S and 0.0 <= lead < seconds and 0.0 < timeout < math.inf):
             raise UsageFault(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib.util
 import os
 import stat
 from collections.abc import Callable
@@ -9,7 +10,7 @@ from pathlib import Path
 from typing import BinaryIO
 
 from mcserver.cli.exit_codes import OutputFault
-from mcserver.errors import UsageFault
+from mcserver.errors import ConfigurationError, UsageFault
 
 
 def check_output(path: str, suffixes: tuple[str, ...]) -> str:
@@ -17,6 +18,7 @@ def check_output(path: str, suffixes: tuple[str, ...]) -> str:
 
     Raises:
         UsageFault: MC012 another suffix, MC013 a folder, or one that is missing or not writable.
+        ConfigurationError: MC016 it is a picture, and the package that draws it is missing.
     """
     suffix = Path(path).suffix.lower()
     if suffix not in suffixes:
@@ -38,6 +40,10 @@ def check_output(path: str, suffixes: tuple[str, ...]) -> str:
         raise UsageFault("MC013", f"{path!r} is not a file name: {error}", "give another name") from error
     if not writable:
         raise UsageFault("MC013", f"{path} cannot be written: permission denied", "choose another folder")
+    if suffix == ".png" and importlib.util.find_spec("matplotlib") is None:
+        remedy = "pip install 'mcserver[plot]'"
+        remedy += "; an .html page needs nothing more" if ".html" in suffixes else ""
+        raise ConfigurationError("MC016", "pictures need matplotlib", remedy)
     return suffix
 
 

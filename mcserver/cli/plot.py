@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import importlib.util
 from typing import TYPE_CHECKING, Annotated, BinaryIO
 
 import typer
@@ -17,7 +16,6 @@ from mcserver.cli.recorded import is_recording_name, open_recording
 from mcserver.cli.rejection import reject
 from mcserver.cli.simulate import live_progress
 from mcserver.cli.simulation_report import diagnostics_of
-from mcserver.errors import ConfigurationError
 from mcserver.machine.machine_file import Machine, load_machine
 from mcserver.machine.machine_kinematics import build_kinematics
 from mcserver.simulation.work_zero import with_zeros
@@ -47,12 +45,6 @@ def plot(
 ) -> None:
     """Draw what a program does, or what a recording holds: path, speed, errors, and each axis."""
     suffix = check_output(output, (".png", ".html"))
-    if suffix == ".png" and importlib.util.find_spec("matplotlib") is None:
-        raise ConfigurationError(
-            "MC016",
-            "pictures need matplotlib",
-            "pip install 'mcserver[plot]'; an .html page needs nothing more",
-        )
     if is_recording_name(file):
         from mcserver.plot.recorded_scene import recorded_scene
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import importlib.util
 from pathlib import Path
 from typing import Annotated
 
@@ -14,7 +13,7 @@ from mcserver.cli.drive_of_machine import table
 from mcserver.cli.options import DEFAULT_MACHINE, JsonOption, MachineOption
 from mcserver.cli.output_file import check_output, write_atomically
 from mcserver.cli.recorded import is_recording_name, open_recording
-from mcserver.errors import ConfigurationError, UsageFault
+from mcserver.errors import UsageFault
 from mcserver.executor.entries import Array
 from mcserver.machine.machine_file import Machine, load_machine
 from mcserver.simulation.resonance import (
@@ -49,8 +48,6 @@ def resonance(
     with json_answer_on_error(json):
         if plot:
             check_output(plot, (".png",))
-            if importlib.util.find_spec("matplotlib") is None:
-                raise ConfigurationError("MC016", "pictures need matplotlib", "pip install 'mcserver[plot]'")
         described, rings, step_s = _rings(file, axis, machine, column)
         found = fit(rings, step_s)
         if found is None or found.explained < LEAST_EXPLAINED:

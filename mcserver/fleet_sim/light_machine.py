@@ -7,7 +7,7 @@ a program has come is a sum, made when someone asks. Nothing is checked, planned
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 from mcserver.errors import Refused
 from mcserver.gcode.text.source import MAX_LINE_LENGTH
@@ -18,8 +18,11 @@ from mcserver.net.messages import MAX_LINES_A_MESSAGE, PROTOCOL_VERSION
 from mcserver.net.rpc import Handler
 from mcserver.net.status import CYCLES_A_MESSAGE, TELEMETRY_FIELDS
 from mcserver.service.event_log import EventLog
-from mcserver.service.line_queue import QUEUE_LINES, Gap, LineQueue
-from mcserver.service.reports import Ack, Event, Fault, MachineState, ProgramState, ProgramStatus
+from mcserver.service.line_intake import check_last, take_lines
+from mcserver.service.line_queue import QUEUE_LINES, LineQueue
+from mcserver.service.program import Program
+from mcserver.service.program_access import find_program, owned_program
+from mcserver.service.reports import Ack, Event, Fault, MachineState, ProgramState
 from mcserver.service.timebase import Timebase
 
 CYCLE_S = 0.001
@@ -29,78 +32,55 @@ ENDED_PROGRAMS = 4
 SWING_MM, SWING_S = 100.0, 4.0
 
 
-class LightProgram:
-    """One program: its numbers, and the time that it has run.
+class LightProgram(Program):
+    """One program, and the time that it has run.
 
     Args:
         line_s: how long each line takes.
+
+    Attributes:
+        reported: lines that were acknowledged as done.
     """
 
     def __init__(
-        self, program: str, client: str, name: str, axes: list[int], opened_at: float, line_s: float
+        self, program: str, client: str, name: str, axes: Sequence[int], opened_at: float, line_s: float
     ) -> None:
-        self.program = program
-        self.client = client
-        self.name = name
-        self.axes = axes
-        self.queue = LineQueue()
-        self.state: ProgramState = "running"
-        self.closed = False
-        self.opened_at = opened_at
-        self.ended_at: float | None = None
-        self.fault: Fault | None = None
+        super().__init__(
+            program,
+            client=client,
+            name=name,
+            axes=axes,
+            on_disconnect="stop",
+            start_line=1,
+            step=False,
+            resume_of=None,
+            opened_at=opened_at,
+            queue=LineQueue(),
+        )
+        self.state = "running"
         self.reported = -1
         self._line_s = line_s
         self._ran_s = 0.0
 
-    @property
-    def ended(self) -> bool:
-        return self.ended_at is not None
-
-    @property
-    def done(self) -> int:
-        """Lines that have had their time."""
-        return min(self.queue.accepted, int(self._ran_s / self._line_s))
+    def take(self, first: int, lines: Sequence[str], rejections: int | None) -> None:
+        """Take lines, as `take_lines` does."""
+        take_lines(self, first, lines, rejections)
+        self.journaled = self.queue.accepted
 
     def advance(self, seconds: float) -> None:
         """Let time pass; it stands while held, and while there are no lines."""
+        accepted = self.queue.accepted
         if self.state == "running":
-            self._ran_s = min(self._ran_s + seconds, self.queue.accepted * self._line_s)
+            self._ran_s = min(self._ran_s + seconds, accepted * self._line_s)
+            self.done = min(accepted, int(self._ran_s / self._line_s))
             self.queue.consume(self.done)
+        self.progress.started = min(accepted, self.done + 1)
+        self.progress.passed(self.done)
+        self.eta_s = (accepted - self.done) * self._line_s
 
     def ack(self, expected: int = 0) -> Ack:
         self.reported = self.done
-        return Ack(
-            program=self.program,
-            accepted=self.queue.accepted,
-            done=self.done,
-            credit=0 if self.closed else self.queue.credit,
-            state=self.state,
-            fault=self.fault,
-            expected=expected,
-        )
-
-    def status(self) -> ProgramStatus:
-        accepted, done = self.queue.accepted, self.done
-        return ProgramStatus(
-            program=self.program,
-            state=self.state,
-            client=self.client,
-            name=self.name,
-            axes=self.axes,
-            start_line=1,
-            line=min(accepted, done + 1),
-            accepted=accepted,
-            done=done,
-            credit=0 if self.closed else self.queue.credit,
-            closed=self.closed,
-            override=100.0,
-            progress=done / accepted if accepted else 0.0,
-            opened_at=self.opened_at,
-            ended_at=self.ended_at,
-            eta_s=None if self.ended else (accepted - done) * self._line_s,
-            fault=self.fault,
-        )
+        return super().ack(expected)
 
 
 class LightMachine:
@@ -210,9 +190,10 @@ class LightMachine:
         if program is None or program.client != client:
             return
         expected = 0
-        if not program.closed and not program.ended:
-            taken = program.queue.take(first, lines)
-            expected = taken.expected if isinstance(taken, Gap) else 0
+        try:
+            program.take(first, lines, None)
+        except Refused as error:
+            expected = program.queue.expected if error.code == "MC505" else 0
         self._on_ack(program.ack(expected))
 
     def emergency_stop(self, client: str, reason: str) -> None:
@@ -248,7 +229,7 @@ class LightMachine:
             f"{self._instance}-{self.name}-{self._counter}",
             client,
             request.name,
-            list(axes),
+            axes,
             self._clock(),
             self._line_s,
         )
@@ -258,46 +239,23 @@ class LightMachine:
         return wire.OpenReply(
             program=program.program,
             state=program.state,
-            axes=program.axes,
+            axes=list(program.axes),
             expected=1,
             credit=program.queue.credit,
             instance=self._instance,
         )
 
     def _submit(self, client: str, request: wire.SubmitRequest) -> wire.SubmitReply:
-        program = self._owned(client, request.program)
-        if program.closed or program.ended:
-            raise Refused(
-                "MC510", f"{program.program} takes no more lines", "open another program", state=program.state
-            )
-        taken = program.queue.take(request.first, request.lines)
-        if isinstance(taken, Gap):
-            raise Refused(
-                "MC505",
-                f"line {taken.expected} is the next one expected, not {request.first}",
-                f"send lines from {taken.expected} on",
-                expected=taken.expected,
-                accepted=program.queue.accepted,
-                done=program.done,
-                credit=program.queue.credit,
-            )
-        return wire.SubmitReply(program.program, program.queue.accepted, program.done, program.queue.credit)
+        program = owned_program(self._programs, client, request.program)
+        program.take(request.first, request.lines, request.rejections)
+        return wire.SubmitReply(program.program, program.journaled, program.done, program.credit)
 
     def _close(self, client: str, request: wire.CloseRequest) -> wire.CloseReply:
-        program = self._owned(client, request.program)
-        accepted = program.queue.accepted
-        if request.last is not None and not program.ended and accepted < request.last:
-            raise Refused(
-                "MC505",
-                f"line {accepted + 1} is the next one expected, {request.last} was to be the last",
-                f"send lines from {accepted + 1} on first",
-                expected=accepted + 1,
-                accepted=accepted,
-                done=program.done,
-                credit=program.queue.credit,
-            )
+        program = owned_program(self._programs, client, request.program)
+        if not program.ended:
+            check_last(program, request.last)
         program.closed = True
-        return wire.CloseReply(program.program, accepted, program.done, program.state)
+        return wire.CloseReply(program.program, program.journaled, program.done, program.state)
 
     def _hold(self, _client: str, request: wire.ProgramRequest) -> wire.Done:
         return self._turn(request.program, "running", "held")
@@ -333,7 +291,7 @@ class LightMachine:
             each for each in reversed(self._programs.values()) if request.program in (None, each.program)
         ]
         if request.program is not None and not found:
-            self._owned("", request.program)
+            find_program(self._programs, request.program)
         shown = [each.status() for each in found if request.ended or not each.ended]
         return wire.ProgramsReply(shown[: request.limit])
 
@@ -393,28 +351,13 @@ class LightMachine:
         self._on_ack(program.ack())
 
     def _chosen(self, program_id: str | None) -> list[LightProgram]:
-        if program_id is not None and program_id not in self._programs:
-            self._owned("", program_id)
+        if program_id is not None:
+            find_program(self._programs, program_id)
         return [
             program
             for program in self._programs.values()
             if not program.ended and program_id in (None, program.program)
         ]
-
-    def _owned(self, client: str, program_id: str) -> LightProgram:
-        program = self._programs.get(program_id)
-        if program is None:
-            raise Refused(
-                "MC503", f"there is no program {program_id}", "list them with `programs`", program=program_id
-            )
-        if program.client != client:
-            raise Refused(
-                "MC504",
-                f"{program_id} belongs to {program.client}",
-                "open a program of your own",
-                program=program_id,
-            )
-        return program
 
     def _require_ready(self) -> None:
         if self.state == "estop":

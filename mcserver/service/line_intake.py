@@ -102,14 +102,8 @@ class LineIntake:
             ServiceError: MC503, MC504, MC505 line ``last`` is not there yet, MC519 lines cannot be journaled.
         """
         program = owned_program(self._table.programs, client, program_id)
-        if last is not None and not program.over and program.queue.accepted < last:
-            raise Refused(
-                "MC505",
-                f"line {program.queue.expected} is the next one expected, {last} was to be the last",
-                f"send lines from {program.queue.expected} on first",
-                **numbers_of(program),
-            )
         if not program.over:
+            check_last(program, last)
             self._check_journal(program, program.queue.accepted)
         self._table.close(program)
         if program.over:
@@ -216,6 +210,24 @@ def take_lines(
             **numbers_of(program),
         )
     return taken if taken.lines else None
+
+
+def check_last(program: Program, last: int | None) -> None:
+    """Refuse the end of a program before all of its lines are there.
+
+    Args:
+        last: of its lines; None: that which is there.
+
+    Raises:
+        ServiceError: MC505 it is not there yet.
+    """
+    if last is not None and program.queue.accepted < last:
+        raise Refused(
+            "MC505",
+            f"line {program.queue.expected} is the next one expected, {last} was to be the last",
+            f"send lines from {program.queue.expected} on first",
+            **numbers_of(program),
+        )
 
 
 def _of_now(program: Program, rejections: int | None) -> bool:

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from typing import TypeVar
 
 from mcserver.errors import Refused
 from mcserver.service.program import Program
 
+AnyProgram = TypeVar("AnyProgram", bound=Program)
 
-def find_program(programs: Mapping[str, Program], program_id: str) -> Program:
+
+def find_program(programs: Mapping[str, AnyProgram], program_id: str) -> AnyProgram:
     """Return a program of this start of the server.
 
     Raises:
@@ -22,7 +25,7 @@ def find_program(programs: Mapping[str, Program], program_id: str) -> Program:
     return program
 
 
-def owned_program(programs: Mapping[str, Program], client: str, program_id: str) -> Program:
+def owned_program(programs: Mapping[str, AnyProgram], client: str, program_id: str) -> AnyProgram:
     """Return a program that belongs to ``client``.
 
     Raises:

@@ -98,12 +98,11 @@ class ProgramTable:
         *,
         on_ack: Callable[[Ack], None],
         on_event: Callable[[Event], None],
-        inputs: Sequence[str] = (),
-        outputs: Sequence[str] = (),
     ) -> None:
         self.port = port
         self._machine = machine
-        self._inputs, self._outputs = inputs, outputs
+        self._inputs = [each.name for each in machine.inputs]
+        self._outputs = [each.name for each in machine.outputs]
         self.options = options
         self.programs: dict[str, Program] = {}
         self.leases = LeaseTable()
@@ -426,29 +425,23 @@ class ProgramTable:
                 case LineRejected():
                     self._line_rejected(program, event)
                 case ContactAhead():
-                    self._contact_ahead(program, event.diagnostic)
+                    self._fail(program, event.diagnostic)
 
     def _planner_failed(self, event: PlannerFailed) -> None:
         """Stop the program that the planner failed with, or all of them."""
         for program in list(self.programs.values()):
             if program.over or event.program not in ("", program.program):
                 continue
-            fault = Fault(
-                code="MC516",
-                message=f"the planner failed: {event.message}",
-                hint="this is a defect of the server; its log tells more. Open the program again",
-                program=program.program,
-                line=program.progress.started,
-                t=self.time.now(),
-            )
-            self.stop(program, "faulted", fault.message, fault)
+            message = f"the planner failed: {event.message}"
+            hint = "this is a defect of the server; its log tells more. Open the program again"
+            self._fail(program, Diagnostic("MC516", message, program.progress.started, hint=hint))
         if not event.program:
             # it puts nothing any more, and the next one knows none of them
             self._start(self.leases.forgotten(None))
             self._end_at_rest()
 
-    def _contact_ahead(self, program: Program, found: Diagnostic) -> None:
-        """Stop a program that stands before a contact."""
+    def _fail(self, program: Program, found: Diagnostic) -> None:
+        """Stop a program for what the planner has found."""
         fault = Fault(
             code=found.code,
             message=found.message,

@@ -102,8 +102,6 @@ class MachineService:
             options,
             on_ack=on_ack,
             on_event=on_event,
-            inputs=[each.name for each in machine.inputs],
-            outputs=[each.name for each in machine.outputs],
         )
         self._planning = planning
         self.channels = Channels(machine, port, self._table.program_in)

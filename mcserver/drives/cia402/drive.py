@@ -11,7 +11,7 @@ from msgspec import Meta
 
 from mcserver.can.cob import GREATEST_NODE
 from mcserver.can.pdo import ProcessData
-from mcserver.can.pdo_layout import RPDO1, RPDO2, SLOW_SYNCS, TPDO1, TPDO2, Pdo
+from mcserver.can.pdo_layout import RPDO1, RPDO2, SLOW_SYNCS, TPDO1, TPDO2, Mode, Pdo
 from mcserver.drives.bus import DriveMode
 from mcserver.drives.cia402.loop_gains import complete_loop
 from mcserver.machine.bus_load import Share, frame_bits
@@ -25,6 +25,14 @@ if TYPE_CHECKING:
 # What drives on EtherCAT are run in: a torque loop that is closed here has no stability left there, since
 # readings are a cycle older.
 _ETHERCAT_MODES = ("csp", "csv", "pp")
+# The mode of operation of each name of ``mode``.
+BASE_MODES = {
+    "csp": Mode.CYCLIC_POSITION,
+    "csv": Mode.CYCLIC_VELOCITY,
+    "ip": Mode.INTERPOLATED_POSITION,
+    "pp": Mode.PROFILE_POSITION,
+    "cst": Mode.CYCLIC_TORQUE,
+}
 # Without commands for so long a drive whose torque comes from here acts by itself: it goes on accelerating
 # with the last one [ms].
 TORQUE_TIMEOUT_MS = 20

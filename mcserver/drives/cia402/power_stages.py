@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from mcserver.can.pdo_layout import Mode
 from mcserver.drives.bus import DriveFault, DriveMode, Feedback
-from mcserver.drives.cia402.drive import cia402_drive
+from mcserver.drives.cia402.drive import BASE_MODES, cia402_drive
 from mcserver.drives.cia402.frames import AxisFrames
 from mcserver.drives.cia402.power_stage import PowerStage
 from mcserver.drives.cia402.readings import AxisReadings
@@ -120,7 +120,7 @@ _MODES = tuple(DriveMode)
 
 def _stage_of(axis: Axis, cycle_s: float) -> PowerStage:
     drive = cia402_drive(axis)
-    base = _BASE_MODES[drive.mode]
+    base = BASE_MODES[drive.mode]
     modes = {DriveMode.POSITION: base}
     for mode, operation in (
         (DriveMode.VELOCITY, Mode.CYCLIC_VELOCITY),
@@ -131,12 +131,3 @@ def _stage_of(axis: Axis, cycle_s: float) -> PowerStage:
             modes[mode] = operation
     homing = drive.homing
     return PowerStage(base, modes, cycle_s, 0.0 if homing is None else homing.timeout_s)
-
-
-_BASE_MODES = {
-    "csp": Mode.CYCLIC_POSITION,
-    "csv": Mode.CYCLIC_VELOCITY,
-    "ip": Mode.INTERPOLATED_POSITION,
-    "pp": Mode.PROFILE_POSITION,
-    "cst": Mode.CYCLIC_TORQUE,
-}
