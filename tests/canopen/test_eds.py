@@ -7,7 +7,7 @@ from pathlib import Path
 import canopen
 import pytest
 from canopen.objectdictionary import ObjectDictionary, ODArray, ODRecord, ODVariable
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from mcserver.canopen.eds import load_description, parse_description
@@ -235,7 +235,6 @@ def test_real_numbers_are_read_from_their_bits_too(written: str, value: float) -
 ODD = ("-", "0x", "$NODEID", "--1", "1e9", "9" * 30, "-0x80000000")
 
 
-@settings(deadline=None)
 @given(st.data())
 def test_whatever_a_file_holds_it_is_read_or_refused_with_mc008(data: st.DataObject) -> None:
     more = "[1400]\nObjectType=9\n[1400sub1]\nDataType=7\nDefaultValue=$NODEID+0x200\n"

@@ -71,10 +71,7 @@ async def test_a_rapid_whose_axes_could_meet_the_vise_on_another_way_does_not_be
 
 
 async def jog(cell: VirtualCell, axis: int, velocity: float, distance: float | None = None) -> Program:
-    program = await cell.jogging.jog(
-        "page", axis, distance=distance, velocity=velocity, hold_s=None if distance else 1e6, program_id=None
-    )
-    return await cell.ended(cell.service.program(program))
+    return await cell.ended(await cell.jog(axis, distance, velocity))
 
 
 async def test_a_held_jog_stops_at_the_margin_and_may_go_back(make: Make) -> None:
@@ -131,9 +128,7 @@ async def test_lines_that_come_one_by_one_stop_too(make: Make) -> None:
 async def test_orders_on_the_way_do_not_let_it_pass(make: Make, lines: tuple[str, ...]) -> None:
     cell = make()
     await cell.run("G1010", "G0 Z20")
-    program = await cell.service.open("test")
-    await cell.service.lines.submit("test", program.program, 1, list(lines))
-    cell.service.lines.close("test", program.program)
+    program = await cell.begin(*lines)
     for number, ratio in enumerate((0.3, 2.0, 0.05, 1.5, 2.0)):
         await cell.until(lambda at=20.0 * number: place(cell, 0) > at or program.ended)  # type: ignore[misc]
         cell.service.set_override(ratio, program.program)
@@ -204,13 +199,6 @@ def shared() -> Machine:
     return parse_machine("\n".join((MILL, SHARED)))
 
 
-async def begin(cell: VirtualCell, axes: list[int], *lines: str) -> Program:
-    program = await cell.service.open("test", axes=axes)
-    await cell.service.lines.submit("test", program.program, 1, list(lines))
-    cell.service.lines.close("test", program.program)
-    return program
-
-
 class Watch:
     """Looks at the setpoints of every cycle of a cell."""
 
@@ -255,7 +243,7 @@ async def test_the_later_of_two_programs_stops_before_the_other_and_names_it(sta
     cell = start(shared())
     watch = Watch(cell)
     # comes by for four seconds
-    other = await begin(cell, [1], "G1010 P1", "G1 Y85 F12000", "G1 Y115 F300", "G1 Y200 F12000")
+    other = await cell.begin("G1010 P1", "G1 Y85 F12000", "G1 Y115 F300", "G1 Y200 F12000", axes=[1])
     await cell.until(lambda: place(cell, 1) > 86.0)
     program = await cell.run("G1010 P0", "G1 X200 F6000", axes=[0])
     assert fault_of(program) == ("MC320", 2)
@@ -279,7 +267,7 @@ async def test_two_programs_never_touch(start: Start, seed: int) -> None:
                 f"{word} {letter}{draw.uniform(0.0, 200.0):.2f}"
                 + (f" F{draw.choice((600, 3000, 12000))}" if word == "G1" else "")
             )
-        programs.append(await begin(cell, [axis], *lines))
+        programs.append(await cell.begin(*lines, axes=[axis]))
     ended = [await cell.ended(program) for program in programs]
     await cell.until(lambda: not any(cell.executor.feedback.velocity))
     for program in ended:
@@ -362,7 +350,7 @@ async def test_whatever_a_program_and_its_operator_do_nothing_touches(make: Make
             ]
             code = draw.choice(("G0", "G1020", "G1 F12000", "G1 F3000"))
             lines.append(f"{code} {' '.join(words)}")
-        program = await begin(cell, [0, 1, 2], *lines)
+        program = await cell.begin(*lines, axes=[0, 1, 2])
         for _ in range(6):
             await asyncio.sleep(draw.uniform(0.0, 0.02))
             if program.over:
@@ -396,7 +384,7 @@ async def test_a_program_that_has_nothing_more_for_now_is_where_it_stands(start:
 
 async def test_a_rapid_under_way_has_all_of_its_way_for_itself(start: Start) -> None:
     cell = start(shared())
-    other = await begin(cell, [1], "G1010 P1", "G0 Y200")
+    other = await cell.begin("G1010 P1", "G0 Y200", axes=[1])
     await cell.until(lambda: place(cell, 1) > 5.0)
     cell.service.hold(other.program)
     program = await cell.run("G1010 P0", "G0 X200", axes=[0])
@@ -412,9 +400,7 @@ async def test_at_a_pause_a_jog_is_judged_and_so_is_the_program_from_where_the_j
     make: Make,
 ) -> None:
     cell = make()
-    program = await begin(
-        cell, [0, 1, 2], "G1010", "G1 Z20 F6000", "G1 X20", "M00", "G1 X90", "G1 X20", "G1 X90"
-    )
+    program = await cell.begin("G1010", "G1 Z20 F6000", "G1 X20", "M00", "G1 X90", "G1 X20", "G1 X90")
     await cell.until(lambda: program.state == "paused")
     assert (await jog(cell, 0, 100.0, distance=200.0)).state == "faulted"
     assert LAST_X - 0.3 <= place(cell, 0) <= LAST_X + 0.02
@@ -432,7 +418,7 @@ async def test_a_line_behind_a_pause_that_would_hit_from_where_the_axes_were_jog
     make: Make,
 ) -> None:
     cell = make()
-    program = await begin(cell, [0, 1, 2], "G1010", "G1 Z70 F6000", "G1 X20", "M00", "G1 Z20")
+    program = await cell.begin("G1010", "G1 Z70 F6000", "G1 X20", "M00", "G1 Z20", axes=[0, 1, 2])
     await cell.until(lambda: program.state == "paused")
     assert (await jog(cell, 0, 100.0, distance=130.0)).state == "finished"
     cell.service.resume(None)

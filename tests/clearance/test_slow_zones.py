@@ -127,7 +127,5 @@ async def test_a_program_stops_before_it_is_too_fast_and_a_slower_one_goes_on(st
 async def test_a_jog_goes_slowly_there(start: Start) -> None:
     cell = start(mill(DESK))
     for velocity, state in ((100.0, "faulted"), (40.0, "finished")):
-        program = await cell.jogging.jog(
-            "page", 0, distance=80.0, velocity=velocity, hold_s=None, program_id=None
-        )
-        assert (await cell.ended(cell.service.program(program))).state == state
+        program = await cell.jog(0, 80.0, velocity)
+        assert (await cell.ended(program)).state == state

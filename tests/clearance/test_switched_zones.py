@@ -33,13 +33,6 @@ at_mm = [135.0, 0.0, 100.0]
 """
 
 
-async def begin(cell: VirtualCell, *lines: str, axes: list[int] | None = None) -> Program:
-    program = await cell.service.open("test", axes=axes)
-    await cell.service.lines.submit("test", program.program, 1, list(lines))
-    cell.service.lines.close("test", program.program)
-    return program
-
-
 async def switch(cell: VirtualCell, *, on: bool) -> None:
     """Interrupt the curtain, or let it be free."""
     cell.service.channels.set_input("curtain", not on)
@@ -62,7 +55,7 @@ async def test_a_program_is_held_before_a_zone_that_is_switched_on_and_goes_on_b
     start: Start, lines: tuple[str, ...]
 ) -> None:
     cell = start(mill(CURTAIN), cycles_a_turn=2)
-    program = await begin(cell, "G1010", *lines)
+    program = await cell.begin("G1010", *lines)
     await cell.until(lambda: place(cell, 0) > 20.0)
     await switch(cell, on=True)
     await cell.until(lambda: program.state == "held")
@@ -82,7 +75,7 @@ async def test_a_program_is_held_before_a_zone_that_is_switched_on_and_goes_on_b
 
 async def test_a_program_that_stays_out_of_the_zone_goes_on(start: Start) -> None:
     cell = start(mill(CURTAIN), cycles_a_turn=2)
-    program = await begin(cell, "G1010", "G1 X70 F6000", "G0 X0 Y50", "G1 Y0")
+    program = await cell.begin("G1010", "G1 X70 F6000", "G0 X0 Y50", "G1 Y0")
     await cell.until(lambda: place(cell, 0) > 20.0)
     await switch(cell, on=True)
     assert (await cell.ended(program)).state == "finished"
@@ -91,7 +84,7 @@ async def test_a_program_that_stays_out_of_the_zone_goes_on(start: Start) -> Non
 
 async def test_what_begins_after_a_start_with_the_zone_on_is_held_before_it(start: Start) -> None:
     cell = start(mill(CURTAIN.replace("initial = true", "initial = false")), cycles_a_turn=2)
-    program = await begin(cell, "G1010", "G1 X120 F6000", "G1 X200")
+    program = await cell.begin("G1010", "G1 X120 F6000", "G1 X200")
     await cell.until(lambda: program.state == "held")
     await rests(cell)
     assert 0.0 < place(cell, 0) < 79.0
@@ -104,7 +97,7 @@ async def test_a_body_that_is_inside_as_the_zone_is_switched_on_is_a_fault_and_a
     start: Start,
 ) -> None:
     cell = start(mill(CURTAIN), cycles_a_turn=2)
-    program = await begin(cell, "G1010", "G1 X120 F6000", "G1 Y100 F1200", "G1 X200")
+    program = await cell.begin("G1010", "G1 X120 F6000", "G1 Y100 F1200", "G1 X200")
     await cell.until(lambda: place(cell, 1) > 20.0)
     await switch(cell, on=True)
     assert fault_of(await cell.ended(program)) == ("MC324", 3)
@@ -118,25 +111,19 @@ async def test_a_body_that_is_inside_as_the_zone_is_switched_on_is_a_fault_and_a
         cell.service.abort(program.program)
         await cell.ended(program)
 
-    await is_held(await begin(cell, "G1 X0 F6000"))
+    await is_held(await cell.begin("G1 X0 F6000"))
 
-    async def jog(distance: float) -> Program:
-        name = await cell.jogging.jog(
-            "page", 0, distance=distance, velocity=50.0, hold_s=None, program_id=None
-        )
-        return cell.service.program(name)
-
-    await is_held(await jog(5.0))
+    await is_held(await cell.jog(0, 5.0, 50.0))
     assert (place(cell, 0), place(cell, 1)) == pytest.approx(at, abs=0.01)
-    assert (await cell.ended(await jog(-60.0))).state == "finished"
+    assert (await cell.ended(await cell.jog(0, -60.0, 50.0))).state == "finished"
     assert place(cell, 0) == pytest.approx(60.0, abs=0.1)
-    await is_held(await jog(40.0))
+    await is_held(await cell.jog(0, 40.0, 50.0))
     assert place(cell, 0) < 79.0
 
 
 async def test_who_stands_in_the_zone_is_held_once_it_would_move(start: Start) -> None:
     cell = start(mill(CURTAIN), cycles_a_turn=2)
-    program = await begin(cell, "G1010", "G1 X120 F6000", "M0", "G1 X0")
+    program = await cell.begin("G1010", "G1 X120 F6000", "M0", "G1 X0")
     await cell.until(lambda: program.state == "paused")
     await switch(cell, on=True)
     await rests(cell)
@@ -150,7 +137,7 @@ async def test_who_stands_in_the_zone_is_held_once_it_would_move(start: Start) -
 async def test_who_waits_in_the_zone_is_held_there_and_is_no_fault(start: Start) -> None:
     button = '[[input]]\nnumber = 4\nname = "button"\n'
     cell = start(mill(CURTAIN, button), cycles_a_turn=2)
-    program = await begin(cell, "G1010", "G1 X120 F6000", "M66 P4 L3 Q60", "G1 X0")
+    program = await cell.begin("G1010", "G1 X120 F6000", "M66 P4 L3 Q60", "G1 X0")
     await cell.until(lambda: place(cell, 0) > 119.9)
     await rests(cell)
     await switch(cell, on=True)
@@ -167,9 +154,9 @@ async def test_axes_that_another_program_brings_together_are_held_with_it(start:
     # only X beyond 79 and Z below 60 are in the zone
     low = CURTAIN.replace("400.0, 400.0]", "400.0, 60.0]").replace("0.0, 100.0]", "0.0, 30.0]")
     cell = start(mill(low), cycles_a_turn=2)
-    one = await begin(cell, "G1010 P0", "G1 X120 F3000", axes=[0])
+    one = await cell.begin("G1010 P0", "G1 X120 F3000", axes=[0])
     await cell.until(lambda: place(cell, 0) > 5.0)
-    other = await begin(cell, "G1010 P2", "G1 Z20 F12000", axes=[2])
+    other = await cell.begin("G1010 P2", "G1 Z20 F12000", axes=[2])
     await cell.until(lambda: place(cell, 0) > 60.0)
     await switch(cell, on=True)
     await cell.until(lambda: one.state == "held")
@@ -199,7 +186,7 @@ async def test_an_input_that_flickers_every_cycle_holds_unless_it_is_debounced(
     cell = start(
         mill(CURTAIN.replace("initial = true\n", f"initial = true\nsimulated = [{changes}]\n{debounce}"))
     )
-    program = await begin(cell, "G1010", "G1 X120 F6000")
+    program = await cell.begin("G1010", "G1 X120 F6000")
     await cell.until(lambda: program.state in ("held", "finished"))
     assert program.state == ("finished" if debounce else "held")
     await rests(cell)
@@ -213,7 +200,7 @@ async def test_an_input_that_flickers_every_cycle_holds_unless_it_is_debounced(
 async def test_a_slow_zone_that_is_switched_on_holds_what_is_too_fast(start: Start) -> None:
     slow = CURTAIN.replace('active = "low"', 'active = "low"\nkind = "slow"\nmax_speed_mm_s = 50.0')
     cell = start(mill(slow), cycles_a_turn=2)
-    program = await begin(cell, "G1010", "G1 X120 F3000", "G1 X0", "G1 X120 F6000")
+    program = await cell.begin("G1010", "G1 X120 F3000", "G1 X0", "G1 X120 F6000")
     await switch(cell, on=True)
     await cell.until(lambda: program.state == "held")
     await rests(cell)
@@ -232,7 +219,7 @@ async def test_while_the_zone_is_on_no_body_that_was_outside_comes_in(start: Sta
     for _ in range(8):
         word = draw.choice(("G0", "G1 F9000", "G1 F3000"))
         lines.append(f"{word} X{draw.uniform(0.0, 130.0):.1f} Y{draw.uniform(-50.0, 50.0):.1f}")
-    program = await begin(cell, *lines)
+    program = await cell.begin(*lines)
     scene = Scene(machine)
     while not program.ended:
         for _ in range(draw.randint(5, 30)):
@@ -284,6 +271,6 @@ def test_a_mistake_is_named_with_its_place(old: str, new: str, message: str) -> 
 async def test_a_thread_into_a_zone_that_an_input_switches_is_refused(start: Start) -> None:
     spindle = axes_text((3,), rotary=True, velocity=20000.0, acceleration=40000.0)
     cell = start(mill('[dialect]\nprofile = "cnc"\nspindle_axis = 3', spindle, CURTAIN), cycles_a_turn=2)
-    program = await begin(cell, "S600 M3", "G33 X70 K5", "G33 X120 K5")
+    program = await cell.begin("S600 M3", "G33 X70 K5", "G33 X120 K5")
     assert fault_of(await cell.ended(program)) == ("MC321", 3)
     assert place(cell, 0) == pytest.approx(70.0, abs=0.01)

@@ -202,10 +202,7 @@ def test_a_mistake_is_named_with_its_place(sections: str, message: str) -> None:
 
 
 async def jog(cell: VirtualCell, axis: int, distance: float) -> Program:
-    program = await cell.jogging.jog(
-        "page", axis, distance=distance, velocity=100.0, hold_s=None, program_id=None
-    )
-    return await cell.ended(cell.service.program(program))
+    return await cell.ended(await cell.jog(axis, distance))
 
 
 @pytest.mark.parametrize("bodies", [(CUTTER, VISE), (DRILL, VISE)])
@@ -240,9 +237,7 @@ async def test_a_jog_and_a_later_program_have_the_tool_that_is_in(start: Start) 
 
 async def test_a_change_that_is_broken_off_leaves_both_tools_possible(start: Start) -> None:
     cell = start(spindle())
-    program = await cell.service.open("test")
-    await cell.service.lines.submit("test", program.program, 1, ["T1 M6", "G1 X1 F6000", "T2 M6", "G1 X0"])
-    cell.service.lines.close("test", program.program)
+    program = await cell.begin("T1 M6", "G1 X1 F6000", "T2 M6", "G1 X0")
     await cell.until(lambda: program.state == "paused")
     cell.service.abort(program.program)
     await cell.ended(program)
@@ -269,11 +264,7 @@ carried_by = [0]
 async def test_a_tool_is_not_fitted_where_another_program_passes_by(start: Start) -> None:
     cell = start(spindle(SLEDGE, dialect=CUTTERS.replace('"cnc"', '"cnc"\ntool_change = "ignore"')))
     assert (await cell.run("T1 M6", axes=[2])).state == "finished"
-    other = await cell.service.open("test", axes=[0])
-    await cell.service.lines.submit(
-        "test", other.program, 1, ["G1 X85 F12000", "G1 X115 F600", "G1 X300 F12000"]
-    )
-    cell.service.lines.close("test", other.program)
+    other = await cell.begin("G1 X85 F12000", "G1 X115 F600", "G1 X300 F12000", axes=[0])
     await cell.until(lambda: place(cell, 0) > 86.0)
     program = await cell.run("T2 M6", axes=[2])
     assert fault_of(program) == ("MC320", 1)

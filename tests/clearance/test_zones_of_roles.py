@@ -74,11 +74,7 @@ def test_every_door_moves_axes_by_the_methods_of_the_wire_which_know_one_role_of
     assert telling == ["program_table.py"]
 
 
-async def run(cell: VirtualCell, *lines: str, **more: Any) -> Any:
-    program = await cell.service.open("planner.mcp-1", **more)
-    await cell.service.lines.submit("planner.mcp-1", program.program, 1, list(lines))
-    cell.service.lines.close("planner.mcp-1", program.program)
-    return await cell.ended(program)
+AGENT = "planner.mcp-1"
 
 
 def within(cell: VirtualCell) -> Any:
@@ -90,29 +86,25 @@ def within(cell: VirtualCell) -> Any:
 
 async def test_the_zone_of_agents_binds_a_run_that_was_approved_and_no_other(start: Start) -> None:
     cell = start(mill(GLASS))
-    program = await run(cell, *INTO, envelope=within(cell))
+    program = await cell.run(*INTO, client=AGENT, envelope=within(cell))
     assert fault_of(program) == ("MC321", 2)
     assert place(cell, 0) == pytest.approx(79.0, abs=0.3)
 
     async def jog(distance: float) -> str:
-        name = await cell.jogging.jog(
-            "page", 0, distance=distance, velocity=100.0, hold_s=None, program_id=None
-        )
-        return (await cell.ended(cell.service.program(name))).state
+        return (await cell.ended(await cell.jog(0, distance))).state
 
     assert await jog(-place(cell, 0)) == "finished"
     # who goes on with it has the same envelope, and so the same zones
     again = await cell.service.continue_program("alice.page", program.program, 2)
     assert fault_of(await cell.ended(again)) == ("MC321", 2)
-    assert (await run(cell, *INTO)).state == "finished"
+    assert (await cell.run(*INTO, client=AGENT)).state == "finished"
     assert await jog(100.0) == "finished"
 
 
 async def test_the_zone_of_operators_binds_jogs_and_no_approved_run(start: Start) -> None:
     cell = start(mill(GLASS.replace("agent", "operator")))
-    assert (await run(cell, *INTO, envelope=within(cell))).state == "finished"
-    name = await cell.jogging.jog("page", 0, distance=100.0, velocity=100.0, hold_s=None, program_id=None)
-    assert fault_of(await cell.ended(cell.service.program(name)))[0] == "MC321"
+    assert (await cell.run(*INTO, client=AGENT, envelope=within(cell))).state == "finished"
+    assert fault_of(await cell.ended(await cell.jog(0, 100.0)))[0] == "MC321"
 
 
 @pytest.mark.parametrize(

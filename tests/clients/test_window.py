@@ -36,7 +36,7 @@ def small_window(credit: int) -> LineWindow:
     return LineWindow(1, credit, buffer_lines=20, buffer_bytes=200, chunk_lines=6, chunk_bytes=40)
 
 
-@settings(max_examples=150, deadline=None)
+@settings(max_examples=150)
 @given(
     total=st.integers(1, 60),
     room=st.integers(1, 30),
@@ -96,7 +96,7 @@ def test_no_line_is_lost_and_none_is_taken_twice_whatever_the_network_does(
     assert window.accepted == total
 
 
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=100)
 @given(count=st.integers(1, 30), faulty=st.integers(1, 30), accepted=st.integers(0, 30))
 def test_after_a_rejection_the_faulty_number_is_the_next_one(count: int, faulty: int, accepted: int) -> None:
     window = small_window(100)

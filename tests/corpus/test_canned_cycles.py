@@ -176,7 +176,7 @@ def test_a_cycle_that_cannot_be_drilled_is_refused_for_one_reason(text: str, cod
     assert [fault.code for fault in faults(text)] == [code]
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(
     code=st.sampled_from(["G73", "G81", "G83"]),
     before=st.integers(-20, 50),

@@ -24,7 +24,7 @@ LINES = st.lists(st.sampled_from(WORDS), min_size=1, max_size=6).map(" ".join)
 
 
 @pytest.mark.parametrize("profile", ["cnc", "printer", "robot"])
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=100)
 @given(lines=st.lists(LINES, min_size=1, max_size=3))
 def test_a_check_of_garbage_ends_with_places_within_its_lines(profile: str, lines: list[str]) -> None:
     for found in check_program("\n".join(lines), machine_of(profile)):

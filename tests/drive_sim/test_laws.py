@@ -31,7 +31,7 @@ TRANSITIONS = {
 controlwords = st.one_of(st.sampled_from([0, 2, 6, 7, 15, 0x80, 0x8F]), st.integers(0, 0xFFFF))
 
 
-@settings(max_examples=300, deadline=None)
+@settings(max_examples=300)
 @given(
     st.lists(st.tuples(controlwords, st.booleans()), max_size=60),
     st.sampled_from([0, 1, 2, 5, 6]),
@@ -53,7 +53,7 @@ def test_only_the_standards_transitions_are_ever_made(
             assert machine.state is before or (before, machine.state) in TRANSITIONS
 
 
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=200)
 @given(st.lists(controlwords, max_size=40))
 def test_a_fault_is_acknowledged_by_a_rising_edge_and_by_nothing_else(commands: list[int]) -> None:
     machine = PowerMachine(energize_s=0.0)
@@ -89,7 +89,7 @@ frames = st.lists(
 )
 
 
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=100)
 @given(frames)
 def test_no_frame_breaks_a_node(received: list[tuple[int, bytes]]) -> None:
     bench = Bench().operate()
@@ -103,7 +103,7 @@ def test_no_frame_breaks_a_node(received: list[tuple[int, bytes]]) -> None:
     assert bench.read(0x1000, 0, "I") == 0x00020192
 
 
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=100)
 @given(st.lists(st.binary(max_size=8), max_size=40))
 def test_no_command_breaks_a_servosila_drive(commands: list[bytes]) -> None:
     sent: list[int] = []

@@ -92,7 +92,7 @@ def test_a_step_is_reached_without_overshoot() -> None:
     assert positions[-1] == pytest.approx(1e-4, rel=1e-9)
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=30)
 @given(bandwidth=st.floats(0.5, 2000.0), cycle_s=st.floats(1e-4, 0.1))
 def test_the_loop_is_stable_at_any_bandwidth_and_cycle_time(bandwidth: float, cycle_s: float) -> None:
     coefficients = loop_coefficients(np.array([2 * np.pi * bandwidth]), cycle_s)[:, :2, 0]

@@ -64,7 +64,7 @@ def test_a_servo_move_does_not_hold_the_program() -> None:
     assert rig.setpoint[-1, 0] == 0.5
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=30)
 @given(
     moves=st.lists(
         st.tuples(st.floats(-0.4, 0.4), st.floats(0.0, 0.25), st.sampled_from(["rapid", "speed", "halt"])),
@@ -234,7 +234,7 @@ def test_a_coordinated_motion_on_an_axis_under_way_is_refused() -> None:
     assert (fault.code, fault.axis, fault.line) == (403, 0, 8)
 
 
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=20)
 @given(hold_at=st.integers(5, 600), halt_after=st.integers(0, 120), jerk=st.sampled_from([None, 200000.0]))
 def test_superseding_a_rapid_while_its_rate_changes_keeps_its_limits(
     hold_at: int, halt_after: int, jerk: float | None

@@ -29,7 +29,7 @@ def one_by_one(u: list[float], start: float, first: int) -> list[float]:
     return times
 
 
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=200)
 @given(
     steps=st.lists(
         st.one_of(st.just(0.0), st.floats(0.0, 2.5), st.floats(0.0, 3e-9), st.just(1.0)),

@@ -78,7 +78,7 @@ def assert_limits(rig: Rig, jerk: float | None) -> None:
     assert_keeps(np.concatenate((points, np.tile(points[-1:], (3, 1)))), (VELOCITY, ACCELERATION, jerk))
 
 
-@settings(max_examples=24, deadline=None)
+@settings(max_examples=24)
 @given(
     path=st.sampled_from(["line", "circle"]),
     speed=st.sampled_from([0.2, 0.4, 0.8]),
@@ -107,7 +107,7 @@ def test_any_sequence_of_orders_keeps_velocity_acceleration_and_jerk_on_the_path
     assert np.array_equal(rig.setpoint[-1], rows.position[-1])
 
 
-@settings(max_examples=16, deadline=None)
+@settings(max_examples=16)
 @given(
     jerk=st.sampled_from([None, JERK]),
     orders=st.lists(st.tuples(st.integers(1, 60), st.sampled_from(ORDERS)), max_size=30),

@@ -30,7 +30,6 @@ SLOPES = st.floats(1e-4, 0.3)
 CURVATURES = st.floats(1e-5, 0.3)
 
 
-@settings(deadline=None)
 @given(rate=RATES, slope=st.floats(-0.05, 0.05), target=RATES, most=SLOPES, curvature=CURVATURES)
 def test_a_change_ends_at_its_rate_with_no_slope_and_keeps_its_limits(
     rate: float, slope: float, target: float, most: float, curvature: float
@@ -49,7 +48,6 @@ def test_a_change_ends_at_its_rate_with_no_slope_and_keeps_its_limits(
         assert abs(phase.curvature) <= curvature + 1e-12
 
 
-@settings(deadline=None)
 @given(rate=st.floats(0.05, 2.0), room=st.floats(1.0, 500.0), most=SLOPES, curvature=CURVATURES)
 def test_a_stop_at_an_edge_ends_on_it_or_is_not_made(
     rate: float, room: float, most: float, curvature: float
@@ -63,7 +61,6 @@ def test_a_stop_at_an_edge_ends_on_it_or_is_not_made(
         assert total_advance(phases, count) <= room + 1e-6
 
 
-@settings(deadline=None)
 @given(
     start=st.floats(-1.0, 1.0),
     end=st.floats(-1.0, 1.0),
@@ -82,7 +79,6 @@ def test_setpoints_are_tried_as_they_are_played(
     assert tried == pytest.approx(played, abs=1e-12)
 
 
-@settings(deadline=None)
 @given(
     place=st.floats(0.0, 1.0),
     phase=st.floats(0.0, 1.0),
@@ -111,7 +107,6 @@ def test_a_vertex_costs_no_more_between_rows_than_its_own_step_of_velocity(
         assert np.abs(np.diff(points, order)).max() <= rate + 1e-9
 
 
-@settings(deadline=None)
 @given(place=st.floats(0.0, 1.0), share=st.floats(0.0, 1.0), braking=st.floats(0.01, 0.45))
 def test_an_axis_without_a_jerk_limit_gets_no_faster_between_rows_than_it_is_on_them(
     place: float, share: float, braking: float
@@ -179,7 +174,7 @@ def test_one_cycle_tries_only_some_changes_and_the_next_one_goes_on(monkeypatch:
     assert np.abs(rig.acceleration()).max() <= 10.1
 
 
-@settings(max_examples=10, deadline=None)
+@settings(max_examples=10)
 @given(rate=st.floats(0.02, 1.0))
 def test_a_plan_is_followed_as_it_was_tried(rate: float) -> None:
     phases = np.array([[10.5, 1.0, (rate - 1.0) / 10.5, 0.0], [100.25, rate, 0.0, 0.0]])

@@ -21,7 +21,7 @@ def put(ring: ProgramRing, first: int, count: int) -> None:
     ring.put_rows(Rows(first, position, -position, np.full(count, 1, np.uint64), u.astype(np.int64)))
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(st.lists(st.tuples(st.booleans(), st.integers(1, 12)), max_size=60))
 def test_rows_come_out_once_and_in_order(turns: list[tuple[bool, int]]) -> None:
     buffer = bytearray(program_ring_size(16, 8, 3))
@@ -45,7 +45,7 @@ def test_rows_come_out_once_and_in_order(turns: list[tuple[bool, int]]) -> None:
         assert writer.row_room() == 16 - (written - read)
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(st.lists(st.tuples(st.booleans(), st.integers(1, 5)), max_size=60))
 def test_control_entries_come_out_as_they_were_put(turns: list[tuple[bool, int]]) -> None:
     ring = ProgramRing(None, 4, 8, 2)
@@ -67,7 +67,7 @@ def test_control_entries_come_out_as_they_were_put(turns: list[tuple[bool, int]]
                 ring.free_controls(read)
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 @given(st.lists(st.tuples(st.integers(0, 6), st.integers(0, 8)), max_size=20))
 def test_edges_of_lines_in_columns_are_the_same_entries_as_one_by_one(turns: list[tuple[int, int]]) -> None:
     columns, single = (ProgramRing(None, 8, 8, 2) for _ in range(2))

@@ -86,7 +86,7 @@ def test_a_path_without_travel_stands_still() -> None:
     )
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=30)
 @given(joints=JOINTS)
 def test_a_pose_that_the_arm_can_do_is_found_again(joints: tuple[float, ...]) -> None:
     pose = ARM.pose(1, dict(enumerate(joints)))
@@ -97,7 +97,7 @@ def test_a_pose_that_the_arm_can_do_is_found_again(joints: tuple[float, ...]) ->
     assert all(low - 1e-9 <= found[axis] <= high + 1e-9 for axis, (low, high) in enumerate(LIMITS))
 
 
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=20)
 @given(joints=JOINTS, moves=st.tuples(*[st.floats(-0.05, 0.05)] * 6))
 def test_the_solution_is_no_further_than_one_that_is_known(
     joints: tuple[float, ...], moves: tuple[float, ...]

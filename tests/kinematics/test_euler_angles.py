@@ -18,7 +18,7 @@ TRIPLES = st.tuples(ANGLE, ANGLE, ANGLE)
 
 
 @pytest.mark.parametrize("order", ORDERS)
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 @given(angles=TRIPLES)
 def test_matrices_are_those_of_scipy(order: str, angles: Triple) -> None:
     # SciPy takes the angles in the order of the factors; A B C are always about X Y Z
@@ -28,7 +28,7 @@ def test_matrices_are_those_of_scipy(order: str, angles: Triple) -> None:
 
 
 @pytest.mark.parametrize("order", ORDERS)
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 @given(angles=TRIPLES)
 def test_the_angles_read_back_give_the_same_orientation(order: str, angles: Triple) -> None:
     matrix = euler_to_matrix(angles, order)
@@ -36,7 +36,7 @@ def test_the_angles_read_back_give_the_same_orientation(order: str, angles: Trip
 
 
 @pytest.mark.parametrize("order", ORDERS)
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 @given(angles=TRIPLES)
 def test_the_triple_nearest_to_the_last_one_is_the_last_one(order: str, angles: Triple) -> None:
     middle = angles["XYZ".index(order[1])]
@@ -72,7 +72,7 @@ def test_zyx_turns_about_x_first_and_about_z_last() -> None:
     np.testing.assert_allclose(turned, [0.0, 0.0, 1.0], atol=1e-15)
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(
     axis=st.tuples(*[st.floats(-1.0, 1.0)] * 3).filter(lambda v: np.linalg.norm(v) > 0.1),
     angle=st.one_of(

@@ -197,7 +197,7 @@ def test_a_pose_that_a_chain_can_do_is_found_again(
     high = [joint.upper for joint in joints]
     middle = {axis: 0.5 * (low[axis] + high[axis]) + 0.1 for axis in range(len(joints))}
 
-    @settings(max_examples=12, deadline=None)
+    @settings(max_examples=12)
     @given(shares=st.tuples(*[st.floats(0.0, 1.0)] * len(joints)))
     def found_again(shares: tuple[float, ...]) -> None:
         wanted = {axis: low[axis] + share * (high[axis] - low[axis]) for axis, share in enumerate(shares)}

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from mckinematics.single import small_turn, solve_two
@@ -49,7 +49,6 @@ def test_a_jacobian_of_the_point_alone_is_the_upper_half_of_the_whole(tmp_path: 
         np.testing.assert_array_equal(chain.jacobian(joints, 3)[2], chain.jacobian(joints)[2][:, :3])
 
 
-@settings(deadline=None)
 @given(arrays(np.float64, (4, 4), elements=st.floats(-1.0, 1.0)), arrays(np.float64, (2, 4), elements=ANGLES))
 def test_two_systems_are_solved_at_once(matrix: np.ndarray, right: np.ndarray) -> None:
     # diagonally dominant: far from singular
@@ -69,7 +68,6 @@ def test_a_singular_system_has_no_solution() -> None:
     assert solve_two([[1.0, 2.0], [2.0, 4.0]], [1.0, 1.0], [1.0, 1.0]) is None
 
 
-@settings(deadline=None)
 @given(st.tuples(ANGLES, ANGLES, ANGLES), st.tuples(*[st.floats(-0.85, 0.85)] * 3))
 def test_a_small_turn_is_the_rotation_vector(
     start: tuple[float, float, float], turn: tuple[float, float, float]

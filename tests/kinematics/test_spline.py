@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from mckinematics.spline import clamped_spline, evaluate_cells, spline_extremes, spline_hull
 
@@ -15,7 +15,6 @@ def _spline(seed: int, count: int) -> tuple[np.ndarray, np.ndarray]:
     return knots, clamped_spline(knots, values, *random.uniform(-5.0, 5.0, (2, 3)))
 
 
-@settings(deadline=None)
 @given(st.integers(0, 10_000), st.integers(1, 8))
 def test_no_value_is_beyond_the_extremes_and_no_extreme_beyond_the_hull(seed: int, count: int) -> None:
     knots, coefficients = _spline(seed, count)
@@ -28,7 +27,6 @@ def test_no_value_is_beyond_the_extremes_and_no_extreme_beyond_the_hull(seed: in
     assert (above >= high.max(axis=0) - 1e-12).all()
 
 
-@settings(deadline=None)
 @given(st.integers(0, 10_000), st.integers(1, 8))
 def test_the_extremes_are_reached(seed: int, count: int) -> None:
     knots, coefficients = _spline(seed, count)

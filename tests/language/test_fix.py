@@ -109,7 +109,7 @@ PIECES = st.sampled_from(
 )
 
 
-@settings(max_examples=300, deadline=None)
+@settings(max_examples=300)
 @given(st.lists(PIECES, max_size=8).map("".join))
 def test_edits_stay_within_their_line_and_none_is_left_when_all_are_applied(line: str) -> None:
     for fault in scan_line(line, 2).faults:
@@ -155,7 +155,7 @@ def test_a_line_is_formatted(line: str, formatted: str) -> None:
     assert format_line(formatted) == formatted
 
 
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=200)
 @given(st.integers(0, 2**32))
 def test_formatting_keeps_every_word_and_is_done_once(seed: int) -> None:
     text = derive(GRAMMAR, Random(seed))

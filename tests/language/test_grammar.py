@@ -141,7 +141,7 @@ def test_near_misses_cannot_be_derived(line: str) -> None:
         lark_parser(PLAIN).parse(line)
 
 
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=200)
 @given(st.integers(0, 2**32), st.sampled_from(MACHINES))
 def test_what_the_grammar_accepts_of_spoiled_lines_parses(seed: int, machine: str) -> None:
     random = Random(seed)

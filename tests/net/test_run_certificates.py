@@ -23,7 +23,7 @@ from mcserver.security.certificates import Credentials, new_authority, new_ident
 from mcserver.service.approval_basis import ApprovalBasis
 from mcserver.service.run_certificate import Approval, sign
 from mcserver.simulation.preview import preview
-from tests.net.test_approvals import ANNA, BOT, MILL, SHIFT, TEXT, Site
+from tests.net.approval_site import ANNA, BOT, MILL, SHIFT, TEXT, Site
 
 NOW = datetime.datetime(2031, 5, 4, 12, 0, tzinfo=datetime.UTC)
 HOUR = datetime.timedelta(hours=1)

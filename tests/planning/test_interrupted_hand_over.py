@@ -44,7 +44,7 @@ class InterruptedSink:
         self._ring.put_rows(rows)
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25)
 @given(pauses=st.lists(st.integers(0, 150), min_size=1, max_size=30), moves=st.integers(1, 3))
 def test_a_motion_is_played_whole_wherever_its_hand_over_is_interrupted(
     pauses: list[int], moves: int

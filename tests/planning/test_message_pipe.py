@@ -7,7 +7,7 @@ import select
 import socket
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from mcserver.planning.message_pipe import READ_BYTES, MessagePipe, WatchedPipe
@@ -28,7 +28,6 @@ def pump(sender: MessagePipe, receiver: MessagePipe, count: int) -> list[bytes]:
     return found
 
 
-@settings(deadline=None)
 @given(st.lists(st.binary(max_size=2000), min_size=1, max_size=20))
 def test_messages_of_any_length_arrive_whole_and_in_order(messages: list[bytes]) -> None:
     ours, theirs = pair()

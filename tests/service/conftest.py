@@ -14,6 +14,7 @@ from mcserver.service.reports import Ack, Event
 from mcserver.service.service import MachineService
 from mcserver.service.service_options import ServiceOptions
 from tests.service.fakes import FakePipelines, FakePort, three_axes
+from tests.service.virtual_cell import VirtualCell
 
 LIMIT_S = 5.0
 
@@ -84,3 +85,11 @@ async def bench(tmp_path: Path) -> AsyncIterator[Bench]:
     made.service.start()
     yield made
     await made.service.stop()
+
+
+@pytest.fixture
+async def cell(request: pytest.FixtureRequest, tmp_path: Path) -> AsyncIterator[VirtualCell]:
+    """A server of the module's ``machine()``, on a virtual clock."""
+    made = VirtualCell(request.module.machine(), tmp_path)
+    yield made
+    await made.stop()

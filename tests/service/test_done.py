@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import AsyncIterator
-from pathlib import Path
-
 import pytest
 
 from mcserver.machine.machine_file import Machine, parse_machine
@@ -18,13 +15,6 @@ MOVES = [f"G01 X{number % 7} F6000" for number in range(1000)]
 def machine() -> Machine:
     axes = axes_text(range(2), keys="in_position = 0.01\nmax_following_error = 50.0")
     return parse_machine(f'[machine]\nname = "cell"\n{axes}')
-
-
-@pytest.fixture
-async def cell(tmp_path: Path) -> AsyncIterator[VirtualCell]:
-    made = VirtualCell(machine(), tmp_path)
-    yield made
-    await made.stop()
 
 
 async def begun(cell: VirtualCell, lines: list[str], *, line: int, close: bool = True) -> Program:

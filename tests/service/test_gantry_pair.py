@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import AsyncIterator
-from pathlib import Path
-
 import pytest
 
 from mcserver.drives.simulated import SimulatedBus
+from mcserver.machine.machine_file import Machine
 from mcserver.net.status import EdgeUnits, machine_status
 from tests.executor.test_gantry import switched
 from tests.service.virtual_cell import VirtualCell, refused
@@ -15,11 +13,8 @@ from tests.service.virtual_cell import VirtualCell, refused
 MM = 1e-3
 
 
-@pytest.fixture
-async def cell(tmp_path: Path) -> AsyncIterator[VirtualCell]:
-    made = VirtualCell(switched(-40.0, -40.1), tmp_path)
-    yield made
-    await made.stop()
+def machine() -> Machine:
+    return switched(-40.0, -40.1)
 
 
 async def test_whoever_names_one_drive_has_both(cell: VirtualCell) -> None:
@@ -37,13 +32,9 @@ async def test_whoever_names_one_drive_has_both(cell: VirtualCell) -> None:
 async def test_a_jog_of_the_leader_moves_both_and_one_of_the_second_drive_is_refused(
     cell: VirtualCell,
 ) -> None:
-    async def jog(axis: int) -> str:
-        return await cell.jogging.jog("page", axis, distance=5.0, velocity=20.0, hold_s=None, program_id=None)
-
-    program = cell.service.program(await jog(1))
-    assert (await cell.ended(program)).state == "finished"
+    assert (await cell.ended(await cell.jog(1, 5.0, 20.0))).state == "finished"
     assert [cell.position(column) / MM for column in (1, 2)] == pytest.approx([5.0, 5.0], abs=1e-3)
-    assert await refused(cell, lambda _: jog(3)) == "MC507"
+    assert await refused(cell, lambda _: cell.jog(3, 5.0, 20.0)) == "MC507"
 
 
 async def test_the_status_tells_the_skew(cell: VirtualCell) -> None:

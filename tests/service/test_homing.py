@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import AsyncIterator
 from pathlib import Path
 
 import pytest
@@ -30,13 +29,6 @@ def machine(initial: float = 20.0) -> Machine:
         switch = f"initial_position = {initial}\nhome_switch = [-1000.0, -10.0]"
         text += axes_text([index], keys=keys, drive="simulated", drive_keys=switch)
     return parse_machine(text)
-
-
-@pytest.fixture
-async def cell(tmp_path: Path) -> AsyncIterator[VirtualCell]:
-    made = VirtualCell(machine(), tmp_path)
-    yield made
-    await made.stop()
 
 
 async def test_home_finds_every_axis_that_can_the_lowest_order_first(cell: VirtualCell) -> None:
@@ -71,9 +63,8 @@ async def test_limits_count_from_the_reference_on(cell: VirtualCell) -> None:
 
 
 async def test_an_unhomed_axis_is_jogged_slowly_and_past_its_limits(cell: VirtualCell) -> None:
-    name = await cell.jogging.jog("test", 1, distance=200.0, velocity=200.0, hold_s=None, program_id=None)
+    program = await cell.jog(1, 200.0, 200.0)
     fastest = 0.0
-    program = cell.service.program(name)
 
     def done() -> bool:
         nonlocal fastest
@@ -88,8 +79,7 @@ async def test_an_unhomed_axis_is_jogged_slowly_and_past_its_limits(cell: Virtua
 
 async def test_a_homed_axis_is_jogged_within_its_limits(cell: VirtualCell) -> None:
     await cell.ended(await cell.homing.home("test", [1]))
-    name = await cell.jogging.jog("test", 1, distance=None, velocity=100.0, hold_s=10.0, program_id=None)
-    await cell.ended(cell.service.program(name))
+    await cell.ended(await cell.jog(1, None))
     assert cell.position(1) == pytest.approx(50 * MM, abs=1e-5)
 
 

@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import AsyncIterator
-from pathlib import Path
-
 import pytest
 
 from mcserver.errors import Refused
@@ -15,17 +12,10 @@ from tests.service.virtual_cell import VirtualCell
 MM = 1e-3
 
 
-def mill() -> Machine:
+def machine() -> Machine:
     axes = axes_text(range(3), keys="min_position = -10.0\nmax_position = 500.0\nmax_following_error = 1.0")
     cutter = "[[cutter]]\nnumber = 1\nlength_mm = 80.0\n"
     return parse_machine(f'[machine]\nname = "mill"\n{axes}[dialect]\nprofile = "cnc"\n{cutter}')
-
-
-@pytest.fixture
-async def cell(tmp_path: Path) -> AsyncIterator[VirtualCell]:
-    made = VirtualCell(mill(), tmp_path)
-    yield made
-    await made.stop()
 
 
 async def jog(

@@ -76,7 +76,7 @@ def test_a_planner_that_has_died_has_forgotten_all() -> None:
     assert [(grant.program, grant.slot) for grant in table.forgotten(None)] == [("c", 0), ("d", 1)]
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(
     st.lists(
         st.tuples(

@@ -49,7 +49,7 @@ class Shop(VirtualCell):
     def _record(self, _time: float, _line: int, setpoint: Array, _actual: Array) -> None:
         self.setpoints.append(setpoint[:3].copy())
 
-    async def begin(
+    async def begin_part(
         self, lines: Sequence[str], *, close: bool = True, envelope: Envelope | None = None
     ) -> Program:
         program = await self.service.open("cam", name="part.nc", envelope=envelope)
@@ -60,7 +60,7 @@ class Shop(VirtualCell):
 
     async def at_pause(self, lines: Sequence[str], **more: Any) -> Program:
         """A program that has come to its pause."""
-        program = await self.begin(lines, **more)
+        program = await self.begin_part(lines, **more)
         await self.paused(program)
         return program
 
@@ -72,17 +72,6 @@ class Shop(VirtualCell):
         self.service.lines.submit("page", program.program, 1, lines)
         self.service.lines.close("page", program.program)
         return await self.ended(program)
-
-    async def jog(self, axis: int, distance: float | None, velocity: float = 100.0) -> Program:
-        name = await self.jogging.jog(
-            "page",
-            axis,
-            distance=distance,
-            velocity=velocity,
-            hold_s=10.0 if distance is None else None,
-            program_id=None,
-        )
-        return self.service.program(name)
 
     async def jogged(self, axis: int, distance: float) -> None:
         program = await self.ended(await self.jog(axis, distance))
@@ -179,7 +168,7 @@ async def test_without_anybody_at_the_pause_the_path_is_the_same_to_the_bit(tmp_
         folder.mkdir()
         shop = Shop(mill(f'tool_change = "{rule}"\n' if rule == "ignore" else ""), folder)
         lines = ["T1 M6", "G0 X10", "G91 G1 X3.3 Y1.7 F3000", "T2 M6", "G1 X0.1", "G2 X4 I2 J0"]
-        program = await shop.begin(lines)
+        program = await shop.begin_part(lines)
         if rule == "pause":
             await shop.paused(program)
             shop.service.resume(None)
@@ -223,10 +212,10 @@ async def test_nobody_jogs_once_it_goes_on(shop: Shop) -> None:
 
 
 async def test_a_program_that_waits_for_the_axes_does_not_begin_at_the_pause(shop: Shop) -> None:
-    program = await shop.begin(CHANGE)
-    waiting = await shop.begin(["G0 X99"])
+    program = await shop.begin_part(CHANGE)
+    waiting = await shop.begin_part(["G0 X99"])
     await shop.paused(program)
-    later = await shop.begin(["G0 X77"])
+    later = await shop.begin_part(["G0 X77"])
     await shop.jogged(0, 5.0)
     assert (waiting.state, later.state) == ("queued", "queued")
     await shop.resumed(program)
@@ -238,7 +227,7 @@ async def test_two_at_the_pause_do_not_share_an_axis(shop: Shop) -> None:
     program = await shop.at_pause(CHANGE)
     jog = await shop.jog(0, None, 20.0)
     with pytest.raises(Refused):
-        await shop.jogging.jog("other", 0, distance=1.0, velocity=10.0, hold_s=None, program_id=None)
+        await shop.jog(0, 1.0, 10.0, client="other")
     with pytest.raises(Refused):
         await shop.service.open("other", axes=[0], at_pause=True)
     shop.service.abort(jog.program)
@@ -260,7 +249,7 @@ async def test_an_emergency_stop_at_the_pause_ends_both(shop: Shop) -> None:
 async def test_whoever_aborts_the_program_at_the_pause_leaves_the_jog_alone(shop: Shop) -> None:
     program = await shop.at_pause(CHANGE)
     jog = await shop.jog(1, 30.0, 50.0)
-    waiting = await shop.begin(["G0 Y1"])
+    waiting = await shop.begin_part(["G0 Y1"])
     shop.service.abort(program.program)
     await shop.ended(program)
     assert (jog.over, waiting.state) == (False, "queued")
@@ -284,7 +273,7 @@ async def test_an_axis_that_loses_its_drive_at_the_pause_has_to_be_energized_bef
     await shop.resumed(program)
     assert program.fault is not None
     assert (program.state, program.done, program.fault.axis) == ("faulted", 4, 0)
-    again = await shop.begin(CHANGE)
+    again = await shop.begin_part(CHANGE)
     await shop.paused(again)
     await shop.by_hand("G1001 P0", axes=[0])
     await shop.jogged(0, 2.0)
@@ -342,7 +331,7 @@ async def test_an_approved_run_goes_on_only_from_within_what_was_approved(tmp_pa
 
 
 async def test_streamed_lines_wait_at_the_pause_and_are_read_with_the_zero_of_then(shop: Shop) -> None:
-    program = await shop.begin(["T1 M6", "G0 X10"], close=False)
+    program = await shop.begin_part(["T1 M6", "G0 X10"], close=False)
     shop.service.lines.submit("cam", program.program, 3, ["M0", "G0 X20"])
     await shop.paused(program)
     shop.service.lines.submit("cam", program.program, 5, ["G0 Y5"])
@@ -353,7 +342,7 @@ async def test_streamed_lines_wait_at_the_pause_and_are_read_with_the_zero_of_th
 
 
 async def test_a_pause_in_a_loop_counts_each_time(shop: Shop) -> None:
-    program = await shop.begin(["G91", "o1 repeat [2]", "G0 X10", "M0", "o1 endrepeat", "G0 X1"])
+    program = await shop.begin_part(["G91", "o1 repeat [2]", "G0 X10", "M0", "o1 endrepeat", "G0 X1"])
     for distance in (5.0, 7.0):
         await shop.paused(program)
         await shop.jogged(0, distance)

@@ -367,7 +367,7 @@ async def test_what_was_moved_by_hand_is_not_gone_on_with(
 ) -> None:
     cell = await rig.started(machine())
     if how == "jog":
-        name = await cell.jogging.jog("page", 0, distance=None, velocity=100.0, hold_s=10.0, program_id=None)
+        name = (await cell.jog(0, None)).program
     else:
         name = (await open_servo(cell.service, "page", [0])).program
     service = cell.service

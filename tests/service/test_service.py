@@ -18,7 +18,7 @@ from mcserver.service.service import CLIENT_PROGRAMS
 from mcserver.service.stop_latch import CONFIRM_PERIOD_S
 from tests.service.conftest import LIMIT_S, Bench
 from tests.service.fakes import executed_lines
-from tests.service.simulated_cell import SimulatedDisk
+from tests.service.simulated_machine import SimulatedDisk
 
 
 async def test_lines_run_and_are_done(bench: Bench) -> None:

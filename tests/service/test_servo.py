@@ -12,7 +12,7 @@ from mckinematics.solver import MachineKinematics
 
 from mcserver.errors import Refused
 from mcserver.executor.entries import Control, ControlKind
-from mcserver.machine.machine_file import load_machine, parse_machine
+from mcserver.machine.machine_file import Machine, load_machine, parse_machine
 from mcserver.service.program import Program
 from mcserver.service.servo import close_targets, open_servo, put_targets
 from mcserver.service.target_stream import TargetMessage
@@ -32,11 +32,8 @@ kind = "ideal"
 ARM = '[machine]\nname = "arm"\n' + "".join(AXIS.format(index=index) for index in range(3))
 
 
-@pytest.fixture
-async def cell(tmp_path: Path) -> AsyncIterator[VirtualCell]:
-    made = VirtualCell(parse_machine(ARM), tmp_path)
-    yield made
-    await made.stop()
+def machine() -> Machine:
+    return parse_machine(ARM)
 
 
 class Streamer:
@@ -102,7 +99,7 @@ async def test_axes_in_servo_mode_are_refused_to_a_jog_and_a_program_waits_for_t
 ) -> None:
     streamer = await opened(cell, [0])
     with pytest.raises(Refused, match="servo mode") as refusal:
-        await cell.jogging.jog("page", 0, distance=1.0, velocity=1.0, hold_s=None, program_id=None)
+        await cell.jog(0, 1.0, 1.0)
     assert refusal.value.code == "MC512"
     program = await cell.service.open("mill", axes=[0])
     assert program.state == "queued"

@@ -5,14 +5,12 @@ from __future__ import annotations
 import itertools
 import math
 import re
-from collections.abc import AsyncIterator
-from pathlib import Path
 
 import numpy as np
 import pytest
 
 from mcserver.errors import Refused
-from mcserver.machine.machine_file import load_machine
+from mcserver.machine.machine_file import Machine, load_machine
 from mcserver.machine.machine_kinematics import build_kinematics
 from mcserver.service.tool_reach import ToolDirection, ToolFrame, reachable_move
 from tests.service.virtual_cell import VirtualCell
@@ -25,11 +23,8 @@ CHAIN = KINEMATICS.axes(1)
 BENT = dict(zip(CHAIN, (0.0, -0.3, 0.6, 0.2, 0.7, 0.0), strict=True))
 
 
-@pytest.fixture
-async def cell(tmp_path: Path) -> AsyncIterator[VirtualCell]:
-    made = VirtualCell(ARM, tmp_path)
-    yield made
-    await made.stop()
+def machine() -> Machine:
+    return ARM
 
 
 async def hold(

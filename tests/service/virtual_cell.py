@@ -7,6 +7,7 @@ import sqlite3
 import time
 from collections.abc import Callable, Sequence
 from pathlib import Path
+from typing import Any
 
 from mcserver.errors import ServiceError
 from mcserver.executor.entries import ExecutorEvent
@@ -169,11 +170,25 @@ class VirtualCell:
         await self.until(lambda: program.ended)
         return program
 
-    async def run(self, *lines: str, axes: list[int] | None = None) -> Program:
-        program = await self.service.open("test", axes=axes)
-        self.service.lines.submit("test", program.program, 1, list(lines))
-        self.service.lines.close("test", program.program)
-        return await self.ended(program)
+    async def begin(self, *lines: str, client: str = "test", **opened: Any) -> Program:
+        """A program that has all of its lines."""
+        program = await self.service.open(client, **opened)
+        self.service.lines.submit(client, program.program, 1, list(lines))
+        self.service.lines.close(client, program.program)
+        return program
+
+    async def run(self, *lines: str, client: str = "test", **opened: Any) -> Program:
+        return await self.ended(await self.begin(*lines, client=client, **opened))
+
+    async def jog(
+        self, axis: int, distance: float | None, velocity: float = 100.0, client: str = "page"
+    ) -> Program:
+        """A jog that has begun; without a distance it is held for ten seconds."""
+        hold_s = 10.0 if distance is None else None
+        name = await self.jogging.jog(
+            client, axis, distance=distance, velocity=velocity, hold_s=hold_s, program_id=None
+        )
+        return self.service.program(name)
 
     def homed(self) -> list[bool]:
         return list(self.service.port.snapshot().homed)

@@ -11,7 +11,7 @@ from mcserver.simulation.line_times import BLOCK, LineTimes
 EDGES = st.lists(st.tuples(st.integers(1, 3 * BLOCK), st.booleans()), max_size=40)
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(
     edges=EDGES,
     asked=st.lists(st.tuples(st.integers(1, 3 * BLOCK), st.sampled_from((0.0, 0.5, 2.0))), max_size=20),

@@ -119,7 +119,7 @@ def written(steps: Sequence[tuple[str, bool]]) -> tuple[list[str], dict[int, flo
 
 
 @pytest.mark.parametrize(("drive", "tolerance"), [("ideal", 0.0), ("simulated", 0.0), ("ideal", 0.2)])
-@settings(max_examples=8, deadline=None, phases=(Phase.explicit, Phase.reuse, Phase.generate))
+@settings(max_examples=8, phases=(Phase.explicit, Phase.reuse, Phase.generate))
 @given(
     steps=PROGRAM,
     portion=st.integers(1, 20),

@@ -35,7 +35,7 @@ def test_one_lost_tpdo_while_energizing_takes_no_command_back(cycle: int) -> Non
 
 
 @given(st.sets(st.integers(2, 40), max_size=12))
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 def test_whichever_tpdos_get_lost_the_axis_is_energized_without_a_jump(lost: set[int]) -> None:
     bench = Bench(machine(1, bus_keys="silence_cycles = 100"), (1000,))
     drive = bench.drives[0]

@@ -165,15 +165,6 @@ def test_a_heartbeat_that_stops_is_a_fault_though_the_drive_goes_on() -> None:
     assert (fault.code, fault.axis) == (FaultCode.HEARTBEAT_LOST, 1)
 
 
-def test_a_stuck_drive_does_not_energize_and_is_named() -> None:
-    rig = CanRig(machine(2))
-    rig.drives[0].stuck = True
-    rig.program.start_line(7)
-    rig.program.capture()
-    fault = rig.run_until(EventKind.FAULT)
-    assert (fault.code, fault.axis, fault.line) == (FaultCode.NO_ENERGIZE, 0, 7)
-
-
 def test_an_emergency_message_is_reported_with_its_code_and_meaning() -> None:
     rig = moving()
     rig.drives[1].emergency(0x8611)

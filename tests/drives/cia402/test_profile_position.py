@@ -232,7 +232,7 @@ def test_what_needs_a_path_is_refused_by_the_machine_file(keys: str, refused: st
 _GOALS = st.one_of(st.none(), st.integers(-3, 3))
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(
     goals=st.lists(st.tuples(_GOALS, st.integers(1, 40)), min_size=1, max_size=12),
     answers=st.lists(st.booleans(), min_size=20, max_size=20),

@@ -71,7 +71,7 @@ def test_an_axis_follows_a_smooth_motion_by_the_torque_that_its_inertia_needs() 
     assert max(drive_of(bench).permille) == pytest.approx(needed, rel=0.1)
 
 
-@settings(max_examples=6, deadline=None)
+@settings(max_examples=6)
 @given(st.floats(0.3, 4.0), st.floats(0.0, 2e-4), st.floats(-0.5, 0.5))
 def test_the_loop_is_stable_with_loads_that_are_not_as_the_machine_file_says(
     inertia: float, friction: float, load: float
