@@ -270,8 +270,6 @@ class ProgramSlot:
             return
         if self._put_off or self._settling:
             return
-        if cycle.estop:
-            cycle.bank.off(self.axes & ~cycle.bank.fault)
         self.state = self._stop_state
         self.line = 0
         self._drop()
