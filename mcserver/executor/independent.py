@@ -187,7 +187,7 @@ class IndependentMotions:
         """Return how much of this cycle was left when the last of these axes came to rest [cycles]."""
         if not mask & self.ended:
             return 1.0
-        return min(left for column, left in self._left.items() if mask >> column & 1)
+        return min(left for column, left in self._left.items() if mask & self.ended & 1 << column)
 
     def owned_by(self, slot: int) -> int:
         """Return the mask of the axes whose motion belongs to a slot."""
@@ -299,8 +299,10 @@ class IndependentMotions:
 
     def _pass(self, motion: Motion, share: float) -> None:
         """Let ``share`` of a cycle pass on a motion, and end it where it is over."""
-        motion.elapsed += self._cycle * share
         column = motion.column
+        # the motion before it has come to rest in this cycle: not before that
+        share = min(share, self._left.get(column, share))
+        motion.elapsed += self._cycle * share
         position, velocity, _ = motion.at(motion.elapsed)
         if motion.elapsed >= motion.duration and motion.kind is not MotionKind.SPEED:
             self._set(motion, motion.final[0], 0.0)
@@ -348,7 +350,6 @@ class IndependentMotions:
         self.goals.pop(column, None)
         self._motions[column] = motion
         self.ended &= ~(1 << column)
-        self._left.pop(column, None)
         self._remask()
 
     def _remask(self) -> None:

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from mcserver.executor.barriers import Barrier, BarrierFault, Paused, Settled
 from mcserver.executor.block import LineEvents, Passing, passing_cycles, passing_times
-from mcserver.executor.control_queue import ControlQueue
+from mcserver.executor.control_queue import WAITING, ControlQueue
 from mcserver.executor.control_rules import pass_control
 from mcserver.executor.cycle import Cycle
 from mcserver.executor.entries import Array, Control, ControlKind, EventKind
@@ -35,6 +35,8 @@ START_ROWS = 16.0
 STANDSTILL = 1e-6
 
 _ALWAYS = (ControlKind.LINE_END, ControlKind.END, ControlKind.PASSED)
+# What a stop passes on its way: axes that join the motion keep the others on the path.
+_IN_A_STOP = (*_ALWAYS, ControlKind.LINE_START, ControlKind.BEGIN)
 
 
 class ProgramSlot:
@@ -270,8 +272,6 @@ class ProgramSlot:
             return
         if self._put_off or self._settling:
             return
-        if cycle.estop:
-            cycle.bank.off(self.axes & ~cycle.bank.fault)
         self.state = self._stop_state
         self.line = 0
         self._drop()
@@ -440,7 +440,7 @@ class ProgramSlot:
                     left = max(0.0, left - (control.u - self.u) / rate)
                 self.u = control.u
             self._queue.pop()
-            if self._state is SlotState.STOPPING and control.kind not in (*_ALWAYS, ControlKind.LINE_START):
+            if self._state is SlotState.STOPPING and control.kind not in _IN_A_STOP:
                 continue
             self._pass(control, left)
             # a motion that begins or ends in this cycle changes how far u may go
@@ -494,7 +494,9 @@ class ProgramSlot:
         try:
             barrier = pass_control(self, control, left)
         except BarrierFault as fault:
-            self.fault(fault.code, control.line, fault.column, fault.values)
+            # an axis that cannot join a stop is left out of it
+            if self._state is not SlotState.STOPPING or control.kind is not ControlKind.BEGIN:
+                self.fault(fault.code, control.line, fault.column, fault.values)
             return
         if barrier is not None:
             self.barrier = barrier
@@ -515,9 +517,9 @@ class ProgramSlot:
             self.pending = control
 
     def _may_pass(self, control: Control) -> bool:
-        """Tell whether an entry may be passed: in feed hold nothing new begins, in a stop only what ends."""
+        """Tell whether an entry may be passed: in feed hold nothing new begins, in a stop no other motion."""
         if self._state is SlotState.STOPPING:
-            return self.playback.active != 0
+            return self.playback.active != 0 and control.kind not in WAITING
         return not self._held or control.kind in _ALWAYS
 
     def _check_first_row(self) -> None:

@@ -5,12 +5,12 @@ planner has to hand over. Judged from outside, on the rows (`tests.motion.measur
 and jerk of every axis at every cycle, F, the tolerance in both directions, every line reported once and in
 order, and the end; a T is not ended sooner than it says, and later only with a limit to name. With
 ``--orders`` each program is played too, under random holds and overrides of 0 to 200 %, its rows as if
-planned for 100 % or for more. ``--wide`` draws from `tests.bench.wide_programs`, ``--timed`` chains of timed
-lines from `tests.bench.timed_programs`, ``--text`` programs as text from `tests.bench.text_programs`,
-``--tools`` those of an arm's tool from `tests.bench.tool_programs`; these two are simulated, or with
-``--orders`` played beside the planner. With ``--shaped`` axes have random shapers, and what drives get is
-judged under orders. ``--servo`` draws hostile streams of targets from
-`tests.bench.servo_streams`. Seeds that break a law are printed; each replays alone.
+planned for 100 % or for more, and stopped (`tests.bench.order_laws`). ``--wide`` draws from
+`tests.bench.wide_programs`, ``--timed`` chains of timed lines from `tests.bench.timed_programs`, ``--text``
+programs as text from `tests.bench.text_programs`, ``--tools`` those of an arm's tool from
+`tests.bench.tool_programs`; these two are simulated, or with ``--orders`` played beside the planner. With
+``--shaped`` axes have random shapers, and what drives get is judged under orders. ``--servo`` draws hostile
+streams of targets from `tests.bench.servo_streams`. Seeds that break a law are printed; each replays alone.
 """
 
 from __future__ import annotations
@@ -30,29 +30,27 @@ from mcserver.machine.machine_file import Machine
 from mcserver.motion.bound import PlanningError
 from mcserver.motion.canonical import FeedGroup
 from mcserver.motion.geometry.curves import Array
+from tests.bench.order_laws import MOST_ROWS, broken_by_stops, broken_under_orders
 from tests.bench.servo_streams import broken_laws_of_streams
-from tests.bench.shaped_machines import broken_by_shapers, shaped
+from tests.bench.shaped_machines import shaped
 from tests.bench.text_laws import broken_laws_of_text
 from tests.bench.timed_programs import many_commits, timed_moves
 from tests.bench.tool_programs import broken_laws_of_tools
 from tests.bench.wide_programs import wide_program_of
-from tests.executor.test_overrides_of_programs import rig_of
 from tests.motion.measure import (
     ACCELERATION_SLACK,
     JERK_SLACK,
     VELOCITY_SLACK,
     acceleration_ratio,
+    bow_of,
     end_of,
-    exact_vertices,
     from_path_by_line,
-    jerk_of_vertices,
     jerk_ratio,
     path_missed_by_line,
     row_velocity_ratio,
     speed_over_feed,
     velocity_ratio,
     vertices_of,
-    weights_of,
 )
 from tests.motion.support import (
     AxisSpec,
@@ -73,15 +71,6 @@ Draw = Callable[[int], tuple[Machine, list[Move], list[Commit]]]
 REPORT_S = 60.0
 # What rounding may take away from a path [m].
 EXACT = 1e-9
-# Overrides that are given; below 0: a hold or its end.
-RATES = (-1.0, -1.0, 0.0, 0.3, 0.5, 0.77, 0.97, 1.0, 1.4, 1.7, 2.0)
-# Times the jerk of an exact path's vertices where an axis accelerates beside them: rows do not tell where
-# between them velocity steps then.
-BETWEEN_ROWS = 1.2
-# Longer motions are not played under orders: the ring takes them as a whole.
-MOST_ROWS = 3500
-# Feed scales that rows are said to be planned for in half of the programs, so many rows each.
-SCALES, SCALED = (1.0, 1.0, 1.4, 2.0), 170
 # Most lines that a section of a program has.
 LONGEST = 60
 # What a plan may end a T late by, with no limit to name, through rounding [s].
@@ -200,9 +189,6 @@ def broken_laws(motion: Motion) -> list[str]:
     # a corner is rounded within the tolerance of the line behind it
     corner = np.array([move.tolerance for move in motion.moves])
     tolerance = np.maximum(corner, np.append(corner[1:], 0.0))
-    most_acceleration = np.array([axis.max_acceleration for axis in machine.axes])
-    fastest = float((most_acceleration * weights_of(machine)).max())
-    bow = math.sqrt(len(machine.axes)) * fastest * motion.cycle**2 / 4.0
     exact = vertices_of(motion, tolerance=0.0)
     measured = [
         ("velocity", velocity_ratio(motion), VELOCITY_SLACK),
@@ -211,7 +197,7 @@ def broken_laws(motion: Motion) -> list[str]:
         ("jerk", jerk_ratio(motion, vertices=exact), JERK_SLACK),
         ("F", speed_over_feed(motion), VELOCITY_SLACK),
         ("path left by [m]", *_worst(from_path_by_line(motion), tolerance + EXACT)),
-        ("path missed by [m]", *_worst(path_missed_by_line(motion), tolerance + bow + EXACT)),
+        ("path missed by [m]", *_worst(path_missed_by_line(motion), tolerance + bow_of(motion) + EXACT)),
     ]
     broken = [f"{name} {value:.6g} > {most:.6g}" for name, value, most in measured if not value <= most]
     broken += broken_times(motion)
@@ -242,50 +228,6 @@ def broken_times(motion: Motion) -> list[str]:
     return broken
 
 
-def broken_under_orders(motion: Motion, seed: int) -> list[str]:
-    """Play a motion under random orders; name the laws that its setpoints break.
-
-    At the vertices of an exact path (D-36) the jerk is allowed that the path itself has there, wherever the
-    cycles fall.
-    """
-    rng = np.random.default_rng((seed, 1))
-    # rows planned for other overrides, a stretch each, are played at their shares
-    scales = np.ones(MOST_ROWS // SCALED + 2)
-    if seed % 2:
-        scales = rng.choice(SCALES, len(scales))
-    rig = rig_of(motion.machine, motion, lambda u: float(scales[u // SCALED]))
-    mailbox, often = rig.executor.mailbox, rng.random() < 0.4
-    for _ in range(int(rng.integers(1, 60 if often else 12))):
-        rig.step(int(rng.integers(1, 10 if often else 300)))
-        rate = float(rng.choice(RATES))
-        if rate >= 0.0:
-            mailbox.set_override(rate, 0)
-        elif rng.random() < 0.5:
-            mailbox.set_hold(True, 0)
-        else:
-            mailbox.resume(0)
-    mailbox.resume(0)
-    mailbox.set_override(float(rng.choice([1.0, 1.3, 2.0])), 0)
-    rig.run(60_000)
-    points, machine = rig.setpoint, motion.machine
-    points = np.concatenate((np.tile(points[:1], (3, 1)), points, np.tile(points[-1:], (3, 1))))
-    at_vertices = jerk_of_vertices(motion, exact_vertices(motion))
-    allowed = [
-        ("velocity", max(VELOCITY_SLACK, velocity_ratio(motion))),
-        ("acceleration", max(ACCELERATION_SLACK, acceleration_ratio(motion))),
-        ("jerk", JERK_SLACK if at_vertices <= JERK_SLACK else BETWEEN_ROWS * at_vertices),
-    ]
-    broken = []
-    for order, (name, most) in enumerate(allowed, start=1):
-        limit = np.array([getattr(axis, f"max_{name}") for axis in machine.axes])
-        value = float((np.abs(np.diff(points, order, axis=0)) / machine.cycle_s**order / limit).max())
-        if not value <= most:
-            broken.append(f"{name} {value:.6g} > {most:.6g} under orders")
-    if not np.array_equal(points[-1], motion.position[-1]):
-        broken.append("the end is missed under orders")
-    return broken + broken_by_shapers(rig)
-
-
 def judge(seed: int, draw: Draw, *, orders: bool, shapers: bool) -> tuple[list[str], int, int]:
     """Name the laws that the program of a seed breaks; and return its lines and cycles."""
     machine, moves, commits = draw(seed)
@@ -294,7 +236,7 @@ def judge(seed: int, draw: Draw, *, orders: bool, shapers: bool) -> tuple[list[s
     if shapers:
         motion = dataclasses.replace(motion, machine=shaped(machine, seed))
     if orders and len(motion.position) <= MOST_ROWS:
-        broken += broken_under_orders(motion, seed)
+        broken += broken_under_orders(motion, seed) + broken_by_stops(motion, seed)
     return broken, len(moves), len(motion.position)
 
 

@@ -7,11 +7,11 @@ import pytest
 
 from mcserver.drives.bus import DriveFault
 from mcserver.drives.simulated import SimulatedBus
-from mcserver.executor.entries import EventKind
+from mcserver.executor.entries import ControlKind, EventKind
 from mcserver.executor.fault_codes import FaultCode, remedy_of
 from mcserver.executor.shm.feedback import AxisCondition, SlotState
 from mcserver.motion.canonical import AxisOperation
-from tests.executor.rig import CYCLE_S, Program, Rig, machine
+from tests.executor.rig import CYCLE_S, Program, Rig, machine, quintic
 
 
 def moving(axes: int = 3) -> tuple[Rig, SimulatedBus]:
@@ -58,6 +58,27 @@ def test_a_drive_that_fails_stops_its_group_within_three_cycles(cause: DriveFaul
     assert (fault.code, fault.axis, fault.line) == (code, 0, 3)
     velocity = np.diff(rig.setpoint[:, 1]) / CYCLE_S
     assert velocity[-1] < velocity[before - 2]
+
+
+def test_a_drive_that_fails_before_its_axis_joins_the_motion_is_named_once() -> None:
+    rig = Rig(machine(2, drive="simulated"))
+    program = rig.program
+    program.capture()
+    program.control(ControlKind.BEGIN, axes=1)
+    share, slope = quintic(np.arange(1, 1801) / 1800)
+    way = np.array([0.4, 0.0])
+    program.rows(np.outer(share, way)[:900], np.outer(slope, way)[:900] / 1.8, 1)
+    program.control(ControlKind.BEGIN, axes=2)
+    program.rows(np.outer(share, way)[900:], np.outer(slope, way)[900:] / 1.8, 3)
+    program.control(ControlKind.END, axes=3)
+    rig.step(900)
+    assert 800.0 < rig.executor.u(0) < 900.0
+    bus = rig.executor.buses[0]
+    assert isinstance(bus, SimulatedBus)
+    bus.trip(1)
+    rig.run()
+    assert rig.executor.u(0) > 900.0
+    assert [(event.code, event.axis) for event in rig.of(EventKind.FAULT)] == [(415, 1)]
 
 
 def test_a_silent_drive_is_lost_after_some_cycles_and_named() -> None:

@@ -15,6 +15,7 @@ from mcserver.machine.machine_file import Machine
 from mcserver.motion.pieces import Activation, Deactivation, Rows
 from tests.executor.rig import Rig
 from tests.limits import assert_keeps, limits_of
+from tests.motion.measure import bow_of, from_polyline
 from tests.motion.support import Motion, Move, alike, arc_curve, at_speed, line_curve, plan
 
 Point = tuple[float, float]
@@ -74,6 +75,25 @@ def test_a_change_of_the_rate_minds_an_axis_that_joins_the_motion(speed: float, 
     assert rig.setpoint[-1] == pytest.approx([0.1, 0.1], abs=1e-12)
     points = np.concatenate((rig.setpoint, np.tile(rig.setpoint[-1:], (3, 1))))
     assert_keeps(points, limits_of(machine), machine.cycle_s)
+
+
+@pytest.mark.parametrize("before", [2, 8])
+@pytest.mark.parametrize("urgent", [False, True])
+def test_an_axis_that_joins_the_motion_joins_a_stop_too(urgent: bool, before: int) -> None:
+    # without the second axis the first one went on from the corner by itself
+    machine = flowing()
+    motion = plan(machine, lines(machine, [(0.0, 0.0), (0.1, 0.0), (0.2, 0.01)], 0.15))
+    *_, joins = (piece.u for piece in motion.pieces if isinstance(piece, Activation))
+    rig = rig_of(machine, motion)
+    rig.step(int(joins) - before)
+    assert rig.setpoint[-1, 1] == 0.0
+    if urgent:
+        rig.executor.mailbox.emergency_stop()
+    else:
+        rig.executor.mailbox.abort(0)
+    rig.run()
+    assert rig.setpoint[-1, 1] > 0.0
+    assert from_polyline(rig.setpoint, motion.rested) < bow_of(motion)
 
 
 def chords(machine: Machine, speed: float) -> list[Move]:

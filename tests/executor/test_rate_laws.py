@@ -12,7 +12,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from mcserver.executor.entries import EventKind
-from mcserver.executor.shm.feedback import SlotState
+from mcserver.executor.shm.feedback import AxisCondition, SlotState
 from tests.executor.rig import CYCLE_S, Array, Rig, give, machine, s_curve
 from tests.limits import assert_keeps
 
@@ -243,6 +243,20 @@ def test_an_emergency_stop_does_not_wait_for_the_jerk_limit() -> None:
     points = rig.setpoint[-3:]
     assert np.array_equal(points[0], points[-1])
     assert np.abs(rig.acceleration()).max() <= 1.01 * ACCELERATION
+
+
+@pytest.mark.parametrize("cycles", [40, 41, 300])
+def test_a_rapid_comes_to_rest_in_an_emergency_before_its_axis_is_switched_off(cycles: int) -> None:
+    # the last part of its way, less than a cycle, was left out
+    rig = Rig(machine())
+    rig.program.rapid({0: 0.7})
+    rig.program.wait(1)
+    rig.step(cycles)
+    rig.executor.mailbox.emergency_stop()
+    rig.run()
+    rig.step(3)
+    assert rig.executor.feedback.condition[0] == AxisCondition.OFF
+    assert_limits(rig, None)
 
 
 @pytest.mark.parametrize(("first", "second"), [(498, 688), (510, 705)])

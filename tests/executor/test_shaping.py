@@ -20,7 +20,8 @@ from mcserver.machine.shaper_section import Shaper, Shaping
 from mcserver.planning.start_state import StartState
 from mcserver.simulation.preview import preview
 from mcserver.simulation.simulation import Simulation, simulate
-from tests.bench.motion_laws import broken_by_shapers, judge, program_of
+from tests.bench.motion_laws import judge, program_of
+from tests.bench.shaped_machines import broken_by_shapers
 from tests.executor.homing_cell import SWITCH, Cell
 from tests.executor.homing_cell import machine as machine_to_home
 from tests.executor.planned import Planned

@@ -148,6 +148,13 @@ def weights_of(machine: Machine) -> Array:
     return np.array([MM / axis.type.si_per_unit for axis in machine.axes])
 
 
+def bow_of(motion: Motion) -> float:
+    """Return how far a path may bow between two rows, as `weights_of` counts."""
+    most = np.array([axis.max_acceleration for axis in motion.machine.axes])
+    fastest = float((most * weights_of(motion.machine)).max())
+    return math.sqrt(len(most)) * fastest * motion.cycle**2 / 4.0
+
+
 # Of the share of a path at which the search for its nearest point ends.
 SETTLED = 1e-13
 
@@ -223,11 +230,12 @@ def path_missed_by_line(motion: Motion, points_a_line: int = 33) -> Array:
         near = polyline[low:high] * weights
         s = np.concatenate([np.linspace(0.0, 1.0, points_a_line), 10.0 ** -np.arange(1.0, 5.0)])
         programmed = group_position(motion.machine, move.group, base, s) * weights
-        worst[number - 1] = _from_polyline(programmed, near)
+        worst[number - 1] = from_polyline(programmed, near)
     return worst
 
 
-def _from_polyline(points: Array, nodes: Array) -> float:
+def from_polyline(points: Array, nodes: Array) -> float:
+    """Return the greatest distance of points (n, K) from the polyline through nodes (m, K)."""
     travel = np.diff(nodes, axis=0)
     length = np.maximum((travel * travel).sum(axis=1), 1e-300)
     # column by column: one array of points, segments and columns would not stay in the processor's cache

@@ -4,13 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from tests.bench.motion_laws import (
-    MOST_ROWS,
-    broken_laws,
-    broken_under_orders,
-    program_of,
-    timed_program_of,
-)
+from tests.bench.motion_laws import Draw, broken_laws, program_of, timed_program_of
+from tests.bench.order_laws import MOST_ROWS, broken_by_stops, broken_under_orders
 from tests.bench.text_laws import broken_laws_of_text
 from tests.bench.tool_programs import broken_laws_of_tools
 from tests.bench.wide_programs import wide_program_of
@@ -65,6 +60,17 @@ def test_a_stretch_that_is_solved_as_a_whole_keeps_its_speeds_between_nodes(seed
 def test_an_exact_path_asks_for_no_more_between_rows_than_its_vertices_do(seed: int) -> None:
     machine, moves, commits = program_of(seed)
     assert broken_under_orders(plan(machine, moves, commits=commits), seed) == []
+
+
+# Rows left too little of an acceleration for a whole stop, and an emergency took more of it after four cycles
+# of search. 164: it followed a slow change to its end, and took longer than an abort.
+@pytest.mark.parametrize(
+    ("draw", "seed"),
+    [(program_of, 29), (program_of, 164), (program_of, 328), (wide_program_of, 72), (wide_program_of, 426)],
+)
+def test_a_stop_in_the_flow_of_a_program_keeps_path_and_limits(draw: Draw, seed: int) -> None:
+    machine, moves, commits = draw(seed)
+    assert broken_by_stops(plan(machine, moves, commits=commits), seed) == []
 
 
 def test_a_rise_above_100_percent_goes_in_parts_where_rows_take_all_of_a_jerk() -> None:

@@ -32,14 +32,13 @@ VELOCITY_SLACK, ACCELERATION_SLACK, JERK_SLACK = 1.0005, 1.004, 1.04
 # Cycles without a change that keeps all limits. Motion that stands goes on a little way after as many without
 # new rows either: the gentle change may only lack room. After twice as many the one that passes the limits
 # least is made: rows whose vertices pass a jerk limit let no other through, and motion would stand for good.
-# The second number is that of an emergency stop, for which such a change is made at once after it.
-PATIENCE, URGENT_PATIENCE = 250, 4
+PATIENCE = 250
 # The same while a stop before an edge has to begin: later there is room for worse ones only.
 NEAR_PATIENCE = 6
 # Cycles in which only whole changes at full speed are tried: they may merely have to wait for a moment.
 QUICK_TRIES = 8
 # Cycles between two searches for a change that goes further, or sooner, than the one that is followed; and
-# from how long a change on it is looked for.
+# from how long a change on it is looked for. In an emergency stop that is every cycle, and any change.
 AGAIN, SLOW_CYCLES = 12, 48
 # Share of the rows in which a stop is near from which on that patience counts.
 NEAR_ROOM = 0.6
@@ -206,7 +205,7 @@ class RateControl:
         assert had is not None
         if order.target != had.target or order.urgent != had.urgent:
             return True
-        if self._may_be_better(order) and self._passed % AGAIN == 0:
+        if self._may_be_better(order) and (order.urgent or self._passed % AGAIN == 0):
             return True
         if order.edge != had.edge and (near or plan.target < order.target):
             return True
@@ -218,7 +217,7 @@ class RateControl:
         if plan is None or had is None or had.target != order.target or had.urgent != order.urgent:
             return False
         if plan.target == order.target:
-            return len(plan) - self._passed > SLOW_CYCLES
+            return order.urgent or len(plan) - self._passed > SLOW_CYCLES
         return plan.target != 0.0
 
     def _is_better(self, found: RatePlan, order: _Order) -> bool:
@@ -240,7 +239,7 @@ class RateControl:
             return None
         edge = math.inf if order.edge is None else order.edge
         must_stop = edge - u < 2.0 * self.rate
-        patience = URGENT_PATIENCE if order.urgent else PATIENCE
+        patience = PATIENCE
         # a plan that is followed ends at a rate that can be kept: a faster one may be waited for
         waits = self._plan is None or order.target < self.rate
         # rows that brake with all that an axis has leave no room to be slower: a stop on the edge, at which
@@ -257,11 +256,12 @@ class RateControl:
             patience = 2 * PATIENCE
             if stage in (1, 3):
                 edge = min(edge, u + LITTLE_WAY * far)
+        in_parts = order.urgent or self._has_torques or self._may_be_better(order)
         manner = Manner(
             urgent=order.urgent,
             by_any=must_stop or (waits and self._refused >= patience),
             slowly=(stands or near) and self._refused // QUICK_TRIES % 2 == 1,
-            in_parts=self._has_torques or self._refused >= QUICK_TRIES or self._may_be_better(order),
+            in_parts=in_parts or self._refused >= QUICK_TRIES,
             from_try=self._tries,
         )
         state = RateState(u, self.rate, self._slope, order.target, edge, reach, self._cycle, passed)

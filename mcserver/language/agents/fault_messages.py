@@ -104,6 +104,9 @@ def _text(node: ast.expr) -> str:
             return "".join(_text(part) or "…" for part in parts)
         case ast.BinOp(left=left, right=right):
             return f"{_text(left) or '…'}{_text(right) or '…'}" if _text(left) or _text(right) else ""
+        case ast.Call(func=ast.Name(id="mark"), args=[text, *_]):
+            # a text of the page's catalogues
+            return _text(text)
         case ast.IfExp(body=body, orelse=other):
             return " / ".join(each for each in (_text(body), _text(other)) if each)
     return ""
