@@ -174,8 +174,9 @@ def state_before(
             values = interpreter.interpret(parsed)
             expansion.interpreted(values)
             pauses.passed(without_pause(values) if pause else values)
+            polar = parsed.profile is not None and parsed.profile.polar
             for value in values:
-                effects.take(value, incremental=interpreter.modal.builds_on_places)
+                effects.take(value, incremental=polar or interpreter.modal.builds_on_places)
     pauses.stood_at(number)
     compensation = interpreter.compensation
     if compensation is not None:

@@ -1,8 +1,8 @@
-"""Random programs with work offsets, units, arcs and cycles, read here and by LinuxCNC's rs274.
+"""Random programs with work offsets, units, polar words, arcs and cycles, read here and by LinuxCNC's rs274.
 
-``python -m tests.bench.rs274_frames [PROGRAMS] [SEED]`` (D-62 to D-64, D-75). Left out are pecks (rs274 ends
-their rapids 0.254 mm above the hole, not 0.25), G85 and G89 under G98 (it feeds out to where the cycle began,
-not to R) and parameters of offsets, which it has in inches.
+``python -m tests.bench.rs274_frames [PROGRAMS] [SEED]`` (D-62 to D-64, D-75, D-96). Left out are pecks (rs274
+ends their rapids 0.254 mm above the hole, not 0.25), G85 and G89 under G98 (it feeds out to where the cycle
+began, not to R) and parameters of offsets, which it has in inches.
 """
 
 from __future__ import annotations
@@ -23,6 +23,7 @@ class FrameWriter:
         """Return the text."""
         lines = ["G21 G90 G17 G94 F1000", "G0 X0 Y0 Z50"]
         writes = [self._move, self._move, self._arc, self._zero, self._setting, self._cycle, self._read]
+        writes.append(self._polar)
         for _ in range(self._random.randint(4, 25)):
             lines += self._random.choice(writes)()
         return "\n".join([*lines, "M2", ""])
@@ -39,6 +40,14 @@ class FrameWriter:
         # rs274 refuses G53 under G91
         code = self._random.choice(["G0 ", "G1 ", "G90 G53 G0 ", "G1 "])
         return [code + self._words()]
+
+    def _polar(self) -> list[str]:
+        words = [f"@{self._number()}", f"^{self._number(-400.0, 400.0)}"]
+        third = f" Z{self._number()}" if self._random.random() < 0.3 else ""
+        given = words if self._random.random() < 0.6 else [self._random.choice(words)]
+        move = f"{self._random.choice(['G0', 'G1'])} {' '.join(given)}{third}"
+        # at the zero there is no angle
+        return ["G90 G1 X3 Y4", self._random.choice(["G90", "G91"]), move, "G90"]
 
     def _arc(self) -> list[str]:
         pick, code = self._random.random(), self._random.choice(["G2", "G3"])

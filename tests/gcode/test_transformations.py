@@ -235,6 +235,20 @@ def test_polar_words_are_those_of_complex_numbers(seed: int) -> None:
     np.testing.assert_allclose(there, [(each.real, each.imag) for each in found], atol=1e-5)
 
 
+def test_radius_and_angle_of_one_move_are_those_of_linuxcnc() -> None:
+    # as its rs274 has them, to four decimals
+    lines = ["G0 X10 Y0", "G1 @20 ^30", "^60", "@5", "G91", "G1 ^30", "@5", "G90 G1 @3 ^180", "G1 @-3 ^90 Z1"]
+    expected = [(10, 0), (17.3205, 10), (10, 17.3205), (2.5, 4.3301), (0, 5), (0, 10), (-3, 0), (0, -3)]
+    np.testing.assert_allclose([each[:2] for each in ends(*lines)], expected, atol=1e-4)
+    assert ends("G10 L2 P1 X5", "G1 X3 Y0", "G3 @3 ^90 I-3")[-1] == (5.0, 3.0, 0.0)
+    holes = [each[:2] for each in ends("G0 Z2", "G81 @3 ^90 Z-1 R1", "G91 ^90") if each[2] < 0.0]
+    assert holes == [(0.0, 3.0), (-3.0, 0.0)]
+    interpreter = Interpreter(PROBING)
+    for number, text in enumerate(["F1000 G1 X1 Y1", "G1010 P1"], 1):
+        interpreter.interpret_text(text, number)
+    assert interpreter.axes_to_sync(interpreter.parse("G1 @3", 3)) == {1}
+
+
 def test_a_subprogram_s_part_is_repeated_by_increments_of_r() -> None:
     lines = ["G91 G68 X0 Y0 R45", "G90 G1 X10 Y0"] * 3
     side = round(10 * math.sqrt(0.5), 6)
@@ -307,6 +321,12 @@ def test_machine_positions_and_the_way_home_are_not_turned() -> None:
         (["G68 X0 Y0 R30", "G1 X1 Y1", "G1 X#5420"], "MC187"),
         (["G68 X0 Y0 R30", "G1 X1 Y1", "G1 X#<_y>"], "MC187"),
         (["G68 X0 R30"], "MC188"),
+        (["G1 @3"], "MC188"),
+        (["G91 G1 @3 ^30"], "MC188"),
+        (["G1 @3 X3"], "MC153"),
+        (["G53 G1 @3 ^3"], "MC153"),
+        (["G92 @3 ^3"], "MC153"),
+        (["G68 X0 Y0 R30", "G1 @3 ^3"], "MC185"),
         (["G51 X0 Y0 P2.0"], "MC188"),
         (["G51 X0 Y0 Z0 P2"], "MC188"),
         (["G51 X0 I0.0"], "MC116"),

@@ -32,6 +32,7 @@ from mcserver.gcode.profiles.codes import (
     code_name,
 )
 from mcserver.gcode.profiles.letter_o import found_letter_o
+from mcserver.gcode.profiles.polar_words import POLAR_LETTERS, as_axis_words
 from mcserver.gcode.text.parser import ParsedLine, scan_line
 from mcserver.gcode.text.profile_words import Action, ProfileWords
 from mcserver.gcode.text.profile_words import ProfileWord as Word
@@ -41,7 +42,7 @@ from mcserver.gcode.text.words import AXIS_LETTERS, INCREMENTAL_LETTERS, axis_le
 from mcserver.machine.dialect_section import Dialect
 
 _NUMBER = r"[-+]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)"
-_TOKEN = re.compile(rf"([A-Z])[ \t]*({_NUMBER})|\[[ \t]*([0-9]{{1,2}})[ \t]*\][ \t]*({_NUMBER})|([^ \t])")
+_TOKEN = re.compile(rf"([A-Z@^])[ \t]*({_NUMBER})|\[[ \t]*([0-9]{{1,2}})[ \t]*\][ \t]*({_NUMBER})|([^ \t])")
 _COMMENT = re.compile(r"\([^()]*\)|;.*")
 _COMPUTED = re.compile(
     r"[#=<>]|[A-Z@^][ \t]*[-+]?[ \t]*\[|\][ \t]*\[|\b(?:IF|WHILE|GOTO|CALL|SUB|ENDSUB)\b|O[ \t]*<"
@@ -158,6 +159,7 @@ class ProfileReader:
         own: list[Word] = []
         ignored: list[str] = []
         machine_frame = compensated = False
+        polar: list[Word] = []
         last: Word | None = None
         tolerances: list[Word] = []
         for word in self._words(code, faults):
@@ -193,6 +195,8 @@ class ProfileReader:
                     self._refuse(word, name, faults)
             elif word.letter == "F":
                 feeds.append(word)
+            elif word.letter in POLAR_LETTERS:
+                polar.append(word)
             elif word.letter == "T" and self._tools:
                 settings.append(word)
             elif (
@@ -213,6 +217,7 @@ class ProfileReader:
                 loose.append(word)
             else:
                 own.append(word)
+        loose += as_axis_words(polar, codes, loose, machine_frame, faults)
         if faults.found:
             # what is left of such a line would only be blamed for it; what stays in force is still known
             known = [*settings, *feeds, *(motions + loose if compensated and motions else [])]
@@ -240,7 +245,12 @@ class ProfileReader:
                 ordered += tolerances[:1]
         ordered += [*feeds, *motions, *loose, *stops]
         return _line(
-            number, text, code, ordered, faults, ProfileWords(tuple(actions), machine_frame, tuple(ignored))
+            number,
+            text,
+            code,
+            ordered,
+            faults,
+            ProfileWords(tuple(actions), machine_frame, tuple(ignored), bool(polar)),
         )
 
     def _words(self, code: str, faults: FaultList) -> list[Word]:
@@ -270,18 +280,18 @@ class ProfileReader:
                 end = re.compile(r"[^ \t]*").match(code, match.start())
                 stop = match.end() if end is None else end.end()
                 shown = code[match.start() : stop]
-                if match[5] in "@^":
-                    faults.add(
-                        "MC141",
-                        f"{shown}: polar coordinates are not read here",
-                        (span[0], stop + 1),
-                        "let the post write X and Y",
-                    )
-                    break
                 reason = f"{shown} is not a word of a program"
                 if match[5] in "$!?~":
                     reason = f"{shown} is a command to a controller's firmware, not a word of a program"
                 faults.add("MC103", reason, (span[0], stop + 1), "take the line out")
+                break
+            elif match[1] and match[1] in POLAR_LETTERS and self._dialect.profile != "cnc":
+                faults.add(
+                    "MC141",
+                    f"{match[0]}: polar coordinates are read in the profile cnc",
+                    span,
+                    "let the post write X and Y",
+                )
                 break
             elif match[3]:
                 words.append(Word(f"[{int(match[3])}]", float(match[4]), match[4], int(match[3]), span))

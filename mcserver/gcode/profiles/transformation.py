@@ -56,15 +56,17 @@ class Rotation(msgspec.Struct, frozen=True):
 
 
 class Polar(msgspec.Struct, frozen=True):
-    """G16: the plane's first letter is a radius, its second one an angle.
+    """G16: the plane's first letter is a radius, its second one an angle; or @ and ^ of one line.
 
     Attributes:
         plane: its two axes. radius, degrees: of the last words [m, deg]; None: there were none yet.
+        of_line: @ and ^, whose radius may be an increment or negative, and whose arcs have I J K too.
     """
 
     plane: tuple[int, int]
     radius: float | None = None
     degrees: float | None = None
+    of_line: bool = False
 
 
 class Transformation(msgspec.Struct, frozen=True):

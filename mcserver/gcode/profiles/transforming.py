@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import msgspec
 
 from mcserver.gcode.profiles.codes import PROBING, SYSTEM_NUMBERS, THREADING
@@ -81,6 +83,22 @@ def end_transformation(block: BlockState, action: Action, beside: frozenset[str]
     freed = frozenset(part.factors if isinstance(part, Scaling) else part.plane)
     settled = found.unsettled if code == "G15" else found.unsettled | freed
     block.transformation = msgspec.structs.replace(found, **{_ENDS[code]: None}, unsettled=settled)
+
+
+def read_polar_line(block: BlockState) -> None:
+    """Let X and Y be radius and angle in this line, counted from where the axes are (@ and ^, LinuxCNC)."""
+    if block.modal.transformation is not None:
+        block.faults.add(
+            "MC185",
+            "@ and ^ do not go together with G68, G51 and G16, nor with the move behind them",
+            (1, len(block.parsed.text) + 1),
+            "write X and Y",
+        )
+        return
+    shift = block.modal.shift or {}
+    x, y = (block.commanded.positions.get(axis, 0.0) - shift.get(axis, 0.0) for axis in (0, 1))
+    polar = Polar((0, 1), math.hypot(x, y), math.degrees(math.atan2(y, x)), of_line=True)
+    block.transformation = Transformation(polar=polar)
 
 
 def transform(block: BlockState, action: Action) -> None:

@@ -196,7 +196,7 @@ def _transformed(
     if not found.keeps_circles(plane):
         what = f"the factors of {found.names} would make an ellipse of this arc"
         hint = "give both axes of the plane one factor, or let the CAM scale the part"
-    elif found.polar is not None and words.offsets and set(plane) & set(found.polar.plane):
+    elif found.polar is not None and words.offsets and not found.polar.of_line:
         what, hint = "an arc under G16 has R, not I J K", "give the radius by R"
     if what:
         block.faults.add("MC188", what, block.span(command), hint)

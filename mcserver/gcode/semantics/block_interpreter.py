@@ -6,7 +6,7 @@ from mcserver.gcode.line_faults import FaultList
 from mcserver.gcode.profiles.actions import Effects, act_after, act_at_end, act_before
 from mcserver.gcode.profiles.drilling import drill, repeat_action
 from mcserver.gcode.profiles.nurbs import read_control_line
-from mcserver.gcode.profiles.transforming import refuse_beside
+from mcserver.gcode.profiles.transforming import read_polar_line, refuse_beside
 from mcserver.gcode.semantics.arcs import command_number
 from mcserver.gcode.semantics.axis_words import (
     Words,
@@ -78,11 +78,16 @@ class BlockInterpreter:
             self.ended = True
             self.before = effects.before
             return
+        before = block.modal.transformation
+        if profile.polar:
+            read_polar_line(block)
         if profile.machine_frame:
             self._read_in_machine_frame()
         else:
             self._read_groups()
         act_after(block, profile.actions, effects)
+        if profile.polar:
+            block.change(transformation=before)
         # M0 and M30 come last, also where all that moves is a cycle or G28
         self.before, self.after = effects.before, [*effects.after, *self.before, *self.after]
 

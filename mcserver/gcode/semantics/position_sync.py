@@ -81,6 +81,8 @@ def find_axes_to_sync(
     if parsed.profile is not None and any(each.code == "G68" for each in parsed.profile.actions):
         # without words it turns about where the axes are
         needed |= {0, 1, 2}
+    if parsed.profile is not None and parsed.profile.polar:
+        needed |= {0, 1}
     needed &= set(unsynced)
     return frozenset(needed)
 

@@ -15,6 +15,8 @@ from mcserver.gcode.text.words import INCREMENTAL_LETTERS, Word
 
 # what turning there and back leaves of an axis that stands [m]
 _SAME_PLACE = 1e-12
+# nearer to the origin than this there is no angle [m]
+_ORIGIN = 1e-9
 
 
 class Given(NamedTuple):
@@ -103,10 +105,21 @@ def _polar(
     assert polar is not None
     first, second = polar.plane
     radius, degrees = polar.radius, polar.degrees
+    counts_on = second not in words or any(word.incremental for word in words.values())
+    if polar.of_line and counts_on and radius is not None and radius <= _ORIGIN:
+        block.faults.add(
+            "MC188",
+            "the axes are at the origin, where no angle is known",
+            block.span(source),
+            "write @ and ^ under G90",
+        )
+        return None
     if first in words:
         word = words[first]
         radius = word.value * length_scale(word.inch)
-        if word.incremental or radius < 0.0:
+        if polar.of_line:
+            radius += (polar.radius or 0.0) if word.incremental else 0.0
+        elif word.incremental or radius < 0.0:
             block.faults.add(
                 "MC188",
                 f"{'XYZ'[first]} is the radius under G16: it is above 0, and no increment",

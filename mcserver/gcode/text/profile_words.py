@@ -36,8 +36,10 @@ class ProfileWords(msgspec.Struct, frozen=True, gc=False):
 
     Attributes:
         actions: in RS-274's order of execution. machine_frame: G53. ignored: codes without effect.
+        polar: X and Y are radius and angle, written as @ and ^.
     """
 
     actions: tuple[Action, ...] = ()
     machine_frame: bool = False
     ignored: tuple[str, ...] = ()
+    polar: bool = False
