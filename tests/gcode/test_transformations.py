@@ -317,6 +317,8 @@ def test_machine_positions_and_the_way_home_are_not_turned() -> None:
         (["G68 X0 Y0 R30", "G0 X1 Y1", "G53 G0 X0", "G1 Y3"], "MC186"),
         (["G68 X0 Y0 R30", "G0 X1 Y1", "G28 X0 Y0"], "MC186"),
         (["G51 X0 Y0 I2.0 J2.0", "G91 G1 X1"], "MC186"),
+        (["G18 G68 X0 Z0 R30", "G0 X1 Z1", "G10 L1 P3 Z5", "G43 H3", "X3"], "MC186"),
+        (["G16", "G1 X3 Y3", "G52 X1", "Y9"], "MC186"),
         (["G16", "G1 Y30"], "MC186"),
         (["G68 X0 Y0 R30", "G1 X1 Y1", "G1 X#5420"], "MC187"),
         (["G68 X0 Y0 R30", "G1 X1 Y1", "G1 X#<_y>"], "MC187"),

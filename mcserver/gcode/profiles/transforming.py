@@ -39,8 +39,6 @@ def refuse_beside(block: BlockState, profile: ProfileWords) -> None:
             what = code if found.axes & three else ""
         if what:
             _refuse(block, action, what, found)
-        elif zero and found.polar is not None:
-            block.transformation = block.transformation.without(found.polar.plane)
 
 
 def _refuse(block: BlockState, action: Action, what: str, found: Transformation) -> None:

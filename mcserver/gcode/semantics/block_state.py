@@ -131,7 +131,12 @@ class BlockState:
 
     @frame.setter
     def frame(self, frame: Frame) -> None:
+        before = self.modal.shift or {}
         self.change(frame=frame, shift=frame.shift())
+        after = self.modal.shift or {}
+        if self.modal.transformation is not None and before != after:
+            moved = {axis for axis in before.keys() | after.keys() if before.get(axis) != after.get(axis)}
+            self.transformation = self.transformation.without(moved)
 
     @property
     def transformation(self) -> Transformation:

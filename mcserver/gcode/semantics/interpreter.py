@@ -254,7 +254,8 @@ class Interpreter:
         transformation = self._modal.transformation
         if transformation is not None:
             self._modal = msgspec.structs.replace(
-                self._modal, transformation=transformation.without(positions)
+                self._modal,
+                transformation=transformation.without(positions if frame is None else transformation.axes),
             )
         if frame is not None:
             self._modal = with_tables(self._modal, self._setup.machine, frame)
