@@ -48,25 +48,29 @@ def chains(draw: st.DrawFn) -> list[RationalCurve]:
     return found
 
 
-@given(chains(), st.sampled_from([5.0, 60.0, 1000.0]), st.sampled_from([None, 20000.0]))
+@given(
+    chains(),
+    st.sampled_from([5.0, 60.0, 1000.0]),
+    st.sampled_from([None, 20000.0]),
+    st.sampled_from([0.0, 0.0, 0.2]),
+)
 @law(20)
-def test_limits_feed_and_path_are_kept(curves: list[RationalCurve], feed: float, jerk: float | None) -> None:
+def test_limits_feed_and_path_are_kept(
+    curves: list[RationalCurve], feed: float, jerk: float | None, tolerance: float
+) -> None:
     machine = alike(velocity=150.0, acceleration=1500.0, jerk=jerk)
-    motion = plan(machine, [Move(at_speed(feed * MM, curve)) for curve in curves])
+    motion = plan(machine, [Move(at_speed(feed * MM, each), tolerance=tolerance * MM) for each in curves])
     assert velocity_ratio(motion) <= VELOCITY_SLACK
     assert row_velocity_ratio(motion) <= VELOCITY_SLACK
     assert acceleration_ratio(motion) <= ACCELERATION_SLACK
     assert speed_over_feed(motion) <= VELOCITY_SLACK
     if jerk is not None:
-        assert jerk_ratio(motion, vertices=vertices_of(motion)) <= JERK_SLACK
-    # rows lie on the curve of their line
-    for number, curve in enumerate(curves, start=1):
-        low, high = math.ceil(motion.starts[number]), math.floor(motion.ends[number])
-        rows = motion.position[max(low - 1, 0) : high]
-        path = curve.position(np.linspace(0.0, 1.0, 3001))
-        for row in rows[:: max(1, len(rows) // 40)]:
-            apart = np.linalg.norm(path - row, axis=1).min()
-            assert apart <= curve.length / 3000.0
+        passed = () if tolerance else vertices_of(motion)
+        assert jerk_ratio(motion, vertices=passed) <= JERK_SLACK
+    path = np.vstack([curve.position(np.linspace(0.0, 1.0, 2001)) for curve in curves])
+    longest = max(curve.length for curve in curves)
+    for row in motion.position[:: max(1, len(motion.position) // 100)]:
+        assert np.linalg.norm(path - row, axis=1).min() <= tolerance * MM + longest / 2000.0
 
 
 @given(chains())

@@ -53,6 +53,10 @@ class RationalCurve(Curve, frozen=True, eq=False):
     cells: Array
     length: float
 
+    @property
+    def roundable(self) -> bool:
+        return True
+
     def position(self, s: Array) -> Array:
         share = np.asarray(s, dtype=np.float64)
         points = by_parameter(self.numerators, self._parameter(share)[0])[0]
