@@ -138,6 +138,24 @@ def test_a_text_that_ends_within_a_block_is_refused() -> None:
     assert stream.place[0] == 1.0
 
 
+def test_a_curve_of_a_stream_runs_at_its_end_and_a_faulty_point_can_be_sent_again() -> None:
+    stream = Stream(machine())
+    stream.send("F6000 G5.2 X1 Y4 P1", "X9 P1")
+    stream.run(200)
+    assert (stream.rejected, stream.progress.done, stream.place) == ([(2, "MC189")], 1, [0.0, 0.0, 0.0])
+    stream.sent = 1
+    stream.send("X9 Y4 P1", "X10 Y0 P1", "G5.3", "G68 X0 Y0 R90", "G1 X10 Y0", last=True)
+    stream.run()
+    assert (stream.finished, stream.progress.done, stream.place) == (True, 6, [0.0, 10.0, 0.0])
+
+
+def test_a_text_that_ends_within_a_curve_is_refused() -> None:
+    stream = Stream(machine())
+    stream.send("F6000 G5.2 X1 Y4 P1", "X9 Y4 P1", last=True)
+    stream.run(500)
+    assert (stream.rejected, stream.place) == ([(1, "MC189")], [0.0, 0.0, 0.0])
+
+
 def test_what_a_probe_has_met_is_a_parameter_of_the_next_line() -> None:
     text = "G10 L2 P1 Z-1\nF600 G38.2 Z-9\n#1=#5063 #2=#5070 #3=#5422\nG0 Z5\nG1 X[#1] Y#2\n"
     text += "o1 if [#5063 LT -2]\nG1 X20\no1 endif"
