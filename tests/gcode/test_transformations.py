@@ -379,6 +379,17 @@ def test_what_programs_write_beside_it_is_taken(lines: list[str]) -> None:
     assert faults(*lines) == []
 
 
+@pytest.mark.parametrize("line", ["G1 @3 ^30", "G68 X0 Y0 R3", "G16", "G5 X3 I1 J1 P-1 Q1", "G81 X1 Z-1 R1"])
+def test_an_axis_that_is_missing_or_rotary_is_a_fault(line: str) -> None:
+    axis = '[[axis]]\nindex = {}\ntype = "{}"\nmax_velocity = 1e3\nmax_acceleration = 1e4\n'
+    for axes in (axis.format(0, "linear"), axis.format(0, "linear") + axis.format(1, "rotary")):
+        machine = parse_machine(f'[machine]\nname = "mill"\n[dialect]\nprofile = "cnc"\n{axes}')
+        assert check_program(f"F1000\n{line}", machine)[0].code in ("MC108", "MC188", "MC189")
+    for lease in (frozenset({0}), frozenset({1, 2})):
+        with pytest.raises(ProgramRejected):
+            Interpreter(MACHINE, lease=lease).interpret_text(f"F1000 {line}", 1)
+
+
 def test_it_ends_with_the_program_and_with_its_own_codes() -> None:
     interpreter = Interpreter(MACHINE)
     for number, text in enumerate(["G68 X0 Y0 R30", "G0 X1 Y1", "G69", "G0 X0 Y0"], 1):

@@ -48,6 +48,8 @@ def drill(block: BlockState, action: Action) -> list[Canonical]:
     Args:
         action: a cycle's code with its words, or ``REPEAT`` for a line with words only.
     """
+    if block.usable_axis(_axis(block), action) is None:
+        return []
     before = block.frame.cycle if block.drilling else None
     cycle = _cycle(block, action, before)
     repeats = _repeats(block, action)
@@ -182,8 +184,6 @@ def _targets(block: BlockState, action: Action, normal: int) -> dict[int, Profil
     """Return the words that say where the hole is, by axis; None after a fault (MC108, MC111, MC146)."""
     found: dict[int, ProfileWord] = {}
     seen: set[int] = set()
-    if block.usable_axis(normal, action) is None:
-        return None
     for word in action.axes:
         if block.usable_axis(word.axis, action) is None:
             return None

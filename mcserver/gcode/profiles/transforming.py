@@ -85,13 +85,14 @@ def end_transformation(block: BlockState, action: Action, beside: frozenset[str]
 
 def read_polar_line(block: BlockState) -> None:
     """Let X and Y be radius and angle in this line, counted from where the axes are (@ and ^, LinuxCNC)."""
+    whole = (1, len(block.parsed.text) + 1)
+    axes = [block.setup.axes.get(axis) for axis in (0, 1) if axis in block.setup.leased]
     if block.modal.transformation is not None:
-        block.faults.add(
-            "MC185",
-            "@ and ^ do not go together with G68, G51 and G16, nor with the move behind them",
-            (1, len(block.parsed.text) + 1),
-            "write X and Y",
-        )
+        what = "@ and ^ do not go together with G68, G51 and G16, nor with the move behind them"
+        block.faults.add("MC185", what, whole, "write X and Y")
+        return
+    if [axis.type for axis in axes if axis is not None] != [AxisType.LINEAR, AxisType.LINEAR]:
+        block.faults.add("MC188", "@ and ^ are for the linear axes X and Y", whole, "write the axes' words")
         return
     shift = block.modal.shift or {}
     x, y = (block.commanded.positions.get(axis, 0.0) - shift.get(axis, 0.0) for axis in (0, 1))

@@ -41,17 +41,18 @@ def ends_of(block: BlockState, given: Mapping[int, Given], source: Word | Action
 
     Reports MC186 and MC188, and returns None then. Behind it the ends count as programmed ones.
     """
-    found, at = block.modal.transformation, block.commanded.positions
-    scales = {axis: axis_scale(block.setup.axes[axis].type, each.inch) for axis, each in given.items()}
-    ends = {axis: each.value * scales[axis] for axis, each in given.items()}
-    shift = block.modal.shift or {}
+    modal, at = block.modal, block.commanded.positions
+    found, shift = modal.transformation, modal.shift
+    ends: dict[int, float] = {}
     for axis, each in given.items():
+        ends[axis] = each.value * axis_scale(block.setup.axes[axis].type, each.inch)
         if each.incremental:
             ends[axis] += at[axis]
-        elif block.modal.shift is not None:
+        elif shift is not None:
             ends[axis] += shift.get(axis, 0.0)
     if found is None:
         return ends
+    zero = shift or {}
     settled = _settled(block, found, given, source)
     own = found.coupled(frozenset(given)) & (found.axes | found.unsettled)
     if settled is None or not own:
@@ -61,7 +62,7 @@ def ends_of(block: BlockState, given: Mapping[int, Given], source: Word | Action
     if not inside:
         return ends
     words = {axis: each for axis, each in given.items() if axis in inside}
-    places = found.undone({axis: at[axis] - shift.get(axis, 0.0) for axis in inside})
+    places = found.undone({axis: at[axis] - zero.get(axis, 0.0) for axis in inside})
     polar = found.polar
     if polar is not None and inside.intersection(polar.plane):
         reached = _polar(block, found, words, source)
@@ -70,9 +71,9 @@ def ends_of(block: BlockState, given: Mapping[int, Given], source: Word | Action
         places.update(reached)
         words = {axis: each for axis, each in words.items() if axis not in polar.plane}
     for axis, each in words.items():
-        places[axis] = each.value * scales[axis] + (places[axis] if each.incremental else 0.0)
+        places[axis] = each.value * length_scale(each.inch) + (places[axis] if each.incremental else 0.0)
     for axis, place in found.applied(places).items():
-        end = place + shift.get(axis, 0.0)
+        end = place + zero.get(axis, 0.0)
         ends[axis] = at[axis] if abs(end - at[axis]) < _SAME_PLACE else end
     return ends
 
