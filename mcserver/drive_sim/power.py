@@ -59,7 +59,6 @@ class PowerMachine:
         self.stopping = Stop.NONE
         self._after_stop = PowerState.SWITCH_ON_DISABLED
         self._controlword = 0
-        self._ready_at = 0.0
         self._since: float | None = None
 
     @property
