@@ -121,12 +121,10 @@ class OperatorAccess:
         node, settings = self._find(target)
         refusal = refusal_of_write(target.index, node)
         if refusal is not None:
-            raise DriveError(
+            raise node.settings.fault(
                 "MC559",
-                f"{node.settings.name}: {object_text(target.index, target.subindex)} is not written: "
-                f"{refusal[0]}",
+                f"{object_text(target.index, target.subindex)} is not written: {refusal[0]}",
                 refusal[1],
-                axis=node.settings.axis,
             )
         name = kind or self._type(settings, target)
         if name is None:
@@ -183,11 +181,10 @@ class OperatorAccess:
             self._waiting -= 1
 
     def _unfit(self, settings: DriveSettings, target: SdoTarget, what: str) -> DriveError:
-        return DriveError(
+        return settings.fault(
             "MC559",
-            f"{settings.name}: {object_text(target.index, target.subindex)}: {what}",
+            f"{object_text(target.index, target.subindex)}: {what}",
             f"give its type: one of {', '.join(TYPES)}",
-            axis=settings.axis,
         )
 
 

@@ -93,11 +93,10 @@ class NodeBoot:
                 continue
             node.nmt = None
             return
-        raise DriveError(
+        raise node.settings.fault(
             "MC555",
-            f"{node.settings.name}: stays in the NMT state stopped, whatever it is commanded",
+            "stays in the NMT state stopped, whatever it is commanded",
             "see who commands it (another master on the bus?); switch it off and on",
-            axis=node.settings.axis,
         )
 
     def start(self, node: Node) -> None:
@@ -130,14 +129,13 @@ class NodeBoot:
         state += "".join(f"; {remark}" for remark in dict.fromkeys(remarks))
         emergency = node.emergency
         reason = f"; it sent the emergency {emergency.text}" if emergency and not emergency.cleared else ""
-        raise DriveError(
+        raise node.settings.fault(
             "MC555",
-            f"{node.settings.name}: does not become operational: it is {state}{reason}",
+            f"does not become operational: it is {state}{reason}",
             "take the cause of its fault away (the emergency's code is in the drive's manual): it is tried "
             "again, and G1000 resets the axis then"
             if reason
             else "its heartbeat (1017h) and its own fault memory may say why; try switching it off and on",
-            axis=node.settings.axis,
         )
 
     # ------------------------------------------------------------ inside
@@ -181,11 +179,10 @@ class NodeBoot:
         if outcome is not LssOutcome.REFUSED:
             # one that nobody answers to may have its number already
             return
-        raise DriveError(
+        raise node.settings.fault(
             "MC550",
-            f"{node.settings.name}: the node {identity_text(identity)} refuses this number by LSS",
+            f"the node {identity_text(identity)} refuses this number by LSS",
             "give another node number, or set it with the maker's tool",
-            axis=node.settings.axis,
         )
 
     def _appear_s(self, node: Node) -> float:
@@ -230,9 +227,4 @@ class NodeBoot:
             if node.settings.has_profile
             else "sends no telemetry"
         )
-        return DriveError(
-            "MC550",
-            f"{node.settings.name}: {what} within {self._appear_s(node):g} s",
-            _UNHEARD,
-            axis=node.settings.axis,
-        )
+        return node.settings.fault("MC550", f"{what} within {self._appear_s(node):g} s", _UNHEARD)

@@ -149,7 +149,7 @@ class Desk:
             )
 
     def _refusal(self, what: str, remedy: str) -> DriveError:
-        return DriveError("MC559", f"{self.drive.name}: {what}", remedy, axis=self.drive.axis)
+        return self.drive.fault("MC559", what, remedy)
 
 
 class _Watch:
@@ -190,12 +190,7 @@ def at_desk(drive: DriveSettings) -> Iterator[Desk]:
         DriveError: MC559 a drive without the standard's SDO.
     """
     if drive.kind != "cia402":
-        raise DriveError(
-            "MC559",
-            f"{drive.name}: is {drive.kind}, not CiA 402",
-            "use its maker's own tool",
-            axis=drive.axis,
-        )
+        raise drive.fault("MC559", f"is {drive.kind}, not CiA 402", "use its maker's own tool")
     port = open_port(drive.address)
     bus = for_masters(drive, port)
     try:

@@ -96,13 +96,11 @@ def _write(node: ConfiguredNode, sdo: SdoClient, write: SdoWrite) -> None:
             sdo.download(write.index, write.subindex, write.payload)
     elif held != write.payload:
         found, said = (int.from_bytes(value, "little") for value in (held, write.payload))
-        raise DriveError(
+        raise node.settings.fault(
             "MC551",
-            f"{node.settings.name}: {object_text(write.index, write.subindex)} holds 0x{found:X}, "
-            f"the EDS says 0x{said:X}",
+            f"{object_text(write.index, write.subindex)} holds 0x{found:X}, the EDS says 0x{said:X}",
             "another firmware, or a mapping that was changed: take the EDS of this firmware, or bring "
             "the drive back to its defaults",
-            axis=node.settings.axis,
         )
 
 
@@ -136,12 +134,7 @@ def _check_mode(settings: DriveSettings, sdo: SdoClient) -> None:
         raise
     refusal = mode_refusal(settings, supported) if supported else None
     if refusal is not None:
-        raise DriveError(
-            "MC551",
-            f"{settings.name}: {object_text(0x6502 + settings.offset, 0)}: {refusal[0]}",
-            refusal[1],
-            axis=settings.axis,
-        )
+        raise settings.fault("MC551", f"{object_text(0x6502 + settings.offset, 0)}: {refusal[0]}", refusal[1])
 
 
 def _identify(node: ConfiguredNode, sdo: SdoClient) -> Identity:
@@ -149,12 +142,10 @@ def _identify(node: ConfiguredNode, sdo: SdoClient) -> Identity:
     device_type = int.from_bytes(sdo.upload(0x1000, 0)[:4], "little")
     what, profile = ("an I/O node", CIA_401) if settings.kind == "cia401" else ("a drive", CIA_402)
     if device_type & 0xFFFF != profile:
-        raise DriveError(
+        raise settings.fault(
             "MC551",
-            f"{settings.name}: it is {device_text(device_type)}, not {what} (CiA {profile}); "
-            f"1000h = 0x{device_type:08X}",
+            f"it is {device_text(device_type)}, not {what} (CiA {profile}); 1000h = 0x{device_type:08X}",
             "check the node number, or the drive's configured profile",
-            axis=settings.axis,
         )
     vendor, product = (_identity_entry(sdo, subindex) for subindex in (1, 2))
     for subindex, what, wanted, found in (
@@ -163,12 +154,10 @@ def _identify(node: ConfiguredNode, sdo: SdoClient) -> Identity:
     ):
         if wanted and found != wanted:
             shown = "nothing" if found is None else f"0x{found:08X}"
-            raise DriveError(
+            raise settings.fault(
                 "MC551",
-                f"{settings.name}: {object_text(0x1018, subindex)} says {shown}, the machine file "
-                f"{what} = 0x{wanted:08X}",
+                f"{object_text(0x1018, subindex)} says {shown}, the machine file {what} = 0x{wanted:08X}",
                 "another drive has this node number, or the machine file is not of this machine",
-                axis=settings.axis,
             )
     return Identity(device_type, vendor, product)
 

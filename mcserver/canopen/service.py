@@ -217,11 +217,10 @@ def _failure(future: Future[None], node: Node) -> McError | None:
         return None
     if isinstance(error, McError):
         return error
-    return DriveError(
+    return node.settings.fault(
         "MC555",
-        f"{node.settings.name}: its boot-up failed: {type(error).__name__}: {error}",
+        f"its boot-up failed: {type(error).__name__}: {error}",
         "this is a defect of the server; please report it",
-        axis=node.settings.axis,
     )
 
 

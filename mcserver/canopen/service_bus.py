@@ -305,11 +305,8 @@ class CanopenBus:
                     raise
             if node.boot_ups == boot_ups:
                 return
-        raise DriveError(
-            "MC555",
-            f"{node.settings.name}: reboots again and again while it is configured",
-            "check its supply",
-            axis=node.settings.axis,
+        raise node.settings.fault(
+            "MC555", "reboots again and again while it is configured", "check its supply"
         )
 
     def _seek(self, node: Node) -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 from mcserver.can.pdo_layout import Mode
+from mcserver.canopen.canopen_errors import DriveError
 from mcserver.drives.cia402.drive import BASE_MODES, Cia402Drive
 from mcserver.drives.cia402.scaling import homing_objects, profile_objects, scaling_objects
 from mcserver.drives.streamed import StreamedDrive
@@ -111,6 +112,10 @@ class DriveSettings:
         if self.kind == "cia401":
             return f"the I/O node {self.node} on {self.bus}"
         return f"axis {self.axis}, node {self.node} on {self.bus}"
+
+    def fault(self, code: str, what: str, hint: str, **details: object) -> DriveError:
+        """Return a fault of this drive: ``what`` goes on behind its name."""
+        return DriveError(code, f"{self.name}: {what}", hint, axis=self.axis, **details)
 
 
 def uses_can(machine: Machine) -> bool:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import enum
+from typing import NamedTuple
 
 SWITCH_ON = 1 << 0
 ENABLE_VOLTAGE = 1 << 1
@@ -58,7 +59,6 @@ class PowerMachine:
         self.stopping = Stop.NONE
         self._after_stop = PowerState.SWITCH_ON_DISABLED
         self._controlword = 0
-        self._ready_at = 0.0
         self._since: float | None = None
 
     @property
@@ -202,13 +202,10 @@ class PowerMachine:
         self._since = None
 
 
-class Options:
+class Options(NamedTuple):
     """Option codes as they stand in the dictionary (605Ah, 605Bh, 605Ch, 605Eh)."""
 
-    __slots__ = ("disable_operation", "fault_reaction", "quick_stop", "shutdown")
-
-    def __init__(self, quick_stop: int, shutdown: int, disable_operation: int, fault_reaction: int) -> None:
-        self.quick_stop = quick_stop
-        self.shutdown = shutdown
-        self.disable_operation = disable_operation
-        self.fault_reaction = fault_reaction
+    quick_stop: int
+    shutdown: int
+    disable_operation: int
+    fault_reaction: int

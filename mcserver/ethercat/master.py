@@ -6,7 +6,6 @@ import time
 from collections.abc import Sequence
 from typing import Any
 
-from mcserver.canopen.canopen_errors import DriveError
 from mcserver.canopen.coe import configure_coe
 from mcserver.canopen.node import NodeAxis
 from mcserver.canopen.node_configuration import configure_node
@@ -89,11 +88,10 @@ class EthercatMaster:
             if time.monotonic() >= deadline:
                 shown = f"{count} slaves answer" if count else "no slave answers"
                 missing = min((drive for drive in self._drives if drive.node > count), key=lambda d: d.node)
-                raise DriveError(
+                raise missing.fault(
                     "MC550",
-                    f"{missing.name}: is not there: {shown} on {self._bus.address}",
+                    f"is not there: {shown} on {self._bus.address}",
                     "check power, the order of the cables (IN and OUT), and the interface",
-                    axis=missing.axis,
                 )
             time.sleep(ROUND_S)
         slaves = []
@@ -162,11 +160,10 @@ class EthercatMaster:
         if status:
             shown = AlState(status[0] & 0x0F).name if status[0] & 0x0F in set(AlState) else "in no state"
             code = int.from_bytes(status[4:6], "little")
-        raise DriveError(
+        raise slave.settings.fault(
             "MC555",
-            f"{slave.settings.name}: does not go to {state.name}: it is {shown} ({self.why(code)})",
+            f"does not go to {state.name}: it is {shown} ({self.why(code)})",
             "see the AL status code in the drive's manual; switch it off and on",
-            axis=slave.settings.axis,
         )
 
     def _check_sizes(self) -> None:
@@ -185,10 +182,9 @@ class EthercatMaster:
                 continue
             planned = slave.planned.rpdos[0].length, slave.planned.tpdos[0].length
             if sizes != planned:
-                raise DriveError(
+                raise slave.settings.fault(
                     "MC551",
-                    f"{slave.settings.name}: exchanges {sizes[0]} and {sizes[1]} bytes, "
+                    f"exchanges {sizes[0]} and {sizes[1]} bytes, "
                     f"not the {planned[0]} and {planned[1]} of its mapping",
                     "its PDO assignment (1C12h, 1C13h) may be fixed: such a drive cannot be used",
-                    axis=slave.settings.axis,
                 )

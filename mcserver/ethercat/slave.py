@@ -105,11 +105,10 @@ class MailboxSdo:
                     return
 
     def _refused(self, index: int, subindex: int, verb: str, abort: int) -> DriveError:
-        return DriveError(
+        return self._settings.fault(
             "MC553",
-            f"{self._settings.name}: {object_text(index, subindex)} cannot be {verb}: {abort_text(abort)}",
+            f"{object_text(index, subindex)} cannot be {verb}: {abort_text(abort)}",
             abort_remedy(abort),
-            axis=self._settings.axis,
             index=index,
             subindex=subindex,
             abort_code=abort,
@@ -117,11 +116,10 @@ class MailboxSdo:
 
     def _silent(self, index: int, subindex: int, verb: str, error: Exception) -> DriveError:
         why = f"no answer by the mailbox ({str(error) or type(error).__name__})"
-        return DriveError(
+        return self._settings.fault(
             "MC554",
-            f"{self._settings.name}: {object_text(index, subindex)} could not be {verb}: {why}",
+            f"{object_text(index, subindex)} could not be {verb}: {why}",
             "check the drive's power and the cable in front of it",
-            axis=self._settings.axis,
             index=index,
             subindex=subindex,
         )

@@ -91,7 +91,6 @@ class Executor:
         self._supervision = Supervision(self._cycle, self._slots, feedback)
         self._cycle.shifted += [self._supervision.shift, self._cycle.profiled.shift]
         self._cycle.shifted += [slot.playback.shift for slot in self._slots]
-        self._rings = tuple(rings)
         self._mailbox = mailbox
         self._feedback = feedback
         self._events = events

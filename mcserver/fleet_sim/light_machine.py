@@ -10,16 +10,14 @@ import math
 from collections.abc import Callable, Sequence
 
 from mcserver.errors import Refused
-from mcserver.gcode.text.source import MAX_LINE_LENGTH
 from mcserver.net import messages as wire
-from mcserver.net.answers import REMEMBERED_ANSWERS, REMEMBERED_S
-from mcserver.net.info_messages import AxisInfo, Info, LimitsInfo, TelemetryInfo
-from mcserver.net.messages import MAX_LINES_A_MESSAGE, PROTOCOL_VERSION
+from mcserver.net.info_messages import AxisInfo, Info, TelemetryInfo
+from mcserver.net.messages import PROTOCOL_VERSION
 from mcserver.net.rpc import Handler
-from mcserver.net.status import CYCLES_A_MESSAGE, TELEMETRY_FIELDS
+from mcserver.net.status import CYCLES_A_MESSAGE, TELEMETRY_FIELDS, limits_info
 from mcserver.service.event_log import EventLog
 from mcserver.service.line_intake import check_last, take_lines
-from mcserver.service.line_queue import QUEUE_LINES, LineQueue
+from mcserver.service.line_queue import LineQueue
 from mcserver.service.program import Program
 from mcserver.service.program_access import find_program, owned_program
 from mcserver.service.reports import Ack, Event, Fault, MachineState, ProgramState
@@ -321,15 +319,7 @@ class LightMachine:
             axes=[AxisInfo(index=index, **axis) for index in self._axes],  # type: ignore[arg-type]
             tools=[],
             telemetry=TelemetryInfo(self._axes, list(TELEMETRY_FIELDS), CYCLES_A_MESSAGE, 0.0),
-            limits=LimitsInfo(
-                max_line_length=MAX_LINE_LENGTH,
-                max_lines_a_message=MAX_LINES_A_MESSAGE,
-                queue_lines=QUEUE_LINES,
-                programs_at_once=OPEN_PROGRAMS,
-                open_programs=OPEN_PROGRAMS,
-                remembered_answers=REMEMBERED_ANSWERS,
-                remembered_answer_s=REMEMBERED_S,
-            ),
+            limits=limits_info(at_once=OPEN_PROGRAMS, opened=OPEN_PROGRAMS),
             methods=sorted(self.handlers()),
         )
 

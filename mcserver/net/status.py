@@ -213,15 +213,7 @@ def machine_info(service: MachineService, methods: list[str]) -> Info:
             cycles_a_message=CYCLES_A_MESSAGE,
             state_hz=STATE_HZ,
         ),
-        limits=LimitsInfo(
-            max_line_length=MAX_LINE_LENGTH,
-            max_lines_a_message=MAX_LINES_A_MESSAGE,
-            queue_lines=QUEUE_LINES,
-            programs_at_once=EXECUTOR_SLOTS,
-            open_programs=OPEN_PROGRAMS,
-            remembered_answers=REMEMBERED_ANSWERS,
-            remembered_answer_s=REMEMBERED_S,
-        ),
+        limits=limits_info(at_once=EXECUTOR_SLOTS, opened=OPEN_PROGRAMS),
         buttons=[
             ButtonInfo(
                 each.name,
@@ -239,6 +231,19 @@ def machine_info(service: MachineService, methods: list[str]) -> Info:
         methods=sorted(methods),
         inputs=[_input_info(each) for each in machine.inputs],
         outputs=[_output_info(each) for each in machine.outputs],
+    )
+
+
+def limits_info(*, at_once: int, opened: int) -> LimitsInfo:
+    """Bounds of a service that runs so many programs at once, and has so many open."""
+    return LimitsInfo(
+        max_line_length=MAX_LINE_LENGTH,
+        max_lines_a_message=MAX_LINES_A_MESSAGE,
+        queue_lines=QUEUE_LINES,
+        programs_at_once=at_once,
+        open_programs=opened,
+        remembered_answers=REMEMBERED_ANSWERS,
+        remembered_answer_s=REMEMBERED_S,
     )
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 from mcserver.errors import Refused
-from mcserver.machine.machine_file import Machine
+from mcserver.machine.machine_file import Axis, Machine
 
 
 def axes_of(machine: Machine, axes: Sequence[int] | None) -> tuple[int, ...]:
@@ -31,6 +31,18 @@ def axes_of(machine: Machine, axes: Sequence[int] | None) -> tuple[int, ...]:
     pairs = {frozenset(pair) for pair in machine.followers.items()}
     both = {each for pair in pairs if pair & set(axes) for each in pair}
     return tuple(sorted(both | set(axes)))
+
+
+def axis_of(machine: Machine, index: int) -> Axis:
+    """Return the axis that a request names.
+
+    Raises:
+        ServiceError: MC507 no such axis.
+    """
+    axis = machine.axis(index)
+    if axis is None:
+        raise Refused("MC507", f"the machine {machine.name} has no axis {index}", "see `info`", axis=index)
+    return axis
 
 
 def positions_in_si(machine: Machine, positions: Mapping[str, float]) -> dict[int, float]:

@@ -10,7 +10,7 @@ from mcserver.errors import Refused
 from mcserver.executor.entries import Control, ControlKind
 from mcserver.machine.machine_file import Axis
 from mcserver.motion.canonical import AxisOperation
-from mcserver.service.axes_of_requests import axes_of
+from mcserver.service.axes_of_requests import axes_of, axis_of
 from mcserver.service.program import Program
 from mcserver.service.service import MachineService
 
@@ -36,7 +36,7 @@ class HomingService:
         if axes is None:
             chosen = self._finding()
         else:
-            chosen = [self._axis(index) for index in axes_of(self._machine, axes)]
+            chosen = [axis_of(self._machine, index) for index in axes_of(self._machine, axes)]
         for axis in chosen:
             if axis.homing is None or not axis.homing.finds:
                 raise Refused(
@@ -69,7 +69,7 @@ class HomingService:
         values = [math.nan] * len(self._machine.axes)
         mask = 0
         for index, position in positions.items():
-            axis = self._axis(index)
+            axis = axis_of(self._machine, index)
             if axis.homing is None:
                 raise Refused(
                     "MC455",
@@ -108,14 +108,6 @@ class HomingService:
                 "add [axis.homing] to the machine file, or say where axes are: mcctl reference",
             )
         return found
-
-    def _axis(self, index: int) -> Axis:
-        axis = self._machine.axis(index)
-        if axis is None:
-            raise Refused(
-                "MC507", f"the machine {self._machine.name} has no axis {index}", "see `info`", axis=index
-            )
-        return axis
 
     def _bit(self, index: int) -> int:
         return 1 << self._machine.column_of(index)

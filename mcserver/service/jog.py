@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING
 
 from mcserver.errors import Refused
 from mcserver.machine.machine_file import Axis
-from mcserver.service.axes_of_requests import axes_of
+from mcserver.service.axes_of_requests import axes_of, axis_of
 from mcserver.service.program import Program
 from mcserver.service.service import MachineService
 from mcserver.service.tool_reach import ToolDirection, ToolFrame, reachable_move
@@ -77,14 +77,7 @@ class Jogging:
         """
         if program_id is not None:
             return self._keep(client, program_id, hold_s)
-        axis = self._service.machine.axis(axis_index)
-        if axis is None:
-            raise Refused(
-                "MC507",
-                f"the machine {self._service.machine.name} has no axis {axis_index}",
-                "see `info`",
-                axis=axis_index,
-            )
+        axis = axis_of(self._service.machine, axis_index)
         if axis.gantry is not None:
             raise Refused(
                 "MC507",

@@ -104,9 +104,7 @@ class Cia402Drive(CanDrive, frozen=True, tag="cia402"):
     torque_feed_forward: bool = False
     zero_offset: float = 0.0
     pdo: Literal["auto", "fixed"] = "auto"
-    monitor: Annotated[list[MonitoredObject], Meta(max_length=8, description="8 objects at most")] = (
-        msgspec.field(default_factory=list)
-    )
+    monitor: MonitoredObjects = msgspec.field(default_factory=list)
     node_axis: Annotated[int, Meta(ge=0, le=7, description="0 is the node's first axis")] = 0
     pdo_node: Annotated[int, Meta(ge=0, le=GREATEST_NODE, description="a number that no node has")] = 0
     stop_on: list[ErrorCode] = msgspec.field(default_factory=list)
