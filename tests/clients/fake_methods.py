@@ -7,6 +7,10 @@ from collections import Counter
 from dataclasses import dataclass, field
 from typing import Any
 
+import msgspec
+
+from mcserver.fleet_sim.light_machine import LightMachine
+
 ENDED = ("finished", "aborted", "rejected", "faulted", "interrupted")
 QUEUE_LINES = 5000
 
@@ -38,6 +42,21 @@ class FakeProgram:
     @property
     def ended(self) -> bool:
         return self.state in ENDED
+
+
+def shapes(name: str, instance: str, axes: int) -> dict[str, dict[str, Any]]:
+    """What a machine says of itself, as maps: ``info`` and ``status``."""
+    light = LightMachine(
+        name,
+        instance,
+        axes=axes,
+        line_s=1.0,
+        clock=lambda: 0.0,
+        on_ack=lambda _: None,
+        on_event=lambda _: None,
+    )
+    handlers = light.handlers()
+    return {what: msgspec.to_builtins(handlers[what]("", None)) for what in ("info", "status")}  # type: ignore[arg-type]
 
 
 class Refusal(Exception):
@@ -76,44 +95,11 @@ class FakeMethods:
         return [program for program in self.programs.values() if not program.ended]
 
     def _do_info(self, _: dict[str, Any]) -> dict[str, Any]:
-        axes = [
-            {
-                "index": index,
-                "type": "linear",
-                "unit": "mm",
-                "max_velocity": 1000.0,
-                "max_acceleration": 10000.0,
-                "drive": "simulated",
-                "added_later": 1,
-            }
-            for index in range(self.axis_count)
-        ]
-        return {
-            "machine": self.name,
-            "server": "0.1.0",
-            "protocol": [1],
-            "instance": self.instance,
-            "epoch": 0.0,
-            "cycle_s": 0.001,
-            "axes": axes,
-            "tools": [],
-            "telemetry": {
-                "axes": list(range(self.axis_count)),
-                "fields": ["setpoint", "position", "velocity", "torque"],
-                "cycles_a_message": 10,
-                "state_hz": 20.0,
-            },
-            "limits": {
-                "max_line_length": 8192,
-                "max_lines_a_message": 20000,
-                "queue_lines": QUEUE_LINES,
-                "programs_at_once": 4,
-                "open_programs": 16,
-                "remembered_answers": 64,
-                "remembered_answer_s": 60.0,
-            },
-            "methods": ["open"],
-        }
+        info = shapes(self.name, self.instance, self.axis_count)["info"]
+        for axis in info["axes"]:
+            axis["added_later"] = 1
+        info["limits"]["queue_lines"] = QUEUE_LINES
+        return info
 
     def _do_continuation(self, request: dict[str, Any]) -> dict[str, Any]:
         line = request["line"]

@@ -18,7 +18,7 @@ from typing import Any
 
 import msgpack
 import zenoh
-from fake_methods import QUEUE_LINES, FakeMethods, FakeProgram, Refusal
+from fake_methods import QUEUE_LINES, FakeMethods, FakeProgram, Refusal, shapes
 
 ENCODING = "application/msgpack"
 
@@ -372,26 +372,13 @@ class FakeServer(FakeMethods):
         }
 
     def _status(self) -> dict[str, Any]:
-        count = self.axis_count
-        return {
-            "t": 1.0,
-            "wall": 2.0,
-            "instance": self.instance,
-            "state": self.state,
-            "axes": {
-                "index": list(range(count)),
-                "position": [1.5] * count,
-                "setpoint": [1.5] * count,
-                "velocity": [0] * count,
-                "torque": [0.0] * count,
-                "state": ["standstill"] * count,
-                "homed": [axis not in self.unhomed for axis in range(count)],
-            },
-            "programs": [self._program_status(program) for program in self.programs.values()],
-            "faults": [],
-            "override": self.override,
-            "late_cycles": 0,
+        status = shapes(self.name, self.instance, self.axis_count)["status"]
+        status["axes"] |= {
+            "position": [1.5] * self.axis_count,
+            "homed": [axis not in self.unhomed for axis in range(self.axis_count)],
         }
+        programs = [self._program_status(program) for program in self.programs.values()]
+        return {**status, "state": self.state, "override": self.override, "programs": programs}
 
     def _put(self, key: str, message: Any, priority: zenoh.Priority = zenoh.Priority.DATA) -> None:
         if self._session is not None:

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import asyncio
+import re
 import threading
 import time
 from collections import deque
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import cache
 
 import numpy as np
@@ -14,7 +15,6 @@ import numpy as np
 from mcserver.errors import Diagnostic, ProgramRejected
 from mcserver.executor.entries import EventKind, ExecutorEvent
 from mcserver.executor.shm.rings import ProgramRing
-from mcserver.executor.shm.target_box import Targets
 from mcserver.executor.view import SlotView
 from mcserver.gcode.semantics.modal import ModalState
 from mcserver.machine.machine_file import Machine, parse_machine
@@ -39,6 +39,12 @@ THREE_AXES = (
     + axes_text([1], velocity=100.0, acceleration=1000.0)
     + axes_text([2], rotary=True, velocity=360.0, acceleration=3600.0)
 )
+
+
+# of the executor: each is remembered with what it was given
+_OF_SLOTS = "hold resume override end_pause put_targets close_targets"
+_OF_THE_MACHINE = "reset stop_all emergency_stop set_output set_input"
+ORDERS = frozenset(re.findall(r"\w+", f"{_OF_SLOTS} {_OF_THE_MACHINE}"))
 
 
 @cache
@@ -94,43 +100,16 @@ class FakePort:
     def views(self, slots: Sequence[int]) -> list[SlotView]:
         return [SlotView(0.0, 1.0) for _ in slots]
 
-    def hold(self, slot: int) -> None:
-        self.calls.append(("hold", slot))
-
-    def resume(self, slot: int) -> None:
-        self.calls.append(("resume", slot))
-
-    def put_targets(self, slot: int, targets: Targets) -> None:
-        self.calls.append(("put_targets", slot, targets))
-
-    def close_targets(self, slot: int) -> None:
-        self.calls.append(("close_targets", slot))
-
-    def end_pause(self, slot: int) -> None:
-        self.calls.append(("end_pause", slot))
-
-    def override(self, slot: int, ratio: float) -> None:
-        self.calls.append(("override", slot, ratio))
+    def __getattr__(self, name: str) -> Callable[..., None]:
+        """Make an order that is only remembered."""
+        if name not in ORDERS:
+            raise AttributeError(name)
+        return lambda *values: self.calls.append((name, *values))
 
     def abort(self, slot: int) -> None:
         self.calls.append(("abort", slot))
         if self.stops_at_once:
             self.happen(EventKind.STOPPED, slot)
-
-    def set_output(self, column: int, value: float) -> None:
-        self.calls.append(("set_output", column, value))
-
-    def set_input(self, column: int, value: float) -> None:
-        self.calls.append(("set_input", column, value))
-
-    def stop_all(self) -> None:
-        self.calls.append(("stop_all",))
-
-    def emergency_stop(self) -> None:
-        self.calls.append(("emergency_stop",))
-
-    def reset(self, axes: frozenset[int]) -> None:
-        self.calls.append(("reset", axes))
 
     def snapshot(self) -> Snapshot:
         width = len(self.machine.axes)
