@@ -58,6 +58,16 @@ class Middle(NamedTuple):
 WHOLE = Middle()
 
 
+class Switches(NamedTuple):
+    """An operator's switches as the calls take them."""
+
+    block_delete: bool = False
+    optional_stop: bool = True
+
+
+AS_WRITTEN = Switches()
+
+
 class Job:
     """One program to run, by whom, and how it went.
 
@@ -65,16 +75,26 @@ class Job:
         duration_s: simulated; None where it is not known. start: where the axes were [mm, deg], once it runs.
         path: where it goes from there, as the call ``simulate`` gives it; None where that is not known.
         program: the server's id, once it runs. single_step: its lines wait to be started.
-        stepped: number of the last line that was started so.
+        stepped: number of the last line that was started so. switches: of the operator who queued it.
     """
 
-    def __init__(self, number: int, name: str, text: str, user: str, from_line: int, middle: Middle) -> None:
+    def __init__(
+        self,
+        number: int,
+        name: str,
+        text: str,
+        user: str,
+        from_line: int,
+        middle: Middle,
+        switches: Switches = AS_WRITTEN,
+    ) -> None:
         self.number = number
         self.name = name
         self.lines = text.split("\n")
         self.user = user
         self.from_line = from_line
         self.middle = middle
+        self.switches = switches
         self.state = JobState.WAITING
         self.duration_s: float | None = None
         self.program: str | None = None
@@ -113,6 +133,7 @@ class JobQueue:
         stopped: whether a failure or an operator has stopped what runs and waits; once nothing of it is left,
             the next job starts.
         single_step: whether jobs that start from now on do so in single step.
+        switches: of programs that are queued from now on; what goes on behind a break has those that it had.
     """
 
     def __init__(self, link: MachineLink, store: ProgramStore) -> None:
@@ -122,6 +143,7 @@ class JobQueue:
         self.ended: deque[Job] = deque(maxlen=ENDED_KEPT)
         self.stopped = False
         self.single_step = False
+        self.switches = AS_WRITTEN
         self._link = link
         self._store = store
         self._numbers = itertools.count(1)
@@ -136,18 +158,21 @@ class JobQueue:
         *,
         report: SimulateReply | None = None,
         middle: Middle = WHOLE,
+        switches: Switches | None = None,
     ) -> Job:
         """Queue a stored program.
 
         Args:
             report: of a simulation that somebody has looked at before. middle: how it begins behind line 1.
+            switches: that were looked at with it; None: those of now.
 
         Raises:
             ServiceError: MC061 it cannot be read.
             MotionError: MC062 the queue is full, or the program does not have the line.
         """
         self._refuse_more()
-        job = Job(next(self._numbers), name, self._store.read(name), user, from_line, middle)
+        text, switches = self._store.read(name), switches or self.switches
+        job = Job(next(self._numbers), name, text, user, from_line, middle, switches)
         if not 1 <= from_line <= len(job.lines):
             raise MotionError(
                 "MC062",
@@ -166,7 +191,7 @@ class JobQueue:
             MotionError: MC062 the queue is full.
         """
         self._refuse_more()
-        job = Job(next(self._numbers), name, text, user, 1, WHOLE)
+        job = Job(next(self._numbers), name, text, user, 1, WHOLE, self.switches)
         self._append(job)
         return job
 
@@ -195,9 +220,9 @@ class JobQueue:
                 ),
                 mark("upload its file under the same name, then go on"),
             )
-        job = Job(
-            next(self._numbers), shown.name, text or "", user, shown.line, middle._replace(whole=shown.whole)
-        )
+        switches = Switches(shown.block_delete, shown.optional_stop)
+        middle = middle._replace(whole=shown.whole)
+        job = Job(next(self._numbers), shown.name, text or "", user, shown.line, middle, switches)
         self._append(job)
         return job
 
@@ -359,6 +384,7 @@ class JobQueue:
             start_line=job.from_line,
             before=job.lines[: job.from_line - 1],
             step=job.single_step,
+            **job.switches._asdict(),
             text="\n".join(job.lines),
             way=middle.way,
             outputs=middle.outputs,
@@ -376,7 +402,7 @@ class JobQueue:
         points = 0 if job.start is None else PATH_POINTS
         try:
             report = await self._link.connected().simulate(
-                text, positions=job.start, path_points=points, role="operator"
+                text, positions=job.start, path_points=points, role="operator", **job.switches._asdict()
             )
         except MotionError:
             return
@@ -388,7 +414,7 @@ class JobQueue:
         text = "\n".join(job.lines)
         if len(text) > SIMULATED_BYTES:
             return
-        found = await machine.check(text, positions=job.start)
+        found = await machine.check(text, positions=job.start, **job.switches._asdict())
         if not found.ok:
             first = next(each for each in found.diagnostics if each.severity == "error")
             raise MotionError(

@@ -267,3 +267,27 @@ def test_a_faulty_program_stands_in_the_program_card_at_its_line_with_the_way_ba
     expect(page.get_by_text("faulty.gcode · failed", exact=True)).to_be_visible()
     expect(page.get_by_text("To go on: correct the file and upload it again.")).to_be_visible()
     assert all(program.name != "faulty.gcode" for program in machine.programs())
+
+
+def test_block_delete_and_optional_stop_are_switched_on_the_page(
+    page: Page, site: PageProcess, machine: sync.Machine
+) -> None:
+    opened(page, site)
+    start = wait_for(machine, page, at_rest).axes.position[0]
+    delete, stop = (page.get_by_role("switch", name=name) for name in ("Block delete", "Optional stop"))
+    expect(stop).to_be_checked()
+    delete.click()
+    stop.click()
+    upload(page, "switched.gcode", "G1010\nG91\nG01 X2 F600\n/G01 X50\nM01\nG01 X2\nG04 P2\n")
+    run(page)
+    said = "^switched.gcode · running · .* · block delete on · optional stop off$"
+    expect(page.get_by_text(re.compile(said))).to_be_visible()
+    expect(page.get_by_text(re.compile("^switched.gcode is finished after"))).to_be_visible()
+    assert machine.status().axes.position[0] == pytest.approx(start + 4.0, abs=0.05)
+    delete.click()
+    stop.click()
+    run(page)
+    wait_for(machine, page, lambda status: status.programs[-1].state == "paused")
+    assert machine.status().axes.position[0] == pytest.approx(start + 56.0, abs=0.05)
+    page.get_by_role("button", name="Abort").click()
+    wait_for(machine, page, at_rest)

@@ -4,10 +4,13 @@ from __future__ import annotations
 
 import pytest
 
+from mcserver.errors import ProgramRejected
 from mcserver.gcode.axes_used import axes_used
+from mcserver.gcode.computing.macro_expansion import expansion_of
 from mcserver.gcode.program_check import check_lines
 from mcserver.gcode.semantics.interpreter import Interpreter
 from mcserver.gcode.switches import AS_WRITTEN, Switches
+from mcserver.gcode.text.parser import ParsedLine
 from mcserver.machine.machine_file import Machine, load_machine, parse_machine
 from mcserver.motion.canonical import PauseLine
 from mcserver.planning.start_state import StartState
@@ -105,3 +108,28 @@ def test_m01_pauses_unless_the_switch_is_off() -> None:
 
 def test_a_lease_has_the_axes_of_lines_that_may_be_skipped() -> None:
     assert axes_used("/G1 X1\nN5 /G1 Z1\n/1 G1 Y2", MACHINE) == (0, 1, 2)
+
+
+def test_a_line_that_is_refused_and_sent_again_takes_none_of_the_lines_before_with_it() -> None:
+    interpreter = Interpreter(FANUC)
+    expansion = expansion_of(interpreter)
+
+    def run() -> None:
+        while expansion.running:
+            parsed = expansion.next()
+            if isinstance(parsed, ParsedLine):
+                interpreter.interpret(parsed)
+
+    for number, text in enumerate(["F100", "#1=0", "N10 #1=#1+1"], start=1):
+        expansion.take(text, number)
+        run()
+    with pytest.raises(ProgramRejected):
+        expansion.take("/2 G1 X2", 4)
+    expansion.drop()
+    for number, text in enumerate(["IF [#1 LT 3] GOTO 10", "G1 X#1", "M30"], start=4):
+        expansion.take(text, number)
+        run()
+    # a way back is known once the text is whole
+    expansion.close()
+    run()
+    assert interpreter.positions[0] == pytest.approx(0.003)

@@ -11,7 +11,7 @@ import pytest
 from mcclient import MotionError, RequestRefused
 from mcclient.types import Continuation, SimulateReply
 
-from mcserver.web.jobs import JobQueue, JobState, Middle
+from mcserver.web.jobs import AS_WRITTEN, JobQueue, JobState, Middle, Switches
 from mcserver.web.last_runs import LastRuns
 from mcserver.web.link import MachineLink
 from mcserver.web.store import ProgramStore
@@ -176,6 +176,31 @@ async def test_a_step_starts_one_line_with_the_blank_ones_behind_it_and_waits_fo
     queue.add("a.gcode", "ada")
     await ended(queue, 2)
     assert bench.opened[1:] == ["a.gcode False"]
+    await queue.close()
+
+
+async def test_a_job_is_checked_and_opened_with_the_switches_of_when_it_was_queued(tmp_path: Path) -> None:
+    bench, asked = Bench(), list[Any]()
+
+    async def noted(*_: object, block_delete: bool, optional_stop: bool, **__: object) -> Any:
+        asked.append((block_delete, optional_stop))
+        return SimpleNamespace(ok=True, path=None, duration_s=1.0)
+
+    async def program(*_: object, **given: Any) -> Opened:
+        await noted(**given)
+        return Opened()
+
+    bench.check, bench.simulate, bench.program = noted, noted, program  # type: ignore[method-assign, assignment]
+    queue = queue_of(bench, tmp_path)
+    queue.switches = Switches(block_delete=True)
+    queue.add("a.gcode", "ann")
+    queue.switches = Switches(optional_stop=False)
+    queue.add("b.gcode", "ann")
+    # what a person has looked at counts, whatever is switched by then
+    queue.add("b.gcode", "ann", switches=AS_WRITTEN)
+    await ended(queue, 3)
+    assert set(asked) == {(True, True), (False, False), (False, True)}
+    assert len(asked) >= 6
     await queue.close()
 
 

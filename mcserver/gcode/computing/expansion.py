@@ -91,6 +91,8 @@ class Expansion:
         self._ready: ParsedLine | None = None
         self._due: list[Setting] = []
         self._line = 0
+        # of the line that was given last, taken or not
+        self._given_number = 0
         self._steps = 0
         self._said: set[tuple[str, int, int]] = set()
         kept = interpreter.modal.computed
@@ -155,6 +157,7 @@ class Expansion:
         Raises:
             ProgramRejected: MC140, MC160, MC161, MC164; the line is not taken.
         """
+        self._given_number = number
         try:
             self._take(text, number)
         except ComputingError as error:

@@ -185,7 +185,7 @@ class MacroExpansion(Expansion):
         self._ready, self._met, self._given = None, None, False
         self._due.clear()
         del self._parameters.scopes[1:], self._calls[1:]
-        if not self.head and self._last:
+        if not self.head and self._last == self._given_number > 0:
             self._main.cut(self._last)
             self._lines.pop(self._last, None)
             self._reached = self._last = self._last - 1

@@ -8,6 +8,7 @@ from collections.abc import Sequence
 from functools import partial
 from typing import Any
 
+from mcclient.switches import switches_said
 from nicegui import ui
 
 from mcserver.gcode.text.source import split_lines
@@ -201,12 +202,15 @@ def _row(name: str, low: float, high: str, speed: str) -> str:
 
 
 def _effects(each: RunToArm) -> str:
-    """HTML: what the run leaves changed for those that come after it."""
-    effects = each.run.get("effects", [])
+    """HTML: switches of the run, and what it leaves changed for those that come after it."""
+    run, effects = each.run, each.run.get("effects", [])
+    switched = switches_said(run.get("block_delete", False), run.get("optional_stop", True))
+    said = "".join(f"<p>{t(what)}</p>" for what in switched)
     if not effects:
-        return ""
+        return said
     items = "".join(f"<li>{html.escape(t(effect))}</li>" for effect in effects)
-    return f"<p>{t('Afterwards, for every later program, this run')}</p><ul class='mc-effects'>{items}</ul>"
+    after = t("Afterwards, for every later program, this run")
+    return f"{said}<p>{after}</p><ul class='mc-effects'>{items}</ul>"
 
 
 def _listing(text: str) -> str:

@@ -13,7 +13,7 @@ from mcserver.errors import McError
 from mcserver.web.actions import Actions, show_refusal
 from mcserver.web.dialogs import named_dialog
 from mcserver.web.formatting import axis_name, clock_text, diagnostics_html, program_excerpt
-from mcserver.web.jobs import PATH_POINTS, path_from_line
+from mcserver.web.jobs import PATH_POINTS, Switches, path_from_line
 from mcserver.web.panels.linked_text import LinkedText
 from mcserver.web.panels.picture import tips_of
 from mcserver.web.space import Space
@@ -25,7 +25,11 @@ SLOW_FROM = 1.05
 
 
 async def show_dry_run(
-    actions: Actions, name: str, from_line: int, run: Callable[[SimulateReply], None]
+    actions: Actions,
+    name: str,
+    from_line: int,
+    switches: Switches,
+    run: Callable[[SimulateReply], None],
 ) -> None:
     """Simulate a stored program from where the axes are, and show it with a button that runs it."""
     if not actions.allowed("simulate"):
@@ -39,7 +43,9 @@ async def show_dry_run(
         status = await machine.status()
         start = dict(zip(status.axes.index, status.axes.setpoint, strict=True))
         role: RunRoleWord = "operator" if actions.visitor.may("open") else "agent"
-        report = await machine.simulate(text, positions=start, path_points=PATH_POINTS, role=role)
+        report = await machine.simulate(
+            text, positions=start, path_points=PATH_POINTS, role=role, **switches._asdict()
+        )
     except (MotionError, McError) as error:
         show_refusal(f"{t(error.message)} [{error.code}]", error.hint)
         return

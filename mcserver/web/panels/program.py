@@ -4,8 +4,12 @@ from __future__ import annotations
 
 import html
 import time
+from collections.abc import Mapping
+from functools import partial
+from types import MappingProxyType
 
 from mcclient import MotionError, ProgramStatus
+from mcclient.switches import switches_said
 from mcclient.types import SimulateReply
 from nicegui import events, ui
 
@@ -21,13 +25,22 @@ from mcserver.web.formatting import (
     program_excerpt,
     remaining_text,
 )
-from mcserver.web.jobs import WHOLE, Job, JobState, Middle
+from mcserver.web.jobs import WHOLE, Job, JobState, Middle, Switches
 from mcserver.web.last_runs import LastRun
 from mcserver.web.panels.dry_run import show_dry_run
 from mcserver.web.panels.queue import QueuePanel
 from mcserver.web.panels.run_from import RecoveryPanel, ask_run_from
 from mcserver.web.store import MAX_PROGRAM_BYTES
 from mcserver.web.translation import mark, t
+
+_SWITCHED: Mapping[tuple[str, bool], str] = MappingProxyType(
+    {
+        ("block_delete", True): mark("block delete on"),
+        ("block_delete", False): mark("block delete off"),
+        ("optional_stop", True): mark("optional stop on"),
+        ("optional_stop", False): mark("optional stop off"),
+    }
+)
 
 
 class ProgramPanel:
@@ -78,6 +91,13 @@ class ProgramPanel:
                 ui.button(t("Dry run"), on_click=self._dry_run).props("outline")
                 ui.button(t("Delete"), on_click=self._delete).props("outline color=negative")
                 self._single_step = ui.switch(t("Single step"), on_change=self._switch_single_step)
+                self._switches = {
+                    name: ui.switch(t(label), on_change=partial(self._switch, name))
+                    for name, label in (
+                        ("block_delete", mark("Block delete")),
+                        ("optional_stop", mark("Optional stop")),
+                    )
+                }
             self._jobs = QueuePanel(actions)
             self._report = ui.html("", sanitize=False).classes("w-full").props("aria-live=polite")
 
@@ -90,6 +110,7 @@ class ProgramPanel:
         program = current_program(status)
         job = self._job(program.program if program is not None else "")
         self._show_single_step()
+        self._show_switches()
         running = self._actions.link.jobs.running
         if running is not None and running.state is JobState.CHECKING:
             self._title.set_text(f"{running.name} · {t(running.state.value)}")
@@ -108,6 +129,7 @@ class ProgramPanel:
             f"{program.name or program.program} · {t(program.state)} · "
             + t("by {name}", name=job.user if job else program.client)
             + (f" · {t('Single step')}" if job is not None and job.single_step else "")
+            + "".join(f" · {t(each)}" for each in switches_said(program.block_delete, program.optional_stop))
         )
         self._bar.set_value(1.0 if program.state == "finished" else share)
         remaining = remaining_text(program) if is_live(program) else "0:00"
@@ -155,6 +177,22 @@ class ProgramPanel:
             self._actions.note(mark("single step on") if wanted else mark("single step off"))
         else:
             self._single_step.set_value(jobs.single_step)
+
+    def _show_switches(self) -> None:
+        for name, value in self._actions.link.jobs.switches._asdict().items():
+            if self._switches[name].value != value:
+                self._switches[name].set_value(value)
+
+    def _switch(self, name: str) -> None:
+        jobs, on = self._actions.link.jobs, bool(self._switches[name].value)
+        wanted = jobs.switches._replace(**{name: on})
+        if wanted == jobs.switches:
+            return
+        if self._actions.allowed("open"):
+            jobs.switches = wanted
+            self._actions.note(_SWITCHED[name, on])
+        else:
+            self._show_switches()
 
     async def _step(self) -> None:
         stepping = self._stepping()
@@ -254,7 +292,8 @@ class ProgramPanel:
     async def _check(self, name: str, text: str) -> None:
         """Show every fault of a text at its place."""
         try:
-            found = await self._actions.link.connected().check(text)
+            switches = self._actions.link.jobs.switches
+            found = await self._actions.link.connected().check(text, **switches._asdict())
         except MotionError as error:
             show_refusal(error.message, error.hint)
             return
@@ -267,7 +306,12 @@ class ProgramPanel:
             diagnostics_html(found.diagnostics, f"<p>{html.escape(name)}:</p>") + excerpt
         )
 
-    def _queue(self, report: SimulateReply | None = None, middle: Middle = WHOLE) -> None:
+    def _queue(
+        self,
+        report: SimulateReply | None = None,
+        middle: Middle = WHOLE,
+        switches: Switches | None = None,
+    ) -> None:
         if not self._actions.allowed("open"):
             return
         if not self._choice.value:
@@ -280,6 +324,7 @@ class ProgramPanel:
                 int(self._from_line.value or 1),
                 report=report,
                 middle=middle,
+                switches=switches,
             )
         except (MotionError, McError) as error:
             show_refusal(error.message, error.hint)
@@ -290,13 +335,14 @@ class ProgramPanel:
         if name and line > 1:
             if not self._actions.allowed("open"):
                 return
-            middle = await ask_run_from(self._actions, name, line)
+            switches = self._actions.link.jobs.switches
+            middle = await ask_run_from(self._actions, name, line, switches)
             if middle is None:
                 return
             # what was asked for, whatever the fields say by now
             self._choice.set_value(name)
             self._from_line.set_value(line)
-            self._queue(middle=middle)
+            self._queue(middle=middle, switches=switches)
             return
         self._queue()
 
@@ -313,7 +359,9 @@ class ProgramPanel:
         if not self._choice.value:
             show_refusal(t("No program is chosen"), t("choose one, or upload it"))
             return
-        await show_dry_run(self._actions, self._choice.value, int(self._from_line.value or 1), self._queue)
+        line, switches = int(self._from_line.value or 1), self._actions.link.jobs.switches
+        run = partial(self._queue, switches=switches)
+        await show_dry_run(self._actions, self._choice.value, line, switches, run)
 
 
 def last_run_text(run: LastRun) -> str:

@@ -7,6 +7,7 @@ from collections.abc import Callable
 
 from mcclient import MotionError
 from mcclient.broken_off import broken_off
+from mcclient.switches import switches_said
 from mcclient.types import Continuation, ProgramStatus
 from nicegui import ui
 
@@ -14,11 +15,11 @@ from mcserver.errors import McError
 from mcserver.web.actions import Actions, show_refusal
 from mcserver.web.dialogs import named_dialog
 from mcserver.web.formatting import axis_name, page_hint, position_text, program_excerpt
-from mcserver.web.jobs import Middle
+from mcserver.web.jobs import Middle, Switches
 from mcserver.web.translation import language, t
 
 
-async def ask_run_from(actions: Actions, name: str, from_line: int) -> Middle | None:
+async def ask_run_from(actions: Actions, name: str, from_line: int, switches: Switches) -> Middle | None:
     """Show how a stored program would begin at a line, and ask; None: it shall not."""
     try:
         lines = actions.link.store.read(name).split("\n")
@@ -28,7 +29,9 @@ async def ask_run_from(actions: Actions, name: str, from_line: int) -> Middle | 
                 t("it has {count} lines", count=len(lines)),
             )
             return None
-        shown = await actions.link.connected().continuation(before=lines[: from_line - 1])
+        shown = await actions.link.connected().continuation(
+            before=lines[: from_line - 1], **switches._asdict()
+        )
     except (MotionError, McError) as error:
         show_refusal(f"{t(error.message)} [{error.code}]", error.hint)
         return None
@@ -116,6 +119,7 @@ def _inside_sentence(verb: str) -> str:
 def continuation_html(shown: Continuation) -> str:
     """Return where the axes are and are expected, the way between, and what has to be answered, as HTML."""
     found = [f"<p>{t('In force there:')} {html.escape(' '.join(shown.modal))}</p>"] if shown.modal else []
+    found += [f"<p>{t(each)}</p>" for each in switches_said(shown.block_delete, shown.optional_stop)]
     rows = "".join(
         f"<tr><td>{axis_name(each.axis)}</td><td class=n>{position_text(each.now)}</td>"
         f"<td class=n>{t('not known') if each.there is None else position_text(each.there)}</td>"

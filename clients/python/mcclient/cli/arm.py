@@ -19,6 +19,7 @@ from mcclient.cli.output import carry_out, narration, results, say, write_json
 from mcclient.errors import RequestRefused
 from mcclient.machine import Machine
 from mcclient.run_picture import axis_label, run_picture
+from mcclient.switches import switches_said
 from mcclient.types import Diagnostic, RunRequestStatus
 
 SHOWN_HASH = 12
@@ -213,6 +214,8 @@ def print_run(run: dict[str, Any]) -> None:
     print_warnings(run)
     for extent in (*_extents(run), *_tools(run)):
         console.print(Text(f"  {extent}"))
+    for switched in switches_said(run.get("block_delete", False), run.get("optional_stop", True)):
+        console.print(Text(f"  {switched}"))
     for effect in run.get("effects", []):
         console.print(Text(f"  afterwards, for every later program, it {effect}"))
     for each in run.get("beyond", []):

@@ -15,6 +15,7 @@ from mcclient.cli.options import JsonOption, Target, axis_name
 from mcclient.cli.output import carry_out, narration, results, say, write_json
 from mcclient.errors import RequestRefused
 from mcclient.machine import Machine
+from mcclient.switches import switches_said
 from mcclient.types import ENDED, Continuation, Need, Outputs
 
 SHOWN = 20
@@ -112,6 +113,8 @@ def _tell(shown: Continuation) -> None:
     say(f"{shown.name or shown.program}: lines through {shown.done} are certain, on at line {shown.line}")
     for number, text in enumerate(shown.lines, shown.first):
         say(f"{'>' if number == shown.line else ' '}{number:>6} | {text}")
+    for switched in switches_said(shown.block_delete, shown.optional_stop):
+        say(f"  {switched}")
     for axis in shown.axes:
         if axis.away:
             there = "not known" if axis.there is None else f"{axis.there:.3f} {axis.unit}"
