@@ -65,6 +65,8 @@ def test_programs_of_fanucs_are_called_by_their_number(load: Callable[..., Machi
         ("linuxcnc", "o<other> sub\no<other> endsub", "MC161", "outside"),
         ("fanuc", "O7\nG1 X[1/0]\nM99", "MC163", "line 2"),
         ("fanuc", "O7\n\nG1 Q7 X1\nM99", "MC113", "line 3"),
+        # its line has the number of the line that calls it
+        ("fanuc", "O7\nG1 X1 F-3\nM99", "MC120", "line 2: F-3"),
         ("fanuc", "O7\nEND1\nM99", "MC181", "line 2"),
         ("fanuc", "O8\nM99", "MC181", "O8 is another program"),
         ("fanuc", "O7\nG1 X1", "MC182", "no M99"),

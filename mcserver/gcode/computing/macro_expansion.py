@@ -290,7 +290,7 @@ class MacroExpansion(Expansion):
             if not step.text:
                 return None
             parsed = self._interpreter.parse(step.text, self._reached)
-            if step.line != self._reached or self._repeating:
+            if step.line != self._reached or self._repeating or frame.routine.file:
                 parsed.origin = Origin(step.line, file=frame.routine.file)
             return parsed
         if step.kind == "goto":
