@@ -36,7 +36,10 @@ def test_all_are_written_into_a_folder_that_is_made(tmp_path: Path, capfd: Captu
 
 def test_an_unknown_name_lists_those_there_are(capfd: Capture) -> None:
     assert run_command_line(["examples", "../secret"]) == 2
-    assert "arcs, clearance, coordination, five-axis, helix, mill-part, robot-dog, square" in capfd.readouterr().err
+    assert (
+        "arcs, clearance, coordination, five-axis, helix, mill-part, robot-dog, square"
+        in capfd.readouterr().err
+    )
 
 
 def test_a_folder_that_cannot_be_made_is_a_coded_error(tmp_path: Path, capfd: Capture) -> None:

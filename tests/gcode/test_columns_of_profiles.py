@@ -38,7 +38,6 @@ KINDS = {
     "letters": "letters = { E = 6 }",
 }
 WORDS = ("X", "Y", "Z", "A", "E", "U", "[6]", "[7]", "S", "F", "I", "J", "R", "H", "D", "x")
-SHAPES = ("X", "XY", "YX", "XYZ", "Z", "XE", "E", "XYE", "A", "XA", "U", "XU")
 STATES = (
     *(
         "G91",

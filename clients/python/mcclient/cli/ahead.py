@@ -7,6 +7,7 @@ from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TypedDict
 
 from mcclient.cli.excerpt import show_diagnostics
 from mcclient.cli.go_on import OutputsChoice
@@ -25,6 +26,13 @@ SHORT_BYTES = 2 * 1024 * 1024
 FORESIGHT_S = 3.0
 # the check is a service: where it is busy or missing, the server judges the lines as they come
 NO_CHECK = frozenset({"MC501", "MC508", "MC523", "MC590", "MC591"})
+
+
+class Switches(TypedDict):
+    """The operator's switches as the calls take them."""
+
+    block_delete: bool
+    optional_stop: bool
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,7 +54,7 @@ class JobOptions:
     optional_stop: bool = True
 
     @property
-    def switches(self) -> dict[str, bool]:
+    def switches(self) -> Switches:
         """Return the operator's switches as the calls take them."""
         return {"block_delete": self.block_delete, "optional_stop": self.optional_stop}
 
