@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+
 from mcserver.gcode.text.parser import scan_line
 from mcserver.gcode.text.source import split_lines
 from mcserver.gcode.text.syntax import Command
@@ -9,17 +11,30 @@ from mcserver.gcode.text.words import Word
 from mcserver.machine.machine_file import Machine
 
 _ARC_AXES = frozenset((0, 1, 2))
+# what a profile computes or calls: its axes are known as it runs
+_COMPUTED = re.compile(r"#|\[(?!\d+\])|\bO\s*[<\d]|M0*98(?!\d)|G65(?!\d)", re.IGNORECASE)
+_SPINDLE = re.compile(r"M0*(?:[345]|19)(?!\d)", re.IGNORECASE)
 
 
 def axes_used(text: str, machine: Machine) -> tuple[int, ...]:
-    """Return the axes that a program may need, sorted.
+    """Return the axes that a program may need, sorted: all of the machine where it computes or calls.
 
     An axis too many is possible, such as the letters of a tool's pose; one too few is not. Axis commands
     without P act on what the program has leased and need none.
     """
+    if not machine.dialect.reference and _COMPUTED.search(text):
+        return tuple(sorted(axis.index for axis in machine.axes))
+    return axes_named(text, machine)
+
+
+def axes_named(text: str, machine: Machine) -> tuple[int, ...]:
+    """Return the axes that a program needs by its words, and its spindle, sorted."""
     known = {axis.index for axis in machine.axes}
+    dialect = machine.dialect
     chains = {tool.number: tool.axes for tool in machine.tools}
     found: set[int] = set()
+    if dialect.spindle is not None and _SPINDLE.search(text):
+        found.add(dialect.spindle)
     for number, line in enumerate(split_lines(text), start=1):
         for group in scan_line(line, number).groups:
             for command in group:

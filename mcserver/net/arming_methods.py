@@ -11,7 +11,7 @@ from typing import Any
 import msgspec
 
 from mcserver.errors import Diagnostic, Refused, ServiceError
-from mcserver.gcode.axes_used import axes_used
+from mcserver.gcode.axes_used import axes_named, axes_used
 from mcserver.gcode.switches import AS_WRITTEN, Switches
 from mcserver.gcode.text.source import split_lines
 from mcserver.net import arming_messages as wire
@@ -62,8 +62,8 @@ class ArmingMethods:
     async def request_run(self, client: str, request: wire.RunRequestRequest) -> wire.RunRequestReply:
         machine = self._service.machine
         self._arming.check_room(client, request.text)
-        named = axes_used(request.text, machine)
-        axes = named if request.axes is None else tuple(sorted(set(request.axes)))
+        named = axes_named(request.text, machine)
+        axes = axes_used(request.text, machine) if request.axes is None else tuple(sorted(set(request.axes)))
         if not axes:
             raise Refused("MC511", "the text names no axis, so there is nothing to run", "check the text")
         if not set(named) <= set(axes):

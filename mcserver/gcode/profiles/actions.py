@@ -470,13 +470,16 @@ def _dwell(block: BlockState, action: Action, effects: Effects) -> None:
 def _turn_spindle(block: BlockState, actions: tuple[Action, ...], effects: Effects) -> None:
     index = block.setup.machine.dialect.spindle
     frame = block.frame
-    if index is None or index not in block.setup.leased:
+    if index is None or (index not in block.setup.leased and not frame.direction):
         return
-    axis = block.setup.axes[index]
+    place = next(action for action in actions if action.code in ("S", "M3", "M4", "M5"))
+    # what cuts must not go on beside a spindle that stands
+    axis = block.usable_axis(index, place)
+    if axis is None:
+        return
     speed = motor_speed(frame.spindle_rpm * frame.direction, axis.travel_per_motor_turn)
     if abs(speed) > axis.max_velocity * (1.0 + 1e-9):
         most = motor_rpm(axis.max_velocity, axis.travel_per_motor_turn)
-        place = next(action for action in actions if action.code in ("S", "M3", "M4", "M5"))
         block.faults.add(
             "MC202",
             f"S{frame.spindle_rpm:g} drives the spindle, axis {index}, beyond its max_velocity",
