@@ -425,7 +425,7 @@ _TEXT: dict[int, tuple[str, str]] = {
     ),
     FaultCode.SKEW: (
         "the two drives of axis {axis} are further apart than max_skew of its gantry",
-        "see what holds one side back; then home the axis, which squares it, or square it by hand",
+        "see what holds one side back; sides that stay apart are switched off, squared by hand and homed",
     ),
     FaultCode.PAIR_MODE: (
         "axis {axis} is one of a gantry pair, which follows positions alone",
