@@ -41,7 +41,7 @@ class ServoMethods:
         program = await servo.open_servo(self._service, client, request.axes, request.name, within)
         shown = " ".join(str(axis) for axis in program.axes)
         self._record(client, "open_servo", program.program, f"axis {shown}")
-        return wire.ServoReply(program.program, list(program.axes))
+        return wire.ServoReply(program.program, servo.streamed(self._service.machine, program.axes))
 
 
 def targets_in_si(program: Program, message: wire.StreamTargets) -> TargetMessage:

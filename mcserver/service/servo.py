@@ -59,12 +59,15 @@ async def open_servo(
                 axis=machine.axes[column].index,
             )
     mask = sum(1 << column for column in columns)
-    follow = [Control(ControlKind.FOLLOW, 0.0, 0, axes=mask)]
+    # the second drive of a gantry pair gets its leader's setpoint: it has no targets of its own
+    columns = [machine.column_of(index) for index in streamed(machine, chosen)]
+    led = sum(1 << column for column in columns)
+    follow = [Control(ControlKind.FOLLOW, 0.0, 0, axes=led)]
     if within is not None:
         low, high = _bounds(machine, columns, within)
         follow = [
-            Control(ControlKind.FOLLOW_FROM, 0.0, 0, axes=mask, values=low),
-            Control(ControlKind.FOLLOW, 0.0, 0, axes=mask, values=high),
+            Control(ControlKind.FOLLOW_FROM, 0.0, 0, axes=led, values=low),
+            Control(ControlKind.FOLLOW, 0.0, 0, axes=led, values=high),
         ]
     program = await service.open(
         client,
@@ -85,6 +88,11 @@ async def open_servo(
         [machine.axes[column] for column in columns], machine.cycle_s, build_kinematics(machine)
     )
     return program
+
+
+def streamed(machine: Machine, axes: Sequence[int]) -> list[int]:
+    """Return the axes of a lease that rows of targets have a number for, in their order."""
+    return [axis for axis in axes if axis not in machine.followers]
 
 
 def _bounds(
@@ -117,7 +125,10 @@ def put_targets(service: MachineService, program: Program, message: TargetMessag
     snapshot = service.port.snapshot()
     now = Now(snapshot.time)
     if message.tool is not None:
-        setpoint = [snapshot.setpoint[service.machine.column_of(axis)] for axis in program.axes]
+        setpoint = [
+            snapshot.setpoint[service.machine.column_of(axis)]
+            for axis in streamed(service.machine, program.axes)
+        ]
         now = Now(snapshot.time, np.array(setpoint), min(1.0, program.override))
     targets = program.targets.take(message, now)
     if targets is not None:
