@@ -33,6 +33,7 @@ class IndependentMotions:
         pending: columns whose motion does not end before their drives have ended theirs.
         ended: columns that came to rest in this cycle. limited: columns that a soft limit stops since this
             cycle.
+        greatest_speeds: by column, that has been commanded so far [m/s or rad/s].
     """
 
     def __init__(self, machine: Machine, row: FeedbackRow) -> None:
@@ -52,6 +53,7 @@ class IndependentMotions:
         self.halting = 0
         self.ended = 0
         self.limited: list[int] = []
+        self.greatest_speeds = [0.0] * len(machine.axes)
 
     # ------------------------------------------------------------------ commands
 
@@ -102,6 +104,7 @@ class IndependentMotions:
         """Go to a speed within the axis's limit, and hold it until superseded."""
         top = self._axes[column].max_velocity
         velocity = max(-top, min(top, velocity))
+        self.greatest_speeds[column] = max(self.greatest_speeds[column], abs(velocity))
         state = self.state(column, left)
         limits = self._limits[column]
         trajectory = self._solver.to_velocity(column, state, velocity, limits, jerk=True)
@@ -188,6 +191,11 @@ class IndependentMotions:
         if not mask & self.ended:
             return 1.0
         return min(left for column, left in self._left.items() if mask & self.ended & 1 << column)
+
+    def turning(self) -> int:
+        """Return the mask of the axes that a speed other than 0 is commanded to."""
+        speeds = (each for each in self._motions.values() if each.kind is MotionKind.SPEED)
+        return sum(1 << each.column for each in speeds if each.final[1] != 0.0)
 
     def owned_by(self, slot: int) -> int:
         """Return the mask of the axes whose motion belongs to a slot."""

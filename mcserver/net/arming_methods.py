@@ -244,7 +244,7 @@ class ArmingMethods:
             raise Refused(
                 "MC572",
                 f"{', '.join(moving)} move, turn or push now",
-                "stop them (a spindle that M5 has left at 0 too: G1002), then request the run again",
+                "stop them, then request the run again",
             )
 
     def _refuse_unbounded(self, seen: Preview) -> None:

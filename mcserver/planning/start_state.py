@@ -44,7 +44,8 @@ class StartState(msgspec.Struct, frozen=True):
     Attributes:
         positions: of all axes, by number [m or rad]: the setpoint, or the encoder's of an axis without
         energy.
-        energized: axes that hold their position. unsettled: axes that turn, push or still move by themselves.
+        energized: axes that hold their position. unsettled: axes that turn, push or still move by
+            themselves; one at a speed of 0 does not.
         homed: axes that know where they are.
         frame: work offsets; None: none were ever set.
         modal: state behind the lines before its first; None: a program's own beginning.

@@ -46,7 +46,7 @@ class Snapshot(msgspec.Struct, frozen=True):
     Attributes:
         inputs, outputs: in the order of the machine's model. owners: who has set each output last, as
             `mcserver.executor.io_bank` has it.
-        homed: whether each axis knows where it is.
+        homed: whether each axis knows where it is. turning: whether each axis is commanded a speed.
     """
 
     time: float
@@ -60,6 +60,7 @@ class Snapshot(msgspec.Struct, frozen=True):
     outputs: list[float] = []
     owners: list[int] = []
     homed: list[bool] = []
+    turning: list[bool] = []
 
 
 class ExecutorPort:
@@ -182,6 +183,7 @@ class ExecutorPort:
             outputs=outputs,
             owners=owners,
             homed=[bool(homed >> column & 1) for column in range(len(self._columns))],
+            turning=[speed != 0.0 for speed in history.axes_of(row, Block.VELOCITY)],
         )
 
     def cycles_since(self, cycle: int, limit: int) -> Cycles | None:

@@ -29,12 +29,16 @@ def start_state(
     axes = [axis.index for axis in machine.axes]
     states = dict(zip(axes, cycle.states, strict=True))
     energized = frozenset(axis for axis, state in states.items() if state in ENERGIZED)
+    # a spindle that M5 has brought to rest keeps its mode
+    turning = dict(zip(axes, cycle.turning or [True] * len(axes), strict=True))
+    settled = {axis for axis, state in states.items() if state in SETTLED}
+    settled |= {axis for axis, state in states.items() if state == "speed" and not turning[axis]}
     setpoint = dict(zip(axes, cycle.setpoint, strict=True))
     actual = dict(zip(axes, cycle.position, strict=True))
     return StartState(
         positions={axis: (setpoint if axis in energized else actual)[axis] for axis in axes},
         energized=energized,
-        unsettled=frozenset(axis for axis, state in states.items() if state not in SETTLED),
+        unsettled=frozenset(axes) - settled,
         # without a word about it every axis knows where it is
         homed=frozenset(
             axis for axis, homed in zip(axes, cycle.homed or [True] * len(axes), strict=True) if homed

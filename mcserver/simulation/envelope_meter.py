@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
 from mckinematics.solver import MachineKinematics
 from numpy.typing import NDArray
@@ -46,19 +48,26 @@ class EnvelopeMeter:
             tip.take(followed)
         self._last = setpoint[-1].copy()
 
-    def envelope(self, seconds: float, turning: int) -> Envelope:
+    def envelope(self, seconds: float, turned: Mapping[int, float]) -> Envelope:
         """Return the extents and speeds so far, without tolerances.
+
+        Args:
+            turned: columns that were commanded a speed → the greatest. A run that takes longer, as under a
+                lower override, reaches it also where this one did not.
 
         Of shaped axes they are those that could have been ordered: what is ordered is judged.
         """
         shaping = self._shaping
         beyond, faster = (0.0, 0.0) if shaping is None else (shaping.deviations, shaping.speed_changes)
+        speed = self._step / self._cycle
+        for column, commanded in turned.items():
+            speed[column] = max(speed[column], commanded)
         return Envelope(
             low=tuple((self._low - beyond).tolist()),
             high=tuple((self._high + beyond).tolist()),
-            speed=tuple((self._step / self._cycle + faster).tolist()),
+            speed=tuple((speed + faster).tolist()),
             seconds=seconds,
-            turning=turning,
+            turning=sum(1 << column for column in turned),
             tips=tuple(tip.envelope(self._cycle) for tip in self._tips),
         )
 

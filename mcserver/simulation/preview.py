@@ -64,12 +64,12 @@ def preview(text: str, machine: Machine, start: StartState, axes: tuple[int, ...
     path = path_of(sampler, machine, poses, axes)
     if not found.report["ok"] or found.end is None:
         return Preview(found.report, path)
-    turning = sum(1 << machine.column_of(axis) for axis in found.turned)
+    turned = {machine.column_of(axis): speed for axis, speed in found.turned.items()}
     return Preview(
         report=found.report,
         path=path,
         marks=found.marks(),
-        envelope=meter.envelope(found.report["duration_s"], turning),
+        envelope=meter.envelope(found.report["duration_s"], turned),
         effects=tuple(effects_of(machine, start, found.end)),
         inputs=found.inputs_read,
         pushed=found.pushed,

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import islice
 from typing import Any, TypedDict, Unpack
@@ -73,7 +73,8 @@ class Simulation:
         end: the state that it leaves behind; None: nothing was run.
         inputs_read: columns of inputs that it reads.
         failed: it ended in a fault of the run itself, whatever its assertions come to.
-        turned, pushed: numbers of the axes that it commands a speed or a torque.
+        turned: axes that it commands a speed, each with the greatest [m/s or rad/s]. pushed: axes that it
+            commands a torque.
         outputs: of each output the least and the greatest value.
     """
 
@@ -85,7 +86,7 @@ class Simulation:
     end: StartState | None = None
     inputs_read: frozenset[int] = frozenset()
     failed: bool = False
-    turned: frozenset[int] = frozenset()
+    turned: Mapping[int, float] = field(default_factory=dict)
     pushed: frozenset[int] = frozenset()
     outputs: tuple[tuple[float, float], ...] = ()
     times: LineTimes = field(default_factory=LineTimes)
@@ -321,7 +322,7 @@ class _Run:
             self._end_state(),
             frozenset(self._inputs_read),
             self._failed,
-            self._powered(DriveMode.VELOCITY),
+            self._turned(),
             self._powered(DriveMode.TORQUE),
             tuple(
                 zip(self._recorder.outputs_low.tolist(), self._recorder.outputs_high.tolist(), strict=True)
@@ -474,15 +475,22 @@ class _Run:
     def _end_state(self) -> StartState:
         row, homed = self._executor.executor.row, homed_of(self._executor.executor.row.row)
         axes = self._machine.axes
+        turns = self._executor.executor.motions.turning()
+        turning = {axis.index for column, axis in enumerate(axes) if turns >> column & 1}
         return StartState(
             positions=dict(zip((axis.index for axis in axes), row.setpoint.tolist(), strict=True)),
             energized=self._with_condition(_ENERGIZED),
-            unsettled=self._with_condition((AxisCondition.SPEED, AxisCondition.TORQUE)),
+            unsettled=(self._with_condition((AxisCondition.SPEED,)) & turning)
+            | self._with_condition((AxisCondition.TORQUE,)),
             homed=frozenset(axis.index for column, axis in enumerate(axes) if homed >> column & 1),
             frame=self._frame,
             inputs=tuple(row.inputs.tolist()),
             outputs=tuple(row.outputs.tolist()),
         )
+
+    def _turned(self) -> dict[int, float]:
+        greatest = self._executor.executor.motions.greatest_speeds
+        return {axis: greatest[self._machine.column_of(axis)] for axis in self._powered(DriveMode.VELOCITY)}
 
     def _powered(self, mode: DriveMode) -> frozenset[int]:
         """Return the axes that were powered in a mode."""

@@ -439,3 +439,19 @@ async def test_a_run_inside_of_an_approval_does_not_start_from_another_state(sit
     assert (await site.ask("G1 X30 F3000")).state == "armed"
     await site.by_hand("G1 X200 F6000")
     assert "X" in await site.refusal("G1 X30 F3000")
+
+
+async def test_a_spindle_that_m5_has_stopped_keeps_no_run_from_being_asked_for(tmp_path: Path) -> None:
+    spindle = MILL.replace('profile = "cnc"', 'profile = "cnc"\nspindle_axis = 3')
+    site = Site(parse_machine(spindle), tmp_path)
+    text = "S600 M3\nG1 X10 F6000\nM5"
+    for _ in range(2):
+        run = await site.arm(text)
+        assert not [each for each in run.effects if "turning" in each]
+        program = await site.run(text)
+        assert program.state == "finished", program.fault
+    # and one that turns does
+    await site.by_hand("S600 M3")
+    with pytest.raises(ServiceError, match="MC572: "):
+        await site.ask(text)
+    await site.cell.stop()
