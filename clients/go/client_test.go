@@ -42,6 +42,7 @@ var fakeInfo = map[string]any{
 var continuation = map[string]any{
 	"program": "p-0", "name": "", "state": "aborted", "done": 6, "accepted": 6, "whole": false, "sha256": nil, "line": 7, "first": 7,
 	"lines": []string{}, "modal": []string{}, "energize": []int{}, "axes": []any{}, "way": []any{}, "switched": []any{}, "needs": []any{},
+	"block_delete": false, "optional_stop": true,
 }
 
 func newFakeGateway(t *testing.T, answer func(string, map[string]any) (any, *ErrorReply, bool)) *fakeGateway {

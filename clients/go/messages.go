@@ -492,9 +492,9 @@ type Continuation struct {
 	// Needs: what stands in the way; one that has `confirm` passes with that field of the request.
 	Needs []Need `msgpack:"needs" mc:"required"`
 	// BlockDelete: what it goes on with.
-	BlockDelete bool `msgpack:"block_delete"`
+	BlockDelete bool `msgpack:"block_delete" mc:"required"`
 	// OptionalStop: what it goes on with.
-	OptionalStop bool `msgpack:"optional_stop"`
+	OptionalStop bool `msgpack:"optional_stop" mc:"required"`
 }
 
 // ContinuationRequest: What a start in the middle of a program would do; nothing moves.
@@ -1150,12 +1150,12 @@ type ProgramStatus struct {
 	Servo *ServoStatus `msgpack:"servo"`
 	// Reason: as in `Ack`.
 	Reason string `msgpack:"reason"`
-	// BlockDelete: as of `OpenRequest`; not said of programs of an earlier start of the server (`continuation`
-	// tells them).
-	BlockDelete bool `msgpack:"block_delete"`
-	// OptionalStop: as of `OpenRequest`; not said of programs of an earlier start of the server (`continuation`
-	// tells them).
-	OptionalStop bool `msgpack:"optional_stop"`
+	// BlockDelete: as of `OpenRequest`; nil: of a program of an earlier start of the server (`continuation` tells
+	// them).
+	BlockDelete *bool `msgpack:"block_delete"`
+	// OptionalStop: as of `OpenRequest`; nil: of a program of an earlier start of the server (`continuation` tells
+	// them).
+	OptionalStop *bool `msgpack:"optional_stop"`
 }
 
 // ProgramsReply: Newest first.
@@ -1371,6 +1371,10 @@ type RunRequestStatus struct {
 	Override   float64  `msgpack:"override" mc:"required"`
 	// Operator: who armed or rejected it.
 	Operator string `msgpack:"operator" mc:"required"`
+	// BlockDelete: what the run has of them, as of `OpenRequest`.
+	BlockDelete bool `msgpack:"block_delete" mc:"required"`
+	// OptionalStop: what the run has of them, as of `OpenRequest`.
+	OptionalStop bool `msgpack:"optional_stop" mc:"required"`
 	// Number: another one each time that the run is asked for, even with the same text.
 	Number int64 `msgpack:"number"`
 	// Reason: why it was rejected.
@@ -1387,10 +1391,6 @@ type RunRequestStatus struct {
 	Approval string `msgpack:"approval"`
 	// Beyond: what of it is outside of the one that its client has, a sentence each.
 	Beyond []string `msgpack:"beyond"`
-	// BlockDelete: what the run has of them, as of `OpenRequest`.
-	BlockDelete bool `msgpack:"block_delete"`
-	// OptionalStop: what the run has of them, as of `OpenRequest`.
-	OptionalStop bool `msgpack:"optional_stop"`
 }
 
 // RunRequestsReply: The oldest first.

@@ -141,6 +141,8 @@ class RunRequestStatus(msgspec.Struct, frozen=True):
     remaining_s: float
     override: float
     operator: str
+    block_delete: bool
+    optional_stop: bool
     number: int = 0
     reason: str = ""
     effects: list[str] = []
@@ -149,8 +151,6 @@ class RunRequestStatus(msgspec.Struct, frozen=True):
     changed: list[str] = []
     approval: str = ""
     beyond: list[str] = []
-    block_delete: bool = False
-    optional_stop: bool = True
 
 
 class RunRequestReply(msgspec.Struct, frozen=True):

@@ -63,8 +63,8 @@ class Continuation(msgspec.Struct, frozen=True):
     way: list[WayStep]
     switched: list[Switched]
     needs: list[Need]
-    block_delete: bool = False
-    optional_stop: bool = True
+    block_delete: bool
+    optional_stop: bool
 
 
 class ContinueRequest(Request, frozen=True, kw_only=True):

@@ -157,8 +157,8 @@ class ProgramStatus(msgspec.Struct, frozen=True, omit_defaults=True):
             these waits.
         rejections: as in `Ack`; 0 in programs of an earlier start of the server. reason: as in `Ack`.
         servo: of a program in servo mode; None: it is none.
-        block_delete, optional_stop: as of `OpenRequest`; not said of programs of an earlier start of the
-            server (`continuation` tells them).
+        block_delete, optional_stop: as of `OpenRequest`; None: of a program of an earlier start of the server
+            (`continuation` tells them).
         opened_at, ended_at: Unix time [s].
     """
 
@@ -189,8 +189,8 @@ class ProgramStatus(msgspec.Struct, frozen=True, omit_defaults=True):
     rejections: int = 0
     servo: ServoStatus | None = None
     reason: str = ""
-    block_delete: bool = False
-    optional_stop: bool = True
+    block_delete: bool | None = None
+    optional_stop: bool | None = None
 
 
 class AxesStatus(msgspec.Struct, frozen=True):

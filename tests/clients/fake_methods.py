@@ -106,7 +106,8 @@ class FakeMethods:
         known = {"program": request["program"], "name": "", "state": "aborted", "done": line - 1}
         text = {"accepted": line - 1, "whole": False, "sha256": None, "line": line, "first": line}
         empty = ("lines", "modal", "energize", "axes", "way", "switched", "needs")
-        return {**known, **text, **{name: [] for name in empty}}
+        switches = {"block_delete": False, "optional_stop": True}
+        return {**known, **text, **switches, **{name: [] for name in empty}}
 
     def _do_continue_program(self, request: dict[str, Any]) -> dict[str, Any]:
         line = request["line"]

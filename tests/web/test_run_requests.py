@@ -36,6 +36,8 @@ def request(sha256: str = "ab" * 32, number: int = 1, **more: Any) -> dict[str, 
         "remaining_s": 60.0,
         "override": 100.0,
         "operator": "",
+        "block_delete": False,
+        "optional_stop": True,
         "number": number,
         **more,
     }

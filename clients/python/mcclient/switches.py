@@ -3,6 +3,6 @@
 from __future__ import annotations
 
 
-def switches_said(block_delete: bool, optional_stop: bool) -> list[str]:
-    """Return what an operator has switched otherwise than it is by default."""
-    return ["block delete on"] * block_delete + ["optional stop off"] * (not optional_stop)
+def switches_said(block_delete: bool | None, optional_stop: bool | None) -> list[str]:
+    """Return what an operator has switched otherwise than it is by default; None: not known."""
+    return ["block delete on"] * (block_delete is True) + ["optional stop off"] * (optional_stop is False)

@@ -658,8 +658,8 @@ class Continuation:
     way: tuple[WayStep, ...]
     switched: tuple[Switched, ...]
     needs: tuple[Need, ...]
-    block_delete: bool = False
-    optional_stop: bool = True
+    block_delete: bool
+    optional_stop: bool
 
 
 @dataclass(frozen=True, slots=True)
@@ -1153,9 +1153,9 @@ class ProgramStatus:
         rejections: as in `Ack`; 0 in programs of an earlier start of the server.
         servo: of a program in servo mode; None: it is none.
         reason: as in `Ack`.
-        block_delete: as of `OpenRequest`; not said of programs of an earlier start of the server
+        block_delete: as of `OpenRequest`; None: of a program of an earlier start of the server
             (`continuation` tells them).
-        optional_stop: as of `OpenRequest`; not said of programs of an earlier start of the server
+        optional_stop: as of `OpenRequest`; None: of a program of an earlier start of the server
             (`continuation` tells them).
     """
 
@@ -1186,8 +1186,8 @@ class ProgramStatus:
     rejections: int = 0
     servo: ServoStatus | None = None
     reason: str = ""
-    block_delete: bool = False
-    optional_stop: bool = True
+    block_delete: bool | None = None
+    optional_stop: bool | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -1498,6 +1498,8 @@ class RunRequestStatus:
 
     Attributes:
         operator: who armed or rejected it.
+        block_delete: what the run has of them, as of `OpenRequest`.
+        optional_stop: what the run has of them, as of `OpenRequest`.
         number: another one each time that the run is asked for, even with the same text.
         reason: why it was rejected.
         effects: what the run leaves changed for those that come after it, a sentence each.
@@ -1506,8 +1508,6 @@ class RunRequestStatus:
         changed: what of that is no longer as it was, a sentence each; while there is any it cannot start.
         approval: hash of the approval for a while that has armed it, inside of whose envelope it stays.
         beyond: what of it is outside of the one that its client has, a sentence each.
-        block_delete: what the run has of them, as of `OpenRequest`.
-        optional_stop: what the run has of them, as of `OpenRequest`.
     """
 
     sha256: str
@@ -1520,6 +1520,8 @@ class RunRequestStatus:
     remaining_s: float
     override: float
     operator: str
+    block_delete: bool
+    optional_stop: bool
     number: int = 0
     reason: str = ""
     effects: tuple[str, ...] = ()
@@ -1528,8 +1530,6 @@ class RunRequestStatus:
     changed: tuple[str, ...] = ()
     approval: str = ""
     beyond: tuple[str, ...] = ()
-    block_delete: bool = False
-    optional_stop: bool = True
 
 
 @dataclass(frozen=True, slots=True)

@@ -327,9 +327,9 @@ export interface Continuation {
   /** what stands in the way; one that has `confirm` passes with that field of the request. */
   needs: Need[];
   /** what it goes on with. */
-  block_delete?: boolean;
+  block_delete: boolean;
   /** what it goes on with. */
-  optional_stop?: boolean;
+  optional_stop: boolean;
 }
 
 /** What a start in the middle of a program would do; nothing moves. */
@@ -998,10 +998,10 @@ export interface ProgramStatus {
   servo?: ServoStatus | null;
   /** as in `Ack`. */
   reason?: string;
-  /** as of `OpenRequest`; not said of programs of an earlier start of the server (`continuation` tells them). */
-  block_delete?: boolean;
-  /** as of `OpenRequest`; not said of programs of an earlier start of the server (`continuation` tells them). */
-  optional_stop?: boolean;
+  /** as of `OpenRequest`; null: of a program of an earlier start of the server (`continuation` tells them). */
+  block_delete?: boolean | null;
+  /** as of `OpenRequest`; null: of a program of an earlier start of the server (`continuation` tells them). */
+  optional_stop?: boolean | null;
 }
 
 /** Newest first. */
@@ -1219,6 +1219,10 @@ export interface RunRequestStatus {
   override: number;
   /** who armed or rejected it. */
   operator: string;
+  /** what the run has of them, as of `OpenRequest`. */
+  block_delete: boolean;
+  /** what the run has of them, as of `OpenRequest`. */
+  optional_stop: boolean;
   /** another one each time that the run is asked for, even with the same text. */
   number?: number;
   /** why it was rejected. */
@@ -1235,10 +1239,6 @@ export interface RunRequestStatus {
   approval?: string;
   /** what of it is outside of the one that its client has, a sentence each. */
   beyond?: string[];
-  /** what the run has of them, as of `OpenRequest`. */
-  block_delete?: boolean;
-  /** what the run has of them, as of `OpenRequest`. */
-  optional_stop?: boolean;
 }
 
 /** The oldest first. */

@@ -204,7 +204,7 @@ def _row(name: str, low: float, high: str, speed: str) -> str:
 def _effects(each: RunToArm) -> str:
     """HTML: switches of the run, and what it leaves changed for those that come after it."""
     run, effects = each.run, each.run.get("effects", [])
-    switched = switches_said(run.get("block_delete", False), run.get("optional_stop", True))
+    switched = switches_said(run["block_delete"], run["optional_stop"])
     said = "".join(f"<p>{t(what)}</p>" for what in switched)
     if not effects:
         return said

@@ -214,7 +214,7 @@ def print_run(run: dict[str, Any]) -> None:
     print_warnings(run)
     for extent in (*_extents(run), *_tools(run)):
         console.print(Text(f"  {extent}"))
-    for switched in switches_said(run.get("block_delete", False), run.get("optional_stop", True)):
+    for switched in switches_said(run["block_delete"], run["optional_stop"]):
         console.print(Text(f"  {switched}"))
     for effect in run.get("effects", []):
         console.print(Text(f"  afterwards, for every later program, it {effect}"))

@@ -430,15 +430,9 @@ pub struct Continuation {
     /// what stands in the way; one that has `confirm` passes with that field of the request.
     pub needs: Vec<Need>,
     /// what it goes on with.
-    #[serde(default)]
     pub block_delete: bool,
     /// what it goes on with.
-    #[serde(default = "continuation_optional_stop")]
     pub optional_stop: bool,
-}
-
-fn continuation_optional_stop() -> bool {
-    true
 }
 
 /// What a start in the middle of a program would do; nothing moves.
@@ -1393,22 +1387,16 @@ pub struct ProgramStatus {
     /// as in `Ack`.
     #[serde(default)]
     pub reason: String,
-    /// as of `OpenRequest`; not said of programs of an earlier start of the server (`continuation` tells
-    /// them).
+    /// as of `OpenRequest`; none: of a program of an earlier start of the server (`continuation` tells them).
     #[serde(default)]
-    pub block_delete: bool,
-    /// as of `OpenRequest`; not said of programs of an earlier start of the server (`continuation` tells
-    /// them).
-    #[serde(default = "program_status_optional_stop")]
-    pub optional_stop: bool,
+    pub block_delete: Option<bool>,
+    /// as of `OpenRequest`; none: of a program of an earlier start of the server (`continuation` tells them).
+    #[serde(default)]
+    pub optional_stop: Option<bool>,
 }
 
 fn program_status_simulated() -> f64 {
     1.0
-}
-
-fn program_status_optional_stop() -> bool {
-    true
 }
 
 /// Newest first.
@@ -1796,6 +1784,10 @@ pub struct RunRequestStatus {
     pub override_percent: f64,
     /// who armed or rejected it.
     pub operator: String,
+    /// what the run has of them, as of `OpenRequest`.
+    pub block_delete: bool,
+    /// what the run has of them, as of `OpenRequest`.
+    pub optional_stop: bool,
     /// another one each time that the run is asked for, even with the same text.
     #[serde(default)]
     pub number: u64,
@@ -1820,16 +1812,6 @@ pub struct RunRequestStatus {
     /// what of it is outside of the one that its client has, a sentence each.
     #[serde(default)]
     pub beyond: Vec<String>,
-    /// what the run has of them, as of `OpenRequest`.
-    #[serde(default)]
-    pub block_delete: bool,
-    /// what the run has of them, as of `OpenRequest`.
-    #[serde(default = "run_request_status_optional_stop")]
-    pub optional_stop: bool,
-}
-
-fn run_request_status_optional_stop() -> bool {
-    true
 }
 
 /// The oldest first.

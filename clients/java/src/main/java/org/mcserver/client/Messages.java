@@ -424,8 +424,8 @@ public final class Messages {
     public record Continuation(
             String program, String name, @Nil ProgramState state, long done, long accepted, boolean whole, @Nil String
             sha256, long line, long first, List<String> lines, List<String> modal, List<Long> energize, List<AxisStart>
-            axes, List<WayStep> way, List<Switched> switched, List<Need> needs, @Sparse boolean blockDelete, @Sparse
-            boolean optionalStop) {}
+            axes, List<WayStep> way, List<Switched> switched, List<Need> needs, boolean blockDelete, boolean
+            optionalStop) {}
 
     /**
      * What a start in the middle of a program would do; nothing moves.
@@ -1088,9 +1088,9 @@ public final class Messages {
      * @param rejections as in `Ack`; 0 in programs of an earlier start of the server.
      * @param servo of a program in servo mode; null: it is none.
      * @param reason as in `Ack`.
-     * @param blockDelete as of `OpenRequest`; not said of programs of an earlier start of the server
-     *     (`continuation` tells them).
-     * @param optionalStop as of `OpenRequest`; not said of programs of an earlier start of the server
+     * @param blockDelete as of `OpenRequest`; null: of a program of an earlier start of the server (`continuation`
+     *     tells them).
+     * @param optionalStop as of `OpenRequest`; null: of a program of an earlier start of the server
      *     (`continuation` tells them).
      */
     public record ProgramStatus(
@@ -1099,7 +1099,7 @@ public final class Messages {
             @Sparse Double etaS, @Sparse Fault fault, @Sparse long rejected, @Sparse List<Diagnostic> diagnostics,
             @Sparse("null") String resumeOf, @Sparse Double endedAt, @Sparse Double durationS, @Sparse String notice,
             @Sparse("1") double simulated, @Sparse long pauses, @Sparse long rejections, @Sparse ServoStatus servo,
-            @Sparse String reason, @Sparse boolean blockDelete, @Sparse boolean optionalStop) {}
+            @Sparse String reason, @Sparse Boolean blockDelete, @Sparse Boolean optionalStop) {}
 
     /** Newest first. */
     public record ProgramsReply(List<ProgramStatus> programs) {}
@@ -1363,6 +1363,8 @@ public final class Messages {
     /**
      * A request: what would move, how far, how long; `remaining_s` until it or its arming is over.
      * @param operator who armed or rejected it.
+     * @param blockDelete what the run has of them, as of `OpenRequest`.
+     * @param optionalStop what the run has of them, as of `OpenRequest`.
      * @param number another one each time that the run is asked for, even with the same text.
      * @param reason why it was rejected.
      * @param effects what the run leaves changed for those that come after it, a sentence each.
@@ -1371,15 +1373,12 @@ public final class Messages {
      * @param changed what of that is no longer as it was, a sentence each; while there is any it cannot start.
      * @param approval hash of the approval for a while that has armed it, inside of whose envelope it stays.
      * @param beyond what of it is outside of the one that its client has, a sentence each.
-     * @param blockDelete what the run has of them, as of `OpenRequest`.
-     * @param optionalStop what the run has of them, as of `OpenRequest`.
      */
     public record RunRequestStatus(
             String sha256, String client, String name, RunState state, List<Long> axes, double durationS, List<Extent>
-            extents, double remainingS, double override, String operator, @Sparse long number, @Sparse String reason,
-            @Sparse List<String> effects, @Sparse List<ToolExtent> tools, @Sparse String digest, @Sparse List<String>
-            changed, @Sparse String approval, @Sparse List<String> beyond, @Sparse boolean blockDelete, @Sparse boolean
-            optionalStop) {}
+            extents, double remainingS, double override, String operator, boolean blockDelete, boolean optionalStop,
+            @Sparse long number, @Sparse String reason, @Sparse List<String> effects, @Sparse List<ToolExtent> tools,
+            @Sparse String digest, @Sparse List<String> changed, @Sparse String approval, @Sparse List<String> beyond) {}
 
     /** The oldest first. */
     public record RunRequestsReply(List<RunRequestStatus> requests) {}
