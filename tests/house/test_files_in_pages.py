@@ -1,4 +1,4 @@
-"""Python files that pages name exist, by their path or by the end of it."""
+"""What pages name exists, and what begins with a number sign is a heading that was meant."""
 
 from __future__ import annotations
 
@@ -50,3 +50,11 @@ def test_every_file_that_a_page_names_exists(page: Path, sources: set[str]) -> N
 
 def test_pages_name_files() -> None:
     assert len(named(ROOT / "docs" / "motion.md")) > 10
+
+
+def test_no_parameter_of_a_program_begins_a_line_of_prose_where_it_would_be_a_heading() -> None:
+    found = []
+    for page in PAGES:
+        prose = re.sub(r"^```.*?^```", "", page.read_text("utf-8"), flags=re.MULTILINE | re.DOTALL)
+        found += [(page.name, line) for line in prose.splitlines() if re.match(r"#+[^\s#]", line)]
+    assert found == []
