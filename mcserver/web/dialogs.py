@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import Any
 
 from nicegui import ui
 
@@ -14,6 +15,14 @@ def named_dialog(name: str) -> ui.dialog:
     dialog = ui.dialog()
     dialog.props["aria-label"] = name
     return dialog
+
+
+async def answer_to(dialog: ui.dialog) -> Any:
+    """Wait for what is submitted: None where the dialog was closed, or its page. It is gone afterwards."""
+    answer = await dialog
+    if not dialog.is_deleted:
+        dialog.delete()
+    return answer
 
 
 async def ask(question: str, verb: str, *, colour: str, details: Callable[[], object] | None = None) -> bool:
@@ -30,9 +39,7 @@ async def ask(question: str, verb: str, *, colour: str, details: Callable[[], ob
         with ui.element("div").classes("mc-buttons"):
             ui.button(verb, on_click=lambda: dialog.submit(True)).props(f"color={colour}")
             ui.button(t("Cancel"), on_click=lambda: dialog.submit(False)).props("flat autofocus")
-    agreed = bool(await dialog)
-    dialog.delete()
-    return agreed
+    return bool(await answer_to(dialog))
 
 
 async def ask_to_replace(name: str) -> bool:

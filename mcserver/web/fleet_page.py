@@ -10,7 +10,7 @@ from typing import Any
 from nicegui import events, ui
 
 from mcserver.web.actions import show_refusal, show_role_refusal
-from mcserver.web.dialogs import ask, named_dialog
+from mcserver.web.dialogs import answer_to, ask, named_dialog
 from mcserver.web.fleet import VISITOR_LINKS, Fleet, Seen
 from mcserver.web.formatting import banner, current_program, is_live, remaining_text
 from mcserver.web.menu import add_menu
@@ -289,8 +289,7 @@ class FleetPage:
                 with ui.element("div").classes("mc-buttons"):
                     ui.button(t("Run"), on_click=lambda: dialog.submit(text.value)).props("color=positive")
                     ui.button(t("Cancel"), on_click=lambda: dialog.submit(None)).props("flat")
-            chosen = await dialog
-            dialog.delete()
+            chosen = await answer_to(dialog)
             if chosen and self._allowed("open"):
                 self._tell(mark("queued"), names, await self._fleet.run(names, chosen, self._visitor.name))
 

@@ -12,7 +12,7 @@ from nicegui import ui
 from mcserver.machine.button_section import filled
 from mcserver.net.roles import CONFIGURERS, MOVERS, roles_named
 from mcserver.web.actions import Actions, show_refusal
-from mcserver.web.dialogs import named_dialog
+from mcserver.web.dialogs import answer_to, named_dialog
 from mcserver.web.translation import t
 
 
@@ -76,8 +76,7 @@ class ButtonsPanel:
             if agreed is not None:
                 agreed.on_value_change(show)
             show()
-        chosen = await dialog
-        dialog.delete()
+        chosen = await answer_to(dialog)
         # the role may have been taken away while the dialog was open
         if chosen is None or not self._may(button):
             return

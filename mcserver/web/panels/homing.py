@@ -8,7 +8,7 @@ from mcclient import AxisInfo, Event, Info, MachineStatus
 from nicegui import ui
 
 from mcserver.web.actions import Actions
-from mcserver.web.dialogs import named_dialog
+from mcserver.web.dialogs import answer_to, named_dialog
 from mcserver.web.formatting import axis_name
 from mcserver.web.link import MachineLink
 from mcserver.web.translation import mark, t
@@ -82,8 +82,7 @@ class HomingPanel:
                     "color=warning"
                 )
                 ui.button(t("Cancel"), on_click=lambda: dialog.submit(None)).props("flat")
-        position = await dialog
-        dialog.delete()
+        position = await answer_to(dialog)
         if position is not None:
             await self._actions.do(
                 "reference",

@@ -12,7 +12,7 @@ from mcclient.broken_off import WORK_OFFSET
 from nicegui import ui
 
 from mcserver.web.actions import Actions
-from mcserver.web.dialogs import named_dialog
+from mcserver.web.dialogs import answer_to, named_dialog
 from mcserver.web.formatting import axis_name, position_text, velocity_text
 from mcserver.web.open_programs import refusal_of
 from mcserver.web.translation import mark, t
@@ -114,8 +114,7 @@ class PositionsPanel:
             with ui.row():
                 ui.button(t("Set"), on_click=lambda: dialog.submit(True)).props("color=primary")
                 ui.button(t("Cancel"), on_click=lambda: dialog.submit(False)).props("flat")
-        wanted = await dialog
-        dialog.delete()
+        wanted = await answer_to(dialog)
         if wanted and number.value is not None:
             await self._set_zero(axis.value, float(number.value), system.value)
 

@@ -13,7 +13,7 @@ from nicegui import ui
 
 from mcserver.errors import McError
 from mcserver.web.actions import Actions, show_refusal
-from mcserver.web.dialogs import named_dialog
+from mcserver.web.dialogs import answer_to, named_dialog
 from mcserver.web.formatting import axis_name, page_hint, position_text, program_excerpt
 from mcserver.web.jobs import Middle, Switches
 from mcserver.web.translation import language, t
@@ -78,8 +78,7 @@ async def _ask(title: str, verb: str, shown: Continuation, text: str, middle: Mi
             for label, answer in answers_to(asked, verb, middle):
                 ui.button(label, on_click=_submit(dialog, answer)).props("color=positive no-caps")
             ui.button(t("Cancel"), on_click=lambda: dialog.submit(None)).props("flat autofocus")
-    answer = await dialog
-    dialog.delete()
+    answer = await answer_to(dialog)
     return answer if isinstance(answer, Middle) else None
 
 

@@ -13,7 +13,7 @@ from nicegui import ui
 
 from mcserver.errors import McError
 from mcserver.web.actions import Actions, show_refusal
-from mcserver.web.dialogs import ask, named_dialog
+from mcserver.web.dialogs import answer_to, ask, named_dialog
 from mcserver.web.formatting import axis_name, position_text
 from mcserver.web.open_programs import refusal_of
 from mcserver.web.translation import mark, t
@@ -96,7 +96,7 @@ class TablesPanel:
                 {each: f"{each} {names.get(each, '')}".strip() for each in SYSTEMS},
                 value="G54",
                 label=t("System"),
-            )
+            ).classes("min-w-28")
             way = ui.select({False: t("set to"), True: t("shift by")}, value=False, label=t("How"))
             with ui.element("div").classes("mc-buttons"):
                 fields = {
@@ -131,9 +131,8 @@ class TablesPanel:
                 number.on_value_change(write)
             fill()
             _buttons(dialog)
-        if await dialog:
+        if await answer_to(dialog):
             await self._change(system.value, line.text, name.value)
-        dialog.delete()
 
     async def _ask_tool(self) -> None:
         if not self._actions.allowed("open") or self._tables is None:
@@ -173,9 +172,8 @@ class TablesPanel:
             diameter.on_value_change(write)
             fill()
             _buttons(dialog)
-        if await dialog and number.value:
+        if await answer_to(dialog) and number.value:
             await self._change(f"T{int(number.value)}", line.text, name.value)
-        dialog.delete()
 
     async def _change(self, row: str, line: str, name: str) -> None:
         """Send a line, where there is one, and keep the row's name."""
