@@ -297,9 +297,7 @@ class WaitingJournal:
     def __init__(self) -> None:
         self.waiting: list[tuple[int, Callable[[], None]]] = []
 
-    def progress(
-        self, _program: str, _started: int, done: int, _ended: object, committed: Callable[[], None]
-    ) -> None:
+    def progress(self, _program: str, _started: int, done: int, committed: Callable[[], None]) -> None:
         self.waiting.append((done, committed))
 
     def commit(self) -> None:
