@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+from collections.abc import Awaitable
 from typing import TYPE_CHECKING
 
 from mcserver.canopen.views import SdoTarget
@@ -29,7 +30,6 @@ from mcserver.net.text_methods import TextMethods
 from mcserver.recorder.client import RecorderClient
 from mcserver.service.approach import Confirmed
 from mcserver.service.axes_of_requests import positions_in_si
-from mcserver.service.deferred import Deferred
 from mcserver.service.homing import HomingService
 from mcserver.service.jog import Jogging
 from mcserver.service.program import Program
@@ -127,22 +127,16 @@ class ProgramMethods:
     def leave(self, client: str, _request: wire.LeaveRequest) -> wire.Done:
         return _done(self._service.leave(client))
 
-    def submit(
-        self, client: str, request: wire.SubmitRequest
-    ) -> wire.SubmitReply | Deferred[wire.SubmitReply]:
+    def submit(self, client: str, request: wire.SubmitRequest) -> Awaitable[wire.SubmitReply]:
         taken = self._service.lines.submit(
             client, request.program, request.first, request.lines, request.rejections, judge=request.judge
         )
-        # most are journaled at once
-        program = taken.value
-        return taken.then(_submit_reply) if program is None else _submit_reply(program)
+        return _submit_reply(taken)
 
-    def close(self, client: str, request: wire.CloseRequest) -> Deferred[wire.CloseReply]:
+    def close(self, client: str, request: wire.CloseRequest) -> Awaitable[wire.CloseReply]:
         closed = self._service.lines.close(client, request.program, request.last)
         close_targets(self._service, self._service.program(request.program))
-        return closed.then(
-            lambda program: wire.CloseReply(program.program, program.journaled, program.done, program.state)
-        )
+        return _close_reply(closed)
 
     def hold(self, client: str, request: wire.ProgramRequest) -> wire.Done:
         held = self._service.hold(request.program)
@@ -295,8 +289,14 @@ def _target(request: drive_wire.SdoReadRequest) -> SdoTarget:
     return SdoTarget(request.index, request.subindex, request.axis, request.node, request.bus)
 
 
-def _submit_reply(program: Program) -> wire.SubmitReply:
+async def _submit_reply(taken: Awaitable[Program]) -> wire.SubmitReply:
+    program = await taken
     return wire.SubmitReply(program.program, program.journaled, program.done, program.credit, program.epoch)
+
+
+async def _close_reply(closed: Awaitable[Program]) -> wire.CloseReply:
+    program = await closed
+    return wire.CloseReply(program.program, program.journaled, program.done, program.state)
 
 
 def _done(programs: list[Program]) -> wire.Done:

@@ -21,7 +21,6 @@ from mcserver.net.messages import ENCODING, ErrorReply, Request
 from mcserver.net.method_table import BY_NAME, Method
 from mcserver.net.replies import Outgoing, ReplySender
 from mcserver.net.session import is_zenoh_fault
-from mcserver.service.deferred import Deferred
 from mcserver.service.reports import wire_diagnostic
 
 log = logging.getLogger(__name__)
@@ -31,8 +30,8 @@ INFO_LANES = 4
 _RPC_CHUNK = "/@rpc/"
 
 Settle = Callable[[object, BaseException | None], None]
-# Takes the client's id and a method's request; gives the reply's message, at once, as a `Deferred` or as an
-# awaitable; errors as `McError`.
+# Takes the client's id and a method's request; gives the reply's message, at once or as an awaitable; errors
+# as `McError`.
 Handler = Callable[[str, Any], Any]
 
 
@@ -192,9 +191,7 @@ class RpcServer:
             failed = None if error is None else self._failed(call.method, error)
             self._finish(asked, number, failed or Answer(True, self._encode(reply)))
 
-        if isinstance(reply, Deferred):
-            reply.listen(settle)
-        elif isinstance(reply, Awaitable):
+        if isinstance(reply, Awaitable):
             task = asyncio.ensure_future(self._await(reply, settle))
             self._tasks.add(task)
             task.add_done_callback(self._tasks.discard)

@@ -34,7 +34,7 @@ from mcserver.service.journal_file import (
     prune,
     transaction,
 )
-from mcserver.service.reports import Fault, LineReport, ProgramState
+from mcserver.service.reports import Fault, ProgramState
 
 log = logging.getLogger(__name__)
 
@@ -193,14 +193,9 @@ class Journal:
         program: str,
         started: int,
         done: int,
-        reports: Sequence[LineReport] = (),
         on_committed: OnCommitted | None = None,
     ) -> None:
         """Record how far a program has come."""
-        if reports:
-            first, last = reports[0].line, reports[-1].line
-            blob = msgspec.msgpack.encode(reports)
-            self._append("reports", program=program, first=first, last=last, blob=blob)
         self._put(
             "UPDATE programs SET started=max(started,?), done=max(done,?) WHERE program=?",
             (started, done, program),

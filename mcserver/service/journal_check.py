@@ -1,9 +1,9 @@
 """What of a journal's file is as it was written; SQLite itself passes over much damage in silence.
 
-Every row has a checksum over all of its columns; a program has the count and the sum of its rows in other
-tables, and the tables have them in ``sums``: a row that is lost or old is noticed as one that is wrong. Each
-transaction is counted in the database and beside it (`mcserver.service.commit_record`), so that it is noticed
-where the end of the write-ahead log, or all of it, is lost.
+Every row has a checksum over all of its columns; a program has the count and the sum of its rows in
+``chunks``, and the tables have them in ``sums``: a row that is lost or old is noticed as one that is wrong.
+Each transaction is counted in the database and beside it (`mcserver.service.commit_record`), so that it is
+noticed where the end of the write-ahead log, or all of it, is lost.
 """
 
 from __future__ import annotations
@@ -25,20 +25,24 @@ Row = Mapping[str, object]
 _PROGRAM_INDEXES = (
     "SELECT program FROM programs INDEXED BY sqlite_autoindex_programs_1",
     "SELECT DISTINCT program FROM chunks INDEXED BY chunks_by_program",
-    "SELECT DISTINCT program FROM reports INDEXED BY reports_by_program",
+)
+# From this version on a journal has sums, and everything of it is under a checksum.
+_SUMMED = 3
+# Of version 3, which had a table of the times of lines that nobody read.
+_NAMES_3: Mapping[str, tuple[str, ...]] = MappingProxyType(
+    {**NAMES, "programs": (*NAMES["programs"], "report_rows", "report_sum")}
 )
 # Of journals of before version 3: the columns under a checksum, which are all that version 1 has none of.
 _OLD_CHECKED: Mapping[str, tuple[str, ...]] = MappingProxyType(
     {
         "programs": (*NAMES["programs"][:8], "opened_at"),
         "chunks": ("program", "first", "lines"),
-        "reports": NAMES["reports"],
         "faults": NAMES["faults"],
         "commands": NAMES["commands"],
     }
 )
 _OLD_NAMES: Mapping[str, tuple[str, ...]] = MappingProxyType(
-    {**NAMES, "programs": NAMES["programs"][:-7], "sums": ()}
+    {**NAMES, "programs": NAMES["programs"][:-5], "sums": ()}
 )
 
 
@@ -76,7 +80,8 @@ class JournalContent:
         # what is no UTF-8 has to fail at its checksum, not here
         connection.text_factory = lambda raw: str(raw, "utf-8", "surrogateescape")
         self.version = version
-        self.names = NAMES if version == SCHEMA_VERSION else _OLD_NAMES
+        self.summed = version >= _SUMMED
+        self.names = NAMES if version == SCHEMA_VERSION else _NAMES_3 if self.summed else _OLD_NAMES
         self.broken: set[str] = set()
 
     def rows(self, table: str) -> Iterator[Found]:
@@ -84,11 +89,11 @@ class JournalContent:
         names = self.names[table]
         if not names or not self._has(table):
             return
-        checked = names if self.version == SCHEMA_VERSION else _OLD_CHECKED.get(table, ())
+        checked = names if self.summed else _OLD_CHECKED.get(table, ())
         crc = "NULL" if self.version == 1 or not checked else "crc"
         for number, written, *values in self._scan(table, f"rowid, {crc}, {', '.join(names)}"):
             row = dict(zip(names, values, strict=True))
-            unknown = written is None and self.version != SCHEMA_VERSION
+            unknown = written is None and not self.summed
             sound = unknown or written == _checksum(row[name] for name in checked)
             yield Found(int(str(number)), row, sound)
 
@@ -112,7 +117,7 @@ class JournalContent:
 
     def _has(self, table: str) -> bool:
         known = self._connection.execute("SELECT 1 FROM sqlite_master WHERE name=?", (table,)).fetchone()
-        return self.version == SCHEMA_VERSION or known is not None
+        return self.summed or known is not None
 
     def _scan(self, table: str, columns: str) -> Iterator[Sequence[object]]:
         """Rows from the first on and, where one cannot be read, from the last on backwards."""
@@ -227,7 +232,7 @@ def examine(content: JournalContent, record: CommitCount | None) -> Findings:
     named = {
         each for each in {*programs, *sums_by_program, *wrong, *content.programs_of_indexes()} if _is_id(each)
     }
-    if content.version != SCHEMA_VERSION:
+    if not content.summed:
         lost = sorted(filter(_is_id, wrong))
         if wrong or content.broken:
             damage.append("rows of it are damaged")
@@ -249,7 +254,7 @@ def examine(content: JournalContent, record: CommitCount | None) -> Findings:
         program
         for program, row in programs.items()
         if program not in wrong
-        and _sums_of(row) == sums_by_program.get(program, (Sum(), Sum()))
+        and _sum_of(row) == sums_by_program.get(program, Sum())
         # what has not ended may have been further than a row says that is not the last one
         and not (unsure and row["ended_at"] is None)
     }
@@ -280,25 +285,21 @@ def _read_sums(content: JournalContent) -> tuple[dict[str, Sum], bool]:
     return found, whole and set(found) == {*COUNTED, COMMITS}
 
 
-def _read_program_sums(content: JournalContent) -> tuple[dict[str, tuple[Sum, Sum]], set[str]]:
-    """Sums of the chunks and the reports of each program, and the programs that have wrong ones."""
-    found: dict[str, tuple[Sum, Sum]] = {}
+def _read_program_sums(content: JournalContent) -> tuple[dict[str, Sum], set[str]]:
+    """Sums of the chunks of each program, and the programs that have wrong ones."""
+    found: dict[str, Sum] = defaultdict(Sum)
     wrong: set[str] = set()
-    for table, place in (("chunks", 0), ("reports", 1)):
-        for _, row, sound in content.rows(table):
-            program = str(row["program"])
-            if not sound:
-                wrong.add(program)
-                continue
-            sums = list(found.get(program, (Sum(), Sum())))
-            sums[place] = sums[place].with_row(_checksum(row.values()))
-            found[program] = sums[0], sums[1]
+    for _, row, sound in content.rows("chunks"):
+        program = str(row["program"])
+        if sound:
+            found[program] = found[program].with_row(_checksum(row.values()))
+        else:
+            wrong.add(program)
     return found, wrong
 
 
-def _sums_of(program: Row) -> tuple[Sum, Sum]:
-    chunks = Sum(int(str(program["chunk_rows"])), int(str(program["chunk_sum"])))
-    return chunks, Sum(int(str(program["report_rows"])), int(str(program["report_sum"])))
+def _sum_of(program: Row) -> Sum:
+    return Sum(int(str(program["chunk_rows"])), int(str(program["chunk_sum"])))
 
 
 def _is_id(text: str) -> bool:

@@ -16,14 +16,14 @@ from mcserver.errors import ServiceError
 
 Statement = tuple[str, tuple[object, ...]]
 
-SCHEMA_VERSION = 3
+SCHEMA_VERSION = 4
 PAGE_BYTES = 1024
 
 # Columns of each table in the order of their checksum, which stands behind them in the column ``crc``.
 COLUMNS: Mapping[str, tuple[str, ...]] = MappingProxyType(
     {
         "starts": ("instance TEXT UNIQUE NOT NULL", "started_at REAL NOT NULL", "stopped_at REAL"),
-        # chunk_rows … report_sum: how many rows a program has in other tables, and the sum of their ``crc``
+        # chunk_rows, chunk_sum: how many rows a program has in ``chunks``, and the sum of their ``crc``
         "programs": (
             "program TEXT UNIQUE NOT NULL",
             "instance TEXT NOT NULL",
@@ -47,8 +47,6 @@ COLUMNS: Mapping[str, tuple[str, ...]] = MappingProxyType(
             "sha256 TEXT",
             "chunk_rows INTEGER NOT NULL DEFAULT 0",
             "chunk_sum INTEGER NOT NULL DEFAULT 0",
-            "report_rows INTEGER NOT NULL DEFAULT 0",
-            "report_sum INTEGER NOT NULL DEFAULT 0",
         ),
         # one row a message, not a line: 500 000 lines/s in messages of 100 are 5 000 rows/s
         "chunks": (
@@ -56,12 +54,6 @@ COLUMNS: Mapping[str, tuple[str, ...]] = MappingProxyType(
             "first INTEGER NOT NULL",
             "last INTEGER NOT NULL",
             "lines BLOB NOT NULL",
-        ),
-        "reports": (
-            "program TEXT NOT NULL",
-            "first INTEGER NOT NULL",
-            "last INTEGER NOT NULL",
-            "blob BLOB NOT NULL",
         ),
         "faults": ("at REAL NOT NULL", "program TEXT", "line INTEGER NOT NULL", "blob BLOB NOT NULL"),
         # who ordered what; ``program`` is NULL where the whole machine was meant
@@ -80,14 +72,9 @@ COLUMNS: Mapping[str, tuple[str, ...]] = MappingProxyType(
 NAMES: Mapping[str, tuple[str, ...]] = MappingProxyType(
     {table: tuple(column.split()[0] for column in columns) for table, columns in COLUMNS.items()}
 )
-INDEXES: tuple[str, ...] = (
-    "CREATE INDEX chunks_by_program ON chunks(program, first)",
-    "CREATE INDEX reports_by_program ON reports(program, first)",
-)
+INDEX = "CREATE INDEX chunks_by_program ON chunks(program, first)"
 COUNTED = ("starts", "programs", "faults", "commands")
 COMMITS = "commits"
-# What a row of a program is counted in; the others are in ``sums``.
-_OF_PROGRAM: Mapping[str, str] = MappingProxyType({"chunks": "chunk", "reports": "report"})
 
 
 def schema() -> list[str]:
@@ -96,7 +83,7 @@ def schema() -> list[str]:
         f"CREATE TABLE {table}(id INTEGER PRIMARY KEY, {', '.join(columns)}, crc INTEGER)"
         for table, columns in COLUMNS.items()
     ]
-    return [*made, *INDEXES]
+    return [*made, INDEX]
 
 
 def row_checksum(*values: object) -> int:
@@ -136,12 +123,11 @@ def _seals() -> Iterator[str]:
             ("DELETE", "OLD", -1, "-OLD.crc"),
             ("UPDATE OF crc", "NEW", 0, "NEW.crc-OLD.crc"),
         ):
-            if table in _OF_PROGRAM:
-                prefix = _OF_PROGRAM[table]
-                taken = ", accepted=max(accepted, NEW.last)" if (table, count) == ("chunks", 1) else ""
+            if table == "chunks":
+                taken = ", accepted=max(accepted, NEW.last)" if count == 1 else ""
                 counted = (
-                    f"UPDATE programs SET {prefix}_rows={prefix}_rows+{count},"
-                    f" {prefix}_sum={prefix}_sum+({crc}){taken} WHERE program={row}.program"
+                    f"UPDATE programs SET chunk_rows=chunk_rows+{count},"
+                    f" chunk_sum=chunk_sum+({crc}){taken} WHERE program={row}.program"
                 )
             else:
                 sums = f"rows+{count}", f"total+({crc})"
@@ -171,11 +157,10 @@ def transaction(connection: sqlite3.Connection) -> Iterator[None]:
 
 
 class JournalBounds(msgspec.Struct, frozen=True):
-    """How much the journal keeps: ended programs, bytes of line text, reports, server starts, commands."""
+    """How much the journal keeps: ended programs, bytes of line text, server starts, commands."""
 
     ended_programs: int = 500
     text_bytes: int = 256 * 1024 * 1024
-    report_rows: int = 200_000
     starts: int = 1000
     commands: int = 100_000
 
@@ -241,15 +226,10 @@ def prune(bounds: JournalBounds) -> list[Statement]:
             (bounds.ended_programs,),
         ),
         ("DELETE FROM chunks WHERE program NOT IN (SELECT program FROM programs)", ()),
-        ("DELETE FROM reports WHERE program NOT IN (SELECT program FROM programs)", ()),
         (
             "DELETE FROM chunks WHERE id <= (SELECT id FROM (SELECT id, sum(length(lines)) OVER "
             "(ORDER BY id DESC) AS size FROM chunks) WHERE size > ? ORDER BY id DESC LIMIT 1)",
             (bounds.text_bytes,),
-        ),
-        (
-            "DELETE FROM reports WHERE id <= (SELECT id FROM reports ORDER BY id DESC LIMIT 1 OFFSET ?)",
-            (bounds.report_rows,),
         ),
         (
             "DELETE FROM faults WHERE id <= (SELECT id FROM faults ORDER BY id DESC LIMIT 1 OFFSET ?)",

@@ -21,6 +21,7 @@ from mcserver.service.commit_record import CommitCount, CommitRecord, read_commi
 from mcserver.service.journal_check import UNRECORDED, Findings, JournalContent, examine, opened, refusal
 from mcserver.service.journal_file import (
     COMMITS,
+    NAMES,
     SCHEMA_VERSION,
     insertion,
     open_journal,
@@ -32,8 +33,7 @@ from mcserver.terminal import visible
 NAMED = 20
 # of a database: SQLite takes what is shorter for a new one, and writes over it
 LEAST_BYTES = 512
-COPIED = ("starts", "programs", "chunks", "reports", "faults", "commands")
-_SUM_COLUMNS = ("chunk_rows", "chunk_sum", "report_rows", "report_sum")
+COPIED = ("starts", "programs", "chunks", "faults", "commands")
 
 
 class Damage(msgspec.Struct, frozen=True):
@@ -140,7 +140,10 @@ def _copied(content: JournalContent, found: Findings, path: Path) -> Path:
             for number, row, sound in content.rows(table):
                 if not sound or (table in _OF_PROGRAMS and row["program"] not in found.kept):
                     continue
-                values = {name: row[name] for name in content.names[table] if name not in _SUM_COLUMNS}
+                # the sums are made anew; an older version may have columns that are gone
+                values = {
+                    name: row[name] for name in NAMES[table] if name in row and name not in _SUM_COLUMNS
+                }
                 connection.execute(*insertion(table, id=number, **values))
         connection.execute("UPDATE sums SET rows=? WHERE of=?", (found.commits, COMMITS))
         checksum = row_checksum(COMMITS, found.commits, 0)
@@ -150,7 +153,8 @@ def _copied(content: JournalContent, found: Findings, path: Path) -> Path:
     return rebuilt
 
 
-_OF_PROGRAMS = ("programs", "chunks", "reports")
+_OF_PROGRAMS = ("programs", "chunks")
+_SUM_COLUMNS = ("chunk_rows", "chunk_sum")
 
 
 def _put_in_place(path: Path, rebuilt: Path, kept: Path | None) -> None:

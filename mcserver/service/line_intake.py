@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Coroutine, Sequence
+from typing import Any
 
 from mcserver.errors import Refused, RejectedLines, ServiceError
-from mcserver.service.deferred import Deferred
 from mcserver.service.line_queue import Gap, Taken
-from mcserver.service.program import Program, Verdict
+from mcserver.service.program import Program, Verdict, give
 from mcserver.service.program_access import owned_program
 from mcserver.service.program_table import ProgramTable
 
@@ -31,8 +31,8 @@ class LineIntake:
         rejections: int | None = None,
         *,
         judge: bool = True,
-    ) -> Deferred[Program]:
-        """Take lines; the result comes once they are journaled and, within a limit, validated.
+    ) -> asyncio.Task[Program]:
+        """Take lines, now; the result comes once they are journaled and, within a limit, validated.
 
         Args:
             rejections: how many the client knew of when it gave them the numbers; None: not said.
@@ -47,29 +47,29 @@ class LineIntake:
         last = first + len(lines) - 1
         through = min(last, program.queue.accepted)
         self._check_journal(program, through)
-        result: Deferred[Program] = Deferred()
-        if not judge and program.journaled >= through:
-            result.resolve(program)
-            return result
-        verdict: Deferred[Verdict] = Deferred()
-
-        limit: asyncio.TimerHandle | None = None
-
-        def answer(value: Verdict | None, _error: Exception | None) -> None:
-            if limit is not None:
-                limit.cancel()
-            if value is Verdict.REJECTED and program.rejected <= last:
-                result.fail(RejectedLines(program.diagnostics, **numbers_of(program)))
-            elif value is Verdict.NOT_JOURNALED:
-                result.fail(self.unjournaled(program))
-            else:
-                result.resolve(program)
-
+        verdict: asyncio.Future[Verdict] = self._loop.create_future()
         program.wait_for(through, verdict, validated=judge)
-        if not verdict.done:
-            limit = self._loop.call_later(VERDICT_LIMIT_S, self._stop_waiting, program, through, verdict)
-        verdict.listen(answer)
-        return result
+        return self._begun(self._judged(program, last, through, verdict))
+
+    def _begun(self, answer: Coroutine[Any, Any, Program]) -> asyncio.Task[Program]:
+        task = self._loop.create_task(answer)
+        # who does not wait for it hears of an error by an acknowledgement
+        task.add_done_callback(lambda done: done.cancelled() or done.exception())
+        return task
+
+    async def _judged(
+        self, program: Program, last: int, through: int, verdict: asyncio.Future[Verdict]
+    ) -> Program:
+        while not verdict.done():
+            await asyncio.wait([verdict], timeout=VERDICT_LIMIT_S)
+            # only what is journaled is ever acknowledged
+            if program.journaled >= through:
+                give(verdict, Verdict.TAKEN)
+        if verdict.result() is Verdict.REJECTED and program.rejected <= last:
+            raise RejectedLines(program.diagnostics, **numbers_of(program))
+        if verdict.result() is Verdict.NOT_JOURNALED:
+            raise self.unjournaled(program)
+        return program
 
     def stream(
         self,
@@ -92,7 +92,7 @@ class LineIntake:
             gap = error.code == "MC505" and _of_now(program, rejections)
             self._table.acks.acknowledge(program, program.queue.expected if gap else 0)
 
-    def close(self, client: str, program_id: str, last: int | None = None) -> Deferred[Program]:
+    def close(self, client: str, program_id: str, last: int | None = None) -> asyncio.Task[Program]:
         """Take no more lines; the result comes once the journal has those accepted, and that they are all.
 
         Args:
@@ -106,24 +106,18 @@ class LineIntake:
             check_last(program, last)
             self._check_journal(program, program.queue.accepted)
         self._table.close(program)
-        if program.over:
-            result: Deferred[Program] = Deferred()
-            result.resolve(program)
-            return result
-        return self.recorded(program)
+        known = asyncio.sleep(0.0, program) if program.over else self.recorded(program)
+        return self._begun(known)
 
-    def recorded(self, program: Program) -> Deferred[Program]:
-        """Return the program once the journal has what has become of it so far, or MC519."""
-        result: Deferred[Program] = Deferred()
+    async def recorded(self, program: Program) -> Program:
+        """Return the program once the journal has what has become of it so far.
 
-        def answer(value: Verdict | None, _error: Exception | None) -> None:
-            if value is Verdict.NOT_JOURNALED:
-                result.fail(self.unjournaled(program))
-            else:
-                result.resolve(program)
-
-        self._table.recorded(program).listen(answer)
-        return result
+        Raises:
+            ServiceError: MC519 it cannot be journaled.
+        """
+        if await self._table.recorded(program) is Verdict.NOT_JOURNALED:
+            raise self.unjournaled(program)
+        return program
 
     def _take(
         self,
@@ -151,13 +145,6 @@ class LineIntake:
             "make room on the disk, then send again",
             **({} if program is None else numbers_of(program)),
         )
-
-    def _stop_waiting(self, program: Program, through: int, verdict: Deferred[Verdict]) -> None:
-        if program.journaled >= through:
-            verdict.resolve(Verdict.TAKEN)
-        elif not verdict.done:
-            # only what is journaled is ever acknowledged
-            self._loop.call_later(VERDICT_LIMIT_S, self._stop_waiting, program, through, verdict)
 
 
 def take_lines(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 from collections import deque
 from collections.abc import Sequence
 from enum import IntEnum
@@ -12,7 +13,6 @@ from mcserver.gcode.profiles.frame import Frame
 from mcserver.gcode.semantics.modal import ModalState
 from mcserver.gcode.switches import AS_WRITTEN, Switches
 from mcserver.planning.start_state import StartState
-from mcserver.service.deferred import Deferred
 from mcserver.service.line_queue import LineQueue
 from mcserver.service.progress import LineProgress
 from mcserver.service.reports import (
@@ -132,10 +132,10 @@ class Program:
         self.last_reported_credit = queue.limit
         self.last_reported_started = 0
         self._ended_status: ProgramStatus | None = None
-        self._waiting: deque[tuple[int, Deferred[Verdict]]] = deque()
-        self._waiting_for_journal: deque[tuple[int, Deferred[Verdict]]] = deque()
+        self._waiting: deque[tuple[int, asyncio.Future[Verdict]]] = deque()
+        self._waiting_for_journal: deque[tuple[int, asyncio.Future[Verdict]]] = deque()
         # of those that wait for more than lines: its opening, its close
-        self._waiting_for_records: deque[Deferred[Verdict]] = deque()
+        self._waiting_for_records: deque[asyncio.Future[Verdict]] = deque()
 
     @property
     def ended(self) -> bool:
@@ -225,14 +225,14 @@ class Program:
         total = self.journaled - self.start_line + 1
         return min(1.0, max(0.0, (self.progress.done - self.start_line + 1) / total)) if total else 0.0
 
-    def wait_for(self, through: int, verdict: Deferred[Verdict], *, validated: bool) -> None:
+    def wait_for(self, through: int, verdict: asyncio.Future[Verdict], *, validated: bool) -> None:
         """Give ``verdict`` once lines through this number are journaled and, if asked for, ``validated``."""
         (self._waiting if validated else self._waiting_for_journal).append((through, verdict))
         self.settle()
 
-    def wait_for_record(self, verdict: Deferred[Verdict]) -> None:
+    def wait_for_record(self, verdict: asyncio.Future[Verdict]) -> None:
         """Keep ``verdict`` until the journal gives it, or cannot be written."""
-        while self._waiting_for_records and self._waiting_for_records[0].done:
+        while self._waiting_for_records and self._waiting_for_records[0].done():
             self._waiting_for_records.popleft()
         self._waiting_for_records.append(verdict)
 
@@ -240,11 +240,11 @@ class Program:
         """Answer those whose lines are journaled and, where the program runs, validated."""
         through = self.journaled
         while self._waiting_for_journal and self._waiting_for_journal[0][0] <= through:
-            self._waiting_for_journal.popleft()[1].resolve(Verdict.TAKEN)
+            give(self._waiting_for_journal.popleft()[1], Verdict.TAKEN)
         if self.state not in ("queued", "ending") and not self.step and not self.over:
             through = min(through, self.validated)
         while self._waiting and self._waiting[0][0] <= through:
-            self._waiting.popleft()[1].resolve(Verdict.TAKEN)
+            give(self._waiting.popleft()[1], Verdict.TAKEN)
 
     def reject(self, line: int, diagnostics: list[WireDiagnostic]) -> None:
         """Line ``line`` is faulty; it is the next one expected again."""
@@ -261,12 +261,12 @@ class Program:
         """Answer all that still wait."""
         for waiting in (self._waiting, self._waiting_for_journal):
             while waiting:
-                waiting.popleft()[1].resolve(verdict)
+                give(waiting.popleft()[1], verdict)
 
     def dismiss_unjournaled(self) -> None:
         """Answer those whose lines cannot be journaled now; the numbers stay taken."""
         while self._waiting_for_records:
-            self._waiting_for_records.popleft().resolve(Verdict.NOT_JOURNALED)
+            give(self._waiting_for_records.popleft(), Verdict.NOT_JOURNALED)
         for waiting in (self._waiting, self._waiting_for_journal):
             # numbers grow, but a repeated message waits for older ones
             kept = [each for each in waiting if each[0] <= self.journaled]
@@ -274,4 +274,10 @@ class Program:
             waiting.clear()
             waiting.extend(kept)
             for _, verdict in refused:
-                verdict.resolve(Verdict.NOT_JOURNALED)
+                give(verdict, Verdict.NOT_JOURNALED)
+
+
+def give(waiting: asyncio.Future[Verdict], verdict: Verdict) -> None:
+    """Answer who waits, unless that has been done or it does not wait any more."""
+    if not waiting.done():
+        waiting.set_result(verdict)

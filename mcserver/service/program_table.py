@@ -46,7 +46,6 @@ from mcserver.planning.planner_messages import (
 from mcserver.planning.start_state import StartState
 from mcserver.service.acknowledgements import AckSender
 from mcserver.service.axis_reports import AxisReports
-from mcserver.service.deferred import Deferred
 from mcserver.service.disk_watch import DiskWatch
 from mcserver.service.event_log import EventLog
 from mcserver.service.executor_port import ExecutorPort
@@ -57,7 +56,7 @@ from mcserver.service.journal_repair import JournalLock, prepare_journal
 from mcserver.service.leases import Grant, LeaseTable
 from mcserver.service.line_queue import Taken
 from mcserver.service.pauses import Pauses
-from mcserver.service.program import Program, Verdict
+from mcserver.service.program import Program, Verdict, give
 from mcserver.service.progress_reports import ProgressReports
 from mcserver.service.references import References, references_file
 from mcserver.service.reports import Ack, Event, Fault, ProgramState, wire_diagnostic
@@ -219,14 +218,14 @@ class ProgramTable:
         if not program.over:
             self.planner.send(CloseProgram(program.program))
 
-    def recorded(self, program: Program) -> Deferred[Verdict]:
+    def recorded(self, program: Program) -> asyncio.Future[Verdict]:
         """Return what tells once the journal has all that has become of a program so far."""
-        verdict: Deferred[Verdict] = Deferred()
+        verdict: asyncio.Future[Verdict] = self._loop.create_future()
         if self.journal_failure:
-            verdict.resolve(Verdict.NOT_JOURNALED)
+            verdict.set_result(Verdict.NOT_JOURNALED)
         else:
             program.wait_for_record(verdict)
-            self.journal.after(partial(verdict.resolve, Verdict.TAKEN))
+            self.journal.after(partial(give, verdict, Verdict.TAKEN))
         return verdict
 
     def stop(self, program: Program, as_state: ProgramState, reason: str, fault: Fault | None = None) -> None:

@@ -84,7 +84,7 @@ class ProgressReports:
         if ended or done > program.done:
             self._writing.add(program.program)
             committed = partial(self._committed, program, done, ended)
-            self._journal.progress(program.program, progress.started, done, ended, committed)
+            self._journal.progress(program.program, progress.started, done, committed)
 
     def _committed(self, program: Program, done: int, ended: Sequence[LineReport]) -> None:
         self._writing.discard(program.program)

@@ -26,7 +26,6 @@ from mcserver.service.absences import Absences
 from mcserver.service.approach import NOTHING_CONFIRMED, Approach, Confirmed, refuse_needs
 from mcserver.service.axes_of_requests import axes_of
 from mcserver.service.channels import Channels
-from mcserver.service.deferred import Deferred
 from mcserver.service.event_log import EventLog
 from mcserver.service.executor_port import ExecutorPort
 from mcserver.service.forecasts import Forecasts
@@ -357,22 +356,17 @@ class MachineService:
             self._table.close(program)
         return program
 
-    def recorded(self, program: Program) -> Deferred[Program]:
+    async def recorded(self, program: Program) -> Program:
         """Return a program that was opened, once the journal has it: only then a client may rely on its id.
 
-        Where it cannot be journaled it is aborted, and the result is MC519.
+        Raises:
+            ServiceError: MC519 it cannot be journaled, and is aborted.
         """
-        result: Deferred[Program] = Deferred()
-
-        def answer(_kept: Program | None, error: Exception | None) -> None:
-            if error is None:
-                result.resolve(program)
-            else:
-                self._table.stop(program, "aborted", "it could not be journaled")
-                result.fail(error)
-
-        self.lines.recorded(program).listen(answer)
-        return result
+        try:
+            return await self.lines.recorded(program)
+        except Refused:
+            self._table.stop(program, "aborted", "it could not be journaled")
+            raise
 
     async def command(
         self, client: str, name: str, axes: Sequence[int], controls: Sequence[Control]

@@ -27,8 +27,8 @@ from mcserver.errors import ServiceError
 from mcserver.service.journal import Journal
 from mcserver.service.journal_reader import read_lines_near, read_programs
 from mcserver.service.journal_repair import Damage, prepare_journal
-from mcserver.service.reports import Fault, LineReport, ProgramState
-from tests.service.journal_rows import commands_in, reports_in
+from mcserver.service.reports import Fault, ProgramState
+from tests.service.journal_rows import commands_in
 
 PROGRAMS = 20
 SUFFIXES = ("", "-wal", "-shm", "-commits")
@@ -47,8 +47,7 @@ def say(path: Path) -> Truth:
     told = {}
     for status in read_programs(path, limit=1000):
         lines = read_lines_near(path, status.program, 1, 10**6)
-        reports = reports_in(path, status.program)
-        told[status.program] = msgspec.msgpack.encode((status, lines, reports))
+        told[status.program] = msgspec.msgpack.encode((status, lines))
     return Truth(told, [msgspec.msgpack.encode(each) for each in commands_in(path)])
 
 
@@ -99,8 +98,7 @@ def write_programs(writer: Writer, chance: random.Random, numbers: Sequence[int]
             journal.lines(name_of(number), accepted[number] + 1, lines)
             accepted[number] += count
             done = max(0, accepted[number] - chance.randint(0, 20))
-            report = LineReport(done, turn * 1.0, turn + 0.5, 0.5, 1.0)
-            journal.progress(name_of(number), accepted[number], done, [report])
+            journal.progress(name_of(number), accepted[number], done)
         journal.command(1000.0 + turn, "hmi", "override", None, f"{turn} %")
         if chance.random() < 0.5:
             writer.settle()

@@ -46,7 +46,6 @@ async def exchange(tmp_path: Path) -> AsyncIterator[Exchange]:
 
 async def submit(exchange: Exchange, program: str, message: dict[str, Any]) -> dict[str, Any]:
     """The numbers of the reply, or the code and the numbers of the refusal."""
-    answer: asyncio.Future[dict[str, Any]] = asyncio.get_running_loop().create_future()
     try:
         taken = exchange.service.lines.submit(
             CLIENT, program, message["first"], message["lines"], judge=False
@@ -57,11 +56,8 @@ async def submit(exchange: Exchange, program: str, message: dict[str, Any]) -> d
             "accepted": refused.details["accepted"],
             "expected": refused.details["expected"],
         }
-    taken.then(lambda known: {"accepted": known.journaled}).listen(
-        lambda value, error: answer.set_exception(error) if error else answer.set_result(value or {})
-    )
     async with asyncio.timeout(10.0):
-        return await answer
+        return {"accepted": (await taken).journaled}
 
 
 @pytest.mark.parametrize("name", PLAIN)

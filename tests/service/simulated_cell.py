@@ -13,7 +13,7 @@ import random
 import selectors
 import sqlite3
 from collections import defaultdict
-from collections.abc import Callable
+from collections.abc import Callable, Coroutine
 from pathlib import Path
 from typing import Any
 
@@ -63,7 +63,7 @@ class Cell:
     def __init__(self, seed: int, journal: Path, loop: VirtualLoop) -> None:
         self.random = random.Random(seed)
         self.loop = loop
-        self.tasks: set[asyncio.Task[None]] = set()
+        self._tasks: set[asyncio.Task[None]] = set()
         self.executed: dict[str, list[int]] = {}
         # the last line of each that has ended, and the line under way in a slot
         self.ended: defaultdict[str, int] = defaultdict(int)
@@ -95,6 +95,12 @@ class Cell:
 
     def later(self, function: Callable[..., None], *arguments: object) -> None:
         self.loop.call_later(self.random.expovariate(50.0), function, *arguments)
+
+    def begin(self, work: Coroutine[Any, Any, None]) -> None:
+        """Begins what waits for answers."""
+        task = self.loop.create_task(work)
+        self._tasks.add(task)
+        task.add_done_callback(self._tasks.discard)
 
     def network(self, deliver: Callable[[], None]) -> None:
         """Delivers a message late, twice or not at all."""

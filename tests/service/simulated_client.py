@@ -7,7 +7,6 @@ from functools import partial
 from typing import TYPE_CHECKING
 
 from mcserver.errors import Refused, RejectedLines, ServiceError
-from mcserver.service.program import Program
 from mcserver.service.reports import ENDED, Ack
 from tests.service.simulated_laws import require
 
@@ -50,9 +49,7 @@ class SimulatedClient:
                 self._send()
             elif not self._opening:
                 self._opening = True
-                task = self._cell.loop.create_task(self._open())
-                self._cell.tasks.add(task)
-                task.add_done_callback(self._cell.tasks.discard)
+                self._cell.begin(self._open())
             self._cell.later(self.work)
 
     def accepted_text(self, program: str, number: int) -> str | None:
@@ -129,20 +126,18 @@ class SimulatedClient:
         self._cell.service.lines.stream(program, first, lines, rejections)
 
     def _submit(self, program: str, first: int, lines: list[str], rejections: int) -> None:
-        def answer(taken: Program | None, error: Exception | None) -> None:
-            if taken is not None:
-                self._cell.said.hear("submit", program, taken.done, taken.state)
-                reply = partial(self._take, program, taken.epoch, taken.journaled)
-            elif isinstance(error, RejectedLines | Refused):
-                reply = partial(self._on_refusal, program, error)
-            else:
+        async def answer() -> None:
+            try:
+                taken = await self._cell.service.lines.submit(self.name, program, first, lines, rejections)
+            except (RejectedLines, Refused) as error:
+                self._cell.network(partial(self._on_refusal, program, error))
+            except ServiceError:
                 return
-            self._cell.network(reply)
+            else:
+                self._cell.said.hear("submit", program, taken.done, taken.state)
+                self._cell.network(partial(self._take, program, taken.epoch, taken.journaled))
 
-        try:
-            self._cell.service.lines.submit(self.name, program, first, lines, rejections).listen(answer)
-        except ServiceError as error:
-            answer(None, error)
+        self._cell.begin(answer())
 
     def _on_refusal(self, program: str, error: RejectedLines | Refused) -> None:
         if program != self._program:
@@ -156,12 +151,12 @@ class SimulatedClient:
         self._take(program, rejections, int(str(error.details.get("accepted", 0))))
 
     def _close(self, program: str) -> None:
-        def answer(closed: Program | None, _error: Exception | None) -> None:
-            if closed is not None:
+        async def answer() -> None:
+            with suppress(ServiceError):
+                closed = await self._cell.service.lines.close(self.name, program, last=self._lines)
                 self._cell.said.hear("close", program, closed.done, closed.state)
 
-        with suppress(ServiceError):
-            self._cell.service.lines.close(self.name, program, last=self._lines).listen(answer)
+        self._cell.begin(answer())
 
     def _ask(self, program: str) -> None:
         try:

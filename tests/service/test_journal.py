@@ -20,9 +20,8 @@ from mcserver.errors import ServiceError
 from mcserver.service.journal import Journal
 from mcserver.service.journal_file import JournalBounds, insertion, open_journal, prune, transaction
 from mcserver.service.journal_reader import read_lines_before, read_programs
-from mcserver.service.reports import Fault, LineReport
+from mcserver.service.reports import Fault
 from tests.service.fakes import open_program
-from tests.service.journal_rows import reports_in
 
 LIMIT_S = 5.0
 
@@ -203,18 +202,16 @@ def test_an_unknown_program_is_refused(make: Callable[[], Kept]) -> None:
         read_lines_before(kept.path, "nobody", 2)
 
 
-def test_reports_faults_and_ends_are_kept(make: Callable[[], Kept]) -> None:
+def test_faults_and_ends_are_kept(make: Callable[[], Kept]) -> None:
     kept = make()
     kept.open("p")
-    report = LineReport(1, 0.0, 2.0, 2.0, 1.0)
     fault = Fault(code="MC407", message="too far", axis=2, line=2)
-    kept.journal.progress("p", 2, 1, [report])
+    kept.journal.progress("p", 2, 1)
     kept.journal.fault(fault, 5.0)
     kept.journal.program_ended("p", "faulted", 1, fault, 6.0)
     kept.settle()
     (program,) = read_programs(kept.path, limit=5)
     assert (program.state, program.done, program.line, program.fault) == ("faulted", 1, 2, fault)
-    assert reports_in(kept.path, "p") == [report]
 
 
 def test_a_new_start_finds_open_programs_interrupted(make: Callable[[], Kept]) -> None:

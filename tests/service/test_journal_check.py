@@ -11,7 +11,7 @@ import pytest
 from mcserver.errors import ServiceError
 from mcserver.service import commit_record
 from mcserver.service.commit_record import commit_record_path, read_commit_record
-from mcserver.service.journal_file import open_journal
+from mcserver.service.journal_file import NAMES, open_journal, row_checksum
 from mcserver.service.journal_reader import read_lines_before, read_programs
 from mcserver.service.journal_repair import Damage, JournalLock, prepare_journal
 from tests.bench.journal_damage import SUFFIXES, Writer, make_journals, run
@@ -128,7 +128,7 @@ def test_a_program_that_is_gone_is_named_by_what_is_left_of_it(tmp_path: Path) -
 def test_where_nothing_names_the_programs_that_are_gone_the_start_is_refused(tmp_path: Path) -> None:
     path = tmp_path / "journal.db"
     stopped(path)
-    for table in ("programs", "chunks", "reports"):
+    for table in ("programs", "chunks"):
         with closing(sqlite3.connect(path, isolation_level=None)) as connection:
             connection.execute(f"DELETE FROM {table}")
     with pytest.raises(ServiceError, match="which programs"):
@@ -243,6 +243,44 @@ def test_a_journal_of_an_older_version_is_brought_up_to_date(tmp_path: Path) -> 
     assert (program.program, program.accepted, program.done) == ("p", 2, 1)
     assert read_lines_before(path, "p", 3) == ["G01 X1", "G01 X2"]
     assert prepare_journal(path) is None
+
+
+def as_of_version_3(path: Path) -> None:
+    """Make of a stopped journal what version 3 would have written: with times of lines, which nobody read."""
+    checked = [*NAMES["programs"], "report_rows", "report_sum"]
+    with closing(sqlite3.connect(path)) as connection, connection:
+        connection.create_function("row_checksum", -1, row_checksum)
+        for column in checked[-2:]:
+            connection.execute(f"ALTER TABLE programs ADD COLUMN {column} INTEGER NOT NULL DEFAULT 0")
+        connection.execute("CREATE TABLE reports(id INTEGER PRIMARY KEY, program, first, last, blob, crc)")
+        connection.execute("INSERT INTO reports VALUES (1, 'ended', 1, 2, x'90', 7)")
+        connection.execute("UPDATE programs SET report_rows=1, report_sum=7 WHERE program='ended'")
+        connection.execute(f"UPDATE programs SET crc=row_checksum({', '.join(checked)})")
+        connection.execute("UPDATE sums SET total=(SELECT sum(crc) FROM programs) WHERE of='programs'")
+        connection.execute("UPDATE sums SET crc=row_checksum(of, rows, total)")
+        connection.execute("PRAGMA user_version=3")
+
+
+def test_a_journal_of_version_3_keeps_everything_but_the_times_of_its_lines(tmp_path: Path) -> None:
+    path = tmp_path / "journal.db"
+    stopped(path)
+    before = read_programs(path, limit=5)
+    committed = read_commit_record(path)
+    as_of_version_3(path)
+    assert prepare_journal(path) is None
+    open_journal(path).close()
+    assert read_programs(path, limit=5) == before
+    assert read_lines_before(path, "running", 3) == ["G01 X1", "G01 X2"]
+    assert read_commit_record(path) == committed
+
+
+def test_damage_of_a_journal_of_version_3_is_named_by_its_program(tmp_path: Path) -> None:
+    path = tmp_path / "journal.db"
+    stopped(path)
+    as_of_version_3(path)
+    change(path, "DELETE FROM chunks WHERE program='ended' AND first=1")
+    assert prepared(path).lost == ("ended",)
+    assert programs_of(path) == ["running"]
 
 
 @pytest.mark.parametrize("content", [b"something else" * 100, b"SQLite format 3\0" + bytes(2000), b"x"])

@@ -120,11 +120,11 @@ async def test_a_program_is_said_to_be_open_once_it_can_be_found_after_a_kill(
 ) -> None:
     disk.goes_on.clear()
     program = await cell.service.open("test", axes=[0])
-    said = cell.service.recorded(program)
+    said = asyncio.ensure_future(cell.service.recorded(program))
     await cell.until(lambda: program.state == "running")
-    assert not said.done
+    assert not said.done()
     disk.goes_on.set()
-    await cell.until(lambda: said.done)
+    await cell.until(said.done)
     (kept,) = read_programs(cell.service.options.journal, limit=1, program=program.program)
     assert kept.program == program.program
 
@@ -157,9 +157,9 @@ async def test_a_text_is_said_to_be_whole_once_the_journal_has_it(
     closed = cell.service.lines.close("test", program.program, 1)
     turns = iter(range(20))
     await cell.until(lambda: next(turns, None) is None)
-    assert not closed.done
+    assert not closed.done()
     disk.goes_on.set()
-    await cell.until(lambda: closed.done)
+    await cell.until(closed.done)
     kept = read_recorded(cell.service.options.journal, program.program)
     assert kept.whole
 
@@ -297,9 +297,7 @@ class WaitingJournal:
     def __init__(self) -> None:
         self.waiting: list[tuple[int, Callable[[], None]]] = []
 
-    def progress(
-        self, _program: str, _started: int, done: int, _ended: object, committed: Callable[[], None]
-    ) -> None:
+    def progress(self, _program: str, _started: int, done: int, committed: Callable[[], None]) -> None:
         self.waiting.append((done, committed))
 
     def commit(self) -> None:

@@ -206,7 +206,7 @@ impl Machine {
         let asked = ContinuationRequest {
             program: Some(request.program.clone()),
             line: request.line,
-            ..ContinuationRequest::new()
+            ..ContinuationRequest::default()
         };
         show(&self.continuation(&asked).await?)?;
         let opened = self.open_continuation(request).await?;

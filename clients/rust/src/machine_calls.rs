@@ -1,4 +1,5 @@
 // Made by `python -m mcserver.contract.sdk clients`: change the server's messages instead.
+#![allow(clippy::missing_errors_doc)]
 
 use std::collections::BTreeMap;
 
@@ -20,45 +21,30 @@ use crate::messages::{
     WriteMachineFileReply, WriteMachineFileRequest,
 };
 
-/// Every remote method of a machine (docs/wire/calls.md).
+/// Every remote method of a machine (docs/wire/calls.md); each fails as [`Machine::refresh_info`].
 impl Machine {
     /// Describe the machine and the service.
-    ///
-    /// # Errors
-    /// As [`Machine::refresh_info`].
     pub async fn ask_info(&self) -> Result<Info> {
         self.ask_within("info", &Nothing {}, 5).await
     }
 
     /// Tell the state of the machine now.
-    ///
-    /// # Errors
-    /// As [`Machine::refresh_info`].
     pub async fn status(&self) -> Result<MachineStatus> {
         self.ask_within("status", &Nothing {}, 5).await
     }
 
     /// List the programs that the server knows: running, queued, ended and interrupted, the newest first.
-    ///
-    /// # Errors
-    /// As [`Machine::refresh_info`].
     pub async fn programs(&self, request: &ProgramsRequest) -> Result<Vec<ProgramStatus>> {
         let reply: ProgramsReply = self.ask_within("programs", request, 5).await?;
         Ok(reply.programs)
     }
 
     /// Repeat events by number, the oldest first.
-    ///
-    /// # Errors
-    /// As [`Machine::refresh_info`].
     pub async fn past_events(&self, request: &EventsRequest) -> Result<EventsReply> {
         self.ask_within("events", request, 5).await
     }
 
     /// Open a program, queued for its axes.
-    ///
-    /// # Errors
-    /// As [`Machine::refresh_info`].
     pub async fn open_program(&self, request: &OpenRequest) -> Result<OpenReply> {
         self.declare_token().await?;
         self.ask_within("open", request, 5).await
@@ -66,96 +52,63 @@ impl Machine {
 
     /// Tell how a program would go on in its middle: what is certain, where the axes are and where it has
     /// them, and the way between.
-    ///
-    /// # Errors
-    /// As [`Machine::refresh_info`].
     pub async fn continuation(&self, request: &ContinuationRequest) -> Result<Continuation> {
         self.ask_within("continuation", request, 15).await
     }
 
     /// Go on with a program that has ended: energize what it had, bring the axes to where the line starts,
     /// and run it to its end from the lines that the journal has.
-    ///
-    /// # Errors
-    /// As [`Machine::refresh_info`].
     pub async fn open_continuation(&self, request: &ContinueRequest) -> Result<ContinueReply> {
         self.declare_token().await?;
         self.ask_within("continue_program", request, 15).await
     }
 
     /// End this client's programs as their `on_disconnect` says, without their grace: it goes.
-    ///
-    /// # Errors
-    /// As [`Machine::refresh_info`].
     pub async fn leave(&self) -> Result<Vec<String>> {
         let reply: Done = self.ask_within("leave", &Nothing {}, 5).await?;
         Ok(reply.programs)
     }
 
     /// Send lines, and get the verdict on their words.
-    ///
-    /// # Errors
-    /// As [`Machine::refresh_info`].
     pub async fn submit_lines(&self, request: &SubmitRequest) -> Result<SubmitReply> {
         self.ask_within("submit", request, 5).await
     }
 
     /// Say that no more lines will come.
-    ///
-    /// # Errors
-    /// As [`Machine::refresh_info`].
     pub async fn close_program(&self, request: &CloseRequest) -> Result<CloseReply> {
         self.ask_within("close", request, 5).await
     }
 
     /// Hold the feed along the path, of one program or all.
-    ///
-    /// # Errors
-    /// As [`Machine::refresh_info`].
     pub async fn hold(&self, program: Option<&str>) -> Result<Vec<String>> {
         let reply: Done = self.ask_within("hold", &ProgramRequest { program: program.map(str::to_owned) }, 5).await?;
         Ok(reply.programs)
     }
 
     /// End a hold, M00 or M01, of one program or all.
-    ///
-    /// # Errors
-    /// As [`Machine::refresh_info`].
     pub async fn resume(&self, program: Option<&str>) -> Result<Vec<String>> {
         let reply: Done = self.ask_within("resume", &ProgramRequest { program: program.map(str::to_owned) }, 5).await?;
         Ok(reply.programs)
     }
 
     /// Start the next line of a program opened with `step`.
-    ///
-    /// # Errors
-    /// As [`Machine::refresh_info`].
     pub async fn step(&self, program: &str) -> Result<Vec<String>> {
         let reply: Done = self.ask_within("step", &StepRequest { program: program.to_owned() }, 5).await?;
         Ok(reply.programs)
     }
 
     /// Stop along the path, then drop the rest of the program, of one or all.
-    ///
-    /// # Errors
-    /// As [`Machine::refresh_info`].
     pub async fn abort(&self, program: Option<&str>) -> Result<Vec<String>> {
         let reply: Done = self.ask_within("abort", &ProgramRequest { program: program.map(str::to_owned) }, 5).await?;
         Ok(reply.programs)
     }
 
     /// Set the feed override of one program, or of all and those to come.
-    ///
-    /// # Errors
-    /// As [`Machine::refresh_info`].
     pub async fn set_override(&self, request: &OverrideRequest) -> Result<OverrideReply> {
         self.ask_within("override", request, 5).await
     }
 
     /// Move one axis by hand.
-    ///
-    /// # Errors
-    /// As [`Machine::refresh_info`].
     pub async fn jog(&self, request: &JogRequest) -> Result<String> {
         self.declare_token().await?;
         let reply: JogReply = self.ask_within("jog", request, 5).await?;
@@ -163,36 +116,24 @@ impl Machine {
     }
 
     /// Move a tool by hand while it is held: straight on, or turning, until a joint ends its way.
-    ///
-    /// # Errors
-    /// As [`Machine::refresh_info`].
     pub async fn jog_tool(&self, request: &ToolJogRequest) -> Result<ToolJogReply> {
         self.declare_token().await?;
         self.ask_within("jog_tool", request, 5).await
     }
 
     /// The machine file that the server was started with.
-    ///
-    /// # Errors
-    /// As [`Machine::refresh_info`].
     pub async fn machine_file(&self) -> Result<MachineFileReply> {
         self.ask_within("machine_file", &Nothing {}, 5).await
     }
 
     /// Check another text of the machine file and, where it has no error, write it at rest. The old one is
     /// kept beside it; the server goes by the new one when it is restarted.
-    ///
-    /// # Errors
-    /// As [`Machine::refresh_info`].
     pub async fn write_machine_file(&self, request: &WriteMachineFileRequest) -> Result<WriteMachineFileReply> {
         self.ask_within("write_machine_file", request, 5).await
     }
 
     /// Let axes follow targets that this client streams. They are energized and leased until `close`, or
     /// until no targets come in time.
-    ///
-    /// # Errors
-    /// As [`Machine::refresh_info`].
     pub async fn open_servo(&self, request: &ServoRequest) -> Result<ServoReply> {
         self.declare_token().await?;
         self.ask_within("open_servo", request, 5).await
@@ -200,27 +141,18 @@ impl Machine {
 
     /// Let axes find their references. It goes on after the reply: the events `axis.homing`, `axis.homed` and
     /// `program.ended` say how.
-    ///
-    /// # Errors
-    /// As [`Machine::refresh_info`].
     pub async fn home(&self, axes: Option<&[u64]>) -> Result<HomeReply> {
         self.declare_token().await?;
         self.ask_within("home", &HomeRequest { axes: axes.map(<[_]>::to_vec) }, 5).await
     }
 
     /// Say where axes are; nothing moves.
-    ///
-    /// # Errors
-    /// As [`Machine::refresh_info`].
     pub async fn reference(&self, positions: &BTreeMap<String, f64>) -> Result<Vec<String>> {
         let reply: Done = self.ask_within("reference", &ReferenceRequest { positions: positions.clone() }, 5).await?;
         Ok(reply.programs)
     }
 
     /// Clear a latched fault or emergency stop. Axes stay without energy until captured (G1010).
-    ///
-    /// # Errors
-    /// As [`Machine::refresh_info`].
     pub async fn reset(&self, axes: Option<&[u64]>) -> Result<Vec<String>> {
         let reply: Done = self.ask_within("reset", &ResetRequest { axes: axes.map(<[_]>::to_vec) }, 5).await?;
         Ok(reply.programs)
@@ -228,221 +160,143 @@ impl Machine {
 
     /// Tell the work offsets and tools that programs start with, and who changed them. They are changed by
     /// programs: G10 L2, L20 and L1.
-    ///
-    /// # Errors
-    /// As [`Machine::refresh_info`].
     pub async fn tables(&self) -> Result<Tables> {
         self.ask_within("tables", &Nothing {}, 5).await
     }
 
     /// Set an output by hand.
-    ///
-    /// # Errors
-    /// As [`Machine::refresh_info`].
     pub async fn set_output(&self, request: &SetOutputRequest) -> Result<SetReply> {
         self.ask_within("set_output", request, 5).await
     }
 
     /// Set a simulated input.
-    ///
-    /// # Errors
-    /// As [`Machine::refresh_info`].
     pub async fn set_simulated_input(&self, request: &SetInputRequest) -> Result<SetReply> {
         self.ask_within("set_simulated_input", request, 5).await
     }
 
     /// Stop everything at once: emergency stop. No safety function; the key `estop` is the faster way.
-    ///
-    /// # Errors
-    /// As [`Machine::refresh_info`].
     pub async fn call_estop(&self, request: &EstopRequest) -> Result<Vec<String>> {
         let reply: Done = self.ask_within("estop", request, 5).await?;
         Ok(reply.programs)
     }
 
     /// Find every fault of a program's text; nothing runs.
-    ///
-    /// # Errors
-    /// As [`Machine::refresh_info`].
     pub async fn check(&self, request: &CheckRequest) -> Result<CheckReply> {
         self.ask_within("check", request, 300).await
     }
 
     /// Run a program's text on a virtual clock: its times, travels and faults.
-    ///
-    /// # Errors
-    /// As [`Machine::refresh_info`].
     pub async fn simulate(&self, request: &SimulateRequest) -> Result<SimulateReply> {
         self.ask_within("simulate", request, 300).await
     }
 
     /// Hand a long text over by parts.
-    ///
-    /// # Errors
-    /// As [`Machine::refresh_info`].
     pub async fn put_text_part(&self, request: &PutTextRequest) -> Result<PutTextReply> {
         self.ask_within("put_text", request, 60).await
     }
 
     /// Ask for a run that an operator has to arm. The text is checked and simulated from where the axes
     /// stand, and nothing moves.
-    ///
-    /// # Errors
-    /// As [`Machine::refresh_info`].
     pub async fn request_run(&self, request: &RunRequestRequest) -> Result<RunRequestReply> {
         self.declare_token().await?;
         self.ask_within("request_run", request, 300).await
     }
 
     /// List what waits for an operator, is armed, or was started lately.
-    ///
-    /// # Errors
-    /// As [`Machine::refresh_info`].
     pub async fn run_requests(&self) -> Result<Vec<RunRequestStatus>> {
         let reply: RunRequestsReply = self.ask_within("run_requests", &Nothing {}, 5).await?;
         Ok(reply.requests)
     }
 
     /// List the runs whose envelope was approved for a while.
-    ///
-    /// # Errors
-    /// As [`Machine::refresh_info`].
     pub async fn run_approvals(&self) -> Result<Vec<RunRequestStatus>> {
         let reply: RunRequestsReply = self.ask_within("run_approvals", &Nothing {}, 5).await?;
         Ok(reply.requests)
     }
 
     /// Show what an operator looks at before arming: the text and its simulated path.
-    ///
-    /// # Errors
-    /// As [`Machine::refresh_info`].
     pub async fn run_preview(&self, sha256: &str) -> Result<RunPreviewReply> {
         self.ask_within("run_preview", &RunPreviewRequest { sha256: sha256.to_owned() }, 5).await
     }
 
     /// Allow a requested run to be started once.
-    ///
-    /// # Errors
-    /// As [`Machine::refresh_info`].
     pub async fn arm(&self, request: &ArmRequest) -> Result<RunRequestStatus> {
         self.ask_within("arm", request, 5).await
     }
 
     /// Say no to a requested run, and why.
-    ///
-    /// # Errors
-    /// As [`Machine::refresh_info`].
     pub async fn reject(&self, request: &RejectRequest) -> Result<RunRequestStatus> {
         self.ask_within("reject", request, 5).await
     }
 
     /// Take a requested run back; only the user who asked may.
-    ///
-    /// # Errors
-    /// As [`Machine::refresh_info`].
     pub async fn withdraw(&self, sha256: &str) -> Result<Vec<RunRequestStatus>> {
         let reply: RunRequestsReply = self.ask_within("withdraw", &WithdrawRequest { sha256: sha256.to_owned() }, 5).await?;
         Ok(reply.requests)
     }
 
     /// Start a program that is armed.
-    ///
-    /// # Errors
-    /// As [`Machine::refresh_info`].
     pub async fn run_armed(&self, request: &RunArmedRequest) -> Result<RunArmedReply> {
         self.declare_token().await?;
         self.ask_within("run_armed", request, 15).await
     }
 
     /// Record every cycle into a file on the server from now on.
-    ///
-    /// # Errors
-    /// As [`Machine::refresh_info`].
     pub async fn record_start(&self, request: &RecordStartRequest) -> Result<String> {
         let reply: RecordReply = self.ask_within("record_start", request, 5).await?;
         Ok(reply.name)
     }
 
     /// End a recording; answered once the file is whole.
-    ///
-    /// # Errors
-    /// As [`Machine::refresh_info`].
     pub async fn record_stop(&self, name: &str) -> Result<String> {
         let reply: RecordReply = self.ask_within("record_stop", &RecordStopRequest { name: name.to_owned() }, 90).await?;
         Ok(reply.name)
     }
 
     /// Write out the black box, the last minutes.
-    ///
-    /// # Errors
-    /// As [`Machine::refresh_info`].
     pub async fn record_save(&self, reason: &str) -> Result<String> {
         let reply: RecordReply = self.ask_within("record_save", &RecordSaveRequest { reason: reason.to_owned() }, 90).await?;
         Ok(reply.name)
     }
 
     /// List the recordings on the server's disk.
-    ///
-    /// # Errors
-    /// As [`Machine::refresh_info`].
     pub async fn recordings(&self) -> Result<RecordingsReply> {
         self.ask_within("recordings", &Nothing {}, 5).await
     }
 
     /// Read part of a recording's file.
-    ///
-    /// # Errors
-    /// As [`Machine::refresh_info`].
     pub async fn recording_read(&self, request: &RecordingReadRequest) -> Result<RecordingPart> {
         self.ask_within("recording_read", request, 15).await
     }
 
     /// Tell what the machine looks like: its URDF.
-    ///
-    /// # Errors
-    /// As [`Machine::refresh_info`].
     pub async fn model(&self) -> Result<ModelReply> {
         self.ask_within("model", &Nothing {}, 15).await
     }
 
     /// Read part of a mesh's file.
-    ///
-    /// # Errors
-    /// As [`Machine::refresh_info`].
     pub async fn model_mesh(&self, request: &ModelMeshRequest) -> Result<ModelPart> {
         self.ask_within("model_mesh", request, 15).await
     }
 
     /// List every drive on a CAN bus, by axis.
-    ///
-    /// # Errors
-    /// As [`Machine::refresh_info`].
     pub async fn drives(&self) -> Result<Vec<DriveInfo>> {
         let reply: DrivesReply = self.ask_within("drives", &Nothing {}, 5).await?;
         Ok(reply.drives)
     }
 
     /// Ask every node number of a CAN bus, or of all, who is there. Nothing is configured or started.
-    ///
-    /// # Errors
-    /// As [`Machine::refresh_info`].
     pub async fn drives_scan(&self, bus: &str) -> Result<Vec<BusScan>> {
         let reply: DrivesScanReply = self.ask_within("drives_scan", &DrivesScanRequest { bus: bus.to_owned() }, 15).await?;
         Ok(reply.buses)
     }
 
     /// Read an object of a drive's dictionary.
-    ///
-    /// # Errors
-    /// As [`Machine::refresh_info`].
     pub async fn sdo_read(&self, request: &SdoReadRequest) -> Result<SdoReply> {
         self.ask_within("sdo_read", request, 15).await
     }
 
     /// Write an object of a drive's dictionary, unless that would fight the cycle.
-    ///
-    /// # Errors
-    /// As [`Machine::refresh_info`].
     pub async fn sdo_write(&self, request: &SdoWriteRequest) -> Result<SdoReply> {
         self.ask_within("sdo_write", request, 15).await
     }

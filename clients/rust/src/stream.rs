@@ -253,7 +253,7 @@ impl Shared {
         let request = ProgramsRequest {
             program: Some(self.program.clone()),
             limit: 1,
-            ..ProgramsRequest::new()
+            ..ProgramsRequest::default()
         };
         let trying = Trying::within(self.patience);
         match self.caller.call("programs", &request, trying).await {

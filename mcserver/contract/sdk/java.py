@@ -34,7 +34,8 @@ import java.util.Map;
 /**
  * The messages of the key space, as plain values (docs/keyspace.md): positions in mm or deg, velocities
  * in mm/s or deg/s, torques in N·m, times in seconds since the executor's start, percentages in %. What may
- * be left out and has no value is null. An {{@code Object}} is a Boolean, a Long, a Double or a String.
+ * be left out and has no value is null, and {{@code withX}} gives the same request with another X. An
+ * {{@code Object}} is a Boolean, a Long, a Double or a String.
  */
 public final class Messages {{
     private Messages() {{}}
@@ -171,11 +172,10 @@ def _constructors(message: Message) -> str:
     if len(message.fields) == 1:
         return made
     for field in optional:
-        name = camel(field.name)
+        kind, name = JAVA.type(field.type), camel(field.name)
         values = ", ".join(camel(each.name) for each in message.fields)
         made += (
-            f"\n    /** The same with another {{@code {name}}}. */\n"
-            f"    public {message.name} with{name[0].upper()}{name[1:]}({JAVA.type(field.type)} {name}) {{\n"
+            f"\n    public {message.name} with{name[0].upper()}{name[1:]}({kind} {name}) {{\n"
             f"        return new {message.name}({values});\n    }}\n"
         )
     return made

@@ -71,6 +71,7 @@ RUST = Spelling(
     word=lambda name, word: f"{name}::{pascal(word)}",
 )
 CALLS = {"override": "set_override"}
+DOC = "    /// All that may be left out is as the server has it.\n"
 WIDTH = 110
 # What Rust's own defaults are.
 EMPTY = {"None", "0", "0.0", "false", "Vec::new()", "BTreeMap::new()", "String::new()"}
@@ -86,9 +87,11 @@ def files(model: Model) -> dict[str, str]:
     )
     imports = "".join(f"    {line}\n" for line in wrap(", ".join(used) + ",", WIDTH - 4))
     head = (
-        f"{MADE}\nuse std::collections::BTreeMap;\n\nuse crate::calls::Nothing;\nuse crate::error::Result;\n"
+        f"{MADE}#![allow(clippy::missing_errors_doc)]\n\nuse std::collections::BTreeMap;\n\n"
+        f"use crate::calls::Nothing;\nuse crate::error::Result;\n"
         f"use crate::machine::Machine;\nuse crate::messages::{{\n{imports}}};\n\n"
-        "/// Every remote method of a machine (docs/wire/calls.md).\nimpl Machine {\n"
+        "/// Every remote method of a machine (docs/wire/calls.md); each fails as "
+        "[`Machine::refresh_info`].\nimpl Machine {\n"
     )
     return {
         "src/messages/made.rs": "\n".join(types),
@@ -126,7 +129,10 @@ def _struct(message: Message) -> str:
         for each in message.fields
         if _has_default(each) and not message.sent
     )
-    return made + defaults + (_constructor(message) if message.sent and message.fields else "")
+    made += defaults
+    if not message.sent or not message.fields or _is_empty_by_default(message):
+        return made
+    return made + _constructor(message)
 
 
 def _field(message: Message, field: Field) -> str:
@@ -156,10 +162,6 @@ def _is_empty_by_default(message: Message) -> bool:
 
 
 def _constructor(message: Message) -> str:
-    doc = "    /// All that may be left out is as the server has it.\n"
-    head = f"\nimpl {message.name} {{\n{doc}    #[must_use]\n"
-    if _is_empty_by_default(message):
-        return f"{head}    pub fn new() -> Self {{\n        Self::default()\n    }}\n}}\n"
     required = [each for each in message.fields if each.required]
     arguments = ", ".join(
         f"{RUST.name(each.name)}: "
@@ -177,11 +179,10 @@ def _constructor(message: Message) -> str:
         )
         for each in message.fields
     )
-    made = f"{head}    pub fn new({arguments}) -> Self {{\n        Self {{\n{values}        }}\n    }}\n}}\n"
+    body = f" -> Self {{\n        Self {{\n{values}        }}\n    }}\n}}\n"
     if not required:
-        made += f"\nimpl Default for {message.name} {{\n    fn default() -> Self {{\n"
-        made += "        Self::new()\n    }\n}\n"
-    return made
+        return f"\nimpl Default for {message.name} {{\n{DOC}    fn default(){body}"
+    return f"\nimpl {message.name} {{\n{DOC}    #[must_use]\n    pub fn new({arguments}){body}"
 
 
 def _argument(kind: Type, name: str) -> tuple[str, str]:
@@ -219,8 +220,7 @@ def _call(call: Call) -> str:
         body = f"        let reply: {call.reply.name} = {ask}?;\n        Ok(reply.{call.result.name})\n"
     return (
         _comment(call.method.doc, "    ")
-        + "    ///\n    /// # Errors\n    /// As [`Machine::refresh_info`].\n"
-        f"    pub async fn {CALLS.get(call.name, call.name)}(&self{argument}) -> Result<{result}> {{\n"
+        + f"    pub async fn {CALLS.get(call.name, call.name)}(&self{argument}) -> Result<{result}> {{\n"
         f"{declare}{body}    }}\n"
     )
 

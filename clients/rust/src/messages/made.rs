@@ -342,14 +342,6 @@ pub struct CheckRequest {
     pub optional_stop: Option<bool>,
 }
 
-impl CheckRequest {
-    /// All that may be left out is as the server has it.
-    #[must_use]
-    pub fn new() -> Self {
-        Self::default()
-    }
-}
-
 /// The least distances of a run's bodies.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct ClearanceReport {
@@ -450,14 +442,6 @@ pub struct ContinuationRequest {
     pub block_delete: Option<bool>,
     /// of the text, as of `OpenRequest`; a program keeps what it had.
     pub optional_stop: Option<bool>,
-}
-
-impl ContinuationRequest {
-    /// All that may be left out is as the server has it.
-    #[must_use]
-    pub fn new() -> Self {
-        Self::default()
-    }
 }
 
 /// The program that goes on, as `OpenReply`.
@@ -616,14 +600,6 @@ pub struct DrivesScanRequest {
     pub bus: String,
 }
 
-impl DrivesScanRequest {
-    /// All that may be left out is as the server has it.
-    #[must_use]
-    pub fn new() -> Self {
-        Self::default()
-    }
-}
-
 /// A certain remedy: characters of the diagnostic's line and what replaces them.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Edit {
@@ -657,14 +633,6 @@ pub struct EstopRequest {
     pub reason: String,
     /// on the key `estop`, who stops, as it says itself; a call has it in its key.
     pub client: String,
-}
-
-impl EstopRequest {
-    /// All that may be left out is as the server has it.
-    #[must_use]
-    pub fn new() -> Self {
-        Self::default()
-    }
 }
 
 /// Payload of `event`; `seq` has no gap within one `instance`. Times `t` of two instances cannot be compared.
@@ -726,20 +694,13 @@ pub struct EventsRequest {
     pub limit: u64,
 }
 
-impl EventsRequest {
+impl Default for EventsRequest {
     /// All that may be left out is as the server has it.
-    #[must_use]
-    pub fn new() -> Self {
+    fn default() -> Self {
         Self {
             since: 0,
             limit: 500,
         }
-    }
-}
-
-impl Default for EventsRequest {
-    fn default() -> Self {
-        Self::new()
     }
 }
 
@@ -785,14 +746,6 @@ pub struct HomeReply {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, Default)]
 pub struct HomeRequest {
     pub axes: Option<Vec<u64>>,
-}
-
-impl HomeRequest {
-    /// All that may be left out is as the server has it.
-    #[must_use]
-    pub fn new() -> Self {
-        Self::default()
-    }
 }
 
 /// Reply of `info`.
@@ -1199,10 +1152,9 @@ pub struct OpenRequest {
     pub optional_stop: Option<bool>,
 }
 
-impl OpenRequest {
+impl Default for OpenRequest {
     /// All that may be left out is as the server has it.
-    #[must_use]
-    pub fn new() -> Self {
+    fn default() -> Self {
         Self {
             name: String::new(),
             axes: None,
@@ -1220,12 +1172,6 @@ impl OpenRequest {
             block_delete: None,
             optional_stop: None,
         }
-    }
-}
-
-impl Default for OpenRequest {
-    fn default() -> Self {
-        Self::new()
     }
 }
 
@@ -1320,14 +1266,6 @@ pub struct ProgramRequest {
     pub program: Option<String>,
 }
 
-impl ProgramRequest {
-    /// All that may be left out is as the server has it.
-    #[must_use]
-    pub fn new() -> Self {
-        Self::default()
-    }
-}
-
 /// One program.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct ProgramStatus {
@@ -1415,21 +1353,14 @@ pub struct ProgramsRequest {
     pub limit: u64,
 }
 
-impl ProgramsRequest {
+impl Default for ProgramsRequest {
     /// All that may be left out is as the server has it.
-    #[must_use]
-    pub fn new() -> Self {
+    fn default() -> Self {
         Self {
             program: None,
             ended: true,
             limit: 100,
         }
-    }
-}
-
-impl Default for ProgramsRequest {
-    fn default() -> Self {
-        Self::new()
     }
 }
 
@@ -1482,19 +1413,12 @@ pub struct RecordSaveRequest {
     pub reason: String,
 }
 
-impl RecordSaveRequest {
+impl Default for RecordSaveRequest {
     /// All that may be left out is as the server has it.
-    #[must_use]
-    pub fn new() -> Self {
+    fn default() -> Self {
         Self {
             reason: "asked".to_owned(),
         }
-    }
-}
-
-impl Default for RecordSaveRequest {
-    fn default() -> Self {
-        Self::new()
     }
 }
 
@@ -1507,26 +1431,10 @@ pub struct RecordStartRequest {
     pub max_s: Option<f64>,
 }
 
-impl RecordStartRequest {
-    /// All that may be left out is as the server has it.
-    #[must_use]
-    pub fn new() -> Self {
-        Self::default()
-    }
-}
-
 /// Ends a recording; without a name the only one. The reply comes once the file is whole.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, Default)]
 pub struct RecordStopRequest {
     pub name: String,
-}
-
-impl RecordStopRequest {
-    /// All that may be left out is as the server has it.
-    #[must_use]
-    pub fn new() -> Self {
-        Self::default()
-    }
 }
 
 /// The recorder.
@@ -1642,14 +1550,6 @@ impl RejectRequest {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, Default)]
 pub struct ResetRequest {
     pub axes: Option<Vec<u64>>,
-}
-
-impl ResetRequest {
-    /// All that may be left out is as the server has it.
-    #[must_use]
-    pub fn new() -> Self {
-        Self::default()
-    }
 }
 
 /// Runs whose envelope was approved for a while (`standing_s`), each with `remaining_s` of it.
@@ -1949,14 +1849,6 @@ pub struct ServoRequest {
     pub low: Option<BTreeMap<String, f64>>,
     /// by axis number as text the greatest position that targets lead to \[mm or deg\].
     pub high: Option<BTreeMap<String, f64>>,
-}
-
-impl ServoRequest {
-    /// All that may be left out is as the server has it.
-    #[must_use]
-    pub fn new() -> Self {
-        Self::default()
-    }
 }
 
 /// The targets of a program in servo mode, counted since it was opened.

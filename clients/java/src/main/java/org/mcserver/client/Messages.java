@@ -12,7 +12,8 @@ import java.util.Map;
 /**
  * The messages of the key space, as plain values (docs/keyspace.md): positions in mm or deg, velocities
  * in mm/s or deg/s, torques in N·m, times in seconds since the executor's start, percentages in %. What may
- * be left out and has no value is null. An {@code Object} is a Boolean, a Long, a Double or a String.
+ * be left out and has no value is null, and {@code withX} gives the same request with another X. An
+ * {@code Object} is a Boolean, a Long, a Double or a String.
  */
 public final class Messages {
     private Messages() {}
@@ -239,22 +240,18 @@ public final class Messages {
             this(sha256, 60.0, 100.0, null, 0.0);
         }
 
-        /** The same with another {@code seconds}. */
         public ArmRequest withSeconds(double seconds) {
             return new ArmRequest(sha256, seconds, override, number, standingS);
         }
 
-        /** The same with another {@code override}. */
         public ArmRequest withOverride(double override) {
             return new ArmRequest(sha256, seconds, override, number, standingS);
         }
 
-        /** The same with another {@code number}. */
         public ArmRequest withNumber(Long number) {
             return new ArmRequest(sha256, seconds, override, number, standingS);
         }
 
-        /** The same with another {@code standingS}. */
         public ArmRequest withStandingS(double standingS) {
             return new ArmRequest(sha256, seconds, override, number, standingS);
         }
@@ -346,27 +343,22 @@ public final class Messages {
             this(null, null, null, null, null);
         }
 
-        /** The same with another {@code text}. */
         public CheckRequest withText(String text) {
             return new CheckRequest(text, positions, sha256, blockDelete, optionalStop);
         }
 
-        /** The same with another {@code positions}. */
         public CheckRequest withPositions(Map<String, Double> positions) {
             return new CheckRequest(text, positions, sha256, blockDelete, optionalStop);
         }
 
-        /** The same with another {@code sha256}. */
         public CheckRequest withSha256(String sha256) {
             return new CheckRequest(text, positions, sha256, blockDelete, optionalStop);
         }
 
-        /** The same with another {@code blockDelete}. */
         public CheckRequest withBlockDelete(Boolean blockDelete) {
             return new CheckRequest(text, positions, sha256, blockDelete, optionalStop);
         }
 
-        /** The same with another {@code optionalStop}. */
         public CheckRequest withOptionalStop(Boolean optionalStop) {
             return new CheckRequest(text, positions, sha256, blockDelete, optionalStop);
         }
@@ -394,7 +386,6 @@ public final class Messages {
             this(program, null);
         }
 
-        /** The same with another {@code last}. */
         public CloseRequest withLast(Long last) {
             return new CloseRequest(program, last);
         }
@@ -443,32 +434,26 @@ public final class Messages {
             this(null, null, List.of(), null, null, null);
         }
 
-        /** The same with another {@code program}. */
         public ContinuationRequest withProgram(String program) {
             return new ContinuationRequest(program, line, before, axes, blockDelete, optionalStop);
         }
 
-        /** The same with another {@code line}. */
         public ContinuationRequest withLine(Long line) {
             return new ContinuationRequest(program, line, before, axes, blockDelete, optionalStop);
         }
 
-        /** The same with another {@code before}. */
         public ContinuationRequest withBefore(List<String> before) {
             return new ContinuationRequest(program, line, before, axes, blockDelete, optionalStop);
         }
 
-        /** The same with another {@code axes}. */
         public ContinuationRequest withAxes(List<Long> axes) {
             return new ContinuationRequest(program, line, before, axes, blockDelete, optionalStop);
         }
 
-        /** The same with another {@code blockDelete}. */
         public ContinuationRequest withBlockDelete(Boolean blockDelete) {
             return new ContinuationRequest(program, line, before, axes, blockDelete, optionalStop);
         }
 
-        /** The same with another {@code optionalStop}. */
         public ContinuationRequest withOptionalStop(Boolean optionalStop) {
             return new ContinuationRequest(program, line, before, axes, blockDelete, optionalStop);
         }
@@ -502,32 +487,26 @@ public final class Messages {
             this(program, null, false, null, OnDisconnect.STOP, 10.0, false);
         }
 
-        /** The same with another {@code line}. */
         public ContinueRequest withLine(Long line) {
             return new ContinueRequest(program, line, way, outputs, onDisconnect, graceS, hold);
         }
 
-        /** The same with another {@code way}. */
         public ContinueRequest withWay(boolean way) {
             return new ContinueRequest(program, line, way, outputs, onDisconnect, graceS, hold);
         }
 
-        /** The same with another {@code outputs}. */
         public ContinueRequest withOutputs(Outputs outputs) {
             return new ContinueRequest(program, line, way, outputs, onDisconnect, graceS, hold);
         }
 
-        /** The same with another {@code onDisconnect}. */
         public ContinueRequest withOnDisconnect(OnDisconnect onDisconnect) {
             return new ContinueRequest(program, line, way, outputs, onDisconnect, graceS, hold);
         }
 
-        /** The same with another {@code graceS}. */
         public ContinueRequest withGraceS(double graceS) {
             return new ContinueRequest(program, line, way, outputs, onDisconnect, graceS, hold);
         }
 
-        /** The same with another {@code hold}. */
         public ContinueRequest withHold(boolean hold) {
             return new ContinueRequest(program, line, way, outputs, onDisconnect, graceS, hold);
         }
@@ -622,12 +601,10 @@ public final class Messages {
             this("", "");
         }
 
-        /** The same with another {@code reason}. */
         public EstopRequest withReason(String reason) {
             return new EstopRequest(reason, client);
         }
 
-        /** The same with another {@code client}. */
         public EstopRequest withClient(String client) {
             return new EstopRequest(reason, client);
         }
@@ -660,12 +637,10 @@ public final class Messages {
             this(0, 500);
         }
 
-        /** The same with another {@code since}. */
         public EventsRequest withSince(long since) {
             return new EventsRequest(since, limit);
         }
 
-        /** The same with another {@code limit}. */
         public EventsRequest withLimit(long limit) {
             return new EventsRequest(since, limit);
         }
@@ -746,27 +721,22 @@ public final class Messages {
             this(axis, null, null, null, null, "");
         }
 
-        /** The same with another {@code distance}. */
         public JogRequest withDistance(Double distance) {
             return new JogRequest(axis, distance, velocity, holdS, program, by);
         }
 
-        /** The same with another {@code velocity}. */
         public JogRequest withVelocity(Double velocity) {
             return new JogRequest(axis, distance, velocity, holdS, program, by);
         }
 
-        /** The same with another {@code holdS}. */
         public JogRequest withHoldS(Double holdS) {
             return new JogRequest(axis, distance, velocity, holdS, program, by);
         }
 
-        /** The same with another {@code program}. */
         public JogRequest withProgram(String program) {
             return new JogRequest(axis, distance, velocity, holdS, program, by);
         }
 
-        /** The same with another {@code by}. */
         public JogRequest withBy(String by) {
             return new JogRequest(axis, distance, velocity, holdS, program, by);
         }
@@ -867,12 +837,10 @@ public final class Messages {
             this(mesh, 0, 1048576);
         }
 
-        /** The same with another {@code offset}. */
         public ModelMeshRequest withOffset(long offset) {
             return new ModelMeshRequest(mesh, offset, size);
         }
 
-        /** The same with another {@code size}. */
         public ModelMeshRequest withSize(long size) {
             return new ModelMeshRequest(mesh, offset, size);
         }
@@ -944,77 +912,62 @@ public final class Messages {
             this("", null, OnDisconnect.STOP, 10.0, 1, List.of(), null, false, false, null, false, false, null, null, null);
         }
 
-        /** The same with another {@code name}. */
         public OpenRequest withName(String name) {
             return new OpenRequest(name, axes, onDisconnect, graceS, startLine, before, resumeOf, step, hold, sha256, atPause, way, outputs, blockDelete, optionalStop);
         }
 
-        /** The same with another {@code axes}. */
         public OpenRequest withAxes(List<Long> axes) {
             return new OpenRequest(name, axes, onDisconnect, graceS, startLine, before, resumeOf, step, hold, sha256, atPause, way, outputs, blockDelete, optionalStop);
         }
 
-        /** The same with another {@code onDisconnect}. */
         public OpenRequest withOnDisconnect(OnDisconnect onDisconnect) {
             return new OpenRequest(name, axes, onDisconnect, graceS, startLine, before, resumeOf, step, hold, sha256, atPause, way, outputs, blockDelete, optionalStop);
         }
 
-        /** The same with another {@code graceS}. */
         public OpenRequest withGraceS(double graceS) {
             return new OpenRequest(name, axes, onDisconnect, graceS, startLine, before, resumeOf, step, hold, sha256, atPause, way, outputs, blockDelete, optionalStop);
         }
 
-        /** The same with another {@code startLine}. */
         public OpenRequest withStartLine(long startLine) {
             return new OpenRequest(name, axes, onDisconnect, graceS, startLine, before, resumeOf, step, hold, sha256, atPause, way, outputs, blockDelete, optionalStop);
         }
 
-        /** The same with another {@code before}. */
         public OpenRequest withBefore(List<String> before) {
             return new OpenRequest(name, axes, onDisconnect, graceS, startLine, before, resumeOf, step, hold, sha256, atPause, way, outputs, blockDelete, optionalStop);
         }
 
-        /** The same with another {@code resumeOf}. */
         public OpenRequest withResumeOf(String resumeOf) {
             return new OpenRequest(name, axes, onDisconnect, graceS, startLine, before, resumeOf, step, hold, sha256, atPause, way, outputs, blockDelete, optionalStop);
         }
 
-        /** The same with another {@code step}. */
         public OpenRequest withStep(boolean step) {
             return new OpenRequest(name, axes, onDisconnect, graceS, startLine, before, resumeOf, step, hold, sha256, atPause, way, outputs, blockDelete, optionalStop);
         }
 
-        /** The same with another {@code hold}. */
         public OpenRequest withHold(boolean hold) {
             return new OpenRequest(name, axes, onDisconnect, graceS, startLine, before, resumeOf, step, hold, sha256, atPause, way, outputs, blockDelete, optionalStop);
         }
 
-        /** The same with another {@code sha256}. */
         public OpenRequest withSha256(String sha256) {
             return new OpenRequest(name, axes, onDisconnect, graceS, startLine, before, resumeOf, step, hold, sha256, atPause, way, outputs, blockDelete, optionalStop);
         }
 
-        /** The same with another {@code atPause}. */
         public OpenRequest withAtPause(boolean atPause) {
             return new OpenRequest(name, axes, onDisconnect, graceS, startLine, before, resumeOf, step, hold, sha256, atPause, way, outputs, blockDelete, optionalStop);
         }
 
-        /** The same with another {@code way}. */
         public OpenRequest withWay(boolean way) {
             return new OpenRequest(name, axes, onDisconnect, graceS, startLine, before, resumeOf, step, hold, sha256, atPause, way, outputs, blockDelete, optionalStop);
         }
 
-        /** The same with another {@code outputs}. */
         public OpenRequest withOutputs(Outputs outputs) {
             return new OpenRequest(name, axes, onDisconnect, graceS, startLine, before, resumeOf, step, hold, sha256, atPause, way, outputs, blockDelete, optionalStop);
         }
 
-        /** The same with another {@code blockDelete}. */
         public OpenRequest withBlockDelete(Boolean blockDelete) {
             return new OpenRequest(name, axes, onDisconnect, graceS, startLine, before, resumeOf, step, hold, sha256, atPause, way, outputs, blockDelete, optionalStop);
         }
 
-        /** The same with another {@code optionalStop}. */
         public OpenRequest withOptionalStop(Boolean optionalStop) {
             return new OpenRequest(name, axes, onDisconnect, graceS, startLine, before, resumeOf, step, hold, sha256, atPause, way, outputs, blockDelete, optionalStop);
         }
@@ -1045,7 +998,6 @@ public final class Messages {
             this(percent, null);
         }
 
-        /** The same with another {@code program}. */
         public OverrideRequest withProgram(String program) {
             return new OverrideRequest(percent, program);
         }
@@ -1115,17 +1067,14 @@ public final class Messages {
             this(null, true, 100);
         }
 
-        /** The same with another {@code program}. */
         public ProgramsRequest withProgram(String program) {
             return new ProgramsRequest(program, ended, limit);
         }
 
-        /** The same with another {@code ended}. */
         public ProgramsRequest withEnded(boolean ended) {
             return new ProgramsRequest(program, ended, limit);
         }
 
-        /** The same with another {@code limit}. */
         public ProgramsRequest withLimit(long limit) {
             return new ProgramsRequest(program, ended, limit);
         }
@@ -1170,12 +1119,10 @@ public final class Messages {
             this("", null);
         }
 
-        /** The same with another {@code name}. */
         public RecordStartRequest withName(String name) {
             return new RecordStartRequest(name, maxS);
         }
 
-        /** The same with another {@code maxS}. */
         public RecordStartRequest withMaxS(Double maxS) {
             return new RecordStartRequest(name, maxS);
         }
@@ -1218,12 +1165,10 @@ public final class Messages {
             this(name, 0, 1048576);
         }
 
-        /** The same with another {@code offset}. */
         public RecordingReadRequest withOffset(long offset) {
             return new RecordingReadRequest(name, offset, size);
         }
 
-        /** The same with another {@code size}. */
         public RecordingReadRequest withSize(long size) {
             return new RecordingReadRequest(name, offset, size);
         }
@@ -1249,12 +1194,10 @@ public final class Messages {
             this(sha256, "", null);
         }
 
-        /** The same with another {@code reason}. */
         public RejectRequest withReason(String reason) {
             return new RejectRequest(sha256, reason, number);
         }
 
-        /** The same with another {@code number}. */
         public RejectRequest withNumber(Long number) {
             return new RejectRequest(sha256, reason, number);
         }
@@ -1284,7 +1227,6 @@ public final class Messages {
             this(text, 10.0);
         }
 
-        /** The same with another {@code graceS}. */
         public RunArmedRequest withGraceS(double graceS) {
             return new RunArmedRequest(text, graceS);
         }
@@ -1334,27 +1276,22 @@ public final class Messages {
             this(text, "", null, null, null, null);
         }
 
-        /** The same with another {@code name}. */
         public RunRequestRequest withName(String name) {
             return new RunRequestRequest(text, name, axes, certificate, blockDelete, optionalStop);
         }
 
-        /** The same with another {@code axes}. */
         public RunRequestRequest withAxes(List<Long> axes) {
             return new RunRequestRequest(text, name, axes, certificate, blockDelete, optionalStop);
         }
 
-        /** The same with another {@code certificate}. */
         public RunRequestRequest withCertificate(String certificate) {
             return new RunRequestRequest(text, name, axes, certificate, blockDelete, optionalStop);
         }
 
-        /** The same with another {@code blockDelete}. */
         public RunRequestRequest withBlockDelete(Boolean blockDelete) {
             return new RunRequestRequest(text, name, axes, certificate, blockDelete, optionalStop);
         }
 
-        /** The same with another {@code optionalStop}. */
         public RunRequestRequest withOptionalStop(Boolean optionalStop) {
             return new RunRequestRequest(text, name, axes, certificate, blockDelete, optionalStop);
         }
@@ -1414,27 +1351,22 @@ public final class Messages {
             this(index, 0, null, null, "", null);
         }
 
-        /** The same with another {@code subindex}. */
         public SdoReadRequest withSubindex(long subindex) {
             return new SdoReadRequest(index, subindex, axis, node, bus, type);
         }
 
-        /** The same with another {@code axis}. */
         public SdoReadRequest withAxis(Long axis) {
             return new SdoReadRequest(index, subindex, axis, node, bus, type);
         }
 
-        /** The same with another {@code node}. */
         public SdoReadRequest withNode(Long node) {
             return new SdoReadRequest(index, subindex, axis, node, bus, type);
         }
 
-        /** The same with another {@code bus}. */
         public SdoReadRequest withBus(String bus) {
             return new SdoReadRequest(index, subindex, axis, node, bus, type);
         }
 
-        /** The same with another {@code type}. */
         public SdoReadRequest withType(SdoType type) {
             return new SdoReadRequest(index, subindex, axis, node, bus, type);
         }
@@ -1452,27 +1384,22 @@ public final class Messages {
             this(index, 0, null, null, "", null, value);
         }
 
-        /** The same with another {@code subindex}. */
         public SdoWriteRequest withSubindex(long subindex) {
             return new SdoWriteRequest(index, subindex, axis, node, bus, type, value);
         }
 
-        /** The same with another {@code axis}. */
         public SdoWriteRequest withAxis(Long axis) {
             return new SdoWriteRequest(index, subindex, axis, node, bus, type, value);
         }
 
-        /** The same with another {@code node}. */
         public SdoWriteRequest withNode(Long node) {
             return new SdoWriteRequest(index, subindex, axis, node, bus, type, value);
         }
 
-        /** The same with another {@code bus}. */
         public SdoWriteRequest withBus(String bus) {
             return new SdoWriteRequest(index, subindex, axis, node, bus, type, value);
         }
 
-        /** The same with another {@code type}. */
         public SdoWriteRequest withType(SdoType type) {
             return new SdoWriteRequest(index, subindex, axis, node, bus, type, value);
         }
@@ -1496,22 +1423,18 @@ public final class Messages {
             this(null, "", null, null);
         }
 
-        /** The same with another {@code axes}. */
         public ServoRequest withAxes(List<Long> axes) {
             return new ServoRequest(axes, name, low, high);
         }
 
-        /** The same with another {@code name}. */
         public ServoRequest withName(String name) {
             return new ServoRequest(axes, name, low, high);
         }
 
-        /** The same with another {@code low}. */
         public ServoRequest withLow(Map<String, Double> low) {
             return new ServoRequest(axes, name, low, high);
         }
 
-        /** The same with another {@code high}. */
         public ServoRequest withHigh(Map<String, Double> high) {
             return new ServoRequest(axes, name, low, high);
         }
@@ -1582,42 +1505,34 @@ public final class Messages {
             this(text, null, 0, true, List.of(), null, null, null, null);
         }
 
-        /** The same with another {@code positions}. */
         public SimulateRequest withPositions(Map<String, Double> positions) {
             return new SimulateRequest(text, positions, pathPoints, lines, assertions, against, role, blockDelete, optionalStop);
         }
 
-        /** The same with another {@code pathPoints}. */
         public SimulateRequest withPathPoints(long pathPoints) {
             return new SimulateRequest(text, positions, pathPoints, lines, assertions, against, role, blockDelete, optionalStop);
         }
 
-        /** The same with another {@code lines}. */
         public SimulateRequest withLines(boolean lines) {
             return new SimulateRequest(text, positions, pathPoints, lines, assertions, against, role, blockDelete, optionalStop);
         }
 
-        /** The same with another {@code assertions}. */
         public SimulateRequest withAssertions(List<Assertion> assertions) {
             return new SimulateRequest(text, positions, pathPoints, lines, assertions, against, role, blockDelete, optionalStop);
         }
 
-        /** The same with another {@code against}. */
         public SimulateRequest withAgainst(String against) {
             return new SimulateRequest(text, positions, pathPoints, lines, assertions, against, role, blockDelete, optionalStop);
         }
 
-        /** The same with another {@code role}. */
         public SimulateRequest withRole(RunRole role) {
             return new SimulateRequest(text, positions, pathPoints, lines, assertions, against, role, blockDelete, optionalStop);
         }
 
-        /** The same with another {@code blockDelete}. */
         public SimulateRequest withBlockDelete(Boolean blockDelete) {
             return new SimulateRequest(text, positions, pathPoints, lines, assertions, against, role, blockDelete, optionalStop);
         }
 
-        /** The same with another {@code optionalStop}. */
         public SimulateRequest withOptionalStop(Boolean optionalStop) {
             return new SimulateRequest(text, positions, pathPoints, lines, assertions, against, role, blockDelete, optionalStop);
         }
@@ -1653,12 +1568,10 @@ public final class Messages {
             this(program, first, lines, true, null);
         }
 
-        /** The same with another {@code judge}. */
         public SubmitRequest withJudge(boolean judge) {
             return new SubmitRequest(program, first, lines, judge, rejections);
         }
 
-        /** The same with another {@code rejections}. */
         public SubmitRequest withRejections(Long rejections) {
             return new SubmitRequest(program, first, lines, judge, rejections);
         }
@@ -1749,22 +1662,18 @@ public final class Messages {
             this(tool, word, velocity, ToolFrame.BASE, null, null, "");
         }
 
-        /** The same with another {@code frame}. */
         public ToolJogRequest withFrame(ToolFrame frame) {
             return new ToolJogRequest(tool, word, velocity, frame, holdS, program, by);
         }
 
-        /** The same with another {@code holdS}. */
         public ToolJogRequest withHoldS(Double holdS) {
             return new ToolJogRequest(tool, word, velocity, frame, holdS, program, by);
         }
 
-        /** The same with another {@code program}. */
         public ToolJogRequest withProgram(String program) {
             return new ToolJogRequest(tool, word, velocity, frame, holdS, program, by);
         }
 
-        /** The same with another {@code by}. */
         public ToolJogRequest withBy(String by) {
             return new ToolJogRequest(tool, word, velocity, frame, holdS, program, by);
         }
@@ -1828,12 +1737,10 @@ public final class Messages {
             this(text, sha256, false, "");
         }
 
-        /** The same with another {@code onlyCheck}. */
         public WriteMachineFileRequest withOnlyCheck(boolean onlyCheck) {
             return new WriteMachineFileRequest(text, sha256, onlyCheck, by);
         }
 
-        /** The same with another {@code by}. */
         public WriteMachineFileRequest withBy(String by) {
             return new WriteMachineFileRequest(text, sha256, onlyCheck, by);
         }
