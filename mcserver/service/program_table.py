@@ -515,7 +515,10 @@ class ProgramTable:
         elif event.kind is EventKind.PASSED:
             program.progress.passed(event.line)
             self._progress.moved(program)
+        elif event.kind is EventKind.INPUT_WAIT:
+            program.waits_for = self._inputs[event.token]
         elif event.kind is EventKind.INPUT:
+            program.waits_for = ""
             name = self._inputs[event.token] if event.token < len(self._inputs) else ""
             value, waited = event.values
             message = f"{name} = {value:g} after {waited:.3f} s"
