@@ -117,7 +117,7 @@ class ExecutorEvent(msgspec.Struct, frozen=True, gc=False):
         axis: for FAULT: axis number, else -1.
         token: for SETTLED, HOMING and PROBED; for INPUT and INPUT_WAIT: column of the input; for PAUSED: mask
             of the columns that others may move until it is confirmed; of a FAULT before a switched zone: 1 if
-            it moved.
+            it moved; of STOPPED: 1 within a thread.
         values: for SETTLED: (setpoints (K,), encoder positions (K,)); for FAULT: (value, limit); for INPUT:
             (value, seconds that were waited).
     """

@@ -107,6 +107,7 @@ class StateBefore(msgspec.Struct, frozen=True):
             0 where it was stopped [m/s or rad/s]. torques: of axes under G1040 [N·m].
         outputs: values by column. scaled: columns of lasers whose power goes with the speed.
         ended: an M02 or M30 stands before the line. awaited: in the order of the program.
+        threads: lines whose axes followed the spindle.
     """
 
     modal: ModalState
@@ -119,6 +120,7 @@ class StateBefore(msgspec.Struct, frozen=True):
     ended: bool
     scaled: frozenset[int] = frozenset()
     awaited: tuple[Awaited, ...] = ()
+    threads: frozenset[int] = frozenset()
 
 
 def changes_between(

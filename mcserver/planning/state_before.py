@@ -72,6 +72,7 @@ class _Effects:
         self.torques: dict[int, float] = {}
         self.outputs = dict(enumerate(origin.outputs))
         self.scaled: set[int] = set()
+        self.threads: set[int] = set()
         # by the code that waited; one that sets no output and turns no spindle counts under ""
         self.awaited: dict[str, Awaited] = {}
 
@@ -109,6 +110,7 @@ class _Effects:
         elif isinstance(value, ProbeLine):
             self._lose(value.axes)
         elif isinstance(value, ThreadLine):
+            self.threads.add(value.line)
             self._place(value.axes, incremental=incremental)
         elif isinstance(value, OutputLine):
             for each in value.settings:
@@ -238,4 +240,5 @@ def state_before(
         scaled=frozenset(effects.scaled),
         ended=interpreter.ended,
         awaited=tuple(effects.awaited.values()),
+        threads=frozenset(effects.threads),
     )

@@ -336,6 +336,42 @@ def test_a_start_waits_for_what_the_lines_before_had_waited_for(
     assert ('to wait for the input "hot", 2 s at the most' in hints) is bool(waits)
 
 
+@pytest.mark.parametrize(
+    ("stop", "line"),
+    [("abort", "G33.1 Z-30 K1.5"), ("estop", "G84 Z-30 R20 F900"), ("kill", "G33 Z-30 K1.5")],
+)
+async def test_a_tool_that_may_stand_in_a_thread_is_not_moved_unasked(rig: Rig, stop: str, line: str) -> None:
+    spindle = axes_text([3], rotary=True, velocity=24000.0, acceleration=24000.0)
+    mill = machine(spindle + CNC + RECOVERY)
+    lines = ["F900", "G0 Z20", "M3 S600", line, "G0 Z20", "G0 X100"]
+    cell = await rig.started(mill)
+    program = await cell.begin(*lines)
+    await cell.until(lambda: cell.position(2) < 0.0)
+    if stop == "kill":
+        await cell.until(lambda: program.ack().done == 3)
+        cell = await rig.started(mill)
+    else:
+        if stop == "estop":
+            cell.service.latch.emergency_stop("ada", "a hand")
+        else:
+            cell.service.abort(program.program)
+        await cell.ended(program)
+        assert "stopped within the thread of line 4" in program.reason
+        assert -30 * MM < cell.position(2) < 0.0
+        cell.service.reset(None)
+    for at in (4, 6):
+        with pytest.raises(ServiceError) as refused:
+            await cell.service.continue_program(
+                "page", program.program, at, confirmed=Confirmed(outputs="leave")
+            )
+        assert (refused.value.code, "may stand in its thread" in refused.value.message) == ("MC592", True)
+    confirmed = Confirmed(way=True, outputs="set")
+    again = await cell.ended(
+        await cell.service.continue_program("page", program.program, confirmed=confirmed)
+    )
+    assert (again.state, again.fault) == ("finished", None)
+
+
 async def test_a_start_that_waits_in_vain_does_not_reach_the_work(rig: Rig) -> None:
     heated = machine(HEATER + RECOVERY)
     lines = ["G0 Z10", "M109 S210", "G1 X50 F6000", "G1 X150"]
