@@ -56,7 +56,7 @@ def later_words(kind: type[msgspec.Struct]) -> list[dict[str, Any]]:
 
 
 def refusals(kind: type[msgspec.Struct], *, sent_by_clients: bool) -> list[dict[str, Any]]:
-    """Bytes that are no such message; each is refused by the server's own decoder as MC500.
+    """Bytes that are no such message; each is refused by the server's own decoder as MC500 or MC511.
 
     Of what the server sends, bounds and numbers that are not finite are not among them: it sends none.
     """

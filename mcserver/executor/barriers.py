@@ -33,6 +33,11 @@ class BarrierFault(Exception):
 class Barrier:
     """One reason for u to stand."""
 
+    @property
+    def in_thread(self) -> bool:
+        """Whether its axes follow a spindle now: a tool is in a thread, or on its way into one."""
+        return False
+
     def before(self, left: float, held: bool) -> float | None:  # noqa: ARG002
         """Return how much of the cycle is left once this is passed [cycles]; None: it stands.
 

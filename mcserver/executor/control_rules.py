@@ -394,6 +394,7 @@ def _input(slot: ProgramSlot, control: Control, left: float, _waited: bool) -> B
     value = cycle.io.value(column)
     level = mode is (WaitMode.LOW if value == 0.0 else WaitMode.HIGH)
     if mode is not WaitMode.IMMEDIATE and not level:
+        cycle.emit(EventKind.INPUT_WAIT, slot.index, control.line, left, token=column)
         return InputWait(cycle, column, mode, control.seconds, report)
     report(value, 0.0, left)
     return None

@@ -87,6 +87,7 @@ class ProgramSlot:
         self._held = False
         self._stop_state = SlotState.STOPPED
         self._stop_line = 0
+        self._in_thread = False
         self._override = 1.0
         self._hold = False
         # an input has held the program, and nobody has resumed it since
@@ -225,6 +226,7 @@ class ProgramSlot:
             self.state = SlotState.STOPPING
             self._stop_line = self.line
             self._stop_state = state
+            self._in_thread = self.barrier is not None and self.barrier.in_thread
             self.barrier = None
             self.pending = None
             self.cycle.io.make_safe(self.index)
@@ -275,7 +277,7 @@ class ProgramSlot:
         self.state = self._stop_state
         self.line = 0
         self._drop()
-        cycle.emit(EventKind.STOPPED, self.index, self._stop_line)
+        cycle.emit(EventKind.STOPPED, self.index, self._stop_line, token=int(self._in_thread))
 
     def _drop(self) -> None:
         self.playback.drop()

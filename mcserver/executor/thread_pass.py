@@ -86,6 +86,10 @@ class ThreadPass(Barrier):
         self._states = np.zeros((len(columns), 3))
         self._fault: BarrierFault | None = None
 
+    @property
+    def in_thread(self) -> bool:
+        return self._played is not None
+
     def before(self, left: float, held: bool) -> float | None:
         """Let a cycle pass; all of ``left`` is left once the axes are at their targets."""
         if left <= 0.0 or self._measured.count == 0:

@@ -14,6 +14,7 @@ from mcclient.errors import MotionError, NobodyAnswers, RequestRefused
 from mcserver.gateway.session import GatewaySession, error_map
 from mcserver.gateway.tokens import Principal
 from mcserver.gateway.websocket import Sessions
+from mcserver.net.decoding import refusal_of
 from mcserver.net.messages import ErrorReply
 from mcserver.net.messages import Request as Message
 from mcserver.net.method_table import METHODS, Method
@@ -84,13 +85,13 @@ def _fields_of(message: type[Message], body: bytes) -> dict[str, Any]:
     """Return the fields of a message that a body holds as JSON.
 
     Raises:
-        RequestRefused: MC500 it is no such message, or has a field that the message lacks.
+        RequestRefused: MC500 it is no such message, or has a field that the message lacks; MC511.
     """
     try:
         given = msgspec.json.decode(body or b"{}", type=dict[str, Any])
         value = msgspec.json.decode(body or b"{}", type=message)
     except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as error:
-        raise RequestRefused("MC500", str(error), "see /openapi.json") from error
+        raise RequestRefused(*refusal_of(message, str(error))) from error
     # a field that is misspelt must not mean its default, such as every program
     unknown = given.keys() - set(message.__struct_fields__) | given.keys() & _OWN_FIELDS
     if unknown:

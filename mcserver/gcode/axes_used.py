@@ -13,7 +13,7 @@ from mcserver.machine.machine_file import Machine
 _ARC_AXES = frozenset((0, 1, 2))
 # what a profile computes or calls: its axes are known as it runs
 _COMPUTED = re.compile(r"#|\[(?!\d+\])|\bO\s*[<\d]|M0*98(?!\d)|G65(?!\d)", re.IGNORECASE)
-_SPINDLE = re.compile(r"M0*(?:[345]|19)(?!\d)", re.IGNORECASE)
+_SPINDLE = re.compile(r"M0*(?:[345]|19)(?!\d)|S\s*[-+.\d#\[]", re.IGNORECASE)
 
 
 def axes_used(text: str, machine: Machine) -> tuple[int, ...]:

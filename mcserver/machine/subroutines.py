@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from pathlib import Path
 
+from mcserver.machine.program_bytes import text_of_bytes
 from mcserver.machine.section_reader import Mistakes
 
 SUFFIXES = (".ngc", ".nc")
@@ -46,9 +47,12 @@ def read_subroutines(written: str, folder: Path | None, mistakes: Mistakes) -> d
         try:
             with path.open("rb") as file:
                 content = file.read(room + 1)
-            text = content.decode("utf-8")
-        except (OSError, UnicodeDecodeError) as error:
-            mistakes.add(_PATH, f"{path.name} cannot be read: {error}", "save it as UTF-8")
+        except OSError as error:
+            mistakes.add(_PATH, f"{path.name} cannot be read: {error.strerror}", "let the server read it")
+            continue
+        text = text_of_bytes(content)
+        if text is None:
+            mistakes.add(_PATH, f"{path.name} is no text", "save it as UTF-8, or take it out of the folder")
             continue
         room -= len(content)
         if room < 0 or len(found) == MOST_FILES:

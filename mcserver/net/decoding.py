@@ -13,6 +13,14 @@ from mcserver.errors import ServiceError
 
 # where in a message, as msgspec says it: `$.lines[...]`
 _PLACE = re.compile(r" - at `\$\.?(.*?)`")
+# what it says of a value of the right type that is beyond a bound
+_BEYOND = re.compile(r"Expected `\w+` (?:of length )?[<>]=? |matching regex|Invalid enum value")
+
+# of fields whose text has a pattern
+_IN_WORDS = {
+    "sha256": "the hexadecimal SHA-256 of the text; of a run that waits at least its first 8 (mcctl arm)",
+    "program": "the id of a program: mcctl programs lists them",
+}
 
 T = TypeVar("T", bound=msgspec.Struct)
 
@@ -33,27 +41,58 @@ class MessageDecoder(Generic[T]):
         """Decode a message.
 
         Raises:
-            ServiceError: MC500, and nothing else, whatever the bytes are.
+            ServiceError: MC500 or MC511, and nothing else, whatever the bytes are.
         """
         try:
             message = self._decode(payload)
         # not only msgspec's errors: invalid UTF-8 is a UnicodeDecodeError, deep nesting a RecursionError
         except Exception as error:
-            raise self._refusal(str(error)) from error
+            raise ServiceError(*refusal_of(self._kind, str(error))) from error
         if self._numbers:
             name = _not_finite(message, self._numbers)
             if name:
-                raise self._refusal(f"{name} is not a finite number")
+                raise ServiceError("MC511", f"{name} is not a finite number", "give a number")
         return message
 
-    def _refusal(self, why: str) -> ServiceError:
-        name = self._kind.__name__
-        what = _PLACE.sub(lambda found: f" in {found[1]}" if found[1] else "", why)
-        return ServiceError(
+
+def refusal_of(kind: type[msgspec.Struct], why: str) -> tuple[str, str, str]:
+    """Return code, message and remedy of a payload that msgspec has refused.
+
+    Args:
+        kind: the message that it was to be. why: msgspec's words.
+
+    Returns:
+        MC511 for a value beyond the bounds of its field, MC500 for what is no such message.
+    """
+    place = _PLACE.search(why)
+    what = _PLACE.sub(lambda found: f" in {found[1]}" if found[1] else "", why)
+    if place is None or not place[1] or not _BEYOND.search(why):
+        return (
             "MC500",
-            f"the message is no {name}: {what}",
-            "client and server may be of different versions; docs/wire describes each message",
+            f"the message is no {kind.__name__}: {what}",
+            "give each field as docs/wire describes it; client and server may be of different versions",
         )
+    name = re.split(r"[.\[]", place[1])[0]
+    wanted = _wanted(kind, name)
+    if wanted:
+        return "MC511", f"{place[1]} is beyond what it may be", f"give {wanted}"
+    return "MC511", f"a value beyond its bounds: {what}", f"{kind.__name__} of docs/wire has them"
+
+
+def _wanted(kind: type[msgspec.Struct], name: str) -> str:
+    """Return in words what a field may be, all of its values or those of its name; empty: neither."""
+    described = msgspec.inspect.type_info(kind)
+    assert isinstance(described, msgspec.inspect.StructType)
+    types = [field.type for field in described.fields if field.encode_name == name]
+    for each in types:
+        match each:
+            case msgspec.inspect.UnionType(types=parts):
+                types += parts
+            case msgspec.inspect.LiteralType(values=values):
+                return " or ".join(repr(value) for value in values)
+            case msgspec.inspect.StrType(pattern=str()):
+                return _IN_WORDS.get(name, "")
+    return ""
 
 
 def _fields_with_floats(kind: type[msgspec.Struct]) -> tuple[str, ...]:

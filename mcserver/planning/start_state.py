@@ -16,7 +16,7 @@ from mcserver.gcode.profiles.frame import Frame, tool_table
 from mcserver.gcode.semantics.modal import ModalState
 from mcserver.gcode.switches import AS_WRITTEN, Switches
 from mcserver.gcode.text.words import AXIS_LETTERS
-from mcserver.machine.dialect_section import Cutter
+from mcserver.machine.dialect_section import CodeWait, Cutter
 from mcserver.machine.machine_file import Machine
 from mcserver.units import MM
 
@@ -83,6 +83,19 @@ class StartState(msgspec.Struct, frozen=True):
         return msgspec.structs.replace(self, positions={**self.positions, **positions})
 
 
+class Awaited(msgspec.Struct, frozen=True):
+    """An input that lines had waited for by ``[dialect.waits]``, while what it answers for has stayed on, or
+    off.
+
+    Attributes:
+        wait: input and times. outputs: columns that the code had set. spindle: axis that it turned.
+    """
+
+    wait: CodeWait
+    outputs: frozenset[int]
+    spindle: int | None = None
+
+
 class StateBefore(msgspec.Struct, frozen=True):
     """The state before a line of a program.
 
@@ -93,7 +106,8 @@ class StateBefore(msgspec.Struct, frozen=True):
         energized: axes that hold a position or follow a command. speeds: of axes under G1030 or the spindle,
             0 where it was stopped [m/s or rad/s]. torques: of axes under G1040 [N·m].
         outputs: values by column. scaled: columns of lasers whose power goes with the speed.
-        ended: an M02 or M30 stands before the line.
+        ended: an M02 or M30 stands before the line. awaited: in the order of the program.
+        threads: lines whose axes followed the spindle.
     """
 
     modal: ModalState
@@ -105,6 +119,8 @@ class StateBefore(msgspec.Struct, frozen=True):
     outputs: Mapping[int, float]
     ended: bool
     scaled: frozenset[int] = frozenset()
+    awaited: tuple[Awaited, ...] = ()
+    threads: frozenset[int] = frozenset()
 
 
 def changes_between(

@@ -6,14 +6,18 @@ from collections.abc import Iterable
 from itertools import islice
 
 import msgspec
+import numpy as np
 from mckinematics.pose import Kinematics
 
 from mcserver.errors import Diagnostic, ProgramRejected
 from mcserver.gcode.computing.machine_values import Source
 from mcserver.gcode.computing.macro_expansion import expansion_of
+from mcserver.gcode.profiles.codes import SPINDLE
 from mcserver.gcode.semantics.interpreter import Interpreter, without_pause
 from mcserver.gcode.text.line_window import LineWindow
 from mcserver.gcode.text.parser import ParsedLine
+from mcserver.gcode.text.profile_words import Action
+from mcserver.machine.dialect_section import Dialect
 from mcserver.machine.machine_file import Machine
 from mcserver.motion.canonical import (
     AxisLine,
@@ -30,7 +34,7 @@ from mcserver.motion.canonical import (
     ThreadLine,
     TorqueGroup,
 )
-from mcserver.planning.start_state import PauseEnd, StartState, StateBefore
+from mcserver.planning.start_state import Awaited, PauseEnd, StartState, StateBefore
 
 
 class _Pauses:
@@ -68,6 +72,23 @@ class _Effects:
         self.torques: dict[int, float] = {}
         self.outputs = dict(enumerate(origin.outputs))
         self.scaled: set[int] = set()
+        self.threads: set[int] = set()
+        # by the code that waited; one that sets no output and turns no spindle counts under ""
+        self.awaited: dict[str, Awaited] = {}
+
+    def wait(self, actions: Iterable[Action], dialect: Dialect) -> None:
+        """Follow what the codes of a line wait for, behind what they set."""
+        for action in actions:
+            code, wait = action.code, dialect.waits.get(action.code)
+            if code in SPINDLE or code == "M19":
+                for each in SPINDLE:
+                    self.awaited.pop(each, None)
+            if wait is None:
+                continue
+            outputs = frozenset(each.column for each in dialect.outputs.get(code, ()))
+            key = code if outputs or code in SPINDLE else ""
+            self.awaited.pop(key, None)
+            self.awaited[key] = Awaited(wait, outputs, dialect.spindle if code in SPINDLE else None)
 
     def take(self, value: Canonical | PathBatch, *, incremental: bool) -> None:
         """Follow a value; ``incremental``: the ends of its moves are increments."""
@@ -79,17 +100,30 @@ class _Effects:
                 self._lose(value.axes)
         elif isinstance(value, PathBatch):
             self._place(value.axes, incremental=incremental)
+            if value.outputs is not None:
+                given = value.outputs.values[np.isfinite(value.outputs.values)]
+                for column, scaled in value.outputs.outputs if given.size else ():
+                    self._set(column, float(given[-1]), scaled=scaled)
         elif isinstance(value, MotionLine):
             for group in value.groups:
                 self._group(group, incremental=incremental)
         elif isinstance(value, ProbeLine):
             self._lose(value.axes)
         elif isinstance(value, ThreadLine):
+            self.threads.add(value.line)
             self._place(value.axes, incremental=incremental)
         elif isinstance(value, OutputLine):
             for each in value.settings:
-                self.outputs[each.column] = each.value
-                (self.scaled.add if each.scaled and each.value else self.scaled.discard)(each.column)
+                self._set(each.column, each.value, scaled=each.scaled)
+
+    def _set(self, column: int, value: float, *, scaled: bool) -> None:
+        if bool(value) is not bool(self.outputs.get(column)):
+            # an input that said "hot" of a heater says nothing of one that is off
+            gone = [code for code, each in self.awaited.items() if column in each.outputs]
+            for code in gone:
+                del self.awaited[code]
+        self.outputs[column] = value
+        (self.scaled.add if scaled and value else self.scaled.discard)(column)
 
     def _group(self, group: Group, *, incremental: bool) -> None:
         if isinstance(group, DwellGroup):
@@ -177,6 +211,8 @@ def state_before(
             polar = parsed.profile is not None and parsed.profile.polar
             for value in values:
                 effects.take(value, incremental=polar or interpreter.modal.builds_on_places)
+            if parsed.profile is not None:
+                effects.wait(parsed.profile.actions, machine.dialect)
     pauses.stood_at(number)
     compensation = interpreter.compensation
     if compensation is not None:
@@ -203,4 +239,6 @@ def state_before(
         outputs=effects.outputs,
         scaled=frozenset(effects.scaled),
         ended=interpreter.ended,
+        awaited=tuple(effects.awaited.values()),
+        threads=frozenset(effects.threads),
     )

@@ -11,7 +11,7 @@ from mcserver.errors import ServiceError
 from mcserver.gcode.semantics.program_units import motor_rpm
 from mcserver.machine.machine_file import Axis, Machine, axis_name
 from mcserver.machine.recovery_section import Recovery
-from mcserver.planning.start_state import StartState, StateBefore
+from mcserver.planning.start_state import Awaited, StartState, StateBefore
 
 # Share of an axis's velocity where the machine file gives none.
 SHARE = 0.1
@@ -100,7 +100,9 @@ class Approach(msgspec.Struct, frozen=True):
         energize: axes that are energized first. axes: all of the program. way: in order; without one the
             axes are there. switched: what the program had switched otherwise. needs: what has to be answered
             first.
-        lines: the way as text in machine coordinates. lines_with_outputs: with what is switched too.
+        lines: the way as text in machine coordinates. lines_with_outputs: with what is switched too. Both
+            wait for the inputs of ``[dialect.waits]``, ``lines`` only for those whose outputs are as the
+            program had them.
     """
 
     energize: tuple[int, ...]
@@ -149,19 +151,28 @@ def plan_approach(machine: Machine, state: StateBefore, now: StartState, lease: 
         recovery = None
     moves = _moves(recovery, away_known, known)
     switched, switching = _switched(machine, state, now, leased)
-    settle = 2.0 if recovery is None else recovery.settle_s
+    waiting = [each for each in state.awaited if _is_as_it_was(each, state, now)]
+    if switching:
+        settle = 2.0 if recovery is None else recovery.settle_s
+        settle = max([settle, *(each.wait.settle for each in state.awaited)])
+        switching += [f"G04 P{settle:g}", *_waits(machine, state.awaited)]
+    else:
+        switching = _waits(machine, waiting)
     # what turns has to turn before the axes go down to the work
     at = len(moves) - 1 if moves and recovery is not None and recovery.safe_axis is not None else 0
-    codes, with_outputs, place = [], [], dict(now.positions)
-    for number, move in enumerate(moves):
-        if number == at and switching:
-            with_outputs += [*switching, f"G04 P{settle:g}"]
+    codes: list[str] = []
+    with_outputs: list[str] = []
+    place = dict(now.positions)
+    for move in moves[:at]:
+        codes.append(move.code(machine, recovery, place))
+        place.update(move.targets)
+    with_outputs += [*codes, *switching]
+    codes += _waits(machine, waiting)
+    for move in moves[at:]:
         code = move.code(machine, recovery, place)
         place.update(move.targets)
         codes.append(code)
         with_outputs.append(code)
-    if switching and not moves:
-        with_outputs += [*switching, f"G04 P{settle:g}"]
     # within tolerance, yet increments start from the very place
     rest = {axis: end for axis, end in known.items() if abs(end - place[axis]) > SAME}
     if rest:
@@ -172,7 +183,11 @@ def plan_approach(machine: Machine, state: StateBefore, now: StartState, lease: 
     return Approach(
         energize=energize,
         axes=tuple(starts),
-        way=tuple(move.step(machine) for move in moves),
+        way=(
+            *(move.step(machine) for move in moves[:at]),
+            *(WayStep(text) for text in _said(machine, waiting)),
+            *(move.step(machine) for move in moves[at:]),
+        ),
         switched=tuple(switched),
         needs=tuple(_needs(machine, state, now, starts, switched, by_machine=recovery is not None)),
         lines=(*capture, *codes),
@@ -256,6 +271,24 @@ def _switched(
     return found, codes
 
 
+def _is_as_it_was(each: Awaited, state: StateBefore, now: StartState) -> bool:
+    turns = each.spindle is not None and state.speeds.get(each.spindle)
+    return not turns and all(state.outputs.get(column) == now.outputs[column] for column in each.outputs)
+
+
+def _waits(machine: Machine, awaited: Iterable[Awaited]) -> list[str]:
+    waits = [each.wait for each in awaited]
+    return [f"M66 P{machine.inputs[each.column].number} L3 Q{each.timeout:.9f}" for each in waits]
+
+
+def _said(machine: Machine, awaited: Iterable[Awaited]) -> list[str]:
+    waits = [each.wait for each in awaited]
+    return [
+        f'wait for the input "{machine.inputs[each.column].name}", {each.timeout:g} s at the most'
+        for each in waits
+    ]
+
+
 def _needs(
     machine: Machine,
     state: StateBefore,
@@ -296,11 +329,10 @@ def _needs(
         needs.append(Need("MC592", message, hint, "way"))
     if switched:
         names = ", ".join(f"{each.name} {each.there:g} {each.unit}".rstrip() for each in switched)
-        needs.append(
-            Need(
-                "MC593", f"the program had switched {names}", "say whether to set or to leave them", "outputs"
-            )
-        )
+        answered = [each for each in state.awaited if not _is_as_it_was(each, state, now)]
+        then = "".join(f", to {text}," for text in _said(machine, answered))
+        hint = f"say whether to set them{then} or to leave them"
+        needs.append(Need("MC593", f"the program had switched {names}", hint, "outputs"))
     if state.scaled:
         names = ", ".join(machine.outputs[column].name for column in sorted(state.scaled))
         message = f"before this line M4 scales {names} with the speed, which no start in its midst sets up"

@@ -8,7 +8,7 @@ from collections.abc import Mapping, Sequence
 
 from mcserver.errors import Refused
 from mcserver.executor.entries import Control, ControlKind
-from mcserver.machine.machine_file import Axis
+from mcserver.machine.machine_file import Axis, axis_name
 from mcserver.motion.canonical import AxisOperation
 from mcserver.service.axes_of_requests import axes_of, axis_of
 from mcserver.service.program import Program
@@ -62,7 +62,8 @@ class HomingService:
         """Say where axes are [m or rad]; nothing moves. Returns once it is done.
 
         Raises:
-            ServiceError: MC455 an axis without ``[axis.homing]``, MC458 it moves, MC507, MC511, MC512.
+            ServiceError: MC455 an axis without ``[axis.homing]``, MC458 it moves, MC507, MC511, MC512, MC596
+                an axis that finds its reference itself.
         """
         if not positions:
             raise Refused("MC511", "a reference names no axis", "give axes and positions")
@@ -75,6 +76,14 @@ class HomingService:
                     "MC455",
                     f"axis {index} has no [axis.homing]: its encoder's reading is its position",
                     'add [axis.homing] with method = "manual" or "absolute" to the machine file',
+                    axis=index,
+                )
+            if axis.homing.finds:
+                raise Refused(
+                    "MC596",
+                    f'axis {index} finds its reference by itself (method "{axis.homing.method}"): a place'
+                    " that is said by hand is not it",
+                    f'mcctl home {axis_name(index)}; with method = "manual" its place is said by hand',
                     axis=index,
                 )
             if not math.isfinite(position):

@@ -110,6 +110,8 @@ class Program:
         # what lines say to the operator once the program has come there, and what was said last
         self.messages: deque[tuple[int, str]] = deque(maxlen=MESSAGES)
         self.notice = ""
+        # the input that it waits for; empty: for none
+        self.waits_for = ""
         self.closed = False
         self.held = False
         # the place in `Clearance.switches` of what has switched on a zone before it; None: nothing has since
@@ -204,6 +206,7 @@ class Program:
             simulated=self.clock.simulated,
             pauses=0 if self.ended else self.clock.pauses,
             notice=self.notice,
+            waits_for="" if self.over else self.waits_for,
             fault=self.fault,
             rejected=self.rejected,
             diagnostics=self.diagnostics,

@@ -11,6 +11,8 @@ from collections.abc import Callable, Sequence
 from functools import partial
 from typing import Any
 
+import msgspec
+
 from mcserver.clearance.mounted import Mounted
 from mcserver.errors import Diagnostic
 from mcserver.executor.entries import EventKind, ExecutorEvent
@@ -514,7 +516,10 @@ class ProgramTable:
         elif event.kind is EventKind.PASSED:
             program.progress.passed(event.line)
             self._progress.moved(program)
+        elif event.kind is EventKind.INPUT_WAIT:
+            program.waits_for = self._inputs[event.token]
         elif event.kind is EventKind.INPUT:
+            program.waits_for = ""
             name = self._inputs[event.token] if event.token < len(self._inputs) else ""
             value, waited = event.values
             message = f"{name} = {value:g} after {waited:.3f} s"
@@ -531,7 +536,17 @@ class ProgramTable:
             program.progress.passed(event.line)
             self._end(program, program.ended_as)
         elif event.kind is EventKind.STOPPED:
+            if event.token:
+                self._say_in_thread(program, event.line)
             self._end(program, "aborted" if program.ended_as == "finished" else program.ended_as)
+
+    def _say_in_thread(self, program: Program, line: int) -> None:
+        """Say that a program was stopped where a tool may stand in a thread: axes by themselves break it."""
+        said = f"it was stopped within the thread of line {line}: get the tool out before an axis moves"
+        program.reason = f"{program.reason}; {said}" if program.reason else said
+        if program.fault is not None:
+            hint = f"{program.fault.hint}; {said}" if program.fault.hint else said
+            program.fault = msgspec.structs.replace(program.fault, hint=hint)
 
     def _fault(self, event: ExecutorEvent, program: Program | None) -> None:
         fault = fault_of(event, None if program is None else program.program, self._inputs, self._outputs)

@@ -7,7 +7,7 @@ from collections.abc import Awaitable, Callable, Sequence
 
 import msgspec
 
-from mcserver.errors import Refused
+from mcserver.errors import ProgramRejected, Refused, ServiceError
 from mcserver.gcode.profiles.codes import SYSTEM_NUMBERS
 from mcserver.gcode.profiles.frame import Frame
 from mcserver.gcode.semantics.modal import ModalState
@@ -24,6 +24,7 @@ from mcserver.service.journal_reader import (
     read_recorded,
 )
 from mcserver.service.program_table import ProgramTable
+from mcserver.service.reports import ProgramStatus
 
 # Work offsets that differ by less are the same [m or rad].
 SAME_OFFSET = 1e-9
@@ -37,13 +38,15 @@ class Start(msgspec.Struct, frozen=True):
     Attributes:
         before: the lines before it. state: behind them; None: nothing is before it.
         origin: the machine as the program began; None: that is not known, and counts as it is now.
-        switches: of the operator.
+        switches: of the operator. thread: line in whose thread the program may have been broken off; 0:
+            none.
     """
 
     before: Sequence[str]
     state: StateBefore | None
     origin: StartState | None
     switches: Switches
+    thread: int = 0
 
 
 class Recovering:
@@ -132,8 +135,10 @@ class Recovering:
             ProgramRejected: a line before it has a fault.
         """
         origin: StartState | None = None
+        broken_off: RecordedProgram | None = None
         if program is not None:
-            origin = (await self.recorded(program, last=False)).origin
+            broken_off = await self.recorded(program, last=False)
+            origin = broken_off.origin
             if line > 1 and not before:
                 before = await asyncio.to_thread(read_lines_before, self._path, program, line)
         if before and len(before) != line - 1:
@@ -156,12 +161,38 @@ class Recovering:
             return Start(before, None, origin, switches)
         begun = origin or self._table.start_state(switches=switches)
         state = await asyncio.to_thread(self._planning.state_before, before, begun, frozenset(axes))
-        return Start(before, state, origin, switches)
+        thread = 0 if broken_off is None else await self._thread_of(broken_off.status, begun)
+        return Start(before, state, origin, switches, thread)
+
+    async def _thread_of(self, status: ProgramStatus, begun: StartState) -> int:
+        """Return the line within whose thread a program may have been broken off; 0: there is none.
+
+        What was under way is the line behind the last that is certain, or one that had begun.
+        """
+        if self._machine.dialect.spindle is None:
+            return 0
+        last = min(max(status.line, status.done + 1), status.accepted)
+        try:
+            lines = await asyncio.to_thread(read_lines_before, self._path, status.program, last + 1)
+            found = await asyncio.to_thread(self._planning.state_before, lines, begun, frozenset(status.axes))
+        except (ServiceError, ProgramRejected):
+            # a line that is refused has not moved
+            return 0
+        return max((line for line in found.threads if line > status.done), default=0)
 
     def plan(self, start: Start, axes: Sequence[int]) -> Approach:
         """Plan the way from where the axes are now to where a start has them."""
         assert start.state is not None
         approach = plan_approach(self._machine, start.state, self._table.start_state(), axes)
+        if start.thread and any(step.targets for step in approach.way):
+            need = Need(
+                "MC592",
+                f"the program was broken off at line {start.thread}, whose axes follow the spindle: the tool"
+                " may stand in its thread",
+                "get it out by hand, then confirm the way",
+                "way",
+            )
+            approach = msgspec.structs.replace(approach, needs=(need, *approach.needs))
         if start.origin is None or start.state.modal.frame is None:
             return approach
         differing = self._differing_offsets(start.state.modal.frame)

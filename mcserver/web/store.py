@@ -10,6 +10,7 @@ from pathlib import Path
 import msgspec
 
 from mcserver.errors import ServiceError
+from mcserver.machine.program_bytes import text_of_bytes
 from mcserver.web.translation import mark
 
 MAX_PROGRAM_BYTES = 256 * 1024 * 1024
@@ -18,19 +19,15 @@ _NAME = re.compile(r"[^/\x00-\x1f\\]{1,120}")
 
 
 def text_of(name: str, content: bytes) -> str:
-    """Return a program's text: UTF-8, or Latin-1 as older CAM systems write comments; code is ASCII in both.
+    """Return a program's text (`text_of_bytes`).
 
     Raises:
         ServiceError: MC061 it is no text.
     """
-    try:
-        return content.decode("utf-8-sig")
-    except UnicodeDecodeError:
-        pass
-    # what no text has: a file of another kind
-    if b"\0" in content:
+    text = text_of_bytes(content)
+    if text is None:
         raise ServiceError("MC061", mark("{name} is no text", name=name), mark("is it the right file?"))
-    return content.decode("cp1252", "replace")
+    return text
 
 
 class StoredProgram(msgspec.Struct, frozen=True):

@@ -49,6 +49,11 @@ def test_a_queued_run_says_what_it_waits_for_and_on_which_axes() -> None:
     assert behind(program("job.gcode", (0,), "running", 5.0), (running,)) == ""
 
 
+def test_a_run_says_for_which_input_it_waits() -> None:
+    assert snapshot("running", waits_for="hot").shown_state == "waits for the input hot"
+    assert snapshot("held", waits_for="hot").shown_state == "held"
+
+
 def test_a_server_that_is_gone_is_said_instead_of_running(capsys: pytest.CaptureFixture[str]) -> None:
     display = PlainDisplay("job.gcode", clock=lambda: 0.0)
     display.update(snapshot("running"))

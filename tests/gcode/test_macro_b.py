@@ -207,13 +207,16 @@ M99""".splitlines()
 
 
 def test_a_start_behind_a_call_of_what_is_not_there_yet_is_refused() -> None:
-    lines = ["F600", "M98 P8", "G1 X1", "M30"]
-    with pytest.raises(ProgramRejected) as refused:
-        state_before(lines, 3, MACHINE, StartState.of(MACHINE))
-    assert (refused.value.diagnostics[0].code, refused.value.diagnostics[0].hint) == (
-        "MC167",
-        "start at line 2",
-    )
+    for line, what, way in (
+        ("M98 P8", "O8", ", or put O8 into [dialect] subroutines"),
+        ("GOTO 30", "block N30", ""),
+        ("WHILE [1 GT 2] DO1", "the END of a loop", ""),
+    ):
+        with pytest.raises(ProgramRejected) as refused:
+            state_before(["F600", line, "G1 X1", "M30"], 3, MACHINE, StartState.of(MACHINE))
+        (found,) = refused.value.diagnostics
+        assert (found.code, found.hint) == ("MC167", f"start at line 2 or before it{way}")
+        assert f"goes by {what}, which stands behind the line to start at" in found.message
 
 
 def test_garbage_is_refused_and_never_breaks() -> None:

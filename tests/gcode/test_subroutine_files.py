@@ -107,6 +107,19 @@ def test_only_a_folder_beside_the_machine_file_is_read(
         parse_machine(text, folder=tmp_path)
 
 
+def test_comments_in_latin_1_are_read_and_what_is_no_text_is_named(
+    load: Callable[..., Machine], tmp_path: Path
+) -> None:
+    load(drill__ngc=DRILL)
+    file = tmp_path / "subs" / "drill.ngc"
+    file.write_bytes(f"(Werkst\u00fcck)\n{DRILL}".encode("latin-1"))
+    assert load().dialect.subroutines["drill"].startswith("(Werkst\u00fcck)")
+    file.write_bytes(b"\xff\0")
+    with pytest.raises(ConfigurationError, match=r"drill\.ngc is no text") as refused:
+        load()
+    assert "codec" not in str(refused.value)
+
+
 def test_files_that_cannot_be_called_or_are_too_many_are_refused(
     load: Callable[..., Machine], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -117,7 +130,7 @@ def test_files_that_cannot_be_called_or_are_too_many_are_refused(
     (tmp_path / "subs" / "link.ngc").unlink()
     with pytest.raises(ConfigurationError, match="cannot be called"):
         load(DRILL__nc=DRILL)
-    (tmp_path / "subs" / "DRILL.nc").write_bytes(b"\xff")
+    (tmp_path / "subs" / "DRILL.nc").unlink()
     monkeypatch.setattr(subroutines, "MOST_BYTES", 10)
     with pytest.raises(ConfigurationError, match="more than"):
         load()

@@ -128,10 +128,10 @@ async def test_a_value_is_written_once_however_often_it_is_asked(
     [
         ({"index": 0x6041}, "MC511"),
         ({"index": 0x6041, "axis": 1, "node": 3}, "MC511"),
-        ({"index": 0x10000, "axis": 1}, "MC500"),
-        ({"index": 0x6041, "subindex": 256, "axis": 1}, "MC500"),
-        ({"index": 0x6041, "axis": 1, "type": "u7"}, "MC500"),
-        ({"index": 0x6041, "node": 0}, "MC500"),
+        ({"index": 0x10000, "axis": 1}, "MC511"),
+        ({"index": 0x6041, "subindex": 256, "axis": 1}, "MC511"),
+        ({"index": 0x6041, "axis": 1, "type": "u7"}, "MC511"),
+        ({"index": 0x6041, "node": 0}, "MC511"),
     ],
 )
 async def test_requests_that_name_no_object_of_one_drive_are_refused(

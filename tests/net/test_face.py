@@ -107,9 +107,13 @@ async def test_an_unknown_method_is_refused_with_those_there_are(client: WireCli
 
 async def test_a_payload_that_does_not_fit_is_refused_with_its_field(client: WireClient) -> None:
     with pytest.raises(ErrorAnswer) as refused:
-        await client.call("submit", program="x", first=0, lines=["move"])
+        await client.call("submit", program="x", first="one", lines=["move"])
     assert refused.value.code == "MC500"
     assert refused.value.body["message"].endswith(" in first")
+    with pytest.raises(ErrorAnswer) as refused:
+        await client.call("submit", program="x", first=0, lines=["move"])
+    assert refused.value.code == "MC511"
+    assert refused.value.body["message"].endswith(" >= 1 in first")
 
 
 async def test_a_faulty_line_is_answered_with_its_diagnostic(client: WireClient) -> None:

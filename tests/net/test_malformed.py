@@ -10,6 +10,7 @@ import pytest
 import zenoh
 
 from mcserver.errors import ServiceError
+from mcserver.net.arming_messages import ArmRequest
 from mcserver.net.decoding import MessageDecoder
 from mcserver.net.defects import DefectLog
 from mcserver.net.inbox import Inbox
@@ -21,6 +22,7 @@ from mcserver.net.messages import (
     OverrideRequest,
     StreamLines,
 )
+from mcserver.net.recovery_messages import ContinueRequest
 from tests.net.client import ErrorAnswer, WireClient
 from tests.net.conftest import Rig
 
@@ -52,8 +54,25 @@ def test_numbers_that_pass_every_bound_are_refused(number: float) -> None:
         (OverrideRequest, {"percent": number}),
         (CheckRequest, {"text": "G90", "positions": {"0": number}}),
     ):
-        with pytest.raises(ServiceError, match="MC500"):
+        with pytest.raises(ServiceError, match="MC511"):
             MessageDecoder(kind)(msgspec.msgpack.encode(body))
+
+
+@pytest.mark.parametrize(
+    ("kind", "body", "message", "hint"),
+    [
+        (OverrideRequest, {"percent": 300}, "<= 200.0 in percent", "OverrideRequest of docs/wire"),
+        (ArmRequest, {"sha256": "part.gcode"}, "sha256 is beyond", "at least its first 8 (mcctl arm)"),
+        (ContinueRequest, {"program": "a", "outputs": "st"}, "outputs is beyond", "'leave' or 'set'"),
+    ],
+)
+def test_a_value_beyond_its_bounds_is_refused_with_what_it_may_be(
+    kind: type[msgspec.Struct], body: dict[str, object], message: str, hint: str
+) -> None:
+    with pytest.raises(ServiceError, match="MC511: ") as refused:
+        MessageDecoder(kind)(msgspec.msgpack.encode(body))
+    assert message in refused.value.message
+    assert hint in refused.value.hint
 
 
 @pytest.mark.parametrize("payload", GARBAGE)

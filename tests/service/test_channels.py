@@ -19,7 +19,9 @@ from mcserver.service.reports import Event
 from mcserver.service.service import MachineService
 from mcserver.service.service_options import ServiceOptions
 from mcserver.simulation.virtual_executor import VirtualExecutor
+from tests.machine_text import axes_text
 from tests.service.fakes import FakePipelines, FakePort, three_axes
+from tests.service.virtual_cell import VirtualCell
 
 CHANNELS = """
 [[bus]]
@@ -257,3 +259,18 @@ async def test_a_machine_without_channels_has_none(tmp_path: Path) -> None:
     assert service.channels.inputs(port.snapshot()) == []
     assert refusal(service.set_output, "lamp", True) == "MC445"
     await service.stop()
+
+
+async def test_a_program_says_for_which_input_it_waits(tmp_path: Path) -> None:
+    text = f'[machine]\nname = "oven"\n{axes_text()}[[input]]\nnumber = 0\nname = "hot"\n'
+    cell = VirtualCell(parse_machine(text), tmp_path)
+    program = await cell.begin("G1010", "M66 P0 L3 Q9999", "M66 P0 L3 Q9", "G1 X20 F6000")
+    await cell.until(lambda: bool(program.waits_for))
+    assert (program.state, program.status().waits_for) == ("running", "hot")
+    cell.service.channels.set_input("hot", 1.0)
+    await cell.ended(program)
+    assert (program.state, program.status().waits_for) == ("finished", "")
+    cell.service.channels.set_input("hot", 0.0)
+    in_vain = await cell.run("G1010", "M66 P0 L3 Q0.5")
+    assert (in_vain.state, in_vain.status().waits_for) == ("faulted", "")
+    await cell.stop()

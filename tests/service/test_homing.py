@@ -104,6 +104,8 @@ async def test_what_cannot_be_homed_or_referred_is_refused(cell: VirtualCell) ->
     assert await refused(cell, lambda each: each.homing.home("test", [4])) == "MC455"
     assert await refused(cell, lambda each: each.homing.home("test", [9])) == "MC507"
     assert await refused(cell, lambda each: each.homing.reference("test", {4: 0.0})) == "MC455"
+    assert await refused(cell, lambda each: each.homing.reference("test", {2: 0.0, 1: 0.0})) == "MC596"
+    assert cell.homed() == [False, False, False, False, True]
     assert await refused(cell, lambda each: each.homing.reference("test", {9: 0.0})) == "MC507"
     assert await refused(cell, lambda each: each.homing.reference("test", {})) == "MC511"
     assert await refused(cell, lambda each: each.homing.reference("test", {2: float("nan")})) == "MC511"

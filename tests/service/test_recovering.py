@@ -11,7 +11,9 @@ import pytest
 from mcserver.errors import Refused, ServiceError
 from mcserver.gcode.switches import AS_WRITTEN, Switches
 from mcserver.machine.machine_file import Machine, parse_machine
-from mcserver.service.approach import Approach, Confirmed
+from mcserver.planning.start_state import StartState
+from mcserver.planning.state_before import state_before
+from mcserver.service.approach import Approach, Confirmed, plan_approach
 from mcserver.service.program import Program
 from mcserver.service.reports import Event
 from mcserver.service.servo import open_servo
@@ -293,6 +295,94 @@ async def test_what_was_switched_on_is_named_and_set_only_where_somebody_says_so
     assert program.state == "finished"
     snapshot = cell.service.port.snapshot()
     assert (snapshot.outputs, snapshot.states[3]) == ([1.0], "speed")
+
+
+HEATER = (
+    '[dialect]\nprofile = "cnc"\n[dialect.outputs]\nM104 = { hotend = "S" }\nM109 = { hotend = "S" }\n'
+    "M10 = { clamp = true }\nM11 = { clamp = false }\n"
+    '[dialect.waits]\nM109 = { input = "hot", for_s = 2 }\nM10 = { input = "clamped", for_s = 5 }\n'
+    'M11 = { input = "open", for_s = 5 }\n'
+    '[[output]]\nnumber = 0\nname = "hotend"\nkind = "analog"\nmax = 300.0\n'
+    '[[output]]\nnumber = 0\nname = "clamp"\n'
+    '[[input]]\nnumber = 3\nname = "hot"\n[[input]]\nnumber = 4\nname = "clamped"\n'
+    '[[input]]\nnumber = 5\nname = "open"\ninitial = true\n'
+)
+
+
+@pytest.mark.parametrize(
+    ("lines", "waits", "said"),
+    [
+        (["M109 S210"], ["M66 P3 L3 Q2.000000000"], False),
+        # the next layer is a little cooler, and cold is still not hot
+        (["M109 S215", "M104 S210", "M66 P4 L0"], ["M66 P3 L3 Q2.000000000"], False),
+        (["M109 S215", "M104 S0"], [], False),
+        (["M10", "M109 S210", "M11"], ["M66 P3 L3 Q2.000000000", "M66 P5 L3 Q5.000000000"], True),
+    ],
+)
+def test_a_start_waits_for_what_the_lines_before_had_waited_for(
+    lines: list[str], waits: list[str], *, said: bool
+) -> None:
+    heated = machine(HEATER + RECOVERY)
+    start = StartState.of(heated)
+    lines = ["G0 Z10", *lines, "G1 X50 F6000"]
+    approach = plan_approach(heated, state_before(lines, len(lines) + 1, heated, start), start, [0, 1, 2])
+    assert [each for each in approach.lines_with_outputs if each.startswith("M66")] == waits
+    # before the axes go down to the work
+    assert not waits or approach.lines_with_outputs.index(waits[-1]) == len(approach.lines_with_outputs) - 2
+    # left as they are: what is off does not get hot, and what nobody has changed is waited for all the same
+    assert [each for each in approach.lines if each.startswith("M66")] == (waits[-1:] if said else [])
+    assert ('wait for the input "open", 5 s at the most' in [each.text for each in approach.way]) is said
+    hints = "".join(each.hint for each in approach.needs)
+    assert ('to wait for the input "hot", 2 s at the most' in hints) is bool(waits)
+
+
+@pytest.mark.parametrize(
+    ("stop", "line"),
+    [("abort", "G33.1 Z-30 K1.5"), ("estop", "G84 Z-30 R20 F900"), ("kill", "G33 Z-30 K1.5")],
+)
+async def test_a_tool_that_may_stand_in_a_thread_is_not_moved_unasked(rig: Rig, stop: str, line: str) -> None:
+    spindle = axes_text([3], rotary=True, velocity=24000.0, acceleration=24000.0)
+    mill = machine(spindle + CNC + RECOVERY)
+    lines = ["F900", "G0 Z20", "M3 S600", line, "G0 Z20", "G0 X100"]
+    cell = await rig.started(mill)
+    program = await cell.begin(*lines)
+    await cell.until(lambda: cell.position(2) < 0.0)
+    if stop == "kill":
+        await cell.until(lambda: program.ack().done == 3)
+        cell = await rig.started(mill)
+    else:
+        if stop == "estop":
+            cell.service.latch.emergency_stop("ada", "a hand")
+        else:
+            cell.service.abort(program.program)
+        await cell.ended(program)
+        assert "stopped within the thread of line 4" in program.reason
+        assert -30 * MM < cell.position(2) < 0.0
+        cell.service.reset(None)
+    for at in (4, 6):
+        with pytest.raises(ServiceError) as refused:
+            await cell.service.continue_program(
+                "page", program.program, at, confirmed=Confirmed(outputs="leave")
+            )
+        assert (refused.value.code, "may stand in its thread" in refused.value.message) == ("MC592", True)
+    confirmed = Confirmed(way=True, outputs="set")
+    again = await cell.ended(
+        await cell.service.continue_program("page", program.program, confirmed=confirmed)
+    )
+    assert (again.state, again.fault) == ("finished", None)
+
+
+async def test_a_start_that_waits_in_vain_does_not_reach_the_work(rig: Rig) -> None:
+    heated = machine(HEATER + RECOVERY)
+    lines = ["G0 Z10", "M109 S210", "G1 X50 F6000", "G1 X150"]
+    cell = await rig.started(heated)
+    confirmed = Confirmed(outputs="set")
+    program = await cell.service.open("cam", start_line=4, before=lines[:3], confirmed=confirmed)
+    cell.service.lines.submit("cam", program.program, 4, lines[3:])
+    await rig.until_ended(program)
+    assert program.fault is not None
+    assert (program.fault.code, program.done) == ("MC440", 3)
+    assert rig.path[-1] == pytest.approx((50.0, 0.0, 50.0), abs=1e-3)
 
 
 async def test_work_offsets_that_were_changed_since_are_named(rig: Rig) -> None:

@@ -191,6 +191,13 @@ def test_a_start_in_the_midst_of_m4_is_refused_and_one_of_m3_is_asked_for() -> N
         assert confirm in [each.confirm for each in needs if each.code == "MC593"]
 
 
+def test_a_start_in_a_raster_has_the_power_of_the_line_before_it() -> None:
+    described = machine()
+    lines = [*HEAD, "M3 S500", *(f"G1 X{at} S{10 * at}" for at in range(1, 60))]
+    before = state_before(lines, len(lines) + 1, described, StartState.of(described))
+    assert before.outputs == {0: 590.0}
+
+
 def one_by_one(*_: object) -> int:
     """As if no lines could be read in columns."""
     return 0

@@ -1150,6 +1150,7 @@ class ProgramStatus:
             by the lines so far.
         pauses: how many of its lines to come wait for an operator, as far as simulated; `eta_s` is
             without these waits.
+        waits_for: the input that M66, or a code of ``[dialect.waits]``, waits for; empty: for none.
         rejections: as in `Ack`; 0 in programs of an earlier start of the server.
         servo: of a program in servo mode; None: it is none.
         reason: as in `Ack`.
@@ -1183,6 +1184,7 @@ class ProgramStatus:
     notice: str = ""
     simulated: float = 1.0
     pauses: int = 0
+    waits_for: str = ""
     rejections: int = 0
     servo: ServoStatus | None = None
     reason: str = ""

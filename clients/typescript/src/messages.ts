@@ -992,6 +992,8 @@ export interface ProgramStatus {
   simulated?: number;
   /** how many of its lines to come wait for an operator, as far as simulated; `eta_s` is without these waits. */
   pauses?: number;
+  /** the input that M66, or a code of `[dialect.waits]`, waits for; empty: for none. */
+  waits_for?: string;
   /** as in `Ack`; 0 in programs of an earlier start of the server. */
   rejections?: number;
   /** of a program in servo mode; null: it is none. */

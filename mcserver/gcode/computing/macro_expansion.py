@@ -56,10 +56,11 @@ _MODAL: Mapping[int, Callable[[Callable[[str], float]], float]] = MappingProxyTy
 
 
 class _NeedsText(Exception):
-    """What runs depends on lines that have not come; ``met`` says whether they have."""
+    """What runs depends on lines that have not come; ``met`` says whether they have, ``what`` they are."""
 
-    def __init__(self, met: Callable[[], bool]) -> None:
+    def __init__(self, what: str, met: Callable[[], bool]) -> None:
         super().__init__()
+        self.what = what
         self.met = met
 
 
@@ -90,6 +91,7 @@ class MacroExpansion(Expansion):
         self._begun = self._forgotten = False
         self._reached = self._last = 0
         self._met: Callable[[], bool] | None = None
+        self._wants = ""
         self._repeating = self._given = self._ran_out = False
         self._back: tuple[Instruction, str] | None = None
         super().__init__(interpreter, source)
@@ -138,9 +140,11 @@ class MacroExpansion(Expansion):
             raise self._rejected(
                 ComputingError(
                     "MC167",
-                    f"line {self.head} goes by text that stands behind the line to start at",
+                    f"line {self.head} goes by {self._wants or 'text'}, which stands behind the line to start"
+                    " at: nothing says how it leaves the machine",
                     (0, 0),
-                    f"start at line {self.head}",
+                    f"start at line {self.head} or before it"
+                    + (f", or put {self._wants} into [dialect] subroutines" * self._wants.startswith("O")),
                 ),
                 self.head,
             )
@@ -268,7 +272,7 @@ class MacroExpansion(Expansion):
             found = super().next()
             self._given = isinstance(found, ParsedLine)
         except _NeedsText as needed:
-            self._met, found = needed.met, None
+            self._met, self._wants, found = needed.met, needed.what, None
         finally:
             self._note()
         return found
@@ -306,7 +310,7 @@ class MacroExpansion(Expansion):
                 frame.at = at
                 if frame.program.closed:
                     raise ComputingError("MC181", "the END of this loop is missing", step.span, "add it")
-                raise _NeedsText(lambda: step.target >= 0 or frame.program.closed)
+                raise _NeedsText("the END of a loop", lambda: step.target >= 0 or frame.program.closed)
             if step.kind == "jump" and step.target <= at:
                 self._turn_back(frame.program, frame.program.code[step.target])
             return found
@@ -332,7 +336,9 @@ class MacroExpansion(Expansion):
         at = program.labels.get(number, [])
         ahead = [each for each in at if each >= start]
         if not ahead and not program.closed:
-            raise _NeedsText(lambda: program.labels.get(number, [-1])[-1] >= start or program.closed)
+            raise _NeedsText(
+                f"block N{number}", lambda: program.labels.get(number, [-1])[-1] >= start or program.closed
+            )
         if not at:
             hint = "the number must stand in the same program"
             if self._forgotten and program is self._main:
@@ -367,7 +373,7 @@ class MacroExpansion(Expansion):
                 f"write O{number} … M99 behind M30 in this file; there is {known}",
             )
         if program is None:
-            raise _NeedsText(lambda: str(number) in self._programs or self._current.closed)
+            raise _NeedsText(f"O{number}", lambda: str(number) in self._programs or self._current.closed)
         if times > MOST_REPEATS:
             raise ComputingError("MC164", f"{times} repetitions of O{number}", step.span, "9999 at most")
         if len(self._calls) > DEEPEST_CALL:
@@ -440,7 +446,7 @@ class MacroExpansion(Expansion):
         if program is self._main and (self._current is program or self._ran_out):
             return False
         if not program.closed:
-            raise _NeedsText(lambda: frame.at < len(program.code) or program.closed)
+            raise _NeedsText("the M99", lambda: frame.at < len(program.code) or program.closed)
         self._abandon()
         self._ran_out = program is self._main
         word = "M30" if program is self._main else "M99"

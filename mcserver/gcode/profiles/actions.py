@@ -470,10 +470,10 @@ def _dwell(block: BlockState, action: Action, effects: Effects) -> None:
 def _turn_spindle(block: BlockState, actions: tuple[Action, ...], effects: Effects) -> None:
     index = block.setup.machine.dialect.spindle
     frame = block.frame
-    if index is None or (index not in block.setup.leased and not frame.direction):
+    if index is None:
         return
     place = next(action for action in actions if action.code in ("S", "M3", "M4", "M5"))
-    # what cuts must not go on beside a spindle that stands
+    # nobody is to take a spindle for turning or standing that this program does not reach
     axis = block.usable_axis(index, place)
     if axis is None:
         return

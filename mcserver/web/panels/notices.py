@@ -63,6 +63,18 @@ def notices_of(status: MachineStatus | None, *, online: bool, failure: str) -> t
                     ),
                 )
             )
+        elif program.waits_for:
+            found.append(
+                (
+                    "mc-note",
+                    t(
+                        "{name} waits at line {line} for the input {input}.",
+                        name=name,
+                        line=program.line,
+                        input=program.waits_for,
+                    ),
+                )
+            )
         elif program.notice:
             found.append(("mc-note", f"{name}: {program.notice}"))
     if status.disk is not None:

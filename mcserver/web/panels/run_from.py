@@ -137,7 +137,7 @@ def continuation_html(shown: Continuation) -> str:
     if steps:
         ways = "".join(f"<li>{html.escape(step)}</li>" for step in steps)
         found.append(f'<p><b>{t("The way:")}</b></p><ol class="mc-steps">{ways}</ol>')
-    if shown.axes and not shown.way:
+    if shown.axes and not any(each.targets for each in shown.way):
         found.append(f"<p>{t('The axes are where the program has them before this line.')}</p>")
     for need in shown.needs:
         hint = f"<br>= {html.escape(page_hint(need.hint))}" if need.hint else ""

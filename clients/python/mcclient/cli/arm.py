@@ -45,7 +45,8 @@ def arm(
             min=0.0,
             max=3600.0,
             metavar="SECONDS",
-            help="For so long, whatever else its client asks for inside of this envelope is armed too.",
+            help="For so long, whatever else its client asks for inside of this envelope is armed too: "
+            "any text, with any block delete and optional stop.",
         ),
     ] = 0.0,
     show: Annotated[bool, typer.Option("--show", help="Print its text and extents; arm nothing.")] = False,

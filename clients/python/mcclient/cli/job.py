@@ -63,6 +63,7 @@ class Job:
         self._options = options
         self._source = source
         self._started_at = time.monotonic()
+        self._ran_s = 0.0
         self._display = self._choose_display()
         self._status: ProgramStatus | None = None
         self._behind = ""
@@ -231,9 +232,12 @@ class Job:
 
     async def _show(self, machine: Machine, program: Program) -> None:
         while True:
-            self._display.update(self._snapshot(program, machine.online))
+            shown, since = self._snapshot(program, machine.online), time.monotonic()
+            self._display.update(shown)
             self._source.forget(program.done_through - 1)
             await asyncio.sleep(REFRESH_S)
+            if shown.state == "running" and not shown.waits_for:
+                self._ran_s += time.monotonic() - since
 
     def _snapshot(self, program: Program, online: bool) -> Snapshot:
         status = self._status
@@ -252,7 +256,7 @@ class Job:
             done=done,
             text=self._source.text_of(line) or "",
             override=override,
-            elapsed_s=time.monotonic() - self._started_at,
+            elapsed_s=self._ran_s,
             planned_s=status.eta_s if status is not None else None,
             remaining_s=None if foreseen is None else foreseen.eta_s,
             share=None if foreseen is None else foreseen.progress,
@@ -261,6 +265,7 @@ class Job:
             notice=status.notice if status is not None else "",
             simulated=1.0 if status is None else status.simulated,
             pauses=0 if status is None else status.pauses,
+            waits_for="" if status is None else status.waits_for,
         )
 
     # ------------------------------------------------------------ after

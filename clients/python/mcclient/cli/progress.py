@@ -37,6 +37,8 @@ class Snapshot:
         notice: what the program said last to its operator.
         simulated: share of the lines that the simulation has reached; below 1 the times are estimates.
         pauses: lines to come that wait for an operator; their waits are not in the times.
+        elapsed_s: for how long it has run, without holds, pauses and waits for inputs.
+        waits_for: the input that it waits for; empty: for none.
         behind: the programs that have the axes, and which; empty: it waits for none.
         online: the server is there.
     """
@@ -57,6 +59,7 @@ class Snapshot:
     notice: str = ""
     simulated: float = 1.0
     pauses: int = 0
+    waits_for: str = ""
 
     @property
     def shown_state(self) -> str:
@@ -65,6 +68,8 @@ class Snapshot:
             return "the server is gone"
         if self.state == "paused" and self.notice:
             return f"paused: {self.notice}"
+        if self.state == "running" and self.waits_for:
+            return f"waits for the input {self.waits_for}"
         return f"queued behind {self.behind}" if self.state == "queued" and self.behind else self.state
 
     @property

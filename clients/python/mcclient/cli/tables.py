@@ -50,6 +50,11 @@ def machine_view(
     parts.append(programs_table(shown) if shown else Text("no programs", style="dim"))
     waiting = [program for program in living if program.state == "paused" and program.notice]
     parts += [Text(f"{program.program} waits: {program.notice}", style="yellow") for program in waiting]
+    parts += [
+        Text(f"{program.program} waits for the input {program.waits_for}", style="yellow")
+        for program in living
+        if program.waits_for
+    ]
     # a latched emergency stop comes before what it made of others
     for fault in sorted(status.faults, key=lambda fault: fault.code != "MC400"):
         parts += fault_texts(fault)

@@ -1316,6 +1316,9 @@ pub struct ProgramStatus {
     /// waits.
     #[serde(default)]
     pub pauses: u64,
+    /// the input that M66, or a code of `\[dialect.waits\]`, waits for; empty: for none.
+    #[serde(default)]
+    pub waits_for: String,
     /// as in `Ack`; 0 in programs of an earlier start of the server.
     #[serde(default)]
     pub rejections: u64,

@@ -1037,6 +1037,7 @@ public final class Messages {
      *     the lines so far.
      * @param pauses how many of its lines to come wait for an operator, as far as simulated; `eta_s` is without
      *     these waits.
+     * @param waitsFor the input that M66, or a code of `[dialect.waits]`, waits for; empty: for none.
      * @param rejections as in `Ack`; 0 in programs of an earlier start of the server.
      * @param servo of a program in servo mode; null: it is none.
      * @param reason as in `Ack`.
@@ -1050,8 +1051,8 @@ public final class Messages {
             long accepted, long done, long credit, boolean closed, double override, double progress, double openedAt,
             @Sparse Double etaS, @Sparse Fault fault, @Sparse long rejected, @Sparse List<Diagnostic> diagnostics,
             @Sparse("null") String resumeOf, @Sparse Double endedAt, @Sparse Double durationS, @Sparse String notice,
-            @Sparse("1") double simulated, @Sparse long pauses, @Sparse long rejections, @Sparse ServoStatus servo,
-            @Sparse String reason, @Sparse Boolean blockDelete, @Sparse Boolean optionalStop) {}
+            @Sparse("1") double simulated, @Sparse long pauses, @Sparse String waitsFor, @Sparse long rejections,
+            @Sparse ServoStatus servo, @Sparse String reason, @Sparse Boolean blockDelete, @Sparse Boolean optionalStop) {}
 
     /** Newest first. */
     public record ProgramsReply(List<ProgramStatus> programs) {}
