@@ -1,4 +1,4 @@
-"""What a machine's page loads besides the page: what the machine looks like, and its recordings."""
+"""What a machine's page loads besides the page: looks of the machine and of programs, and recordings."""
 
 from __future__ import annotations
 
@@ -10,11 +10,13 @@ from fastapi import FastAPI, Request, Response
 from fastapi.responses import FileResponse, StreamingResponse
 from mcclient import MotionError
 
+from mcserver.errors import ServiceError
 from mcserver.web.camera import fetch_picture
 from mcserver.web.fleet import Fleet
 from mcserver.web.link import MachineLink
 from mcserver.web.robot_model import fetch_model
 from mcserver.web.sessions import COOKIE, Sessions
+from mcserver.web.thumbnails import Thumbnail
 
 # However many look, the camera is asked once in so long [s].
 CAMERA_S = 0.9
@@ -23,7 +25,10 @@ PLOT_HEADERS = {"Content-Security-Policy": "sandbox allow-scripts allow-download
 
 
 def add_machine_files(site: FastAPI, sessions: Sessions, fleet: Fleet) -> None:
-    """Serve ``/machine/{name}/model``, ``…/camera`` and ``…/recordings/…`` to who is logged in."""
+    """Serve ``/machine/{name}/model``, ``…/camera``, ``…/recordings/…`` and pictures of programs.
+
+    To who is logged in alone.
+    """
     # one at a time: a mesh of many megabytes is read and converted once, not by every viewer
     fetching = asyncio.Lock()
 
@@ -56,6 +61,24 @@ def add_machine_files(site: FastAPI, sessions: Sessions, fleet: Fleet) -> None:
             return _refusal(error)
         return Response(content, media_type=kind, headers={"Cache-Control": "no-store"})
 
+    @site.get("/machine/{name}/programs/{program}/picture")
+    async def picture_of_program(request: Request, name: str, program: str) -> Response:
+        link = opened(request, name)
+        if isinstance(link, Response):
+            return link
+        try:
+            return _picture(await asyncio.to_thread(link.store.thumbnail, program))
+        except ServiceError as error:
+            return Response(f"{error.message} [{error.code}]\n", 404, media_type="text/plain")
+
+    @site.get("/machine/{name}/jobs/{number}/picture")
+    async def picture_of_job(request: Request, name: str, number: int) -> Response:
+        link = opened(request, name)
+        if isinstance(link, Response):
+            return link
+        job = next((each for each in link.jobs.begun if each.number == number), None)
+        return _picture(None if job is None else job.thumbnail)
+
     @site.get("/machine/{name}/recordings/{recording}/file")
     async def file(request: Request, name: str, recording: str) -> Response:
         link = opened(request, name)
@@ -86,6 +109,14 @@ def add_machine_files(site: FastAPI, sessions: Sessions, fleet: Fleet) -> None:
         except MotionError as error:
             return _refusal(error)
         return FileResponse(path, media_type="text/html", headers=PLOT_HEADERS)
+
+
+def _picture(found: Thumbnail | None) -> Response:
+    """Return a program's picture; without one nothing, which no browser complains about."""
+    headers = {"Cache-Control": "no-store"}
+    if found is None:
+        return Response(status_code=204, headers=headers)
+    return Response(found.content, media_type=found.kind, headers=headers)
 
 
 def _refusal(error: MotionError) -> Response:
