@@ -46,7 +46,7 @@ def block(content: bytes, size: str, *, kind: str = "", length: int | None = Non
     encoded = base64.b64encode(content).decode()
     rows = [encoded[first : first + 78] for first in range(0, len(encoded), 78)]
     head = f"; thumbnail{kind} begin {size} {len(encoded) if length is None else length}"
-    return end.join([";", head, *(f"; {row}" for row in rows), f"; thumbnail{kind} end", ";", "G28", ""])
+    return end.join([";", head, *(f"; {row}" for row in rows), f"; thumbnail{kind} end", ";", ""])
 
 
 def test_the_greatest_picture_at_the_head_is_the_one() -> None:
