@@ -96,7 +96,7 @@ class TablesPanel:
                 {each: f"{each} {names.get(each, '')}".strip() for each in SYSTEMS},
                 value="G54",
                 label=t("System"),
-            )
+            ).classes("min-w-28")
             way = ui.select({False: t("set to"), True: t("shift by")}, value=False, label=t("How"))
             with ui.element("div").classes("mc-buttons"):
                 fields = {
