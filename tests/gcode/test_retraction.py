@@ -5,6 +5,7 @@ from __future__ import annotations
 import pytest
 
 from mcserver.errors import ConfigurationError
+from mcserver.gcode.axes_used import axes_used
 from mcserver.gcode.program_check import check_program
 from mcserver.gcode.semantics.interpreter import Interpreter
 from mcserver.machine.machine_file import Machine, parse_machine
@@ -124,6 +125,14 @@ def test_without_a_length_or_an_extruder_it_is_refused() -> None:
 def test_only_a_printer_with_an_extruder_may_have_the_section(letters: str, profile: str) -> None:
     with pytest.raises(ConfigurationError, match="only printers with an extruder retract"):
         printer(SETTINGS, letters, profile)
+
+
+@pytest.mark.parametrize(
+    ("text", "axes"),
+    [("G1 X1 E5", (0, E)), ("G10\nG11", (2, E)), ("G28", (0, 1, 2)), ("G28 X", (0,)), ("G92 Y1 E0", (1, E))],
+)
+def test_who_asks_for_a_run_gets_all_axes_that_it_needs(text: str, axes: tuple[int, ...]) -> None:
+    assert axes_used(text, printer()) == axes
 
 
 def test_the_codes_are_no_ones_outputs() -> None:
