@@ -6,7 +6,7 @@ import asyncio
 from collections.abc import AsyncIterator
 from functools import partial
 
-from fastapi import FastAPI, Request, Response
+from fastapi import FastAPI, HTTPException, Request, Response
 from fastapi.responses import FileResponse, StreamingResponse
 from mcclient import MotionError
 
@@ -32,16 +32,17 @@ def add_machine_files(site: FastAPI, sessions: Sessions, fleet: Fleet) -> None:
     # one at a time: a mesh of many megabytes is read and converted once, not by every viewer
     fetching = asyncio.Lock()
 
-    def opened(request: Request, name: str) -> MachineLink | Response:
+    def opened(request: Request, name: str) -> MachineLink:
         if sessions.visitor(request.cookies.get(COOKIE, "")) is None:
-            return Response("log in", 403)
-        return fleet.opened(name) or Response("this machine's page is not open", 404)
+            raise HTTPException(403, "log in")
+        link = fleet.opened(name)
+        if link is None:
+            raise HTTPException(404, "this machine's page is not open")
+        return link
 
     @site.get("/machine/{name}/model")
     async def model(request: Request, name: str) -> Response:
         link = opened(request, name)
-        if isinstance(link, Response):
-            return link
         try:
             async with fetching:
                 content = await fetch_model(link.connected(), link.store.folder / ".model")
@@ -52,8 +53,6 @@ def add_machine_files(site: FastAPI, sessions: Sessions, fleet: Fleet) -> None:
     @site.get("/machine/{name}/camera")
     async def camera(request: Request, name: str) -> Response:
         link = opened(request, name)
-        if isinstance(link, Response):
-            return link
         try:
             address = link.connected().info.camera
             kind, content = await link.answers.get("camera", CAMERA_S, partial(fetch_picture, address))
@@ -64,8 +63,6 @@ def add_machine_files(site: FastAPI, sessions: Sessions, fleet: Fleet) -> None:
     @site.get("/machine/{name}/programs/{program}/picture")
     async def picture_of_program(request: Request, name: str, program: str) -> Response:
         link = opened(request, name)
-        if isinstance(link, Response):
-            return link
         try:
             return _picture(await asyncio.to_thread(link.store.thumbnail, program))
         except ServiceError as error:
@@ -74,16 +71,12 @@ def add_machine_files(site: FastAPI, sessions: Sessions, fleet: Fleet) -> None:
     @site.get("/machine/{name}/jobs/{number}/picture")
     async def picture_of_job(request: Request, name: str, number: int) -> Response:
         link = opened(request, name)
-        if isinstance(link, Response):
-            return link
         job = next((each for each in link.jobs.begun if each.number == number), None)
         return _picture(None if job is None else job.thumbnail)
 
     @site.get("/machine/{name}/recordings/{recording}/file")
     async def file(request: Request, name: str, recording: str) -> Response:
         link = opened(request, name)
-        if isinstance(link, Response):
-            return link
         try:
             pieces = link.recorded.pieces(link.connected(), recording)
             # so that a recording that is not there is an answer of its own, not half of a file
@@ -102,8 +95,6 @@ def add_machine_files(site: FastAPI, sessions: Sessions, fleet: Fleet) -> None:
     @site.get("/machine/{name}/recordings/{recording}/plot")
     async def plot(request: Request, name: str, recording: str) -> Response:
         link = opened(request, name)
-        if isinstance(link, Response):
-            return link
         try:
             path = await link.recorded.plot(link.connected(), recording)
         except MotionError as error:
