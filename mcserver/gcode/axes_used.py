@@ -4,10 +4,15 @@ from __future__ import annotations
 
 import re
 
+from mcserver.gcode.profiles.codes import RETRACTING
+from mcserver.gcode.profiles.frame import LENGTH_AXIS
+from mcserver.gcode.profiles.reader import reader_of
 from mcserver.gcode.text.parser import scan_line
+from mcserver.gcode.text.profile_words import Action
 from mcserver.gcode.text.source import split_lines
 from mcserver.gcode.text.syntax import Command
 from mcserver.gcode.text.words import Word
+from mcserver.machine.dialect_section import Dialect
 from mcserver.machine.machine_file import Machine
 
 _ARC_AXES = frozenset((0, 1, 2))
@@ -35,11 +40,25 @@ def axes_named(text: str, machine: Machine) -> tuple[int, ...]:
     found: set[int] = set()
     if dialect.spindle is not None and _SPINDLE.search(text):
         found.add(dialect.spindle)
+    read = reader_of(dialect)
     for number, line in enumerate(split_lines(text), start=1):
-        for group in scan_line(line, number).groups:
-            for command in group:
-                found |= _axes_of(command, chains)
+        # as the reference has it, too: T of a profile may choose a tool whose tip is led
+        for parsed in (scan_line(line, number), *([] if dialect.strict else [read(line, number)])):
+            for group in parsed.groups:
+                for command in group:
+                    found |= _axes_of(command, chains)
+            for action in () if parsed.profile is None else parsed.profile.actions:
+                found |= _axes_of_action(action, dialect)
     return tuple(sorted(found & known))
+
+
+def _axes_of_action(action: Action, dialect: Dialect) -> set[int]:
+    named = {word.axis for word in action.axes}
+    if action.code in RETRACTING.values():
+        return {dialect.letters["E"], LENGTH_AXIS}
+    if action.code in ("G28", "G30") and not named:
+        return set(range(6)) - {*dialect.letters.values(), dialect.spindle}
+    return named
 
 
 def _axes_of(command: Command, chains: dict[int, tuple[int, ...]]) -> set[int]:

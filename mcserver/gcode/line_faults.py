@@ -105,6 +105,7 @@ TITLES: Mapping[str, str] = MappingProxyType(
         "MC187": "controllers differ in this position",
         "MC188": "the words of a rotation, a scaling or polar coordinates do not fit",
         "MC189": "the curve cannot be made like this",
+        "MC194": "the retraction cannot be made",
         "MC198": "there is one block delete switch",
         "MC155": "the probing move cannot be made",
         "MC153": "words of two codes would be mixed up",

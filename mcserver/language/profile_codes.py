@@ -5,7 +5,16 @@ from __future__ import annotations
 import re
 from collections.abc import Collection
 
-from mcserver.gcode.profiles.codes import ACTING, IGNORED, MOTIONS, PROBING, PROGRAM, REFUSED, SETTINGS
+from mcserver.gcode.profiles.codes import (
+    ACTING,
+    IGNORED,
+    MOTIONS,
+    PROBING,
+    PROGRAM,
+    REFUSED,
+    RETRACTING,
+    SETTINGS,
+)
 from mcserver.gcode.text.command_table import COMMANDS
 from mcserver.language.rules import rules
 from mcserver.machine.machine_file import Machine
@@ -35,17 +44,10 @@ def acting_codes(machine: Machine) -> frozenset[str]:
     probing = frozenset[str]() if machine.probe is None else PROBING
     own = frozenset(spec.name for spec in COMMANDS) if machine.dialect.profile == "reference" else frozenset()
     mapped = machine.dialect.mapped
-    return (
-        ACTING[machine.dialect.profile]
-        | SETTINGS
-        | MOTIONS
-        | PROGRAM
-        | outputs
-        | inputs
-        | probing
-        | own
-        | mapped
-    )
+    acting = ACTING[machine.dialect.profile]
+    if machine.dialect.profile == "printer" and "E" not in machine.dialect.letters:
+        acting -= RETRACTING.keys()
+    return acting | SETTINGS | MOTIONS | PROGRAM | outputs | inputs | probing | own | mapped
 
 
 def in_order(codes: Collection[str]) -> list[str]:

@@ -11,7 +11,7 @@ import msgspec
 
 from mcserver.machine.io_section import Input, Output
 from mcserver.machine.section_reader import Mistakes
-from mcserver.machine.sections import CutterSection, DialectSection
+from mcserver.machine.sections import CutterSection, DialectSection, RetractionSection
 from mcserver.machine.subroutines import read_subroutines
 from mcserver.units import MM
 
@@ -19,7 +19,7 @@ Profile = Literal["reference", "cnc", "printer", "robot"]
 
 
 # codes that act by themselves and cannot be given to outputs
-_OWN = frozenset({*range(3), 6, 30, 60, *range(62, 69), 82, 83, *range(97, 100), 600})
+_OWN = frozenset({*range(3), 6, 30, 60, *range(62, 69), 82, 83, *range(97, 100), 207, 208, 600})
 
 
 class CodeOutput(msgspec.Struct, frozen=True):
@@ -44,6 +44,21 @@ class Cutter(msgspec.Struct, frozen=True):
     diameter: float = 0.0
 
 
+class Retraction(msgspec.Struct, frozen=True):
+    """What G10 and G11 of a printer do (D-115).
+
+    Attributes:
+        length: that the filament is drawn back [m]. speed: of that [m/s]. hop: that Z goes up then [m].
+        recover_speed: of G11 [m/s]. extra: that G11 pushes beyond ``length`` [m].
+    """
+
+    length: float
+    speed: float
+    hop: float
+    recover_speed: float
+    extra: float
+
+
 class Dialect(msgspec.Struct, frozen=True):
     """What a machine's programs may say; the defaults are the reference's strict dialect.
 
@@ -63,6 +78,7 @@ class Dialect(msgspec.Struct, frozen=True):
         macros: what programs compute in, where they may (D-80, D-91).
         probes: G38.2 … G38.5 act: the machine has a probe.
         cutters: the tool table of the machine file, for G43.
+        retraction: what G10 and G11 do until M207 and M208 say otherwise; None: not known.
     """
 
     profile: Profile = "reference"
@@ -82,6 +98,7 @@ class Dialect(msgspec.Struct, frozen=True):
     outputs: Mapping[str, tuple[CodeOutput, ...]] = {}
     waits: Mapping[str, CodeWait] = {}
     channels: bool = False
+    retraction: Retraction | None = None
 
     @property
     def mapped(self) -> frozenset[str]:
@@ -179,6 +196,27 @@ def read_dialect(
         outputs=_read_code_outputs(section, outputs, mistakes),
         waits=_read_code_waits(section, inputs, mistakes),
         channels=bool(inputs or outputs),
+        retraction=_read_retraction(section, mistakes),
+    )
+
+
+def _read_retraction(section: DialectSection, mistakes: Mistakes) -> Retraction | None:
+    """Return ``[dialect.retraction]`` in SI; None where there is none."""
+    given: RetractionSection | None = section.retraction
+    if given is None:
+        return None
+    if section.profile != "printer" or "E" not in section.letters:
+        mistakes.add(
+            ("dialect", "retraction"),
+            "only printers with an extruder retract",
+            'add profile = "printer" and letters = { E = 3 }, with the number of its axis',
+        )
+    return Retraction(
+        length=given.length_mm * MM,
+        speed=given.speed * MM,
+        hop=given.hop_mm * MM,
+        recover_speed=(given.recover_speed or given.speed) * MM,
+        extra=given.extra_mm * MM,
     )
 
 

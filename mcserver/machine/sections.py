@@ -162,6 +162,16 @@ class CodeWaitSection(msgspec.Struct, frozen=True):
     settle_s: Annotated[float, Meta(ge=0.0, le=60.0, description="before the input is looked at")] = 0.5
 
 
+class RetractionSection(msgspec.Struct, frozen=True):
+    """``[dialect.retraction]``: what G10 and G11 of a printer do [mm, mm/s]."""
+
+    length_mm: Annotated[float, Meta(ge=0.0, le=1000.0, description="0.5 to 6 is usual")]
+    speed: Annotated[float, Meta(gt=0.0, description="25 to 60 mm/s is usual")]
+    hop_mm: Annotated[float, Meta(ge=0.0, le=1000.0, description="0.2 is usual")] = 0.0
+    recover_speed: Annotated[float, Meta(gt=0.0, description="of G11 [mm/s]")] | None = None
+    extra_mm: Annotated[float, Meta(ge=-100.0, le=100.0, description="0 is usual")] = 0.0
+
+
 class DialectSection(msgspec.Struct, frozen=True):
     """``[dialect]``: a profile, and keys that each override a part of it."""
 
@@ -178,6 +188,7 @@ class DialectSection(msgspec.Struct, frozen=True):
     subroutines: str = ""
     outputs: dict[str, dict[str, bool | float | Literal["S"]]] = {}
     waits: dict[str, CodeWaitSection] = {}
+    retraction: RetractionSection | None = None
 
 
 class CutterSection(msgspec.Struct, frozen=True):

@@ -15,6 +15,7 @@ from mcclient.types import Continuation, SimulatedPath, SimulateReply
 from mcserver.errors import McError
 from mcserver.web.last_runs import LastRun
 from mcserver.web.store import ProgramStore
+from mcserver.web.thumbnails import find_thumbnail
 from mcserver.web.translation import mark
 
 if TYPE_CHECKING:
@@ -76,6 +77,7 @@ class Job:
         path: where it goes from there, as the call ``simulate`` gives it; None where that is not known.
         program: the server's id, once it runs. single_step: its lines wait to be started.
         stepped: number of the last line that was started so. switches: of the operator who queued it.
+        thumbnail: the picture that the slicer has put into its text.
     """
 
     def __init__(
@@ -91,6 +93,7 @@ class Job:
         self.number = number
         self.name = name
         self.lines = text.split("\n")
+        self.thumbnail = find_thumbnail(text)
         self.user = user
         self.from_line = from_line
         self.middle = middle
@@ -294,10 +297,14 @@ class JobQueue:
                 job.stepped = line - 1
                 raise
 
+    @property
+    def begun(self) -> list[Job]:
+        """The jobs that have begun: what runs, then those that have ended, the newest first."""
+        return [*([] if self.running is None else [self.running]), *self.ended]
+
     def programs(self) -> set[str]:
         """Ids of the programs that were jobs of this queue."""
-        jobs = [*self.ended, *([] if self.running is None else [self.running])]
-        return {job.program for job in jobs if job.program is not None}
+        return {job.program for job in self.begun if job.program is not None}
 
     def remaining_s(self) -> float | None:
         """Time of all that waits, as simulated [s]; None where one of them is not known."""

@@ -1,4 +1,4 @@
-"""What a machine's page loads besides the page: what the machine looks like, and its recordings."""
+"""What a machine's page loads besides the page: looks of the machine and of programs, and recordings."""
 
 from __future__ import annotations
 
@@ -6,15 +6,17 @@ import asyncio
 from collections.abc import AsyncIterator
 from functools import partial
 
-from fastapi import FastAPI, Request, Response
+from fastapi import FastAPI, HTTPException, Request, Response
 from fastapi.responses import FileResponse, StreamingResponse
 from mcclient import MotionError
 
+from mcserver.errors import ServiceError
 from mcserver.web.camera import fetch_picture
 from mcserver.web.fleet import Fleet
 from mcserver.web.link import MachineLink
 from mcserver.web.robot_model import fetch_model
 from mcserver.web.sessions import COOKIE, Sessions
+from mcserver.web.thumbnails import Thumbnail
 
 # However many look, the camera is asked once in so long [s].
 CAMERA_S = 0.9
@@ -23,20 +25,24 @@ PLOT_HEADERS = {"Content-Security-Policy": "sandbox allow-scripts allow-download
 
 
 def add_machine_files(site: FastAPI, sessions: Sessions, fleet: Fleet) -> None:
-    """Serve ``/machine/{name}/model``, ``…/camera`` and ``…/recordings/…`` to who is logged in."""
+    """Serve ``/machine/{name}/model``, ``…/camera``, ``…/recordings/…`` and pictures of programs.
+
+    To who is logged in alone.
+    """
     # one at a time: a mesh of many megabytes is read and converted once, not by every viewer
     fetching = asyncio.Lock()
 
-    def opened(request: Request, name: str) -> MachineLink | Response:
+    def opened(request: Request, name: str) -> MachineLink:
         if sessions.visitor(request.cookies.get(COOKIE, "")) is None:
-            return Response("log in", 403)
-        return fleet.opened(name) or Response("this machine's page is not open", 404)
+            raise HTTPException(403, "log in")
+        link = fleet.opened(name)
+        if link is None:
+            raise HTTPException(404, "this machine's page is not open")
+        return link
 
     @site.get("/machine/{name}/model")
     async def model(request: Request, name: str) -> Response:
         link = opened(request, name)
-        if isinstance(link, Response):
-            return link
         try:
             async with fetching:
                 content = await fetch_model(link.connected(), link.store.folder / ".model")
@@ -47,8 +53,6 @@ def add_machine_files(site: FastAPI, sessions: Sessions, fleet: Fleet) -> None:
     @site.get("/machine/{name}/camera")
     async def camera(request: Request, name: str) -> Response:
         link = opened(request, name)
-        if isinstance(link, Response):
-            return link
         try:
             address = link.connected().info.camera
             kind, content = await link.answers.get("camera", CAMERA_S, partial(fetch_picture, address))
@@ -56,11 +60,23 @@ def add_machine_files(site: FastAPI, sessions: Sessions, fleet: Fleet) -> None:
             return _refusal(error)
         return Response(content, media_type=kind, headers={"Cache-Control": "no-store"})
 
+    @site.get("/machine/{name}/programs/{program}/picture")
+    async def picture_of_program(request: Request, name: str, program: str) -> Response:
+        link = opened(request, name)
+        try:
+            return _picture(await asyncio.to_thread(link.store.thumbnail, program))
+        except ServiceError as error:
+            return Response(f"{error.message} [{error.code}]\n", 404, media_type="text/plain")
+
+    @site.get("/machine/{name}/jobs/{number}/picture")
+    async def picture_of_job(request: Request, name: str, number: int) -> Response:
+        link = opened(request, name)
+        job = next((each for each in link.jobs.begun if each.number == number), None)
+        return _picture(None if job is None else job.thumbnail)
+
     @site.get("/machine/{name}/recordings/{recording}/file")
     async def file(request: Request, name: str, recording: str) -> Response:
         link = opened(request, name)
-        if isinstance(link, Response):
-            return link
         try:
             pieces = link.recorded.pieces(link.connected(), recording)
             # so that a recording that is not there is an answer of its own, not half of a file
@@ -79,13 +95,19 @@ def add_machine_files(site: FastAPI, sessions: Sessions, fleet: Fleet) -> None:
     @site.get("/machine/{name}/recordings/{recording}/plot")
     async def plot(request: Request, name: str, recording: str) -> Response:
         link = opened(request, name)
-        if isinstance(link, Response):
-            return link
         try:
             path = await link.recorded.plot(link.connected(), recording)
         except MotionError as error:
             return _refusal(error)
         return FileResponse(path, media_type="text/html", headers=PLOT_HEADERS)
+
+
+def _picture(found: Thumbnail | None) -> Response:
+    """Return a program's picture; without one nothing, which no browser complains about."""
+    headers = {"Cache-Control": "no-store"}
+    if found is None:
+        return Response(status_code=204, headers=headers)
+    return Response(found.content, media_type=found.kind, headers=headers)
 
 
 def _refusal(error: MotionError) -> Response:

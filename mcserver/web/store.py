@@ -11,10 +11,13 @@ import msgspec
 
 from mcserver.errors import ServiceError
 from mcserver.machine.program_bytes import text_of_bytes
+from mcserver.web.thumbnails import HEAD_CHARS, Thumbnail, find_thumbnail
 from mcserver.web.translation import mark
 
 MAX_PROGRAM_BYTES = 256 * 1024 * 1024
 MAX_PROGRAMS = 500
+# kept in memory
+MAX_THUMBNAILS = 50
 _NAME = re.compile(r"[^/\x00-\x1f\\]{1,120}")
 
 
@@ -47,6 +50,8 @@ class ProgramStore:
 
     def __init__(self, folder: Path) -> None:
         self._folder = folder
+        # by the program's name, with when it was changed [ns]
+        self._thumbnails: dict[str, tuple[int, Thumbnail | None]] = {}
 
     @property
     def folder(self) -> Path:
@@ -116,6 +121,27 @@ class ProgramStore:
                 mark("{name} cannot be read: {why}", name=name, why=error),
                 mark("upload it again"),
             ) from error
+
+    def thumbnail(self, name: str) -> Thumbnail | None:
+        """Return the picture that the slicer has put into a program; None: none, or the program is gone.
+
+        Raises:
+            ServiceError: MC061 it cannot be a file's name.
+        """
+        path = self._path(name)
+        try:
+            changed = path.stat().st_mtime_ns
+            known = self._thumbnails.get(name)
+            if known is None or known[0] != changed:
+                with path.open(encoding="utf-8-sig", errors="replace") as file:
+                    known = (changed, find_thumbnail(file.read(HEAD_CHARS)))
+        except OSError:
+            self._thumbnails.pop(name, None)
+            return None
+        if len(self._thumbnails) >= MAX_THUMBNAILS:
+            self._thumbnails.clear()
+        self._thumbnails[name] = known
+        return known[1]
 
     def delete(self, name: str) -> None:
         """Forget a program; one that is gone already is no error."""

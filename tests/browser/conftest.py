@@ -131,6 +131,19 @@ def opened(
     return page
 
 
+def expect_no_overflow(page: playwright.Page, width: int) -> None:
+    """Wait until all fits the window's width: charts and pictures follow a new one when they are drawn."""
+    page.wait_for_function(
+        "(width) => innerWidth === width && document.documentElement.scrollWidth <= width", arg=width
+    )
+
+
+def press(button: playwright.Locator) -> None:
+    """Press a button by the keyboard once it may be pressed: Playwright itself waits before clicks alone."""
+    playwright.expect(button).to_be_enabled()
+    button.press("Enter")
+
+
 def choose(page: playwright.Page, field: playwright.Locator, name: str) -> None:
     """Take an option of a list; it closes where the page is laid out anew meanwhile, and is opened again."""
     option = page.get_by_role("option", name=name, exact=True)

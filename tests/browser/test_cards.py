@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import pytest
 from mcclient import sync
 
-from tests.browser.conftest import WIDE, PageProcess, opened, page_of, playwright, serving
+from tests.browser.conftest import WIDE, PageProcess, expect_no_overflow, opened, page_of, playwright, serving
 from tests.browser.test_machine_page import upload, wait_for
 from tests.e2e.servers import ServerProcess
 
@@ -86,11 +86,11 @@ def test_a_robot_homes_is_seen_and_set_to_zero(
     page: Page, crane: ServerProcess, crane_site: PageProcess
 ) -> None:
     opened(page, crane_site, "crane")
-    expect(page.get_by_text("switch: not homed")).to_be_visible()
+    expect(page.get_by_text("by a switch: not homed")).to_be_visible()
     page.wait_for_function(f"{SPACE.format('.mc-space')}.axisParts.size === 1")
     page.get_by_role("button", name="Energize").click()
     page.get_by_role("button", name="home axis X").click()
-    expect(page.get_by_text("switch: homed")).to_be_visible()
+    expect(page.get_by_text("by a switch: homed")).to_be_visible()
     with sync.Machine.connect("crane", crane.endpoint) as machine:
         at = wait_for(
             machine, page, lambda status: all(program.ended_at for program in status.programs)
@@ -195,7 +195,7 @@ def test_the_machine_file_is_checked_shown_as_a_difference_and_written_at_rest(
         expect(page.get_by_text(shown, exact=True)).to_be_visible()
         for width in (360, 768, WIDE["width"]):
             page.set_viewport_size({**WIDE, "width": width})
-            assert page.evaluate("document.documentElement.scrollWidth") <= width
+            expect_no_overflow(page, width)
         write.click()
         expect(write).to_be_disabled()
         expect(page.get_by_text("Written; the one before is cartesian.toml.before")).to_be_visible()

@@ -11,7 +11,7 @@ import pytest
 from mcclient import sync
 
 from mcserver.web.users import Role, add_user
-from tests.browser.conftest import LIMIT_MS, WIDE, PageProcess, opened, page_of, playwright
+from tests.browser.conftest import LIMIT_MS, WIDE, PageProcess, opened, page_of, playwright, press
 from tests.browser.test_fleet_page import log_in
 from tests.browser.test_machine_page import at_rest, stands, upload, wait_for
 from tests.e2e.servers import ServerProcess
@@ -103,9 +103,9 @@ def test_control_is_taken_over_by_the_keyboard_and_an_axis_that_was_jogged_stops
     start = machine.status().axes.position[1]
     hold_down(ada, "jog axis Y plus")
     wait_for(machine, ada, lambda status: status.axes.position[1] > start + 5.0)
-    bob.get_by_role("button", name="Take control").press("Enter")
+    press(bob.get_by_role("button", name="Take control"))
     dialog = bob.get_by_role("dialog", name=re.compile(r"^ada .* has control of bench\. Take it\?$"))
-    dialog.get_by_role("button", name="Take control").press("Enter")
+    press(dialog.get_by_role("button", name="Take control"))
     expect(bob.get_by_text("You have control", exact=True)).to_be_visible()
     # her finger is still down
     rest = wait_for(machine, ada, at_rest).axes.position[1]

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import pytest
 from mcclient import sync
 
-from tests.browser.conftest import PageProcess, opened, playwright
+from tests.browser.conftest import PageProcess, opened, playwright, press
 from tests.browser.test_machine_page import stands, wait_for
 
 if TYPE_CHECKING:
@@ -45,8 +45,8 @@ def test_a_text_is_run_on_the_selected_stopped_by_the_key_and_the_machine_is_res
     fleet_page.keyboard.press("Shift+Escape")
     expect(fleet_page.get_by_text("1 of 1 machines: emergency stop confirmed")).to_be_visible()
     wait_for(machine, fleet_page, lambda status: status.state == "estop" and stands(status))
-    fleet_page.get_by_role("button", name="Reset selected").press("Enter")
-    fleet_page.get_by_role("button", name="Reset", exact=True).press("Enter")
+    press(fleet_page.get_by_role("button", name="Reset selected"))
+    press(fleet_page.get_by_role("button", name="Reset", exact=True))
     expect(fleet_page.get_by_text("1 of 1 machines: reset")).to_be_visible()
     wait_for(machine, fleet_page, lambda status: status.state == "ready")
 

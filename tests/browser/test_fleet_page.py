@@ -13,7 +13,7 @@ import zenoh
 
 from mcserver.net.messages import AxesStatus, MachineStatus
 from mcserver.web.users import Role, add_user
-from tests.browser.conftest import PageProcess, page_of, playwright
+from tests.browser.conftest import PageProcess, expect_no_overflow, page_of, playwright
 
 if TYPE_CHECKING:
     from playwright.sync_api import Page
@@ -184,4 +184,4 @@ def test_what_is_asked_first_is_in_view_on_a_narrow_and_on_a_wide_screen(
             "Emergency stop of all machines",
         ):
             expect(page.get_by_role("button", name=name)).to_be_in_viewport(ratio=0.9)
-        assert page.evaluate("document.documentElement.scrollWidth") <= width
+        expect_no_overflow(page, width)

@@ -9,7 +9,7 @@ import pytest
 from mcclient import sync
 
 from tests.browser.conftest import PageProcess, choose, opened, playwright
-from tests.browser.test_machine_page import LONG, at_rest, stands, upload, wait_for
+from tests.browser.test_machine_page import LONG, at_rest, held_until, stands, upload, wait_for
 
 if TYPE_CHECKING:
     from playwright.sync_api import Page
@@ -145,8 +145,7 @@ def test_a_page_that_is_left_while_an_axis_is_jogged_stops_it(
     browser = page.context.new_cdp_session(page)
     start = machine.status().axes.position[1]
     page.get_by_role("button", name="jog axis Y minus").hover()
-    page.mouse.down()
-    wait_for(machine, page, lambda status: status.axes.position[1] < start - 5.0)
+    held_until(machine, page, lambda status: status.axes.position[1] < start - 5.0)
     if lost == "focus":
         # as when another window comes before it
         browser.send("Emulation.setFocusEmulationEnabled", {"enabled": False})

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any
 
 import pytest
 from mcclient import sync
 
-from tests.browser.conftest import PageProcess, choose, opened, page_of, playwright
-from tests.browser.test_machine_page import LOOK_MS, at_rest, wait_for
+from tests.browser.conftest import PageProcess, choose, expect_no_overflow, opened, page_of, playwright
+from tests.browser.test_machine_page import at_rest, held_until, wait_for
 from tests.e2e.servers import ServerProcess
 
 if TYPE_CHECKING:
@@ -57,18 +57,6 @@ def stepped(page: Page, machine: sync.Machine, wanted: list[float]) -> None:
     wait_for(machine, page, there)
 
 
-def held_until(machine: sync.Machine, page: Page, wanted: Callable[[Any], bool]) -> None:
-    """Press, and press again where the dead man's time of a busy computer has ended the move."""
-    for _ in range(5):
-        page.mouse.down()
-        for _ in range(50):
-            if wanted(machine.status()):
-                return
-            page.wait_for_timeout(LOOK_MS)
-        page.mouse.up()
-    raise AssertionError(f"not seen: {machine.status()}")
-
-
 def test_the_tool_is_stepped_and_held_in_the_frames_of_base_and_tool_and_steps_queue(
     page: Page, arm_site: PageProcess, robot: sync.Machine
 ) -> None:
@@ -77,7 +65,7 @@ def test_the_tool_is_stepped_and_held_in_the_frames_of_base_and_tool_and_steps_q
     expect(positions).to_contain_text("T1")
     for width in (360, 768, 1920):
         page.set_viewport_size({"width": width, "height": 900})
-        assert page.evaluate("document.documentElement.scrollWidth") <= width
+        expect_no_overflow(page, width)
         assert positions.evaluate("region => region.scrollWidth <= region.clientWidth")
     names = robot.model().joints
     expect(positions).to_contain_text(f"X {names['0']}")

@@ -9,7 +9,17 @@ import pytest
 from mcclient import sync
 from mcclient.types import WorkOffset
 
-from tests.browser.conftest import WIDE, PageProcess, choose, opened, page_of, playwright, serving
+from tests.browser.conftest import (
+    WIDE,
+    PageProcess,
+    choose,
+    expect_no_overflow,
+    opened,
+    page_of,
+    playwright,
+    press,
+    serving,
+)
 from tests.browser.test_machine_page import wait_for
 from tests.e2e.servers import ServerProcess
 
@@ -73,7 +83,7 @@ def test_an_offset_is_set_named_and_taken_back_at_every_width(
     dialog.get_by_label("X [mm]").fill(f"{width}")
     dialog.get_by_label("Name").fill("vise")
     expect(dialog.get_by_label("line to be sent")).to_have_text(f"G21 G90 G10 L2 P{number} X{width}")
-    assert page.evaluate("document.documentElement.scrollWidth") <= width
+    expect_no_overflow(page, width)
     dialog.get_by_role("button", name="Set", exact=True).click()
     expect(rows.get_by_role("row", name=f"{system} {width}.000 0.000 0.000 vise")).to_be_visible()
     expect(rows.get_by_text(f"{system}: X – → {width}")).to_be_visible()
@@ -89,12 +99,12 @@ def test_a_tool_is_measured_and_a_program_uses_it(
     page: Page, mill: ServerProcess, mill_site: PageProcess
 ) -> None:
     opened(page, mill_site, "mill")
-    page.get_by_role("button", name="Change a tool …").press("Enter")
+    press(page.get_by_role("button", name="Change a tool …"))
     dialog = page.get_by_role("dialog", name="Change a tool")
     expect(dialog.get_by_label("Length [mm]")).to_have_value("40.0000")
     dialog.get_by_label("Length [mm]").fill("42.5")
     expect(dialog.get_by_label("line to be sent")).to_have_text("G21 G90 G10 L1 P3 Z42.5 R3")
-    dialog.get_by_role("button", name="Set", exact=True).press("Enter")
+    press(dialog.get_by_role("button", name="Set", exact=True))
     rows = page.get_by_role("region", name="Offsets and tools")
     expect(rows.get_by_role("row", name="T3 42.500 6.000")).to_be_visible()
     with sync.Machine.connect("mill", mill.endpoint) as machine:
@@ -137,7 +147,7 @@ def test_a_button_shows_its_program_and_runs_it_within_its_limits(
 ) -> None:
     page.set_viewport_size({"width": width, "height": 800})
     opened(page, mill_site, "mill")
-    page.get_by_role("button", name="park …").press("Enter")
+    press(page.get_by_role("button", name="park …"))
     dialog = page.get_by_role("dialog", name="Run park")
     run = dialog.get_by_role("button", name="Run", exact=True)
     expect(dialog.get_by_label("Program text")).to_have_text("G53 G0 Z80\nG53 G0 X0 Y0")
@@ -151,7 +161,7 @@ def test_a_button_shows_its_program_and_runs_it_within_its_limits(
     expect(dialog.get_by_text("height: give a number from 0 to 100 mm")).to_be_visible()
     expect(run).to_be_disabled()
     height.fill("12.5")
-    assert page.evaluate("document.documentElement.scrollWidth") <= width
+    expect_no_overflow(page, width)
     run.click()
     with sync.Machine.connect("mill", mill.endpoint) as machine:
         wait_for(machine, page, lambda status: abs(status.axes.position[2] - 12.5) < 0.05)
@@ -170,7 +180,7 @@ def test_the_top_of_the_work_is_probed_by_a_program_that_is_shown_before_it_runs
             program.send("G53 G0 X0 Y0 Z0")
         opened(page, mill_site, "mill")
         page.get_by_role("heading", name="Probing").scroll_into_view_if_needed()
-        page.get_by_role("button", name="Top …").press("Enter")
+        press(page.get_by_role("button", name="Top …"))
         dialog = page.get_by_role("dialog", name="Run Top")
         expect(dialog.get_by_label("Program text")).to_contain_text("G38.2 Z-20 F150")
         dialog.get_by_label("travel [mm]").fill("501")
@@ -179,8 +189,8 @@ def test_the_top_of_the_work_is_probed_by_a_program_that_is_shown_before_it_runs
         dialog.get_by_label("travel [mm]").fill("9")
         dialog.get_by_label("feed [mm/min]").fill("600")
         dialog.get_by_label("thickness [mm]").fill("2")
-        assert page.evaluate("document.documentElement.scrollWidth") <= width
-        dialog.get_by_role("button", name="Run", exact=True).press("Enter")
+        expect_no_overflow(page, width)
+        press(dialog.get_by_role("button", name="Run", exact=True))
         wait_for(machine, page, lambda status: has_top(status.work_offsets))
         with machine.program() as program:
             program.send("G10 L2 P1 Z0")

@@ -30,7 +30,8 @@ KINDS = {
     "laser": 'profile = "cnc"\n[dialect.outputs]\nM3 = { beam = "S" }\nM4 = { beam = "S", air = true }\n'
     'M5 = { beam = 0 }\n[[output]]\nnumber = 0\nname = "beam"\nkind = "analog"\nmax = 700.0\nlaser = true\n'
     '[[output]]\nnumber = 1\nname = "air"',
-    "printer": 'profile = "printer"\nletters = { E = 6 }',
+    "printer": 'profile = "printer"\nletters = { E = 6 }\n[dialect.retraction]\nlength_mm = 2\n'
+    "speed = 30\nhop_mm = 1",
     "fan of a printer": 'profile = "printer"\n[dialect.outputs]\nM3 = { fan = "S" }\nM5 = { fan = 0 }\n'
     '[[output]]\nnumber = 0\nname = "fan"\nkind = "analog"\nmax = 700.0',
     "no extruder": 'profile = "printer"',
@@ -56,6 +57,7 @@ STATES = (
         "G94 F500",
     ),
     *("G99", "G98", "G61", "G64 P0.1", "G17", "G18", "S500", "G4 P0.1", "G81 Z-1 R1 F100", "G80", "G28"),
+    *("G10", "G11", "M207 S3 F900 Z2"),
 )
 
 

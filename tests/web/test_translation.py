@@ -7,14 +7,20 @@ import re
 import string
 from collections.abc import Iterator
 from pathlib import Path
+from typing import get_args
 
 import pytest
 from mcclient import MotionError
 from mcclient.types import AxisState, MachineState, ProgramState, RecordingState, RunState
 
 from mcserver.errors import ServiceError
+from mcserver.machine.homing_section import Method
+from mcserver.machine.machine_file import load_machine
+from mcserver.machine.probing_cycles import probing_cycles
+from mcserver.service.axis_reports import PHASES
 from mcserver.web.frame import BROWSER_TEXTS
 from mcserver.web.jobs import JobState
+from mcserver.web.machine_words import HOMING_METHODS, HOMING_PHASES, PROBING_CYCLES, PROBING_NUMBERS
 from mcserver.web.past import WHATS, WHENS
 from mcserver.web.translation import ENGLISH, LANGUAGES, catalogue, language_for, mark, t_in, texts_of
 
@@ -162,3 +168,12 @@ def test_a_catalogue_is_read_as_translators_tools_write_it_and_what_is_wrong_in_
     assert read == {"Take it": 'Nimm "es"', "{name} waits": "{nmae} wartet"}
     monkeypatch.setattr("mcserver.web.translation.catalogue", lambda _: read)
     assert t_in("de", "{name} waits", name="part.nc") == "part.nc waits"
+
+
+def test_words_of_the_motion_server_that_the_page_says_are_those_that_it_has() -> None:
+    machine = load_machine(str(WEB.parents[1] / "examples" / "mill.toml"))
+    cycles = probing_cycles(machine)
+    assert {each.name for each in cycles} | {each.group for each in cycles} == set(PROBING_CYCLES)
+    assert {number.name for each in cycles for number in each.argument} == set(PROBING_NUMBERS)
+    assert set(PHASES.values()) == set(HOMING_PHASES)
+    assert set(get_args(Method)) == HOMING_METHODS.keys()

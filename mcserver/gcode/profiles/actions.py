@@ -13,6 +13,7 @@ from mcserver.gcode.profiles.codes import (
     IO_WORDS,
     PRINTER_STOPS,
     PROBING,
+    RETRACTING,
     SPINDLE,
     SPLINES,
     SYSTEM_NUMBERS,
@@ -25,6 +26,7 @@ from mcserver.gcode.profiles.frame import LENGTH_AXIS, Offsets, tool_table
 from mcserver.gcode.profiles.io_codes import read_io, read_mapped
 from mcserver.gcode.profiles.nurbs import add_control_point
 from mcserver.gcode.profiles.probing import read_probe_move
+from mcserver.gcode.profiles.retraction import retract
 from mcserver.gcode.profiles.splines import read_spline
 from mcserver.gcode.profiles.threading import orient, read_threads
 from mcserver.gcode.profiles.transforming import end_transformation, transform
@@ -157,6 +159,8 @@ def act_after(block: BlockState, actions: tuple[Action, ...], effects: Effects) 
             effects.after += drill(block, action)
         elif action.code in TRANSFORMING:
             transform(block, action)
+        elif action.code in RETRACTING.values():
+            effects.after += retract(block, action)
         elif action.code in THREADING:
             effects.after += read_threads(block, action)
         elif action.code == "M19":
@@ -525,6 +529,11 @@ def _go_home(block: BlockState, action: Action, effects: Effects) -> None:
         _rapid(block, action, through, effects)
     _rapid(block, action, {axis: home.get(axis, 0.0) for axis in axes}, effects)
     block.transformation = transformation.without(axes)
+    retracted = block.frame.retracted
+    if retracted is not None and LENGTH_AXIS in axes:
+        # a Z that is homed is lifted no longer (Marlin)
+        kept = {axis: offset for axis, offset in retracted.items() if axis != LENGTH_AXIS}
+        block.frame = msgspec.structs.replace(block.frame, retracted=kept)
 
 
 def _rapid(block: BlockState, action: Action, targets: dict[int, float], effects: Effects) -> None:

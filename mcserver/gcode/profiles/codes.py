@@ -31,6 +31,10 @@ THREADING: Final = frozenset({"G33", "G33.1", "G76"})
 TRANSFORMING: Final = frozenset({"G15", "G16", "G50", "G50.1", "G51", "G51.1", "G68", "G69"})
 # curves by control points (D-97)
 SPLINES: Final = frozenset({"G5", "G5.1", "G5.2", "G5.3"})
+# firmware retraction of printers, and what their lines are called as actions: in cnc G10 is a table's (D-115)
+RETRACTING: Final[Mapping[str, str]] = MappingProxyType(
+    {"G10": "RETRACT", "G11": "RECOVER", "M207": "M207", "M208": "M208"}
+)
 _CYCLE_MODES: Final = frozenset({"G80", "G98", "G99"})
 
 # codes of printers that stop until somebody resumes, with what they say to the operator; "": the program ends
@@ -65,7 +69,7 @@ ACTING: Final[Mapping[str, frozenset[str]]] = MappingProxyType(
             | {"G40", "G90.1", "G91.1"}
         ),
         "robot": frozenset(_FRAME | {"G4", "M3", "M4", "M5"}),
-        "printer": frozenset({"G4", "G28", "G92", "M82", "M83", *PRINTER_STOPS}),
+        "printer": frozenset({"G4", "G28", "G92", "M82", "M83", *PRINTER_STOPS, *RETRACTING}),
     }
 )
 # act in every profile of a machine that has a probe
@@ -81,7 +85,13 @@ TAKES_AXES: Final = (
 )
 
 # actions that move axes
-MOVING: Final = frozenset({"G28", "G30", "M19", "REPEAT"}) | PROBING | DRILLING | THREADING | SPLINES
+MOVING: Final = (
+    frozenset({"G28", "G30", "M19", "REPEAT", "RETRACT", "RECOVER"})
+    | PROBING
+    | DRILLING
+    | THREADING
+    | SPLINES
+)
 
 _NO_COMPENSATION = {"G40", "G40.1", "G50", "G69"}
 # analog outputs: a machine without any leaves them alone
@@ -162,8 +172,10 @@ REFUSED: Final[Mapping[str, str]] = MappingProxyType(
         "G5.2": "splines are read in the profile cnc; let the post write arcs and lines",
         "G5.3": "splines are read in the profile cnc; let the post write arcs and lines",
         "G7": "diameters are not halved here; let the post write radii",
-        "G10": "retractions by firmware are not done here; let the slicer write them as moves of E",
-        "G11": "retractions by firmware are not done here; let the slicer write them as moves of E",
+        **dict.fromkeys(
+            ("G10", "G11"),
+            "retractions are for the profile printer with an axis E; let the slicer write them as moves of E",
+        ),
         "G16": "polar coordinates are read in the profile cnc; let the post write X and Y",
         "G33.1": "holes are tapped in the profile cnc; let the CAM mill the thread",
         "G33": "threads are cut in the profile cnc; let the CAM mill the thread",

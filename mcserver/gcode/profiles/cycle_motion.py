@@ -17,12 +17,13 @@ class CycleMotion:
     """Lines of motion of one block, one behind the other.
 
     Args:
-        speed: of feed moves [m/s].
+        speed: of feed moves [m/s]. exact_stop: each feed move ends at rest; else as a G01 of the block would.
     """
 
-    def __init__(self, block: BlockState, speed: float = 0.0) -> None:
+    def __init__(self, block: BlockState, speed: float = 0.0, *, exact_stop: bool = True) -> None:
         self._block = block
         self._speed = speed
+        self._exact_stop = exact_stop or block.modal.exact_stop
         self.lines: list[Canonical] = []
 
     def at(self, axis: int) -> float:
@@ -40,16 +41,23 @@ class CycleMotion:
         for axis, end in far.items():
             self._block.end_at(axis, end)
 
-    def feed(self, axis: int, end: float) -> None:
-        """Move one axis at F, to an exact stop."""
+    def feed(self, axis: int, end: float, speed: float | None = None) -> None:
+        """Move one axis at F, or at a speed of its own [m/s]."""
         start = self.at(axis)
         length = abs(end - start)
         if length <= ROUNDING:
             return
         curve = LineCurve((axis,), (start,), (end,), length)
-        group = FeedGroup((curve,), requested=length / self._speed, speed=self._speed)
+        speed = speed or self._speed
+        group = FeedGroup((curve,), requested=length / speed, speed=speed)
         self.lines.append(
-            MotionLine(self._block.parsed.number, (group,), exact_stop=True, feed_length=length)
+            MotionLine(
+                self._block.parsed.number,
+                (group,),
+                exact_stop=self._exact_stop,
+                tolerance=0.0 if self._exact_stop else self._block.path_tolerance,
+                feed_length=length,
+            )
         )
         self._block.end_at(axis, end)
 
@@ -67,7 +75,7 @@ def check_travel(block: BlockState, axis: int, end: float, source: ProfileWord |
     shown = shown_position(end, limits.type, block.modal.inch)
     block.faults.add(
         "MC201",
-        f"the cycle takes axis {axis} to {shown}, beyond its travel",
+        f"the line takes axis {axis} to {shown}, beyond its travel",
         source.span,
         "stay within the axis's travel",
         axis=axis,

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 import msgspec
 
 from mcserver.gcode.profiles.codes import SYSTEM_NUMBERS
-from mcserver.machine.dialect_section import Cutter
+from mcserver.machine.dialect_section import Cutter, Retraction
 from mcserver.machine.machine_file import Machine
 
 Offsets = Mapping[int, float]
@@ -50,6 +50,8 @@ class Frame(msgspec.Struct, frozen=True):
         cycle: the last canned cycle; it is in force as long as no motion code is.
         to_initial: between holes the tool goes where it was before the cycle (G98), not to R (G99).
         direction: of the spindle, 1, -1 or 0. spindle_rpm: the last S.
+        retraction: as M207 and M208 set it; None: as the machine file has it.
+        retracted: how far G10 has moved the zeros of the extruder and of Z; None: it has not (D-115).
     """
 
     system: int = 1
@@ -67,6 +69,8 @@ class Frame(msgspec.Struct, frozen=True):
     to_initial: bool = True
     direction: int = 0
     spindle_rpm: float = 0.0
+    retraction: Retraction | None = None
+    retracted: Offsets | None = None
 
     def shift(self) -> dict[int, float] | None:
         """Return the program's zero by axis [m or rad]; None where it is the machine's zero.
@@ -74,7 +78,7 @@ class Frame(msgspec.Struct, frozen=True):
         Under G43.4 the tip is led to where the words say, so that the tool's length is no part of it.
         """
         total: dict[int, float] = {}
-        parts = [self.systems.get(self.system, {}), self.local]
+        parts = [self.systems.get(self.system, {}), self.local, self.retracted or {}]
         if self.g92_on:
             parts.append(self.g92)
         for part in parts:

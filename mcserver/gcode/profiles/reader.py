@@ -24,6 +24,7 @@ from mcserver.gcode.profiles.codes import (
     PROBING,
     PROGRAM,
     REFUSED,
+    RETRACTING,
     SET_OUTPUTS,
     SETTINGS,
     SILENT,
@@ -58,6 +59,7 @@ _IO_CODE = re.compile(r"M[ \t]*0*6[678](?![0-9])")
 _CHECKSUM = re.compile(r"\*[0-9]+[ \t]*\Z")
 _GEOMETRY_OR_SPEED = re.compile(r"[XYZUWS]")
 _GEOMETRY = re.compile(r"[XYZIJK]")
+_RETRACTING = re.compile(r"(?:G[ \t]*0*1[01]|M[ \t]*0*20[78])(?![0-9]|\.0*[1-9])")
 _CYCLE_WORDS = re.compile(r"[PQUWDIR]")
 # inches and millimetres in DIN 66025, where no words of a turning cycle stand beside them
 _DIN_UNITS = {"G70": "20", "G71": "21"}
@@ -81,6 +83,9 @@ class ProfileReader:
         if dialect.profile != "reference" and not dialect.channels:
             self._ignored |= SET_OUTPUTS
         self._axes = axis_letters(dialect)
+        self._retracts = dialect.profile == "printer" and "E" in self._axes
+        if dialect.profile == "printer" and not self._retracts:
+            self._acting -= RETRACTING.keys()
         self._tools = dialect.profile in ("reference", "robot")  # T means the reference's tool
 
     def read(self, text: str, number: int) -> ParsedLine:
@@ -146,7 +151,27 @@ class ProfileReader:
             faults.add("MC140", COMPUTED, (1, len(code.rstrip()) + 1), "let the post write plain numbers")
             return nothing()
         code = _CHECKSUM.sub(lambda match: " " * len(match[0]), code)
+        if self._retracts and _RETRACTING.search(code):
+            return self._retraction(text, code, number, faults)
         return self._sort(text, code, number, faults)
+
+    def _retraction(self, text: str, code: str, number: int, faults: FaultList) -> ParsedLine:
+        """Give a retraction, or M207 and M208 that set it, all words of the line: Z and F are its own."""
+        words = [word for word in self._words(code, faults) if word.letter != "N"]
+        actions: tuple[Action, ...] = ()
+        name = code_name(words[0].letter, words[0].value) if words else ""
+        others = [word for word in words if word.letter in "GM"][name in RETRACTING :]
+        if others:
+            shown = f"{others[0].letter}{others[0].text}"
+            faults.add("MC153", f"{shown} and a retraction share a line", others[0].span, _OWN_LINE)
+        elif name in RETRACTING:
+            own = {word.letter: word for word in words[1:]}
+            for word in words[1:]:
+                if own[word.letter] is not word:
+                    again = own[word.letter].span
+                    faults.add("MC111", f"{word.letter} stands twice in one line", again, "keep one of them")
+            actions = () if faults.found else (Action(RETRACTING[name], words[0].span, own),)
+        return _line(number, text, code, [], faults, ProfileWords(actions))
 
     def _sort(self, text: str, code: str, number: int, faults: FaultList) -> ParsedLine:
         """Sort words into RS-274's order of execution and hand each code its own words."""

@@ -66,6 +66,8 @@ def find_axes_to_sync(
             action.code in DRILLING | SPLINES | THREADING | {"REPEAT"} for action in parsed.profile.actions
         ):
             needed |= {0, 1, 2}
+        if any(action.code in ("RETRACT", "RECOVER") for action in parsed.profile.actions):
+            needed |= {setup.machine.dialect.letters["E"], 2}
         if spindle is not None and any(action.code == "M19" for action in parsed.profile.actions):
             # it is brought to rest, and turns to the angle from there
             needed.add(spindle)

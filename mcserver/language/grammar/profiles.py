@@ -178,7 +178,7 @@ def _special_blocks(machine: Machine) -> list[Expression]:
                 *(opt(Ref("times")), opt(Ref("feed"))),
             )
         )
-    if "G10" in acting:
+    if "G28.1" in acting:
         blocks.append(
             seq(
                 Ref("system-code"),
@@ -195,6 +195,8 @@ def _special_blocks(machine: Machine) -> list[Expression]:
     blocks += _io_blocks(machine)
     if machine.dialect.profile == "printer":
         blocks.append(Ref("dwell-code"))
+        if machine.dialect.retraction is not None:
+            blocks.append(Ref("retraction-code"))
         blocks.append(seq(Ref("home-code"), Ref("home-option")))
     return blocks
 
@@ -252,6 +254,7 @@ def _tokens(machine: Machine) -> dict[str, Expression]:
         "machine-frame": _codes({"G53"}),
         "offset-code": _codes({"G92"}),
         "home-code": _codes({"G28", "G30"} & acting or {"G28"}),
+        "retraction-code": _codes({"G10", "G11"}),
         "home-option": seq(char("W"), Ref("space")),
         "spindle-code": _codes({"M3", "M4", "M5"}),
         "speed": word("S", Ref("unsigned")),

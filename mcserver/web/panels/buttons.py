@@ -35,24 +35,24 @@ class ButtonsPanel:
         with self._cards:
             for group in groups:
                 with ui.card().classes("mc-card"):
-                    ui.html(f"<h2>{html.escape(group or t('Buttons'))}</h2>", sanitize=False)
+                    ui.html(f"<h2>{html.escape(t(group) if group else t('Buttons'))}</h2>", sanitize=False)
                     with ui.element("div").classes("mc-buttons"):
                         for each in info.buttons:
                             if each.group == group:
                                 self._button(each)
 
     def _button(self, each: ButtonInfo) -> None:
-        ui.button(f"{each.name} …", on_click=partial(self._ask, each)).props("outline no-caps")
+        ui.button(f"{t(each.name)} …", on_click=partial(self._ask, each)).props("outline no-caps")
 
     async def _ask(self, button: ButtonInfo) -> None:
         if not self._may(button):
             return
-        with named_dialog(t("Run {name}", name=button.name)) as dialog, ui.card().classes("mc-ask"):
-            ui.label(button.name).classes("font-bold break-words")
+        with named_dialog(t("Run {name}", name=t(button.name))) as dialog, ui.card().classes("mc-ask"):
+            ui.label(t(button.name)).classes("font-bold break-words")
             with ui.row().classes("w-full gap-x-4 gap-y-1"):
                 fields = {
                     each.name: ui.number(
-                        f"{each.name} [{each.unit}]".removesuffix(" []"), value=each.first, format="%g"
+                        f"{t(each.name)} [{each.unit}]".removesuffix(" []"), value=each.first, format="%g"
                     )
                     .props(f'hint="{each.low:g} … {each.high:g}"')
                     .classes("w-32")
@@ -102,7 +102,7 @@ def wrong_number(button: ButtonInfo, values: dict[str, float | None]) -> str:
         if value is None or not each.low <= value <= each.high:
             return t(
                 "{name}: give a number from {low:g} to {high:g} {unit}",
-                name=each.name,
+                name=t(each.name),
                 low=each.low,
                 high=each.high,
                 unit=each.unit,

@@ -34,7 +34,8 @@ class ChannelsPanel:
         if known != self._known:
             self._build(known)
         states = [(each.value, _interlock(each)) for each in status.inputs]
-        states += [(each.value, each.set_by) for each in status.outputs]
+        names = {each.program: each.name for each in status.programs}
+        states += [(each.value, names.get(each.set_by) or each.set_by) for each in status.outputs]
         for channel, (value, state), shown, note in zip(
             known, states, self._values, self._states, strict=False
         ):

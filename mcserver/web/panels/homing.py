@@ -11,6 +11,7 @@ from mcserver.web.actions import Actions
 from mcserver.web.dialogs import answer_to, named_dialog
 from mcserver.web.formatting import axis_name
 from mcserver.web.link import MachineLink
+from mcserver.web.machine_words import HOMING_METHODS
 from mcserver.web.translation import mark, t
 
 # Methods that find nothing by themselves: somebody says where the axis is.
@@ -43,7 +44,7 @@ class HomingPanel:
         homed = dict(zip(status.axes.index, status.axes.homed, strict=False))
         for axis in axes:
             text = phase_of(self._actions.link, axis.index, homed=homed.get(axis.index, True))
-            self._states[axis.index].set_text(f"{t(str(axis.homing))}: {text}")
+            self._states[axis.index].set_text(f"{t(HOMING_METHODS[str(axis.homing)])}: {text}")
 
     def _build(self, axes: tuple[AxisInfo, ...]) -> None:
         self._axes, self._states = axes, {}

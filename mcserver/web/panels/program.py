@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import html
+import json
 import time
+import zlib
 from collections.abc import Mapping
 from functools import partial
 from types import MappingProxyType
+from urllib.parse import quote
 
 from mcclient import MotionError, ProgramStatus
 from mcclient.switches import switches_said
@@ -31,6 +34,7 @@ from mcserver.web.panels.dry_run import show_dry_run
 from mcserver.web.panels.queue import QueuePanel
 from mcserver.web.panels.run_from import RecoveryPanel, ask_run_from
 from mcserver.web.store import MAX_PROGRAM_BYTES
+from mcserver.web.thumbnails import Thumbnail
 from mcserver.web.translation import mark, t
 
 _SWITCHED: Mapping[tuple[str, bool], str] = MappingProxyType(
@@ -43,6 +47,32 @@ _SWITCHED: Mapping[tuple[str, bool], str] = MappingProxyType(
 )
 
 
+# an option of the list, with the picture of its program where it has one
+OPTION = """
+<q-item v-bind="props.itemProps">
+  <q-item-section side><img class="mc-icon" alt="" loading="lazy"
+    :src='%s + encodeURIComponent(props.opt.label) + "/picture"'></q-item-section>
+  <q-item-section><q-item-label>{{ props.opt.label }}</q-item-label></q-item-section>
+</q-item>
+"""
+
+
+class Picture:
+    """The picture that a slicer has put into a program, beside its name; hidden where there is none."""
+
+    def __init__(self) -> None:
+        self._image = ui.element("img").classes("mc-thumbnail").props('alt=""')
+        self._image.set_visibility(False)
+
+    def show(self, found: Thumbnail | None, address: str) -> None:
+        """Show a picture that the page serves at ``address``."""
+        source = "" if found is None else f"{address}/picture?{zlib.crc32(found.content):08x}"
+        if self._image.props.get("src", "") != source:
+            self._image.props["src"] = source
+            self._image.set_visibility(bool(source))
+            self._image.update()
+
+
 class ProgramPanel:
     """Shows one program; starts, queues, checks and removes the kept ones.
 
@@ -53,6 +83,7 @@ class ProgramPanel:
     def __init__(self, actions: Actions, recovery: RecoveryPanel) -> None:
         self._actions = actions
         self._recovery = recovery
+        self._address = f"/machine/{quote(actions.link.name, safe='')}"
         self._shown: tuple[object, ...] = ()
         self._listed: tuple[str, ...] = ()
         # the program that the last upload has replaced, and its text
@@ -60,6 +91,7 @@ class ProgramPanel:
         with ui.card().classes("mc-card"):
             ui.html(f"<h2>{t('Program')}</h2>", sanitize=False)
             self._title = ui.label(t("no program")).classes("font-bold")
+            self._picture = Picture()
             self._bar = ui.linear_progress(0.0, show_value=False, size="1.2rem").props(
                 f'aria-label="{t("progress")}"'
             )
@@ -81,6 +113,8 @@ class ProgramPanel:
             with ui.row().classes("items-center w-full"):
                 self._choice = ui.select([], label=t("Program"), with_input=True).classes("grow min-w-40")
                 self._from_line = ui.number(t("From line"), value=1, min=1, format="%d").classes("w-24")
+            self._choice.add_slot("option", OPTION % json.dumps(f"{self._address}/programs/"))
+            self._chosen = Picture()
             self._last_run = ui.label("").classes("text-sm")
             with ui.row().classes("items-center w-full gap-2 mc-warnings") as self._replaced:
                 self._replaced_name = ui.label("").classes("grow min-w-0 break-words").props("role=alert")
@@ -113,13 +147,16 @@ class ProgramPanel:
         self._show_switches()
         running = self._actions.link.jobs.running
         if running is not None and running.state is JobState.CHECKING:
+            self._show_picture(running)
             self._title.set_text(f"{running.name} · {t(running.state.value)}")
             return
         failed = self._failed(program)
         if failed is not None:
+            self._show_picture(failed)
             self._show_ended(failed)
         if failed is not None or program is None:
             return
+        self._show_picture(job)
         total = len(job.lines) if job is not None else program.accepted
         line = program.line or program.done
         share = min(1.0, line / total) if total else 0.0
@@ -147,9 +184,16 @@ class ProgramPanel:
         if program.fault is not None and program.fault.line:
             faulty[program.fault.line] = program.fault.message
         shown = (program.program, line, tuple(faulty))
-        if job is not None and shown != self._shown:
+        if shown != self._shown:
             self._shown = shown
-            self._text.set_content(program_excerpt(job.lines, line, faulty))
+            self._text.set_content("" if job is None else program_excerpt(job.lines, line, faulty))
+
+    def _show_picture(self, job: Job | None) -> None:
+        """Show the picture of a job's text; of another client's program nothing is known."""
+        if job is None:
+            self._picture.show(None, "")
+        else:
+            self._picture.show(job.thumbnail, f"{self._address}/jobs/{job.number}")
 
     def _show_single_step(self) -> None:
         mode = self._actions.link.jobs.single_step
@@ -232,9 +276,13 @@ class ProgramPanel:
 
     def _update_store(self) -> None:
         self._jobs.update()
-        run = self._actions.link.last_runs.runs.get(self._choice.value or "")
+        chosen, store = self._choice.value or "", self._actions.link.store
+        self._chosen.show(
+            store.thumbnail(chosen) if chosen else None, f"{self._address}/programs/{quote(chosen, safe='')}"
+        )
+        run = self._actions.link.last_runs.runs.get(chosen)
         self._last_run.set_text("" if run is None else last_run_text(run))
-        names = tuple(each.name for each in self._actions.link.store.list())
+        names = tuple(each.name for each in store.list())
         if names == self._listed:
             return
         self._listed = names
@@ -244,8 +292,7 @@ class ProgramPanel:
 
     def _job(self, program: str) -> Job | None:
         jobs = self._actions.link.jobs
-        candidates = ([jobs.running] if jobs.running is not None else []) + list(jobs.ended)
-        return next((job for job in candidates if job.program == program), None)
+        return next((job for job in jobs.begun if job.program == program), None)
 
     async def _on_upload(self, event: events.UploadEventArguments) -> None:
         # a file moves nothing: it may come while somebody else drives
