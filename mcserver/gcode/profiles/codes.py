@@ -62,7 +62,7 @@ ACTING: Final[Mapping[str, frozenset[str]]] = MappingProxyType(
             | COMPENSATING.keys()
             | TRANSFORMING
             | SPLINES
-            | {"G40", "G90.1", "G91.1"}
+            | {"G40", "G90.1", "G91.1", "G95"}
         ),
         "robot": frozenset(_FRAME | {"G4", "M3", "M4", "M5"}),
         "printer": frozenset({"G4", "G28", "G92", "M82", "M83", *PRINTER_STOPS}),
@@ -183,7 +183,7 @@ REFUSED: Final[Mapping[str, str]] = MappingProxyType(
         "G76": "threads are cut in the profile cnc; let the CAM mill the thread",
         "G90.1": "arc centres are increments from the start here; let the post write G91.1",
         "M19": "the spindle is turned to an angle in the profile cnc; let the post leave it out",
-        "G95": "feed per revolution needs a spindle whose turning is followed; use G94",
+        "G95": "feed per revolution is for the profile cnc; use G94",
         "G96": "constant surface speed of a lathe is not kept here; use G97",
         **dict.fromkeys(("M62", "M63", "M64", "M65", "M67", "M68"), "this machine has no outputs"),
         "M66": "this machine has no inputs",

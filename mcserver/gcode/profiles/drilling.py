@@ -13,6 +13,7 @@ from mcserver.gcode.profiles.cycle_motion import CycleMotion, check_travel
 from mcserver.gcode.profiles.frame import DrillCycle, Level
 from mcserver.gcode.profiles.threading import find_spindle, read_pass
 from mcserver.gcode.semantics.block_state import ASSUMED_FEED, BlockState
+from mcserver.gcode.semantics.feed_time import feed_unit, turns_of_feed
 from mcserver.gcode.semantics.program_places import ends_of, given_by
 from mcserver.gcode.semantics.program_units import length_scale, shown_position
 from mcserver.gcode.semantics.travel_limits import ROUNDING
@@ -222,13 +223,16 @@ def _feed(block: BlockState, action: Action) -> float | None:
         block.faults.add("MC146", "a canned cycle has no duration: G93 is in force", action.span, "write G94")
         return None
     if modal.feed is None:
-        unit = "in/min" if modal.inch else "mm/min"
         block.faults.add(
-            "MC121", "the cycle has no feed rate: no F is in force", action.span, f"give F in {unit}"
+            "MC121",
+            "the cycle has no feed rate: no F is in force",
+            action.span,
+            f"give F in {feed_unit(block)}",
         )
         block.change(feed=ASSUMED_FEED)
         return None
-    return modal.feed.speed
+    turns = turns_of_feed(block, action)
+    return None if turns is None else turns * modal.feed.speed
 
 
 def _sound(block: BlockState, action: Action, cycle: DrillCycle, hole: _Hole) -> bool:
