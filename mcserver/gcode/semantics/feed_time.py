@@ -118,15 +118,18 @@ def feed_unit(block: BlockState) -> str:
     return f"{'in' if block.modal.inch else 'mm'}/{'turn' if block.modal.per_turn else 'min'}"
 
 
-def turns_of_feed(block: BlockState, source: Command | Action) -> float | None:
+def turns_of_feed(block: BlockState, source: Command | Action, *, starts: bool = False) -> float | None:
     """Return how often a minute F counts: 1 under G94, commanded turns of the spindle under G95 (D-105).
 
     None after a fault (MC128).
+
+    Args:
+        starts: the spindle may stand, and is about to turn.
     """
     if not block.modal.per_turn:
         return 1.0
     dialect, frame = block.setup.machine.dialect, block.frame
-    turns = frame.spindle_rpm * abs(frame.direction)
+    turns = frame.spindle_rpm * (1 if starts else abs(frame.direction))
     if dialect.spindle is not None:
         turns *= abs(block.setup.axes[dialect.spindle].travel_per_motor_turn) / TURN
     elif all(each.value is not None for code in ("M3", "M4") for each in dialect.outputs.get(code, ())):
