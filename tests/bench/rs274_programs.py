@@ -27,7 +27,7 @@ from mcserver.gcode.semantics.interpreter import Interpreter
 from mcserver.gcode.switches import AS_WRITTEN, Switches
 from mcserver.gcode.text.parser import ParsedLine
 from mcserver.machine.machine_file import Machine, parse_machine
-from mcserver.motion.canonical import Canonical, FeedGroup, MotionLine, RapidGroup
+from mcserver.motion.canonical import Canonical, FeedGroup, MotionLine, RapidGroup, ThreadLine
 from mcserver.motion.geometry.curves import ArcCurve
 from mcserver.units import MM
 
@@ -246,6 +246,13 @@ def moves_here(
 
 
 def _follow(value: Canonical, place: list[float], found: list[Move]) -> None:
+    if isinstance(value, ThreadLine) and value.taps:
+        # down and back
+        before = tuple(place)
+        for axis, end in zip(value.axes, value.targets, strict=True):
+            place[axis] = end / MM
+        found += [tuple(place), before]
+        place[:] = before
     if not isinstance(value, MotionLine):
         return
     for group in value.groups:
