@@ -130,6 +130,14 @@ def test_a_dwell_belongs_to_its_code() -> None:
     assert [kind for kind, _, _ in moves(text.format("G89 X5"))].count("dwell") == 2
 
 
+def test_milliseconds_that_are_read_as_seconds_are_pointed_out() -> None:
+    text = "G82 Z-1 R1 P500 F300\nX5"
+    assert [(each.code, each.line, each.severity) for each in check_program(text, machine_of("cnc"))] == [
+        ("MC129", 1, "warning")
+    ]
+    assert [kind for kind, _, _ in moves(text)].count("dwell") == 2
+
+
 def test_k_repeats_as_l_does_and_0_only_keeps_the_cycle() -> None:
     text = "G0 X1 Z10\nG91 G81 X10 R-8 Z-5 K3 F300\nG90 G80"
     assert [end for kind, axis, end in moves(text) if axis == "X"] == [1.0, 11.0, 21.0, 31.0]

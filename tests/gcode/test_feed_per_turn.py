@@ -9,6 +9,8 @@ from mcserver.gcode.program_check import check_program
 from mcserver.gcode.semantics.interpreter import Interpreter
 from mcserver.machine.machine_file import Machine, parse_machine
 from mcserver.motion.canonical import FeedGroup, MotionLine, ProbeLine, ThreadLine
+from mcserver.planning.start_state import StartState
+from mcserver.planning.state_before import state_before
 from mcserver.units import DEGREE, INCH, MM
 from tests.executor.threading_rig import lathe, lathe_text
 from tests.machine_text import axes_text
@@ -118,6 +120,17 @@ def test_no_turns_or_no_f_are_a_fault_of_the_move(lines: tuple[str, ...], code: 
 
 def test_a_rapid_needs_no_turns_and_g99_no_f_a_minute() -> None:
     assert faults("G95 F0.2", "G0 X10", "S300 M3", "G99 F0.1 G1 X0") == []
+
+
+def test_a_program_goes_on_under_it() -> None:
+    lines = [*HEAD, "G95 F0.2", "G1 X10", "X20"]
+    before = state_before(lines, 5, LATHE, StartState.of(LATHE))
+    interpreter = Interpreter(LATHE, modal=before.modal, positions=before.positions)
+    (move,) = interpreter.interpret_text(lines[4], 5)
+    assert isinstance(move, MotionLine)
+    (group,) = move.groups
+    assert isinstance(group, FeedGroup)
+    assert group.speed == pytest.approx(60.0 * MM / 60.0)
 
 
 def test_it_is_told_as_it_is() -> None:

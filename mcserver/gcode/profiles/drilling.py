@@ -31,6 +31,8 @@ _LETTERS: Final = "XYZ"
 # how far a peck ends its rapid above the depth that is drilled already, and G73 goes up to break the chip [m]
 CLEARANCE = 0.25 * MM
 MOST_PECKS = 10_000
+# nobody lets a tool rub so long in each hole [s]
+LONG_DWELL = 20.0
 MOST_REPEATS = 1_000
 
 _PECKING: Final = frozenset({"G73", "G83"})
@@ -110,6 +112,14 @@ def drill(block: BlockState, action: Action) -> list[Canonical]:
             motion.rapid({hole.axis: hole.retract})
         if block.faults.found:
             return []
+    if "P" in action.words and cycle.dwell is not None and cycle.dwell > LONG_DWELL:
+        block.faults.add(
+            "MC129",
+            f"P{action.words['P'].text} waits {cycle.dwell:g} s in each hole",
+            action.words["P"].span,
+            'if its post writes milliseconds, say so in the machine file: [dialect] dwell = "ms"',
+            severity="warning",
+        )
     return motion.lines
 
 
