@@ -367,7 +367,7 @@ def compare(
             continue
         elif bool(fault) != bool(error):
             what = f"{what}; here: {fault or 'accepted'}; rs274: {error or 'accepted'}"
-        if what and _hangs_on_rounding(text, here, fault):
+        if what and _hangs_on_rounding(text, here, fault, machine):
             unstable += 1
         elif what:
             differing += 1
@@ -379,11 +379,11 @@ def compare(
     return differing
 
 
-def _hangs_on_rounding(text: str, here: list[Move], fault: str) -> bool:
+def _hangs_on_rounding(text: str, here: list[Move], fault: str, machine: Machine) -> bool:
     """Return whether other last bits of what is computed give other moves here, too."""
     for share in (1e-13, -1e-13):
         with patch.object(expressions, "_checked", _nudged(share)):
-            moves, other = moves_here(text)
+            moves, other = moves_here(text, machine)
         if differences(here, moves) or bool(other) != bool(fault):
             return True
     return False
