@@ -18,7 +18,8 @@ from mcserver.machine.machine_file import Machine
 _ARC_AXES = frozenset((0, 1, 2))
 # what a profile computes or calls: its axes are known as it runs
 _COMPUTED = re.compile(r"#|\[(?!\d+\])|\bO\s*[<\d]|M0*98(?!\d)|G65(?!\d)", re.IGNORECASE)
-_SPINDLE = re.compile(r"M0*(?:[345]|19)(?!\d)|S\s*[-+.\d#\[]", re.IGNORECASE)
+# G74 and G84 turn one that stands
+_SPINDLE = re.compile(r"(?:M0*(?:[345]|19)|G(?:74|84))(?!\d)|S\s*[-+.\d#\[]", re.IGNORECASE)
 
 
 def axes_used(text: str, machine: Machine) -> tuple[int, ...]:

@@ -52,6 +52,8 @@ TITLES: Mapping[str, str] = MappingProxyType(
         "MC121": "no feed rate is in force",
         "MC122": "G94 has no speed for these axes",
         "MC123": "the feed is per revolution",
+        "MC128": "there are no turns for a feed per turn",
+        "MC129": "the dwell is long",
         "MC130": "the arc is not defined",
         "MC131": "the offset lies outside the arc's plane",
         "MC132": "the arc's plane is not clear",

@@ -11,7 +11,7 @@ def modal_codes(modal: ModalState) -> list[str]:
     codes = [
         "G20" if modal.inch else "G21",
         "G91" if modal.incremental else "G90",
-        "G93" if modal.inverse_time else "G94",
+        "G93" if modal.inverse_time else "G95" if modal.per_turn else "G94",
     ]
     if modal.feed is not None:
         codes.append(f"F{modal.feed.number:g}")

@@ -19,7 +19,7 @@ from mcserver.gcode.text.command_table import COMMANDS
 from mcserver.language.rules import rules
 from mcserver.machine.machine_file import Machine
 
-# Rules that describe a code, the first that name it.
+# Rules that describe a code, the first that name it; those that show it as code go before.
 MOST_RULES = 2
 
 
@@ -74,6 +74,8 @@ def describe_profile_code(asked: str, machine: Machine) -> str:
     else:
         return ""
     named = [rule for rule in rules().values() if re.search(rf"(?<![A-Z0-9.]){code}(?![0-9.])", rule.text)]
+    # where it is said first what a code does, it stands as code
+    named.sort(key=lambda rule: re.search(rf"`{code}(?![0-9.])", rule.text) is None)
     return "\n\n".join(
         [
             f"**{code}** {does}.",

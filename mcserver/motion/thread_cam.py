@@ -123,12 +123,16 @@ class ThreadCam:
         return RateLimits(_ROUNDING * steady, _ROUNDING * self.jerk / self.speed)
 
 
-def stopping_turns(spindle: Axis, turns_s: float) -> float:
-    """Return the turns in which a spindle comes to rest at its acceleration and jerk [1]."""
+def stopping_seconds(spindle: Axis, turns_s: float) -> float:
+    """Return the time in which a spindle comes to rest at its acceleration and jerk [s]."""
     speed, acceleration, jerk = turns_s * TURN, spindle.max_acceleration, spindle.max_jerk
     rise = min(acceleration / jerk, math.sqrt(speed / jerk))
-    seconds = speed / acceleration + rise if speed * jerk >= acceleration**2 else 2.0 * rise
-    return 0.5 * turns_s * seconds
+    return speed / acceleration + rise if speed * jerk >= acceleration**2 else 2.0 * rise
+
+
+def stopping_turns(spindle: Axis, turns_s: float) -> float:
+    """Return the turns in which a spindle comes to rest at its acceleration and jerk [1]."""
+    return 0.5 * turns_s * stopping_seconds(spindle, turns_s)
 
 
 def least_tapping(cam: ThreadCam, stopping: float) -> float:

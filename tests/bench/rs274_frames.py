@@ -1,8 +1,8 @@
 """Random programs with work offsets, units, polar words, arcs and cycles, read here and by LinuxCNC's rs274.
 
 ``python -m tests.bench.rs274_frames [PROGRAMS] [SEED]`` (D-62 to D-64, D-75, D-96). Left out are pecks (rs274
-ends their rapids 0.254 mm above the hole, not 0.25), G85 and G89 under G98 (it feeds out to where the cycle
-began, not to R) and parameters of offsets, which it has in inches.
+ends their rapids 0.254 mm above the hole, not 0.25), G84, G85 and G89 under G98 (it feeds out to where the
+cycle began, not to R) and parameters of offsets, which it has in inches.
 """
 
 from __future__ import annotations
@@ -10,7 +10,16 @@ from __future__ import annotations
 import sys
 from random import Random
 
+from mcserver.machine.machine_file import parse_machine
 from tests.bench.rs274_programs import compare
+from tests.executor.threading_rig import HEAD, KEYS
+from tests.machine_text import axes_text
+
+MACHINE = parse_machine(
+    HEAD
+    + axes_text(range(3), velocity=1e3, acceleration=1e4)
+    + axes_text((3,), rotary=True, velocity=2e4, acceleration=4e4, keys=KEYS)
+)
 
 
 class FrameWriter:
@@ -21,7 +30,7 @@ class FrameWriter:
 
     def program(self) -> str:
         """Return the text."""
-        lines = ["G21 G90 G17 G94 F1000", "G0 X0 Y0 Z50"]
+        lines = ["G21 G90 G17 G94 F1000 S600 M3", "G0 X0 Y0 Z50"]
         writes = [self._move, self._move, self._arc, self._zero, self._setting, self._cycle, self._read]
         writes.append(self._polar)
         for _ in range(self._random.randint(4, 25)):
@@ -83,8 +92,11 @@ class FrameWriter:
     def _cycle(self) -> list[str]:
         random = self._random
         mode, exit_level = random.choice(["G90", "G91"]), random.choice(["G98", "G99"])
-        code = random.choice(["G81", "G82 P0.1"] + ["G85", "G89 P0.2"] * (exit_level == "G99"))
-        heights = "R5 Z-6" if mode == "G91" else f"R{self._number(1.0, 8.0)} Z{self._number(-9.0, 0.5)}"
+        out_at_f = ["G85", "G89 P0.2", "G84 F600"] if exit_level == "G99" else []
+        code = random.choice(["G81", "G82 P0.1", "G86 P0.1", *out_at_f])
+        # a tap has to hold its run-in
+        least = -3.0 if code[:3] == "G84" else 0.5
+        heights = "R5 Z-6" if mode == "G91" else f"R{self._number(1.0, 8.0)} Z{self._number(-9.0, least)}"
         more = [self._words("XY") for _ in range(random.randrange(3))]
         times = f" L{random.randint(1, 3)}" if random.random() < 0.3 else ""
         return [f"G21 {mode} {exit_level} {code} {self._words('XY')} {heights}{times}", *more, "G80 G90"]
@@ -95,4 +107,4 @@ class FrameWriter:
 
 
 if __name__ == "__main__":
-    sys.exit(bool(compare(FrameWriter, *(int(each) for each in sys.argv[1:3]))))
+    sys.exit(bool(compare(FrameWriter, *map(int, sys.argv[1:3]), machine=MACHINE)))

@@ -27,7 +27,7 @@ from mcserver.gcode.semantics.interpreter import Interpreter
 from mcserver.gcode.switches import AS_WRITTEN, Switches
 from mcserver.gcode.text.parser import ParsedLine
 from mcserver.machine.machine_file import Machine, parse_machine
-from mcserver.motion.canonical import Canonical, FeedGroup, MotionLine, RapidGroup
+from mcserver.motion.canonical import Canonical, FeedGroup, MotionLine, RapidGroup, ThreadLine
 from mcserver.motion.geometry.curves import ArcCurve
 from mcserver.units import MM
 
@@ -246,6 +246,13 @@ def moves_here(
 
 
 def _follow(value: Canonical, place: list[float], found: list[Move]) -> None:
+    if isinstance(value, ThreadLine) and value.taps:
+        # down and back
+        before = tuple(place)
+        for axis, end in zip(value.axes, value.targets, strict=True):
+            place[axis] = end / MM
+        found += [tuple(place), before]
+        place[:] = before
     if not isinstance(value, MotionLine):
         return
     for group in value.groups:
@@ -360,7 +367,7 @@ def compare(
             continue
         elif bool(fault) != bool(error):
             what = f"{what}; here: {fault or 'accepted'}; rs274: {error or 'accepted'}"
-        if what and _hangs_on_rounding(text, here, fault):
+        if what and _hangs_on_rounding(text, here, fault, machine):
             unstable += 1
         elif what:
             differing += 1
@@ -372,11 +379,11 @@ def compare(
     return differing
 
 
-def _hangs_on_rounding(text: str, here: list[Move], fault: str) -> bool:
+def _hangs_on_rounding(text: str, here: list[Move], fault: str, machine: Machine) -> bool:
     """Return whether other last bits of what is computed give other moves here, too."""
     for share in (1e-13, -1e-13):
         with patch.object(expressions, "_checked", _nudged(share)):
-            moves, other = moves_here(text)
+            moves, other = moves_here(text, machine)
         if differences(here, moves) or bool(other) != bool(fault):
             return True
     return False

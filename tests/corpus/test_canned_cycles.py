@@ -104,6 +104,50 @@ def test_g83_clears_the_hole_after_each_peck_and_g73_goes_up_a_little() -> None:
     ]
 
 
+def test_pecks_get_smaller_as_haas_has_them_and_g73_clears_the_hole_after_k() -> None:
+    down = [end for kind, _, end in moves("G83 Z-10 R2 I5 J2 K1.5 P0.5 F300") if kind in ("feed", "dwell")]
+    assert down == [-3.0, -6.0, -7.5, -9.0, -10.0, 0.5]
+    assert [move for move in moves("G73 Z-8 R1 Q2 K4 F300") if move[0] == "rapid"] == [
+        ("rapid", "Z", 1.0),
+        ("rapid", "Z", -0.75),
+        ("rapid", "Z", 1.0),
+        ("rapid", "Z", -2.75),
+        ("rapid", "Z", -4.75),
+        ("rapid", "Z", 1.0),
+        ("rapid", "Z", -6.75),
+        ("rapid", "Z", 1.0),
+    ]
+    # each of the words counts for the lines to come
+    feeds = [end for kind, _, end in moves("G83 Z-4 R0 I3 J1 K2 F300\nX5\nX6 Q1") if kind == "feed"]
+    assert feeds == [-3.0, -4.0, -3.0, -4.0, -1.0, -2.0, -3.0, -4.0]
+
+
+def test_a_dwell_belongs_to_its_code() -> None:
+    text = "G82 Z-1 R1 P0.5 F300\n{}"
+    assert [kind for kind, _, _ in moves(text.format("X5"))].count("dwell") == 2
+    for code in ("G81", "G83 Q5", "G73 Q5", "G85"):
+        assert [kind for kind, _, _ in moves(text.format(f"{code} X5"))].count("dwell") == 1
+    assert [kind for kind, _, _ in moves(text.format("G89 X5"))].count("dwell") == 2
+
+
+def test_milliseconds_that_are_read_as_seconds_are_pointed_out() -> None:
+    text = "G82 Z-1 R1 P500 F300\nX5"
+    assert [(each.code, each.line, each.severity) for each in check_program(text, machine_of("cnc"))] == [
+        ("MC129", 1, "warning")
+    ]
+    assert [kind for kind, _, _ in moves(text)].count("dwell") == 2
+
+
+def test_k_repeats_as_l_does_and_0_only_keeps_the_cycle() -> None:
+    text = "G0 X1 Z10\nG91 G81 X10 R-8 Z-5 K3 F300\nG90 G80"
+    assert [end for kind, axis, end in moves(text) if axis == "X"] == [1.0, 11.0, 21.0, 31.0]
+    for word in ("L0", "K0"):
+        for cycle in ("G81", "G83 Q9"):
+            kept = f"G0 Z10\n{cycle} X5 Z-3 R2 {word} F300"
+            assert len(moves(kept)) == 1
+            assert moves(f"{kept}\nX7")[1:] == moves("G0 Z10\nG81 X7 Z-3 R2 F300")[1:]
+
+
 def test_g82_waits_at_the_bottom_and_g85_and_g89_go_out_at_f() -> None:
     assert moves("G82 Z-1 R1 P0.5 F300")[1:3] == [("feed", "Z", -1.0), ("dwell", "", 0.5)]
     assert moves("G85 Z-1 R1 F300") == [("rapid", "Z", 1.0), ("feed", "Z", -1.0), ("feed", "Z", 1.0)]
@@ -160,9 +204,19 @@ def test_a_program_goes_on_within_a_cycle() -> None:
         ("G81 X9000 Z-3 R2 F300", "MC201"),
         ("G81 X5 Z-900 R2 F300", "MC201"),
         ("G83 X5 Z-3 R2 Q0.0001 F300", "MC146"),
-        ("G81 X5 Z-3 R2 L0 F300", "MC116"),
+        ("G91 G81 X5 Z-3 R2 L0 F300", "MC146"),
+        ("G81 X5 Z-3 R2 L2 K2 F300", "MC116"),
         ("G81 X5 Z-3 R2 L2.5 F300", "MC116"),
-        ("G81 X5 Z-3 R2 K3 F300", "MC112"),
+        ("G81 X5 Z-3 R2 K3.5 F300", "MC116"),
+        ("G81 X5 Z-3 R2 I1 F300", "MC112"),
+        ("G81 X5 Z-3 R2 P1 F300", "MC112"),  # a dwell is G82's
+        ("G85 X5 Z-3 R2 Q1 F300", "MC112"),
+        ("G83 X5 Z-3 R2 Q1 I2 F300", "MC112"),
+        ("G83 X5 Z-3 R2 I2 J1 F300", "MC112"),  # the least is missing
+        ("G83 X5 Z-3 R2 Q2 K3 F300", "MC112"),  # Fanuc's repeats, or no word of Haas's
+        ("G91 G73 X5 Z-3 R2 Q2 K3 F300", "MC112"),
+        ("G83 X5 Z-3 R2 Q-2 F300", "MC116"),
+        ("G86 X5 Z-3 R2 F300", "MC178"),  # the spindle does not turn
         ("G81 X5 X6 Z-3 R2 F300", "MC111"),
         ("G83 X5 Z-3 R2 Q1 Q2 F300", "MC111"),
         ("G0 G81 X5 Z-3 R2 F300", "MC153"),
@@ -188,7 +242,8 @@ def test_a_cycle_that_cannot_be_drilled_is_refused_for_one_reason(text: str, cod
 def test_a_cycle_feeds_down_only_below_what_is_drilled_and_moves_over_parts_only_at_a_safe_height(
     code: str, before: int, clear: int, depth: int, peck: int, mode: str
 ) -> None:
-    text = f"G0 Z{before}\n{mode} {code} X5 Z{clear - depth} R{clear} Q{peck} F300\nX9\nX12"
+    pecks = f"Q{peck}" if code != "G81" else ""
+    text = f"G0 Z{before}\n{mode} {code} X5 Z{clear - depth} R{clear} {pecks} F300\nX9\nX12"
     height, drilled, holes = float(before), float(clear), 0
     for (kind, axis, end), (following, _, _) in pairwise([*moves(text)[1:], ("end", "", 0.0)]):
         if axis != "Z":

@@ -163,8 +163,7 @@ def test_what_has_no_effect_is_listed_once_with_its_count() -> None:
     [
         ("G38.2 Z-5 F100", "probe"),
         ("M98 P100", "subprogram"),
-        ("G95", "revolution"),
-        ("G86 X1 Y1 Z-3 R2 F100", "boring"),
+        ("G87 X1 Y1 Z-3 R2 F100", "boring"),
         ("G54.1 P1", "G59.3"),
         ("G68.2 P1", "tilted"),
     ],

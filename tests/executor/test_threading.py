@@ -9,6 +9,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
+from mcserver.executor.entries import EventKind
 from mcserver.executor.fault_codes import FaultCode
 from mcserver.executor.shm.feedback import SlotState
 from mcserver.machine.machine_file import parse_machine
@@ -161,6 +162,31 @@ def test_tapping_follows_the_spindle_through_its_reversal_and_back() -> None:
     # it turns as before
     assert np.diff(cell.turns)[-100:].mean() * 60e3 == pytest.approx(600.0, abs=5.0)
     assert cell.rows[-1][0] / MM == pytest.approx(5.0)
+
+
+def test_a_spindle_that_stands_taps_in_pecks_on_one_helix_and_stands_again() -> None:
+    cell = Turned(LATHE, "G21 G17 G90\nS600\nG0 Z5\nG84 Z-12 R5 F600 Q8\nG4 P0.3\nG80 G0 X5\nM2")
+    cell.run(loads(cell, (900, 300.0, 300)))
+    assert cell.faults == []
+    times = [each.time for each in cell.of(EventKind.LINE_START) if each.line in (4, 5)]
+    tapping = slice(round(times[0] / cell.machine.cycle_s), round(times[-1] / cell.machine.cycle_s))
+    z, turns = np.array(cell.rows)[tapping, 2] / MM, cell.turns[tapping]
+    lowest = np.flatnonzero((z[1:-1] < z[:-2]) & (z[1:-1] <= z[2:])) + 1
+    assert z[lowest] == pytest.approx([-3.0, -11.0, -12.0], abs=0.02)
+    beside = (z - 5.0 + turns)[z < 4.0]
+    assert np.abs(beside - np.round(beside)).max() < 10e-3
+    assert np.abs(np.diff(cell.turns)[-50:]).max() * 60e3 < 1.0
+
+
+def test_g86_is_drawn_out_of_the_hole_while_the_spindle_stands() -> None:
+    cell = Turned(LATHE, "G21 G17 G90\nS600 M3\nG0 Z5\nG4 P0.3\nG86 Z-2 R3 F600\nG80 G0 X5\nM2")
+    cell.run()
+    assert cell.faults == []
+    z, speed = np.array(cell.rows)[:, 2] / MM, np.diff(cell.turns, append=cell.turns[-1]) * 60e3
+    bottom = np.flatnonzero(z < -1.999)[-1]
+    up = np.flatnonzero((np.arange(len(z)) > bottom) & (z > 2.999))[0]
+    assert np.abs(speed[bottom:up]).max() < 15.0
+    assert speed[-100:-1].mean() == pytest.approx(600.0, abs=5.0)
 
 
 def test_a_hold_in_a_hole_takes_effect_above_it() -> None:

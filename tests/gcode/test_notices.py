@@ -102,7 +102,7 @@ def test_a_refused_compensation_is_the_only_fault_of_what_follows_it() -> None:
 
 
 def test_settings_of_a_refused_line_hold_for_the_check() -> None:
-    text = "G20 G95\nG1 X10 F20\nG2 X12 Y2 I0 J2"
+    text = "G20 G66\nG1 X10 F20\nG2 X12 Y2 I0 J2"
     assert [(each.code, each.line) for each in errors(text)] == [("MC141", 1)]
 
 

@@ -9,9 +9,9 @@ from mcserver.gcode.axes_used import axes_used
 from mcserver.gcode.program_check import check_program
 from mcserver.gcode.semantics.interpreter import Interpreter
 from mcserver.machine.machine_file import Machine, parse_machine
-from mcserver.motion.canonical import Canonical, MotionLine, RapidGroup, ThreadLine
-from mcserver.units import DEGREE, MM
-from tests.executor.threading_rig import SPINDLE, lathe
+from mcserver.motion.canonical import Canonical, MotionLine, RapidGroup, SpeedGroup, ThreadLine
+from mcserver.units import DEGREE, MM, TURN
+from tests.executor.threading_rig import SPINDLE, lathe, lathe_text
 from tests.machine_text import axes_text
 
 LATHE = lathe(drive="ideal")
@@ -133,14 +133,60 @@ def test_tapping_cycles_tap_each_hole_with_the_pitch_of_f() -> None:
     assert left[0].turns_s < 0.0
 
 
+def test_tapping_in_pecks_falls_into_one_thread_from_r() -> None:
+    found = values("G17 G84 X10 Z-12 R4 F400 Q6")
+    taps = [each for each in found if isinstance(each, ThreadLine)]
+    assert [each.targets for each in taps] == [pytest.approx((end * MM,)) for end in (-2.0, -8.0, -12.0)]
+    # each from R to its depth and back
+    assert [each.length for each in taps] == pytest.approx([6.0 * MM, 12.0 * MM, 16.0 * MM])
+
+
+def spindle_speeds(found: list[Canonical]) -> list[float]:
+    groups = [each.groups[0] for each in found if isinstance(each, MotionLine)]
+    return [group.velocities[0] for group in groups if isinstance(group, SpeedGroup)]
+
+
+def test_a_spindle_that_stands_turns_for_the_tap_alone() -> None:
+    turning = 400.0 / 60.0 * TURN
+    found = values("M5", "G17 M29 S400", "G84 X10 Z-12 R4 F400", "X20", "G80", "G95 G74 Z-12 R4 F1")
+    assert spindle_speeds(found)[3:] == pytest.approx([turning, 0.0, turning, 0.0, -turning, 0.0])
+    assert [each.pitch for each in found if isinstance(each, ThreadLine)] == pytest.approx([MM] * 3)
+    assert faults("M5", "G17 G84 Z-12 R4 F400", "G33 Z-20 K1.5") == [("MC178", 6)]
+    # what else the machine switches by M3 would be left out
+    oiled = parse_machine(
+        lathe_text(drive="ideal").replace("[[axis]]", "[dialect.outputs]\nM3 = { oil = true }\n[[axis]]", 1)
+        + '[[output]]\nname = "oil"\nnumber = 0\n'
+    )
+    assert faults("M3 M5", "G17 G84 Z-12 R4 F400", machine=oiled, head=("S400",)) == [("MC178", 3)]
+
+
+def test_g86_draws_the_tool_out_of_the_hole_while_the_spindle_stands() -> None:
+    def kind(value: Canonical) -> str:
+        assert isinstance(value, MotionLine)
+        return type(value.groups[0]).__name__.removesuffix("Group")
+
+    found = values("G17 G99 G86 X20 Z-5 R2 P0.5 F100", "X30")[2:]
+    bored = ["Rapid", "Rapid", "Feed", "Dwell", "Speed", "Dwell", "Rapid", "Speed", "Dwell"]
+    assert [kind(each) for each in found][:9] == bored
+    turning = 400.0 / 60.0 * TURN
+    assert spindle_speeds(found) == pytest.approx([0.0, turning] * 2)
+    assert faults("G17 M5 G86 X20 Z-5 R2 F100") == [("MC178", 4)]
+
+
+def test_fanucs_fine_boring_is_refused_as_such() -> None:
+    assert faults("G17 G76 X5 Z-5 R2 P100 Q0.1 F100") == [("MC141", 4)]
+
+
 @pytest.mark.parametrize(
     ("line", "code"),
     [
         ("G84 Z-12 R4 F400 P0.5", "MC146"),
-        ("G84 Z-12 R4 F400 Q2", "MC146"),
+        ("G84 Z-12 R4 F400 J2", "MC112"),
+        # a peck has to hold the run-in
+        ("G84 Z-12 R4 F400 Q0.1", "MC180"),
         ("G74 Z-12 R4 F400", "MC178"),
         ("M4 G84 Z-12 R4 F400", "MC178"),
-        ("M5 G84 Z-12 R4 F400", "MC178"),
+        ("M5 S0 G84 Z-12 R4 F400", "MC178"),
         ("G84 Z-12 R4", "MC121"),
         ("G84 Z4 R-12 F400", "MC146"),
         ("G84 Z3.9 R4 F400", "MC180"),
@@ -191,6 +237,7 @@ def test_a_spindle_that_is_not_leased_is_not_left_unsaid(line: str) -> None:
         ("G0 X1 S400M03\nG0 X1", (0, 3)),
         ("M30\nG0 X1", (0,)),
         ("G0 X1 S400", (0, 3)),
+        ("G84 Z1", (2, 3)),
         ("#1=2\nG0 X#1", (0, 1, 2, 3)),
     ],
 )

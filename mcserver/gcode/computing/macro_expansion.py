@@ -44,7 +44,7 @@ _MODAL: Mapping[int, Callable[[Callable[[str], float]], float]] = MappingProxyTy
         4001: lambda of: of("_motion_mode") / 10.0 if of("_motion_mode") <= 30.0 else 0.0,
         4002: lambda of: of("_plane") / 10.0,
         4003: lambda of: 90.0 if of("_absolute") else 91.0,
-        4005: lambda of: 93.0 if of("_inverse_time") else 94.0,
+        4005: lambda of: 93.0 if of("_inverse_time") else 94.0 + of("_units_per_rev"),
         4006: lambda of: 21.0 if of("_metric") else 20.0,
         4010: lambda of: 98.0 if of("_retract_old_z") else 99.0,
         4014: lambda of: of("_coord_system") / 10.0,

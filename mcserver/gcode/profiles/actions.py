@@ -33,6 +33,7 @@ from mcserver.gcode.profiles.transforming import end_transformation, transform
 from mcserver.gcode.semantics.arc_plane import PLANES
 from mcserver.gcode.semantics.block_state import BlockState
 from mcserver.gcode.semantics.compensation_state import Compensation
+from mcserver.gcode.semantics.modal import apply_setting
 from mcserver.gcode.semantics.program_units import (
     axis_scale,
     motor_rpm,
@@ -120,6 +121,8 @@ def act_before(block: BlockState, actions: tuple[Action, ...], effects: Effects)
             block.change(relative=tuple(axis for letter, axis in letters.items() if letter not in "UVW"))
         elif code in ("G90.1", "G91.1"):
             block.change(absolute_centres=code == "G90.1")
+        elif code == "G95":
+            block.modal = apply_setting(95, block.modal)
         elif code == "G40":
             _switch_off(block)
         elif code in COMPENSATING:

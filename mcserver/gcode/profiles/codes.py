@@ -24,7 +24,7 @@ COMPENSATING: Final[Mapping[str, int]] = MappingProxyType({"G41": 1, "G41.1": 1,
 _MACHINING = {"G4", "G43", "G43.4", "G49", "M3", "M4", "M5", "M6"}
 # canned cycles, and what goes with them (D-75)
 TAPPING: Final = frozenset({"G74", "G84"})
-DRILLING: Final = frozenset({"G73", "G81", "G82", "G83", "G85", "G89"}) | TAPPING
+DRILLING: Final = frozenset({"G73", "G81", "G82", "G83", "G85", "G86", "G89"}) | TAPPING
 # motion by the turns of the spindle (D-89, D-90)
 THREADING: Final = frozenset({"G33", "G33.1", "G76"})
 # rotation, scaling, mirrors and polar coordinates (D-94 to D-96)
@@ -66,7 +66,7 @@ ACTING: Final[Mapping[str, frozenset[str]]] = MappingProxyType(
             | COMPENSATING.keys()
             | TRANSFORMING
             | SPLINES
-            | {"G40", "G90.1", "G91.1"}
+            | {"G40", "G90.1", "G91.1", "G95"}
         ),
         "robot": frozenset(_FRAME | {"G4", "M3", "M4", "M5"}),
         "printer": frozenset({"G4", "G28", "G92", "M82", "M83", *PRINTER_STOPS, *RETRACTING}),
@@ -106,7 +106,7 @@ IGNORED: Final[Mapping[str, frozenset[str]]] = MappingProxyType(
         "cnc": frozenset(
             (_NO_COMPENSATION - TRANSFORMING)
             | {"G8", "G67", "G103", "G187"}
-            | {f"M{n}" for n in (7, 8, 9, 10, 11, 17, 18, 41, 42, 43, 44, 48, 49, 50, 51, 52, 53, 84)}
+            | {f"M{n}" for n in (7, 8, 9, 10, 11, 17, 18, 29, 41, 42, 43, 44, 48, 49, 50, 51, 52, 53, 84)}
         ),
         "robot": frozenset(
             _NO_COMPENSATION | {"G80", "G43", "G49", "M6", "M7", "M8", "M9", "M10", "M11", "M48", "M49"}
@@ -195,7 +195,7 @@ REFUSED: Final[Mapping[str, str]] = MappingProxyType(
         "G76": "threads are cut in the profile cnc; let the CAM mill the thread",
         "G90.1": "arc centres are increments from the start here; let the post write G91.1",
         "M19": "the spindle is turned to an angle in the profile cnc; let the post leave it out",
-        "G95": "feed per revolution needs a spindle whose turning is followed; use G94",
+        "G95": "feed per revolution is for the profile cnc; use G94",
         "G96": "constant surface speed of a lathe is not kept here; use G97",
         **dict.fromkeys(("M62", "M63", "M64", "M65", "M67", "M68"), "this machine has no outputs"),
         "M66": "this machine has no inputs",
@@ -203,16 +203,19 @@ REFUSED: Final[Mapping[str, str]] = MappingProxyType(
         **dict.fromkeys(("M98", "M99", "G65"), _MACRO_B),
         **{
             f"G{number}": "canned cycles are read in the profile cnc; let the post write the moves out"
-            for number in (73, 74, 81, 82, 83, 84, 85, 89)
+            for number in (73, 74, 81, 82, 83, 84, 85, 86, 89)
         },
         **{
             f"G{number}": "cycles for turning are not expanded here; let the post write the moves out"
             for number in (70, 71, 72)
         },
         **{
-            f"G{number}": "boring cycles that stop the spindle are not expanded here; "
-            "let the post write the moves out"
-            for number in (86, 87, 88)
+            f"G{number}": f"{what} is not done here; let the post write the moves out"
+            for number, what in (
+                (77, "back boring"),
+                (87, "back boring"),
+                (88, "boring that is drawn out by hand"),
+            )
         },
         **{
             f"M{number}": "modal state is not saved and restored here; let the post write it out"

@@ -1,4 +1,4 @@
-"""Motion of canned cycles: rapids, feed moves and dwells of one block, within the axes' travel."""
+"""Motion of canned cycles: rapids, feed moves, dwells and turns of the spindle, within the axes' travel."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from mcserver.gcode.semantics.program_units import shown_position
 from mcserver.gcode.semantics.rapids import rapid_group
 from mcserver.gcode.semantics.travel_limits import ROUNDING
 from mcserver.gcode.text.profile_words import Action, ProfileWord
-from mcserver.motion.canonical import Canonical, DwellGroup, FeedGroup, MotionLine
+from mcserver.motion.canonical import Canonical, DwellGroup, FeedGroup, MotionLine, SpeedGroup
 from mcserver.motion.geometry.curves import LineCurve
 
 
@@ -60,6 +60,12 @@ class CycleMotion:
             )
         )
         self._block.end_at(axis, end)
+
+    def turn(self, axis: int, speed: float, seconds: float) -> None:
+        """Let the spindle turn [rad/s], and wait for its ramp."""
+        self.lines.append(MotionLine(self._block.parsed.number, (SpeedGroup((axis,), (speed,)),)))
+        self._block.commanded.invalidate((axis,))
+        self.dwell(seconds)
 
     def dwell(self, seconds: float) -> None:
         """Wait at the bottom."""

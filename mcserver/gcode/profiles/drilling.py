@@ -1,36 +1,52 @@
-"""Expand canned drilling cycles into rapids and feed moves (D-75)."""
+"""Expand canned cycles for holes into rapids, feed moves and taps (D-75, D-89)."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from types import MappingProxyType
 from typing import Final
 
 import msgspec
 
-from mcserver.gcode.profiles.codes import TAPPING
+from mcserver.gcode.profiles.codes import SPINDLE, TAPPING
 from mcserver.gcode.profiles.cycle_motion import CycleMotion, check_travel
-from mcserver.gcode.profiles.frame import DrillCycle, Level
-from mcserver.gcode.profiles.threading import find_spindle, read_pass
+from mcserver.gcode.profiles.frame import DrillCycle, Level, Pecks
+from mcserver.gcode.profiles.threading import Spindle, find_spindle, read_pass
 from mcserver.gcode.semantics.block_state import ASSUMED_FEED, BlockState
+from mcserver.gcode.semantics.feed_time import feed_unit, turns_of_feed
 from mcserver.gcode.semantics.program_places import ends_of, given_by
 from mcserver.gcode.semantics.program_units import length_scale, shown_position
 from mcserver.gcode.semantics.travel_limits import ROUNDING
 from mcserver.gcode.text.profile_words import Action, ProfileWord
 from mcserver.motion.canonical import Canonical
-from mcserver.units import MM, AxisType
+from mcserver.motion.thread_cam import stopping_seconds
+from mcserver.units import MM, TURN, AxisType
 
+# how the spindle turns as a tap goes in: 1 as by M3
+_SENSE: Final[Mapping[str, int]] = MappingProxyType({"G74": -1, "G84": 1})
 # the plane's two axes and the axis that drills, by the number of the plane's code
 _AXES: Final[Mapping[int, tuple[int, int, int]]] = {17: (0, 1, 2), 18: (2, 0, 1), 19: (1, 2, 0)}
 _LETTERS: Final = "XYZ"
 # how far a peck ends its rapid above the depth that is drilled already, and G73 goes up to break the chip [m]
 CLEARANCE = 0.25 * MM
 MOST_PECKS = 10_000
+# nobody lets a tool rub so long in each hole [s]
+LONG_DWELL = 20.0
 MOST_REPEATS = 1_000
 
 _PECKING: Final = frozenset({"G73", "G83"})
 _DWELLING: Final = frozenset({"G82", "G89"})
 _FEEDING_OUT: Final = frozenset({"G85", "G89"})
+# words beside R, L, F and axis words that are more than 0
+_TAKES: Final[Mapping[str, str]] = MappingProxyType(
+    {
+        **dict.fromkeys(_PECKING, "PQIJK"),
+        **dict.fromkeys(("G81", "G85"), "K"),
+        **dict.fromkeys(("G82", "G86", "G89"), "PK"),
+        **dict.fromkeys(TAPPING, "PQK"),
+    }
+)
 
 
 class _Hole(msgspec.Struct, frozen=True):
@@ -52,18 +68,28 @@ def drill(block: BlockState, action: Action) -> list[Canonical]:
         return []
     before = block.frame.cycle if block.drilling else None
     cycle = _cycle(block, action, before)
-    repeats = _repeats(block, action)
-    if cycle is None or repeats is None:
+    if cycle is None:
         return []
+    repeats = _repeats(block, action, cycle)
     hole = _hole(block, cycle)
     targets = _targets(block, action, hole.axis)
-    speed = _feed(block, action)
+    speed = _feed(block, action, cycle)
     block.change(motion=None)
     block.frame = msgspec.structs.replace(block.frame, cycle=cycle)
-    if targets is None or speed is None or not _sound(block, action, cycle, hole):
+    if targets is None or speed is None or repeats is None or not _sound(block, action, cycle, hole):
         return []
+    if repeats == 0 and targets and block.modal.incremental:
+        block.faults.add(
+            "MC146",
+            "controllers differ in whether they go there, where a cycle is only kept for the lines to come",
+            action.span,
+            "leave the axis words out, or write G90",
+        )
     named = msgspec.structs.replace(action, code=cycle.code)
-    spindle = find_spindle(block, named) if cycle.code in TAPPING else None
+    turning = _SENSE.get(cycle.code)
+    spindle = None
+    if turning is not None or cycle.code == "G86":
+        spindle = find_spindle(block, named, turning)
     if block.faults.found:
         return []
     motion = CycleMotion(block, speed)
@@ -74,55 +100,107 @@ def drill(block: BlockState, action: Action) -> list[Canonical]:
         motion.rapid({hole.axis: hole.clear})
         if spindle is None:
             _down(motion, cycle, hole)
+            motion.rapid({hole.axis: hole.retract})
+        elif turning is None:
+            _down(motion, cycle, hole)
+            ramp = stopping_seconds(block.setup.axes[spindle.axis], abs(spindle.turns_s))
+            motion.turn(spindle.axis, 0.0, ramp)
+            motion.rapid({hole.axis: hole.retract})
+            motion.turn(spindle.axis, TURN * spindle.turns_s, ramp)
         else:
-            pitch = speed / abs(spindle.turns_s)
-            tap = read_pass(block, named, spindle, {hole.axis: hole.bottom}, pitch, taps=True)
-            motion.lines += [] if tap is None else [tap]
-        motion.rapid({hole.axis: hole.retract})
+            _tap(block, named, motion, hole, _depths(cycle, hole), spindle, speed)
+            motion.rapid({hole.axis: hole.retract})
         if block.faults.found:
             return []
+    if "P" in action.words and cycle.dwell is not None and cycle.dwell > LONG_DWELL:
+        block.faults.add(
+            "MC129",
+            f"P{action.words['P'].text} waits {cycle.dwell:g} s in each hole",
+            action.words["P"].span,
+            'if its post writes milliseconds, say so in the machine file: [dialect] dwell = "ms"',
+            severity="warning",
+        )
     return motion.lines
 
 
 def _down(motion: CycleMotion, cycle: DrillCycle, hole: _Hole) -> None:
     """Drill from the clear height to the bottom, and out as far as the cycle feeds out."""
-    if cycle.code in _PECKING:
-        depth = hole.clear
-        while depth - hole.bottom > ROUNDING:
-            depth = max(hole.bottom, depth - cycle.peck)
-            motion.feed(hole.axis, depth)
-            if depth - hole.bottom <= ROUNDING:
-                break
-            if cycle.code == "G83":
-                motion.rapid({hole.axis: hole.clear})
-            motion.rapid({hole.axis: min(hole.clear, depth + CLEARANCE)})
-    else:
-        motion.feed(hole.axis, hole.bottom)
-    if cycle.code in _DWELLING:
-        motion.dwell(cycle.dwell or 0.0)
+    top = hole.clear
+    for depth in _depths(cycle, hole):
+        motion.feed(hole.axis, depth)
+        if depth <= hole.bottom:
+            break
+        total = 0.0 if cycle.pecks is None else cycle.pecks.total
+        if cycle.code == "G83" or 0.0 < total <= top - depth + ROUNDING:
+            motion.rapid({hole.axis: hole.clear})
+            top = depth
+        motion.rapid({hole.axis: min(hole.clear, depth + CLEARANCE)})
+    motion.dwell(cycle.dwell or 0.0)
     if cycle.code in _FEEDING_OUT:
         motion.feed(hole.axis, hole.clear)
 
 
+def _tap(
+    block: BlockState,
+    action: Action,
+    motion: CycleMotion,
+    hole: _Hole,
+    depths: list[float],
+    spindle: Spindle,
+    speed: float,
+) -> None:
+    """Tap from the clear height to each depth and back; a spindle that stands turns for it alone."""
+    stands = block.frame.direction == 0
+    if stands:
+        # the pass waits until it has its speed
+        motion.turn(spindle.axis, TURN * spindle.turns_s, 0.0)
+    for depth in depths:
+        pitch = speed / abs(spindle.turns_s)
+        tap = read_pass(block, action, spindle, {hole.axis: depth}, pitch, taps=True)
+        if tap is None:
+            return
+        motion.lines.append(tap)
+    if stands:
+        motion.turn(spindle.axis, 0.0, 0.0)
+
+
+def _depths(cycle: DrillCycle, hole: _Hole) -> list[float]:
+    """Return where each peck ends [m], the last one at the bottom."""
+    found: list[float] = []
+    pecks, depth = cycle.pecks, hole.clear
+    step = math.inf if pecks is None else pecks.first
+    while not found or depth > hole.bottom:
+        depth -= step
+        if depth - hole.bottom <= ROUNDING:
+            depth = hole.bottom
+        found.append(depth)
+        if pecks is not None:
+            step = max(pecks.least, step - pecks.less)
+    return found
+
+
 def _cycle(block: BlockState, action: Action, before: DrillCycle | None) -> DrillCycle | None:
     """Return the cycle that a line's words leave in force; None after a fault (MC113, MC116, MC118)."""
-    words, modal = action.words, block.modal
+    words = action.words
     if action.code == "REPEAT" and before is None:
         for word in words.values():
             if word.letter in "PQL":
                 block.faults.add("MC113", f"{word.letter}{word.text} belongs to no command", word.span)
         return None
-    for word in words.values():
-        if word.letter in "IJK":
-            block.faults.add("MC112", f"a canned cycle does not take {word.letter}", word.span, "take it out")
     axis = _axis(block)
-    scale = length_scale(modal.inch)
     deep = next((word for word in action.axes if word.axis == axis), None)
     code = action.code if before is None or action.code != "REPEAT" else before.code
+    for word in words.values():
+        if word.letter in "PQIJK" and word.letter not in _TAKES[code] and word.value != 0.0:
+            block.faults.add("MC112", f"{code} does not take {word.letter}", word.span, "take it out")
     bottom = _level(block, deep) or (None if before is None else before.bottom)
     clear = _level(block, words.get("R")) or (None if before is None else before.clear)
-    peck = words["Q"].value * scale if "Q" in words else (0.0 if before is None else before.peck)
-    dwell = None if before is None else before.dwell
+    pecks = _pecks(block, action, code)
+    dwell = None
+    if before is not None:
+        same = before.code == code
+        pecks = before.pecks if pecks is None and (same or code in _PECKING) else pecks
+        dwell = before.dwell if same or code in _DWELLING else None
     if "P" in words:
         dwell = words["P"].value * block.setup.machine.dialect.dwell_unit
         if dwell < 0.0:
@@ -132,7 +210,11 @@ def _cycle(block: BlockState, action: Action, before: DrillCycle | None) -> Dril
         for letter, what, known in (
             (_LETTERS[axis], "the depth", bottom is not None),
             ("R", "the height above the part", clear is not None),
-            ("Q", "the depth of a peck, above 0", code not in _PECKING or peck > 0.0),
+            (
+                "Q",
+                "the depth of a peck, above 0",
+                code not in _PECKING or pecks is not None or {"Q", "I"} & words.keys(),
+            ),
             ("P", "the dwell at the bottom", code not in _DWELLING or dwell is not None),
         )
         if not known
@@ -141,7 +223,39 @@ def _cycle(block: BlockState, action: Action, before: DrillCycle | None) -> Dril
         block.faults.add("MC118", f"{code} lacks {' and '.join(missing)}", action.span, "add what is missing")
         return None
     initial = block.commanded.positions[axis] if before is None else before.initial
-    return DrillCycle(code, initial, bottom, clear, peck, dwell)
+    return DrillCycle(code, initial, bottom, clear, pecks, dwell)
+
+
+def _pecks(block: BlockState, action: Action, code: str) -> Pecks | None:
+    """Return the pecks that a line's words ask for: Q, or Haas's I, J and K; None: they ask for none.
+
+    I is the depth of the first peck, each that follows is J less and K at the least; K beside Q of G73 is the
+    depth after which the hole is cleared. Faults are reported (MC112, MC116, MC118).
+    """
+    found = {letter: word for letter, word in action.words.items() if letter in "QIJK" and word.value != 0.0}
+    if code not in _PECKING:
+        found = {letter: word for letter, word in found.items() if letter == "Q" and code in TAPPING}
+    scale = length_scale(block.modal.inch)
+    for letter, word in found.items():
+        if word.value < 0.0:
+            block.faults.add("MC116", f"{letter} of {code} is a depth, above 0", word.span)
+            return None
+    q, first, less, least = (found[letter].value * scale if letter in found else 0.0 for letter in "QIJK")
+    if first and least and not q:
+        return Pecks(first, less, min(first, least))
+    if q and not (first or less) and (not least or code == "G73"):
+        if least and block.modal.incremental:
+            what = "K of G73 is a number of holes on some controllers, and a depth on others"
+            block.faults.add("MC112", what, found["K"].span, "write L for the number of holes, or G90")
+        return Pecks(q, 0.0, q, least)
+    if found:
+        block.faults.add(
+            "MC112",
+            f"{code} does not take {' and '.join(found)} together",
+            next(iter(found.values())).span,
+            "write Q for pecks of one depth; or I, the first, J, how much less each is, and K, the least one",
+        )
+    return None
 
 
 def _level(block: BlockState, word: ProfileWord | None) -> Level | None:
@@ -165,16 +279,22 @@ def _hole(block: BlockState, cycle: DrillCycle) -> _Hole:
     return _Hole(axis, clear, bottom, retract)
 
 
-def _repeats(block: BlockState, action: Action) -> int | None:
-    word = action.words.get("L")
-    if word is None:
+def _repeats(block: BlockState, action: Action, cycle: DrillCycle) -> int | None:
+    """Return how often a line drills: L, or K where that is no depth; 0: it is only kept (MC116)."""
+    words = [
+        word
+        for letter, word in action.words.items()
+        if letter == "L" or (letter == "K" and (cycle.code not in _PECKING or word.value == 0.0))
+    ]
+    if not words:
         return 1
-    if word.value != int(word.value) or not 1 <= word.value <= MOST_REPEATS:
+    word = words[-1]
+    if len(words) > 1 or word.value != int(word.value) or not 0 <= word.value <= MOST_REPEATS:
         block.faults.add(
             "MC116",
-            f"L{word.text} is no number of repetitions",
+            f"{' '.join(each.letter + each.text for each in words)} is no number of repetitions",
             word.span,
-            f"give a whole number, 1 to {MOST_REPEATS}",
+            f"give one whole number, 0 to {MOST_REPEATS}",
         )
         return None
     return int(word.value)
@@ -215,20 +335,23 @@ def _ends(block: BlockState, action: Action, targets: Mapping[int, ProfileWord])
     return found
 
 
-def _feed(block: BlockState, action: Action) -> float | None:
-    """Return the speed of drilling [m/s]; None after a fault (MC121, MC146)."""
+def _feed(block: BlockState, action: Action, cycle: DrillCycle) -> float | None:
+    """Return the speed of drilling [m/s]; None after a fault (MC121, MC128, MC146)."""
     modal = block.modal
     if modal.inverse_time:
         block.faults.add("MC146", "a canned cycle has no duration: G93 is in force", action.span, "write G94")
         return None
     if modal.feed is None:
-        unit = "in/min" if modal.inch else "mm/min"
         block.faults.add(
-            "MC121", "the cycle has no feed rate: no F is in force", action.span, f"give F in {unit}"
+            "MC121",
+            "the cycle has no feed rate: no F is in force",
+            action.span,
+            f"give F in {feed_unit(block)}",
         )
         block.change(feed=ASSUMED_FEED)
         return None
-    return modal.feed.speed
+    turns = turns_of_feed(block, action, starts=cycle.code in TAPPING)
+    return None if turns is None else turns * modal.feed.speed
 
 
 def _sound(block: BlockState, action: Action, cycle: DrillCycle, hole: _Hole) -> bool:
@@ -244,9 +367,9 @@ def _sound(block: BlockState, action: Action, cycle: DrillCycle, hole: _Hole) ->
             "where the cycle begins, and the depth from R",
         )
         return False
-    if cycle.code in _PECKING and math.ceil((hole.clear - hole.bottom) / cycle.peck) > MOST_PECKS:
+    if cycle.pecks is not None and (hole.clear - hole.bottom) / cycle.pecks.least > MOST_PECKS:
         block.faults.add(
-            "MC146", f"{cycle.code} takes more than {MOST_PECKS} pecks", action.span, "give a larger Q"
+            "MC146", f"{cycle.code} takes more than {MOST_PECKS} pecks", action.span, "give larger ones"
         )
         return False
     if hole.axis in block.transformation.axes:
@@ -257,16 +380,17 @@ def _sound(block: BlockState, action: Action, cycle: DrillCycle, hole: _Hole) ->
             f"end that by {block.transformation.enders} first, or scale X and Y alone",
         )
         return False
-    asked = [word for letter, word in action.words.items() if letter in "PQ" and word.value != 0.0]
-    if cycle.code in TAPPING and asked:
+    if cycle.code in TAPPING and cycle.dwell:
         block.faults.add(
             "MC146",
-            f"{cycle.code} neither pecks nor dwells: the spindle is reversed at the bottom at once",
-            asked[0].span,
-            "leave it out",
+            f"{cycle.code} does not dwell: the spindle is reversed at the bottom at once",
+            action.span,
+            "leave P out",
         )
         return False
-    if cycle.code in TAPPING and block.frame.direction != (1 if cycle.code == "G84" else -1):
+    # what else its M3 or M4 switches would be left out
+    starts = block.frame.direction == 0 and not SPINDLE & block.setup.machine.dialect.mapped
+    if cycle.code in TAPPING and block.frame.direction != _SENSE[cycle.code] and not starts:
         turning = "M3" if cycle.code == "G84" else "M4"
         block.faults.add(
             "MC178", f"{cycle.code} taps with the spindle on {turning}", action.span, f"write S and {turning}"

@@ -21,19 +21,33 @@ class Level(msgspec.Struct, frozen=True):
     incremental: bool
 
 
+class Pecks(msgspec.Struct, frozen=True):
+    """Depths of pecks [m].
+
+    Attributes:
+        first: of the first one; each that follows is ``less`` deep less, and not below ``least``.
+        total: with G73 the hole is cleared after so much in pecks; 0: never.
+    """
+
+    first: float
+    less: float
+    least: float
+    total: float = 0.0
+
+
 class DrillCycle(msgspec.Struct, frozen=True):
     """A canned cycle in force, with the words that later lines leave out (D-75).
 
     Attributes:
-        code: G73, G81, G82, G83, G85 or G89. initial: where the drilling axis was before the first hole [m].
-        bottom, clear: depth, and height R above the part. peck: Q [m]. dwell: P [s]; None: not given.
+        code: one of ``DRILLING``. initial: where the drilling axis was before the first hole [m].
+        bottom, clear: depth, and height R above the part. pecks: None: in one. dwell: P [s]; None: not given.
     """
 
     code: str
     initial: float
     bottom: Level
     clear: Level
-    peck: float
+    pecks: Pecks | None
     dwell: float | None
 
 

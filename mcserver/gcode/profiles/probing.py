@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 
 from mcserver.gcode.semantics.block_state import BlockState
+from mcserver.gcode.semantics.feed_time import turns_of_feed
 from mcserver.gcode.semantics.program_places import ends_of, given_by
 from mcserver.gcode.semantics.program_units import shown_position
 from mcserver.gcode.semantics.travel_limits import ROUNDING
@@ -14,7 +15,7 @@ from mcserver.units import AxisType
 
 
 def read_probe_move(block: BlockState, action: Action) -> ProbeLine | None:
-    """Return the probing move of a line; None after a fault (MC118, MC121, MC138, MC155, MC201)."""
+    """Return the probing move of a line; None after a fault (MC118, MC121, MC128, MC138, MC155, MC201)."""
     modal = block.modal
     targets = straight_targets(block, action, "MC155")
     # bare axis words behind it do not repeat it, nor what was in force before
@@ -27,6 +28,9 @@ def read_probe_move(block: BlockState, action: Action) -> ProbeLine | None:
         )
         block.faults.add("MC155" if modal.inverse_time else "MC121", what, action.span, "write G94 and F")
         return None
+    turns = turns_of_feed(block, action)
+    if turns is None:
+        return None
     starts = {axis: block.commanded.start(axis) for axis in targets}
     length = math.hypot(*(end - starts[axis] for axis, end in targets.items()))
     if length <= ROUNDING and not block.commanded.guessed.intersection(targets):
@@ -38,7 +42,7 @@ def read_probe_move(block: BlockState, action: Action) -> ProbeLine | None:
         block.end_at(axis, end)
     # where it ends is known when it has ended
     block.commanded.invalidate(targets)
-    speed = modal.feed.speed
+    speed = turns * modal.feed.speed
     return ProbeLine(
         line=block.parsed.number,
         kind=ProbeKind(int(action.code[-1])),

@@ -33,6 +33,14 @@ def read_threads(block: BlockState, action: Action) -> list[Canonical]:
     """Return the motion of G33 or G76; faults are reported and nothing is returned."""
     # bare axis words behind it do not repeat it, nor what was in force before
     block.end_motion_code()
+    if action.code == "G76" and block.modal.plane != 18 and "Q" in action.words and "J" not in action.words:
+        block.faults.add(
+            "MC141",
+            "G76: fine boring is not done here",
+            action.span,
+            "let the post write the moves out: G1 to the depth, M19 R0, a move off the wall, G0 out, M3",
+        )
+        return []
     spindle = find_spindle(block, action)
     if spindle is None:
         return []
@@ -70,17 +78,22 @@ def orient(block: BlockState, action: Action) -> list[Canonical]:
     return [MotionLine(block.parsed.number, (group,), exact_stop=True)]
 
 
-def find_spindle(block: BlockState, action: Action) -> Spindle | None:
-    """Return the spindle that is followed; None after a fault (MC177, MC178)."""
+def find_spindle(block: BlockState, action: Action, direction: int | None = None) -> Spindle | None:
+    """Return the spindle that is followed; None after a fault (MC177, MC178).
+
+    Args:
+        direction: in which it is about to turn; None: as it turns.
+    """
     axis = _endless_spindle(block, action)
     if axis is None:
         return None
     frame = block.frame
-    turns_s = motor_speed(frame.spindle_rpm * frame.direction, axis.travel_per_motor_turn) / TURN
+    rpm = frame.spindle_rpm * (frame.direction if direction is None else direction)
+    turns_s = motor_speed(rpm, axis.travel_per_motor_turn) / TURN
     if turns_s == 0.0:
         block.faults.add(
             "MC178",
-            f"{action.code} follows the spindle, which does not turn here",
+            f"{action.code} needs the spindle, which does not turn here",
             action.span,
             "write S with its speed and M3 or M4 before it",
         )

@@ -123,7 +123,7 @@ def apply_feed_word(block: BlockState, word: Word) -> None:
             f"{word.shown} under G99 is a feed per revolution, as programs for a lathe have it; "
             f"here it would be {'in' if block.modal.inch else 'mm'} per minute",
             block.span(word),
-            "let the post write F per minute; without a canned cycle G99 has no meaning on a mill",
+            "write G95, or F per minute; without a canned cycle G99 has no meaning on a mill",
         )
     elif word.value == word.value:
         message = f"{word.shown} is not above zero"

@@ -15,7 +15,7 @@ from mcserver.gcode.text.profile_words import Action
 from mcserver.gcode.text.syntax import Command
 from mcserver.motion.canonical import FeedGroup
 from mcserver.motion.geometry.curves import Curve
-from mcserver.units import AxisType
+from mcserver.units import TURN, AxisType
 
 NO_TRAVEL = 1e-12  # m or rad
 
@@ -71,16 +71,16 @@ def profile_feed_basis(
 def feed_group(block: BlockState, moves: list[FeedMove]) -> FeedGroup | None:
     """Build the group that shares one duration, which its first command sets (D-31).
 
-    Faults: MC121 no feed in force, MC122 the first command has no speed under G94.
+    Faults: MC121 no feed in force, MC122 the first command has no speed under G94, MC128 no turns for G95.
     """
     first = moves[0]
     if first.feed is None:
-        inch = "in/min" if block.modal.inch else "mm/min"
-        unit = "moves per minute" if first.inverse_time else f"{inch}, or deg/min for a rotary axis"
+        inch = feed_unit(block)
+        unit = "moves per minute" if first.inverse_time else f"{inch}, or deg{inch[2:]} for a rotary axis"
         block.faults.add(
             "MC121",
             "the move has no feed rate: no F has been given since the program's start or the last change "
-            "between G93 and G94",
+            "between G93, G94 and G95",
             block.span(first.command),
             f"give F in {unit}",
         )
@@ -99,7 +99,10 @@ def feed_group(block: BlockState, moves: list[FeedMove]) -> FeedGroup | None:
         if found is None:
             return None
         reference = found
-    speed = _speed(moves[reference])
+    turns = turns_of_feed(block, first.command)
+    if turns is None:
+        return None
+    speed = turns * _speed(moves[reference])
     requested = moves[reference].curve.length / speed
     return FeedGroup(
         curves=curves,
@@ -108,6 +111,44 @@ def feed_group(block: BlockState, moves: list[FeedMove]) -> FeedGroup | None:
         reference=reference,
         carried=block.modal.carried,
     )
+
+
+def feed_unit(block: BlockState) -> str:
+    """Return the unit of F along a path, for messages."""
+    return f"{'in' if block.modal.inch else 'mm'}/{'turn' if block.modal.per_turn else 'min'}"
+
+
+def turns_of_feed(block: BlockState, source: Command | Action, *, starts: bool = False) -> float | None:
+    """Return how often a minute F counts: 1 under G94, commanded turns of the spindle under G95 (D-105).
+
+    None after a fault (MC128).
+
+    Args:
+        starts: the spindle may stand, and is about to turn.
+    """
+    if not block.modal.per_turn:
+        return 1.0
+    dialect, frame = block.setup.machine.dialect, block.frame
+    turns = frame.spindle_rpm * (1 if starts else abs(frame.direction))
+    if dialect.spindle is not None:
+        turns *= abs(block.setup.axes[dialect.spindle].travel_per_motor_turn) / TURN
+    elif all(each.value is not None for code in ("M3", "M4") for each in dialect.outputs.get(code, ())):
+        block.faults.add(
+            "MC128",
+            "F is in force per turn of the spindle (G95), and S reaches no spindle of this machine",
+            block.span(source),
+            "write G94, or give the machine file a spindle: spindle_axis, or an output that M3 sets to S",
+        )
+        return None
+    if turns == 0.0:
+        block.faults.add(
+            "MC128",
+            "F is in force per turn of the spindle (G95), which does not turn here",
+            block.span(source),
+            "write S and M3 or M4 before it, or G94",
+        )
+        return None
+    return turns
 
 
 def _longest_other(block: BlockState, moves: list[FeedMove]) -> int | None:

@@ -19,6 +19,7 @@ class Feed(msgspec.Struct, frozen=True, gc=False):
     Attributes:
         number: as written: degrees per minute for a rotary move, moves per minute under G93.
         speed: under G94 along a path [m/s], fixed by the units in force where F stood (D-11); 0 under G93.
+            Under G95 both are those of one turn a minute.
     """
 
     number: float
@@ -48,7 +49,7 @@ class ModalState(msgspec.Struct, frozen=True):
     """What stays in force from line to line; the defaults are a program's start (D-10).
 
     Attributes:
-        inch: G20. incremental: G91. inverse_time: G93. exact_stop: G61.
+        inch: G20. incremental: G91. inverse_time: G93. per_turn: G95. exact_stop: G61.
         exact_next: G09 waits for its motion command.
         tolerance: P of G64 [m]; None: the machine file's.
         tool: number of the tool in force, None after G1050.
@@ -69,6 +70,7 @@ class ModalState(msgspec.Struct, frozen=True):
     inch: bool = False
     incremental: bool = False
     inverse_time: bool = False
+    per_turn: bool = False
     exact_stop: bool = False
     exact_next: bool = False
     tolerance: float | None = None
@@ -127,8 +129,10 @@ def smallest_feed(modal: ModalState) -> float:
     Under G99 without a canned cycle, F of a few hundredths is one per revolution, in a program for a lathe.
     """
     frame = modal.frame
-    turning = frame is not None and not frame.to_initial and frame.cycle is None and not modal.inverse_time
-    return LEAST_FEED_UNDER_G99 * MM / length_scale(modal.inch) if turning else SMALLEST_FEED
+    turning = frame is not None and not frame.to_initial and frame.cycle is None
+    if not turning or modal.inverse_time or modal.per_turn:
+        return SMALLEST_FEED
+    return LEAST_FEED_UNDER_G99 * MM / length_scale(modal.inch)
 
 
 def read_feed(number: float, modal: ModalState) -> Feed:
@@ -157,11 +161,11 @@ def apply_setting(code: int, modal: ModalState, tolerance: float | None = None) 
             return msgspec.structs.replace(modal, exact_stop=False, tolerance=kept)
         case 90 | 91:
             return msgspec.structs.replace(modal, incremental=code == 91)
-        case 93 | 94:
-            inverse = code == 93
-            if inverse == modal.inverse_time:
+        case 93 | 94 | 95:
+            inverse, per_turn = code == 93, code == 95
+            if inverse == modal.inverse_time and per_turn == modal.per_turn:
                 return modal
-            return msgspec.structs.replace(modal, inverse_time=inverse, feed=None)  # D-12
+            return msgspec.structs.replace(modal, inverse_time=inverse, per_turn=per_turn, feed=None)  # D-12
         case 1050:
             return msgspec.structs.replace(modal, tool=None)
     raise ValueError(f"G{code} is not a modal code")
