@@ -1636,11 +1636,11 @@ type TableChange struct {
 	Name string `msgpack:"name" mc:"required"`
 	// Row: `G54` to `G59.3`, or `T3`.
 	Row string `msgpack:"row" mc:"required"`
-	// Before: by axis number, or `length` and `diameter` [m, rad; in messages mm, deg]; empty: the row was not
-	// there.
+	// Before: by axis number, `R` of a turned system, or `length` and `diameter` [m, rad; in messages mm, deg];
+	// empty: the row was not there.
 	Before map[string]float64 `msgpack:"before" mc:"required"`
-	// After: by axis number, or `length` and `diameter` [m, rad; in messages mm, deg]; empty: the row was not
-	// there.
+	// After: by axis number, `R` of a turned system, or `length` and `diameter` [m, rad; in messages mm, deg];
+	// empty: the row was not there.
 	After map[string]float64 `msgpack:"after" mc:"required"`
 }
 
@@ -1791,6 +1791,9 @@ type WorkOffset struct {
 	System string `msgpack:"system" mc:"required"`
 	// Origin: where the axes read zero, by number [mm, deg]; an axis that is left out reads as the machine does.
 	Origin map[string]float64 `msgpack:"origin" mc:"required"`
+	// Rotation: by which X and Y are turned about Z there, counter-clockwise (G10 L2 R) [deg]: an axis alone does
+	// not tell what they read then.
+	Rotation float64 `msgpack:"rotation"`
 }
 
 // WriteMachineFileReply:

@@ -262,10 +262,13 @@ class WorkOffset(msgspec.Struct, frozen=True):
     Attributes:
         system: such as ``G54``. origin: where the axes read zero, by number [mm, deg]; an axis
             that is left out reads as the machine does.
+        rotation: by which X and Y are turned about Z there, counter-clockwise (G10 L2 R) [deg]: an axis alone
+            does not tell what they read then.
     """
 
     system: str
     origin: dict[str, float]
+    rotation: float = 0.0
 
 
 class DiskStatus(msgspec.Struct, frozen=True):

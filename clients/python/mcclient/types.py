@@ -1225,10 +1225,13 @@ class WorkOffset:
         system: such as ``G54``.
         origin: where the axes read zero, by number [mm, deg]; an axis that is left out reads as the
             machine does.
+        rotation: by which X and Y are turned about Z there, counter-clockwise (G10 L2 R) [deg]: an axis
+            alone does not tell what they read then.
     """
 
     system: str
     origin: dict[str, float]
+    rotation: float = 0.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -1688,10 +1691,10 @@ class TableChange:
         program: its id.
         name: of the program.
         row: ``G54`` to ``G59.3``, or ``T3``.
-        before: by axis number, or ``length`` and ``diameter`` [m, rad; in messages mm, deg]; empty: the
-            row was not there.
-        after: by axis number, or ``length`` and ``diameter`` [m, rad; in messages mm, deg]; empty: the
-            row was not there.
+        before: by axis number, ``R`` of a turned system, or ``length`` and ``diameter`` [m, rad; in
+            messages mm, deg]; empty: the row was not there.
+        after: by axis number, ``R`` of a turned system, or ``length`` and ``diameter`` [m, rad; in
+            messages mm, deg]; empty: the row was not there.
     """
 
     wall: float

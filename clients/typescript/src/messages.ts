@@ -1495,9 +1495,15 @@ export interface TableChange {
   name: string;
   /** `G54` to `G59.3`, or `T3`. */
   row: string;
-  /** by axis number, or `length` and `diameter` [m, rad; in messages mm, deg]; empty: the row was not there. */
+  /**
+   * by axis number, `R` of a turned system, or `length` and `diameter` [m, rad; in messages mm, deg]; empty: the
+   * row was not there.
+   */
   before: Record<string, number>;
-  /** by axis number, or `length` and `diameter` [m, rad; in messages mm, deg]; empty: the row was not there. */
+  /**
+   * by axis number, `R` of a turned system, or `length` and `diameter` [m, rad; in messages mm, deg]; empty: the
+   * row was not there.
+   */
   after: Record<string, number>;
 }
 
@@ -1653,6 +1659,11 @@ export interface WorkOffset {
   system: string;
   /** where the axes read zero, by number [mm, deg]; an axis that is left out reads as the machine does. */
   origin: Record<string, number>;
+  /**
+   * by which X and Y are turned about Z there, counter-clockwise (G10 L2 R) [deg]: an axis alone does not tell
+   * what they read then.
+   */
+  rotation?: number;
 }
 
 export interface WriteMachineFileReply {

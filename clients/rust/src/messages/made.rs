@@ -2093,11 +2093,11 @@ pub struct TableChange {
     pub name: String,
     /// `G54` to `G59.3`, or `T3`.
     pub row: String,
-    /// by axis number, or `length` and `diameter` \[m, rad; in messages mm, deg\]; empty: the row was not
-    /// there.
+    /// by axis number, `R` of a turned system, or `length` and `diameter` \[m, rad; in messages mm, deg\];
+    /// empty: the row was not there.
     pub before: BTreeMap<String, f64>,
-    /// by axis number, or `length` and `diameter` \[m, rad; in messages mm, deg\]; empty: the row was not
-    /// there.
+    /// by axis number, `R` of a turned system, or `length` and `diameter` \[m, rad; in messages mm, deg\];
+    /// empty: the row was not there.
     pub after: BTreeMap<String, f64>,
 }
 
@@ -2310,6 +2310,10 @@ pub struct WorkOffset {
     pub system: String,
     /// where the axes read zero, by number \[mm, deg\]; an axis that is left out reads as the machine does.
     pub origin: BTreeMap<String, f64>,
+    /// by which X and Y are turned about Z there, counter-clockwise (G10 L2 R) \[deg\]: an axis alone does
+    /// not tell what they read then.
+    #[serde(default)]
+    pub rotation: f64,
 }
 
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]

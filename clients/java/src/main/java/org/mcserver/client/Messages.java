@@ -1594,10 +1594,10 @@ public final class Messages {
      * @param program its id.
      * @param name of the program.
      * @param row `G54` to `G59.3`, or `T3`.
-     * @param before by axis number, or `length` and `diameter` [m, rad; in messages mm, deg]; empty: the row was
-     *     not there.
-     * @param after by axis number, or `length` and `diameter` [m, rad; in messages mm, deg]; empty: the row was
-     *     not there.
+     * @param before by axis number, `R` of a turned system, or `length` and `diameter` [m, rad; in messages mm,
+     *     deg]; empty: the row was not there.
+     * @param after by axis number, `R` of a turned system, or `length` and `diameter` [m, rad; in messages mm,
+     *     deg]; empty: the row was not there.
      */
     public record TableChange(
             double wall, String client, String program, String name, String row, Map<String, Double> before, Map<String,
@@ -1718,8 +1718,10 @@ public final class Messages {
      * @param system such as `G54`.
      * @param origin where the axes read zero, by number [mm, deg]; an axis that is left out reads as the machine
      *     does.
+     * @param rotation by which X and Y are turned about Z there, counter-clockwise (G10 L2 R) [deg]: an axis alone
+     *     does not tell what they read then.
      */
-    public record WorkOffset(String system, Map<String, Double> origin) {}
+    public record WorkOffset(String system, Map<String, Double> origin, @Sparse double rotation) {}
 
     /**
      * @param written the new text is on the disk.
