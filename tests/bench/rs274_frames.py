@@ -2,9 +2,9 @@
 
 ``python -m tests.bench.rs274_frames [PROGRAMS] [SEED]`` (D-62 to D-64, D-75, D-96, D-110). Left out are pecks
 (rs274 ends their rapids 0.254 mm above the hole, not 0.25), G84, G85 and G89 under G98 (it feeds out to where
-the cycle began, not to R), parameters of offsets, which it has in inches, and what is refused in a turned system:
-G28 of X or Y alone (it goes along the turned axis), and its angle while G92 counts (increments behind it lead
-elsewhere than its positions do).
+the cycle began, not to R), parameters of offsets, which it has in inches, and what is refused in a turned
+system: G28 of X or Y alone (it goes along the turned axis), and its angle while G92 counts (increments behind
+it lead elsewhere than its positions do).
 """
 
 from __future__ import annotations
