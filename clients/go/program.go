@@ -11,32 +11,6 @@ import (
 	"unicode/utf8"
 )
 
-// OpenOptions of a program; the zero value leases every axis and starts at line 1.
-type OpenOptions struct {
-	// Name is for people: a file's name.
-	Name string
-	// Axes to lease; nil: all of the machine.
-	Axes []int64
-	// FinishOnDisconnect lets what was accepted run on when this client is gone for longer than Grace, or is closed; else it is stopped along its
-	// path.
-	FinishOnDisconnect bool
-	// Grace is how long this client may be away before that; 0: 10 s, negative: not at all.
-	Grace time.Duration
-	// StartLine is the first line that runs. Those of Before, the ones before it, do not: the axes go to where they end, energized, in the modal
-	// state of there.
-	StartLine int64
-	Before    []string
-	// Way, of a start in the middle: axes may go the way that continuation shows, where the machine file names no safe one. Outputs: "set" what
-	// the program had switched, or "leave" it.
-	Way     bool
-	Outputs Outputs
-	// Hold begins held; Resume starts it.
-	Hold bool
-	// BlockDelete skips lines that begin with /. NoOptionalStop lets M01 pass without a pause.
-	BlockDelete    bool
-	NoOptionalStop bool
-}
-
 // Program is one stream of lines with modal state and axes of its own.
 type Program struct {
 	// ID is the program's id on the server, Axes those that it leases.
@@ -56,13 +30,13 @@ type Program struct {
 	stop    func()
 }
 
-// Program opens a program.
-func (m *Machine) Program(ctx context.Context, options *OpenOptions) (*Program, error) {
-	if options == nil {
-		options = &OpenOptions{}
+// Program opens a program; nil leases every axis, starts at line 1, and stops when this client is gone.
+func (m *Machine) Program(ctx context.Context, request *OpenRequest) (*Program, error) {
+	if request == nil {
+		request = &OpenRequest{}
 	}
 	return m.follow(ctx, func(ctx context.Context) (*stream, []int64, error) {
-		opened, err := m.OpenProgram(ctx, options.request())
+		opened, err := m.OpenProgram(ctx, *request)
 		if err != nil {
 			return nil, nil, err
 		}
@@ -158,29 +132,6 @@ func (m *Machine) drop(ctx context.Context, program string) {
 	ending, cancel := context.WithTimeout(context.WithoutCancel(ctx), stopLimit)
 	defer cancel()
 	_, _ = m.Abort(ending, program)
-}
-
-func (o *OpenOptions) request() OpenRequest {
-	request := OpenRequest{Name: o.Name, Axes: o.Axes, Before: o.Before, Hold: o.Hold, Way: o.Way}
-	if o.FinishOnDisconnect {
-		request.OnDisconnect = Ptr(OnDisconnectFinish)
-	}
-	if o.Grace != 0 {
-		request.GraceS = Ptr(max(0, o.Grace.Seconds()))
-	}
-	if o.StartLine > 0 {
-		request.StartLine = &o.StartLine
-	}
-	if o.BlockDelete {
-		request.BlockDelete = Ptr(true)
-	}
-	if o.NoOptionalStop {
-		request.OptionalStop = Ptr(false)
-	}
-	if o.Outputs != "" {
-		request.Outputs = &o.Outputs
-	}
-	return request
 }
 
 // Accepted is the number of the last line that the server has taken and journaled.

@@ -29,16 +29,14 @@ def wait_for_frames(port: _Described, wait: Callable[[float], object] = time.sle
     waiting.poll(ROUND_S * 1000.0)
 
 
-def frames_of(
-    port: CanPort, duration_s: float, clock: Callable[[], float] = time.monotonic
-) -> Iterator[tuple[float, int, bytes]]:
+def frames_of(port: CanPort, duration_s: float) -> Iterator[tuple[float, int, bytes]]:
     """Yield (time [s] since the begin, identifier, payload) of every frame that comes within a duration.
 
     The times are those at which this process reads, milliseconds after the wire's.
     """
-    began = clock()
-    while (now := clock() - began) < duration_s:
+    began = time.monotonic()
+    while (now := time.monotonic() - began) < duration_s:
         wait_for_frames(port)
-        now = clock() - began
+        now = time.monotonic() - began
         for identifier, payload in port.drain():
             yield now, identifier, bytes(payload)

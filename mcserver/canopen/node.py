@@ -69,16 +69,10 @@ class Node:
 
     Args:
         axes: those of the node, its first axis first. network: of its bus.
-        sdo: its client. clock: seconds, never stepping.
+        sdo: its client.
     """
 
-    def __init__(
-        self,
-        axes: Sequence[NodeAxis],
-        network: PortNetwork,
-        sdo: NodeSdo,
-        clock: Callable[[], float] = time.monotonic,
-    ) -> None:
+    def __init__(self, axes: Sequence[NodeAxis], network: PortNetwork, sdo: NodeSdo) -> None:
         self.axes = tuple(axes)
         self.settings = settings = axes[0].settings
         # PDOs that the drive refused and that are not used
@@ -102,7 +96,6 @@ class Node:
         self._last_emergency: Emergency | None = None
         # by COB-ID: the newest payload, and when it came
         self._payloads: dict[int, tuple[bytes, float]] = {}
-        self._clock = clock
         self._heard = threading.Condition()
         node = settings.node
         if settings.has_profile:
@@ -129,7 +122,7 @@ class Node:
             if state is NmtState.BOOT_UP:
                 self.boot_ups += 1
             self.nmt = state
-            self.seen_at = self._clock()
+            self.seen_at = time.monotonic()
             self._heard.notify_all()
 
     def _on_emergency(self, payload: bytes) -> None:
@@ -137,7 +130,7 @@ class Node:
         if emergency is None:
             return
         self.emergency = emergency
-        self.emergency_at = self._clock()
+        self.emergency_at = time.monotonic()
         before, self._last_emergency = self._last_emergency, emergency
         if emergency == before or (emergency.cleared and (before is None or before.cleared)):
             # repeated, or said at every reset by some devices: no news
@@ -150,7 +143,7 @@ class Node:
         """Keep process data as they come; they are looked into when somebody asks."""
 
         def keep(payload: bytes) -> None:
-            self._payloads[identifier] = payload, self._clock()
+            self._payloads[identifier] = payload, time.monotonic()
 
         return keep
 
@@ -160,7 +153,7 @@ class Node:
         def present(payload: bytes) -> None:
             keep(payload)
             with self._heard:
-                self.seen_at = self._clock()
+                self.seen_at = time.monotonic()
                 self._heard.notify_all()
 
         return present
@@ -172,7 +165,7 @@ class Node:
         a lost node last showed is no state of it.
         """
         payload, at = self._payloads.get(identifier, (b"", 0.0))
-        return payload if payload and self._clock() - at <= STALE_S else None
+        return payload if payload and time.monotonic() - at <= STALE_S else None
 
     def statusword_of(self, axis: NodeAxis) -> int | None:
         """The newest statusword of an axis, or the fault bits of a drive that streams telemetry."""

@@ -27,7 +27,7 @@ class Emergencies:
         self._count.action = self._clear_history
         self._active: set[int] = set()
 
-    def raise_error(self, code: int, vendor: bytes = b"") -> None:
+    def raise_error(self, code: int) -> None:
         """An error has come up; sent once, until `clear`."""
         if code in self._active:
             return
@@ -37,7 +37,7 @@ class Emergencies:
             older.value = newer.value
         self._history[0].value = code
         self._count.value = min(self._count.value + 1, len(self._history))
-        self._tell(code, vendor)
+        self._tell(code)
 
     def end_error(self, code: int) -> None:
         """One error is over; sent where it was the last one."""
@@ -49,24 +49,24 @@ class Emergencies:
                     self._register.value |= register_bits(left)
             else:
                 self._register.value = 0
-                self._tell(NO_ERROR, b"")
+                self._tell(NO_ERROR)
 
     def clear(self) -> None:
         """No error is left: sent where there was one."""
         if self._active or self._register.value:
             self._active.clear()
             self._register.value = 0
-            self._tell(NO_ERROR, b"")
+            self._tell(NO_ERROR)
 
     def forget(self) -> None:
         """As after switching on: nothing is sent."""
         self._active.clear()
         self._register.value = 0
 
-    def _tell(self, code: int, vendor: bytes) -> None:
+    def _tell(self, code: int) -> None:
         identifier = self._identifier.value
         if not identifier & INVALID:
-            self._transmit(identifier & 0x7FF, MESSAGE.pack(code, self._register.value, vendor))
+            self._transmit(identifier & 0x7FF, MESSAGE.pack(code, self._register.value, b""))
 
     def _may_clear(self, value: int) -> None:
         if value != 0:

@@ -48,13 +48,10 @@ class SimulatedBus:
     follows_exactly = False
     delay_cycles = 0
 
-    def __init__(
-        self, axes: Sequence[Axis], columns: Sequence[int], cycle_s: float, start_cycles: int = START_CYCLES
-    ) -> None:
+    def __init__(self, axes: Sequence[Axis], columns: Sequence[int], cycle_s: float) -> None:
         count = len(axes)
         self.columns = tuple(columns)
         self._cycle = cycle_s
-        self._start_cycles = start_cycles
         self._model = ServoModel(axes, cycle_s)
         self._brake = np.array([axis.drive.brake for axis in axes])
         self._timeout = np.array(
@@ -233,7 +230,7 @@ class SimulatedBus:
         wanted = mode >= DriveMode.POSITION
         asleep = wanted & ((state == DriveState.OFF) | (state == DriveState.STOPPING))
         state[asleep] = DriveState.STARTING
-        self._countdown[asleep] = self._start_cycles
+        self._countdown[asleep] = START_CYCLES
         starting = state == DriveState.STARTING
         self._countdown[starting] -= 1
         state[starting & (self._countdown <= 0)] = DriveState.ENERGIZED

@@ -12,8 +12,6 @@ from mcserver.errors import RuntimeFault
 from mcserver.executor.entries import ExecutorEvent
 from mcserver.executor.faces import ExecutorFaces
 from mcserver.executor.process_start import ExitCode, ProcessState, Start
-from mcserver.executor.realtime import PRIORITY
-from mcserver.executor.shm.mailbox import SLOTS
 from mcserver.executor.shm.shared_memory import SharedParts, create_block, map_block
 from mcserver.executor.stored_reference import StoredReference
 from mcserver.machine.machine_file import Machine
@@ -35,7 +33,6 @@ class ExecutorProcess(ExecutorFaces):
 
     Args:
         machine: what it drives.
-        priority: of SCHED_FIFO, where the computer grants it.
         references: of axes, from an earlier start, by axis number.
     """
 
@@ -43,15 +40,11 @@ class ExecutorProcess(ExecutorFaces):
         self,
         machine: Machine,
         *,
-        slots: int = SLOTS,
-        priority: int = PRIORITY,
         references: Mapping[int, StoredReference] | None = None,
     ) -> None:
         # the same configuration errors as in the process, but here, where they can be reported
         create_buses(machine)
         self.machine = machine
-        self._slots = slots
-        self._priority = priority
         self._references = dict(references or {})
         self._process: subprocess.Popen[bytes] | None = None
         self._parts: SharedParts | None = None
@@ -69,10 +62,10 @@ class ExecutorProcess(ExecutorFaces):
         """Make the memory and start the process, without waiting for it."""
         if self._process is not None:
             raise RuntimeError("the executor has been started already")
-        self._memory = create_block(self.machine, self._slots)
-        self._parts = map_block(self._memory, self.machine, self._slots)
+        self._memory = create_block(self.machine)
+        self._parts = map_block(self._memory, self.machine)
         self._parts.mailbox.initialise()
-        start = Start(self.machine, self._memory, self._slots, os.getpid(), self._priority, self._references)
+        start = Start(self.machine, self._memory, os.getpid(), self._references)
         self._process = start_child("mcserver.executor.process", start, [self._memory])
 
     def wait(self, timeout_s: float = START_TIMEOUT_S) -> None:
@@ -171,11 +164,6 @@ class ExecutorProcess(ExecutorFaces):
         if self._memory < 0:
             raise RuntimeError("the executor does not run")
         return self._memory
-
-    @property
-    def slots(self) -> int:
-        """How many programs it has places for."""
-        return self._slots
 
     @property
     def pid(self) -> int | None:

@@ -75,7 +75,7 @@ class Executor:
     ) -> None:
         self.machine = machine
         inputs, outputs = len(machine.inputs), len(machine.outputs)
-        self._row = FeedbackRow(len(machine.axes), len(rings), inputs, outputs)
+        self._row = FeedbackRow(len(machine.axes), inputs, outputs)
         self.bank = AxisBank(machine, buses, self._row)
         self.motions = IndependentMotions(machine, self._row)
         on_buses = [bus for bus in self.bank.buses if isinstance(bus, IoBus) and (bus.inputs or bus.outputs)]

@@ -154,7 +154,7 @@ def main() -> int:
     # an interrupt from the keyboard goes to the server too, which ends this process in order
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     signal.signal(signal.SIGTERM, lambda number, _frame: terminated.append(number))
-    parts: SharedParts = map_block(start.descriptor, start.machine, start.slots)
+    parts: SharedParts = map_block(start.descriptor, start.machine)
     os.close(start.descriptor)
     machine, mailbox = start.machine, parts.mailbox
     # before drives are switched on, and long before a cycle must not wait
@@ -180,7 +180,7 @@ def main() -> int:
         gc.collect()
         gc.freeze()
         gc.disable()
-        if not (take_realtime_priority(start.priority) and locked):
+        if not (take_realtime_priority() and locked):
             executor.warn(FaultCode.NO_REALTIME)
         mailbox.set_executor_state(ProcessState.RUNNING)
         code = run_loop(executor, mailbox, MonotonicClock(), start.parent, lambda: bool(terminated))

@@ -6,7 +6,6 @@ import enum
 
 import msgspec
 
-from mcserver.executor.realtime import PRIORITY
 from mcserver.executor.stored_reference import StoredReference
 from mcserver.machine.machine_file import Machine
 
@@ -34,7 +33,5 @@ class Start(msgspec.Struct, frozen=True):
 
     machine: Machine
     descriptor: int
-    slots: int
     parent: int
-    priority: int = PRIORITY
     references: dict[int, StoredReference] = {}

@@ -66,13 +66,11 @@ class ReplySender:
         senders: int = SENDERS,
         caller_replies: int = CALLER_REPLIES,
         caller_bytes: int = CALLER_BYTES,
-        total_bytes: int = TOTAL_BYTES,
     ) -> None:
         self.dropped = 0
         self._senders = senders
         self._caller_replies = caller_replies
         self._caller_bytes = caller_bytes
-        self._total_bytes = total_bytes
         self._lock = threading.Lock()
         self._lanes: dict[str, _Lane] = {}
         self._ready: queue.SimpleQueue[str | None] = queue.SimpleQueue()
@@ -133,7 +131,7 @@ class ReplySender:
 
     def _take(self, caller: str, reply: Outgoing) -> bool:
         lane = self._lanes.get(caller)
-        if self._closed or self._size + reply.size > self._total_bytes:
+        if self._closed or self._size + reply.size > TOTAL_BYTES:
             return False
         if lane is None:
             lane = self._lanes[caller] = _Lane(deque())

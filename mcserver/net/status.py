@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mcserver.clearance.mounted import SPINDLE
+from mcserver.executor.shm.mailbox import SLOTS
 from mcserver.gcode.profiles.codes import SYSTEM_NUMBERS
 from mcserver.gcode.profiles.frame import TURN
 from mcserver.gcode.text.source import MAX_LINE_LENGTH
@@ -42,7 +43,6 @@ from mcserver.net.messages import (
 from mcserver.net.table_messages import Tables, ToolRow
 from mcserver.service.approval_basis import server_version
 from mcserver.service.executor_port import Cycles
-from mcserver.service.leases import EXECUTOR_SLOTS
 from mcserver.service.line_queue import QUEUE_LINES
 from mcserver.service.service import OPEN_PROGRAMS, MachineService
 from mcserver.service.work_offsets import WorkOffsets
@@ -213,7 +213,7 @@ def machine_info(service: MachineService, methods: list[str]) -> Info:
             cycles_a_message=CYCLES_A_MESSAGE,
             state_hz=STATE_HZ,
         ),
-        limits=limits_info(at_once=EXECUTOR_SLOTS, opened=OPEN_PROGRAMS),
+        limits=limits_info(at_once=SLOTS, opened=OPEN_PROGRAMS),
         buttons=[
             ButtonInfo(
                 each.name,

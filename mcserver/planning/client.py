@@ -64,7 +64,7 @@ class PlannerChild:
         ours, theirs = socket.socketpair()
         self.pipe = MessagePipe(ours)
         with theirs:
-            start = PlannerStart(machine, executor.memory, executor.slots, theirs.fileno())
+            start = PlannerStart(machine, executor.memory, theirs.fileno())
             self.process: subprocess.Popen[bytes] = start_child(
                 "mcserver.planning.process",
                 start,

@@ -23,13 +23,12 @@ class PlannerStart(msgspec.Struct, frozen=True):
     """Start a planner's process: its standard input.
 
     Attributes:
-        memory: descriptor of the executor's memory. slots: of the executor.
+        memory: descriptor of the executor's memory.
         connection: descriptor of the stream socket to the server.
     """
 
     machine: Machine
     memory: int
-    slots: int
     connection: int
 
 

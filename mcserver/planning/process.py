@@ -156,7 +156,7 @@ def main() -> int:
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     signal.signal(signal.SIGTERM, signal.SIG_IGN)
     pipe = MessagePipe(socket.socket(fileno=start.connection))
-    parts = map_block(start.memory, start.machine, start.slots)
+    parts = map_block(start.memory, start.machine)
     os.close(start.memory)
     warm_up()
     # it works ahead of the motion and can wait a moment; whoever calls the server is waiting now

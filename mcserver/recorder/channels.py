@@ -20,6 +20,7 @@ from google.protobuf.descriptor_pb2 import (
 from mcap.records import Channel, Schema
 
 from mcserver.executor.shm.feedback import AxisCondition, SlotState
+from mcserver.executor.shm.mailbox import SLOTS
 from mcserver.machine.machine_file import Machine
 from mcserver.recorder.fixed_records import Field, Kind
 from mcserver.service.reports import Event
@@ -87,9 +88,9 @@ class CycleField(enum.Enum):
     INTERLOCK = 17
 
 
-def cycle_fields_of(machine: Machine, slots: int) -> list[Field]:
+def cycle_fields_of(machine: Machine) -> list[Field]:
     """Fields of a cycle's message of this machine."""
-    return cycle_fields(len(machine.axes), slots, len(machine.inputs), len(machine.outputs))
+    return cycle_fields(len(machine.axes), SLOTS, len(machine.inputs), len(machine.outputs))
 
 
 def cycle_fields(axes: int, slots: int, inputs: int = 1, outputs: int = 1) -> list[Field]:

@@ -264,7 +264,5 @@ def recorder_for(
     folder = (
         (journal.parent / Path(asked).expanduser()) if asked else journal.parent / "recordings" / machine.name
     )
-    start = wire.RecorderStart(
-        machine, executor.slots, -1, -1, executor.epoch, instance, str(folder), str(journal)
-    )
+    start = wire.RecorderStart(machine, -1, -1, executor.epoch, instance, str(folder), str(journal))
     return RecorderClient(lambda: RecorderChild(machine, executor, start), RecordingFolder(folder), events)

@@ -36,17 +36,15 @@ class CycleEncoder:
     """Encodes rows of one machine's feedback ring, block after block.
 
     Args:
-        machine: the columns. slots: programs at once. ring: says where in a row things stand.
+        machine: the columns. ring: says where in a row things stand.
         epoch: Unix time of executor time 0 [s]. poses: of the tools.
     """
 
-    def __init__(
-        self, machine: Machine, slots: int, ring: FeedbackRing, epoch: float, poses: ToolPoses
-    ) -> None:
+    def __init__(self, machine: Machine, ring: FeedbackRing, epoch: float, poses: ToolPoses) -> None:
         self._ring = ring
         self._epoch_ns = round(epoch * 1e9)
         self._scale = np.array([1.0 / axis.type.si_per_unit for axis in machine.axes])
-        self._cycles = FixedRecords(CYCLES, cycle_fields_of(machine, slots))
+        self._cycles = FixedRecords(CYCLES, cycle_fields_of(machine))
         self._poses = poses
         self._tools = {
             tool: FixedRecords(FIRST_TOOL + at, pose_fields()) for at, tool in enumerate(poses.numbers)

@@ -20,7 +20,6 @@ class RecorderStart(msgspec.Struct, frozen=True):
     """
 
     machine: Machine
-    slots: int
     memory: int
     pipe: int
     epoch: float

@@ -57,7 +57,7 @@ def main() -> int:
     terminated: list[int] = []
     signal.signal(signal.SIGTERM, lambda number, _frame: terminated.append(number))
     _step_back()
-    ring = map_feedback(start.memory, start.machine, start.slots)
+    ring = map_feedback(start.memory, start.machine)
     os.close(start.memory)
     folder = RecordingFolder(Path(start.folder))
     schemas, topics = channels(start.machine)
@@ -70,7 +70,7 @@ def main() -> int:
         min_free=settings.min_free_mb << 20,
     )
     poses = ToolPoses(start.machine, build_kinematics(start.machine))
-    recorder = Recorder(start.machine, ring, start.slots, start, poses, folder, writer, time.time)
+    recorder = Recorder(start.machine, ring, start, poses, folder, writer, time.time)
     link = Link(start.pipe)
     for problem in repair_unfinished(folder):
         link.send([Trouble("MC582", problem)])

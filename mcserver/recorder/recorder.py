@@ -51,7 +51,7 @@ class Recorder:
     """One machine's recorder.
 
     Args:
-        machine: what is recorded. ring: the executor's feedback. slots: programs at once.
+        machine: what is recorded. ring: the executor's feedback.
         start: epoch, instance and journal. poses: of the tools.
         folder, writer: where files go. clock: Unix time [s].
     """
@@ -60,7 +60,6 @@ class Recorder:
         self,
         machine: Machine,
         ring: FeedbackRing,
-        slots: int,
         start: wire.RecorderStart,
         poses: ToolPoses,
         folder: RecordingFolder,
@@ -75,7 +74,7 @@ class Recorder:
         self._folder = folder
         self._writer = writer
         self._clock = clock
-        self._encoder = CycleEncoder(machine, slots, ring, start.epoch, poses)
+        self._encoder = CycleEncoder(machine, ring, start.epoch, poses)
         self._edges = FaultEdges(ring)
         self._builder = ChunkBuilder()
         self._box = BlackBox(60.0 * settings.minutes, settings.max_mb << 20)

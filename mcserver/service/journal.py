@@ -82,14 +82,12 @@ class Journal:
         *,
         call_soon: Callable[[Callable[[], None]], None],
         on_failure: Callable[[str], None],
-        bounds: JournalBounds | None = None,
         connect: Callable[[Path], sqlite3.Connection] = open_journal,
         threaded: bool = True,
     ) -> None:
         self.path = path
         self._call_soon = call_soon
         self._on_failure = on_failure
-        self._bounds = bounds or JournalBounds()
         self._inbox: queue.SimpleQueue[Entry | None] = queue.SimpleQueue()
         # when what is being committed was begun [s of `time.monotonic`]
         self._committing_since: float | None = None
@@ -307,7 +305,7 @@ class Journal:
                 now = time.monotonic()
                 if now - last_prune >= PRUNE_PERIOD_S:
                     last_prune = now
-                    self._write([Entry(statement) for statement in prune(self._bounds)])
+                    self._write([Entry(statement) for statement in prune(JournalBounds())])
         finally:
             self._connection.close()
 

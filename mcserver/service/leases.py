@@ -17,7 +17,7 @@ from collections.abc import Iterable
 
 import msgspec
 
-EXECUTOR_SLOTS = 8
+from mcserver.executor.shm.mailbox import SLOTS
 
 
 class Grant(msgspec.Struct, frozen=True):
@@ -35,7 +35,7 @@ class LeaseTable:
         slots: how many programs can run side by side.
     """
 
-    def __init__(self, slots: int = EXECUTOR_SLOTS) -> None:
+    def __init__(self, slots: int = SLOTS) -> None:
         self._free_slots = list(range(slots))
         # slots of programs that have ended and that the planner knows still
         self._left: dict[str, int] = {}

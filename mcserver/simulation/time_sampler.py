@@ -31,50 +31,32 @@ class TimeSampler:
     """Keeps rows evenly in time: where there is no room for more, every second one is dropped.
 
     Args:
-        moments: the most rows that are kept, at least 4.
+        moments: the most rows that are kept.
         width: setpoints in a row.
     """
 
     def __init__(self, moments: int, width: int) -> None:
-        self._rows = np.empty((moments, 1 + width))
-        self._fill = 0
+        self._moments = moments
+        # those of every so many cycles, the first one of all among them
+        self._kept = np.empty((0, 1 + width))
         self._stride = 1
         self._seen = 0
-        self._last = np.empty(0)
+        self._last = self._kept
 
     def take(self, times: Array, lines: NDArray[np.int64], setpoint: Array) -> None:  # noqa: ARG002
         """Look at cycles: times (n,) [s], setpoints (n, width)."""
-        # the next cycle that is kept
-        at = -self._seen % self._stride
-        while at < len(times):
-            wanted = np.arange(at, len(times), self._stride)[: len(self._rows) - self._fill]
-            stop = self._fill + len(wanted)
-            self._rows[self._fill : stop, 0] = times[wanted]
-            self._rows[self._fill : stop, 1:] = setpoint[wanted]
-            self._fill = stop
-            at = int(wanted[-1]) + self._stride
-            if self._fill == len(self._rows):
-                at = self._thin(at)
-        self._seen += len(times)
-        self._last = np.concatenate([[times[-1]], setpoint[-1]])
-
-    def _thin(self, next_kept: int) -> int:
-        """Keep every second row; the next cycle to keep, at the stride that has doubled."""
-        kept = self._rows[: self._fill : 2]
-        odd = self._fill % 2 == 1
-        self._rows[: len(kept)] = kept
-        self._fill = len(kept)
-        step, self._stride = self._stride, 2 * self._stride
-        # of an even count the newest row was dropped, and the next cycle is of the new stride
-        return next_kept + step if odd else next_kept
+        rows = np.column_stack((times, setpoint))
+        self._kept = np.concatenate((self._kept, rows[-self._seen % self._stride :: self._stride]))
+        while len(self._kept) > self._moments:
+            self._kept, self._stride = self._kept[::2], 2 * self._stride
+        self._seen += len(rows)
+        self._last = rows[-1:]
 
     @property
     def rows(self) -> Array:
         """Time and setpoints, shape (n, 1 + width); the newest cycle is always the last row."""
-        kept = self._rows[: self._fill]
-        if len(self._last) and (not len(kept) or kept[-1, 0] != self._last[0]):
-            kept = np.vstack([kept, self._last])
-        return kept.copy()
+        behind = self._last[:, :1] != self._kept[-1:, :1]
+        return np.concatenate((self._kept, self._last[behind.any(axis=1)]))
 
 
 def path_of(sampler: TimeSampler, machine: Machine, poses: ToolPoses, axes: Sequence[int]) -> dict[str, Any]:

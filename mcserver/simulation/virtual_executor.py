@@ -54,10 +54,7 @@ class VirtualExecutor(ExecutorFaces):
         self,
         machine: Machine,
         *,
-        slots: int = SLOTS,
         buses: Sequence[DriveBus] | None = None,
-        rows: int = ROWS,
-        controls: int = CONTROLS,
         recorder: Recorder | None = None,
         homed: bool = True,
         references: Mapping[int, StoredReference] | None = None,
@@ -67,10 +64,10 @@ class VirtualExecutor(ExecutorFaces):
         self.machine = machine
         inputs, outputs = len(machine.inputs), len(machine.outputs)
         self._parts = SharedParts(
-            CommandMailbox(None, slots, inputs=inputs, outputs=outputs),
-            FeedbackRing(None, axes, slots, inputs=inputs, outputs=outputs),
+            CommandMailbox(None, inputs=inputs, outputs=outputs),
+            FeedbackRing(None, axes, inputs=inputs, outputs=outputs),
             EventRing(None, axes),
-            tuple(ProgramRing(None, rows, controls, axes, stops, torques) for _ in range(slots)),
+            tuple(ProgramRing(None, ROWS, CONTROLS, axes, stops, torques) for _ in range(SLOTS)),
         )
         self.mailbox.initialise()
         self.recorder = recorder

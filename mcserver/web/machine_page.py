@@ -106,7 +106,7 @@ class MachinePage:
                     with _place(7):
                         self._tables = TablesPanel(actions)
                     with _place(8):
-                        self._mdi = MdiPanel(actions)
+                        MdiPanel(actions)
                     with _place(9):
                         self._homing = HomingPanel(actions)
                     with _place(10):

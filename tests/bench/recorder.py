@@ -19,7 +19,6 @@ from tests.bench.telemetry import AXES, MACHINE, cpu_share
 from tests.e2e.servers import children, command_line
 
 CYCLES_A_CHUNK, CHUNKS = 500, 4
-SLOTS = 8
 OFF = "[recorder]\nenabled = false\n"
 RECORDER = "mcserver.recorder.process"
 
@@ -55,8 +54,8 @@ def measure() -> list[Figure]:
 def encoded(motion: Callable[[Rows, FeedbackRow], None]) -> tuple[float, float, float]:
     """Share of a core [%], and MB a minute, compressed and not."""
     machine = parse_machine(MACHINE)
-    ring = FeedbackRing(None, AXES, SLOTS)
-    row = FeedbackRow(AXES, SLOTS)
+    ring = FeedbackRing(None, AXES)
+    row = FeedbackRow(AXES)
     count = CYCLES_A_CHUNK * CHUNKS
     for cycle in range(count):
         row.row[TIME], row.row[CYCLE] = cycle * 1e-3, cycle
@@ -64,7 +63,7 @@ def encoded(motion: Callable[[Rows, FeedbackRow], None]) -> tuple[float, float, 
         motion(np.full(AXES, cycle * 1e-3) + 0.1 * np.arange(AXES), row)
         ring.put(row.row)
     _, rows = ring.since(0, count)
-    encoder = CycleEncoder(machine, SLOTS, ring, 1.7e9, ToolPoses(machine, None))
+    encoder = CycleEncoder(machine, ring, 1.7e9, ToolPoses(machine, None))
     compressed = plain = 0
 
     def work() -> None:

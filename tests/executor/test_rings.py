@@ -145,8 +145,8 @@ def test_a_full_event_ring_counts_what_it_loses_and_keeps_the_rest() -> None:
 
 
 def test_feedback_gives_the_latest_cycle_and_all_since_a_number() -> None:
-    ring = FeedbackRing(None, 2, 1, cycles=32)
-    row = FeedbackRow(2, 1)
+    ring = FeedbackRing(None, 2, cycles=32)
+    row = FeedbackRow(2)
     for cycle in range(100):
         row.setpoint[:] = cycle
         row.set_slot(0, cycle, 1.0, SlotState.RUNNING, 1)
@@ -164,7 +164,7 @@ def test_feedback_gives_the_latest_cycle_and_all_since_a_number() -> None:
 
 
 def test_a_new_program_in_a_slot_starts_with_fresh_requests() -> None:
-    mailbox = CommandMailbox(None, 2)
+    mailbox = CommandMailbox(None)
     mailbox.initialise()
     mailbox.open_slot(1, 0b101, (3, 4))
     mailbox.abort(1)
@@ -178,6 +178,6 @@ def test_a_new_program_in_a_slot_starts_with_fresh_requests() -> None:
 
 @pytest.mark.parametrize("ratio", [-0.1, 2.5, float("nan")])
 def test_overrides_outside_0_to_200_percent_are_refused(ratio: float) -> None:
-    mailbox = CommandMailbox(None, 1)
+    mailbox = CommandMailbox(None)
     with pytest.raises(ValueError, match="override"):
         mailbox.set_override(ratio)

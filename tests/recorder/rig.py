@@ -31,7 +31,6 @@ from mcserver.recorder.sink import FileWriter
 from mcserver.simulation.tool_poses import ToolPoses
 
 EPOCH = 1_700_000_000.0
-SLOTS = 2
 MACHINE = "cartesian"
 
 
@@ -43,7 +42,7 @@ class Rig:
         self.machine: Machine = _with(loaded, RecorderSection(**settings))
         self.axes = len(self.machine.axes)
         inputs, outputs = len(self.machine.inputs), len(self.machine.outputs)
-        self.ring = FeedbackRing(None, self.axes, SLOTS, inputs=inputs, outputs=outputs)
+        self.ring = FeedbackRing(None, self.axes, inputs=inputs, outputs=outputs)
         self.folder = RecordingFolder(folder)
         schemas, topics = channels(self.machine)
         self.writer = FileWriter(
@@ -53,14 +52,12 @@ class Rig:
             min_free=min_free,
         )
         self.clock = EPOCH
-        start = RecorderStart(
-            self.machine, SLOTS, -1, -1, EPOCH, "inst", str(folder), str(folder / "journal.db")
-        )
+        start = RecorderStart(self.machine, -1, -1, EPOCH, "inst", str(folder), str(folder / "journal.db"))
         poses = ToolPoses(self.machine, build_kinematics(self.machine))
         self.recorder = Recorder(
-            self.machine, self.ring, SLOTS, start, poses, self.folder, self.writer, lambda: self.clock
+            self.machine, self.ring, start, poses, self.folder, self.writer, lambda: self.clock
         )
-        self.row = FeedbackRow(self.axes, SLOTS, inputs, outputs)
+        self.row = FeedbackRow(self.axes, inputs, outputs)
         self.row.condition[:] = AxisCondition.HOLDING
         self.cycle = 0
         self.reports: list[Report] = []

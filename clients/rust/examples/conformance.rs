@@ -5,8 +5,8 @@ use std::cell::Cell;
 use std::time::{Duration, Instant};
 
 use mcclient::{
-    ConnectOptions, Continuation, ContinueRequest, EmergencyStop, Error, Machine, OnDisconnect,
-    ProgramOptions, Result,
+    ConnectOptions, Continuation, ContinueRequest, EmergencyStop, Error, Machine, OnDisconnect, OpenRequest,
+    Result,
 };
 use serde_json::{Value, json};
 
@@ -88,7 +88,11 @@ async fn stream(machine: &Machine, file: &str, former: Option<&str>) -> Result<(
         };
         machine.continue_program(&request, show).await?
     } else {
-        let options = ProgramOptions::new().name(file).on_disconnect(OnDisconnect::Finish);
+        let options = OpenRequest {
+            name: file.to_owned(),
+            on_disconnect: OnDisconnect::Finish,
+            ..OpenRequest::default()
+        };
         machine.program(options).await?
     };
     say(&json!({"program": program.id()}));
@@ -113,7 +117,7 @@ async fn cancel(machine: &Machine, file: &str) -> Result<()> {
     let text = std::fs::read_to_string(file).expect("a file that can be read");
     let lines: Vec<&str> = text.lines().collect();
     let last = *lines.last().expect("a line");
-    let program = machine.program(ProgramOptions::new()).await?;
+    let program = machine.program(OpenRequest::default()).await?;
     let fed = Cell::new(0_usize);
     let endless = std::iter::repeat_with(|| {
         fed.set(fed.get() + 1);
@@ -150,7 +154,7 @@ async fn watch(machine: &Machine, rows: u64) -> Result<()> {
 #[allow(clippy::cast_precision_loss, reason = "figures for people")]
 async fn bench(machine: &Machine, file: &str) -> Result<()> {
     let text = std::fs::read_to_string(file).expect("a file that can be read");
-    let program = machine.program(ProgramOptions::new()).await?;
+    let program = machine.program(OpenRequest::default()).await?;
     let begun = Instant::now();
     let count = program.send_lines(text.lines()).await?;
     let streamed = begun.elapsed().as_secs_f64();

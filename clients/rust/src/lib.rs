@@ -1,12 +1,12 @@
 //! Client of the open motion server: programs, telemetry and operation of machines, over Zenoh.
 //!
 //! ```no_run
-//! use mcclient::{Machine, ProgramOptions};
+//! use mcclient::{Machine, OpenRequest};
 //!
 //! #[tokio::main]
 //! async fn main() -> mcclient::Result<()> {
 //!     let machine = Machine::connect().await?;
-//!     let program = machine.program(ProgramOptions::new()).await?;
+//!     let program = machine.program(OpenRequest::default()).await?;
 //!     program.send("G1010").await?; // energize
 //!     program.send("G01 X10 F600").await?;
 //!     println!("done through line {}", program.finish().await?.done);
@@ -38,7 +38,6 @@ mod machine_calls;
 pub mod messages;
 mod presence;
 mod program;
-mod program_options;
 mod servo;
 mod stream;
 mod telemetry;
@@ -61,10 +60,9 @@ pub use jog::HeldJog;
 pub use machine::Machine;
 pub use messages::{
     CheckReply, Continuation, ContinueRequest, Diagnostic, Event, Fault, Info, LineReport, MachineStatus,
-    OnDisconnect, ProgramState, ProgramStatus,
+    OnDisconnect, OpenRequest, ProgramState, ProgramStatus,
 };
-pub use program::Program;
-pub use program_options::{ProgramOptions, ProgramResult};
+pub use program::{Program, ProgramResult};
 pub use servo::{Servo, ServoOptions, Targets};
 pub use telemetry::Samples;
 

@@ -17,16 +17,19 @@ use crate::feed::Feed;
 use crate::jog::{HeldJog, jog_held};
 use crate::keys::{Keys, PROTOCOL_VERSION};
 use crate::link::Link;
-use crate::messages::{Continuation, ContinuationRequest, ContinueRequest, Event, Info, MachineStatus};
+use crate::messages::{
+    Continuation, ContinuationRequest, ContinueRequest, Event, Info, MachineStatus, OpenRequest,
+};
 use crate::presence::{Presence, lock};
 use crate::program::Program;
-use crate::program_options::ProgramOptions;
 use crate::stream::LineStream;
 use crate::telemetry::{Samples, decode_samples};
 use crate::window::Bounds;
 use crate::wire::decode;
 
 const LEAVE: Duration = Duration::from_secs(1);
+/// Of a program's name, which is for people.
+const NAME_LENGTH: usize = 200;
 const STATES_LIMIT: usize = 32;
 const SAMPLES_LIMIT: usize = 4096;
 
@@ -181,12 +184,13 @@ impl Machine {
 
     // ------------------------------------------------------------ programs
 
-    /// Opens a program.
+    /// Opens a program; the default request leases all axes, and stops it when this client's link goes.
     ///
     /// # Errors
     /// As [`Machine::refresh_info`].
-    pub async fn program(&self, options: ProgramOptions) -> Result<Program> {
-        let opened = self.open_program(&options.0).await?;
+    pub async fn program(&self, request: OpenRequest) -> Result<Program> {
+        let name = request.name.chars().take(NAME_LENGTH).collect();
+        let opened = self.open_program(&OpenRequest { name, ..request }).await?;
         self.follow(Core::new(&opened, Bounds::default()), opened.axes).await
     }
 

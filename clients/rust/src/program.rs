@@ -15,13 +15,24 @@ use crate::core::Core;
 use crate::error::{Error, Problem, Result};
 use crate::feed::Feed;
 use crate::messages::{CloseReply, CloseRequest, Event, ProgramRequest, ProgramState, ProgramStatus};
-use crate::program_options::ProgramResult;
 use crate::stream::{Giving, LineStream};
 use crate::wire::decode;
 
 const ABORT_DEADLINE: Duration = Duration::from_secs(2);
 /// Gives the runtime to others while a long file is read.
 const LINES_A_TURN: usize = 500;
+
+/// How a program ended well; whatever else can happen is an error.
+#[derive(Debug, Clone, PartialEq, Eq)]
+#[non_exhaustive]
+pub struct ProgramResult {
+    /// Its id.
+    pub program: String,
+    /// Lines through this number were taken.
+    pub accepted: u64,
+    /// Lines through this number have ended.
+    pub done: u64,
+}
 
 /// One client's stream of lines, with modal state and axes of its own.
 ///
@@ -306,7 +317,7 @@ impl Program {
         self.machine.order("resume", self.id()).await
     }
 
-    /// Starts the next line of a program opened with [`ProgramOptions::step`].
+    /// Starts the next line of a program opened with [`crate::messages::OpenRequest::step`].
     ///
     /// # Errors
     /// As [`Program::hold`].

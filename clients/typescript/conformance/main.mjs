@@ -18,7 +18,7 @@ try {
     const show = ({ line, done, axes }) => say({ continuation: { line, done, axes: axes.length } });
     const program = former
       ? await machine.continueProgram({ program: former, way: true, on_disconnect: "finish" }, { show, patienceMs: PATIENCE_MS })
-      : await machine.program({ name: file, onDisconnect: "finish", patienceMs: PATIENCE_MS });
+      : await machine.program({ name: file, on_disconnect: "finish" }, PATIENCE_MS);
     say({ program: program.id });
     const left = linesOf(file).slice(program.given);
     if (left.length) await program.sendLines(left);

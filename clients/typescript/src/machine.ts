@@ -1,8 +1,8 @@
 import { MachineCalls } from "./calls.js";
 import { Feed } from "./feed.js";
 import type { Connection } from "./connection.js";
-import type { ContinueRequest, Info, MachineStatus, MotionEvent } from "./messages.js";
-import { type ContinueOptions, type OpenOptions, Program } from "./program.js";
+import type { ContinueRequest, Info, MachineStatus, MotionEvent, OpenRequest } from "./messages.js";
+import { type ContinueOptions, Program } from "./program.js";
 import { Servo, type ServoOptions } from "./servo.js";
 import { type Samples, columnsOf, understand } from "./wire.js";
 
@@ -25,8 +25,8 @@ export class Machine extends MachineCalls {
   /** Emergency stop, on a connection of its own too; resolves once the server has confirmed it. No safety function: machines need a circuit of their own. */
   estop(reason = ""): Promise<void> { return this.gateway.estop(this.name, reason); }
 
-  /** A new program; lines are streamed to it, each exactly once. */
-  program(options: OpenOptions = {}): Promise<Program> { return Program.open(this.gateway, this, options); }
+  /** A new program; lines are streamed to it, each exactly once. `patienceMs`: as of `ContinueOptions`. */
+  program(request: OpenRequest = {}, patienceMs?: number): Promise<Program> { return Program.open(this.gateway, this, request, patienceMs); }
 
   /** Leases axes for targets that are streamed, and energizes them; refused (MC512) where one of them is leased. */
   servo(options: ServoOptions = {}): Promise<Servo> { return Servo.open(this.gateway, this, options); }

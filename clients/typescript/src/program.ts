@@ -1,35 +1,14 @@
 import type { MachineCalls } from "./calls.js";
 import type { Connection } from "./connection.js";
 import { type MotionError, NobodyAnswers, ProgramRejected, RequestRefused } from "./errors.js";
-import type { Ack, Continuation, ContinueReply, ContinueRequest, Info, OpenReply, OverrideReply, ProgramState, ProgramStatus, SubmitReply } from "./messages.js";
+import type { Ack, Continuation, ContinueReply, ContinueRequest, Info, OpenReply, OpenRequest, OverrideReply, ProgramState, ProgramStatus, SubmitReply } from "./messages.js";
 import { LineWindow } from "./window.js";
 import { SURROGATE, understand } from "./wire.js";
-
-export interface OpenOptions {
-  /** For people: a file's name. */
-  name?: string;
-  /** The axes to lease; left out: all of the machine. */
-  axes?: number[];
-  /** What happens when this client is gone for longer than `graceS`, or is closed. */
-  onDisconnect?: "finish" | "stop";
-  /** How long this client may be away before that [s]; default 10. */
-  graceS?: number;
-  /** The first line that runs; those of `before`, the ones before it, do not: the axes go to where they end, energized, in the modal state of there. */
-  startLine?: number;
-  before?: string[];
-  /** Of a start in the middle: axes may go the way that `continuation` shows, where the machine file names no safe one. */
-  way?: boolean;
-  /** Of a start in the middle: set what the program had switched, or leave it. */
-  outputs?: "set" | "leave";
-  hold?: boolean;
-  /** How long the motion server may be away before NobodyAnswers [ms]; default 30 s. */
-  patienceMs?: number;
-}
 
 export interface ContinueOptions {
   /** Gets what ran, where the axes stand and where the program has them, before anything moves; where it rejects, nothing does. */
   show?: (shown: Continuation) => unknown;
-  /** As of `OpenOptions`. */
+  /** How long the motion server may be away before NobodyAnswers [ms]; default 30 s. */
   patienceMs?: number;
 }
 
@@ -37,7 +16,6 @@ export interface ContinueOptions {
 export type Behind = MachineCalls & { readonly name: string; readonly info: Info };
 
 const GIVE_LINES = 1000;
-const GRACE_S = 10;
 const DOUBT_MS = 2000;
 const ASK_MS = 250;
 const PATIENCE_MS = 30_000;
@@ -59,13 +37,8 @@ export class Program {
     this.#window = new LineWindow(opened);
   }
 
-  static async open(gateway: Connection, machine: Behind, options: OpenOptions): Promise<Program> {
-    const opened = understand<OpenReply>("OpenReply", await machine.openProgram({
-      name: options.name ?? "", axes: options.axes ?? null, on_disconnect: options.onDisconnect ?? "stop", grace_s: options.graceS ?? GRACE_S,
-      start_line: options.startLine ?? 1, before: options.before ?? [], hold: options.hold ?? false, way: options.way ?? false,
-      outputs: options.outputs ?? null,
-    }));
-    return Program.follow(gateway, machine, opened, options.patienceMs);
+  static async open(gateway: Connection, machine: Behind, request: OpenRequest, patienceMs?: number): Promise<Program> {
+    return Program.follow(gateway, machine, understand<OpenReply>("OpenReply", await machine.openProgram(request)), patienceMs);
   }
 
   static async goOn(gateway: Connection, machine: Behind, request: ContinueRequest, { show, patienceMs }: ContinueOptions): Promise<Program> {

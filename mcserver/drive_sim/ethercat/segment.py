@@ -6,7 +6,7 @@ import math
 import socket
 import struct
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 
 from mcserver.can.port import PortCounters
 from mcserver.drive_sim.ethercat.controller import SlaveController
@@ -91,11 +91,10 @@ class EthercatSegment:
         name: as the machine file has it. nodes: in the order of the line.
     """
 
-    def __init__(self, name: str, port: EthercatLine, clock: Callable[[], float] = time.monotonic) -> None:
+    def __init__(self, name: str, port: EthercatLine) -> None:
         self.name = name
         self.port = port
         self.nodes: list[EthercatDrive] = []
-        self._clock = clock
 
     @property
     def wake(self) -> float:
@@ -110,13 +109,13 @@ class EthercatSegment:
     def serve(self, frames: Sequence[bytes]) -> None:
         """Let frames pass the drives, and send them back."""
         for frame in frames:
-            self.poll(self._clock())
+            self.poll(time.monotonic())
             if self._loses():
                 continue
             passed = pass_through(frame, self._on_line())
             if passed is not None:
                 self.port.send(passed)
-        self.poll(self._clock())
+        self.poll(time.monotonic())
 
     def _loses(self) -> bool:
         for node in self.nodes:

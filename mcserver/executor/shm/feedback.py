@@ -14,6 +14,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from mcserver.executor.shm.mailbox import SLOTS
+
 Array = NDArray[np.float64]
 
 CYCLES = 2048
@@ -128,14 +130,14 @@ class FeedbackRow:
             setpoints of drives themselves.
     """
 
-    def __init__(self, axes: int, slots: int, inputs: int = 0, outputs: int = 0) -> None:
-        self.row: Array = np.zeros(row_width(axes, slots, inputs, outputs))
+    def __init__(self, axes: int, inputs: int = 0, outputs: int = 0) -> None:
+        self.row: Array = np.zeros(row_width(axes, inputs, outputs))
         self.cells: Any = memoryview(self.row)  # type: ignore[arg-type]
         views = [self.row[_HEAD + block * axes : _HEAD + (block + 1) * axes] for block in range(_BLOCKS)]
         self.setpoint, self.velocity, self.actual, self.actual_velocity, self.torque, self.condition = views
         self.ordered, self.ordered_velocity = self.setpoint, self.velocity
         self._slots_at = _HEAD + _BLOCKS * axes
-        self.inputs, self.outputs, self.owners = _io_blocks(self.row, axes, slots, inputs, outputs)
+        self.inputs, self.outputs, self.owners = _io_blocks(self.row, axes, inputs, outputs)
 
     def separate_orders(self) -> None:
         """Let what is ordered be something else than what drives get, which is made of it."""
@@ -160,21 +162,19 @@ def homed_of(row: Sequence[float] | Array) -> int:
     return int(row[_HOMED_LOW]) | int(row[_HOMED_HIGH]) << 32
 
 
-def row_width(axes: int, slots: int, inputs: int = 0, outputs: int = 0) -> int:
+def row_width(axes: int, inputs: int = 0, outputs: int = 0) -> int:
     """Doubles in a row."""
-    return _HEAD + _BLOCKS * axes + _SLOT * slots + inputs + 2 * outputs
+    return _HEAD + _BLOCKS * axes + _SLOT * SLOTS + inputs + 2 * outputs
 
 
-def feedback_ring_size(
-    axes: int, slots: int, cycles: int = CYCLES, *, inputs: int = 0, outputs: int = 0
-) -> int:
+def feedback_ring_size(axes: int, cycles: int = CYCLES, *, inputs: int = 0, outputs: int = 0) -> int:
     """Bytes that the ring takes."""
-    return 8 * (_HEADER_WORDS + cycles * row_width(axes, slots, inputs, outputs))
+    return 8 * (_HEADER_WORDS + cycles * row_width(axes, inputs, outputs))
 
 
-def _io_blocks(rows: Array, axes: int, slots: int, inputs: int, outputs: int) -> tuple[Array, Array, Array]:
+def _io_blocks(rows: Array, axes: int, inputs: int, outputs: int) -> tuple[Array, Array, Array]:
     """Inputs, outputs and their owners in rows, views of the last dimension."""
-    at = _HEAD + _BLOCKS * axes + _SLOT * slots
+    at = _HEAD + _BLOCKS * axes + _SLOT * SLOTS
     ends = (at + inputs, at + inputs + outputs, at + inputs + 2 * outputs)
     return rows[..., at : ends[0]], rows[..., ends[0] : ends[1]], rows[..., ends[1] : ends[2]]
 
@@ -190,19 +190,18 @@ class FeedbackRing:
         self,
         buffer: bytearray | memoryview | None,
         axes: int,
-        slots: int,
         cycles: int = CYCLES,
         *,
         inputs: int = 0,
         outputs: int = 0,
     ) -> None:
-        size = feedback_ring_size(axes, slots, cycles, inputs=inputs, outputs=outputs)
+        size = feedback_ring_size(axes, cycles, inputs=inputs, outputs=outputs)
         self._buffer = memoryview(bytearray(size) if buffer is None else buffer)
         if len(self._buffer) < size:
             raise ValueError(f"the ring needs {size} bytes, the buffer has {len(self._buffer)}")
-        width = row_width(axes, slots, inputs, outputs)
+        width = row_width(axes, inputs, outputs)
         self._inputs, self._outputs = inputs, outputs
-        self._axes, self._slots, self._cycles = axes, slots, cycles
+        self._axes, self._cycles = axes, cycles
         self._counter = self._buffer[: 8 * _HEADER_WORDS].cast("q")
         self._rows: Array = np.frombuffer(self._buffer, np.float64, cycles * width, 8 * _HEADER_WORDS)
         self._rows = self._rows.reshape(cycles, width)
@@ -259,7 +258,7 @@ class FeedbackRing:
     def newest_slots(self) -> list[list[float]]:
         """Return every slot's numbers in the newest cycle, as `slots_of`; empty before the first."""
         at = _HEAD + _BLOCKS * self._axes
-        cells = self._newest(at, at + _SLOT * self._slots)
+        cells = self._newest(at, at + _SLOT * SLOTS)
         return [cells[each : each + _SLOT] for each in range(0, len(cells), _SLOT)]
 
     def _newest(self, start: int, stop: int) -> list[float]:
@@ -288,20 +287,20 @@ class FeedbackRing:
 
     def channels_of(self, row: list[float]) -> tuple[list[float], list[float], list[int]]:
         """Return the inputs, the outputs and who has set these, of one row."""
-        at = _HEAD + _BLOCKS * self._axes + _SLOT * self._slots
+        at = _HEAD + _BLOCKS * self._axes + _SLOT * SLOTS
         outputs = at + self._inputs
         owners = outputs + self._outputs
         return row[at:outputs], row[outputs:owners], [int(each) for each in row[owners:]]
 
     def io_of(self, rows: Array) -> tuple[Array, Array]:
         """Return the inputs and outputs of rows, shapes (n, I) and (n, O)."""
-        inputs, outputs, _ = _io_blocks(rows, self._axes, self._slots, self._inputs, self._outputs)
+        inputs, outputs, _ = _io_blocks(rows, self._axes, self._inputs, self._outputs)
         return inputs, outputs
 
     def slots_of(self, rows: Array) -> Array:
         """Programs' slots of rows, shape (n, slots, 4): `SLOT_U`, `SLOT_RATE`, …"""
         at = _HEAD + _BLOCKS * self._axes
-        return rows[:, at : at + _SLOT * self._slots].reshape(len(rows), self._slots, _SLOT)
+        return rows[:, at : at + _SLOT * SLOTS].reshape(len(rows), SLOTS, _SLOT)
 
     @staticmethod
     def time_of(rows: Array) -> Array:
@@ -317,10 +316,10 @@ class FeedbackRing:
         ]
         slots_at = _HEAD + _BLOCKS * self._axes
         slots = []
-        for slot in range(self._slots):
+        for slot in range(SLOTS):
             u, rate, state, generation = row[slots_at + slot * _SLOT : slots_at + (slot + 1) * _SLOT].tolist()
             slots.append(SlotFeedback(u, rate, SlotState(int(state)), int(generation)))
-        inputs, outputs, owners = _io_blocks(row, self._axes, self._slots, self._inputs, self._outputs)
+        inputs, outputs, owners = _io_blocks(row, self._axes, self._inputs, self._outputs)
         return FeedbackState(
             time=float(row[TIME]),
             cycle=int(row[CYCLE]),

@@ -15,6 +15,7 @@ import msgspec
 
 from mcserver.executor.envelope_bounds import Envelope, decode_envelope
 
+# Programs that run side by side.
 SLOTS = 8
 
 _CHANGES, _OVERRIDE, _HOLD, _STOP, _ESTOP, _RESET, _RESET_MASK, _SERVER_BEAT, _EXECUTOR_BEAT = range(9)
@@ -73,9 +74,9 @@ class MachineOrders:
     resume: int
 
 
-def mailbox_size(slots: int = SLOTS, inputs: int = 0, outputs: int = 0) -> int:
+def mailbox_size(inputs: int = 0, outputs: int = 0) -> int:
     """Bytes that the mailbox takes."""
-    return 8 * (_HEAD + slots * _SLOT + (inputs + outputs) * _CHANNEL) + slots * _ENVELOPE_BYTES
+    return 8 * (_HEAD + SLOTS * _SLOT + (inputs + outputs) * _CHANNEL) + SLOTS * _ENVELOPE_BYTES
 
 
 def signed(mask: int) -> int:
@@ -93,27 +94,25 @@ class CommandMailbox:
     def __init__(
         self,
         buffer: bytearray | memoryview | None,
-        slots: int = SLOTS,
         *,
         inputs: int = 0,
         outputs: int = 0,
     ) -> None:
-        size = mailbox_size(slots, inputs, outputs)
+        size = mailbox_size(inputs, outputs)
         self._buffer = memoryview(bytearray(size) if buffer is None else buffer)
         if len(self._buffer) < size:
             raise ValueError(f"the mailbox needs {size} bytes, the buffer has {len(self._buffer)}")
         self._words = self._buffer[:size].cast("q")
         self._numbers = self._buffer[:size].cast("d")
-        self._envelopes_at = size - slots * _ENVELOPE_BYTES
+        self._envelopes_at = size - SLOTS * _ENVELOPE_BYTES
         self._lock = threading.Lock()
-        self.slots = slots
         self._inputs, self._outputs = inputs, outputs
         self._decoded: dict[int, tuple[int, Envelope | None]] = {}
 
     def initialise(self) -> None:
         """Set overrides of 100 %; by the side that made the buffer, before the other one looks."""
         self._numbers[_OVERRIDE] = 1.0
-        for slot in range(self.slots):
+        for slot in range(SLOTS):
             self._numbers[_HEAD + slot * _SLOT + _S_OVERRIDE] = 1.0
 
     # ------------------------------------------------------------------ the server's side
@@ -134,8 +133,8 @@ class CommandMailbox:
             self._words[_CHANGES] += 1
 
     def _of(self, slot: int) -> int:
-        if not 0 <= slot < self.slots:
-            raise ValueError(f"slot {slot} is outside 0 … {self.slots - 1}")
+        if not 0 <= slot < SLOTS:
+            raise ValueError(f"slot {slot} is outside 0 … {SLOTS - 1}")
         return _HEAD + slot * _SLOT
 
     def open_slot(
@@ -236,7 +235,7 @@ class CommandMailbox:
         self._order_channel(self._outputs + column, value)
 
     def _order_channel(self, number: int, value: float) -> None:
-        at = _HEAD + self.slots * _SLOT + number * _CHANNEL
+        at = _HEAD + SLOTS * _SLOT + number * _CHANNEL
         with self._lock:
             self._numbers[at + 1] = value
             self._words[at] += 1
@@ -292,7 +291,7 @@ class CommandMailbox:
         return self._channel_order(self._outputs + column)
 
     def _channel_order(self, number: int) -> tuple[int, float]:
-        at = _HEAD + self.slots * _SLOT + number * _CHANNEL
+        at = _HEAD + SLOTS * _SLOT + number * _CHANNEL
         # the counter first: a newer value with an older counter is read again
         count = self._words[at]
         return count, self._numbers[at + 1]

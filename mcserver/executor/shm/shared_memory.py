@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 from mcserver.executor.shm.event_ring import EventRing, event_ring_size
 from mcserver.executor.shm.feedback import FeedbackRing, feedback_ring_size
-from mcserver.executor.shm.mailbox import CommandMailbox, mailbox_size
+from mcserver.executor.shm.mailbox import SLOTS, CommandMailbox, mailbox_size
 from mcserver.executor.shm.rings import CONTROLS, ROWS, ProgramRing, program_ring_size
 from mcserver.executor.stopping import StopTimes, torque_axes
 from mcserver.machine.machine_file import Machine
@@ -30,36 +30,36 @@ class SharedParts:
     rings: tuple[ProgramRing, ...]
 
 
-def _sizes(machine: Machine, slots: int) -> list[int]:
+def _sizes(machine: Machine) -> list[int]:
     axes = len(machine.axes)
     inputs, outputs = len(machine.inputs), len(machine.outputs)
     sizes = [
-        mailbox_size(slots, inputs, outputs),
-        feedback_ring_size(axes, slots, inputs=inputs, outputs=outputs),
+        mailbox_size(inputs, outputs),
+        feedback_ring_size(axes, inputs=inputs, outputs=outputs),
         event_ring_size(axes),
     ]
-    sizes += [program_ring_size(ROWS, CONTROLS, axes, torque_axes(machine))] * slots
+    sizes += [program_ring_size(ROWS, CONTROLS, axes, torque_axes(machine))] * SLOTS
     return [-(-size // _ALIGNMENT) * _ALIGNMENT for size in sizes]
 
 
-def create_block(machine: Machine, slots: int) -> int:
+def create_block(machine: Machine) -> int:
     """Create a zeroed block of the size that `map_block` expects; return its descriptor, which the caller
     closes.
     """
     descriptor = os.memfd_create("mcserver-executor", os.MFD_CLOEXEC)
     try:
-        os.ftruncate(descriptor, sum(_sizes(machine, slots)))
+        os.ftruncate(descriptor, sum(_sizes(machine)))
     except OSError:
         os.close(descriptor)
         raise
     return descriptor
 
 
-def map_block(descriptor: int, machine: Machine, slots: int) -> SharedParts:
+def map_block(descriptor: int, machine: Machine) -> SharedParts:
     """Map a block; it stays mapped as long as one of its parts lives, also after the descriptor is
     closed.
     """
-    sizes = _sizes(machine, slots)
+    sizes = _sizes(machine)
     whole = memoryview(mmap.mmap(descriptor, sum(sizes)))
     axes = len(machine.axes)
     offset = 0
@@ -70,16 +70,16 @@ def map_block(descriptor: int, machine: Machine, slots: int) -> SharedParts:
     stops = StopTimes(machine)
     inputs, outputs = len(machine.inputs), len(machine.outputs)
     return SharedParts(
-        CommandMailbox(parts[0], slots, inputs=inputs, outputs=outputs),
-        FeedbackRing(parts[1], axes, slots, inputs=inputs, outputs=outputs),
+        CommandMailbox(parts[0], inputs=inputs, outputs=outputs),
+        FeedbackRing(parts[1], axes, inputs=inputs, outputs=outputs),
         EventRing(parts[2], axes),
         tuple(ProgramRing(part, ROWS, CONTROLS, axes, stops, torque_axes(machine)) for part in parts[3:]),
     )
 
 
-def map_feedback(descriptor: int, machine: Machine, slots: int) -> FeedbackRing:
+def map_feedback(descriptor: int, machine: Machine) -> FeedbackRing:
     """Map the feedback alone, for a process that only looks: it cannot write anything in the block."""
-    before, size = _sizes(machine, slots)[:2]
+    before, size = _sizes(machine)[:2]
     whole = memoryview(mmap.mmap(descriptor, before + size, prot=mmap.PROT_READ))
     inputs, outputs = len(machine.inputs), len(machine.outputs)
-    return FeedbackRing(whole[before:], len(machine.axes), slots, inputs=inputs, outputs=outputs)
+    return FeedbackRing(whole[before:], len(machine.axes), inputs=inputs, outputs=outputs)

@@ -32,18 +32,17 @@ from mcserver.language.grammar.words import Vocabulary, common_words, vocabulary
 from mcserver.machine.machine_file import Machine
 
 
-def build_grammar(machine: Machine | None = None, commands: Sequence[CommandSpec] = COMMANDS) -> Grammar:
+def build_grammar(machine: Machine | None = None) -> Grammar:
     """Build the grammar of whole programs.
 
     Args:
         machine: its axes and tools are the only ones, in its profile; None: all that the dialect can name.
-        commands: the codes.
     """
     if machine is not None and not machine.dialect.reference:
         return build_profile_grammar(machine)
     known = vocabulary(machine)
-    structure = _structure(commands, known)
-    tokens = {**_codes(commands), **_words(known)}
+    structure = _structure(known)
+    tokens = {**_codes(), **_words(known)}
     return Grammar(known.title, MappingProxyType({**structure, **tokens}), frozenset(tokens))
 
 
@@ -74,10 +73,10 @@ def _axis_word(axis: int, letters: frozenset[str], axes: tuple[int, ...], *, inc
     return seq(choice(*names), Ref("gap"), Ref("number"), Ref("space"))
 
 
-def _codes(commands: Sequence[CommandSpec]) -> dict[str, Expression]:
+def _codes() -> dict[str, Expression]:
     """Build the codes: those of one kind that take the same words are one token."""
     rules: dict[str, list[CommandSpec]] = {}
-    for spec in commands:
+    for spec in COMMANDS:
         rules.setdefault(_code_rule(spec), []).append(spec)
     return {name: choice(*_by_letter(specs)) for name, specs in rules.items()}
 
@@ -114,13 +113,13 @@ def _by_letter(specs: Sequence[CommandSpec]) -> list[Expression]:
 # --- structure ----------------------------------------------------------------------------------------------
 
 
-def _structure(commands: Sequence[CommandSpec], known: Vocabulary) -> dict[str, Expression]:
+def _structure(known: Vocabulary) -> dict[str, Expression]:
     """Build lines, groups and commands; every token brings the space behind it."""
-    code = {spec.name: Ref(_code_rule(spec)) for spec in commands}
+    code = {spec.name: Ref(_code_rule(spec)) for spec in COMMANDS}
     with_tolerance = [
-        seq(Ref(_code_rule(spec)), opt(Ref("tolerance"))) for spec in commands if _takes_tolerance(spec)
+        seq(Ref(_code_rule(spec)), opt(Ref("tolerance"))) for spec in COMMANDS if _takes_tolerance(spec)
     ]
-    direct = [_direct(spec) for spec in commands if spec.kind is Kind.DIRECT]
+    direct = [_direct(spec) for spec in COMMANDS if spec.kind is Kind.DIRECT]
     arcs = bool(known.linear or known.linear_letters)
     rules: dict[str, Expression] = {
         "program": seq(Ref("line"), many(Ref("line-end"), Ref("line"))),

@@ -17,51 +17,10 @@ from mcserver.motion.kernels.ramp_kernels import (
     min_time_moves,
     reachable_speed_by_table,
 )
-from mcserver.motion.kernels.sample_limits import SLACK, Run, make_limit_table, min_limits
+from mcserver.motion.kernels.sample_limits import SLACK, Run, make_limit_table
 
 # A part that leaves less than this share of a stretch's best acceleration or jerk may get knots of its own.
 BOTTLENECK = 0.7
-
-
-@compiled
-def mark_plateau(
-    left: int,
-    right: int,
-    edges: Array,
-    junction_vmax: Array,
-    free_at_vmax: Array,
-    moves: Array,
-    count: int,
-    marked: NDArray[np.bool_],
-) -> None:
-    """Mark nodes passed at constant top speed whose outer sides have better limits than the whole."""
-    top = 0.0
-    for index in range(count):
-        top = max(top, moves[index, 0], moves[index, 1])
-    position = edges[left]
-    first = last = math.nan
-    for index in range(count):
-        if moves[index, 0] == moves[index, 1] and moves[index, 0] >= top * (1.0 - 1e-12):
-            first, last = position, position + moves[index, 4]
-        position += moves[index, 4]
-    if math.isnan(first):
-        return
-    if (
-        max(free_at_vmax[left, 0], free_at_vmax[right - 1, 0])
-        <= 1.1 * min_limits(free_at_vmax, left, right)[0]
-    ):
-        return
-    low = high = -1
-    for node in range(left + 1, right):
-        if first <= edges[node] <= last:
-            if low < 0:
-                low = node
-            high = node
-    if low < 0:
-        return
-    for node in (low, high):
-        marked[node] = True
-        junction_vmax[node] = min(junction_vmax[node], top)
 
 
 @compiled

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mcserver.motion.geometry.curves import Array
-from mcserver.motion.kernels.bottlenecks import mark_bottlenecks, mark_plateau
+from mcserver.motion.kernels.bottlenecks import mark_bottlenecks
 from mcserver.motion.kernels.compiled import compiled
 from mcserver.motion.kernels.phases import PHASE, PHASES_PER_MOVE, moves_to_phases, speeds_at
 from mcserver.motion.kernels.ramp_kernels import (
@@ -266,7 +266,7 @@ def find_knots(
     knots of their own.
 
     Args:
-        junction_vmax: lowered where plateaus begin and end. durations: T of the groups that are to take one,
+        durations: T of the groups that are to take one,
             else NaN, shape (n,) [s]. is_knot: shape (n+1,), written.
         entry: speed at the beginning. required_only: no knots that only save time.
 
@@ -283,7 +283,6 @@ def find_knots(
     reached = ReachedSpeeds(np.full((2, n + 1, 3), math.nan), np.zeros((2, n + 1)))
     # stretches that pass no cap: the knot at their right, and the speeds at both
     settled = np.full((n + 1, 3), math.nan)
-    split = np.zeros(n + 1, np.bool_)
     new_knots = np.zeros(n + 1, np.bool_)
     moves, spare = np.empty((MAX_MOVES, MOVE)), np.empty((MAX_MOVES, MOVE))
     phases = np.empty((MOST_PHASES, PHASE))
@@ -324,23 +323,9 @@ def find_knots(
             )
             if worst >= 0:
                 new_knots[worst] = True
-            else:
-                if not (split[left] and split[right]):
-                    mark_plateau(left, right, edges, junction_vmax, run.free_at_vmax, moves, made, new_knots)
-                    split[left] = split[right] = True
-                    for node in range(left + 1, right):
-                        split[node] = split[node] or new_knots[node]
-                if not required_only and not new_knots[left + 1 : right].any():
-                    mark_bottlenecks(
-                        run,
-                        left,
-                        right,
-                        edges,
-                        junction_vmax,
-                        speeds,
-                        duration_of_moves(moves, made),
-                        new_knots,
-                    )
+            elif not required_only:
+                duration = duration_of_moves(moves, made)
+                mark_bottlenecks(run, left, right, edges, junction_vmax, speeds, duration, new_knots)
             settled[left, 0], settled[left, 1], settled[left, 2] = right, start, end
         if status == NOT_JOINED:
             break

@@ -133,14 +133,10 @@ class RunLimits:
         """
         return min_limits(self.run.free_at_vmax, left, right)
 
-    def limit_table(self, left: int, right: int, speed: float = 0.0) -> list[AccelerationLimit]:
-        """Return the acceleration-limit table of a stretch.
-
-        Args:
-            speed: the lower one at its ends; infinite: without the rows at which a vertex is passed.
-        """
+    def limit_table(self, left: int, right: int) -> list[AccelerationLimit]:
+        """Return the acceleration-limit table of a stretch with a rest at an end."""
         table = np.empty((MAX_TABLE_ROWS, 3))
-        count = make_limit_table(self.run, left, right, speed, table)
+        count = make_limit_table(self.run, left, right, 0.0, table)
         return [AccelerationLimit(*row) for row in table[:count].tolist()]
 
 

@@ -37,7 +37,7 @@ from mcserver.motion.limits.path_limits import (
 )
 from mcserver.motion.limits.segment_table import SegmentTable, empty_columns
 from mcserver.motion.limits.torque_samples import spline_with_torques
-from mcserver.motion.lookahead.missed_times import MOST_STOPS, late_groups, none_early, released, with_stops
+from mcserver.motion.lookahead.missed_times import late_groups, none_early, released
 from mcserver.motion.lookahead.planned_run import PlannedRun
 from mcserver.motion.lookahead.time_domain_corner import Stop, TimeDomainBlend, TimeDomainBlends
 from mcserver.motion.profile.faster_stretches import KnotProfile, quicker_stretches
@@ -319,8 +319,6 @@ class Lookahead:
         solution = attempt(junction_vmax)
         if solution.late and solver.raise_speeds(solution.late, solution.speeds, junction_vmax):
             solution = attempt(junction_vmax)
-        if 0 < len(solution.late) <= MOST_STOPS:
-            solution = with_stops(solution, junction_vmax, samples.ends, attempt)
         if solution.late:
             solution = released(solver, solution, junction_vmax, groups.edges, attempt)
         if solution.early:

@@ -1,5 +1,5 @@
 """Plans in which segments with a T of their own miss it (D-33): those that cannot keep it flow on as feed
-lines do; a stop at a vertex, or lower speeds beside them, may let others keep theirs.
+lines do; lower speeds beside those that would end before it, or a stop, may let them keep theirs.
 """
 
 from __future__ import annotations
@@ -14,48 +14,14 @@ from mcserver.motion.geometry.curves import Array
 from mcserver.motion.kernels.timed_moves import SAME_TIME
 from mcserver.motion.profile.profile_solver import KnotSolver, Solution
 
-# Late segments of one window that stops are tried for.
+# Segments of one window that end before their T and that stops are tried for.
 MOST_STOPS = 8
 # Times that speeds beside segments that would end before their T are lowered: what slows down one may leave
 # another without a slower profile.
 SLOWDOWNS = 4
-# Share of the time of all that such a stop has to come below, where it lets no more lines keep their T.
-STOP_GAIN = 0.8
 # Plans in which lines that cannot keep their T are told from those that can, before all of the former keep
 # to their mean speeds.
 RELEASES = 6
-
-
-def with_stops(
-    solution: Solution,
-    junction_vmax: Array,
-    vertices: NDArray[np.intp],
-    attempt: Callable[[Array], Solution],
-) -> Solution:
-    """Try stops at vertices beside timed segments that are late, where that lets more of them keep their
-    T, or as many and all of them together take much less time.
-
-    A vertex that is passed with speed takes its part of the acceleration of the whole segment.
-
-    Args:
-        vertices: the groups' ends at which there is one.
-    """
-    passed = np.zeros(len(junction_vmax), np.bool_)
-    passed[vertices] = True
-    for group in list(solution.late)[:MOST_STOPS]:
-        best: list[int] = []
-        for ends in ((group,), (group + 1,), (group, group + 1)):
-            inner = [end for end in ends if passed[end] and junction_vmax[end] > 0.0]
-            if len(inner) < len(ends):
-                continue
-            other = _stopping(inner, junction_vmax, attempt)
-            if other is None:
-                continue
-            late, time = _lateness(solution)
-            if _lateness(other) < (late, time * STOP_GAIN):
-                solution, best = other, inner
-        junction_vmax[best] = 0.0
-    return solution
 
 
 def released(
@@ -154,8 +120,3 @@ def _stopping(ends: list[int], junction_vmax: Array, attempt: Callable[[Array], 
         return attempt(trial)
     except PlanningError:
         return None
-
-
-def _lateness(solution: Solution) -> tuple[int, float]:
-    """Return how many timed segments miss their T, and the time of all [s]."""
-    return len(solution.late) + len(solution.early), float(solution.phases[:, 0].sum())

@@ -105,7 +105,7 @@ class KnotSolver:
             status, blamed, knots, speeds, phases, starts, timings = find_knots(
                 self.run.run,
                 self._groups.edges,
-                junction_vmax.copy(),
+                junction_vmax,
                 durations,
                 first,
                 self._entry,

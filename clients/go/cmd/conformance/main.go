@@ -70,7 +70,7 @@ func run(url, token, name string, args []string) error {
 
 func stream(t task) error {
 	open := func() (*mcclient.Program, error) {
-		return t.machine.Program(t.ctx, &mcclient.OpenOptions{Name: t.args[0], FinishOnDisconnect: true})
+		return t.machine.Program(t.ctx, &mcclient.OpenRequest{Name: t.args[0], OnDisconnect: mcclient.Ptr(mcclient.OnDisconnectFinish)})
 	}
 	if len(t.args) > 1 {
 		request := mcclient.ContinueRequest{Program: t.args[1], Way: true, OnDisconnect: mcclient.Ptr(mcclient.OnDisconnectFinish)}

@@ -60,9 +60,9 @@ public final class Machine extends MachineCalls {
 
     // ---------------------------------------------------------------- programs
 
-    /** Opens a program. */
-    public CompletableFuture<Program> program(ProgramOptions options) {
-        return openProgram(options.request()).thenCompose(opened -> follow(opened.axes(), new LineCore(opened)));
+    /** Opens a program; the plain request leases all axes, and stops it when this client goes. */
+    public CompletableFuture<Program> program(Messages.OpenRequest request) {
+        return openProgram(request).thenCompose(opened -> follow(opened.axes(), new LineCore(opened)));
     }
 
     /** As {@link #continueProgram(Messages.ContinueRequest, Consumer)}, without showing anything. */

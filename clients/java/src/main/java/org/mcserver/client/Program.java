@@ -323,7 +323,7 @@ public final class Program implements AutoCloseable {
         return machine.resume(id).thenApply(done -> null);
     }
 
-    /** Starts the next line of a program that was opened with {@link ProgramOptions#stepping}. */
+    /** Starts the next line of a program that was opened with {@link Messages.OpenRequest#withStep}. */
     public CompletableFuture<Void> step() {
         return machine.step(id).thenApply(done -> null);
     }

@@ -86,7 +86,8 @@ public final class Conformance {
         try (Program program = goesOn
                         ? machine.continueProgram(new Messages.ContinueRequest(arguments[4]).withWay(true)
                                 .withOnDisconnect(Messages.OnDisconnect.FINISH), Conformance::show).join()
-                        : machine.program(ProgramOptions.named(arguments[3]).finishingOnDisconnect()).join()) {
+                        : machine.program(new Messages.OpenRequest().withName(arguments[3])
+                                .withOnDisconnect(Messages.OnDisconnect.FINISH)).join()) {
             say(Map.of("program", program.id()));
             List<String> lines = Files.readAllLines(Path.of(arguments[3])).stream().filter(line -> !line.isEmpty()).skip(program.givenThrough()).toList();
             if (!lines.isEmpty()) {
@@ -106,7 +107,7 @@ public final class Conformance {
         List<String> lines = Files.readAllLines(Path.of(file));
         AtomicLong fed = new AtomicLong();
         Iterator<String> endless = Stream.generate(() -> lines.get((int) Math.min(fed.getAndIncrement(), lines.size() - 1))).iterator();
-        try (Program program = machine.program(ProgramOptions.named(file)).join()) {
+        try (Program program = machine.program(new Messages.OpenRequest().withName(file)).join()) {
             CompletableFuture<Long> streaming = program.sendLines(endless);
             while (program.doneThrough() < lines.size()) {
                 Thread.sleep(1);
@@ -146,7 +147,7 @@ public final class Conformance {
 
     private static void bench(Machine machine, String file) throws IOException, InterruptedException {
         Map<String, Object> figures = new LinkedHashMap<>();
-        try (Program program = machine.program(ProgramOptions.named("bench")).join()) {
+        try (Program program = machine.program(new Messages.OpenRequest().withName("bench")).join()) {
             List<String> lines = Files.readAllLines(Path.of(file));
             long begun = System.nanoTime();
             long count = program.sendLines(lines).join();
