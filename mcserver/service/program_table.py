@@ -527,7 +527,7 @@ class ProgramTable:
             self.publish("input.read", program, line=event.line, message=message)
         elif event.kind is EventKind.PAUSED:
             self._say(program, event.line)
-            program.paused = True
+            program.paused, program.paused_at = True, event.line
             if program.state != "ending":
                 self.pauses.began(program, event.line, event.token)
             self.enter(program, "paused")
