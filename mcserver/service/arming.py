@@ -21,7 +21,7 @@ from mcserver.executor.envelope_bounds import Envelope
 from mcserver.planning.start_state import StartState
 from mcserver.service.reports import WireDiagnostic
 
-MAX_REQUESTS = 16  # kept at once, of all clients
+MAX_REQUESTS = 16  # waiting or armed at once, of all clients; as many that are over are shown
 CLIENT_REQUESTS = 4
 MAX_TEXT = 256 * 1024  # characters
 WAIT_S = 3600.0  # a request that nobody arms is forgotten after this time
@@ -218,10 +218,10 @@ class Arming:
             raise Refused(
                 "MC574", f"the text is longer than {MAX_TEXT} characters", "an operator runs it: mcctl run"
             )
-        others = {sha: each for sha, each in self._requests.items() if sha != hash_of(text)}
-        own = sum(each.client == client for each in others.values())
+        others = [each for sha, each in self._requests.items() if sha != hash_of(text) and each.state in OPEN]
+        own = sum(each.client == client for each in others)
         if len(others) >= MAX_REQUESTS or own >= CLIENT_REQUESTS:
-            raise Refused("MC574", "too many requests wait for an operator", "wait until they are over")
+            raise Refused("MC574", "too many requests wait for an operator", "withdraw one, or wait")
 
     def request(self, wanted: RunRequest) -> RunRequest:
         """Keep a request; a repeated one waits for an operator anew.
@@ -245,6 +245,9 @@ class Arming:
             number=next(self._numbers),
         )
         self._requests[wanted.sha256] = kept
+        ended = [sha for sha, each in self._requests.items() if each.state not in OPEN]
+        for sha in ended[: max(0, len(ended) - MAX_REQUESTS)]:
+            del self._requests[sha]
         return kept
 
     def find(self, sha256: str) -> RunRequest:

@@ -116,8 +116,9 @@ class Program:
         self.held = False
         # the place in `Clearance.switches` of what has switched on a zone before it; None: nothing has since
         self.zone_switch: int | None = None
-        # it waits at M00, M01 or a tool change, held or not
+        # it waits at M00, M01 or a tool change, held or not, of this line
         self.paused = False
+        self.paused_at = 0
         self.override = 1.0
         # what an approved run has to stay within
         self.envelope: Envelope | None = None
@@ -194,7 +195,7 @@ class Program:
             name=self.name,
             axes=list(self.axes),
             start_line=self.start_line,
-            line=self.progress.started,
+            line=max(self.progress.started, self.paused_at if self.paused else 0),
             accepted=self.journaled,
             done=self.done,
             credit=self.credit,

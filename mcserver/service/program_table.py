@@ -504,9 +504,10 @@ class ProgramTable:
         if event.line == 0 and event.kind in (EventKind.LINE_START, EventKind.LINE_END, EventKind.AXIS_DONE):
             # on the way to the first line
             return
+        begins = event.kind in (EventKind.LINE_START, EventKind.PAUSED)
+        if begins and program.approach and not program.progress.started:
+            program.notice = ""
         if event.kind is EventKind.LINE_START:
-            if program.approach and not program.progress.started:
-                program.notice = ""
             program.progress.line_started(event.line, event.time)
             self._say(program, event.line)
             self._progress.moved(program)
@@ -526,7 +527,7 @@ class ProgramTable:
             self.publish("input.read", program, line=event.line, message=message)
         elif event.kind is EventKind.PAUSED:
             self._say(program, event.line)
-            program.paused = True
+            program.paused, program.paused_at = True, event.line
             if program.state != "ending":
                 self.pauses.began(program, event.line, event.token)
             self.enter(program, "paused")

@@ -632,9 +632,10 @@ class MachineService:
             self.events.publish("warning", reason="MC459", message=references.damage)
         for axis in sorted(references.axes):
             if not self.homed(axis):
-                message = (
-                    f"axis {axis} is not homed: its encoder does not read what it did when the server stopped"
-                )
+                why = "its encoder does not read what it did when the server stopped"
+                if axis not in references.holding:
+                    why = "the server ended without noting where it stands: killed, or while it moved"
+                message = f"axis {axis} is not homed: {why}"
                 log.warning("MC459: %s", message)
                 self.events.publish("warning", reason="MC459", axis=axis, message=message)
                 references.forget(axis)

@@ -197,6 +197,18 @@ def test_a_rejected_run_does_not_start_and_says_why(bench: Bench, armed: bool) -
     assert bench.ask().reason == ""
 
 
+def test_what_has_started_or_was_rejected_waits_no_more_and_leaves_room(bench: Bench) -> None:
+    for number in range(3 * MAX_REQUESTS):
+        text = f"G01 X{number}"
+        bench.ask(text=text)
+        if number % 2:
+            bench.arming.reject("anna.mcctl-1", hash_of(text), "no")
+        else:
+            bench.arm(text=text)
+            bench.start(text=text)
+    assert len(bench.arming.requests()) <= MAX_REQUESTS + 1
+
+
 def test_requests_are_bounded_and_forgotten(bench: Bench) -> None:
     with pytest.raises(ServiceError) as long:
         bench.ask(text="x" * (MAX_TEXT + 1))

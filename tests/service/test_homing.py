@@ -142,6 +142,7 @@ async def test_references_survive_a_restart(tmp_path: Path) -> None:
     assert third.position(3) == pytest.approx(-14 * MM)
     (warning,) = [event for event in third.events if event.kind == "warning"]
     assert (warning.reason, warning.axis) == ("MC459", 2)
+    assert "does not read what it did" in warning.message
     await third.stop()
 
 
@@ -152,6 +153,8 @@ async def test_after_a_kill_only_absolute_encoders_are_homed(tmp_path: Path) -> 
     first.kill()
     second = VirtualCell(machine(), tmp_path)
     assert second.homed() == [False, False, False, True, True]
+    (warning,) = [event for event in second.events if event.kind == "warning"]
+    assert "ended without noting where it stands" in warning.message
     await second.stop()
 
 

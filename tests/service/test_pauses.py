@@ -105,7 +105,7 @@ CHANGE = ["T1 M6", "G0 X10 Y20 Z30", "G1 Z5 F3000", "T2 M6", "G1 X40 F3000", "G0
 
 async def test_behind_a_tool_change_an_absolute_move_starts_where_the_axes_were_jogged_to(shop: Shop) -> None:
     program = await shop.at_pause(CHANGE)
-    assert program.notice == "fit tool 2, then resume"
+    assert (program.notice, program.status().line) == ("fit tool 2, then resume", 4)
     await shop.jogged(2, 60.0)
     await shop.jogged(0, -25.0)
     assert shop.at() == pytest.approx((-15.0, 20.0, 65.0))

@@ -219,6 +219,15 @@ async def test_a_program_goes_on_with_the_operators_switches_that_it_had(rig: Ri
     assert rig.path[-1] == pytest.approx((30.0, 0.0, 0.0), abs=1e-3)
 
 
+async def test_a_program_that_begins_with_a_pause_is_not_on_the_way_any_more(rig: Rig) -> None:
+    cell = await rig.started(machine(RECOVERY))
+    program = await cell.service.open("page", start_line=6, before=SWITCHED[:5])
+    cell.service.lines.submit("page", program.program, 6, SWITCHED[5:])
+    assert program.notice == "on the way to line 6"
+    await cell.until(lambda: program.state == "paused")
+    assert (program.status().line, program.notice) == (6, "")
+
+
 async def test_a_program_that_never_began_keeps_its_switches(rig: Rig) -> None:
     cell = await rig.started(machine(RECOVERY))
     before = await cell.service.open("cam")
