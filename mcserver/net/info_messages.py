@@ -31,13 +31,18 @@ class AxisInfo(msgspec.Struct, frozen=True, omit_defaults=True):
 
 
 class ToolInfo(msgspec.Struct, frozen=True):
-    """One tool of G01 … Tn."""
+    """One tool of G01 … Tn.
+
+    Attributes:
+        work: the frame in which its poses are; empty: the base.
+    """
 
     number: int
     frame: str
     axes: list[int]
     orientation: bool
     euler: str
+    work: str = ""
 
 
 class InputInfo(msgspec.Struct, frozen=True, omit_defaults=True):

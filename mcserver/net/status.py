@@ -204,6 +204,7 @@ def machine_info(service: MachineService, methods: list[str]) -> Info:
                 axes=list(tool.axes),
                 orientation=tool.orientation,
                 euler=tool.euler,
+                work=tool.work or "",
             )
             for tool in machine.tools
         ],
