@@ -1700,6 +1700,8 @@ type ToolInfo struct {
 	Axes        []int64 `msgpack:"axes" mc:"required"`
 	Orientation bool    `msgpack:"orientation" mc:"required"`
 	Euler       string  `msgpack:"euler" mc:"required"`
+	// Work: the frame in which its poses are; empty: the base.
+	Work string `msgpack:"work"`
 }
 
 // ToolJogReply: The jog's program, for `abort` and for keeping it alive.

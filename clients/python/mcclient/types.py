@@ -936,13 +936,18 @@ class HomeReply:
 
 @dataclass(frozen=True, slots=True)
 class ToolInfo:
-    """One tool of G01 … Tn."""
+    """One tool of G01 … Tn.
+
+    Attributes:
+        work: the frame in which its poses are; empty: the base.
+    """
 
     number: int
     frame: str
     axes: tuple[int, ...]
     orientation: bool
     euler: str
+    work: str = ""
 
 
 @dataclass(frozen=True, slots=True)

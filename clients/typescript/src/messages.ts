@@ -1558,6 +1558,8 @@ export interface ToolInfo {
   axes: number[];
   orientation: boolean;
   euler: string;
+  /** the frame in which its poses are; empty: the base. */
+  work?: string;
 }
 
 /** The jog's program, for `abort` and for keeping it alive. */

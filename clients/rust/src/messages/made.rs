@@ -2273,6 +2273,9 @@ pub struct ToolInfo {
     pub axes: Vec<u64>,
     pub orientation: bool,
     pub euler: String,
+    /// the frame in which its poses are; empty: the base.
+    #[serde(default)]
+    pub work: String,
 }
 
 /// The jog's program, for `abort` and for keeping it alive.

@@ -1721,8 +1721,12 @@ public final class Messages {
     /** Least and greatest X, Y and Z of a tool's tip in the base frame [mm], and its greatest speed [mm/s]. */
     public record ToolExtent(long tool, List<Double> low, List<Double> high, double speed) {}
 
-    /** One tool of G01 … Tn. */
-    public record ToolInfo(long number, String frame, List<Long> axes, boolean orientation, String euler) {}
+    /**
+     * One tool of G01 … Tn.
+     * @param work the frame in which its poses are; empty: the base.
+     */
+    public record ToolInfo(
+            long number, String frame, List<Long> axes, boolean orientation, String euler, @Sparse String work) {}
 
     /**
      * The jog's program, for `abort` and for keeping it alive.
