@@ -28,10 +28,16 @@ class Frames:
 
     def __init__(self, tree: Tree, tools: Sequence[ToolInfo], prefix: str) -> None:
         self._prefix = prefix
-        self._root = tree.root
+        # a joint stands for the link behind it
+        behind = {joint.name: joint.child for joint in tree.joints}
+        self._bases = {tool.number: behind.get(tool.work, tool.work) or tree.root for tool in tools}
         self._fixed = [joint for joint in tree.joints if joint.kind == "fixed"]
         self._moving = [joint for joint in tree.joints if joint.kind != "fixed"]
         self._euler = {tool.number: tool.euler for tool in tools}
+
+    def base(self, tool: int) -> str:
+        """Return the frame in which a tool's poses are, as tf names it."""
+        return self._prefix + self._bases[tool]
 
     def fixed(self, stamp: Any) -> Any:
         """Return the joints that do not move, as a message for ``/tf_static``."""
@@ -44,7 +50,7 @@ class Frames:
         return self._message(stamp, pairs, [joint.child_pose(positions) for joint in self._moving])
 
     def tips(self, stamp: Any, poses: Sequence[ToolPose]) -> Any:
-        """Return the tips ``tool_N`` in the root's frame."""
+        """Return the tips ``tool_N`` in the frames in which their poses are."""
         placed = []
         for pose in poses:
             matrix = np.eye(4)
@@ -52,7 +58,8 @@ class Frames:
             matrix[:3, :3] = euler_to_matrix(angles, self._euler.get(pose.number, "ZYX"))  # type: ignore[arg-type]
             matrix[:3, 3] = MM * np.array(pose.position)
             placed.append(matrix)
-        return self._message(stamp, [(self._root, f"tool_{pose.number}") for pose in poses], placed)
+        pairs = [(self._bases[pose.number], f"tool_{pose.number}") for pose in poses]
+        return self._message(stamp, pairs, placed)
 
     def _message(self, stamp: Any, pairs: Sequence[tuple[str, str]], placed: Sequence[Array]) -> Any:
         make = interfaces().make
