@@ -10,6 +10,13 @@ from types import MappingProxyType
 
 MESSAGES: Mapping[str, str] = MappingProxyType(
     {
+        "control_msgs/msg/JointJog": """
+std_msgs/msg/Header header
+string[] joint_names
+float64[] displacements
+float64[] velocities
+float64 duration
+""",
         "control_msgs/msg/JointTolerance": """
 string name
 float64 position

@@ -8,13 +8,16 @@ from mcclient.types import AxisState, MachineState, MachineStatus
 
 from mcserver.ros.interfaces import interfaces
 from mcserver.ros.joints import Joint
+from mcserver.ros.servo_topics import ServoSaid
 
 KIND = "diagnostic_msgs/msg/DiagnosticArray"
 OK, WARN, ERROR = 0, 1, 2
 
 
-def diagnosis(machine: str, status: MachineStatus, joints: tuple[Joint, ...], stamp: Any) -> Any:
-    """Return the message: one status of the machine, one for each axis."""
+def diagnosis(
+    machine: str, status: MachineStatus, joints: tuple[Joint, ...], servo: ServoSaid, stamp: Any
+) -> Any:
+    """Return the message: one status of the machine, one of servo mode, one for each axis."""
     faults = {fault.axis: fault for fault in reversed(status.faults)}
     level = OK if status.state is MachineState.READY else ERROR
     said = "; ".join(f"{fault.code}: {fault.message}" for fault in status.faults) or str(status.state.value)
@@ -26,6 +29,9 @@ def diagnosis(machine: str, status: MachineStatus, joints: tuple[Joint, ...], st
         "instance": status.instance,
     }
     found = [_status(f"mcserver: {machine}", machine, level, said, values)]
+    said = servo.why or ("commands are followed" if servo.follows else "no commands")
+    level = WARN if servo.why else OK
+    found.append(_status(f"mcserver: {machine}: servo mode", machine, level, said, servo.values))
     axes = status.axes
     for row, index in enumerate(axes.index):
         joint = joints[row].name if row < len(joints) else f"axis_{index}"

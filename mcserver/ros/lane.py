@@ -13,7 +13,7 @@ from collections.abc import Callable, Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
-from mcclient import Machine, MotionError, NobodyAnswers, ProgramAborted
+from mcclient import Machine, MotionError, NobodyAnswers
 from mcclient.servo import Servo
 from mcclient.types import ENDED, AxisState, MachineStatus
 from numpy.typing import NDArray
@@ -33,7 +33,7 @@ from mcserver.ros.outcome import (
     InvalidGoal,
     Outcome,
     Status,
-    refused,
+    ended_by,
 )
 from mcserver.ros.pace import place_of, rate_of
 from mcserver.ros.stamps import duration_of, stamp_of
@@ -50,7 +50,6 @@ TICK_S, STEP_S, REACH_S = 0.025, 0.02, 0.24
 # behind its last point
 COUNTS_S = 0.1
 FEEDBACK_TICKS = 2
-LOOKS_FOR_REASON = 20
 # how long drives may take until they are energized
 ENERGIZE_S = 30.0
 # How far ahead a trajectory may be asked to begin [s].
@@ -138,10 +137,8 @@ class Lane:
             if self._offered is not None:
                 self._offered.goal.end(LEAVING)
             raise
-        except ProgramAborted as aborted:
-            outcome = await self._who_aborted(aborted)
         except MotionError as error:
-            outcome = refused(error)
+            outcome = await ended_by(error, self._around.reasons)
         except InvalidGoal as invalid:
             outcome = invalid.outcome
         except Exception as error:
@@ -151,16 +148,6 @@ class Lane:
             self._closing = True
             self._job.goal.end(outcome)
         return self._offered
-
-    async def _who_aborted(self, aborted: ProgramAborted) -> Outcome:
-        """Return the end of a goal with what the server says of it, which comes a moment later."""
-        for _ in range(LOOKS_FOR_REASON):
-            reason = self._around.reasons.get(aborted.program)
-            if reason is not None:
-                code = "" if reason.startswith("MC") else f"{aborted.code}: "
-                return Outcome(Status.ABORTED, INVALID_GOAL, f"{code}{reason}")
-            await asyncio.sleep(TICK_S)
-        return refused(aborted)
 
     async def _carry_out(self) -> Outcome:
         name = "ROS trajectory"

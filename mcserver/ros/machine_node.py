@@ -14,14 +14,19 @@ from mcclient.types import MachineStatus
 
 from mcserver.ros.axis_states import AxisStates
 from mcserver.ros.follower import Follower
+from mcserver.ros.frames import Frames
 from mcserver.ros.goals import ActionServer, Goal
 from mcserver.ros.graph import ros_name
 from mcserver.ros.joints import Joint, joints_of
 from mcserver.ros.lane import Surroundings
 from mcserver.ros.node import Node, RosSession
 from mcserver.ros.program_service import ProgramService
+from mcserver.ros.servo_options import DEFAULTS, ServoOptions
+from mcserver.ros.servo_topics import ServoTopics
 from mcserver.ros.state_topics import StateTopics
 from mcserver.ros.trajectory_topic import FOLLOW, TrajectoryTopic
+from mcserver.ros.velocity_commands import CommandReader
+from mcserver.view.urdf import read_tree
 
 NODE_NAME = "mcserver"
 REASONS_KEPT = 64
@@ -36,7 +41,8 @@ class NodeOptions(msgspec.Struct, frozen=True):
             TLS, of these alone.
         ros_connect: Zenoh endpoints of the nodes of ROS; empty: those of the machines.
         machine: the only one, whose names stand in the root; None: all, each in a namespace of its name.
-        rate_hz: of ``joint_states``. controller: the name before its action and topic.
+        rate_hz: of ``joint_states``. controller: the name before its action and topic. servo: how commands of
+            servo mode are meant.
     """
 
     connect: tuple[str, ...] = ()
@@ -46,6 +52,7 @@ class NodeOptions(msgspec.Struct, frozen=True):
     machine: str | None = None
     rate_hz: float = 100.0
     controller: str = "joint_trajectory_controller"
+    servo: ServoOptions = DEFAULTS
 
     def namespace(self, machine: str) -> str:
         """Return where a machine's names are."""
@@ -69,18 +76,22 @@ async def serve_machine(
         node = session.node(namespace, NODE_NAME)
         try:
             prefix = f"{namespace[1:]}/" if namespace else ""
-            topics = StateTopics(node, info, model, joints, prefix, options.rate_hz)
+            frames = Frames(read_tree(model.urdf), info.tools, prefix) if model.urdf else None
+            topics = StateTopics(node, info, model, joints, frames, options.rate_hz)
             view = _View(connected, topics, AxisStates(joints, time.monotonic))
-            follower = _serve_action(node, connected, joints, view, options.controller)
+            bases = {} if frames is None else {tool.number: frames.base(tool.number) for tool in info.tools}
+            reader = CommandReader(options.servo, joints, info.tools, bases, prefix)
+            follower, servo = _serve_motion(node, connected, joints, view, reader, options)
             topic = TrajectoryTopic(node, f"{options.controller}/joint_trajectory", follower)
             ProgramService(node, connected)
             say(f"{name}: {len(joints)} joints in {namespace or '/'}")
             try:
                 async with asyncio.TaskGroup() as group:
                     group.create_task(view.watch_samples())
-                    group.create_task(view.watch_status())
+                    group.create_task(view.watch_status(servo))
                     group.create_task(view.watch_ends())
                     group.create_task(topic.run())
+                    group.create_task(servo.run())
             finally:
                 await follower.close()
         except* _AnotherStart:
@@ -89,18 +100,23 @@ async def serve_machine(
             await node.close()
 
 
-def _serve_action(
-    node: Node, machine: Machine, joints: tuple[Joint, ...], view: _View, controller: str
-) -> Follower:
-    """Serve the action of a trajectory controller; returns who carries its goals out."""
+def _serve_motion(
+    node: Node,
+    machine: Machine,
+    joints: tuple[Joint, ...],
+    view: _View,
+    reader: CommandReader,
+    options: NodeOptions,
+) -> tuple[Follower, ServoTopics]:
+    """Serve what moves the machine: the action of a trajectory controller, and servo mode's topics."""
 
     def feed(goal: Goal, feedback: Any) -> None:
         action.feed(goal, feedback)
 
     around = Surroundings(machine, view.states, lambda: view.status, feed, view.reasons)
     follower = Follower(around, joints)
-    action = ActionServer(node, f"{controller}/follow_joint_trajectory", FOLLOW, follower.start)
-    return follower
+    action = ActionServer(node, f"{options.controller}/follow_joint_trajectory", FOLLOW, follower.start)
+    return follower, ServoTopics(node, around, reader, options.servo, joints)
 
 
 class _View:
@@ -127,14 +143,14 @@ class _View:
                     while len(self.reasons) > REASONS_KEPT:
                         del self.reasons[next(iter(self.reasons))]
 
-    async def watch_status(self) -> None:
+    async def watch_status(self, servo: ServoTopics) -> None:
         instance = self._machine.info.instance
         async with self._machine.telemetry() as states:
             async for status in states:
                 if status.instance != instance:
                     raise _AnotherStart
                 self.status = status
-                self._topics.publish_status(status)
+                self._topics.publish_status(status, servo.said)
 
 
 class _AnotherStart(Exception):

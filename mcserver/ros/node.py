@@ -122,14 +122,17 @@ class Node:
         return Publisher(made, kind, gid)
 
     def subscribe(
-        self, topic: str, kind: str, deliver: Callable[[bytes], None], qos: Qos = DEFAULT_QOS
+        self, topic: str, kind: str, deliver: Callable[[bytes, bytes], None], qos: Qos = DEFAULT_QOS
     ) -> None:
-        """Call ``deliver`` in the loop with each payload; of those that wait the newest are kept."""
+        """Call ``deliver`` in the loop with each payload and its publisher's gid, which is empty if it has
+        none; of those that wait the newest are kept.
+        """
         entity, _ = self._entity(Kind.SUBSCRIPTION, topic, kind, qos)
-        inbox: Inbox[bytes] = Inbox(self._loop, deliver, limit=qos.depth)
+        inbox: Inbox[tuple[bytes, bytes]] = Inbox(self._loop, lambda each: deliver(*each), limit=qos.depth)
 
         def on_sample(sample: zenoh.Sample) -> None:
-            inbox.push(sample.payload.to_bytes())
+            sent = None if sample.attachment is None else read_attachment(sample.attachment.to_bytes())
+            inbox.push((sample.payload.to_bytes(), b"" if sent is None else sent.gid))
 
         callback = zenoh.handlers.Callback(on_sample, indirect=False)
         self._declared.append(self._session.zenoh.declare_subscriber(self.name.key_of(entity), callback))

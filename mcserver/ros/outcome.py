@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import asyncio
+from collections.abc import Mapping
 from enum import IntEnum
 from typing import NamedTuple
 
-from mcclient import MotionError
+from mcclient import MotionError, ProgramAborted
 
 SUCCESSFUL = 0
 INVALID_GOAL = -1
@@ -16,6 +18,9 @@ GOAL_TOLERANCE_VIOLATED = -5
 
 # of what is said, which may have names of a goal in it
 LONGEST = 500
+
+# for the reason of an abort, which comes a moment later than the abort itself
+LOOKS_FOR_REASON, LOOK_S = 20, 0.025
 
 
 class Status(IntEnum):
@@ -55,6 +60,18 @@ LEAVING = Outcome(Status.ABORTED, INVALID_GOAL, "MC530: the server or the bridge
 def refused(error: MotionError) -> Outcome:
     """Return the end of a goal that the machine refuses or has ended; the action has no code for that."""
     return Outcome(Status.ABORTED, INVALID_GOAL, f"{error.code}: {with_hint(error)}")
+
+
+async def ended_by(error: MotionError, reasons: Mapping[str, str]) -> Outcome:
+    """Return the end of a goal whose program has ended; ``reasons``: of programs that were aborted, by id."""
+    if isinstance(error, ProgramAborted):
+        for _ in range(LOOKS_FOR_REASON):
+            reason = reasons.get(error.program)
+            if reason is not None:
+                code = "" if reason.startswith("MC") else f"{error.code}: "
+                return Outcome(Status.ABORTED, INVALID_GOAL, f"{code}{reason}")
+            await asyncio.sleep(LOOK_S)
+    return refused(error)
 
 
 def with_hint(error: MotionError) -> str:

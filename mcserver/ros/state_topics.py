@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 
 import numpy as np
 from mcclient.telemetry import Samples
@@ -15,8 +16,8 @@ from mcserver.ros.graph import Qos
 from mcserver.ros.interfaces import interfaces
 from mcserver.ros.joints import Joint, units_of
 from mcserver.ros.node import Node
+from mcserver.ros.servo_topics import ServoSaid
 from mcserver.ros.stamps import stamp_of
-from mcserver.view.urdf import read_tree
 
 JOINT_STATE = "sensor_msgs/msg/JointState"
 LATCHED = Qos(depth=1, transient_local=True)
@@ -28,7 +29,8 @@ class StateTopics:
     """``joint_states``, ``robot_description``, tf, ``/diagnostics`` and the scaling of speed.
 
     Args:
-        prefix: of the names of frames. rate_hz: of ``joint_states``, as far as the machine's cycles allow.
+        frames: of a machine that has a URDF.
+        rate_hz: of ``joint_states``, as far as the machine's cycles allow.
     """
 
     def __init__(
@@ -37,7 +39,7 @@ class StateTopics:
         info: Info,
         model: ModelReply,
         joints: tuple[Joint, ...],
-        prefix: str,
+        frames: Frames | None,
         rate_hz: float,
     ) -> None:
         self._machine = info.machine
@@ -55,13 +57,12 @@ class StateTopics:
         self._scaling = node.publisher(
             "speed_scaling_state_broadcaster/speed_scaling", "std_msgs/msg/Float64"
         )
-        self._frames: Frames | None = None
-        if model.urdf:
-            self._frames = Frames(read_tree(model.urdf), info.tools, prefix)
+        self._frames = frames
+        if frames is not None:
             described = node.publisher("robot_description", "std_msgs/msg/String", LATCHED)
             described.publish(interfaces().make("std_msgs/msg/String", data=model.urdf))
             self._tf = node.publisher("/tf", TF, Qos(depth=100))
-            fixed = self._frames.fixed(stamp_of(self._epoch))
+            fixed = frames.fixed(stamp_of(self._epoch))
             if fixed.transforms:
                 node.publisher("/tf_static", TF, LATCHED).publish(fixed)
 
@@ -90,8 +91,8 @@ class StateTopics:
                 values = dict(zip((joint.name for joint in self._joints), position.tolist(), strict=True))
                 self._tf.publish(self._frames.moving(stamp, values))
 
-    def publish_status(self, status: MachineStatus) -> None:
-        """Publish what changes less often."""
+    def publish_status(self, status: MachineStatus, servo: Callable[[MachineStatus], ServoSaid]) -> None:
+        """Publish what changes less often; ``servo`` is asked with each of the diagnostics."""
         self._epoch = status.wall - status.t
         held = any(program.servo is not None and program.state == "held" for program in status.programs)
         scaling = 0.0 if held else status.override
@@ -101,4 +102,4 @@ class StateTopics:
             self._tf.publish(self._frames.tips(stamp, status.tools))
         if status.t >= self._diagnosed_at + DIAGNOSTICS_S or status.t < self._diagnosed_at:
             self._diagnosed_at = status.t
-            self._diagnostics.publish(diagnosis(self._machine, status, self._joints, stamp))
+            self._diagnostics.publish(diagnosis(self._machine, status, self._joints, servo(status), stamp))

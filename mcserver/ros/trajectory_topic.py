@@ -42,7 +42,7 @@ class TrajectoryTopic:
             goal.ended.add_done_callback(_say_failed)
             await self._follower.begin(goal)
 
-    def _take(self, payload: bytes) -> None:
+    def _take(self, payload: bytes, _sender: bytes) -> None:
         self._newest = payload
         self._came.set()
 

@@ -184,3 +184,28 @@ def trajectory(names: Sequence[str], *points: tuple[float, Sequence[float]], sta
     ]
     header = make("std_msgs/msg/Header", stamp=stamp_of(stamp_s))
     return make("trajectory_msgs/msg/JointTrajectory", header=header, joint_names=list(names), points=made)
+
+
+def twist(
+    frame: str, linear: Sequence[float], angular: Sequence[float] = (0.0, 0.0, 0.0), *, stamp_s: float = 0.0
+) -> Any:
+    """Return a twist with its frame."""
+    make = interfaces().make
+    parts = {
+        name: make("geometry_msgs/msg/Vector3", **dict(zip("xyz", values, strict=True)))
+        for name, values in (("linear", linear), ("angular", angular))
+    }
+    header = make("std_msgs/msg/Header", frame_id=frame, stamp=stamp_of(stamp_s))
+    return make(
+        "geometry_msgs/msg/TwistStamped", header=header, twist=make("geometry_msgs/msg/Twist", **parts)
+    )
+
+
+def jog(names: Sequence[str], velocities: Sequence[float], displacements: Sequence[float] = ()) -> Any:
+    """Return velocities of joints."""
+    return interfaces().make(
+        "control_msgs/msg/JointJog",
+        joint_names=list(names),
+        velocities=np.array(velocities, np.float64),
+        displacements=np.array(displacements, np.float64),
+    )
