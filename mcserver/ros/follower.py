@@ -7,15 +7,13 @@ import logging
 from collections.abc import Sequence
 from typing import Any
 
-import numpy as np
-
 from mcserver.ros.goals import Goal
 from mcserver.ros.joints import Joint
-from mcserver.ros.lane import Job, Lane, Surroundings, begin_of
+from mcserver.ros.lane import Job, Lane, Surroundings, motion_from_here
 from mcserver.ros.outcome import CANCELED, INVALID_GOAL, LEAVING, InvalidGoal, Outcome, Status
 from mcserver.ros.stamps import seconds_of
 from mcserver.ros.tolerances import read_tolerances
-from mcserver.ros.trajectory import Motion, read_trajectory
+from mcserver.ros.trajectory import read_trajectory
 
 log = logging.getLogger(__name__)
 
@@ -84,7 +82,8 @@ class Follower:
                 return
         in_the_way = [lane for lane in self._lanes if lane.axes & axes]
         if in_the_way:
-            self._check_from_here(job)
+            # it is refused before others make way for it
+            motion_from_here(self._around, job)
         for lane in in_the_way:
             lane.leave()
         if in_the_way:
@@ -96,12 +95,6 @@ class Follower:
         task = asyncio.ensure_future(lane.run())
         self._lanes[lane] = task
         task.add_done_callback(lambda ended: self._on_end(lane, ended))
-
-    def _check_from_here(self, job: Job) -> None:
-        """Refuse a goal before others make way for it."""
-        states = self._around.states
-        position = states.setpoint[states.columns(job.trajectory.joints)]
-        Motion(job.trajectory, begin_of(job), position, np.zeros_like(position), looked_at=True)
 
     def _on_end(self, lane: Lane, ended: asyncio.Task[Job | None]) -> None:
         self._lanes.pop(lane, None)

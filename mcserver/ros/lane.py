@@ -13,7 +13,7 @@ from collections.abc import Callable, Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
-from mcclient import Machine, MotionError, NobodyAnswers
+from mcclient import Machine, MotionError, NobodyAnswers, RequestRefused
 from mcclient.servo import Servo
 from mcclient.types import ENDED, AxisState, MachineStatus
 from numpy.typing import NDArray
@@ -52,6 +52,12 @@ COUNTS_S = 0.1
 FEEDBACK_TICKS = 2
 # how long drives may take until they are energized
 ENERGIZE_S = 30.0
+# Codes of a contact, and what is judged for it.
+CONTACTS = frozenset({"MC320", "MC321", "MC322"})
+IN_BOUNDS = (
+    "judged are all places between the least and the greatest position of each joint on its way: "
+    "send it in parts, each to rest, or send a program"
+)
 # How far ahead a trajectory may be asked to begin [s].
 LONGEST_WAIT_S = 60.0
 ENERGIZED = frozenset({AxisState.STANDSTILL, AxisState.MOVING})
@@ -97,6 +103,16 @@ def begin_of(job: Job) -> float:
     return begin_s
 
 
+def motion_from_here(around: Surroundings, job: Job) -> Motion:
+    """Return a job's motion from where its joints stand.
+
+    Raises:
+        InvalidGoal: as `begin_of` and `Motion`.
+    """
+    position = around.states.setpoint[around.states.columns(job.trajectory.joints)]
+    return Motion(job.trajectory, begin_of(job), position, np.zeros_like(position), looked_at=True)
+
+
 class Lane:
     """Axes that are led, from the first job that needs them to the end of the last one."""
 
@@ -111,12 +127,14 @@ class Lane:
         self._leave = False
         self._wake = asyncio.Event()
         self._closing = False
+        # bodies or zones: its axes are led between the bounds of its first trajectory alone
+        self._bounded = False
         # time on the trajectory, and when that was
         self._at = self._then = 0.0
 
     def offer(self, job: Job) -> bool:
         """Take another job over at the next tick; False: the lane is at its end, wait for that."""
-        if self._closing or self._leave:
+        if self._closing or self._leave or self._bounded:
             return False
         if self._offered is not None:
             self._offered.goal.end(PREEMPTED)
@@ -139,6 +157,8 @@ class Lane:
             raise
         except MotionError as error:
             outcome = await ended_by(error, self._around.reasons)
+            if self._bounded and error.code in CONTACTS:
+                outcome = outcome._replace(text=f"{outcome.text}; {IN_BOUNDS}")
         except InvalidGoal as invalid:
             outcome = invalid.outcome
         except Exception as error:
@@ -150,13 +170,31 @@ class Lane:
         return self._offered
 
     async def _carry_out(self) -> Outcome:
-        name = "ROS trajectory"
-        servo = await self._around.machine.servo(sorted(self.axes), name=name, counts_s=COUNTS_S)
+        servo = await self._open()
         try:
             return await self._lead(servo)
         finally:
             self._closing = True
             await self._release(servo)
+
+    async def _open(self) -> Servo:
+        """Open servo mode; beside bodies and zones within the trajectory's bounds, which are judged first."""
+        machine, name = self._around.machine, "ROS trajectory"
+        try:
+            return await machine.servo(sorted(self.axes), name=name, counts_s=COUNTS_S)
+        except RequestRefused as refusal:
+            if refusal.code != "MC595":
+                raise
+        self._bounded = True
+        if self._offered is not None:
+            # it has bounds of its own
+            self.leave()
+        await self._around.states.until_known()
+        trajectory = self._job.trajectory
+        units = units_of(trajectory.joints)
+        bounds = [(each / units).tolist() for each in motion_from_here(self._around, self._job).bounds()]
+        within = dict(zip(trajectory.axes, zip(*bounds, strict=True), strict=True))
+        return await machine.servo(sorted(self.axes), name=name, counts_s=COUNTS_S, within=within)
 
     # ------------------------------------------------------------------ on the way
 
@@ -194,15 +232,13 @@ class Lane:
     def _begin(self, job: Job, motion: Motion | None) -> None:
         """Lead along a job's trajectory from now on; from ``motion``, where the axes are on one."""
         if motion is None:
-            position = self._around.states.setpoint[self._around.states.columns(job.trajectory.joints)]
-            velocity = np.zeros_like(position)
+            self._motion = motion_from_here(self._around, job)
         else:
             positions, velocities = motion.at(np.array([self._at]))
             column = {joint.axis: at for at, joint in enumerate(motion.trajectory.joints)}
             order = [column[axis] for axis in job.trajectory.axes]
             position, velocity = positions[0, order], velocities[0, order] * self._rate
-        begin_s = begin_of(job)
-        self._motion = Motion(job.trajectory, begin_s, position, velocity, looked_at=True)
+            self._motion = Motion(job.trajectory, begin_of(job), position, velocity, looked_at=True)
         self._at, self._then = self._motion.begin_s, time.monotonic()
         self._job = job
         job.goal.execute()

@@ -181,6 +181,19 @@ class Motion:
         positions[times >= self.end_s] = self._final
         return positions, velocities
 
+    def bounds(self) -> tuple[Array, Array]:
+        """Return the least and the greatest positions from where the joints are to the end, shape (n,) each.
+
+        The way is looked at as often as it is for its speed: between two looks it may go beyond by a little.
+        """
+        positions = np.vstack((self.at(self._looks(self.times))[0], self._final))
+        return positions.min(axis=0), positions.max(axis=0)
+
+    def _looks(self, times: Array) -> Array:
+        """Return times from each of some points to the next, without the last one."""
+        looks: Array = (times[:-1, None] + np.diff(times)[:, None] * (np.arange(LOOKS) / LOOKS)).ravel()
+        return looks
+
     def _refuse_elsewhere(self, position: Array) -> None:
         trajectory = self.trajectory
         begin_s = min(self.begin_s, self.end_s)
@@ -195,8 +208,7 @@ class Motion:
 
     def _check_between(self, count: int) -> None:
         """Refuse what is wrong with the first ``count`` points and the ways between them."""
-        shares, times = np.arange(LOOKS) / LOOKS, self.times[:count]
-        looks = (times[:-1, None] + np.diff(times)[:, None] * shares).ravel()
+        looks = self._looks(self.times[:count])
         positions, velocities = self.at(looks)
         if not (np.isfinite(positions).all() and np.isfinite(velocities).all()):
             raise InvalidGoal(INVALID_GOAL, "its points are too close in time for the way between them")
