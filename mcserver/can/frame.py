@@ -7,15 +7,14 @@ from __future__ import annotations
 
 import struct
 
-from mcserver.can.port import MAX_PAYLOAD
+from mcserver.can.port import EXTENDED, MAX_PAYLOAD, is_identifier
 
 FRAME_SIZE = 16
 PAYLOAD_OFFSET = 8
-EXTENDED_FLAG = 0x80000000
+EXTENDED_FLAG = EXTENDED
 REMOTE_FLAG = 0x40000000
 ERROR_FLAG = 0x20000000
-NOT_DATA = EXTENDED_FLAG | REMOTE_FLAG | ERROR_FLAG
-STANDARD_MASK = 0x7FF
+NOT_DATA = REMOTE_FLAG | ERROR_FLAG
 HEADER = struct.Struct("=IB3x")
 IDENTIFIER = struct.Struct("=I")
 
@@ -24,9 +23,9 @@ def prepare_frame(identifier: int, length: int) -> bytearray:
     """A frame with a payload of zeros.
 
     Raises:
-        ValueError: the identifier is no 11-bit one, or the length no classic one; a fault of the caller.
+        ValueError: the identifier is none of CAN, or the length no classic one; a fault of the caller.
     """
-    if not (0 <= identifier <= STANDARD_MASK and 0 <= length <= MAX_PAYLOAD):
+    if not (is_identifier(identifier) and 0 <= length <= MAX_PAYLOAD):
         raise ValueError(f"no classic frame has identifier {identifier:X} and {length} bytes")
     buffer = bytearray(FRAME_SIZE)
     HEADER.pack_into(buffer, 0, identifier, length)

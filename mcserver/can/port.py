@@ -1,7 +1,7 @@
 """What a realtime thread needs of a CAN bus: take what has come, give what goes out, never wait.
 
-Classic CAN only: 11-bit identifiers, up to 8 bytes. Remote frames, error frames, extended identifiers and
-malformed packets are counted and left out.
+Classic CAN only, up to 8 bytes. An extended identifier, of 29 bits, has `EXTENDED` beside it and so equals
+none of those with 11 bits. Remote frames, error frames and malformed packets are counted and left out.
 """
 
 from __future__ import annotations
@@ -12,8 +12,24 @@ from typing import Protocol, runtime_checkable
 # (identifier, payload)
 Frame = tuple[int, bytes]
 MAX_PAYLOAD = 8
+STANDARD_MASK = 0x7FF
+EXTENDED = 0x80000000
+EXTENDED_MASK = 0x1FFFFFFF
 # At most so many frames are taken in one call, so that a babbling bus cannot hold the cycle.
 MAX_DRAINED = 512
+
+
+def is_identifier(identifier: int) -> bool:
+    """Return whether a frame can have an identifier."""
+    return 0 <= identifier <= STANDARD_MASK or EXTENDED <= identifier <= EXTENDED | EXTENDED_MASK
+
+
+def recipient(identifier: int) -> int:
+    """Return by what a frame is listened to where private protocols of motors are beside CANopen.
+
+    Of an extended identifier its last byte alone says whom it is for, and the others have other numbers.
+    """
+    return identifier & (EXTENDED | 0xFF) if identifier & EXTENDED else identifier
 
 
 @dataclass

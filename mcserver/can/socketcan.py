@@ -11,7 +11,7 @@ import socket
 import struct
 from contextlib import suppress
 
-from mcserver.can.frame import ERROR_FLAG, FRAME_SIZE, HEADER, NOT_DATA, STANDARD_MASK
+from mcserver.can.frame import ERROR_FLAG, FRAME_SIZE, HEADER, NOT_DATA
 from mcserver.can.port import MAX_DRAINED, MAX_PAYLOAD, Frame
 from mcserver.can.socket_port import SocketPort
 from mcserver.errors import RuntimeFault
@@ -85,7 +85,7 @@ class SocketCanPort(SocketPort):
                 continue
             counters.received += 1
             counters.down = False
-            frames.append((identifier & STANDARD_MASK, bytes(buffer[8 : 8 + length])))
+            frames.append((identifier, bytes(buffer[8 : 8 + length])))
         return frames
 
     def _not_data(self, identifier: int) -> None:

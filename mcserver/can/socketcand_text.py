@@ -8,8 +8,7 @@ from __future__ import annotations
 
 import re
 
-from mcserver.can.frame import STANDARD_MASK
-from mcserver.can.port import MAX_PAYLOAD, Frame
+from mcserver.can.port import EXTENDED, EXTENDED_MASK, MAX_PAYLOAD, STANDARD_MASK, Frame
 
 HI = b"< hi >"
 OK = b"< ok >"
@@ -20,16 +19,16 @@ END = b">"
 MAX_MESSAGE = 256
 # Shortest message that is a frame, so that a count of bytes bounds a count of frames.
 SHORTEST_FRAME = len("< frame 080 0  >")
-EXTENDED_MASK = 0x1FFFFFFF
 
 _SEND = re.compile(rb"\s*< send ([0-9A-Fa-f]{3}|[0-9A-Fa-f]{8}) ([0-8])((?: [0-9A-Fa-f]{1,2}){0,8}) *")
 
 
 def send_text(identifier: int, payload: bytes | bytearray) -> bytes:
     """A client's message that puts a frame on the bus."""
+    digits = b"%08X" % (identifier ^ EXTENDED) if identifier & EXTENDED else b"%03X" % identifier
     if not payload:
-        return b"< send %03X 0 >" % identifier
-    return b"< send %03X %d %s >" % (identifier, len(payload), payload.hex(" ").encode("ascii"))
+        return b"< send %s 0 >" % digits
+    return b"< send %s %d %s >" % (digits, len(payload), payload.hex(" ").encode("ascii"))
 
 
 def split_messages(text: bytes) -> tuple[list[bytes], bytes]:
@@ -40,18 +39,19 @@ def split_messages(text: bytes) -> tuple[list[bytes], bytes]:
 
 
 def frame_of(message: bytes) -> Frame | None:
-    """The frame of a server's ``< frame ID TIME BYTES``; None where it is malformed or extended."""
+    """The frame of a server's ``< frame ID TIME BYTES``; None where it is malformed."""
     words = message.split()
-    if len(words) < 4 or words[1] != b"frame" or len(words[2]) != 3:
+    if len(words) < 4 or words[1] != b"frame" or len(words[2]) not in (3, 8):
         return None
     try:
         identifier = int(words[2], 16)
         payload = bytes.fromhex(b"".join(words[4:]).decode("ascii"))
     except ValueError:
         return None
-    if not 0 <= identifier <= STANDARD_MASK or len(payload) > MAX_PAYLOAD:
+    extended = len(words[2]) == 8
+    if not 0 <= identifier <= (EXTENDED_MASK if extended else STANDARD_MASK) or len(payload) > MAX_PAYLOAD:
         return None
-    return identifier, payload
+    return identifier | EXTENDED if extended else identifier, payload
 
 
 def frame_text(message: bytes, timestamp: bytes) -> bytes | None:

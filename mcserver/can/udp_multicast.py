@@ -15,8 +15,8 @@ from typing import Any
 
 import msgspec
 
-from mcserver.can.frame import HEADER, PAYLOAD_OFFSET, STANDARD_MASK
-from mcserver.can.port import MAX_DRAINED, MAX_PAYLOAD, Frame
+from mcserver.can.frame import HEADER, PAYLOAD_OFFSET
+from mcserver.can.port import EXTENDED, EXTENDED_MASK, MAX_DRAINED, MAX_PAYLOAD, STANDARD_MASK, Frame
 from mcserver.can.socket_port import SocketPort
 from mcserver.errors import RuntimeFault
 
@@ -78,7 +78,8 @@ class UdpMulticastPort(SocketPort):
         assert self._sender is not None
         identifier, length = HEADER.unpack_from(buffer)
         message = self._message
-        message.arbitration_id = identifier
+        message.arbitration_id = identifier & EXTENDED_MASK
+        message.is_extended_id = bool(identifier & EXTENDED)
         message.dlc = length
         message.data = bytes(buffer[PAYLOAD_OFFSET : PAYLOAD_OFFSET + length])
         try:
@@ -159,8 +160,9 @@ def _frame_of(packet: bytes) -> Frame | None:
         message = _DECODER.decode(packet)
     except (msgspec.MsgspecError, ValueError):
         return None
-    if message.is_extended_id or message.is_remote_frame or message.is_error_frame or message.is_fd:
+    if message.is_remote_frame or message.is_error_frame or message.is_fd:
         return None
-    if not 0 <= message.arbitration_id <= STANDARD_MASK or len(message.data) > MAX_PAYLOAD:
+    greatest = EXTENDED_MASK if message.is_extended_id else STANDARD_MASK
+    if not 0 <= message.arbitration_id <= greatest or len(message.data) > MAX_PAYLOAD:
         return None
-    return message.arbitration_id, message.data
+    return message.arbitration_id | (EXTENDED if message.is_extended_id else 0), message.data

@@ -13,7 +13,7 @@ from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 
 from mcserver.can.cob import NMT, RPDOS, SYNC, TPDOS, Function
-from mcserver.can.port import CanPort
+from mcserver.can.port import EXTENDED, CanPort, recipient
 from mcserver.errors import RuntimeFault
 
 MASTER = 127
@@ -27,8 +27,8 @@ class Listening:
     """One bus that is listened on.
 
     Attributes:
-        drives: numbers of its CiA 402 nodes. foreign: of its other drives, COB-IDs that tell of a master, and
-            whose they are.
+        drives: numbers of its CiA 402 nodes. foreign: of its other drives, COB-IDs that tell of a master (of
+            extended ones the `recipient`), and whose they are.
         foreign_sync: SYNC comes from somebody else by agreement.
     """
 
@@ -47,6 +47,9 @@ def sign_of_master(identifier: int, bus: Listening) -> str:
         return "NMT commands (000h)"
     if identifier == Function.HEARTBEAT + MASTER:
         return "the heartbeat of node 127 (77Fh)"
+    if identifier & EXTENDED:
+        node = bus.foreign.get(recipient(identifier), 0)
+        return f"commands to node {node} ({identifier ^ EXTENDED:08X}h)" if node else ""
     node = identifier & 0x7F
     function = identifier & 0x780
     if function == Function.SDO_REQUEST and node:

@@ -8,7 +8,7 @@ import time
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any, Protocol
 
-from mcserver.can.port import CanPort, Frame, PortCounters
+from mcserver.can.port import CanPort, Frame, PortCounters, recipient
 from mcserver.drive_sim.fault_injection import BadRequest
 
 # A bus that is away is asked so often whether it has come back [s].
@@ -49,7 +49,8 @@ class CanNode(Node, Protocol):
     def routes(self) -> int:
         """Goes up when its identifiers have changed."""
 
-    def identifiers(self) -> set[int]: ...
+    def identifiers(self) -> set[int]:
+        """Return what it listens to, as `mcserver.can.port.recipient` has it."""
 
     def receive(self, identifier: int, payload: bytes, now: float) -> None: ...
 
@@ -116,7 +117,7 @@ class SimulatedBusSegment:
             self._reroute()
         nothing: list[CanNode] = []
         for identifier, payload in frames:
-            for node in self._listeners.get(identifier, nothing):
+            for node in self._listeners.get(recipient(identifier), nothing):
                 node.receive(identifier, payload, now)
             if sum(node.routes for node in self.nodes) != self._routes:
                 self._reroute()

@@ -2,7 +2,7 @@
 
 Bits of a classic frame with an 11-bit identifier and n bytes, in the worst case of bit stuffing (Davis,
 Burns, Bril, Lukkien: Controller Area Network schedulability analysis, 2007): 47 + 8·n + floor((33 + 8·n)/4),
-which is 135 for 8 bytes; the three bits between frames are in it.
+which is 135 for 8 bytes, and 160 with an identifier of 29 bits; the three bits between frames are in it.
 """
 
 from __future__ import annotations
@@ -30,9 +30,11 @@ MASTER_HEARTBEAT_HZ = 20.0
 GREATEST_HZ = 1e5
 
 
-def frame_bits(length: int) -> int:
+def frame_bits(length: int, *, extended: bool = False) -> int:
     """Bits of a frame with ``length`` bytes, with the most stuff bits and the space to the next one."""
-    return 47 + 8 * length + (33 + 8 * length) // 4
+    # bits before the checksum that may be stuffed, the payload apart
+    head = 54 if extended else 34
+    return head + 13 + 8 * length + (head - 1 + 8 * length) // 4
 
 
 @dataclass(frozen=True)

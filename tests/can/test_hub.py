@@ -15,6 +15,7 @@ import pytest
 
 from mcserver.can.hub import MAX_CHANNELS, MAX_QUEUE, Hub, main
 from mcserver.can.open import open_port
+from mcserver.can.port import EXTENDED
 from tests.can.hubs import LIMIT_S, RawClient, address_of, receive, running_hub, wait_until
 from tests.can.python_can import python_can_bus
 
@@ -79,8 +80,9 @@ def test_extended_frames_pass_between_clients_that_know_them(hub: Hub) -> None:
         one.say("< send 12345678 2 a 1b >< send 123 0 >")
         assert other.hear().split()[:3] == ["<", "frame", "12345678"]
         assert other.hear().split()[:3] == ["<", "frame", "123"]
-    assert receive(port, 1) == [(0x123, b"")]
-    assert port.counters.malformed == 1
+        assert receive(port, 2) == [(0x12345678 | EXTENDED, b"\x0a\x1b"), (0x123, b"")]
+        port.send(0x1200FD01 | EXTENDED, b"\x05")
+        assert other.hear().split()[:3] == ["<", "frame", "1200FD01"]
     port.close()
 
 

@@ -10,7 +10,7 @@ import msgspec
 import pytest
 
 from mcserver.can.open import open_port
-from mcserver.can.port import CanPort
+from mcserver.can.port import EXTENDED, CanPort
 from tests.can.hubs import LIMIT_S, receive, wait_until
 from tests.can.python_can import python_can_bus
 
@@ -56,12 +56,14 @@ def test_python_can_and_the_port_understand_each_other(address: str) -> None:
         assert not message.is_extended_id
         bus.send(can.Message(arbitration_id=0x601, data=b"\x40\x00\x10", is_extended_id=False))
         assert receive(port, 1) == [(0x601, b"\x40\x00\x10")]
-        for special in (
-            can.Message(arbitration_id=0x601, is_extended_id=True),
-            can.Message(arbitration_id=0x601, is_extended_id=False, is_remote_frame=True),
-        ):
-            bus.send(special)
-        wait_until(lambda: port.drain() == [] and port.counters.malformed == 2, "both are counted")
+        bus.send(can.Message(arbitration_id=0x601, is_extended_id=True, data=b"\x07"))
+        assert receive(port, 1) == [(0x601 | EXTENDED, b"\x07")]
+        port.send(0x1200FD01 | EXTENDED, b"")
+        # it hears what it has sent itself, too
+        heard = [bus.recv(LIMIT_S) for _ in range(3)]
+        assert [each.is_extended_id for each in heard if each and each.arbitration_id == 0x1200FD01] == [True]
+        bus.send(can.Message(arbitration_id=0x601, is_extended_id=False, is_remote_frame=True))
+        wait_until(lambda: port.drain() == [] and port.counters.malformed == 1, "it is counted")
     port.close()
 
 

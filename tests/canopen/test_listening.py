@@ -7,6 +7,7 @@ from collections.abc import Callable
 import pytest
 
 from mcserver.can.cob import Function, NmtState
+from mcserver.can.port import EXTENDED
 from mcserver.canopen.boot import BootTimes
 from mcserver.canopen.listening import Listening, refuse_other_masters, sign_of_master
 from mcserver.canopen.service_bus import ServiceTimes
@@ -22,7 +23,7 @@ PATIENT = ServiceTimes(SdoTimes(0.5, 2), BootTimes(appear_s=3.0, start_s=2.0), l
 
 
 def listening(port: FakeBus, *, foreign_sync: bool = False) -> Listening:
-    return Listening("left", port, {3}, {0x205: 5}, foreign_sync)
+    return Listening("left", port, {3}, {0x205: 5, EXTENDED | 6: 6}, foreign_sync)
 
 
 @pytest.mark.parametrize(
@@ -35,6 +36,7 @@ def listening(port: FakeBus, *, foreign_sync: bool = False) -> Listening:
         (0x203, "commands to node 3 (203h)"),
         (0x205, "commands to node 5 (205h)"),
         (0x183, "process data of node 3 (183h)"),
+        (EXTENDED | 0x01800006, "commands to node 6 (01800006h)"),
     ],
 )
 def test_a_frame_of_a_master_at_work_refuses_the_start(identifier: int, sign: str) -> None:
@@ -47,7 +49,9 @@ def test_a_frame_of_a_master_at_work_refuses_the_start(identifier: int, sign: st
     assert port.sent == []
 
 
-@pytest.mark.parametrize("identifier", [0x703, 0x705, 0x083, 0x185, 0x285, 0x583, 0x7E4])
+@pytest.mark.parametrize(
+    "identifier", [0x703, 0x705, 0x083, 0x185, 0x285, 0x583, 0x7E4, EXTENDED | 0x028006FD, EXTENDED | 0x603]
+)
 def test_what_nodes_say_by_themselves_is_no_sign_of_a_master(identifier: int) -> None:
     assert sign_of_master(identifier, listening(FakeBus())) == ""
 

@@ -32,13 +32,17 @@ def test_a_prepared_frame_is_the_kernels_own(opened: Open, stranger: socket.sock
     assert FRAME.unpack(stranger.recv(16)) == (0x201, 3, b"\x01\x02\x03" + bytes(5))
 
 
-def test_extended_and_remote_frames_are_counted_and_left_out(opened: Open, stranger: socket.socket) -> None:
+def test_remote_frames_are_counted_and_left_out_and_extended_ones_marked(
+    opened: Open, stranger: socket.socket
+) -> None:
     port = opened("vcan0")
     for identifier in (0x12345678 | EXTENDED_FLAG, 0x123 | REMOTE_FLAG):
         stranger.send(FRAME.pack(identifier, 0, bytes(8)))
     stranger.send(FRAME.pack(0x124, 1, b"\x09" + bytes(7)))
-    assert receive(port, 1) == [(0x124, b"\x09")]
-    assert port.counters.malformed == 2
+    assert receive(port, 2) == [(0x12345678 | EXTENDED_FLAG, b""), (0x124, b"\x09")]
+    assert port.counters.malformed == 1
+    port.send(0x1200FD01 | EXTENDED_FLAG, b"\x05")
+    assert FRAME.unpack(stranger.recv(16))[:2] == (0x1200FD01 | EXTENDED_FLAG, 1)
 
 
 def test_a_controller_that_is_bus_off_makes_the_port_down_until_it_is_restarted(
