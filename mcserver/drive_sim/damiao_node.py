@@ -1,8 +1,6 @@
 """One simulated Damiao motor in MIT mode: every frame to it is answered with feedback, or with a register.
 
-Between frames it goes on by its latest command, until its register TIMEOUT ends; 0 there means for ever, and
-registers that were written are lost with its power, as in the real one. After power it knows its place within
-one turn of the output shaft.
+Registers that were written are lost with its power, as in the real one; its TIMEOUT is 0 then, for ever.
 """
 
 from __future__ import annotations
@@ -10,8 +8,8 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 
+from mcserver.drive_sim.mit_node import LIMP, MitNode
 from mcserver.drive_sim.motor import Hardware
-from mcserver.drive_sim.streamed_node import BOOT_S, StreamedNode
 from mcserver.drives.damiao.codec import (
     FIRST_FAULT,
     LENGTH,
@@ -21,7 +19,6 @@ from mcserver.drives.damiao.codec import (
     REGISTERS,
     TIMEOUT_UNIT,
     WRITE,
-    Feedback,
     Order,
     Ranges,
     Register,
@@ -32,16 +29,9 @@ from mcserver.drives.damiao.codec import (
 )
 from mcserver.drives.damiao.drive import DamiaoDrive
 from mcserver.machine.machine_file import Axis, Machine
-from mcserver.units import TURN
-
-# Longest step of the motor's own loop, and the longest time that is made up for [s].
-STEP_S = 1e-4
-LONGEST_S = 0.05
-# Without frames it moves on so often [s].
-IDLE_S = 0.005
 
 
-class DamiaoNode(StreamedNode):
+class DamiaoNode(MitNode):
     """One motor."""
 
     kind = "damiao"
@@ -58,7 +48,6 @@ class DamiaoNode(StreamedNode):
     ) -> None:
         """Make a motor that is off; ``position``: of its output shaft [turn]."""
         super().__init__(node, transmit, hardware, position)
-        self.wake = math.inf
         self.registers = {
             Register.TIMEOUT: 0.0,
             Register.CTRL_MODE: float(MIT_MODE),
@@ -68,18 +57,26 @@ class DamiaoNode(StreamedNode):
         }
         self._stored = dict(self.registers)
         self._feedback_id = feedback_id
-        self._zero = 0.0
         self._status = int(Status.DISABLED)
-        self._target = (0.0, 0.0, 0.0, 0.0, 0.0)
-        self._heard_at = self._stepped_at = 0.0
 
-    def switch_on(self, now: float) -> None:
-        """Power comes: nothing is heard for a moment; the shaft is within half a turn of its zero."""
-        self._booting = True
+    @property
+    def enabled(self) -> bool:
+        return self._status == Status.ENABLED
+
+    @property
+    def timeout_s(self) -> float:
+        return self.registers[Register.TIMEOUT] * TIMEOUT_UNIT
+
+    @property
+    def greatest_torque(self) -> float:
+        return self.registers[Register.TMAX]
+
+    def forget(self) -> None:
         self.registers = dict(self._stored)
         self._status = int(Status.DISABLED)
-        self._stepped_at = now
-        self.wake = now + BOOT_S
+
+    def let_go(self) -> None:
+        self._status = int(Status.COMMUNICATION_LOST)
 
     def identifiers(self) -> set[int]:
         return {self.node, REGISTERS}
@@ -95,17 +92,9 @@ class DamiaoNode(StreamedNode):
             self._heard_at = now
             if payload[:-1] == Order.ENABLE.payload[:-1]:
                 self._obey(payload[-1])
-            elif self._status == Status.ENABLED and self.registers[Register.CTRL_MODE] == MIT_MODE:
+            elif self.enabled and self.registers[Register.CTRL_MODE] == MIT_MODE:
                 self._target = self._ranges.decode_command(payload)
             self._tell()
-
-    def poll(self, now: float) -> None:
-        """Move on; sets `wake`."""
-        if self._booting:
-            self._booting = False
-            self._zero = math.floor(self.motor.position + 0.5)
-        self._advance(now)
-        self.wake = now + IDLE_S
 
     def trip(self, code: int) -> None:
         if code:
@@ -131,7 +120,7 @@ class DamiaoNode(StreamedNode):
             self._status = int(Status.DISABLED)
         elif order == Order.ENABLE and self._status < FIRST_FAULT:
             self._status = int(Status.ENABLED)
-            self._target = (0.0, 0.0, 0.0, 0.0, 0.0)
+            self._target = LIMP
         elif order == Order.DISABLE and self._status < FIRST_FAULT:
             self._status = int(Status.DISABLED)
 
@@ -151,34 +140,8 @@ class DamiaoNode(StreamedNode):
             answer[2] = payload[2]
             self._transmit(self._feedback_id, bytes(answer))
 
-    def _advance(self, now: float) -> None:
-        self._stepped_at = max(self._stepped_at, now - LONGEST_S)
-        timeout = self.registers[Register.TIMEOUT] * TIMEOUT_UNIT
-        if timeout > 0.0 and self._status == Status.ENABLED and now - self._heard_at > timeout:
-            self._status = int(Status.COMMUNICATION_LOST)
-        left = now - self._stepped_at
-        steps = math.ceil(left / STEP_S - 1e-9)
-        for _ in range(steps):
-            self._step(left / steps)
-        self._stepped_at = now
-
-    def _step(self, dt: float) -> None:
-        motor = self.motor
-        if self._status != Status.ENABLED:
-            if not motor.stands:
-                motor.coast(dt)
-            return
-        position, velocity, kp, kd, torque = self._target
-        place, speed = (motor.position - self._zero) * TURN, motor.velocity * TURN
-        wanted = kp * (position - place) + kd * (velocity - speed) + torque
-        most = self.registers[Register.TMAX]
-        motor.push(min(max(wanted, -most), most), dt)
-
     def _tell(self) -> None:
-        motor = self.motor
-        place = (motor.position - self._zero) * TURN
-        feedback = Feedback(self._status, place, motor.velocity * TURN, motor.torque, 31, 28)
-        self._transmit(self._feedback_id, self._ranges.feedback(self.node, feedback))
+        self._transmit(self._feedback_id, self._ranges.feedback(self.node, self._feedback(self._status)))
 
 
 def simulated_node(

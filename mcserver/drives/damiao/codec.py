@@ -12,6 +12,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
 
+from mcserver.drives.mit_numbers import Feedback, about_zero, decode, decode_share, encode, encode_share
+
 LENGTH = 8
 # Stiffness and damping of a command run from 0 to these [N·m/rad, N·m·s/rad].
 GREATEST_KP = 500.0
@@ -88,31 +90,35 @@ class Ranges:
 
         What lies beyond its range becomes the range's end.
         """
-        bits = _encode(position, self.position, 16)
-        bits = bits << 12 | _encode(velocity, self.velocity, 12)
-        bits = bits << 12 | _encode(2.0 * kp - GREATEST_KP, GREATEST_KP, 12)
-        bits = bits << 12 | _encode(2.0 * kd - GREATEST_KD, GREATEST_KD, 12)
-        return _COMMAND.pack(bits << 12 | _encode(torque, self.torque, 12))
+        bits = encode(position, self.position, 16)
+        bits = bits << 12 | encode(velocity, self.velocity, 12)
+        bits = bits << 12 | encode_share(kp, GREATEST_KP, 12)
+        bits = bits << 12 | encode_share(kd, GREATEST_KD, 12)
+        return _COMMAND.pack(bits << 12 | encode(torque, self.torque, 12))
 
     def decode_command(self, payload: bytes) -> tuple[float, float, float, float, float]:
         """Return position, velocity, kp, kd, torque of a MIT command."""
         (bits,) = _COMMAND.unpack(payload)
         return (
-            _decode(bits >> 48, self.position, 16),
-            _decode(bits >> 36 & 0xFFF, self.velocity, 12),
-            (_decode(bits >> 24 & 0xFFF, GREATEST_KP, 12) + GREATEST_KP) / 2.0,
-            (_decode(bits >> 12 & 0xFFF, GREATEST_KD, 12) + GREATEST_KD) / 2.0,
-            _decode(bits & 0xFFF, self.torque, 12),
+            decode(bits >> 48, self.position, 16),
+            decode(bits >> 36 & 0xFFF, self.velocity, 12),
+            decode_share(bits >> 24 & 0xFFF, GREATEST_KP, 12),
+            decode_share(bits >> 12 & 0xFFF, GREATEST_KD, 12),
+            decode(bits & 0xFFF, self.torque, 12),
         )
 
     def feedback(self, node: int, feedback: Feedback) -> bytes:
         """Encode what a motor answers."""
-        bits = _encode(feedback.position, self.position, 16) << 12 | _encode(
+        bits = encode(feedback.position, self.position, 16) << 12 | encode(
             feedback.velocity, self.velocity, 12
         )
-        bits = bits << 12 | _encode(feedback.torque, self.torque, 12)
+        bits = bits << 12 | encode(feedback.torque, self.torque, 12)
         head = bytes([(node & 0xF) | feedback.status << 4])
-        return head + bits.to_bytes(5, "big") + bytes([feedback.mos_celsius, feedback.coil_celsius])
+        return (
+            head
+            + bits.to_bytes(5, "big")
+            + bytes([round(feedback.mos_celsius), round(feedback.coil_celsius)])
+        )
 
     def decode_feedback(self, node: int, payload: bytes) -> Feedback | None:
         """Decode feedback; None where it is none of this motor."""
@@ -121,44 +127,17 @@ class Ranges:
         bits = int.from_bytes(payload[1:6], "big")
         return Feedback(
             payload[0] >> 4,
-            _decode(bits >> 24, self.position, 16),
-            _about_zero(bits >> 12 & 0xFFF, self.velocity),
-            _about_zero(bits & 0xFFF, self.torque),
+            decode(bits >> 24, self.position, 16),
+            about_zero(bits >> 12 & 0xFFF, self.velocity, 12),
+            about_zero(bits & 0xFFF, self.torque, 12),
             payload[6],
             payload[7],
         )
 
 
-@dataclass(frozen=True)
-class Feedback:
-    """What a motor answers to every command.
-
-    Attributes:
-        status: of `Status`. position, velocity, torque: of the output shaft [rad, rad/s, N·m].
-        mos_celsius, coil_celsius: temperatures [°C].
-    """
-
-    status: int
-    position: float
-    velocity: float
-    torque: float
-    mos_celsius: int = 25
-    coil_celsius: int = 25
-
-
 def is_status(status: int) -> bool:
     """Return whether a motor can report this."""
     return status in Status._value2member_map_
-
-
-def position_step(greatest: float) -> float:
-    """Return the step of positions within ±``greatest`` [rad]."""
-    return 2.0 * greatest / 0xFFFF
-
-
-def velocity_step(greatest: float) -> float:
-    """Return the step of velocities within ±``greatest`` [rad/s]."""
-    return 2.0 * greatest / 0xFFF
 
 
 def register_request(node: int, register: Register, value: float | None = None) -> bytes:
@@ -182,17 +161,3 @@ def register_answer(node: int, payload: bytes) -> tuple[Register, float] | None:
     register = Register(payload[3])
     (value,) = (_REAL if register.is_real else _NUMBER).unpack_from(payload, 4)
     return register, float(value)
-
-
-def _encode(value: float, greatest: float, bits: int) -> int:
-    most = (1 << bits) - 1
-    return round((min(max(value, -greatest), greatest) + greatest) * most / (2.0 * greatest))
-
-
-def _about_zero(number: int, greatest: float) -> float:
-    """Decode 12 bits, of which the two in the middle are as near to 0 as they can be."""
-    return 0.0 if number in (0x7FF, 0x800) else _decode(number, greatest, 12)
-
-
-def _decode(number: int, greatest: float, bits: int) -> float:
-    return number * 2.0 * greatest / ((1 << bits) - 1) - greatest

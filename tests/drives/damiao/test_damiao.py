@@ -12,19 +12,20 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mcserver.drive_sim.damiao_node import BOOT_S, DamiaoNode
+from mcserver.drive_sim.damiao_node import DamiaoNode
 from mcserver.drive_sim.from_machine import build_node
+from mcserver.drive_sim.streamed_node import BOOT_S
 from mcserver.drives.bus import DriveFault, DriveMode, DriveState, Setpoints
 from mcserver.drives.can_bus import CanBus
 from mcserver.drives.damiao.codec import (
     REGISTERS,
-    Feedback,
     Order,
     Ranges,
     Register,
     Status,
     register_request,
 )
+from mcserver.drives.mit_numbers import Feedback
 from mcserver.errors import ConfigurationError, RuntimeFault
 from mcserver.machine.machine_file import Machine, parse_machine
 from mcserver.units import TURN
