@@ -172,4 +172,4 @@ def test_the_example_of_the_documentation_is_a_machine() -> None:
         travel = "min_position = -90.0\nmax_position = 90.0\n"
         text += ROTARY.format(index=index).replace("[axis.drive]\n", travel) + drive
     axes = parse_machine(text).axes
-    assert [axis.drive.kind for axis in axes] == ["cia402", "servosila", "damiao"]
+    assert [axis.drive.kind for axis in axes] == ["cia402", "servosila", "damiao", "robstride"]

@@ -5,7 +5,6 @@ The motor is the simulated one, on a bus in memory.
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass, field
 
 import pytest
@@ -13,10 +12,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mcserver.drive_sim.damiao_node import DamiaoNode
-from mcserver.drive_sim.from_machine import build_node
 from mcserver.drive_sim.streamed_node import BOOT_S
-from mcserver.drives.bus import DriveFault, DriveMode, DriveState, Setpoints
-from mcserver.drives.can_bus import CanBus
+from mcserver.drives.bus import DriveFault, DriveMode, DriveState
 from mcserver.drives.damiao.codec import (
     REGISTERS,
     Order,
@@ -27,94 +24,23 @@ from mcserver.drives.damiao.codec import (
 )
 from mcserver.drives.mit_numbers import Feedback
 from mcserver.errors import ConfigurationError, RuntimeFault
-from mcserver.machine.machine_file import Machine, parse_machine
-from mcserver.units import TURN
-from tests.drives.fake_can import FakeBus
+from mcserver.machine.machine_file import Machine
+from tests.drives.mit_bench import TRAVEL, MitBench, mit_machine
 
 RANGES = Ranges(12.5, 30.0, 10.0)
-CYCLE_S = 1e-3
 KEYS = "p_max = 12.5\nv_max = 30.0\nt_max = 10.0\nkp = 50.0\nkd = 1.0\n"
 
 
-def machine(drive: str = KEYS, axis: str = "min_position = -180.0\nmax_position = 180.0\n") -> Machine:
-    """One joint whose motor has number 3 and answers by 13h."""
-    return parse_machine(
-        '[machine]\nname = "m"\n[[axis]]\nindex = 0\ntype = "rotary"\nmax_velocity = 360.0\n'
-        f"max_acceleration = 3600.0\nmax_following_error = 20.0\n{axis}"
-        f'[axis.drive]\nkind = "damiao"\nbus = "can0"\nnode = 3\ncommand_timeout_ms = 20\n{drive}'
-    )
+def machine(drive: str = KEYS, axis: str = TRAVEL) -> Machine:
+    """One joint whose motor answers by 13h."""
+    return mit_machine("damiao", drive, axis)
 
 
 @dataclass
-class Bench:
+class Bench(MitBench):
     """A bus and its motor, exchange by exchange."""
 
     described: Machine = field(default_factory=machine)
-    angle: float = 0.0
-    stored: dict[Register, float] = field(default_factory=dict)
-
-    def __post_init__(self) -> None:
-        self.now = 0.0
-        self.port = FakeBus()
-        made = build_node(self.described, self.described.axes[0], self._answer, self.angle / 360.0)
-        assert isinstance(made, DamiaoNode)
-        self.motor = made
-        self.motor._stored.update(self.stored)
-        self.motor.switch_on(0.0)
-        self.pass_time(2.0 * BOOT_S)
-        self.port.nodes.append(self)  # type: ignore[arg-type]
-        self.bus = CanBus(
-            self.described,
-            self.described.buses[0],
-            [0],
-            opener=lambda _address: self.port,
-            wait=self.pass_time,
-        )
-        self.setpoints = Setpoints.of(1)
-
-    def boot(self) -> Bench:
-        self.feedback = self.bus.boot()
-        return self
-
-    def _answer(self, identifier: int, payload: bytes) -> None:
-        self.port.waiting.append((identifier, payload))
-
-    def receive(self, identifier: int, payload: bytes) -> None:
-        if identifier in self.motor.identifiers():
-            self.motor.receive(identifier, payload, self.now)
-
-    def tick(self) -> None:
-        """As a node of `FakeBus`: the motor speaks only when it is spoken to."""
-
-    def pass_time(self, seconds: float) -> None:
-        end = self.now + seconds
-        while self.motor.wake <= end:
-            self.now = max(self.now, self.motor.wake)
-            self.motor.poll(self.now)
-        self.now = end
-
-    def exchange(self, mode: DriveMode, cycles: int = 1, **values: float) -> None:
-        self.setpoints.mode[:] = mode
-        for name, value in values.items():
-            getattr(self.setpoints, name)[:] = value
-        for _ in range(cycles):
-            if self.feedback.state[0] != DriveState.ENERGIZED:
-                self.setpoints.position[:] = self.feedback.position
-            self.bus.exchange(self.setpoints)
-            self.pass_time(CYCLE_S)
-
-    def energize(self) -> Bench:
-        self.exchange(DriveMode.POSITION, 30)
-        assert self.state is DriveState.ENERGIZED
-        return self
-
-    @property
-    def state(self) -> DriveState:
-        return DriveState(int(self.feedback.state[0]))
-
-    @property
-    def degrees(self) -> float:
-        return math.degrees(float(self.feedback.position[0]))
 
     @property
     def said(self) -> set[bytes]:
@@ -196,18 +122,11 @@ def test_a_motor_with_other_registers_is_refused_with_what_it_has(
 
 def test_frames_of_another_protocol_are_named() -> None:
     bench = Bench()
-    bench.motor.receive = lambda *_args: bench._answer(0x13, b"\x15\x00\x01")  # type: ignore[method-assign]
+    bench.motor.receive = lambda *_args: bench._answer(0x13, b"\x15\x00\x01")
     with pytest.raises(RuntimeFault, match="no feedback of motor 3") as refused:
         bench.boot()
     assert refused.value.code == "MC470"
     assert "15 00 01" in refused.value.message
-
-
-def test_a_motor_that_is_silent_is_said_to_be() -> None:
-    bench = Bench()
-    bench.motor.wrong.mute = True
-    with pytest.raises(RuntimeFault, match="MC411: "):
-        bench.boot()
 
 
 @pytest.mark.parametrize(
@@ -227,25 +146,6 @@ def test_a_machine_file_whose_motion_no_frame_can_say_is_refused(drive: str, axi
 
 
 # ---------------------------------------------------------------------- motion
-
-
-def test_it_is_energized_where_it_stands_and_follows_positions() -> None:
-    bench = Bench(angle=40.0).boot().energize()
-    assert bench.degrees == pytest.approx(40.0, abs=0.03)
-    assert bench.motor.motor.position * 360.0 == pytest.approx(40.0, abs=0.05)
-    for cycle in range(500):
-        bench.exchange(
-            DriveMode.POSITION, position=math.radians(40.0 + 0.1 * cycle), velocity=math.radians(100)
-        )
-    bench.exchange(DriveMode.POSITION, 200, velocity=0.0)
-    assert bench.degrees == pytest.approx(40.0 + 49.9, abs=0.5)
-
-
-def test_an_inverted_motor_turns_the_other_way() -> None:
-    bench = Bench(machine(KEYS + "invert = true\n")).boot().energize()
-    bench.exchange(DriveMode.POSITION, 300, position=0.2)
-    assert bench.feedback.position[0] == pytest.approx(0.2, abs=0.02)
-    assert bench.motor.motor.position * TURN == pytest.approx(-0.2, abs=0.02)
 
 
 def test_speeds_and_torques_go_without_stiffness() -> None:
