@@ -12,7 +12,7 @@ from mcserver.cli.options import ConnectOption, ZenohConfigOption
 from mcserver.cli.serving import require_packages, run_until_stopped
 from mcserver.errors import ConfigurationError
 from mcserver.ros.graph import MAX_DOMAIN
-from mcserver.ros.servo_options import DEFAULTS, CommandType, ServoOptions
+from mcserver.ros.servo_options import DEFAULTS, CommandType, ServoOptions, read_bounds
 
 NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_]*(/[A-Za-z_][A-Za-z0-9_]*)*")
 
@@ -64,6 +64,12 @@ def ros(
             "--command-timeout", min=0.02, max=5.0, metavar="S", help="Without a command so long, axes stop."
         ),
     ] = DEFAULTS.timeout_s,
+    within: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--within", metavar="J=LOW:HIGH", help="Bounds of a joint in servo mode [rad or m]. Repeatable."
+        ),
+    ] = None,
     servo_tool: Annotated[
         int | None,
         typer.Option(
@@ -83,6 +89,10 @@ def ros(
                 f"{name!r} is no name of ROS",
                 "letters, digits and _, no digit first; a slash between names",
             )
+    try:
+        bounds = dict(map(read_bounds, within or ()))
+    except ValueError as error:
+        raise typer.BadParameter("--within is such as joint_1=-0.5:0.5, low below high") from error
     meant = ServoOptions(
         servo,
         command_in_type,
@@ -91,6 +101,7 @@ def ros(
         joint_scale,
         command_timeout,
         servo_tool,
+        bounds,
     )
     options = NodeOptions(
         tuple(connect or ()), zenoh, tuple(ros_connect or ()), domain, machine, rate, controller, meant

@@ -39,6 +39,8 @@ MARGIN_S = 0.1
 IDLE_S = 2.0
 # Without a command that is not zero for so long, commands count again after an end of another kind [s].
 RELEASE_S = 0.5
+# An axis that has less left than it goes in this time at top speed is at its end.
+END_S = 2e-3
 # How long after a command that did not count it is told.
 TOLD_S = 2.0
 
@@ -73,6 +75,14 @@ class ServoTopics:
     ) -> None:
         self._around = around
         self._timeout_s = options.timeout_s
+        bounded = [joint for joint in joints if joint.name in options.within]
+        within = {joint.axis: options.within[joint.name] for joint in bounded}
+        self._within = {
+            joint.axis: (within[joint.axis][0] / joint.si_per_unit, within[joint.axis][1] / joint.si_per_unit)
+            for joint in bounded
+        }
+        # where the axes come to an end, by their travel or their bounds
+        self._ends = {joint.axis: within.get(joint.axis, (joint.low, joint.high)) for joint in joints}
         self._joints = {joint.axis: joint for joint in joints}
         self._clock = clock
         # the publisher that is followed, its newest command, and when that came; when one not zero came
@@ -176,7 +186,11 @@ class ServoTopics:
     async def _lead(self, axes: frozenset[int]) -> None:
         """Lead axes as long as commands are of them."""
         counts_s = self._timeout_s + MARGIN_S
-        async with self._around.machine.servo(sorted(axes), name="ROS servo", counts_s=counts_s) as servo:
+        # the server says which of its axes lack bounds
+        within = {axis: bounds for axis, bounds in self._within.items() if axis in axes} or None
+        async with self._around.machine.servo(
+            sorted(axes), name="ROS servo", within=within, counts_s=counts_s
+        ) as servo:
             self._program = servo.id
             while (command := self._due(axes)) is not None:
                 self._came.clear()
@@ -222,9 +236,12 @@ class ServoTopics:
             rows = self._around.states.columns([self._joints[axis] for axis in newest.axes])
             for axis, velocity, at in zip(newest.axes, newest.velocities, setpoint[rows], strict=True):
                 joint = self._joints[axis]
-                left = joint.high - at if velocity > 0.0 else at - joint.low
-                if velocity and left <= joint.in_position:
-                    return f"{joint.name} is at the end of its travel"
+                low, high = self._ends[axis]
+                left = high - at if velocity > 0.0 else at - low
+                if velocity and left <= END_S * joint.max_velocity:
+                    return (
+                        f"{joint.name} is at the end of its {'bounds' if axis in self._within else 'travel'}"
+                    )
         if counted is not None and before is not None and counted.slowed > before.slowed:
             return "slowed: near a singular position or the end of a joint's travel, or at its top speed"
         if counted is not None and before is not None and counted.refused > before.refused:

@@ -18,7 +18,7 @@ from mcserver.ros.interfaces import interfaces
 from mcserver.ros.joints import Joint
 from mcserver.ros.lane import Surroundings
 from mcserver.ros.node import Node
-from mcserver.ros.servo_options import CommandType, ServoOptions
+from mcserver.ros.servo_options import CommandType, ServoOptions, read_bounds
 from mcserver.ros.servo_topics import RELEASE_S, ServoTopics
 from mcserver.ros.velocity_commands import JOG, TWIST, CommandReader, UnfitCommand
 from tests.clock import Clock
@@ -82,12 +82,12 @@ def test_what_cannot_be_meant_is_refused_with_its_reason(said: str, message: Any
 class Topics:
     """Topics on a clock of the test, without a machine: what is taken is not sent anywhere."""
 
-    def __init__(self) -> None:
+    def __init__(self, options: ServoOptions = SPEED) -> None:
         self.clock = Clock()
         self.deliver: dict[str, Callable[[bytes, bytes], None]] = {}
         node = SimpleNamespace(subscribe=lambda name, _kind, take: self.deliver.update({name: take}))
         around = cast("Surroundings", SimpleNamespace())
-        self.topics = ServoTopics(cast("Node", node), around, reader(), SPEED, JOINTS, self.clock)
+        self.topics = ServoTopics(cast("Node", node), around, reader(), options, JOINTS, self.clock)
 
     def send(self, message: Any, sender: bytes = b"stick") -> str:
         """Return what is said right behind it, beside the counts."""
@@ -129,6 +129,17 @@ def test_old_commands_and_those_of_a_clock_ahead_do_not_count() -> None:
     assert "s ahead" in topics.send(twist("cell/base", (0.1, 0.0, 0.0), stamp_s=now + 9.0))
     topics.clock.now += 10.0
     assert topics.said().why == ""
+
+
+def test_bounds_are_read_and_go_to_the_server_in_units_of_the_wire() -> None:
+    within = dict(map(read_bounds, ["turn=-0.5:0.25", "lift=0:1e-1", "elsewhere=1:2"]))
+    topics = Topics(ServoOptions(within=within)).topics
+    assert topics._within[0] == pytest.approx((math.degrees(-0.5), math.degrees(0.25)))
+    assert topics._within[4] == pytest.approx((0.0, 100.0))
+    assert sorted(topics._within) == [0, 4]
+    for wrong in ("turn", "turn=1", "turn=1:1", "turn=nan:1", "=0:1", "turn=-inf:1"):
+        with pytest.raises(ValueError, match=r"turn|=0:1|convert"):
+            read_bounds(wrong)
 
 
 @given(st.binary(max_size=300), st.integers(0, 200), st.integers(0, 255))

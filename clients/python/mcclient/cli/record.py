@@ -17,6 +17,7 @@ import typer
 from rich.table import Table
 from rich.text import Text
 
+from mcclient.cli.dataset import dataset
 from mcclient.cli.options import JsonOption, Target, with_target
 from mcclient.cli.output import carry_out, results, say, write_json
 from mcclient.cli.signals import on_signals
@@ -50,6 +51,7 @@ def build_app() -> typer.Typer:
     app.command("save")(with_target(save))
     app.command("list")(with_target(list_))
     app.command("get")(with_target(get))
+    app.command("dataset")(dataset)
     return app
 
 
