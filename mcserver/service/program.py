@@ -116,6 +116,8 @@ class Program:
         self.zone_switch: int | None = None
         # it waits at M00, M01 or a tool change, held or not
         self.paused = False
+        # line of the newest of these pauses
+        self.pause_line = 0
         self.override = 1.0
         # what an approved run has to stay within
         self.envelope: Envelope | None = None
@@ -192,7 +194,7 @@ class Program:
             name=self.name,
             axes=list(self.axes),
             start_line=self.start_line,
-            line=self.progress.started,
+            line=self.pause_line if self.paused else self.progress.started,
             accepted=self.journaled,
             done=self.done,
             credit=self.credit,

@@ -523,6 +523,7 @@ class ProgramTable:
         elif event.kind is EventKind.PAUSED:
             self._say(program, event.line)
             program.paused = True
+            program.pause_line = event.line
             if program.state != "ending":
                 self.pauses.began(program, event.line, event.token)
             self.enter(program, "paused")
