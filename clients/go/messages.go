@@ -1115,7 +1115,7 @@ type ProgramStatus struct {
 	Name      string       `msgpack:"name" mc:"required"`
 	Axes      []int64      `msgpack:"axes" mc:"required"`
 	StartLine int64        `msgpack:"start_line" mc:"required"`
-	// Line: the line under way; 0: none yet.
+	// Line: the line under way, at a pause the one that asks for it; 0: none yet.
 	Line     int64   `msgpack:"line" mc:"required"`
 	Accepted int64   `msgpack:"accepted" mc:"required"`
 	Done     int64   `msgpack:"done" mc:"required"`

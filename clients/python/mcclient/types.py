@@ -1138,7 +1138,7 @@ class ProgramStatus:
     """One program.
 
     Attributes:
-        line: the line under way; 0: none yet.
+        line: the line under way, at a pause the one that asks for it; 0: none yet.
         progress: share of its time that has passed, 0 … 1; where `duration_s` is not known, of its lines.
         opened_at: Unix time [s].
         eta_s: until its end at its override [s]; where `duration_s` is not known, until the end of what

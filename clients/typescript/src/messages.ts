@@ -965,7 +965,7 @@ export interface ProgramStatus {
   name: string;
   axes: number[];
   start_line: number;
-  /** the line under way; 0: none yet. */
+  /** the line under way, at a pause the one that asks for it; 0: none yet. */
   line: number;
   accepted: number;
   done: number;

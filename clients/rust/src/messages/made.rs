@@ -1337,7 +1337,7 @@ pub struct ProgramStatus {
     pub name: String,
     pub axes: Vec<u64>,
     pub start_line: u64,
-    /// the line under way; 0: none yet.
+    /// the line under way, at a pause the one that asks for it; 0: none yet.
     pub line: u64,
     pub accepted: u64,
     pub done: u64,

@@ -1073,7 +1073,7 @@ public final class Messages {
 
     /**
      * One program.
-     * @param line the line under way; 0: none yet.
+     * @param line the line under way, at a pause the one that asks for it; 0: none yet.
      * @param progress share of its time that has passed, 0 … 1; where `duration_s` is not known, of its lines.
      * @param openedAt Unix time [s].
      * @param etaS until its end at its override [s]; where `duration_s` is not known, until the end of what is
