@@ -353,7 +353,8 @@ type AxisDifference struct {
 }
 
 // AxisInfo: One axis; limits in mm or deg and seconds, nil where not limited. `homing`: how it finds its reference;
-// nil: its encoder's reading is its position.
+// nil: its encoder's reading is its position. `letter`: a further one by which programs of the machine's profile
+// name it, such as `E`; empty: none.
 type AxisInfo struct {
 	Index           int64    `msgpack:"index" mc:"required"`
 	Type            AxisKind `msgpack:"type" mc:"required"`
@@ -366,6 +367,7 @@ type AxisInfo struct {
 	MaxPosition     *float64 `msgpack:"max_position"`
 	InPosition      float64  `msgpack:"in_position"`
 	Homing          *string  `msgpack:"homing"`
+	Letter          string   `msgpack:"letter"`
 }
 
 // AxisStart: An axis of the program at the line.

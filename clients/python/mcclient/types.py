@@ -425,7 +425,8 @@ class AxisDifference:
 class AxisInfo:
     """One axis; limits in mm or deg and seconds, None where not limited.
 
-    ``homing``: how it finds its reference; None: its encoder's reading is its position.
+    ``homing``: how it finds its reference; None: its encoder's reading is its position. ``letter``: a further
+    one by which programs of the machine's profile name it, such as ``E``; empty: none.
     """
 
     index: int
@@ -439,6 +440,7 @@ class AxisInfo:
     max_position: float | None = None
     in_position: float = 0.0
     homing: str | None = None
+    letter: str = ""
 
 
 @dataclass(frozen=True, slots=True)

@@ -297,12 +297,13 @@ public final class Messages {
 
     /**
      * One axis; limits in mm or deg and seconds, null where not limited. `homing`: how it finds its reference;
-     * null: its encoder's reading is its position.
+     * null: its encoder's reading is its position. `letter`: a further one by which programs of the machine's
+     * profile name it, such as `E`; empty: none.
      */
     public record AxisInfo(
             long index, AxisKind type, AxisUnit unit, double maxVelocity, double maxAcceleration, String drive, @Sparse
             Double maxJerk, @Sparse Double minPosition, @Sparse Double maxPosition, @Sparse double inPosition,
-            @Sparse("null") String homing) {}
+            @Sparse("null") String homing, @Sparse String letter) {}
 
     /**
      * An axis of the program at the line.
