@@ -196,7 +196,7 @@ def machine_info(service: MachineService, methods: list[str]) -> Info:
         instance=service.options.instance,
         epoch=service.epoch,
         cycle_s=machine.cycle_s,
-        axes=[_axis_info(axis, machine.dialect.letters) for axis in machine.axes],
+        axes=[axis_info(axis, machine.dialect.letters) for axis in machine.axes],
         tools=[
             ToolInfo(
                 number=tool.number,
@@ -272,7 +272,8 @@ def _output_info(each: Output) -> OutputInfo:
     )
 
 
-def _axis_info(axis: Axis, letters: Mapping[str, int]) -> AxisInfo:
+def axis_info(axis: Axis, letters: Mapping[str, int]) -> AxisInfo:
+    """Return what clients are told of an axis; ``letters``: further ones of the machine's programs."""
     scale = 1.0 / axis.type.si_per_unit
 
     def limit(value: float) -> float | None:
