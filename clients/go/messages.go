@@ -353,7 +353,8 @@ type AxisDifference struct {
 }
 
 // AxisInfo: One axis; limits in mm or deg and seconds, nil where not limited. `homing`: how it finds its reference;
-// nil: its encoder's reading is its position.
+// nil: its encoder's reading is its position. `letter`: a further one by which programs of the machine's profile
+// name it, such as `E`; empty: none.
 type AxisInfo struct {
 	Index           int64    `msgpack:"index" mc:"required"`
 	Type            AxisKind `msgpack:"type" mc:"required"`
@@ -366,6 +367,7 @@ type AxisInfo struct {
 	MaxPosition     *float64 `msgpack:"max_position"`
 	InPosition      float64  `msgpack:"in_position"`
 	Homing          *string  `msgpack:"homing"`
+	Letter          string   `msgpack:"letter"`
 }
 
 // AxisStart: An axis of the program at the line.
@@ -1115,7 +1117,7 @@ type ProgramStatus struct {
 	Name      string       `msgpack:"name" mc:"required"`
 	Axes      []int64      `msgpack:"axes" mc:"required"`
 	StartLine int64        `msgpack:"start_line" mc:"required"`
-	// Line: the line under way; 0: none yet.
+	// Line: the line under way, at a pause the one that asks for it; 0: none yet.
 	Line     int64   `msgpack:"line" mc:"required"`
 	Accepted int64   `msgpack:"accepted" mc:"required"`
 	Done     int64   `msgpack:"done" mc:"required"`

@@ -14,7 +14,8 @@ ChannelKind = Literal["digital", "analog"]
 class AxisInfo(msgspec.Struct, frozen=True, omit_defaults=True):
     """One axis; limits in mm or deg and seconds, None where not limited.
 
-    ``homing``: how it finds its reference; None: its encoder's reading is its position.
+    ``homing``: how it finds its reference; None: its encoder's reading is its position. ``letter``: a further
+    one by which programs of the machine's profile name it, such as ``E``; empty: none.
     """
 
     index: int
@@ -28,6 +29,7 @@ class AxisInfo(msgspec.Struct, frozen=True, omit_defaults=True):
     max_position: float | None = None
     in_position: float = 0.0
     homing: str | None = None
+    letter: str = ""
 
 
 class ToolInfo(msgspec.Struct, frozen=True):

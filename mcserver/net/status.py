@@ -195,7 +195,7 @@ def machine_info(service: MachineService, methods: list[str]) -> Info:
         instance=service.options.instance,
         epoch=service.epoch,
         cycle_s=machine.cycle_s,
-        axes=[_axis_info(axis) for axis in machine.axes],
+        axes=[axis_info(axis, machine.dialect.letters) for axis in machine.axes],
         tools=[
             ToolInfo(
                 number=tool.number,
@@ -272,7 +272,8 @@ def _output_info(each: Output) -> OutputInfo:
     )
 
 
-def _axis_info(axis: Axis) -> AxisInfo:
+def axis_info(axis: Axis, letters: Mapping[str, int]) -> AxisInfo:
+    """Return what clients are told of an axis; ``letters``: further ones of the machine's programs."""
     scale = 1.0 / axis.type.si_per_unit
 
     def limit(value: float) -> float | None:
@@ -290,4 +291,5 @@ def _axis_info(axis: Axis) -> AxisInfo:
         max_position=limit(axis.max_position),
         in_position=axis.in_position * scale,
         homing=None if axis.homing is None else axis.homing.method,
+        letter=min((letter for letter, index in letters.items() if index == axis.index), default=""),
     )

@@ -145,7 +145,7 @@ class ProgramStatus(msgspec.Struct, frozen=True, omit_defaults=True):
     """One program.
 
     Attributes:
-        line: the line under way; 0: none yet.
+        line: the line under way, at a pause the one that asks for it; 0: none yet.
         progress: share of its time that has passed, 0 … 1; where `duration_s` is not known, of its lines.
         eta_s: until its end at its override [s]; where `duration_s` is not known, until the end of what is
             planned.

@@ -58,7 +58,7 @@ class MachineLink:
         self.history: deque[MachineStatus] = deque(maxlen=HISTORY_STATES)
         # whether its programs have work coordinate systems
         self.has_work_offsets = False
-        # the joint of the URDF that each axis moves, by axis number
+        # what axes are called beside their names, by axis number
         self.joints: dict[int, str] = {}
         # who else is connected, and who looks at this page: how many browsers by name
         self.clients: tuple[str, ...] = ()
@@ -187,11 +187,12 @@ async def knows_work_offsets(machine: Machine) -> bool:
 
 
 async def joints_of(machine: Machine) -> dict[int, str]:
-    """Return the joint of the URDF that each axis moves; empty where the machine has no robot."""
+    """Return what axes are called beside their names: by programs, such as E, or as joints of the URDF."""
+    letters = {axis.index: axis.letter for axis in machine.info.axes if axis.letter}
     if not machine.info.tools:
-        return {}
+        return letters
     try:
-        return {int(axis): name for axis, name in (await machine.model()).joints.items()}
+        return letters | {int(axis): name for axis, name in (await machine.model()).joints.items()}
     except MotionError as error:
         log.info("%s: %s", machine.name, error.message)
-        return {}
+        return letters

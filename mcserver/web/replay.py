@@ -73,7 +73,7 @@ def axes_of(machine: Machine, kinematics: MachineKinematics | None) -> list[Repl
     chains = [] if kinematics is None else [kinematics.tool(tool).chain for tool in kinematics.tools]
     for chain in chains:
         for number, joint in zip(chain.axes, chain.joint_names, strict=True):
-            names[number] = f"{number} {joint.removesuffix('_joint').replace('_', ' ')}"
+            names[number] = f"{axis_name(number)} {joint.removesuffix('_joint').replace('_', ' ')}"
     return [
         ReplayAxis.of(
             axis.index,

@@ -293,6 +293,8 @@ async def test_an_axis_that_moves_on_by_itself_holds_the_resume_up(shop: Shop) -
 async def test_the_spindle_that_turns_on_at_the_pause_is_not_lent(tmp_path: Path) -> None:
     shop = Shop(mill("spindle_axis = 3\n" + SPINDLE), tmp_path)
     program = await shop.at_pause(["T1 M6", "S600 M3", "G1 X10 F3000", "M0 (measure)", "G1 X20", "M5"])
+    # the line that asks for it, though motion has come to the one before
+    assert program.status().line == 4
     with pytest.raises(Refused, match="MC512: "):
         await shop.jog(3, 1.0)
     await shop.jogged(0, 2.0)

@@ -7,7 +7,7 @@ from types import SimpleNamespace
 from typing import Any, cast
 
 import pytest
-from mcclient import Event, Fault, Info, MachineStatus
+from mcclient import Event, Fault, Info, Machine, MachineStatus
 from mcclient.types import (
     AxesStatus,
     AxisInfo,
@@ -25,16 +25,18 @@ from mcclient.types import (
     WorkOffset,
 )
 
+from mcserver.machine.machine_file import load_machine
+from mcserver.net.status import axis_info
 from mcserver.web.control import Control
 from mcserver.web.jobs import path_from_line
-from mcserver.web.link import MachineLink
+from mcserver.web.link import MachineLink, joints_of
 from mcserver.web.open_programs import refusal_of
 from mcserver.web.panels.dry_run import report_html
 from mcserver.web.panels.homing import phase_of
 from mcserver.web.panels.messages import black_box_of, event_row
 from mcserver.web.panels.people import people_html
 from mcserver.web.panels.picture import tips_of
-from mcserver.web.panels.positions import WHY, offsets_html, positions_html, system_name
+from mcserver.web.panels.positions import WHY, joint_html, offsets_html, positions_html, system_name
 from mcserver.web.signals import signals_of, value_of
 from tests.wire_values import wire_value
 
@@ -106,6 +108,14 @@ def test_every_signal_of_a_machine_has_a_name_a_unit_and_a_value() -> None:
 @pytest.mark.parametrize("signal", ["axis 5 position", "tool 9 x", "input gone", "output gone", "nonsense"])
 def test_a_signal_that_a_state_does_not_have_is_a_gap(signal: str) -> None:
     assert value_of(STATUS, signal) is None
+
+
+async def test_a_further_letter_of_programs_stands_beside_an_axis() -> None:
+    axes = load_machine("cartesian").axes[:2]
+    info = SimpleNamespace(tools=(), axes=[axis_info(axis, {"E": 1, "H": 1}) for axis in axes])
+    joints = await joints_of(cast("Machine", SimpleNamespace(info=info)))
+    assert joints == {1: "E"}
+    assert joint_html(joints, 1) == " <span class=mc-joint>E</span>"
 
 
 def test_positions_are_shown_in_the_machine_and_in_g54() -> None:

@@ -105,7 +105,7 @@ def test_values_are_told_in_mm_and_degrees_by_the_joints_names() -> None:
     machine, kinematics, start = built_in("robot-dog")
     values = (math.degrees(start[axis.index]) for axis in machine.axes)
     shown = axes_html(zip(axes_of(machine, kinematics), values, strict=True))
-    assert "1 front left thigh" in shown
+    assert "Y front left thigh" in shown
     assert "81.09&nbsp;°" in shown
 
 

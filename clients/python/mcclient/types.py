@@ -425,7 +425,8 @@ class AxisDifference:
 class AxisInfo:
     """One axis; limits in mm or deg and seconds, None where not limited.
 
-    ``homing``: how it finds its reference; None: its encoder's reading is its position.
+    ``homing``: how it finds its reference; None: its encoder's reading is its position. ``letter``: a further
+    one by which programs of the machine's profile name it, such as ``E``; empty: none.
     """
 
     index: int
@@ -439,6 +440,7 @@ class AxisInfo:
     max_position: float | None = None
     in_position: float = 0.0
     homing: str | None = None
+    letter: str = ""
 
 
 @dataclass(frozen=True, slots=True)
@@ -1143,7 +1145,7 @@ class ProgramStatus:
     """One program.
 
     Attributes:
-        line: the line under way; 0: none yet.
+        line: the line under way, at a pause the one that asks for it; 0: none yet.
         progress: share of its time that has passed, 0 … 1; where `duration_s` is not known, of its lines.
         opened_at: Unix time [s].
         eta_s: until its end at its override [s]; where `duration_s` is not known, until the end of what

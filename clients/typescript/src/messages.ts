@@ -185,7 +185,8 @@ export interface AxisDifference {
 
 /**
  * One axis; limits in mm or deg and seconds, null where not limited. `homing`: how it finds its reference; null:
- * its encoder's reading is its position.
+ * its encoder's reading is its position. `letter`: a further one by which programs of the machine's profile name
+ * it, such as `E`; empty: none.
  */
 export interface AxisInfo {
   index: number;
@@ -199,6 +200,7 @@ export interface AxisInfo {
   max_position?: number | null;
   in_position?: number;
   homing?: string | null;
+  letter?: string;
 }
 
 /** An axis of the program at the line. */
@@ -965,7 +967,7 @@ export interface ProgramStatus {
   name: string;
   axes: number[];
   start_line: number;
-  /** the line under way; 0: none yet. */
+  /** the line under way, at a pause the one that asks for it; 0: none yet. */
   line: number;
   accepted: number;
   done: number;

@@ -35,6 +35,7 @@ class FaultPanel:
             self._play = ui.button(t("Play what led to it"), on_click=self._play_box).props(
                 "outline data-look"
             )
+        self._card.set_visibility(False)
 
     async def _play_box(self) -> None:
         await show_replay(self._link, self._box)

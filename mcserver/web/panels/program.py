@@ -124,9 +124,14 @@ class ProgramPanel:
                 ui.button(t("Run"), on_click=self._run).props("color=positive")
                 ui.button(t("Dry run"), on_click=self._dry_run).props("outline")
                 ui.button(t("Delete"), on_click=self._delete).props("outline color=negative")
-                self._single_step = ui.switch(t("Single step"), on_change=self._switch_single_step)
+                jobs = actions.link.jobs
+                self._single_step = ui.switch(
+                    t("Single step"), value=jobs.single_step, on_change=self._switch_single_step
+                )
                 self._switches = {
-                    name: ui.switch(t(label), on_change=partial(self._switch, name))
+                    name: ui.switch(
+                        t(label), value=getattr(jobs.switches, name), on_change=partial(self._switch, name)
+                    )
                     for name, label in (
                         ("block_delete", mark("Block delete")),
                         ("optional_stop", mark("Optional stop")),

@@ -24,6 +24,7 @@ class QueuePanel:
         self._rows = ui.element("div").classes("w-full")
         self._go_on = ui.button(t("Start the queue again"), on_click=self._start_again).props("color=warning")
         self._total.set_visibility(False)
+        self._go_on.set_visibility(False)
 
     def update(self) -> None:
         """Show the jobs as they are now; rows are built anew only when they have changed."""

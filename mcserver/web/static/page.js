@@ -51,7 +51,7 @@
   window.addEventListener("offline", release);
 
   // so that the page can tell a delayed message from a prompt one before the first press
-  setInterval(() => { if (!held) emitEvent("mc_clock", { sent_s: performance.now() / 1000 }); }, 2000);
+  setInterval(() => { if (!held && window.did_handshake) emitEvent("mc_clock", { sent_s: performance.now() / 1000 }); }, 2000);
 
   // what a page shows when nothing comes any more is old, and looks like the truth: say so
   const SILENT_MS = 3000;

@@ -250,7 +250,8 @@ pub struct AxisDifference {
 }
 
 /// One axis; limits in mm or deg and seconds, none where not limited. `homing`: how it finds its reference;
-/// none: its encoder's reading is its position.
+/// none: its encoder's reading is its position. `letter`: a further one by which programs of the machine's
+/// profile name it, such as `E`; empty: none.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct AxisInfo {
     pub index: u64,
@@ -270,6 +271,8 @@ pub struct AxisInfo {
     pub in_position: f64,
     #[serde(default)]
     pub homing: Option<String>,
+    #[serde(default)]
+    pub letter: String,
 }
 
 /// An axis of the program at the line.
@@ -1275,7 +1278,7 @@ pub struct ProgramStatus {
     pub name: String,
     pub axes: Vec<u64>,
     pub start_line: u64,
-    /// the line under way; 0: none yet.
+    /// the line under way, at a pause the one that asks for it; 0: none yet.
     pub line: u64,
     pub accepted: u64,
     pub done: u64,

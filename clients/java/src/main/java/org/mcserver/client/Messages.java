@@ -294,12 +294,13 @@ public final class Messages {
 
     /**
      * One axis; limits in mm or deg and seconds, null where not limited. `homing`: how it finds its reference;
-     * null: its encoder's reading is its position.
+     * null: its encoder's reading is its position. `letter`: a further one by which programs of the machine's
+     * profile name it, such as `E`; empty: none.
      */
     public record AxisInfo(
             long index, AxisKind type, AxisUnit unit, double maxVelocity, double maxAcceleration, String drive, @Sparse
             Double maxJerk, @Sparse Double minPosition, @Sparse Double maxPosition, @Sparse double inPosition,
-            @Sparse("null") String homing) {}
+            @Sparse("null") String homing, @Sparse String letter) {}
 
     /**
      * An axis of the program at the line.
@@ -1025,7 +1026,7 @@ public final class Messages {
 
     /**
      * One program.
-     * @param line the line under way; 0: none yet.
+     * @param line the line under way, at a pause the one that asks for it; 0: none yet.
      * @param progress share of its time that has passed, 0 … 1; where `duration_s` is not known, of its lines.
      * @param openedAt Unix time [s].
      * @param etaS until its end at its override [s]; where `duration_s` is not known, until the end of what is
