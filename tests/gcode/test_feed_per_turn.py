@@ -112,6 +112,9 @@ def test_an_output_that_has_s_is_a_spindle_and_a_relay_is_none() -> None:
         (("S300 M3 G95 F0.1", "G94 G1 X10"), "MC121"),
         (("S300 M3 G95 F0.1", "G93 G1 X10"), "MC121"),
         (("S300 M3", "G95 F0 G1 X10"), "MC120"),
+        # the F a minute of lines that come behind a tap
+        (("S300 M3", "G95 F50 G1 X10", "F300 X20"), "MC123"),
+        (("S300 M3", "G20 G95 F3 G1 X1"), "MC123"),
     ],
 )
 def test_no_turns_or_no_f_are_a_fault_of_the_move(lines: tuple[str, ...], code: str) -> None:

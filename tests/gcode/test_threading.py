@@ -181,6 +181,8 @@ def test_fanucs_fine_boring_is_refused_as_such() -> None:
     ("line", "code"),
     [
         ("G84 Z-12 R4 F400 P0.5", "MC146"),
+        # the pitch without G95
+        ("G84 Z-12 R4 F1.25", "MC173"),
         ("G84 Z-12 R4 F400 J2", "MC112"),
         # a peck has to hold the run-in
         ("G84 Z-12 R4 F400 Q0.1", "MC180"),

@@ -100,6 +100,8 @@ SET_OUTPUTS: Final = frozenset({"M67", "M68"})
 LATHE: Final = frozenset({"G7", "G50", "G70", "G71", "G72", "G96"})
 # a feed below it under G99 is one per revolution: a lathe's [mm/min]
 LEAST_FEED_UNDER_G99: Final = 5.0
+# a feed above it under G95 was meant as one per minute [mm]
+LARGEST_FEED_PER_TURN: Final = 50.0
 IGNORED: Final[Mapping[str, frozenset[str]]] = MappingProxyType(
     {
         "reference": frozenset(),

@@ -33,6 +33,8 @@ CLEARANCE = 0.25 * MM
 MOST_PECKS = 10_000
 # nobody lets a tool rub so long in each hole [s]
 LONG_DWELL = 20.0
+# below that of any thread: F is the pitch, which some controllers read without G95, too [m]
+LEAST_PITCH = 0.05 * MM
 MOST_REPEATS = 1_000
 
 _PECKING: Final = frozenset({"G73", "G83"})
@@ -90,6 +92,14 @@ def drill(block: BlockState, action: Action) -> list[Canonical]:
     spindle = None
     if turning is not None or cycle.code == "G86":
         spindle = find_spindle(block, named, turning)
+    pitch = math.inf if turning is None or spindle is None else speed / abs(spindle.turns_s)
+    if pitch < LEAST_PITCH:
+        block.faults.add(
+            "MC173",
+            f"{cycle.code} would tap {pitch / MM:.3g} mm a turn: F counts a minute",
+            action.span,
+            "write G95 where F is the pitch, else F as the pitch times S",
+        )
     if block.faults.found:
         return []
     motion = CycleMotion(block, speed)
@@ -108,7 +118,7 @@ def drill(block: BlockState, action: Action) -> list[Canonical]:
             motion.rapid({hole.axis: hole.retract})
             motion.turn(spindle.axis, TURN * spindle.turns_s, ramp)
         else:
-            _tap(block, named, motion, hole, _depths(cycle, hole), spindle, speed)
+            _tap(block, named, motion, hole, _depths(cycle, hole), spindle, pitch)
             motion.rapid({hole.axis: hole.retract})
         if block.faults.found:
             return []
@@ -147,7 +157,7 @@ def _tap(
     hole: _Hole,
     depths: list[float],
     spindle: Spindle,
-    speed: float,
+    pitch: float,
 ) -> None:
     """Tap from the clear height to each depth and back; a spindle that stands turns for it alone."""
     stands = block.frame.direction == 0
@@ -155,7 +165,6 @@ def _tap(
         # the pass waits until it has its speed
         motion.turn(spindle.axis, TURN * spindle.turns_s, 0.0)
     for depth in depths:
-        pitch = speed / abs(spindle.turns_s)
         tap = read_pass(block, action, spindle, {hole.axis: depth}, pitch, taps=True)
         if tap is None:
             return

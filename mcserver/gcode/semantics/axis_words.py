@@ -6,6 +6,7 @@ from collections.abc import Mapping
 
 import msgspec
 
+from mcserver.gcode.profiles.codes import LARGEST_FEED_PER_TURN
 from mcserver.gcode.semantics.arc_plane import PLANES
 from mcserver.gcode.semantics.block_state import ASSUMED_FEED, ASSUMED_TOOL, BlockState
 from mcserver.gcode.semantics.modal import SMALLEST_FEED, apply_setting, read_feed, smallest_feed
@@ -114,10 +115,18 @@ def apply_setting_item(block: BlockState, setting: Setting) -> None:
 def apply_feed_word(block: BlockState, word: Word) -> None:
     """Put F in force from where it stands; F <= 0 is a fault (D-11)."""
     least = smallest_feed(block.modal)
-    if word.value >= least:
+    if block.modal.per_turn and word.value * length_scale(block.modal.inch) > LARGEST_FEED_PER_TURN * MM:
+        unit = "in" if block.modal.inch else "mm"
+        block.faults.add(
+            "MC123",
+            f"{word.shown} under G95 is {word.shown[1:]} {unit} for each turn of the spindle",
+            block.span(word),
+            "write G94 before a feed per minute",
+        )
+    elif word.value >= least:
         block.change(feed=read_feed(word.value, block.modal))
         return
-    if SMALLEST_FEED <= word.value < least:
+    elif SMALLEST_FEED <= word.value < least:
         block.faults.add(
             "MC123",
             f"{word.shown} under G99 is a feed per revolution, as programs for a lathe have it; "

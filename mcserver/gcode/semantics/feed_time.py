@@ -130,8 +130,9 @@ def turns_of_feed(block: BlockState, source: Command | Action, *, starts: bool =
         return 1.0
     dialect, frame = block.setup.machine.dialect, block.frame
     turns = frame.spindle_rpm * (1 if starts else abs(frame.direction))
-    if dialect.spindle is not None:
-        turns *= abs(block.setup.axes[dialect.spindle].travel_per_motor_turn) / TURN
+    spindle = None if dialect.spindle is None else block.setup.axes.get(dialect.spindle)
+    if spindle is not None:
+        turns *= abs(spindle.travel_per_motor_turn) / TURN if spindle.type is AxisType.ROTARY else 1.0
     elif all(each.value is not None for code in ("M3", "M4") for each in dialect.outputs.get(code, ())):
         block.faults.add(
             "MC128",
