@@ -9,7 +9,8 @@ from mcserver.gcode.axes_used import axes_used
 from mcserver.gcode.program_check import check_program
 from mcserver.gcode.semantics.interpreter import Interpreter
 from mcserver.machine.machine_file import Machine, parse_machine
-from mcserver.motion.canonical import Canonical, MotionLine, RapidGroup, SpeedGroup, ThreadLine
+from mcserver.motion.canonical import Canonical, DwellGroup, MotionLine, RapidGroup, SpeedGroup, ThreadLine
+from mcserver.motion.thread_cam import stopping_seconds
 from mcserver.units import DEGREE, MM, TURN
 from tests.executor.threading_rig import SPINDLE, lathe, lathe_text
 from tests.machine_text import axes_text
@@ -160,12 +161,22 @@ def test_a_spindle_that_stands_turns_for_the_tap_alone() -> None:
     assert faults("M3 M5", "G17 G84 Z-12 R4 F400", machine=oiled, head=("S400",)) == [("MC178", 3)]
 
 
+def test_what_stands_behind_m3_begins_when_the_spindle_has_its_speed() -> None:
+    groups = [each.groups[0] for each in values("M3", "S300", "M4") if isinstance(each, MotionLine)]
+    # a speed that it has needs no wait, and S alone changes it while it cuts
+    expected = [SpeedGroup, DwellGroup, RapidGroup, SpeedGroup, SpeedGroup, SpeedGroup, DwellGroup]
+    assert [type(each) for each in groups] == expected
+    ramps = [each.seconds for each in groups if isinstance(each, DwellGroup)]
+    spindle = LATHE.axes[3]
+    assert ramps == pytest.approx([stopping_seconds(spindle, turns / 60.0) for turns in (400.0, 600.0)])
+
+
 def test_g86_draws_the_tool_out_of_the_hole_while_the_spindle_stands() -> None:
     def kind(value: Canonical) -> str:
         assert isinstance(value, MotionLine)
         return type(value.groups[0]).__name__.removesuffix("Group")
 
-    found = values("G17 G99 G86 X20 Z-5 R2 P0.5 F100", "X30")[2:]
+    found = values("G17 G99 G86 X20 Z-5 R2 P0.5 F100", "X30")[3:]
     bored = ["Rapid", "Rapid", "Feed", "Dwell", "Speed", "Dwell", "Rapid", "Speed", "Dwell"]
     assert [kind(each) for each in found][:9] == bored
     turning = 400.0 / 60.0 * TURN

@@ -23,7 +23,7 @@ from mcserver.gcode.profiles.codes import (
 )
 from mcserver.gcode.profiles.directions import along, coupled
 from mcserver.gcode.profiles.drilling import drill
-from mcserver.gcode.profiles.frame import LENGTH_AXIS, TURN, Offsets, tool_table
+from mcserver.gcode.profiles.frame import ANGLE, LENGTH_AXIS, Frame, Offsets, tool_table
 from mcserver.gcode.profiles.io_codes import read_io, read_mapped
 from mcserver.gcode.profiles.nurbs import add_control_point
 from mcserver.gcode.profiles.probing import read_probe_move
@@ -59,7 +59,8 @@ from mcserver.motion.canonical import (
     SpeedGroup,
     WaitMode,
 )
-from mcserver.units import AxisType
+from mcserver.motion.thread_cam import stopping_seconds
+from mcserver.units import TURN, AxisType
 
 # the greatest number of a tool, as of [[cutter]]
 MAX_CUTTER = 99999
@@ -81,6 +82,7 @@ class Effects(msgspec.Struct):
 
 def act_before(block: BlockState, actions: tuple[Action, ...], effects: Effects) -> None:
     """Carry out what comes ahead of a line's settings and motion."""
+    began = block.frame
     spindle = False
     for action in actions:
         code = action.code
@@ -140,7 +142,7 @@ def act_before(block: BlockState, actions: tuple[Action, ...], effects: Effects)
             kept: Offsets = {} if code == "G92.1" else frame.g92
             block.frame = msgspec.structs.replace(frame, g92=kept, g92_on=code != "G92.2")
     if spindle:
-        _turn_spindle(block, actions, effects)
+        _turn_spindle(block, began, actions, effects)
 
 
 def act_after(block: BlockState, actions: tuple[Action, ...], effects: Effects) -> None:
@@ -295,7 +297,7 @@ def _set_system(block: BlockState, action: Action) -> None:
         )
     elif angle is not None and linear(block, action, (0, 1)):
         # an angle is none to add to, under G91 neither (LinuxCNC)
-        origin[TURN] = math.radians(angle.value)
+        origin[ANGLE] = math.radians(angle.value)
     values = dict(_axis_values(block, action))
     if kind == 2.0:
         for axis, value in values.items():
@@ -498,7 +500,7 @@ def _dwell(block: BlockState, action: Action, effects: Effects) -> None:
         effects.before.append(MotionLine(number, (DwellGroup(seconds),)))
 
 
-def _turn_spindle(block: BlockState, actions: tuple[Action, ...], effects: Effects) -> None:
+def _turn_spindle(block: BlockState, began: Frame, actions: tuple[Action, ...], effects: Effects) -> None:
     index = block.setup.machine.dialect.spindle
     frame = block.frame
     if index is None:
@@ -519,10 +521,16 @@ def _turn_spindle(block: BlockState, actions: tuple[Action, ...], effects: Effec
             axis=index,
         )
     block.commanded.invalidate((index,))
-    group = SpeedGroup((index,), (speed,))
-    if any(isinstance(value, MotionLine | InputLine) for value in effects.before):
+    number, group = block.parsed.number, SpeedGroup((index,), (speed,))
+    starts = {action.code for action in actions} & {"M3", "M4"} - block.setup.machine.dialect.waits.keys()
+    before = motor_speed(began.spindle_rpm * began.direction, axis.travel_per_motor_turn)
+    if starts and speed != before:
+        # no tool is to cut before its spindle has its speed; nothing but its acceleration says when that is
+        dwell = DwellGroup(stopping_seconds(axis, abs(speed - before) / TURN))
+        effects.before[:0] = [MotionLine(number, (group,)), MotionLine(number, (dwell,))]
+    elif any(isinstance(value, MotionLine | InputLine) for value in effects.before):
         # a dwell or a wait behind M3 lets the spindle come to speed
-        effects.before.insert(0, MotionLine(block.parsed.number, (group,)))
+        effects.before.insert(0, MotionLine(number, (group,)))
     else:
         effects.groups.append(group)
 

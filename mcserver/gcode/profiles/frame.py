@@ -14,7 +14,8 @@ from mcserver.machine.machine_file import Machine
 Offsets = Mapping[int, float]
 LENGTH_AXIS = 2  # a tool's length lies along Z
 # in place of an axis: the angle about Z by which X and Y of a work system are turned (G10 L2 R) [rad]
-TURN = -1
+ANGLE = -1
+TURN = ANGLE
 
 
 class Level(msgspec.Struct, frozen=True):
