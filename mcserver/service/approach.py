@@ -330,7 +330,7 @@ def _needs(
     if switched:
         names = ", ".join(f"{each.name} {each.there:g} {each.unit}".rstrip() for each in switched)
         answered = [each for each in state.awaited if not _is_as_it_was(each, state, now)]
-        then = "".join(f", to {text}," for text in _said(machine, answered))
+        then = "".join(f" and {text}," for text in _said(machine, answered))
         hint = f"say whether to set them{then} or to leave them"
         needs.append(Need("MC593", f"the program had switched {names}", hint, "outputs"))
     if state.scaled:

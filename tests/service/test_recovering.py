@@ -342,7 +342,7 @@ def test_a_start_waits_for_what_the_lines_before_had_waited_for(
     assert [each for each in approach.lines if each.startswith("M66")] == (waits[-1:] if said else [])
     assert ('wait for the input "open", 5 s at the most' in [each.text for each in approach.way]) is said
     hints = "".join(each.hint for each in approach.needs)
-    assert ('to wait for the input "hot", 2 s at the most' in hints) is bool(waits)
+    assert ('to set them and wait for the input "hot", 2 s at the most' in hints) is bool(waits)
 
 
 @pytest.mark.parametrize(
