@@ -8,18 +8,6 @@ import (
 
 const targetsCount = 100 * time.Millisecond
 
-// ServoOptions of axes that follow targets; the zero value leases every axis.
-type ServoOptions struct {
-	// Axes to lease, all free now; nil: all of the machine.
-	Axes []int64
-	// Name is for people.
-	Name string
-	// Low and High are by axis number as text the least and the greatest position that targets lead to, in mm and deg; both or none. A machine with bodies or zones needs them.
-	Low, High map[string]float64
-	// Counts is how long each message counts, up to 10 s: without a newer one by then the axes stop, and the program ends. 0: 0.1 s.
-	Counts time.Duration
-}
-
 // Targets say where axes, or a tool, are to be. At least one of Positions and Velocities is given: a row for each point, in it a number for each axis.
 type Targets struct {
 	// Positions are in mm and deg, of one row without Times; the axes come to rest there, unless the next ones lead on.
@@ -28,7 +16,7 @@ type Targets struct {
 	Velocities [][]float64
 	// Times of the points from now, ascending.
 	Times []time.Duration
-	// Counts is as of ServoOptions; 0: as there.
+	// Counts is as of Machine.Servo; 0: as there.
 	Counts time.Duration
 	// Tool is the number of a tool, whose poses X Y Z A B C and twists the rows are then (X Y Z of one without orientation); nil: rows of axes.
 	Tool *int64
@@ -48,13 +36,11 @@ type Servo struct {
 	seq     int64
 }
 
-// Servo leases axes, energizes them and lets them follow. It fails with a RefusedError (MC512) where one of them is leased.
-func (m *Machine) Servo(ctx context.Context, options *ServoOptions) (*Servo, error) {
-	if options == nil {
-		options = &ServoOptions{}
-	}
+// Servo leases axes (of the zero value all), energizes them and lets them follow. It fails with a RefusedError (MC512) where one of them is leased.
+// counts is how long each message counts, up to 10 s: without a newer one by then the axes stop, and the program ends. 0: 0.1 s.
+func (m *Machine) Servo(ctx context.Context, request ServoRequest, counts time.Duration) (*Servo, error) {
 	program, err := m.follow(ctx, func(ctx context.Context) (*stream, []int64, error) {
-		opened, err := m.OpenServo(ctx, ServoRequest{Axes: options.Axes, Name: options.Name, Low: options.Low, High: options.High})
+		opened, err := m.OpenServo(ctx, request)
 		if err != nil {
 			return nil, nil, err
 		}
@@ -63,7 +49,6 @@ func (m *Machine) Servo(ctx context.Context, options *ServoOptions) (*Servo, err
 	if err != nil {
 		return nil, err
 	}
-	counts := options.Counts
 	if counts == 0 {
 		counts = targetsCount
 	}

@@ -60,10 +60,10 @@ pub use jog::HeldJog;
 pub use machine::Machine;
 pub use messages::{
     CheckReply, Continuation, ContinueRequest, Diagnostic, Event, Fault, Info, LineReport, MachineStatus,
-    OnDisconnect, OpenRequest, ProgramState, ProgramStatus,
+    OnDisconnect, OpenRequest, ProgramState, ProgramStatus, ServoRequest,
 };
 pub use program::{Program, ProgramResult};
-pub use servo::{Servo, ServoOptions, Targets};
+pub use servo::{Servo, Targets};
 pub use telemetry::Samples;
 
 /// The page docs/rust.md: its examples run against a server when the tests of the repository ask for it.

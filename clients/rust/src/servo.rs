@@ -15,54 +15,6 @@ use crate::wire::encode;
 
 const COUNTS: Duration = Duration::from_millis(100);
 
-/// Which axes follow; the default: all, and a message counts for 0.1 s.
-#[derive(Debug, Clone, Default)]
-pub struct ServoOptions {
-    pub(crate) request: ServoRequest,
-    counts: Option<Duration>,
-}
-
-impl ServoOptions {
-    /// Begins with all axes.
-    #[must_use]
-    pub fn new() -> Self {
-        Self::default()
-    }
-
-    /// Leases these axes only, all free now.
-    #[must_use]
-    pub fn axes(mut self, axes: impl IntoIterator<Item = u64>) -> Self {
-        self.request.axes = Some(axes.into_iter().collect());
-        self
-    }
-
-    /// Names it for people.
-    #[must_use]
-    pub fn name(mut self, name: impl Into<String>) -> Self {
-        self.request.name = name.into();
-        self
-    }
-
-    /// Says by axis number the least and the greatest position that targets lead to \[mm or deg\]. A machine with bodies
-    /// or zones needs them.
-    #[must_use]
-    pub fn within(mut self, bounds: impl IntoIterator<Item = (u64, (f64, f64))>) -> Self {
-        let (low, high) = bounds
-            .into_iter()
-            .map(|(axis, (low, high))| ((axis.to_string(), low), (axis.to_string(), high)))
-            .unzip();
-        (self.request.low, self.request.high) = (Some(low), Some(high));
-        self
-    }
-
-    /// Says how long each message counts, up to 10 s: without a newer one by then the axes stop, and the program ends.
-    #[must_use]
-    pub fn counts(mut self, time: Duration) -> Self {
-        self.counts = Some(time);
-        self
-    }
-}
-
 /// Where axes, or a tool, are to be: positions [mm, deg], velocities [per s] or both; a row for each point, in it a number
 /// for each axis.
 #[derive(Debug, Clone, Default, PartialEq)]
@@ -73,7 +25,7 @@ pub struct Targets {
     pub velocities: Option<Vec<Vec<f64>>>,
     /// When the points are, from now, ascending; none: one point, for now.
     pub times: Option<Vec<Duration>>,
-    /// As of [`ServoOptions::counts`]; none: as there.
+    /// As of [`crate::Machine::servo`]; none: as there.
     pub counts: Option<Duration>,
     /// A tool's number: the rows are its poses X Y Z A B C and twists (X Y Z of one without orientation).
     pub tool: Option<u64>,
@@ -158,10 +110,10 @@ pub(crate) fn servo_core(opened: &ServoReply) -> Core {
 }
 
 impl Servo {
-    pub(crate) fn new(program: Program, options: &ServoOptions) -> Self {
+    pub(crate) fn new(program: Program, counts: Duration) -> Self {
         Self {
             program,
-            counts: options.counts.unwrap_or(COUNTS),
+            counts,
             begun: Instant::now(),
             seq: Mutex::new(0),
         }
@@ -232,13 +184,16 @@ impl Servo {
 }
 
 impl crate::Machine {
-    /// Leases axes for targets that are streamed, energizes them and lets them follow.
+    /// Leases axes for targets that are streamed, energizes them and lets them follow; the default request is for all.
+    ///
+    /// `counts` is how long each message counts, up to 10 s: without a newer one by then the axes stop, and the program
+    /// ends; none: 0.1 s.
     ///
     /// # Errors
     /// As [`crate::Machine::refresh_info`]; MC512 an axis is leased.
-    pub async fn servo(&self, options: ServoOptions) -> Result<Servo> {
-        let opened = self.open_servo(&options.request).await?;
+    pub async fn servo(&self, request: &ServoRequest, counts: Option<Duration>) -> Result<Servo> {
+        let opened = self.open_servo(request).await?;
         let program = self.follow(servo_core(&opened), opened.axes).await?;
-        Ok(Servo::new(program, &options))
+        Ok(Servo::new(program, counts.unwrap_or(COUNTS)))
     }
 }

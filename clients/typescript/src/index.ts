@@ -6,6 +6,6 @@ export { type ConnectOptions, Gateway, type Socket } from "./gateway.js";
 export { Machine } from "./machine.js";
 export * from "./messages.js";
 export { type ContinueOptions, Program } from "./program.js";
-export { Servo, type ServoOptions, type Targets } from "./servo.js";
+export { Servo, type Targets } from "./servo.js";
 export { LineWindow } from "./window.js";
 export { type Samples, columnsOf, understand } from "./wire.js";

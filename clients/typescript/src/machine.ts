@@ -1,9 +1,9 @@
 import { MachineCalls } from "./calls.js";
 import { Feed } from "./feed.js";
 import type { Connection } from "./connection.js";
-import type { ContinueRequest, Info, MachineStatus, MotionEvent, OpenRequest } from "./messages.js";
+import type { ContinueRequest, Info, MachineStatus, MotionEvent, OpenRequest, ServoRequest } from "./messages.js";
 import { type ContinueOptions, Program } from "./program.js";
-import { Servo, type ServoOptions } from "./servo.js";
+import { Servo } from "./servo.js";
 import { type Samples, columnsOf, understand } from "./wire.js";
 
 const KEEP_MS = 100;
@@ -28,8 +28,9 @@ export class Machine extends MachineCalls {
   /** A new program; lines are streamed to it, each exactly once. `patienceMs`: as of `ContinueOptions`. */
   program(request: OpenRequest = {}, patienceMs?: number): Promise<Program> { return Program.open(this.gateway, this, request, patienceMs); }
 
-  /** Leases axes for targets that are streamed, and energizes them; refused (MC512) where one of them is leased. */
-  servo(options: ServoOptions = {}): Promise<Servo> { return Servo.open(this.gateway, this, options); }
+  /** Leases axes for targets that are streamed, and energizes them; refused (MC512) where one of them is leased. `countsS`: how
+   * long each message counts, up to 10 [s]; without a newer one by then the axes stop, and the program ends. */
+  servo(request: ServoRequest = {}, countsS = 0.1): Promise<Servo> { return Servo.open(this.gateway, this, request, countsS); }
 
   /**
    * Goes on with a program that has ended, such as by a restart of the server: energizes what it had, brings the axes to where its next line

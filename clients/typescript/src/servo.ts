@@ -1,20 +1,8 @@
 import type { Connection } from "./connection.js";
 import { type MotionError, RequestRefused } from "./errors.js";
-import type { OpenReply, ProgramState, ProgramStatus, ServoReply } from "./messages.js";
+import type { OpenReply, ProgramState, ProgramStatus, ServoReply, ServoRequest } from "./messages.js";
 import { type Behind, Program } from "./program.js";
 import { understand } from "./wire.js";
-
-export interface ServoOptions {
-  /** The axes to lease, all free now; left out: all of the machine. */
-  axes?: number[];
-  /** For people. */
-  name?: string;
-  /** By axis number the least and the greatest position that targets lead to [mm or deg]; both or none. A machine with bodies or zones needs them. */
-  low?: Record<string, number>;
-  high?: Record<string, number>;
-  /** How long each message counts, up to 10 [s]: without a newer one by then the axes stop, and the program ends. Default 0.1. */
-  countsS?: number;
-}
 
 /** Where the axes, or a tool, are to be; it replaces what was sent before. At least one of `positions` and `velocities`. */
 export interface Targets {
@@ -24,15 +12,13 @@ export interface Targets {
   velocities?: number[] | number[][];
   /** Ascending [s from now], of the points. */
   times?: number[];
-  /** As of `ServoOptions`. */
+  /** As of `Machine.servo`. */
   countsS?: number;
   /** A tool's number: the rows are its poses X Y Z A B C and twists (X Y Z of one without orientation). */
   tool?: number;
   /** Whose axes a tool's velocities are along and about; poses are in the base's. Default `base`. */
   frame?: "base" | "tool";
 }
-
-const COUNTS_S = 0.1;
 
 /** Axes that follow what is sent, until `close` or `abort` (docs/servo.md). */
 export class Servo {
@@ -46,10 +32,10 @@ export class Servo {
   ) {}
 
   /** Leases axes, energizes them and lets them follow; `clock`: the sender's time, which must not step [s]. */
-  static async open(gateway: Connection, machine: Behind, options: ServoOptions, clock = (): number => performance.now() / 1000): Promise<Servo> {
-    const opened = understand<ServoReply>("ServoReply", await machine.openServo({ axes: options.axes ?? null, name: options.name ?? "", low: options.low ?? null, high: options.high ?? null }));
+  static async open(gateway: Connection, machine: Behind, request: ServoRequest, countsS: number, clock = (): number => performance.now() / 1000): Promise<Servo> {
+    const opened = understand<ServoReply>("ServoReply", await machine.openServo(request));
     const running: OpenReply = { ...opened, state: "running", expected: 1, credit: 0, instance: "" };
-    return new Servo(gateway, machine, await Program.follow(gateway, machine, running), opened.axes, options.countsS ?? COUNTS_S, clock);
+    return new Servo(gateway, machine, await Program.follow(gateway, machine, running), opened.axes, countsS, clock);
   }
 
   /** Of the program that follows. */

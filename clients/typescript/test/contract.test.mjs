@@ -101,7 +101,7 @@ function scripted(play) {
     openServo: async () => { if (play.refusal) throw play.refusal; return play.opened; },
     programs: async () => [play.status],
   };
-  return Servo.open(gateway, machine, {}, () => play.now);
+  return Servo.open(gateway, machine, {}, 0.1, () => play.now);
 }
 
 const servoSteps = {
