@@ -10,7 +10,7 @@ from types import MappingProxyType
 
 import msgspec
 
-_HEADING = re.compile(r"^## (D-[0-9]{2}[a-z]?) (.+)$", re.MULTILINE)
+_HEADING = re.compile(r"^## (D-[0-9]{2,3}[a-z]?) (.+)$", re.MULTILINE)
 
 
 class Rule(msgspec.Struct, frozen=True):

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from mcserver.clearance.mounted import SPINDLE
 from mcserver.gcode.profiles.codes import SYSTEM_NUMBERS
+from mcserver.gcode.profiles.frame import TURN
 from mcserver.gcode.text.source import MAX_LINE_LENGTH
 from mcserver.machine.dialect_section import Cutter
 from mcserver.machine.io_section import Input, Output
@@ -46,7 +47,7 @@ from mcserver.service.line_queue import QUEUE_LINES
 from mcserver.service.service import OPEN_PROGRAMS, MachineService
 from mcserver.service.work_offsets import WorkOffsets
 from mcserver.simulation.tool_poses import ToolPoses
-from mcserver.units import MM
+from mcserver.units import DEGREE, MM
 
 TELEMETRY_FIELDS = ("setpoint", "position", "velocity", "torque")
 CYCLES_A_MESSAGE = 10
@@ -103,19 +104,17 @@ class EdgeUnits:
             return found
         scale = dict(zip(self.index, self.scale, strict=True))
         for name, number in SYSTEM_NUMBERS.items():
-            origin = {
-                str(axis): value * scale[axis]
-                for axis, value in sorted(systems.get(number, {}).items())
-                if axis in scale
-            }
-            if origin:
-                found.append(WorkOffset(name, origin))
+            kept = systems.get(number, {})
+            origin = {str(axis): value * scale[axis] for axis, value in sorted(kept.items()) if axis in scale}
+            rotation = kept.get(TURN, 0.0) / DEGREE
+            if origin or rotation:
+                found.append(WorkOffset(name, origin, rotation))
         return found
 
     def tables(self, kept: WorkOffsets, *, tool_table: bool) -> Tables:
         """Return what programs start with, and its changes, in mm and deg."""
         scale = {str(axis): scale for axis, scale in zip(self.index, self.scale, strict=True)}
-        scale |= {"length": 1.0 / MM, "diameter": 1.0 / MM}
+        scale |= {"R": 1.0 / DEGREE, "length": 1.0 / MM, "diameter": 1.0 / MM}
 
         def shown(row: Mapping[str, float]) -> dict[str, float]:
             return {name: value * scale[name] for name, value in row.items() if name in scale}

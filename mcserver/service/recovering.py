@@ -9,8 +9,8 @@ import msgspec
 
 from mcserver.errors import Refused
 from mcserver.gcode.profiles.codes import SYSTEM_NUMBERS
-from mcserver.gcode.profiles.frame import Frame
-from mcserver.gcode.semantics.modal import ModalState
+from mcserver.gcode.profiles.frame import TURN, Frame
+from mcserver.gcode.semantics.modal import ModalState, with_frame
 from mcserver.gcode.switches import AS_WRITTEN, Switches
 from mcserver.machine.machine_file import Machine
 from mcserver.planning.client import ProcessPlanning
@@ -24,6 +24,7 @@ from mcserver.service.journal_reader import (
     read_recorded,
 )
 from mcserver.service.program_table import ProgramTable
+from mcserver.units import DEGREE
 
 # Work offsets that differ by less are the same [m or rad].
 SAME_OFFSET = 1e-9
@@ -183,7 +184,7 @@ class Recovering:
         frame = state.modal.frame or Frame()
         moved = {axis: frame.g92.get(axis, 0.0) + now[axis] - state.positions[axis] for axis in free}
         frame = msgspec.structs.replace(frame, g92={**frame.g92, **moved}, g92_on=True)
-        return msgspec.structs.replace(state.modal, frame=frame, shift=frame.shift())
+        return with_frame(state.modal, frame)
 
     def _differing_offsets(self, frame: Frame) -> str:
         """Say which work offsets and tools are not those that a program had at a line; empty: none."""
@@ -201,7 +202,8 @@ class Recovering:
             for index in sorted(had.keys() | has.keys()):
                 axis = self._machine.axis(index)
                 then, at = had.get(index, 0.0), has.get(index, 0.0)
-                if axis is not None and abs(then - at) > SAME_OFFSET:
-                    was, is_now = then / axis.type.si_per_unit, at / axis.type.si_per_unit
-                    said.append(f"{names.get(number)} of axis {index} is {is_now:.3f}, it was {was:.3f}")
+                if (axis is not None or index == TURN) and abs(then - at) > SAME_OFFSET:
+                    unit = DEGREE if axis is None else axis.type.si_per_unit
+                    what = "the angle" if axis is None else f"axis {index}"
+                    said.append(f"{names.get(number)} of {what} is {at / unit:.3f}, it was {then / unit:.3f}")
         return "; ".join(said)

@@ -11,7 +11,7 @@ import msgspec
 
 from mcserver.errors import ServiceError
 from mcserver.gcode.profiles.codes import SYSTEM_NUMBERS
-from mcserver.gcode.profiles.frame import Frame, Offsets
+from mcserver.gcode.profiles.frame import TURN, Frame, Offsets
 from mcserver.machine.dialect_section import Cutter
 from mcserver.service.kept_file import KeptFiles, Write, with_checksum, without_checksum, write_at_once
 
@@ -26,8 +26,8 @@ class TableChange(msgspec.Struct, frozen=True):
     Attributes:
         wall: Unix time [s]. client: whose program it was. program: its id. name: of the program.
         row: ``G54`` to ``G59.3``, or ``T3``.
-        before, after: by axis number, or ``length`` and ``diameter`` [m, rad; in messages mm, deg]; empty:
-            the row was not there.
+        before, after: by axis number, ``R`` of a turned system, or ``length`` and ``diameter`` [m, rad; in
+            messages mm, deg]; empty: the row was not there.
     """
 
     wall: float
@@ -167,7 +167,10 @@ class WorkOffsets:
 
     def _rows(self) -> dict[str, dict[str, float]]:
         rows = {
-            name: {str(axis): at for axis, at in sorted(self.systems.get(number, {}).items())}
+            name: {
+                "R" if axis == TURN else str(axis): at
+                for axis, at in sorted(self.systems.get(number, {}).items())
+            }
             for name, number in SYSTEM_NUMBERS.items()
             if number in self.systems
         }

@@ -20,7 +20,7 @@ from mcserver.executor.block import LineEvents
 from mcserver.executor.entries import EventKind, ExecutorEvent
 from mcserver.executor.fault_codes import WARNINGS, remedy_of
 from mcserver.executor.shm.feedback import AxisCondition, homed_of
-from mcserver.gcode.profiles.frame import Frame, tool_table
+from mcserver.gcode.profiles.frame import TURN, Frame, tool_table
 from mcserver.gcode.program_check import check_lines
 from mcserver.gcode.text.source import LineSource, split_lines
 from mcserver.machine.machine_file import Machine
@@ -40,7 +40,7 @@ from mcserver.simulation.recorder import CycleTaker, Recorded, Recorder
 from mcserver.simulation.starting_machine import starting_at
 from mcserver.simulation.tool_poses import ToolPoses
 from mcserver.simulation.virtual_executor import VirtualExecutor
-from mcserver.units import MM
+from mcserver.units import DEGREE, MM
 
 # Cycles that the executor may take in one go between two looks at the planner.
 BURST = 1000
@@ -564,6 +564,12 @@ class _Run:
         """Return where each system that the program used or set reads zero [mm, deg]."""
         scale = {axis.index: axis.type.si_per_unit for axis in self._machine.axes}
         return [
-            {"system": name, "origin": {str(axis): at / scale[axis] for axis, at in sorted(origin.items())}}
+            {
+                "system": name,
+                "origin": {
+                    str(axis): at / scale[axis] for axis, at in sorted(origin.items()) if axis in scale
+                },
+                "rotation": origin.get(TURN, 0.0) / DEGREE,
+            }
             for name, origin in self._zeros.items()
         ]

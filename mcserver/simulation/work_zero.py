@@ -10,6 +10,7 @@ import msgspec
 
 from mcserver.errors import UsageFault
 from mcserver.gcode.profiles.codes import SYSTEM_NUMBERS
+from mcserver.gcode.profiles.frame import TURN
 from mcserver.gcode.text.words import AXIS_LETTERS
 from mcserver.machine.machine_file import Machine
 from mcserver.units import AxisType
@@ -22,7 +23,7 @@ def with_zeros(machine: Machine, entries: Iterable[str]) -> Machine:
 
     Args:
         entries: such as ``X=10,Y=20`` or ``G55:Z=-3``: where a system, G54 if none is named, has the zero of
-            an axis [mm or deg of the machine].
+            an axis [mm or deg of the machine]; ``R=30``: by which it is turned about Z [deg].
 
     Raises:
         UsageFault: MC017 an entry that cannot be meant as it stands, or a machine without such systems.
@@ -46,18 +47,22 @@ def with_zeros(machine: Machine, entries: Iterable[str]) -> Machine:
                 "MC017", f"--zero: {part!r} is no zero of an axis", "write it as X=10 or G55:X=10"
             )
         name = match["axis"].strip("[]")
-        number = int(name) if name.isdecimal() else letters.get(name, -1)
+        number = int(name) if name.isdecimal() else letters.get(name, TURN)
         axis = axes.get(number)
-        if axis is None:
+        turned = [each.type for each in map(axes.get, (0, 1)) if name == "R" and each is not None]
+        if name == "R" and turned != [AxisType.LINEAR] * 2:
+            raise UsageFault("MC017", "--zero: R turns linear axes X and Y", "leave it out on this machine")
+        kind = AxisType.ROTARY if axis is None else axis.type
+        if axis is None and name != "R":
             raise UsageFault("MC017", f"--zero: the machine has no axis {name}", "name an axis of its file")
         try:
             at = float(match["at"])
         except ValueError:
             at = math.nan
         if not abs(at) <= 1e9:
-            unit = "mm" if axis.type is AxisType.LINEAR else "deg"
+            unit = "mm" if kind is AxisType.LINEAR else "deg"
             raise UsageFault("MC017", f"--zero: {match['at']!r} is not a number", f"give {unit}")
         system = SYSTEM_NUMBERS[match["system"] or "G54"]
-        systems.setdefault(system, {})[number] = at * axis.type.si_per_unit
+        systems.setdefault(system, {})[number] = at * kind.si_per_unit
     dialect = msgspec.structs.replace(machine.dialect, systems=systems)
     return msgspec.structs.replace(machine, dialect=dialect)

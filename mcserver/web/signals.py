@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 
 from mcclient import Info, MachineStatus
+from mcclient.work_tables import work_places
 
 from mcserver.web.formatting import axis_name
 from mcserver.web.translation import mark, t
@@ -73,8 +74,7 @@ def _of_axis(status: MachineStatus, axis: int, quantity: str) -> float | None:
         return None
     column = axes.index.index(axis)
     if quantity == "in G54":
-        origin = next((each.origin for each in status.work_offsets if each.system == "G54"), {})
-        return axes.position[column] - origin.get(str(axis), 0.0)
+        return work_places(status.work_offsets, dict(zip(axes.index, axes.position, strict=True)))[axis]
     if quantity == "following error":
         return axes.setpoint[column] - axes.position[column]
     values: tuple[float, ...] = getattr(axes, quantity)

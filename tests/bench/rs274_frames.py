@@ -1,8 +1,10 @@
-"""Random programs with work offsets, units, polar words, arcs and cycles, read here and by LinuxCNC's rs274.
+"""Random programs with work offsets, turned ones too, arcs and cycles, read here and by LinuxCNC's rs274.
 
-``python -m tests.bench.rs274_frames [PROGRAMS] [SEED]`` (D-62 to D-64, D-75, D-96). Left out are pecks (rs274
-ends their rapids 0.254 mm above the hole, not 0.25), G85 and G89 under G98 (it feeds out to where the cycle
-began, not to R) and parameters of offsets, which it has in inches.
+``python -m tests.bench.rs274_frames [PROGRAMS] [SEED]`` (D-62 to D-64, D-75, D-96, D-110). Left out are pecks
+(rs274 ends their rapids 0.254 mm above the hole, not 0.25), G85 and G89 under G98 (it feeds out to where the
+cycle began, not to R), parameters of offsets, which it has in inches, and what is refused in a turned system:
+G28 of X or Y alone (it goes along the turned axis), and its angle while G92 counts (increments behind it lead
+elsewhere than its positions do).
 """
 
 from __future__ import annotations
@@ -66,12 +68,14 @@ class FrameWriter:
     def _zero(self) -> list[str]:
         choices = [
             f"G10 L2 P{self._random.randint(0, 9)} {self._words()}",
+            f"G92.1\nG10 L2 P{self._random.randint(0, 9)} R{self._number(-200.0, 200.0)}",
+            f"G92.1\nG10 L2 P{self._random.randint(0, 9)} R{self._random.choice([0, 90])} {self._words()}",
             f"G10 L20 P{self._random.randint(0, 9)} {self._words()}",
             self._random.choice(["G54", "G55", "G56", "G57", "G58", "G59", "G59.1", "G59.2", "G59.3"]),
             f"G92 {self._words()}",
             self._random.choice(["G92.1", "G92.2", "G92.3"]),
             "G28.1",
-            f"G28 {self._words()}",
+            f"G28 {self._random.choice(['', f'X{self._number()} Y{self._number()}'])} Z{self._number()}",
             "G30.1",
             "G30",
         ]
@@ -90,7 +94,7 @@ class FrameWriter:
         return [f"G21 {mode} {exit_level} {code} {self._words('XY')} {heights}{times}", *more, "G80 G90"]
 
     def _read(self) -> list[str]:
-        number = self._random.choice([5420, 5421, 5422, 5220])
+        number = self._random.choice([5420, 5421, 5422, 5220, 5230])
         return [f"G1 X[#{number} MOD 50] Y[#<_abs_y> MOD 40]"]
 
 

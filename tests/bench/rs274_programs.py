@@ -6,6 +6,7 @@
 
 from __future__ import annotations
 
+import cmath
 import math
 import os
 import re
@@ -13,11 +14,13 @@ import shutil
 import subprocess
 import sys
 import tempfile
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from random import Random
 from typing import Protocol
 from unittest.mock import patch
+
+import numpy as np
 
 from mcserver.errors import ProgramRejected
 from mcserver.gcode.computing import expressions
@@ -29,6 +32,7 @@ from mcserver.gcode.text.parser import ParsedLine
 from mcserver.machine.machine_file import Machine, parse_machine
 from mcserver.motion.canonical import Canonical, FeedGroup, MotionLine, RapidGroup
 from mcserver.motion.geometry.curves import ArcCurve
+from mcserver.motion.geometry.turned_arc import TurnedArc
 from mcserver.units import MM
 
 # rs274 prints so many decimals [mm]
@@ -257,11 +261,20 @@ def _follow(value: Canonical, place: list[float], found: list[Move]) -> None:
             ends = dict(zip(curve.axes, curve.end, strict=True))
             if isinstance(curve, ArcCurve):
                 centre = tuple(each / MM for each in curve.centre)
+            elif isinstance(curve, TurnedArc):
+                centre = _centre(curve)
         else:
             continue
         for axis, end in ends.items():
             place[axis] = end / MM
         found.append((*place, *centre))
+
+
+def _centre(curve: TurnedArc) -> Move:
+    """Return the centre, by the plane's two axes, at the height of the end [mm]."""
+    flat = np.array([*curve.flat.centre, *curve.flat.end[2:]])
+    at = np.array(curve.zero) + np.array(curve.directions) @ flat
+    return float(at[0]) / MM, float(at[1]) / MM
 
 
 def moves_of_rs274(text: str, rs274: str) -> tuple[list[Move], str]:
@@ -294,6 +307,7 @@ def _moves_in(output: str) -> list[Move]:
     found: list[Move] = []
     axes, unit = (0, 1, 2), 1.0
     zeros = {"G5X": (0.0, 0.0, 0.0), "G92": (0.0, 0.0, 0.0)}
+    turn = 1.0 + 0.0j
     for kind, text in re.findall(r"([A-Z0-9_]+)\(([^)]*)\)", output):
         numbers = [float(each) for each in re.findall(r"-?[0-9]+\.[0-9]+|-?[0-9]+(?![0-9.])", text)]
         if kind == "SELECT_PLANE":
@@ -303,16 +317,30 @@ def _moves_in(output: str) -> list[Move]:
         elif kind.endswith("_OFFSET") and kind[4:7] in zeros:
             first = 1 if kind == "SET_G5X_OFFSET" else 0
             zeros[kind[4:7]] = tuple(unit * each for each in numbers[first : first + 3])
+        elif kind == "SET_XY_ROTATION":
+            turn = cmath.exp(1j * math.radians(numbers[0]))
         elif kind in ("STRAIGHT_TRAVERSE", "STRAIGHT_FEED", "ARC_FEED"):
-            zero = [sum(each) for each in zip(*zeros.values(), strict=True)]
+            place = {axis: unit * number for axis, number in enumerate(numbers[:3])}
             if kind != "ARC_FEED":
-                found.append(tuple(unit * number + zero[axis] for axis, number in enumerate(numbers[:3])))
+                found.append(_machine(place, turn, zeros))
                 continue
             end, centre = [numbers[0], numbers[1], numbers[5]], numbers[2:4]
-            by_axis = {axis: unit * number + zero[axis] for axis, number in zip(axes, end, strict=True)}
-            around = (unit * number + zero[axis] for axis, number in zip(axes, centre, strict=False))
-            found.append((by_axis[0], by_axis[1], by_axis[2], *around))
+            end_of_arc = _machine(
+                {axis: unit * number for axis, number in zip(axes, end, strict=True)}, turn, zeros
+            )
+            # the third coordinate of the centre is that of the end
+            around = {axes[0]: unit * centre[0], axes[1]: unit * centre[1], axes[2]: unit * end[2]}
+            middle = _machine(around, turn, zeros)
+            found.append((*end_of_arc, *(middle[axis] for axis in axes[:2])))
     return found
+
+
+def _machine(place: Mapping[int, float], turn: complex, zeros: Mapping[str, Move]) -> Move:
+    """Return a place of the program along the machine's axes: G92 is turned, the system's origin is not."""
+    x, y, z = (place[axis] + zeros["G92"][axis] for axis in range(3))
+    at = turn * complex(x, y)
+    origin = zeros["G5X"]
+    return at.real + origin[0], at.imag + origin[1], z + origin[2]
 
 
 def _travelling(moves: list[Move], within: float) -> list[Move]:

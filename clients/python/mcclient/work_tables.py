@@ -2,23 +2,38 @@
 
 from __future__ import annotations
 
-import re
-from collections.abc import Mapping
+import math
+from collections.abc import Mapping, Sequence
 
-from mcclient.types import TableChange
+from mcclient.types import TableChange, WorkOffset
 
 SYSTEMS = ("G54", "G55", "G56", "G57", "G58", "G59", "G59.1", "G59.2", "G59.3")
 LETTERS = "XYZABC"
+
+
+def work_places(
+    offsets: Sequence[WorkOffset], positions: Mapping[int, float], system: str = "G54"
+) -> dict[int, float]:
+    """Return what axes at ``positions``, by number, read in a work coordinate system [mm, deg]."""
+    found = next((each for each in offsets if each.system == system), None)
+    if found is None:
+        return dict(positions)
+    reads = {axis: at - found.origin.get(str(axis), 0.0) for axis, at in positions.items()}
+    if found.rotation and {0, 1} <= reads.keys():
+        cosine, sine = math.cos(math.radians(found.rotation)), math.sin(math.radians(found.rotation))
+        reads[0], reads[1] = cosine * reads[0] + sine * reads[1], cosine * reads[1] - sine * reads[0]
+    return reads
 
 
 def offset_line(system: str, origin: Mapping[str, float], *, shift: bool = False) -> str:
     """Return the line that sets where a system reads zero.
 
     Args:
-        system: such as ``G54``. origin: by axis number [mm, deg]; axes left out stay.
+        system: such as ``G54``.
+        origin: by axis number [mm, deg], and ``R``, its rotation [deg]; what is left out stays.
         shift: by how much instead of where.
     """
-    words = [f"{_axis(int(axis))}{_number(value)}" for axis, value in origin.items()]
+    words = [f"{_axis(axis)}{_number(value)}" for axis, value in origin.items()]
     return f"G21 G{91 if shift else 90} G10 L2 P{SYSTEMS.index(system) + 1} {' '.join(words)}"
 
 
@@ -42,13 +57,14 @@ def change_text(change: TableChange) -> str:
     for name in {**change.before, **change.after}:
         was, is_now = change.before.get(name), change.after.get(name)
         if was != is_now:
-            shown = _axis(int(name)) if re.fullmatch("[0-9]+", name) else name
-            parts.append(f"{shown} {'–' if was is None else _number(was)} → {_number(is_now or 0.0)}")
+            parts.append(f"{_axis(name)} {'–' if was is None else _number(was)} → {_number(is_now or 0.0)}")
     return f"{change.row}: {', '.join(parts)}"
 
 
-def _axis(index: int) -> str:
-    return LETTERS[index] if index < len(LETTERS) else f"[{index}]"
+def _axis(name: str) -> str:
+    if not name.isdecimal():
+        return name
+    return LETTERS[int(name)] if int(name) < len(LETTERS) else f"[{name}]"
 
 
 def _number(value: float) -> str:

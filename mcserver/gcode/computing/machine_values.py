@@ -10,12 +10,14 @@ import msgspec
 from mcserver.gcode.computing.expressions import ComputingError
 from mcserver.gcode.line_faults import Span
 from mcserver.gcode.profiles.codes import SYSTEM_NUMBERS
-from mcserver.gcode.profiles.frame import Frame
+from mcserver.gcode.profiles.directions import back
+from mcserver.gcode.profiles.frame import TURN, Frame
+from mcserver.gcode.profiles.transformation import Transformation
 from mcserver.gcode.semantics.interpreter import Interpreter
 from mcserver.gcode.semantics.program_units import axis_scale, length_scale
 from mcserver.gcode.text.words import INCREMENTAL_LETTERS, axis_letters
 from mcserver.motion.canonical import Canonical, InputLine, ProbeLine, WaitMode
-from mcserver.units import MM
+from mcserver.units import DEGREE, MM
 
 _LETTERS = "XYZABCUVW"
 _DIGITIZED = 5070
@@ -57,13 +59,13 @@ class _Probe(msgspec.Struct, frozen=True):
     """The last probing move: the program's zero and scale as it began, and what came of it.
 
     Attributes:
-        transformed: axes that are turned or scaled, whose programmed place is not told.
+        transformation: as it began.
         place: of all axes, by number [m or rad]; None: it has not ended yet.
     """
 
     shift: Mapping[int, float]
     inch: bool
-    transformed: frozenset[int] = frozenset()
+    transformation: Transformation = Transformation()
     place: Mapping[int, float] | None = None
     tripped: bool = False
 
@@ -99,7 +101,7 @@ class MachineValues:
         for value in values:
             if isinstance(value, ProbeLine):
                 modal = self._interpreter.modal
-                self._probe = _Probe(dict(modal.shift or {}), modal.inch, self._transformed)
+                self._probe = _Probe(dict(modal.shift or {}), modal.inch, self._transformation)
                 if self._source is Source.ASSUMED:
                     self.probed(self._interpreter.positions, tripped=value.kind.towards)
             elif isinstance(value, InputLine):
@@ -135,7 +137,8 @@ class MachineValues:
             if first <= number < first + 9:
                 return self._offset(offsets, number - first)
         if number in range(5230, 5391, 20):
-            return 0.0  # the rotation of a system: there is none
+            angle = frame.systems.get((number - 5210) // 20, {}).get(TURN, 0.0)
+            return angle / DEGREE
         if _POSITIONS <= number < _POSITIONS + 9:
             return self.position(number - _POSITIONS, span, absolute=False)
         single = {
@@ -221,30 +224,42 @@ class MachineValues:
         positions = self._interpreter.positions if absolute else self._interpreter.coordinates
         if axis not in positions:
             return 0.0
-        unsynced = frozenset((axis,) if absolute else self._interpreter.axes_of(axis))
+        own = self._interpreter.axes_of(axis)
+        unsynced = frozenset((axis,)) if absolute else self._transformation.coupled(frozenset(own))
         unsynced = frozenset(each for each in unsynced if each in self._interpreter.unsynced)
         if unsynced:
             self._wait(f"where {_LETTERS[letter]} is", span, unsynced)
-        if not absolute:
-            self._refuse_transformed(axis, self._transformed, span)
         modal = self._interpreter.modal
-        zero = 0.0 if absolute else (modal.shift or {}).get(axis, 0.0)
-        return (positions[axis] - zero) / self._scale(axis, inch=modal.inch)
+        place = positions[axis]
+        if not absolute:
+            place = self._programmed(axis, positions, modal.shift or {}, self._transformation, span)
+        return place / self._scale(axis, inch=modal.inch)
 
     @property
-    def _transformed(self) -> frozenset[int]:
-        transformation = self._interpreter.modal.transformation
-        return frozenset() if transformation is None else transformation.axes
+    def _transformation(self) -> Transformation:
+        return self._interpreter.modal.transformation or Transformation()
 
-    def _refuse_transformed(self, axis: int, transformed: frozenset[int], span: Span) -> None:
-        """Refuse the place of a turned or scaled axis: controllers tell it turned, or along the axes."""
-        if axis in transformed:
+    def _programmed(
+        self,
+        axis: int,
+        place: Mapping[int, float],
+        zero: Mapping[int, float],
+        transformation: Transformation,
+        span: Span,
+    ) -> float:
+        """Return the programmed coordinate of a place [m or rad].
+
+        That of an axis which codes turn or scale is refused: controllers tell it turned, or along the axes.
+        """
+        if axis in transformation.changed:
             raise ComputingError(
                 "MC187",
                 "positions under G68, G51 and G16 differ from controller to controller",
                 span,
                 "read them ahead of these codes or behind G69, G50 and G15; #<_abs_x> is of the machine",
             )
+        reads = {each: at - zero.get(each, 0.0) for each, at in place.items()}
+        return back(transformation.directions, reads)[axis]
 
     def _probed(self, number: int, span: Span) -> float:
         probe = self._probe
@@ -260,8 +275,8 @@ class MachineValues:
         axis = self._axes[number - _PROBE]
         if axis not in probe.place:
             return 0.0
-        self._refuse_transformed(axis, probe.transformed, span)
-        return (probe.place[axis] - probe.shift.get(axis, 0.0)) / self._scale(axis, inch=probe.inch)
+        place = self._programmed(axis, probe.place, probe.shift, probe.transformation, span)
+        return place / self._scale(axis, inch=probe.inch)
 
     def _read(self, span: Span) -> float:
         if self._input is None:

@@ -20,17 +20,19 @@ from mcserver.gcode.profiles.codes import (
     THREADING,
     TRANSFORMING,
 )
+from mcserver.gcode.profiles.directions import along, coupled
 from mcserver.gcode.profiles.drilling import drill
-from mcserver.gcode.profiles.frame import LENGTH_AXIS, Offsets, tool_table
+from mcserver.gcode.profiles.frame import LENGTH_AXIS, TURN, Offsets, tool_table
 from mcserver.gcode.profiles.io_codes import read_io, read_mapped
 from mcserver.gcode.profiles.nurbs import add_control_point
 from mcserver.gcode.profiles.probing import read_probe_move
 from mcserver.gcode.profiles.splines import read_spline
 from mcserver.gcode.profiles.threading import orient, read_threads
-from mcserver.gcode.profiles.transforming import end_transformation, transform
+from mcserver.gcode.profiles.transforming import end_transformation, linear, transform
 from mcserver.gcode.semantics.arc_plane import PLANES
 from mcserver.gcode.semantics.block_state import BlockState
 from mcserver.gcode.semantics.compensation_state import Compensation
+from mcserver.gcode.semantics.program_places import ends_of, given_by
 from mcserver.gcode.semantics.program_units import (
     axis_scale,
     motor_rpm,
@@ -235,11 +237,6 @@ def _axis_values(block: BlockState, action: Action) -> list[tuple[int, float]]:
     return list(found.items())
 
 
-def _origin_without(block: BlockState, axis: int, **left_out: Offsets) -> float:
-    """Return the axis position of the program's zero if a part of the frame were empty [m or rad]."""
-    return (msgspec.structs.replace(block.frame, **left_out).shift() or {}).get(axis, 0.0)
-
-
 def _set_g92(block: BlockState, action: Action) -> None:
     offsets = {} if not action.axes else dict(block.frame.g92)
     values = _axis_values(block, action)
@@ -247,8 +244,9 @@ def _set_g92(block: BlockState, action: Action) -> None:
         values = [(axis, 0.0) for axis in sorted(block.setup.leased)]
     elif not action.axes:
         block.faults.add("MC118", "G92 names no axis", action.span, "add axis words, such as G92 X0")
+    without = msgspec.structs.replace(block.frame, g92={}).coordinates(block.commanded.positions)
     for axis, value in values:
-        offsets[axis] = block.commanded.positions[axis] - _origin_without(block, axis, g92={}) - value
+        offsets[axis] = without[axis] - value
     block.frame = msgspec.structs.replace(block.frame, g92=offsets, g92_on=True)
 
 
@@ -261,12 +259,13 @@ def _set_system(block: BlockState, action: Action) -> None:
         return
     chosen = action.words.get("P")
     number = frame.system if chosen is None or chosen.value == 0 else int(chosen.value)
-    if kind not in (2.0, 20.0) or "R" in action.words:
+    angle = action.words.get("R")
+    if kind not in (2.0, 20.0) or (angle is not None and kind == 20.0):
         block.faults.add(
             "MC141",
-            "of G10 only L1 (tools of a machining centre), L2 and L20 set something, without a rotation R",
+            "of G10 only L1 (tools of a machining centre), L2 and L20 set something, and L20 no angle R",
             action.span,
-            "G10 L2 Pn sets a work coordinate system, G10 L1 Pn Z… R… a tool's length and radius",
+            "G10 L2 Pn sets a work coordinate system, R its angle; L1 Pn Z… R… a tool's length and radius",
         )
         return
     if chosen is not None and (chosen.value != int(chosen.value) or not 0 <= chosen.value <= 9):
@@ -274,17 +273,32 @@ def _set_system(block: BlockState, action: Action) -> None:
             "MC143", f"P{chosen.text} is no work coordinate system", chosen.span, "P1 is G54, P9 G59.3"
         )
         return
-    if not action.axes:
+    if not action.axes and angle is None:
         block.faults.add(
             "MC118", "G10 names no axis", action.span, f"add axis words, such as G10 L20 P{number} X0"
         )
     origin = dict(frame.systems.get(number, {}))
-    for axis, value in _axis_values(block, action):
-        if kind == 2.0:
+    inner = frame.inner
+    if angle is not None and number == frame.system and (inner.get(0) or inner.get(1)):
+        block.faults.add(
+            "MC174",
+            "an offset of G92 or G52 counts, which controllers leave behind when its system is turned",
+            angle.span,
+            "write G92.1 or G52 X0 Y0 before it, and the offset again behind it",
+        )
+    elif angle is not None and linear(block, action, (0, 1)):
+        # an angle is none to add to, under G91 neither (LinuxCNC)
+        origin[TURN] = math.radians(angle.value)
+    values = dict(_axis_values(block, action))
+    if kind == 2.0:
+        for axis, value in values.items():
             origin[axis] = value + (origin.get(axis, 0.0) if block.modal.incremental else 0.0)
-        else:
-            others = _origin_without(block, axis, systems={})
-            origin[axis] = block.commanded.positions[axis] - others - value
+    else:
+        chosen_frame = msgspec.structs.replace(frame, system=number)
+        reads = chosen_frame.coordinates(block.commanded.positions)
+        by = {axis: reads[axis] - value for axis, value in values.items()}
+        for axis, distance in along(chosen_frame.directions, by).items():
+            origin[axis] = origin.get(axis, 0.0) + distance
     block.frame = msgspec.structs.replace(frame, systems={**frame.systems, number: origin})
 
 
@@ -376,15 +390,25 @@ def _switch_on(block: BlockState, action: Action) -> None:
             "write G40 and a straight move first",
         )
         return
+    if not block.transformation.in_plane(plane):
+        block.faults.add(
+            "MC185",
+            f"cutter compensation in a plane that is skew to the axes does not go together with "
+            f"{block.transformation.names}",
+            action.span,
+            "let the CAM compute the tool's own path",
+        )
+        return
     profiled = [axis for axis in plane if axis not in block.setup.axes or block.setup.axes[axis].profiled]
     if profiled:
         block.faults.add("MC138", f"axis {profiled[0]} follows no path", action.span, "", axis=profiled[0])
         return
     diameter = _diameter(block, action)
+    mirrored = block.transformation.mirrors(plane) != block.transformation.reverses(plane)
     if diameter is not None:
         place = None if before is None else before.place
         block.compensation = Compensation(
-            -COMPENSATING[action.code] if block.transformation.mirrors(plane) else COMPENSATING[action.code],
+            -COMPENSATING[action.code] if mirrored else COMPENSATING[action.code],
             diameter / 2.0,
             plane,
             block.parsed.number,
@@ -501,15 +525,23 @@ def _go_home(block: BlockState, action: Action, effects: Effects) -> None:
     modal = block.modal
     named = _axis_values(block, action)
     home = block.frame.stored.get(int(action.code[1:3]), {})
-    through: dict[int, float] = {}
     transformation = block.transformation
-    uncertain = transformation.axes | (transformation.unsettled if modal.incremental else frozenset())
-    for axis, value in named:
-        if modal.incremental:
-            through[axis] = block.commanded.positions[axis] + value
-        else:
-            through[axis] = value + (modal.shift or {}).get(axis, 0.0)
-    if any(axis in uncertain and (value or not modal.incremental) for axis, value in named):
+    uncertain = transformation.changed | (transformation.unsettled if modal.incremental else frozenset())
+    going = {axis for axis, value in named if value or not modal.incremental}
+    through = {axis: block.commanded.positions[axis] for axis, _ in named}
+    together = coupled(transformation.directions, frozenset(through))
+    if not together <= through.keys():
+        block.faults.add(
+            "MC186",
+            f"controllers differ in where {action.code} of one axis of a turned plane ends",
+            action.span,
+            f"name {' and '.join('XYZ'[axis] for axis in sorted(together))}, or go by G53 G0",
+        )
+    elif not transformation.coupled(uncertain).intersection(going):
+        words = {word.axis: word for word in action.axes if word.axis in going}
+        block.transformation = msgspec.structs.replace(transformation, unsettled=frozenset())
+        through |= ends_of(block, given_by(block, words), action) or {}
+    else:
         block.faults.add(
             "MC186",
             f"controllers differ in where {action.code} goes through here",

@@ -252,7 +252,8 @@ def _sound(block: BlockState, action: Action, cycle: DrillCycle, hole: _Hole) ->
     if hole.axis in block.transformation.axes:
         block.faults.add(
             "MC185",
-            f"a canned cycle along a scaled axis does not go together with {block.transformation.names}",
+            "a canned cycle along a scaled or turned axis does not go together with "
+            f"{block.transformation.names}",
             action.span,
             f"end that by {block.transformation.enders} first, or scale X and Y alone",
         )

@@ -1,4 +1,4 @@
-"""Work offsets, G92, tool length, canned cycle and spindle as an immutable value (D-62 to D-66, D-75)."""
+"""Work systems, G92, tool length, cycle and spindle as an immutable value (D-62 to D-66, D-75, D-110)."""
 
 from __future__ import annotations
 
@@ -7,11 +7,14 @@ from collections.abc import Mapping
 import msgspec
 
 from mcserver.gcode.profiles.codes import SYSTEM_NUMBERS
+from mcserver.gcode.profiles.directions import Directions, about_z, along, back
 from mcserver.machine.dialect_section import Cutter
 from mcserver.machine.machine_file import Machine
 
 Offsets = Mapping[int, float]
 LENGTH_AXIS = 2  # a tool's length lies along Z
+# in place of an axis: the angle about Z by which X and Y of a work system are turned (G10 L2 R) [rad]
+TURN = -1
 
 
 class Level(msgspec.Struct, frozen=True):
@@ -41,7 +44,8 @@ class Frame(msgspec.Struct, frozen=True):
     """The frame that axis words are in, and the spindle.
 
     Attributes:
-        system: 1 … 9, of G54 … G59.3. systems: origins of the work coordinate systems, axis → [m or rad].
+        system: 1 … 9, of G54 … G59.3. systems: origins of the work coordinate systems, axis → [m or rad],
+            and by `TURN` the angle of those that are turned.
         cutters: of the tool table, by number, as G10 L1 set them; they go before the machine file's.
         g92: offsets of G92. g92_on: they count (G92.2 takes them out, G92.3 in). local: of G52.
         tool_length: of G43 or G43.4 [m]. tool: number of the last T. changed: number of the last M6.
@@ -73,26 +77,44 @@ class Frame(msgspec.Struct, frozen=True):
 
         Under G43.4 the tip is led to where the words say, so that the tool's length is no part of it.
         """
-        total: dict[int, float] = {}
-        parts = [self.systems.get(self.system, {}), self.local]
-        if self.g92_on:
-            parts.append(self.g92)
-        for part in parts:
-            for axis, offset in part.items():
+        total = along(self.directions, self.inner)
+        for axis, offset in self.systems.get(self.system, {}).items():
+            if axis != TURN:
                 total[axis] = total.get(axis, 0.0) + offset
         if self.tool_length and self.tip_tool is None:
             total[LENGTH_AXIS] = total.get(LENGTH_AXIS, 0.0) + self.tool_length
         total = {axis: offset for axis, offset in total.items() if offset != 0.0}
         return total or None
 
+    @property
+    def inner(self) -> dict[int, float]:
+        """Offsets within the work system, of G52 and G92: they are turned with it [m or rad]."""
+        found: dict[int, float] = {}
+        for part in (self.local, self.g92 if self.g92_on else {}):
+            for axis, offset in part.items():
+                found[axis] = found.get(axis, 0.0) + offset
+        return found
+
+    @property
+    def directions(self) -> Directions | None:
+        """Where the program's X, Y and Z point; None: along the axes."""
+        angle = self.systems.get(self.system, {}).get(TURN, 0.0)
+        return about_z(angle) if angle else None
+
+    def coordinates(self, positions: Offsets) -> dict[int, float]:
+        """Return what axes at these positions read in the zero in force [m or rad], unscaled and unturned."""
+        zero = self.shift() or {}
+        return back(self.directions, {axis: at - zero.get(axis, 0.0) for axis, at in positions.items()})
+
     def zeros(self) -> dict[str, Offsets]:
-        """Return where programs read zero, by system [m or rad]; without a tool's length.
+        """Return where programs read zero, by system [m or rad], as in ``systems``; without a tool's length.
 
         The system in force has the offsets of G92 and G52 in it; systems without an origin are left out.
         """
         found = {name: dict(self.systems.get(number, {})) for name, number in SYSTEM_NUMBERS.items()}
         own = next(name for name, number in SYSTEM_NUMBERS.items() if number == self.system)
-        found[own] = msgspec.structs.replace(self, tool_length=0.0).shift() or {}
+        turn = {axis: angle for axis, angle in found[own].items() if axis == TURN}
+        found[own] = {**(msgspec.structs.replace(self, tool_length=0.0).shift() or {}), **turn}
         return {name: origin for name, origin in found.items() if any(origin.values())}
 
 

@@ -88,7 +88,7 @@ def straight_targets(block: BlockState, action: Action, rotary: str) -> dict[int
             block.faults.add(
                 "MC201",
                 f"{action.code} takes axis {index} to {shown}, beyond its travel",
-                named[index].span,
+                named.get(index, action).span,
                 "stay within the axis's travel",
                 axis=index,
             )

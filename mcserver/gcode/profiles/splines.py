@@ -5,6 +5,7 @@ from __future__ import annotations
 import msgspec
 import numpy as np
 
+from mcserver.gcode.profiles.directions import along
 from mcserver.gcode.semantics.block_state import BlockState
 from mcserver.gcode.semantics.feed_time import FeedBasis, FeedMove, feed_group
 from mcserver.gcode.semantics.modal import SplineEnd
@@ -80,6 +81,9 @@ def allowed(block: BlockState, action: Action, taken: str) -> bool:
         )
     elif transformation.polar is not None:
         refuse(block, action, f"{action.code} does not go together with G16", "write G15 before it", "MC185")
+    elif not transformation.in_plane(PLANE):
+        what = f"{action.code} does not go together with {transformation.names}"
+        refuse(block, action, what, "write arcs and lines", "MC185")
     elif transformation.unsettled.intersection(PLANE):
         what = "controllers differ in where this curve starts"
         refuse(block, action, what, "write a G0 or G1 under G90 with X and Y before it", "MC186")
@@ -106,7 +110,10 @@ def _vector(block: BlockState, action: Action, letters: str) -> Array | None:
     if len(given) < len(letters):
         return None
     scale = length_scale(block.modal.inch)
-    return np.array(block.transformation.vector(PLANE, scale * given[0], scale * given[1]))
+    transformation = block.transformation
+    scaled = transformation.vector(PLANE, scale * given[0], scale * given[1])
+    turned = along(transformation.directions, dict(zip(PLANE, scaled, strict=True)))
+    return np.array([turned[axis] for axis in PLANE])
 
 
 def curve_line(

@@ -1,15 +1,17 @@
 """Turned, scaled, mirrored and polar coordinates of a program as an immutable value (D-94 to D-96).
 
 Programmed coordinates go through polar coordinates, scaling and rotation in this order, as on Fanuc's
-controllers; offsets of the zero and compensation of the cutter come behind.
+controllers, and then along the directions of the work system; offsets of the zero and compensation of the
+cutter come behind.
 """
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterable, Mapping
 
 import msgspec
+
+from mcserver.gcode.profiles.directions import Directions, along, back, cosine_and_sine, coupled
 
 Offsets = Mapping[int, float]
 # factors whose amounts differ by less are equal
@@ -73,12 +75,14 @@ class Transformation(msgspec.Struct, frozen=True):
     """How programmed X Y Z become coordinates along the axes, in the zero in force.
 
     Attributes:
+        directions: of the zero in force, as its frame has them.
         unsettled: axes whose programmed coordinate controllers have differently, until a word of G90 says it.
     """
 
     scaling: Scaling | None = None
     rotation: Rotation | None = None
     polar: Polar | None = None
+    directions: Directions | None = None
     unsettled: frozenset[int] = frozenset()
 
     @property
@@ -89,16 +93,41 @@ class Transformation(msgspec.Struct, frozen=True):
     @property
     def axes(self) -> frozenset[int]:
         """Return the axes that do not go where their words say."""
+        return self.changed | coupled(self.directions, self.changed) | self.turned
+
+    @property
+    def changed(self) -> frozenset[int]:
+        """Return the coordinates that codes of the program scale, mirror, rotate or have as polar ones."""
         found = set(() if self.scaling is None else self.scaling.factors)
         for part in (self.rotation, self.polar):
             found.update(() if part is None else part.plane)
         return frozenset(found)
 
+    @property
+    def turned(self) -> frozenset[int]:
+        """Return the axes that are no direction of the zero in force."""
+        rows = enumerate(self.directions or ())
+        return frozenset(
+            axis for axis, row in rows if row[axis] < 1.0 or any(row[other] for other in {0, 1, 2} - {axis})
+        )
+
+    def in_plane(self, plane: tuple[int, int]) -> bool:
+        """Return whether a plane of the program is the same plane of the axes."""
+        return coupled(self.directions, frozenset(plane)) == frozenset(plane)
+
+    def reverses(self, plane: tuple[int, int]) -> bool:
+        """Return whether such a plane is seen from behind along the axes: left and right change sides."""
+        if self.directions is None:
+            return False
+        (a, b), (c, d) = (tuple(self.directions[row][column] for column in plane) for row in plane)
+        return a * d - b * c < 0.0
+
     def like(self, other: Transformation | None) -> bool:
         """Return whether places are turned and scaled alike."""
         other = other or Transformation()
         polar = (self.polar is None) == (other.polar is None)
-        return polar and (self.scaling, self.rotation) == (other.scaling, other.rotation)
+        own = (self.scaling, self.rotation, self.directions)
+        return polar and own == (other.scaling, other.rotation, other.directions)
 
     @property
     def needs_plane(self) -> tuple[int, int] | None:
@@ -111,28 +140,28 @@ class Transformation(msgspec.Struct, frozen=True):
         """Name the codes in force."""
         found = [] if self.scaling is None else [self.scaling.code]
         found += [] if self.rotation is None else ["G68"]
-        return " and ".join(found + ([] if self.polar is None else ["G16"]))
+        found += [] if self.polar is None else ["G16"]
+        return " and ".join(found or ["a turned work system"])
 
     @property
     def enders(self) -> str:
         """Name the codes that end those in force, in their order."""
         found = [] if self.polar is None else ["G15"]
         found += [] if self.rotation is None else ["G69"]
-        return " and ".join(
-            found + ([] if self.scaling is None else [self.scaling.code.replace("G51", "G50")])
-        )
+        found += [] if self.scaling is None else [self.scaling.code.replace("G51", "G50")]
+        return " and ".join(found or ["G10 L2 P0 R0, or another system,"])
 
     def coupled(self, named: frozenset[int]) -> frozenset[int]:
         """Return the axes that words of some axes move."""
-        found = set(named)
+        found = set(coupled(self.directions, named))
         for part in (self.rotation, self.polar):
-            if part is not None and named.intersection(part.plane):
-                found.update(part.plane)
+            if part is not None and found.intersection(part.plane):
+                found.update(coupled(self.directions, frozenset(part.plane)))
         return frozenset(found)
 
     def without(self, moved: Iterable[int]) -> Transformation:
         """Return it behind a motion that knows nothing of it, such as G53."""
-        lost = self.coupled(frozenset(moved)) & self.axes
+        lost = self.coupled(frozenset(moved)) & self.changed
         return msgspec.structs.replace(self, unsettled=self.unsettled | lost)
 
     def applied(self, place: Mapping[int, float]) -> dict[int, float]:
@@ -140,11 +169,11 @@ class Transformation(msgspec.Struct, frozen=True):
         found = dict(place)
         if self.scaling is not None:
             found = {axis: self.scaling.scaled(axis, value) for axis, value in found.items()}
-        return self._turned(found, back=False)
+        return along(self.directions, self._turned(found, back=False))
 
     def undone(self, place: Mapping[int, float]) -> dict[int, float]:
         """Return the programmed coordinates [m] of ones along the axes."""
-        found = self._turned(dict(place), back=True)
+        found = self._turned(back(self.directions, place), back=True)
         if self.scaling is not None:
             found = {axis: self.scaling.unscaled(axis, value) for axis, value in found.items()}
         return found
@@ -159,7 +188,7 @@ class Transformation(msgspec.Struct, frozen=True):
         return {**place, first: u + x, second: v + y}
 
     def vector(self, plane: tuple[int, int], first: float, second: float) -> tuple[float, float]:
-        """Return a programmed vector of a plane along its axes."""
+        """Return a programmed vector of a plane, scaled and rotated."""
         u, v = (factor * each for factor, each in zip(self.factors(plane), (first, second), strict=True))
         rotation = self.rotation
         return (u, v) if rotation is None or rotation.plane != plane else rotation.turned(u, v)
@@ -180,12 +209,3 @@ class Transformation(msgspec.Struct, frozen=True):
         """Return whether arcs of a plane stay arcs."""
         first, second = self.factors(plane)
         return abs(abs(first) - abs(second)) <= SAME_FACTOR * abs(first)
-
-
-def cosine_and_sine(degrees: float) -> tuple[float, float]:
-    """Return both of an angle, exact at multiples of 90 degrees."""
-    quarters = degrees / 90.0
-    if quarters == round(quarters):
-        return ((1.0, 0.0), (0.0, 1.0), (-1.0, 0.0), (0.0, -1.0))[int(quarters % 4.0)]
-    angle = math.radians(degrees)
-    return math.cos(angle), math.sin(angle)

@@ -36,7 +36,7 @@ def refuse_beside(block: BlockState, profile: ProfileWords) -> None:
             what = "" if found.scaling is None and found.rotation is None else "another zero"
         elif code in PROBING | THREADING:
             three = {0, 1, 2} if code == "G76" else named
-            what = code if found.axes & three else ""
+            what = code if (found.changed if code in PROBING else found.axes) & three else ""
         if what:
             _refuse(block, action, what, found)
 
@@ -63,7 +63,7 @@ def end_transformation(block: BlockState, action: Action, beside: frozenset[str]
     found, code = block.transformation, action.code
     if code == "G16":
         plane = PLANES[block.modal.plane or 17]
-        if _linear(block, action, plane):
+        if linear(block, action, plane):
             block.transformation = msgspec.structs.replace(
                 found, polar=Polar(plane), unsettled=found.unsettled.union(plane)
             )
@@ -87,17 +87,19 @@ def read_polar_line(block: BlockState) -> None:
     """Let X and Y be radius and angle in this line, counted from where the axes are (@ and ^, LinuxCNC)."""
     whole = (1, len(block.parsed.text) + 1)
     axes = [block.setup.axes.get(axis) for axis in (0, 1) if axis in block.setup.leased]
-    if block.modal.transformation is not None:
+    if block.modal.transformation is not None and block.transformation != Transformation(
+        directions=block.transformation.directions
+    ):
         what = "@ and ^ do not go together with G68, G51 and G16, nor with the move behind them"
         block.faults.add("MC185", what, whole, "write X and Y")
         return
     if [axis.type for axis in axes if axis is not None] != [AxisType.LINEAR, AxisType.LINEAR]:
         block.faults.add("MC188", "@ and ^ are for the linear axes X and Y", whole, "write the axes' words")
         return
-    shift = block.modal.shift or {}
-    x, y = (block.commanded.positions.get(axis, 0.0) - shift.get(axis, 0.0) for axis in (0, 1))
+    reads = block.frame.coordinates(block.commanded.positions)
+    x, y = (reads.get(axis, 0.0) for axis in (0, 1))
     polar = Polar((0, 1), math.hypot(x, y), math.degrees(math.atan2(y, x)), of_line=True)
-    block.transformation = Transformation(polar=polar)
+    block.transformation = msgspec.structs.replace(block.transformation, polar=polar)
 
 
 def transform(block: BlockState, action: Action) -> None:
@@ -144,8 +146,7 @@ def _rotate(block: BlockState, action: Action) -> None:
     centre = _places(block, action, frozenset(plane))
     if not action.axes and found.rotation is None and not found.unsettled.intersection(plane):
         shift, at = block.modal.shift or {}, block.commanded.positions
-        along = {axis: at[axis] - shift.get(axis, 0.0) for axis in plane if axis in at}
-        centre = found.undone(along)
+        centre = found.undone({axis: at[axis] - shift.get(axis, 0.0) for axis in range(3) if axis in at})
     elif len(centre) < len(plane):
         block.faults.add(
             "MC188",
@@ -153,12 +154,12 @@ def _rotate(block: BlockState, action: Action) -> None:
             action.span,
             "give both axes, such as G68 X0 Y0 R30",
         )
-    if block.faults.found or angle is None or not _linear(block, action, plane):
+    if block.faults.found or angle is None or not linear(block, action, plane):
         return
     degrees = angle.value
     if block.modal.incremental and found.rotation is not None:
         degrees += found.rotation.degrees
-    unturned = msgspec.structs.replace(found, rotation=None).applied(centre)
+    unturned = msgspec.structs.replace(found, rotation=None, directions=None).applied(centre)
     block.transformation = msgspec.structs.replace(
         found,
         rotation=Rotation(plane, (unturned[plane[0]], unturned[plane[1]]), degrees),
@@ -199,7 +200,7 @@ def _scale(block: BlockState, action: Action) -> None:
             if code == "G51.1"
             else "P scales X, Y and Z: G51 X0 Y0 Z0 P1.5; I, J and K one each: G51 X0 Y0 I1.5 J1.5",
         )
-    if block.faults.found or not _linear(block, action, tuple(factors)):
+    if block.faults.found or not linear(block, action, tuple(factors)):
         return
     if before is not None:
         factors, centres = {**before.factors, **factors}, {**before.centres, **centres}
@@ -273,7 +274,7 @@ def _places(block: BlockState, action: Action, axes: frozenset[int]) -> dict[int
     return found
 
 
-def _linear(block: BlockState, action: Action, axes: tuple[int, ...]) -> bool:
+def linear(block: BlockState, action: Action, axes: tuple[int, ...]) -> bool:
     """Return whether the program may use these axes and all of them are linear; report others."""
     found = [block.usable_axis(axis, action) for axis in axes]
     rotary = [axis.index for axis in found if axis is not None and axis.type is not AxisType.LINEAR]

@@ -5,6 +5,8 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 
+import msgspec
+
 from mcserver.gcode.profiles.transformation import Transformation
 from mcserver.gcode.semantics.arc_geometry import (
     Arc,
@@ -90,11 +92,12 @@ def find_arc(
     plane: tuple[int, int],
     start: Sequence[float] | Mapping[int, float],
     end: Sequence[float] | Mapping[int, float],
+    zero: Mapping[int, float],
 ) -> Arc | None:
     """Compute the arc in ``plane``, or report its faults and return None.
 
     Args:
-        start, end: positions by coordinate 0 1 2 [m].
+        start, end: positions by coordinate 0 1 2 [m]. zero: of the program in these coordinates [m].
     """
     bent = _transformed(block, command, words, plane)
     if bent is None:
@@ -154,7 +157,8 @@ def find_arc(
                 "give both, or write G91.1",
             )
             return None
-        zero, origin = block.modal.shift or {}, bent.applied(dict.fromkeys(plane, 0.0))
+        unturned = msgspec.structs.replace(bent, directions=None)
+        origin = unturned.applied(dict.fromkeys(plane, 0.0))
         centre = [zero.get(axis, 0.0) + origin[axis] for axis in plane]
     across = [0.0, 0.0]
     for coordinate, offset in words.offsets.items():

@@ -15,7 +15,7 @@ from mcserver.gcode.profiles.transformation import Transformation
 from mcserver.gcode.semantics.arc_geometry import RadiusTolerance, radius_tolerance
 from mcserver.gcode.semantics.commanded_state import CommandedState
 from mcserver.gcode.semantics.compensation_state import Compensation
-from mcserver.gcode.semantics.modal import Feed, ModalState
+from mcserver.gcode.semantics.modal import Feed, ModalState, with_frame
 from mcserver.gcode.switches import AS_WRITTEN, Switches
 from mcserver.gcode.text.parser import ParsedLine
 from mcserver.gcode.text.profile_words import Action, ProfileWord
@@ -132,7 +132,7 @@ class BlockState:
     @frame.setter
     def frame(self, frame: Frame) -> None:
         before = self.modal.shift or {}
-        self.change(frame=frame, shift=frame.shift())
+        self.modal = with_frame(self.modal, frame)
         after = self.modal.shift or {}
         if self.modal.transformation is not None and before != after:
             moved = {axis for axis in before.keys() | after.keys() if before.get(axis) != after.get(axis)}

@@ -97,6 +97,14 @@ PRINTER_FEED = 1500.0  # mm/min
 SMALLEST_FEED = 1e-6
 
 
+def with_frame(modal: ModalState, frame: Frame) -> ModalState:
+    """Return the state with another frame: the zero and the directions that it gives."""
+    found = msgspec.structs.replace(modal.transformation or Transformation(), directions=frame.directions)
+    return msgspec.structs.replace(
+        modal, frame=frame, shift=frame.shift(), transformation=None if found.idle else found
+    )
+
+
 def initial_modal(machine: Machine, frame: Frame | None = None) -> ModalState:
     """Return the state at a program's start (D-10); cnc and printer start in G17 (D-61, D-66)."""
     profile = machine.dialect.profile
@@ -108,8 +116,7 @@ def initial_modal(machine: Machine, frame: Frame | None = None) -> ModalState:
         frame = Frame(systems=machine.dialect.systems)
     if frame is None or profile not in ("cnc", "robot"):
         return start
-    frame = msgspec.structs.replace(frame, tip_tool=None)
-    return msgspec.structs.replace(start, frame=frame, shift=frame.shift())
+    return with_frame(start, msgspec.structs.replace(frame, tip_tool=None))
 
 
 def with_tables(modal: ModalState, machine: Machine, frame: Frame) -> ModalState:
@@ -118,7 +125,7 @@ def with_tables(modal: ModalState, machine: Machine, frame: Frame) -> ModalState
     if start is None:
         return modal
     kept = msgspec.structs.replace(modal.frame or start, systems=frame.systems, cutters=frame.cutters)
-    return msgspec.structs.replace(modal, frame=kept, shift=kept.shift())
+    return with_frame(modal, kept)
 
 
 def smallest_feed(modal: ModalState) -> float:
@@ -175,5 +182,6 @@ __all__ = [
     "initial_modal",
     "read_feed",
     "smallest_feed",
+    "with_frame",
     "with_tables",
 ]

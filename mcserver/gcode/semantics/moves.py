@@ -3,7 +3,11 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 
+import msgspec
+
+from mcserver.gcode.profiles.directions import along, back
 from mcserver.gcode.semantics.arc_geometry import plane_extrema
 from mcserver.gcode.semantics.arc_plane import PLANES
 from mcserver.gcode.semantics.arcs import find_arc, find_plane
@@ -17,6 +21,7 @@ from mcserver.gcode.text.syntax import Command
 from mcserver.gcode.text.words import INCREMENTAL_LETTERS, Word
 from mcserver.motion.canonical import FeedGroup, RapidGroup, SpeedGroup, TorqueGroup
 from mcserver.motion.geometry.curves import ArcCurve, LineCurve
+from mcserver.motion.geometry.turned_arc import TurnedArc
 from mcserver.units import AxisType
 
 
@@ -129,7 +134,9 @@ def _arc(
     plane = find_plane(block, command, words)
     if plane is None or not _plane_axes(block, command, plane, by_axis):
         return None
-    axes = (*plane, *(target.axis.index for target in targets if target.axis.index not in plane))
+    # what is turned takes the plane's third axis along
+    further = {*(target.axis.index for target in targets), *block.transformation.coupled(frozenset(plane))}
+    axes = (*plane, *sorted(further.difference(plane)))
     block.claim(plane, command, _words(targets))
     if not follow_paths(block, targets):
         return None
@@ -137,16 +144,49 @@ def _arc(
         return None
     starts = {axis: block.commanded.start(axis) for axis in axes}
     ends = {axis: by_axis[axis].end if axis in by_axis else starts[axis] for axis in axes}
-    shape = find_arc(block, command, words, plane, starts, ends)
-    if shape is None:
+    curve = _arc_curve(block, command, words, axes, starts, ends)
+    if curve is None:
         return None
-    curve = shape.curve(axes, tuple(starts[axis] for axis in axes), tuple(ends[axis] for axis in axes))
     _check_arc_travel(block, command, curve, by_axis)
     for axis in plane:
         block.end_at(axis, ends[axis])
     block.feed_length += curve.length
     measure = feed_basis(len(axes), 0)
     return FeedMove(command, curve, measure, block.modal.inverse_time, block.modal.feed)
+
+
+def _arc_curve(
+    block: BlockState,
+    command: Command,
+    words: Words,
+    axes: tuple[int, ...],
+    starts: Mapping[int, float],
+    ends: Mapping[int, float],
+) -> ArcCurve | TurnedArc | None:
+    """Return the arc between positions of ``axes``, the plane's first [m]; None after a fault."""
+    plane, zero, directions = (axes[0], axes[1]), block.modal.shift or {}, block.transformation.directions
+    begin, finish = (tuple(each[axis] for axis in axes) for each in (starts, ends))
+    if directions is None:
+        shape = find_arc(block, command, words, plane, starts, ends, zero)
+        return None if shape is None else shape.curve(axes, begin, finish)
+    first, last = (
+        back(directions, {axis: each[axis] - zero.get(axis, 0.0) for axis in axes}) for each in (starts, ends)
+    )
+    shape = find_arc(block, command, words, plane, first, last, {})
+    if shape is None:
+        return None
+    if block.transformation.in_plane(plane):
+        around = along(directions, dict(zip(plane, shape.centre, strict=True)))
+        centre = around[axes[0]] + zero.get(axes[0], 0.0), around[axes[1]] + zero.get(axes[1], 0.0)
+        sweep = -shape.sweep if block.transformation.reverses(plane) else shape.sweep
+        return msgspec.structs.replace(shape, centre=centre, sweep=sweep).curve(axes, begin, finish)
+    flat = shape.curve(axes, tuple(first[axis] for axis in axes), tuple(last[axis] for axis in axes))
+    place = tuple(zero.get(axis, 0.0) for axis in axes)
+    matrix = tuple(
+        tuple(directions[row][column] if max(row, column) < 3 else float(row == column) for column in axes)
+        for row in axes
+    )
+    return TurnedArc(axes, flat, matrix, place, begin, finish)
 
 
 def _plane_axes(
@@ -174,12 +214,13 @@ def _plane_axes(
 
 
 def _check_arc_travel(
-    block: BlockState, command: Command, curve: ArcCurve, by_axis: dict[int, Target]
+    block: BlockState, command: Command, curve: ArcCurve | TurnedArc, by_axis: dict[int, Target]
 ) -> None:
-    low, high = plane_extrema(curve)
+    low, high = curve.bounds() if isinstance(curve, TurnedArc) else plane_extrema(curve)
     for column, index in enumerate(curve.axes):
         start, end = curve.start[column], curve.end[column]
-        least, greatest = (low[column], high[column]) if column < 2 else (min(start, end), max(start, end))
+        known = column < len(low)
+        least, greatest = (low[column], high[column]) if known else (min(start, end), max(start, end))
         target = by_axis.get(index)
         source = command if target is None else target.word
         check_travel(block, block.setup.axes[index], start, least, greatest, end, source)

@@ -58,6 +58,9 @@ def find_axes_to_sync(
     if parsed.profile is not None:
         # what the encoder reads decides offsets and where G28 goes from
         needed |= {word.axis for action in parsed.profile.actions for word in action.axes}
+        if any(action.code in ("G10", "G92") for action in parsed.profile.actions):
+            # in a system that is turned X and Y read what follows from both
+            needed |= {0, 1, 2}
         spindle = setup.machine.dialect.spindle
         if any(action.code in ("G28", "G30") for action in parsed.profile.actions):
             # the spindle goes nowhere with them, and turns on

@@ -7,7 +7,8 @@ from typing import NamedTuple
 
 import msgspec
 
-from mcserver.gcode.profiles.transformation import Transformation, cosine_and_sine
+from mcserver.gcode.profiles.directions import cosine_and_sine
+from mcserver.gcode.profiles.transformation import Transformation
 from mcserver.gcode.semantics.block_state import BlockState
 from mcserver.gcode.semantics.program_units import axis_scale, length_scale
 from mcserver.gcode.text.profile_words import Action, ProfileWord

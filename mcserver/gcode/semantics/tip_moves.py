@@ -141,6 +141,7 @@ def refuse_beside_tip(block: BlockState, profile: ProfileWords) -> None:
     """Report what does not go together with tool centre point control (MC172)."""
     code = next((each.code for each in profile.actions if each.code in _REFUSED), "")
     what = "G53" if profile.machine_frame else code
+    what = what or (block.transformation.names if block.transformation.axes else "")
     if what:
         shown = "a canned cycle" if what == "REPEAT" else what
         block.faults.add(

@@ -164,7 +164,7 @@ def tool_curve(
         travel = math.dist(first, last)
         line = LineCurve((0, 1, 2), first, last, travel)
         return line.position, lambda s: line.derivatives(s)[0], travel
-    shape = find_arc(block, command, words, plane, first, last)
+    shape = find_arc(block, command, words, plane, first, last, block.modal.shift or {})
     if shape is None:
         return None
     order = (*plane, 3 - plane[0] - plane[1])

@@ -9,6 +9,7 @@ from types import MappingProxyType
 
 from mcclient import AxisInfo, Info, Machine, MachineStatus, MotionError
 from mcclient.broken_off import WORK_OFFSET
+from mcclient.work_tables import work_places
 from nicegui import ui
 
 from mcserver.web.actions import Actions
@@ -125,14 +126,6 @@ def system_name(system: int) -> str:
     return f"G{53 + system}" if system <= 6 else f"G59.{system - 6}"
 
 
-def work_origin(status: MachineStatus) -> dict[int, float]:
-    """Return where the axes read zero in G54, in which programs start, by axis number [mm, deg]."""
-    for offset in status.work_offsets:
-        if offset.system == system_name(1):
-            return {int(axis): at for axis, at in offset.origin.items()}
-    return {}
-
-
 def offsets_html(status: MachineStatus, info: Info) -> str:
     """Return the work coordinate systems that were set, and where each reads zero, as HTML."""
     units = {axis.index: axis.unit for axis in info.axes}
@@ -142,6 +135,8 @@ def offsets_html(status: MachineStatus, info: Info) -> str:
             f"{axis_name(int(axis))} {position_text(value)} {units.get(int(axis), '')}".rstrip()
             for axis, value in each.origin.items()
         )
+        if each.rotation:
+            places += f", R {position_text(each.rotation)} deg"
         system = f"<b>{html.escape(each.system)}</b>"
         reads = t("{system} reads zero at {places}", system=system, places=html.escape(places))
         rows.append(f"<li>{reads}</li>")
@@ -161,7 +156,7 @@ def positions_html(
     Args:
         work: with a column of what programs read in G54. joints: of the robot, by axis number.
     """
-    origin = work_origin(status)
+    in_g54 = work_places(status.work_offsets, dict(zip(status.axes.index, status.axes.position, strict=True)))
     # a phone has no room for all: what is wide there gives way to the state
     less = ' class="n mc-wide"'
     titles = [
@@ -185,7 +180,7 @@ def positions_html(
             shown_state = f"{shown_state}, {t('not homed')}"
         if skew.get(index):
             shown_state += f", {t('skew')} {position_text(skew[index])} {unit}"
-        in_work = f"<td class=n>{position_text(position - origin.get(index, 0.0))}</td>" if work else ""
+        in_work = f"<td class=n>{position_text(in_g54[index])}</td>" if work else ""
         rows.append(
             f"<tr><td>{axis_name(index)}{joint_html(joints, index)}</td>"
             f"<td class=n>{position_text(position)} {unit}</td>{in_work}"

@@ -20,6 +20,8 @@ from mcserver.web.translation import mark, t
 
 PERIOD_S = 1.0
 CHANGES_SHOWN = 12
+# of a system that is turned about Z, as its word in G10 L2
+ANGLE, ANGLE_UNIT = "R", "deg"
 WHY = mark("tables are changed at rest")
 
 
@@ -88,7 +90,7 @@ class TablesPanel:
     async def _ask_offset(self) -> None:
         if not self._actions.allowed("open") or self._tables is None or self._info is None:
             return
-        origins = {each.system: each.origin for each in self._tables.offsets}
+        origins = {each.system: {**each.origin, ANGLE: each.rotation} for each in self._tables.offsets}
         names = self._actions.link.row_names.names
         with named_dialog(t("Change a work offset")) as dialog, ui.card().classes("mc-ask"):
             ui.label(t("Where programs read zero. Nothing moves."))
@@ -105,11 +107,14 @@ class TablesPanel:
                     ).classes("w-28")
                     for axis in self._info.axes
                 }
+                fields[ANGLE] = ui.number(f"{ANGLE} [{ANGLE_UNIT}]", format="%.4f").classes("w-28")
             name = ui.input(t("Name"), value=names.get("G54", "")).props("maxlength=60")
             line = ui.label("").classes("font-mono break-all").props(f'aria-label="{t("line to be sent")}"')
 
             def fill() -> None:
                 origin = origins.get(system.value, {})
+                # an angle is set, never shifted
+                fields[ANGLE].set_visibility(not way.value)
                 for axis, field in fields.items():
                     field.set_value(0.0 if way.value else round(origin.get(axis, 0.0), 6))
                 name.set_value(names.get(system.value, ""))
@@ -121,6 +126,7 @@ class TablesPanel:
                     axis: float(field.value)
                     for axis, field in fields.items()
                     if field.value is not None
+                    and not (way.value and axis == ANGLE)
                     and abs(field.value - (0.0 if way.value else origin.get(axis, 0.0))) > 5e-7
                 }
                 line.set_text(offset_line(system.value, changed, shift=way.value) if changed else "")
@@ -216,13 +222,17 @@ def _buttons(dialog: ui.dialog) -> None:
 def tables_html(tables: Tables, info: Info, names: dict[str, str]) -> str:
     """Return systems, tools and the newest changes as HTML; what was never set or named is left out."""
     origins = {each.system: each.origin for each in tables.offsets}
+    turned = any(each.rotation for each in tables.offsets)
+    angles = {each.system: each.rotation for each in tables.offsets}
     head = "".join(f"<th class=n>{axis_name(axis.index)} [{axis.unit}]</th>" for axis in info.axes)
+    head += f"<th class=n>{ANGLE} [{ANGLE_UNIT}]</th>" * turned
     rows = "".join(
         f"<tr><td>{system}</td>"
         + "".join(
             f"<td class=n>{position_text(origins.get(system, {}).get(str(axis.index), 0.0))}</td>"
             for axis in info.axes
         )
+        + f"<td class=n>{position_text(angles.get(system, 0.0))}</td>" * turned
         + f"<td>{html.escape(names.get(system, ''))}</td></tr>"
         for system in SYSTEMS
         if system == SYSTEMS[0] or system in origins or system in names

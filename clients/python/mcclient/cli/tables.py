@@ -9,6 +9,7 @@ from rich.table import Table
 from rich.text import Text
 
 from mcclient.types import Fault, Info, MachineStatus, ProgramStatus
+from mcclient.work_tables import work_places
 
 STATE_STYLES = {
     "ready": "green",
@@ -83,8 +84,9 @@ def _axes_table(info: Info, status: MachineStatus, rows: int | None) -> Table:
     if axes.skew:
         table.add_column("skew", justify="right")
     # where a program's words would put the axes: every program starts in G54
-    work = next((each.origin for each in status.work_offsets if each.system == "G54"), {})
-    if work:
+    work = next((each for each in status.work_offsets if each.system == "G54"), None)
+    places = work_places(status.work_offsets, dict(zip(axes.index, axes.position, strict=True)))
+    if work is not None:
         table.add_column("in G54", justify="right", min_width=11)
     count = len(axes.index) if rows is None else min(rows, len(axes.index))
     for row in range(count):
@@ -101,9 +103,10 @@ def _axes_table(info: Info, status: MachineStatus, rows: int | None) -> Table:
             cells.append(_homed_text(axes.index[row] in homing, homed=axes.homed[row]))
         if axes.skew:
             cells.append(f"{axes.skew[row]:.3f}" if axes.skew[row] else "")
-        if work:
-            origin = work.get(str(axes.index[row]))
-            cells.append("" if origin is None else f"{axes.position[row] - origin:.3f}")
+        if work is not None:
+            index = axes.index[row]
+            shown = str(index) in work.origin or (work.rotation and index in (0, 1))
+            cells.append(f"{places[index]:.3f}" if shown else "")
         table.add_row(*cells)
     if count < len(axes.index):
         table.add_row("…", f"{len(axes.index) - count} more")
@@ -123,10 +126,11 @@ def _work_offsets(info: Info, status: MachineStatus) -> Table:
     table.add_column("system", no_wrap=True)
     table.add_column("reads zero at")
     for each in status.work_offsets:
-        places = (
+        places = [
             f"axis {axis} {value:.3f} {units.get(int(axis), '')}".rstrip()
             for axis, value in each.origin.items()
-        )
+        ]
+        places += [f"turned by {each.rotation:.3f} deg about Z"] if each.rotation else []
         table.add_row(each.system, ", ".join(places))
     return table
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import re
+from collections.abc import Sequence
 from typing import Annotated
 
 import typer
@@ -12,7 +13,8 @@ from mcclient.cli.options import JsonOption, Target
 from mcclient.cli.output import errors_shown
 from mcclient.cli.send import send
 from mcclient.errors import RequestRefused
-from mcclient.types import ProbeStatus
+from mcclient.types import MachineStatus, ProbeStatus, WorkOffset
+from mcclient.work_tables import SYSTEMS
 
 _AXIS = re.compile(
     r"(?P<axis>[XYZABC]|\[[0-9]{1,2}\])(?:=?(?P<value>[-+]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)))?", re.I
@@ -40,12 +42,25 @@ def zero_line(axes: list[str], system: int) -> str:
     return f"G21 G90 G10 L20 P{system} " + " ".join(axis + value for axis, value in words.items())
 
 
-def probed_line(axes: list[str], system: int, probe: ProbeStatus | None) -> str:
+def probed_line(
+    axes: list[str], system: int, probe: ProbeStatus | None, offsets: Sequence[WorkOffset] = ()
+) -> str:
     """Return the line of G-code that lets the last probed place read zero, or the numbers given.
 
+    Args:
+        offsets: work coordinate systems that were set.
+
     Raises:
-        RequestRefused: MC511 nothing was probed, or an axis has no letter or number there.
+        RequestRefused: MC511 nothing was probed, an axis has no letter or number there, or the system is
+            turned, so that an axis alone says nothing.
     """
+    name = SYSTEMS[max(system, 1) - 1]
+    if any(each.rotation for each in offsets if each.system == name):
+        raise RequestRefused(
+            "MC511",
+            f"{name} is turned: what the probe met does not follow from one axis",
+            f"go there and set it: mcctl zero, or end the rotation: G10 L2 P{max(system, 1)} R0",
+        )
     if probe is None or not probe.tripped:
         raise RequestRefused("MC511", "the probe has met nothing", "probe first, such as: G38.2 Z-10 F100")
     words = []
@@ -77,7 +92,7 @@ def zero(
     """Set the work coordinate system where the axes are: mcctl zero X Y, mcctl zero Z=1.5. Nothing moves."""
     line = zero_line(axes, system)
 
-    async def look() -> ProbeStatus | None:
+    async def look() -> MachineStatus | None:
         async with target.open() as one:
             # it would wait for the axes, and set where they are when they come free
             found = await one.programs(ended=False)
@@ -92,10 +107,10 @@ def zero(
                     "zero is set where the axes stand",
                     "wait for its end, or abort it",
                 )
-            return (await one.status()).probe if probe else None
+            return await one.status() if probe else None
 
     with errors_shown(json):
         found = asyncio.run(look())
-        if probe:
-            line = probed_line(axes, system, found)
+        if found is not None:
+            line = probed_line(axes, system, found.probe, found.work_offsets)
     send(target, [line], at_pause=True, json=json)
