@@ -103,7 +103,7 @@ def _modes_after(command: Command, tool: int | None, incremental: bool) -> tuple
                 incremental = number == 91
             elif number == 1050:
                 tool = None
-        elif item.letter == "T" and item.value == int(item.value):
+        elif item.letter == "T" and item.value % 1.0 == 0.0:
             tool = int(item.value)
     return tool, incremental
 
