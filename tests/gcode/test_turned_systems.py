@@ -103,6 +103,7 @@ def test_what_a_probe_met_is_read_along_the_turned_axes() -> None:
         (["G92 X5", "G10 L2 P1 R30"], "MC174"),
         (["G52 Y5", "G10 L2 P1 R30"], "MC174"),
         (["G10 L2 P1 R30", "G28 X0"], "MC186"),
+        (["G10 L2 P1 R30", "G28 Y0 A0"], "MC186"),
         (["G10 L2 P1 R30", "G43.4"], "MC172"),
         (["G10 L2 P1 R30", "S100 M3", "G33 X5 K1"], "MC185"),
         (["G10 L2 P1 R30", "G18", "G41.1 D3"], "MC185"),
@@ -111,6 +112,13 @@ def test_what_a_probe_met_is_read_along_the_turned_axes() -> None:
 )
 def test_what_does_not_go_together_with_it_is_refused(lines: list[str], code: str) -> None:
     assert faults(*lines) == [(code, len(lines))]
+
+
+def test_a_check_goes_on_behind_what_it_refuses() -> None:
+    lines = ["G41.1 D3", "G1 X9 Y9", "G10 L2 P1 R30", "G18 G2 X3 Z3 R9", "G18 G2 X5 Z3 R9"]
+    found = faults(*lines)
+    assert {code for code, _ in found} == {"MC170"}
+    assert {line for _, line in found} >= {3, 4, 5}
 
 
 def test_a_program_begins_in_its_middle_as_it_comes_there() -> None:

@@ -358,7 +358,7 @@ def test_after_a_jog_of_a_rotary_axis_in_a_pause_g53_1_turns_the_tool_again(trun
 def test_arcs_and_holes_on_a_head_s_plane_keep_every_axis_s_limits(tmp_path: Path) -> None:
     machine = HEAD_HEAD.machine(tmp_path)
     text = [*BEGIN, PLANE, "G53.1", "G0 G43 H1 X0 Y0 Z20", "G1 Z5 F6000", "G2 I15 J5", "G3 X20 Y9 R15 Z8"]
-    text += ["G81 X5 Y5 Z-5 R3", "X12", "G80", "G18 G2 X0 Z8 R30", "G69", "G53 G0 Z0", "G91 G28 Z0"]
+    text += ["G83 X5 Y5 Z-5 R3 Q3", "X12", "G80", "G18 G2 X0 Z8 R30", "G69", "G53 G0 Z0", "G91 G28 Z0"]
     found = simulate("\n".join(text), machine, kinematics=build_kinematics(machine), record=True)
     assert found.report["ok"], found.report["diagnostics"]
     assert found.recording is not None
@@ -370,3 +370,8 @@ def test_arcs_and_holes_on_a_head_s_plane_keep_every_axis_s_limits(tmp_path: Pat
     circle = on_plane(HEAD_HEAD, rows[found.recording.line == 7], ORIGIN, ANGLES)
     assert np.abs(np.hypot(circle[:, 0] - 15, circle[:, 1] - 5) - math.hypot(15, 5)).max() < 0.021
     assert np.abs(circle[:, 2] - 5.0).max() < 0.021
+    # in and out of the hole the tool goes along itself, by rapids, too
+    hole = on_plane(HEAD_HEAD, rows[found.recording.line == 9], ORIGIN, ANGLES)
+    inside = hole[hole[:, 2] < 2.99]
+    assert len(inside) > 100
+    assert np.abs(inside[:, :2] - 5.0).max() < 1e-6

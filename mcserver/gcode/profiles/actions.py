@@ -542,7 +542,7 @@ def _go_home(block: BlockState, action: Action, effects: Effects) -> None:
             "MC186",
             f"controllers differ in where {action.code} of one axis of a turned plane ends",
             action.span,
-            f"name {' and '.join('XYZ'[axis] for axis in sorted(together))}, or go by G53 G0",
+            f"name {' and '.join('XYZ'[axis] for axis in sorted(together & {0, 1, 2}))}, or go by G53 G0",
         )
     elif not transformation.coupled(uncertain).intersection(going):
         words = {word.axis: word for word in action.axes if word.axis in going}

@@ -49,7 +49,9 @@ class CycleMotion:
         if not far:
             return
         starts = {axis: self._block.commanded.start(axis) for axis in far}
-        group = rapid_group(self._block.setup, self._block.modal, starts, far)
+        # along a hole that no axis goes along every way counts
+        straight = self._block.frame.directions is not None
+        group = rapid_group(self._block.setup, self._block.modal, starts, far, straight=straight)
         self.lines.append(MotionLine(self._block.parsed.number, (group,), exact_stop=True))
         for axis, end in far.items():
             self._block.end_at(axis, end)

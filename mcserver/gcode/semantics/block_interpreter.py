@@ -62,7 +62,8 @@ class BlockInterpreter:
             self._read_profile(profile)
         else:
             self._read_groups()
-        check_plane(self.block, before, self.before + self.after, self.groups)
+        if self.block.modal.frame is not None and self.block.modal.frame.plane is not None:
+            check_plane(self.block, before, self.before + self.after, self.groups)
         if self.ended:
             self.after += act_at_end(self.block)
             self.block.modal = initial_modal(self.block.setup.machine)

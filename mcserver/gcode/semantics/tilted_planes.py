@@ -111,12 +111,10 @@ def check_plane(
 ) -> None:
     """Report a motion ahead of G53.1, or with the tool not on the plane any more (MC175)."""
     plane = block.frame.plane
-    if plane is None:
-        return
     lines = list(values)
     own = [*groups, *(group for each in lines if isinstance(each, MotionLine) for group in each.groups)]
     moves = any(isinstance(group, FeedGroup | RapidGroup) for group in own)
-    if not moves and not any(isinstance(each, ProbeLine | ThreadLine) for each in lines):
+    if plane is None or not (moves or any(isinstance(each, ProbeLine | ThreadLine) for each in lines)):
         return
     whole = (1, len(block.parsed.text) + 1)
     if plane.facing is None:
