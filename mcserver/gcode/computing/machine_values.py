@@ -251,10 +251,10 @@ class MachineValues:
 
         That of an axis which codes turn or scale is refused: controllers tell it turned, or along the axes.
         """
-        if axis in transformation.changed:
+        if axis in transformation.changed or (transformation.tilted and axis in (0, 1, 2)):
             raise ComputingError(
                 "MC187",
-                "positions under G68, G51 and G16 differ from controller to controller",
+                "positions under G68, G51, G16 and G68.2 differ from controller to controller",
                 span,
                 "read them ahead of these codes or behind G69, G50 and G15; #<_abs_x> is of the machine",
             )

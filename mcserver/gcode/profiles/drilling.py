@@ -9,7 +9,7 @@ from typing import Final
 import msgspec
 
 from mcserver.gcode.profiles.codes import TAPPING
-from mcserver.gcode.profiles.cycle_motion import CycleMotion, check_travel
+from mcserver.gcode.profiles.cycle_motion import CycleMotion, check_travel, height
 from mcserver.gcode.profiles.frame import DrillCycle, Level
 from mcserver.gcode.profiles.threading import find_spindle, read_pass
 from mcserver.gcode.semantics.block_state import ASSUMED_FEED, BlockState
@@ -34,7 +34,7 @@ _FEEDING_OUT: Final = frozenset({"G85", "G89"})
 
 
 class _Hole(msgspec.Struct, frozen=True):
-    """Heights of a cycle as positions of the drilling axis [m], and where the tool goes between holes."""
+    """Heights of a cycle along its axis [m], as of `CycleMotion`, and where the tool goes between holes."""
 
     axis: int
     clear: float
@@ -69,16 +69,17 @@ def drill(block: BlockState, action: Action) -> list[Canonical]:
     motion = CycleMotion(block, speed)
     for _ in range(repeats):
         if motion.at(hole.axis) < hole.clear - ROUNDING:
-            motion.rapid({hole.axis: hole.clear})
+            motion.rapid(motion.ends(hole.axis, hole.clear))
         motion.rapid(_ends(block, action, targets))
-        motion.rapid({hole.axis: hole.clear})
+        motion.rapid(motion.ends(hole.axis, hole.clear))
+        _check_heights(block, action, motion, hole)
         if spindle is None:
             _down(motion, cycle, hole)
         else:
             pitch = speed / abs(spindle.turns_s)
-            tap = read_pass(block, named, spindle, {hole.axis: hole.bottom}, pitch, taps=True)
+            tap = read_pass(block, named, spindle, motion.ends(hole.axis, hole.bottom), pitch, taps=True)
             motion.lines += [] if tap is None else [tap]
-        motion.rapid({hole.axis: hole.retract})
+        motion.rapid(motion.ends(hole.axis, hole.retract))
         if block.faults.found:
             return []
     return motion.lines
@@ -94,8 +95,8 @@ def _down(motion: CycleMotion, cycle: DrillCycle, hole: _Hole) -> None:
             if depth - hole.bottom <= ROUNDING:
                 break
             if cycle.code == "G83":
-                motion.rapid({hole.axis: hole.clear})
-            motion.rapid({hole.axis: min(hole.clear, depth + CLEARANCE)})
+                motion.rapid(motion.ends(hole.axis, hole.clear))
+            motion.rapid(motion.ends(hole.axis, min(hole.clear, depth + CLEARANCE)))
     else:
         motion.feed(hole.axis, hole.bottom)
     if cycle.code in _DWELLING:
@@ -140,7 +141,7 @@ def _cycle(block: BlockState, action: Action, before: DrillCycle | None) -> Dril
     if missing or bottom is None or clear is None:
         block.faults.add("MC118", f"{code} lacks {' and '.join(missing)}", action.span, "add what is missing")
         return None
-    initial = block.commanded.positions[axis] if before is None else before.initial
+    initial = height(block, axis, block.commanded.positions) if before is None else before.initial
     return DrillCycle(code, initial, bottom, clear, peck, dwell)
 
 
@@ -158,7 +159,7 @@ def _axis(block: BlockState) -> int:
 def _hole(block: BlockState, cycle: DrillCycle) -> _Hole:
     """Return the heights of a cycle: increments count from where it began, and from R (RS-274)."""
     axis = _axis(block)
-    zero = (block.modal.shift or {}).get(axis, 0.0)
+    zero = height(block, axis, block.modal.shift or {})
     clear = cycle.clear.value + (cycle.initial if cycle.clear.incremental else zero)
     bottom = cycle.bottom.value + (clear if cycle.bottom.incremental else zero)
     retract = max(clear, cycle.initial) if block.frame.to_initial else clear
@@ -249,11 +250,10 @@ def _sound(block: BlockState, action: Action, cycle: DrillCycle, hole: _Hole) ->
             "MC146", f"{cycle.code} takes more than {MOST_PECKS} pecks", action.span, "give a larger Q"
         )
         return False
-    if hole.axis in block.transformation.axes:
+    if hole.axis in block.transformation.changed:
         block.faults.add(
             "MC185",
-            "a canned cycle along a scaled or turned axis does not go together with "
-            f"{block.transformation.names}",
+            f"a canned cycle along a scaled axis does not go together with {block.transformation.names}",
             action.span,
             f"end that by {block.transformation.enders} first, or scale X and Y alone",
         )
@@ -273,9 +273,16 @@ def _sound(block: BlockState, action: Action, cycle: DrillCycle, hole: _Hole) ->
             "MC178", f"{cycle.code} taps with the spindle on {turning}", action.span, f"write S and {turning}"
         )
         return False
-    for height in (hole.clear, hole.bottom):
-        check_travel(block, hole.axis, height, action)
     return not block.faults.found
+
+
+def _check_heights(block: BlockState, action: Action, motion: CycleMotion, hole: _Hole) -> None:
+    """Report heights above and in a hole that are beyond the travel of an axis (MC201)."""
+    reported: set[int] = set()
+    for level in (hole.clear, hole.bottom, hole.retract):
+        for axis, end in motion.ends(hole.axis, level).items():
+            if axis not in reported and check_travel(block, axis, end, action):
+                reported.add(axis)
 
 
 def repeat_action(words: Sequence[ProfileWord]) -> Action:

@@ -21,7 +21,7 @@ from mcserver.web.translation import mark, t
 PERIOD_S = 1.0
 CHANGES_SHOWN = 12
 # of a system that is turned about Z, as its word in G10 L2
-ANGLE = "R"
+ANGLE, ANGLE_UNIT = "R", "deg"
 WHY = mark("tables are changed at rest")
 
 
@@ -107,7 +107,7 @@ class TablesPanel:
                     ).classes("w-28")
                     for axis in self._info.axes
                 }
-                fields[ANGLE] = ui.number(f"{ANGLE} [deg]", format="%.4f").classes("w-28")
+                fields[ANGLE] = ui.number(f"{ANGLE} [{ANGLE_UNIT}]", format="%.4f").classes("w-28")
             name = ui.input(t("Name"), value=names.get("G54", "")).props("maxlength=60")
             line = ui.label("").classes("font-mono break-all").props(f'aria-label="{t("line to be sent")}"')
 
@@ -225,7 +225,7 @@ def tables_html(tables: Tables, info: Info, names: dict[str, str]) -> str:
     turned = any(each.rotation for each in tables.offsets)
     angles = {each.system: each.rotation for each in tables.offsets}
     head = "".join(f"<th class=n>{axis_name(axis.index)} [{axis.unit}]</th>" for axis in info.axes)
-    head += f"<th class=n>{ANGLE} [deg]</th>" * turned
+    head += f"<th class=n>{ANGLE} [{ANGLE_UNIT}]</th>" * turned
     rows = "".join(
         f"<tr><td>{system}</td>"
         + "".join(
