@@ -32,6 +32,7 @@ class Chain:
         tip_rotation, tip_position: shapes (3, 3) and (3,), the tool with all joints at zero [m].
         lower, upper: shape (K,), joint limits, infinite where a joint has no limit [rad or m].
         reach: sum of the distances from joint to joint to tool; the chain's length scale [m].
+        carried: how many of the joints, the first ones, move the frame that the chain begins at.
         steps: shape (K + 1, 4, 4), from the base to the first joint's frame, from frame to frame, and from
             the last one to the tool, all joints at zero; each frame's z is its joint's axis.
         single: the same chain for one position at a time.
@@ -47,6 +48,7 @@ class Chain:
     lower: Array
     upper: Array
     reach: float
+    carried: int = 0
     steps: Array = field(init=False, repr=False)
     single: SingleChain = field(init=False, repr=False)
     _base: Array = field(init=False, repr=False)

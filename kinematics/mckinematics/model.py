@@ -186,6 +186,7 @@ def build_chain(robot: RobotModel, tool: ToolDescription, axes: dict[int, AxisDe
         lower=lower,
         upper=upper,
         reach=_reach(model, lengths, frame, offset, (upper - lower)[~revolute]),
+        carried=len(carried),
     )
 
 

@@ -48,7 +48,7 @@ ZeroOption = Annotated[
     typer.Option(
         "--zero",
         metavar="X=10,Y=20",
-        help="Where the program's zero lies, in G54 or as G55:X=10 [mm, deg]; repeatable.",
+        help="Where the program's zero lies, in G54 or as G55:X=10 [mm, deg]; R=30 turns it; repeatable.",
     ),
 ]
 BlockDeleteOption = Annotated[

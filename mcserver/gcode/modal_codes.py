@@ -21,6 +21,8 @@ def modal_codes(modal: ModalState) -> list[str]:
     frame = modal.frame
     if frame is not None:
         codes.append({number: name for name, number in SYSTEM_NUMBERS.items()}[frame.system])
+        if frame.plane is not None:
+            codes.append("G68.2")
         if frame.tip_tool is not None:
             codes.append("G43.4")
         elif frame.tool_length:

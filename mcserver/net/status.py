@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from mcserver.clearance.mounted import SPINDLE
 from mcserver.executor.shm.mailbox import SLOTS
 from mcserver.gcode.profiles.codes import SYSTEM_NUMBERS
-from mcserver.gcode.profiles.frame import TURN
+from mcserver.gcode.profiles.frame import ANGLE
 from mcserver.gcode.text.source import MAX_LINE_LENGTH
 from mcserver.machine.dialect_section import Cutter
 from mcserver.machine.io_section import Input, Output
@@ -106,7 +106,7 @@ class EdgeUnits:
         for name, number in SYSTEM_NUMBERS.items():
             kept = systems.get(number, {})
             origin = {str(axis): value * scale[axis] for axis, value in sorted(kept.items()) if axis in scale}
-            rotation = kept.get(TURN, 0.0) / DEGREE
+            rotation = kept.get(ANGLE, 0.0) / DEGREE
             if origin or rotation:
                 found.append(WorkOffset(name, origin, rotation))
         return found

@@ -12,7 +12,7 @@ from collections.abc import Mapping
 import msgspec
 
 from mcserver.gcode.profiles.codes import SYSTEM_NUMBERS
-from mcserver.gcode.profiles.frame import TURN, Frame, tool_table
+from mcserver.gcode.profiles.frame import ANGLE, Frame, tool_table
 from mcserver.gcode.semantics.modal import ModalState
 from mcserver.gcode.switches import AS_WRITTEN, Switches
 from mcserver.gcode.text.words import AXIS_LETTERS
@@ -183,7 +183,7 @@ def frame_changes(machine: Machine, before: Frame | None, now: Frame | None) -> 
             distance = today.get(number, {}).get(axis, 0.0) - then.get(number, {}).get(axis, 0.0)
             if distance:
                 found.append((name, axis_word(machine, axis), _length(machine, axis, distance)))
-        turn = today.get(number, {}).get(TURN, 0.0) - then.get(number, {}).get(TURN, 0.0)
+        turn = today.get(number, {}).get(ANGLE, 0.0) - then.get(number, {}).get(ANGLE, 0.0)
         if turn:
             found.append((name, "turned about Z", f"{turn / DEGREE:.6g} deg"))
     had, has = tool_table(machine, before), tool_table(machine, now)

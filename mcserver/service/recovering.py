@@ -9,7 +9,7 @@ import msgspec
 
 from mcserver.errors import ProgramRejected, Refused, ServiceError
 from mcserver.gcode.profiles.codes import SYSTEM_NUMBERS
-from mcserver.gcode.profiles.frame import TURN, Frame
+from mcserver.gcode.profiles.frame import ANGLE, Frame
 from mcserver.gcode.semantics.modal import ModalState, with_frame
 from mcserver.gcode.switches import AS_WRITTEN, Switches
 from mcserver.machine.machine_file import Machine
@@ -233,7 +233,7 @@ class Recovering:
             for index in sorted(had.keys() | has.keys()):
                 axis = self._machine.axis(index)
                 then, at = had.get(index, 0.0), has.get(index, 0.0)
-                if (axis is not None or index == TURN) and abs(then - at) > SAME_OFFSET:
+                if (axis is not None or index == ANGLE) and abs(then - at) > SAME_OFFSET:
                     unit = DEGREE if axis is None else axis.type.si_per_unit
                     what = "the angle" if axis is None else f"axis {index}"
                     said.append(f"{names.get(number)} of {what} is {at / unit:.3f}, it was {then / unit:.3f}")

@@ -11,7 +11,7 @@ import msgspec
 
 from mcserver.errors import ServiceError
 from mcserver.gcode.profiles.codes import SYSTEM_NUMBERS
-from mcserver.gcode.profiles.frame import TURN, Frame, Offsets
+from mcserver.gcode.profiles.frame import ANGLE, Frame, Offsets
 from mcserver.machine.dialect_section import Cutter
 from mcserver.service.kept_file import KeptFiles, Write, with_checksum, without_checksum, write_at_once
 
@@ -168,7 +168,7 @@ class WorkOffsets:
     def _rows(self) -> dict[str, dict[str, float]]:
         rows = {
             name: {
-                "R" if axis == TURN else str(axis): at
+                "R" if axis == ANGLE else str(axis): at
                 for axis, at in sorted(self.systems.get(number, {}).items())
             }
             for name, number in SYSTEM_NUMBERS.items()

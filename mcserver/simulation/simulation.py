@@ -20,7 +20,7 @@ from mcserver.executor.block import LineEvents
 from mcserver.executor.entries import EventKind, ExecutorEvent
 from mcserver.executor.fault_codes import WARNINGS, remedy_of
 from mcserver.executor.shm.feedback import AxisCondition, homed_of
-from mcserver.gcode.profiles.frame import TURN, Frame, tool_table
+from mcserver.gcode.profiles.frame import ANGLE, Frame, tool_table
 from mcserver.gcode.program_check import check_lines
 from mcserver.gcode.text.source import LineSource, split_lines
 from mcserver.machine.machine_file import Machine
@@ -569,7 +569,7 @@ class _Run:
                 "origin": {
                     str(axis): at / scale[axis] for axis, at in sorted(origin.items()) if axis in scale
                 },
-                "rotation": origin.get(TURN, 0.0) / DEGREE,
+                "rotation": origin.get(ANGLE, 0.0) / DEGREE,
             }
             for name, origin in self._zeros.items()
         ]

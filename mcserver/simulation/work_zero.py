@@ -10,7 +10,7 @@ import msgspec
 
 from mcserver.errors import UsageFault
 from mcserver.gcode.profiles.codes import SYSTEM_NUMBERS
-from mcserver.gcode.profiles.frame import TURN
+from mcserver.gcode.profiles.frame import ANGLE
 from mcserver.gcode.text.words import AXIS_LETTERS
 from mcserver.machine.machine_file import Machine
 from mcserver.units import AxisType
@@ -47,7 +47,7 @@ def with_zeros(machine: Machine, entries: Iterable[str]) -> Machine:
                 "MC017", f"--zero: {part!r} is no zero of an axis", "write it as X=10 or G55:X=10"
             )
         name = match["axis"].strip("[]")
-        number = int(name) if name.isdecimal() else letters.get(name, TURN)
+        number = int(name) if name.isdecimal() else letters.get(name, ANGLE)
         axis = axes.get(number)
         turned = [each.type for each in map(axes.get, (0, 1)) if name == "R" and each is not None]
         if name == "R" and turned != [AxisType.LINEAR] * 2:

@@ -165,7 +165,6 @@ def test_what_has_no_effect_is_listed_once_with_its_count() -> None:
         ("M98 P100", "subprogram"),
         ("G87 X1 Y1 Z-3 R2 F100", "boring"),
         ("G54.1 P1", "G59.3"),
-        ("G68.2 P1", "tilted"),
     ],
 )
 def test_what_cannot_be_done_is_refused_with_its_reason(line: str, reason: str) -> None:

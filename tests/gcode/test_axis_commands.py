@@ -53,6 +53,12 @@ def test_no_line_needs_the_encoder_before_an_axis_command() -> None:
     assert need(feeding(), "G91 G01 X1") == set()
 
 
+def test_a_tool_whose_number_cannot_be_read_is_left_to_the_interpreter() -> None:
+    program = feeding("G1010")
+    assert need(program, "G01 T1e9 X5") == {0}
+    assert program.faults("T1e9 X5")
+
+
 @pytest.mark.parametrize("command", ["G1010", "G1010 P0", "G1030 X5", "G1040 X5", "G1001", "G1011 P0"])
 def test_after_capture_speed_and_torque_the_encoder_gives_start_and_base(command: str) -> None:
     program = feeding("G01 X10", command)

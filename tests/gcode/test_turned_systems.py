@@ -17,7 +17,7 @@ from mcclient.work_tables import change_text, undo_line, work_places
 
 from mcserver.errors import UsageFault
 from mcserver.gcode.computing.machine_values import MachineValues, Source
-from mcserver.gcode.profiles.frame import TURN, Frame
+from mcserver.gcode.profiles.frame import ANGLE, Frame
 from mcserver.gcode.semantics.interpreter import Interpreter
 from mcserver.machine.machine_file import parse_machine
 from mcserver.motion.geometry.curves import Array
@@ -58,6 +58,7 @@ def test_a_program_does_in_a_turned_system_what_it_does_elsewhere_turned(seed: i
     [
         ["G0 X-10 Y-5", "G41.1 D6", "G1 X0 Y0", "Y20", "G2 X20 Y20 I10 J0", "G1 Y0", "G40 G1 X40 Y-10"],
         ["G0 X1 Y1 Z5", "G83 X3 Y4 Z-3 R1 Q1.5", "G91 X5 L2", "G80 G90 G1 X0 Y0"],
+        ["G18 G0 X1 Y9 Z5", "G99 G83 X3 Z4 Y-3 R1 Q1.5", "G98 G91 X5 L2", "G80 G90 G1 X0 Y0"],
         ["G0 X0 Y0", "G5 I0 J3 P0 Q-3 X2 Y6", "G5 P-2 Q-2 X9 Y9", "G5.1 X3 Y3 I1 J5"],
         ["G19 G0 Y-10 Z-5", "G42.1 D6", "G1 Y0 Z0", "Z20", "G2 Y20 Z20 J10 K0", "G1 Z0", "G40 G1 Y40 Z-10"],
         ["G0 X0 Y0", "G5.2 P1 L3", "X0 Y1 P1", "X2 Y2 P1", "X2 Y0 P1", "G5.3"],
@@ -102,15 +103,22 @@ def test_what_a_probe_met_is_read_along_the_turned_axes() -> None:
         (["G92 X5", "G10 L2 P1 R30"], "MC174"),
         (["G52 Y5", "G10 L2 P1 R30"], "MC174"),
         (["G10 L2 P1 R30", "G28 X0"], "MC186"),
+        (["G10 L2 P1 R30", "G28 Y0 A0"], "MC186"),
         (["G10 L2 P1 R30", "G43.4"], "MC172"),
         (["G10 L2 P1 R30", "S100 M3", "G33 X5 K1"], "MC185"),
-        (["G10 L2 P1 R30", "G18 G81 X0 Z0 Y-3 R1"], "MC185"),
         (["G10 L2 P1 R30", "G18", "G41.1 D3"], "MC185"),
         (["G10 L2 P1 R30", "G68 X0 Y0 R3", "G55"], "MC185"),
     ],
 )
 def test_what_does_not_go_together_with_it_is_refused(lines: list[str], code: str) -> None:
     assert faults(*lines) == [(code, len(lines))]
+
+
+def test_a_check_goes_on_behind_what_it_refuses() -> None:
+    lines = ["G41.1 D3", "G1 X9 Y9", "G10 L2 P1 R30", "G18 G2 X3 Z3 R9", "G18 G2 X5 Z3 R9"]
+    found = faults(*lines)
+    assert {code for code, _ in found} == {"MC170"}
+    assert {line for _, line in found} >= {3, 4, 5}
 
 
 def test_a_program_begins_in_its_middle_as_it_comes_there() -> None:
@@ -128,7 +136,7 @@ def test_a_program_begins_in_its_middle_as_it_comes_there() -> None:
 
 def test_its_angle_is_kept_shown_taken_back_and_compared(tmp_path: Path) -> None:
     offsets = WorkOffsets(tmp_path / "offsets.json")
-    frame = Frame(systems={1: {0: 0.01, TURN: math.radians(30.0)}})
+    frame = Frame(systems={1: {0: 0.01, ANGLE: math.radians(30.0)}})
     offsets.keep(frame, client="ann", program="p", name="part")
     again = WorkOffsets(tmp_path / "offsets.json")
     assert again.frame() == frame

@@ -35,6 +35,7 @@ class FiveAxes:
 
     table: tuple[Joint, ...]
     head: tuple[Joint, ...]
+    length: float = LENGTH  # of the cutter [mm]
 
     def urdf(self) -> str:
         parts = ['<robot name="mill"><link name="bed"/>']
@@ -87,7 +88,7 @@ class FiveAxes:
     def tip(self, positions: Mapping[int, Array]) -> Array:
         """Where the cutter's tip is on the table [mm], shape (n, 3), from axes in mm and degrees."""
         table, head = (_placed(branch, positions) for branch in (self.table, self.head))
-        tip = head @ np.array([0.0, 0.0, -LENGTH, 1.0])
+        tip = head @ np.array([0.0, 0.0, -self.length, 1.0])
         return np.asarray(np.linalg.solve(table, tip[..., None])[:, :3, 0])
 
 

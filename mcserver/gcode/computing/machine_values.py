@@ -11,7 +11,7 @@ from mcserver.gcode.computing.expressions import ComputingError
 from mcserver.gcode.line_faults import Span
 from mcserver.gcode.profiles.codes import SYSTEM_NUMBERS
 from mcserver.gcode.profiles.directions import back
-from mcserver.gcode.profiles.frame import TURN, Frame
+from mcserver.gcode.profiles.frame import ANGLE, Frame
 from mcserver.gcode.profiles.transformation import Transformation
 from mcserver.gcode.semantics.interpreter import Interpreter
 from mcserver.gcode.semantics.program_units import axis_scale, length_scale
@@ -137,7 +137,7 @@ class MachineValues:
             if first <= number < first + 9:
                 return self._offset(offsets, number - first)
         if number in range(5230, 5391, 20):
-            angle = frame.systems.get((number - 5210) // 20, {}).get(TURN, 0.0)
+            angle = frame.systems.get((number - 5210) // 20, {}).get(ANGLE, 0.0)
             return angle / DEGREE
         if _POSITIONS <= number < _POSITIONS + 9:
             return self.position(number - _POSITIONS, span, absolute=False)
@@ -251,10 +251,10 @@ class MachineValues:
 
         That of an axis which codes turn or scale is refused: controllers tell it turned, or along the axes.
         """
-        if axis in transformation.changed:
+        if axis in transformation.changed or (transformation.tilted and axis in (0, 1, 2)):
             raise ComputingError(
                 "MC187",
-                "positions under G68, G51 and G16 differ from controller to controller",
+                "positions under G68, G51, G16 and G68.2 differ from controller to controller",
                 span,
                 "read them ahead of these codes or behind G69, G50 and G15; #<_abs_x> is of the machine",
             )

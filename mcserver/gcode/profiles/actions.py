@@ -44,6 +44,7 @@ from mcserver.gcode.semantics.program_units import (
     shown_position,
 )
 from mcserver.gcode.semantics.rapids import rapid_group
+from mcserver.gcode.semantics.tilted_planes import end_plane, face, tilt
 from mcserver.gcode.semantics.tip_moves import lead_by_tip
 from mcserver.gcode.semantics.travel_limits import ROUNDING
 from mcserver.gcode.text.profile_words import Action, ProfileWord
@@ -135,6 +136,8 @@ def act_before(block: BlockState, actions: tuple[Action, ...], effects: Effects)
             block.frame = msgspec.structs.replace(frame, to_initial=code == "G98")
         elif code in TRANSFORMING:
             end_transformation(block, action, frozenset(each.code for each in actions))
+            if code == "G69":
+                end_plane(block)
         elif code == "G80":
             # no motion code is in force behind it, nor is a cycle
             block.end_motion_code()
@@ -168,6 +171,10 @@ def act_after(block: BlockState, actions: tuple[Action, ...], effects: Effects) 
             transform(block, action)
         elif action.code in RETRACTING.values():
             effects.after += retract(block, action)
+        elif action.code == "G68.2":
+            tilt(block, action)
+        elif action.code == "G53.1":
+            _rapid(block, action, face(block, action), effects)
         elif action.code in THREADING:
             effects.after += read_threads(block, action)
         elif action.code == "M19":
@@ -550,7 +557,7 @@ def _go_home(block: BlockState, action: Action, effects: Effects) -> None:
             "MC186",
             f"controllers differ in where {action.code} of one axis of a turned plane ends",
             action.span,
-            f"name {' and '.join('XYZ'[axis] for axis in sorted(together))}, or go by G53 G0",
+            f"name {' and '.join('XYZ'[axis] for axis in sorted(together & {0, 1, 2}))}, or go by G53 G0",
         )
     elif not transformation.coupled(uncertain).intersection(going):
         words = {word.axis: word for word in action.axes if word.axis in going}

@@ -29,6 +29,8 @@ DRILLING: Final = frozenset({"G73", "G81", "G82", "G83", "G85", "G86", "G89"}) |
 THREADING: Final = frozenset({"G33", "G33.1", "G76"})
 # rotation, scaling, mirrors and polar coordinates (D-94 to D-96)
 TRANSFORMING: Final = frozenset({"G15", "G16", "G50", "G50.1", "G51", "G51.1", "G68", "G69"})
+# a tilted plane, and the tool turned towards it (D-111)
+TILTING: Final = frozenset({"G68.2", "G53.1"})
 # curves by control points (D-97)
 SPLINES: Final = frozenset({"G5", "G5.1", "G5.2", "G5.3"})
 # firmware retraction of printers, and what their lines are called as actions: in cnc G10 is a table's (D-115)
@@ -65,6 +67,7 @@ ACTING: Final[Mapping[str, frozenset[str]]] = MappingProxyType(
             | {"M19"}
             | COMPENSATING.keys()
             | TRANSFORMING
+            | TILTING
             | SPLINES
             | {"G40", "G90.1", "G91.1", "G95"}
         ),
@@ -82,11 +85,12 @@ TAKES_AXES: Final = (
     | DRILLING
     | THREADING
     | SPLINES
+    | TILTING
 )
 
 # actions that move axes
 MOVING: Final = (
-    frozenset({"G28", "G30", "M19", "REPEAT", "RETRACT", "RECOVER"})
+    frozenset({"G28", "G30", "G53.1", "M19", "REPEAT", "RETRACT", "RECOVER"})
     | PROBING
     | DRILLING
     | THREADING
@@ -152,6 +156,7 @@ OWN_WORDS: Final[Mapping[str, str]] = MappingProxyType(
         "REPEAT": "PQL",
         **dict.fromkeys(DRILLING, "PQL"),
         "G51": "P",
+        "G68.2": "P",
         "G5": "PQ",
         "G5.2": "PL",
         "G76": "PQHEL",
@@ -189,11 +194,11 @@ REFUSED: Final[Mapping[str, str]] = MappingProxyType(
         "G50.1": "mirrors are for the profile cnc; let the CAM mirror the part",
         "G51": "scaling is done in the profile cnc; let the CAM scale the part",
         "G51.1": "mirrors are for the profile cnc; let the CAM mirror the part",
-        "G53.1": "the tool's axis is not turned here; let the CAM write the rotary axes",
+        "G53.1": "the tool is turned in the profile cnc; let the CAM write the rotary axes",
         "G54.1": "there are the systems G54 to G59.3; let the post write one of them",
         "G54.2": "offsets do not turn with the table here; let the post write the moves out",
         "G68": "rotation is done in the profile cnc; let the CAM rotate the part",
-        "G68.2": "tilted planes are not computed here; let the post write the rotary axes and the moves",
+        "G68.2": "planes are tilted in the profile cnc; let the post write the rotary axes and the moves",
         "G76": "threads are cut in the profile cnc; let the CAM mill the thread",
         "G90.1": "arc centres are increments from the start here; let the post write G91.1",
         "M19": "the spindle is turned to an angle in the profile cnc; let the post leave it out",

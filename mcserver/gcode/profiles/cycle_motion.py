@@ -1,9 +1,14 @@
-"""Motion of canned cycles: rapids, feed moves, dwells and turns of the spindle, within the axes' travel."""
+"""Motion of canned cycles: rapids, feed moves, dwells and turns of the spindle, within the axes' travel.
+
+Heights are coordinates along the program's directions, from the machine's zero: those of an axis, where these
+are along the axes.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 
+from mcserver.gcode.profiles.directions import along, back, coupled
 from mcserver.gcode.semantics.block_state import BlockState
 from mcserver.gcode.semantics.program_units import shown_position
 from mcserver.gcode.semantics.rapids import rapid_group
@@ -27,27 +32,39 @@ class CycleMotion:
         self.lines: list[Canonical] = []
 
     def at(self, axis: int) -> float:
-        """Return where the axis has come [m]."""
-        return self._block.commanded.positions[axis]
+        """Return the height that the tool has come to along an axis [m]."""
+        return height(self._block, axis, self._block.commanded.positions)
+
+    def ends(self, axis: int, level: float) -> dict[int, float]:
+        """Return where the axes of one direction are at a height [m], all else as it is now."""
+        directions, positions = self._block.frame.directions, self._block.commanded.positions
+        if coupled(directions, frozenset((axis,))) == {axis}:
+            return {axis: along(directions, {axis: level})[axis]}
+        way = along(directions, {axis: level - self.at(axis)})
+        return {each: positions[each] + way[each] for each in sorted(way)}
 
     def rapid(self, targets: Mapping[int, float]) -> None:
         """Let axes go by themselves, those that are there already left out."""
-        far = {axis: end for axis, end in targets.items() if abs(end - self.at(axis)) > ROUNDING}
+        positions = self._block.commanded.positions
+        far = {axis: end for axis, end in targets.items() if abs(end - positions[axis]) > ROUNDING}
         if not far:
             return
         starts = {axis: self._block.commanded.start(axis) for axis in far}
-        group = rapid_group(self._block.setup, self._block.modal, starts, far)
+        # along a hole that no axis goes along every way counts
+        straight = self._block.frame.directions is not None
+        group = rapid_group(self._block.setup, self._block.modal, starts, far, straight=straight)
         self.lines.append(MotionLine(self._block.parsed.number, (group,), exact_stop=True))
         for axis, end in far.items():
             self._block.end_at(axis, end)
 
-    def feed(self, axis: int, end: float, speed: float | None = None) -> None:
-        """Move one axis at F, or at a speed of its own [m/s]."""
-        start = self.at(axis)
-        length = abs(end - start)
+    def feed(self, axis: int, level: float, speed: float | None = None) -> None:
+        """Move along one direction at F, or at a speed of its own [m/s]."""
+        length = abs(level - self.at(axis))
         if length <= ROUNDING:
             return
-        curve = LineCurve((axis,), (start,), (end,), length)
+        ends = self.ends(axis, level)
+        starts = tuple(self._block.commanded.positions[each] for each in ends)
+        curve = LineCurve(tuple(ends), starts, tuple(ends.values()), length)
         speed = speed or self._speed
         group = FeedGroup((curve,), requested=length / speed, speed=speed)
         self.lines.append(
@@ -59,7 +76,8 @@ class CycleMotion:
                 feed_length=length,
             )
         )
-        self._block.end_at(axis, end)
+        for each, end in ends.items():
+            self._block.end_at(each, end)
 
     def turn(self, axis: int, speed: float, seconds: float) -> None:
         """Let the spindle turn [rad/s], and wait for its ramp."""
@@ -73,11 +91,16 @@ class CycleMotion:
             self.lines.append(MotionLine(self._block.parsed.number, (DwellGroup(seconds),)))
 
 
-def check_travel(block: BlockState, axis: int, end: float, source: ProfileWord | Action) -> None:
-    """Report a place beyond the travel of an axis (MC201)."""
+def height(block: BlockState, axis: int, place: Mapping[int, float]) -> float:
+    """Return the coordinate of a place along a direction of the program, from the machine's zero [m]."""
+    return back(block.frame.directions, place).get(axis, 0.0)
+
+
+def check_travel(block: BlockState, axis: int, end: float, source: ProfileWord | Action) -> bool:
+    """Report a place beyond the travel of an axis (MC201); return whether it is."""
     limits = block.setup.axes[axis]
     if limits.min_position - ROUNDING <= end <= limits.max_position + ROUNDING:
-        return
+        return False
     shown = shown_position(end, limits.type, block.modal.inch)
     block.faults.add(
         "MC201",
@@ -86,3 +109,4 @@ def check_travel(block: BlockState, axis: int, end: float, source: ProfileWord |
         "stay within the axis's travel",
         axis=axis,
     )
+    return True

@@ -1,13 +1,14 @@
-"""Where a program's X, Y and Z point along the machine's axes: a rotation matrix (D-110)."""
+"""Where a program's X, Y and Z point along the machine's axes: a rotation matrix (D-110, D-111)."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 
 Vector = tuple[float, float, float]
 # rows: the axes X, Y, Z; columns: where the program's X, Y and Z point
 Directions = tuple[Vector, Vector, Vector]
+UNTURNED: Directions = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
 # what rounding leaves of a right angle
 _NOTHING = 1e-13
 
@@ -16,6 +17,30 @@ def about_z(angle: float) -> Directions:
     """Return directions turned counter-clockwise about Z [rad], exact at quarter turns."""
     cosine, sine = cosine_and_sine(math.degrees(angle))
     return (cosine, -sine, 0.0), (sine, cosine, 0.0), (0.0, 0.0, 1.0)
+
+
+def by_euler_angles(first: float, second: float, third: float) -> Directions:
+    """Return directions turned about Z, about the X that results, and about the Z that results [deg]."""
+    cosine, sine = cosine_and_sine(second)
+    about_x = (1.0, 0.0, 0.0), (0.0, cosine, -sine), (0.0, sine, cosine)
+    turned = (about_z(math.radians(each)) for each in (first, third))
+    return product(product(next(turned), about_x), next(turned)) or UNTURNED
+
+
+def product(outer: Directions | None, inner: Directions | None) -> Directions | None:
+    """Return directions within others, along the axes that the outer ones are along."""
+    if outer is None or inner is None:
+        return inner if outer is None else outer
+    a, b, c = zip(*inner, strict=True)
+    x, y, z = ((_cosine(row, a), _cosine(row, b), _cosine(row, c)) for row in outer)
+    return x, y, z
+
+
+def _cosine(first: Iterable[float], second: Iterable[float]) -> float:
+    """Return that of the angle between unit vectors, without what rounding leaves of a right one."""
+    cosine = sum(a * b for a, b in zip(first, second, strict=True))
+    nearest = float(round(cosine))
+    return nearest if abs(cosine - nearest) < _NOTHING else cosine
 
 
 def along(directions: Directions | None, place: Mapping[int, float]) -> dict[int, float]:

@@ -10,7 +10,7 @@ from typing import Final
 import msgspec
 
 from mcserver.gcode.profiles.codes import SPINDLE, TAPPING
-from mcserver.gcode.profiles.cycle_motion import CycleMotion, check_travel
+from mcserver.gcode.profiles.cycle_motion import CycleMotion, check_travel, height
 from mcserver.gcode.profiles.frame import DrillCycle, Level, Pecks
 from mcserver.gcode.profiles.threading import Spindle, find_spindle, read_pass
 from mcserver.gcode.semantics.block_state import ASSUMED_FEED, BlockState
@@ -52,7 +52,7 @@ _TAKES: Final[Mapping[str, str]] = MappingProxyType(
 
 
 class _Hole(msgspec.Struct, frozen=True):
-    """Heights of a cycle as positions of the drilling axis [m], and where the tool goes between holes."""
+    """Heights of a cycle along its axis [m], as of `CycleMotion`, and where the tool goes between holes."""
 
     axis: int
     clear: float
@@ -105,21 +105,22 @@ def drill(block: BlockState, action: Action) -> list[Canonical]:
     motion = CycleMotion(block, speed)
     for _ in range(repeats):
         if motion.at(hole.axis) < hole.clear - ROUNDING:
-            motion.rapid({hole.axis: hole.clear})
+            motion.rapid(motion.ends(hole.axis, hole.clear))
         motion.rapid(_ends(block, action, targets))
-        motion.rapid({hole.axis: hole.clear})
+        motion.rapid(motion.ends(hole.axis, hole.clear))
+        _check_heights(block, action, motion, hole)
         if spindle is None:
             _down(motion, cycle, hole)
-            motion.rapid({hole.axis: hole.retract})
+            motion.rapid(motion.ends(hole.axis, hole.retract))
         elif turning is None:
             _down(motion, cycle, hole)
             ramp = stopping_seconds(block.setup.axes[spindle.axis], abs(spindle.turns_s))
             motion.turn(spindle.axis, 0.0, ramp)
-            motion.rapid({hole.axis: hole.retract})
+            motion.rapid(motion.ends(hole.axis, hole.retract))
             motion.turn(spindle.axis, TURN * spindle.turns_s, ramp)
         else:
             _tap(block, named, motion, hole, _depths(cycle, hole), spindle, pitch)
-            motion.rapid({hole.axis: hole.retract})
+            motion.rapid(motion.ends(hole.axis, hole.retract))
         if block.faults.found:
             return []
     if "P" in action.words and cycle.dwell is not None and cycle.dwell > LONG_DWELL:
@@ -142,9 +143,9 @@ def _down(motion: CycleMotion, cycle: DrillCycle, hole: _Hole) -> None:
             break
         total = 0.0 if cycle.pecks is None else cycle.pecks.total
         if cycle.code == "G83" or 0.0 < total <= top - depth + ROUNDING:
-            motion.rapid({hole.axis: hole.clear})
+            motion.rapid(motion.ends(hole.axis, hole.clear))
             top = depth
-        motion.rapid({hole.axis: min(hole.clear, depth + CLEARANCE)})
+        motion.rapid(motion.ends(hole.axis, min(hole.clear, depth + CLEARANCE)))
     motion.dwell(cycle.dwell or 0.0)
     if cycle.code in _FEEDING_OUT:
         motion.feed(hole.axis, hole.clear)
@@ -165,7 +166,7 @@ def _tap(
         # the pass waits until it has its speed
         motion.turn(spindle.axis, TURN * spindle.turns_s, 0.0)
     for depth in depths:
-        tap = read_pass(block, action, spindle, {hole.axis: depth}, pitch, taps=True)
+        tap = read_pass(block, action, spindle, motion.ends(hole.axis, depth), pitch, taps=True)
         if tap is None:
             return
         motion.lines.append(tap)
@@ -231,7 +232,7 @@ def _cycle(block: BlockState, action: Action, before: DrillCycle | None) -> Dril
     if missing or bottom is None or clear is None:
         block.faults.add("MC118", f"{code} lacks {' and '.join(missing)}", action.span, "add what is missing")
         return None
-    initial = block.commanded.positions[axis] if before is None else before.initial
+    initial = height(block, axis, block.commanded.positions) if before is None else before.initial
     return DrillCycle(code, initial, bottom, clear, pecks, dwell)
 
 
@@ -281,7 +282,7 @@ def _axis(block: BlockState) -> int:
 def _hole(block: BlockState, cycle: DrillCycle) -> _Hole:
     """Return the heights of a cycle: increments count from where it began, and from R (RS-274)."""
     axis = _axis(block)
-    zero = (block.modal.shift or {}).get(axis, 0.0)
+    zero = height(block, axis, block.modal.shift or {})
     clear = cycle.clear.value + (cycle.initial if cycle.clear.incremental else zero)
     bottom = cycle.bottom.value + (clear if cycle.bottom.incremental else zero)
     retract = max(clear, cycle.initial) if block.frame.to_initial else clear
@@ -381,11 +382,10 @@ def _sound(block: BlockState, action: Action, cycle: DrillCycle, hole: _Hole) ->
             "MC146", f"{cycle.code} takes more than {MOST_PECKS} pecks", action.span, "give larger ones"
         )
         return False
-    if hole.axis in block.transformation.axes:
+    if hole.axis in block.transformation.changed:
         block.faults.add(
             "MC185",
-            "a canned cycle along a scaled or turned axis does not go together with "
-            f"{block.transformation.names}",
+            f"a canned cycle along a scaled axis does not go together with {block.transformation.names}",
             action.span,
             f"end that by {block.transformation.enders} first, or scale X and Y alone",
         )
@@ -406,9 +406,16 @@ def _sound(block: BlockState, action: Action, cycle: DrillCycle, hole: _Hole) ->
             "MC178", f"{cycle.code} taps with the spindle on {turning}", action.span, f"write S and {turning}"
         )
         return False
-    for height in (hole.clear, hole.bottom):
-        check_travel(block, hole.axis, height, action)
     return not block.faults.found
+
+
+def _check_heights(block: BlockState, action: Action, motion: CycleMotion, hole: _Hole) -> None:
+    """Report heights above and in a hole that are beyond the travel of an axis (MC201)."""
+    reported: set[int] = set()
+    for level in (hole.clear, hole.bottom, hole.retract):
+        for axis, end in motion.ends(hole.axis, level).items():
+            if axis not in reported and check_travel(block, axis, end, action):
+                reported.add(axis)
 
 
 def repeat_action(words: Sequence[ProfileWord]) -> Action:

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 import msgspec
 
 from mcserver.gcode.profiles.codes import SYSTEM_NUMBERS
-from mcserver.gcode.profiles.directions import Directions, about_z, along, back
+from mcserver.gcode.profiles.directions import Directions, Vector, about_z, along, back, product
 from mcserver.machine.dialect_section import Cutter, Retraction
 from mcserver.machine.machine_file import Machine
 
@@ -15,7 +15,6 @@ Offsets = Mapping[int, float]
 LENGTH_AXIS = 2  # a tool's length lies along Z
 # in place of an axis: the angle about Z by which X and Y of a work system are turned (G10 L2 R) [rad]
 ANGLE = -1
-TURN = ANGLE
 
 
 class Level(msgspec.Struct, frozen=True):
@@ -55,16 +54,47 @@ class DrillCycle(msgspec.Struct, frozen=True):
     dwell: float | None
 
 
+class Facing(msgspec.Struct, frozen=True):
+    """How a machine stands to a tilted plane since G53.1.
+
+    Attributes:
+        turns: of the rotary axes that tilt the tool, axis → [rad].
+        directions: where X, Y and Z of the work piece point along the axes at these.
+        zero: where X, Y and Z are there with the spindle's point at the place on the work piece that it is at
+            with all of these axes at the program's zero and X, Y and Z at 0 [m].
+    """
+
+    turns: Offsets
+    directions: Directions
+    zero: Vector
+
+
+class TiltedPlane(msgspec.Struct, frozen=True):
+    """A plane on the work piece, as G68.2 gives it (D-111).
+
+    Attributes:
+        tool: number of the ``[[tool]]`` that is turned towards it.
+        origin: in the work system [m]. directions: where its X, Y and Z point there.
+        facing: None until G53.1.
+    """
+
+    tool: int
+    origin: Vector
+    directions: Directions
+    facing: Facing | None = None
+
+
 class Frame(msgspec.Struct, frozen=True):
     """The frame that axis words are in, and the spindle.
 
     Attributes:
         system: 1 … 9, of G54 … G59.3. systems: origins of the work coordinate systems, axis → [m or rad],
-            and by `TURN` the angle of those that are turned.
+            and by `ANGLE` the angle of those that are turned.
         cutters: of the tool table, by number, as G10 L1 set them; they go before the machine file's.
         g92: offsets of G92. g92_on: they count (G92.2 takes them out, G92.3 in). local: of G52.
         tool_length: of G43 or G43.4 [m]. tool: number of the last T. changed: number of the last M6.
         tip_tool: number of the ``[[tool]]`` whose tip X Y Z lead (G43.4); None: they are the axes.
+        plane: of G68.2; None: there is none.
         stored: positions of G28.1 (28) and G30.1 (30).
         cycle: the last canned cycle; it is in force as long as no motion code is.
         to_initial: between holes the tool goes where it was before the cycle (G98), not to R (G99).
@@ -83,6 +113,7 @@ class Frame(msgspec.Struct, frozen=True):
     tool: int = 0
     changed: int | None = None
     tip_tool: int | None = None
+    plane: TiltedPlane | None = None
     stored: Mapping[int, Offsets] = {}
     cycle: DrillCycle | None = None
     to_initial: bool = True
@@ -96,31 +127,43 @@ class Frame(msgspec.Struct, frozen=True):
 
         Under G43.4 the tip is led to where the words say, so that the tool's length is no part of it.
         """
-        total = along(self.directions, self.inner)
-        for part in (self.systems.get(self.system, {}), self.retracted or {}):
-            for axis, offset in part.items():
-                if axis == TURN:
-                    continue
-                total[axis] = total.get(axis, 0.0) + offset
+        plane, facing = self.plane, self._facing
+        inner = self.inner
+        if plane is not None and facing is not None:
+            inner = _sum(inner, dict(enumerate(plane.origin)))
+        system = {axis: at for axis, at in self.systems.get(self.system, {}).items() if axis != ANGLE}
+        total = _sum(along(self._turned, inner), system)
+        if facing is not None:
+            total = _sum(along(facing.directions, total), dict(enumerate(facing.zero)))
+        total = _sum(total, self.retracted or {})
         if self.tool_length and self.tip_tool is None:
-            total[LENGTH_AXIS] = total.get(LENGTH_AXIS, 0.0) + self.tool_length
+            lengthwise = along(self.directions, {LENGTH_AXIS: self.tool_length})
+            total = _sum(total, lengthwise)
         total = {axis: offset for axis, offset in total.items() if offset != 0.0}
         return total or None
 
     @property
     def inner(self) -> dict[int, float]:
         """Offsets within the work system, of G52 and G92: they are turned with it [m or rad]."""
-        found: dict[int, float] = {}
-        for part in (self.local, self.g92 if self.g92_on else {}):
-            for axis, offset in part.items():
-                found[axis] = found.get(axis, 0.0) + offset
-        return found
+        return _sum(self.local, self.g92 if self.g92_on else {})
 
     @property
     def directions(self) -> Directions | None:
         """Where the program's X, Y and Z point; None: along the axes."""
-        angle = self.systems.get(self.system, {}).get(TURN, 0.0)
+        facing = self._facing
+        if self.plane is None or facing is None:
+            return self._turned
+        return product(facing.directions, product(self._turned, self.plane.directions))
+
+    @property
+    def _turned(self) -> Directions | None:
+        """Directions of the work system on the work piece."""
+        angle = self.systems.get(self.system, {}).get(ANGLE, 0.0)
         return about_z(angle) if angle else None
+
+    @property
+    def _facing(self) -> Facing | None:
+        return None if self.plane is None else self.plane.facing
 
     def coordinates(self, positions: Offsets) -> dict[int, float]:
         """Return what axes at these positions read in the zero in force [m or rad], unscaled and unturned."""
@@ -128,15 +171,22 @@ class Frame(msgspec.Struct, frozen=True):
         return back(self.directions, {axis: at - zero.get(axis, 0.0) for axis, at in positions.items()})
 
     def zeros(self) -> dict[str, Offsets]:
-        """Return where programs read zero, by system [m or rad], as in ``systems``; without a tool's length.
+        """Return where programs read zero, by system [m or rad], as in ``systems``.
+
+        Neither a tool's length nor a tilted plane counts.
 
         The system in force has the offsets of G92 and G52 in it; systems without an origin are left out.
         """
         found = {name: dict(self.systems.get(number, {})) for name, number in SYSTEM_NUMBERS.items()}
         own = next(name for name, number in SYSTEM_NUMBERS.items() if number == self.system)
-        turn = {axis: angle for axis, angle in found[own].items() if axis == TURN}
-        found[own] = {**(msgspec.structs.replace(self, tool_length=0.0).shift() or {}), **turn}
+        turn = {axis: angle for axis, angle in found[own].items() if axis == ANGLE}
+        found[own] = {**(msgspec.structs.replace(self, tool_length=0.0, plane=None).shift() or {}), **turn}
         return {name: origin for name, origin in found.items() if any(origin.values())}
+
+
+def _sum(first: Offsets, second: Offsets) -> dict[int, float]:
+    """Return the sum of offsets, each of which may lack axes."""
+    return {axis: first.get(axis, 0.0) + second.get(axis, 0.0) for axis in (*first, *second)}
 
 
 def tool_table(machine: Machine, frame: Frame | None) -> dict[int, Cutter]:

@@ -75,7 +75,7 @@ class Transformation(msgspec.Struct, frozen=True):
     """How programmed X Y Z become coordinates along the axes, in the zero in force.
 
     Attributes:
-        directions: of the zero in force, as its frame has them.
+        directions: of the zero in force, as its frame has them. tilted: they are those of G68.2.
         unsettled: axes whose programmed coordinate controllers have differently, until a word of G90 says it.
     """
 
@@ -83,6 +83,7 @@ class Transformation(msgspec.Struct, frozen=True):
     rotation: Rotation | None = None
     polar: Polar | None = None
     directions: Directions | None = None
+    tilted: bool = False
     unsettled: frozenset[int] = frozenset()
 
     @property
@@ -141,13 +142,14 @@ class Transformation(msgspec.Struct, frozen=True):
         found = [] if self.scaling is None else [self.scaling.code]
         found += [] if self.rotation is None else ["G68"]
         found += [] if self.polar is None else ["G16"]
+        found += ["G68.2"] if self.tilted else []
         return " and ".join(found or ["a turned work system"])
 
     @property
     def enders(self) -> str:
         """Name the codes that end those in force, in their order."""
         found = [] if self.polar is None else ["G15"]
-        found += [] if self.rotation is None else ["G69"]
+        found += [] if self.rotation is None and not self.tilted else ["G69"]
         found += [] if self.scaling is None else [self.scaling.code.replace("G51", "G50")]
         return " and ".join(found or ["G10 L2 P0 R0, or another system,"])
 
@@ -161,7 +163,7 @@ class Transformation(msgspec.Struct, frozen=True):
 
     def without(self, moved: Iterable[int]) -> Transformation:
         """Return it behind a motion that knows nothing of it, such as G53."""
-        lost = self.coupled(frozenset(moved)) & self.changed
+        lost = self.coupled(frozenset(moved)) & (frozenset((0, 1, 2)) if self.tilted else self.changed)
         return msgspec.structs.replace(self, unsettled=self.unsettled | lost)
 
     def applied(self, place: Mapping[int, float]) -> dict[int, float]:

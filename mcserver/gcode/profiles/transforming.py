@@ -25,7 +25,9 @@ def refuse_beside(block: BlockState, profile: ProfileWords) -> None:
     """Report actions that do not go together with what a line leaves in force (MC185)."""
     codes = {action.code for action in profile.actions}
     ended = {part: None for code, part in _ENDS.items() if code in codes}
-    found = msgspec.structs.replace(block.transformation, **ended)
+    found = msgspec.structs.replace(
+        block.transformation, **ended, tilted=block.transformation.tilted and "G69" not in codes
+    )
     for action in profile.actions:
         code = action.code
         named = {word.axis for word in action.axes}
@@ -33,10 +35,12 @@ def refuse_beside(block: BlockState, profile: ProfileWords) -> None:
         same = SYSTEM_NUMBERS.get(code) == block.frame.system
         zero = (code in _ZEROS and not same) or (code == "G10" and not _of_tools(action))
         if zero:
-            what = "" if found.scaling is None and found.rotation is None else "another zero"
+            turned = found.scaling is not None or found.rotation is not None or found.tilted
+            what = "another zero" if turned else ""
         elif code in PROBING | THREADING:
             three = {0, 1, 2} if code == "G76" else named
-            what = code if (found.changed if code in PROBING else found.axes) & three else ""
+            along = found.changed if code in PROBING and not found.tilted else found.axes
+            what = code if along & three or (found.tilted and code in PROBING) else ""
         if what:
             _refuse(block, action, what, found)
 
@@ -128,6 +132,9 @@ def _rotate(block: BlockState, action: Action) -> None:
     if angle is None:
         block.faults.add("MC118", "G68 has no R: the angle", action.span, "such as G68 X0 Y0 R30")
     scaling = found.scaling
+    if found.tilted:
+        # what G69 ends of both
+        _refuse(block, action, "G68", found)
     if found.polar is not None or (scaling is not None and found.mirrors(plane)):
         reason = "G16" if found.polar is not None else f"{found.names}, which mirrors"
         block.faults.add(

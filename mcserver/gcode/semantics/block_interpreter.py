@@ -20,6 +20,7 @@ from mcserver.gcode.semantics.feed_time import FeedMove, feed_group
 from mcserver.gcode.semantics.holding_torque import check_holding
 from mcserver.gcode.semantics.modal import initial_modal
 from mcserver.gcode.semantics.moves import arc, line, rapid, transmit_speed, transmit_torque
+from mcserver.gcode.semantics.tilted_planes import check_plane
 from mcserver.gcode.semantics.tip_moves import refuse_beside_tip, tip_feed_move, tip_rapid
 from mcserver.gcode.semantics.tool_moves import tool_feed_move, tool_rapid
 from mcserver.gcode.text.command_table import Kind
@@ -54,12 +55,15 @@ class BlockInterpreter:
     def read(self) -> None:
         """Interpret the line; what follows M02 or M30 is not read (D-05)."""
         profile = self.block.parsed.profile
+        before = self.block.modal.frame
         if self.block.modal.control_points is not None:
             self.after += read_control_line(self.block)
         elif profile is not None:
             self._read_profile(profile)
         else:
             self._read_groups()
+        if self.block.modal.frame is not None and self.block.modal.frame.plane is not None:
+            check_plane(self.block, before, self.before + self.after, self.groups)
         if self.ended:
             self.after += act_at_end(self.block)
             self.block.modal = initial_modal(self.block.setup.machine)

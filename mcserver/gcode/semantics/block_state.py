@@ -132,6 +132,9 @@ class BlockState:
     @frame.setter
     def frame(self, frame: Frame) -> None:
         before = self.modal.shift or {}
+        if frame.cycle is not None and frame.directions != self.frame.directions:
+            # it knows its heights along the directions before
+            frame = msgspec.structs.replace(frame, cycle=None)
         self.modal = with_frame(self.modal, frame)
         after = self.modal.shift or {}
         if self.modal.transformation is not None and before != after:

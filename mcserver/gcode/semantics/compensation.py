@@ -183,7 +183,9 @@ class _Stage:
     def _move(self, value: MotionLine, group: FeedGroup, state: Compensation) -> None:
         """Take a line with one curve that has axes of the plane."""
         curve = group.curves[0]
-        assert isinstance(curve, LineCurve | ArcCurve)
+        if not isinstance(curve, LineCurve | ArcCurve):
+            _refuse(self._block, "a curve of other planes has no cutter compensation", "write G40 before it")
+            return
         # an axis that the line does not name stays where it is
         starts = {**self._starts, **dict(zip(curve.axes, curve.start, strict=True))}
         ends = {**starts, **dict(zip(curve.axes, curve.end, strict=True))}

@@ -101,7 +101,11 @@ SMALLEST_FEED = 1e-6
 
 def with_frame(modal: ModalState, frame: Frame) -> ModalState:
     """Return the state with another frame: the zero and the directions that it gives."""
-    found = msgspec.structs.replace(modal.transformation or Transformation(), directions=frame.directions)
+    found = msgspec.structs.replace(
+        modal.transformation or Transformation(),
+        directions=frame.directions,
+        tilted=frame.plane is not None,
+    )
     return msgspec.structs.replace(
         modal, frame=frame, shift=frame.shift(), transformation=None if found.idle else found
     )
@@ -118,7 +122,7 @@ def initial_modal(machine: Machine, frame: Frame | None = None) -> ModalState:
         frame = Frame(systems=machine.dialect.systems)
     if frame is None or profile not in ("cnc", "robot"):
         return start
-    return with_frame(start, msgspec.structs.replace(frame, tip_tool=None))
+    return with_frame(start, msgspec.structs.replace(frame, tip_tool=None, plane=None))
 
 
 def with_tables(modal: ModalState, machine: Machine, frame: Frame) -> ModalState:
@@ -126,7 +130,12 @@ def with_tables(modal: ModalState, machine: Machine, frame: Frame) -> ModalState
     start = initial_modal(machine, frame).frame
     if start is None:
         return modal
-    kept = msgspec.structs.replace(modal.frame or start, systems=frame.systems, cutters=frame.cutters)
+    before = modal.frame or start
+    plane = before.plane
+    if plane is not None and before.systems.get(before.system) != frame.systems.get(before.system):
+        # G53.1 has to turn the tool again
+        plane = msgspec.structs.replace(plane, facing=None)
+    kept = msgspec.structs.replace(before, systems=frame.systems, cutters=frame.cutters, plane=plane)
     return with_frame(modal, kept)
 
 

@@ -42,8 +42,8 @@ def rapid(block: BlockState, command: Command, words: Words, *, wait: bool) -> F
         return None
     ends = {target.axis.index: target.end for target in targets}
     if wait:
-        # beside a path every way counts
-        straight = block.compensation is not None
+        # beside a path, and along directions that no axis has, every way counts
+        straight = block.compensation is not None or block.transformation.directions is not None
         return rapid_group(block.setup, block.modal, starts, ends, straight=straight)
     return RapidGroup(tuple(ends), tuple(ends.values()), wait, block.modal.carried)
 

@@ -52,7 +52,12 @@ def find_axes_to_sync(
                     named |= {0, 1, 2}
                 needed |= {axis for axis in named if axis in unsynced}
     led = modal.frame is not None and modal.frame.tip_tool is not None
-    if led or (parsed.profile is not None and any(each.code == "G43.4" for each in parsed.profile.actions)):
+    if modal.frame is not None and modal.frame.plane is not None and parsed.groups:
+        # the tool has to stand on the tilted plane still
+        facing = modal.frame.plane.facing
+        needed |= set() if facing is None else set(facing.turns)
+    codes = () if parsed.profile is None else tuple(each.code for each in parsed.profile.actions)
+    if led or "G43.4" in codes or "G53.1" in codes:
         # the tip's place follows from all axes of its tool
         needed |= {axis for chain in setup.chains.values() for axis in chain}
     if parsed.profile is not None:
@@ -100,7 +105,7 @@ def _modes_after(command: Command, tool: int | None, incremental: bool) -> tuple
                 incremental = number == 91
             elif number == 1050:
                 tool = None
-        elif item.letter == "T" and item.value == int(item.value):
+        elif item.letter == "T" and item.value % 1.0 == 0.0:
             tool = int(item.value)
     return tool, incremental
 

@@ -64,8 +64,12 @@ class TipFrame(msgspec.Struct, frozen=True):
         return np.asarray(self.base + coordinates @ self.across.T)
 
 
-def tip_frame(setup: Setup, frame: Frame) -> TipFrame:
+def tip_frame(setup: Setup, frame: Frame, *, turns: Array | None = None) -> TipFrame:
     """Return the coordinates of a frame with G43.4 in force.
+
+    Args:
+        turns: positions of the rotary axes at which they are those of the axes, shape (T,) [rad]; None: the
+            program's zero.
 
     Raises:
         KinematicsError: the tool cannot be led by its tip.
@@ -75,7 +79,9 @@ def tip_frame(setup: Setup, frame: Frame) -> TipFrame:
     control = setup.kinematics.tip_control(frame.tip_tool, frame.tool_length)
     axes = control.tool.chain.axes
     zero = frame.shift() or {}
-    across, base = control.base(np.array([zero.get(axes[column], 0.0) for column in control.turning]))
+    if turns is None:
+        turns = np.array([zero.get(axes[column], 0.0) for column in control.turning])
+    across, base = control.base(turns)
     sliding = [axes[column] for column in control.sliding]
     order = [sliding.index(axis) for axis in _COORDINATES]
     columns = tuple(int(control.sliding[place]) for place in order)
@@ -90,23 +96,30 @@ def tip_coordinates(setup: Setup, frame: Frame, positions: Mapping[int, float]) 
 
 def lead_by_tip(block: BlockState, action: Action) -> None:
     """Begin tool centre point control, with the machine's tool that the axes X Y Z and rotary ones move."""
-    setup = block.setup
     reason = ""
     if block.modal.tool is not None:
         reason = f"T{block.modal.tool} is in force"
     elif block.compensation is not None:
         reason = f"cutter compensation is on since line {block.compensation.line}"
-    elif block.transformation.axes:
+    elif block.transformation.axes or block.transformation.tilted:
         reason = f"{block.transformation.names} is in force"
     if reason:
         block.faults.add("MC172", f"{action.code} while {reason}", action.span, "end that before it")
         return
+    tool = leading_tool(block, action)
+    if tool is not None:
+        block.frame = msgspec.structs.replace(block.frame, tip_tool=tool)
+
+
+def leading_tool(block: BlockState, action: Action) -> int | None:
+    """Return the machine's tool that X Y Z and rotary axes move; None after a fault (MC171, MC313)."""
+    setup = block.setup
     if setup.kinematics is None and setup.machine.tools:
         block.faults.add(
             "MC313", f"{action.code} needs inverse kinematics, which is not installed", action.span,
             "pip install pin scipy",
         )  # fmt: skip
-        return
+        return None
     fitting = [number for number, chain in setup.chains.items() if _leads(setup, chain)]
     if len(fitting) != 1:
         known = ", ".join(f"T{number}" for number in fitting)
@@ -122,14 +135,13 @@ def lead_by_tip(block: BlockState, action: Action) -> None:
             else "give the machine file [kinematics] urdf and one [[tool]] whose axes lead from the work "
             "piece's frame (work) to the spindle: X Y Z and the rotary ones (docs/five-axis.md)",
         )
-        return
-    frame = msgspec.structs.replace(block.frame, tip_tool=fitting[0])
+        return None
     try:
-        tip_frame(setup, frame)
+        tip_frame(setup, msgspec.structs.replace(block.frame, tip_tool=fitting[0]))
     except ModelError as error:
         block.faults.add("MC171", f"{action.code}: {error.message}", action.span, error.hint)
-        return
-    block.frame = frame
+        return None
+    return fitting[0]
 
 
 def _leads(setup: Setup, chain: tuple[int, ...]) -> bool:
@@ -141,7 +153,8 @@ def refuse_beside_tip(block: BlockState, profile: ProfileWords) -> None:
     """Report what does not go together with tool centre point control (MC172)."""
     code = next((each.code for each in profile.actions if each.code in _REFUSED), "")
     what = "G53" if profile.machine_frame else code
-    what = what or (block.transformation.names if block.transformation.axes else "")
+    turned = block.transformation.axes or block.transformation.tilted
+    what = what or (block.transformation.names if turned else "")
     if what:
         shown = "a canned cycle" if what == "REPEAT" else what
         block.faults.add(

@@ -27,7 +27,8 @@ def tables(target: Target, json: JsonOption = False) -> None:
     for title in ("row", "as a line", ""):
         rows.add_column(title, no_wrap=True)
     for each in found.offsets:
-        rows.add_row(each.system, offset_line(each.system, each.origin))
+        turned = {"R": each.rotation} if each.rotation else {}
+        rows.add_row(each.system, offset_line(each.system, {**each.origin, **turned}))
     for tool in found.tools:
         line = tool_line(tool.number, tool.length, tool.diameter)
         rows.add_row(f"T{tool.number}", line, "set by G10 L1" if tool.changed else "as the machine file")
