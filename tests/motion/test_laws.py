@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import numpy as np
@@ -9,6 +10,7 @@ import pytest
 from hypothesis import HealthCheck, Phase, given, settings
 from hypothesis import strategies as st
 
+from mcserver.motion.geometry.curves import ArcCurve
 from mcserver.motion.pieces import Activation, Deactivation, LineEdges, Piece, Rows
 from mcserver.units import MM
 from tests.motion.measure import (
@@ -169,3 +171,28 @@ def test_the_measurements_see_a_limit_that_is_broken() -> None:
     assert velocity_ratio(motion) == pytest.approx(2.0)
     assert acceleration_ratio(motion) == pytest.approx(2.0)
     assert jerk_ratio(motion) > 100.0
+
+
+@pytest.mark.parametrize("jerk", [None, 1e5])
+@pytest.mark.parametrize("shrunk", [1e-9, 5e-9, 2e-8])
+def test_a_tiny_arc_whose_end_is_rounded_is_reached_within_the_limits(
+    shrunk: float, jerk: float | None
+) -> None:
+    machine = alike(2, acceleration=500.0, jerk=jerk)
+    length, radius, sweep = 5.0 * MM, 0.01 * MM, 0.02
+    # the end of many arcs in files is off the circle by what was rounded: at their beginning is a vertex
+    end = (
+        length + (radius - shrunk) * math.sin(sweep),
+        radius - (radius - shrunk) * math.cos(sweep),
+    )
+    spiral = ArcCurve(
+        axes=(0, 1),
+        start=(length, 0.0),
+        end=end,
+        centre=(length, radius),
+        sweep=sweep,
+        length=math.hypot(radius * sweep, shrunk),
+    )
+    line = line_curve(machine, (0, 1), (0.0, 0.0), (length, 0.0))
+    motion = plan(machine, [at_speed(0.2, line), at_speed(0.2, spiral)])
+    assert acceleration_ratio(motion) <= ACCELERATION_SLACK

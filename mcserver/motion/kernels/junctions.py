@@ -9,7 +9,7 @@ from mcserver.motion.geometry.curves import Array
 from mcserver.motion.kernels.compiled import compiled
 from mcserver.motion.kernels.groups import SegmentColumns
 from mcserver.motion.kernels.parts import is_split, vertex_zone_length
-from mcserver.motion.kernels.sample_limits import CURVATURE_SHARE, TINY, ripple
+from mcserver.motion.kernels.sample_limits import CURVATURE_SHARE, MOST_RIPPLE, TINY, ripple
 
 # A vertex is passed in one cycle. Beside it half of the limit is left, where that is all that there is on the
 # way to the next one.
@@ -138,9 +138,14 @@ def junction_vmax_of(
         if worst > _ONE_TANGENT and bent > 0.0:
             # beside a vertex the bend of an arc takes its part of the same axis's acceleration: the greatest
             # v with step·v + bend·v² ≤ acceleration
-            step = abs(first[k] / scale - last[k] / before_scale) / (cycle * VERTEX_SHARE)
+            turn_of = abs(first[k] / scale - last[k] / before_scale)
+            step = turn_of / (cycle * VERTEX_SHARE)
             share = CURVATURE_SHARE * limits[1, k]
             speed = min(speed, 2.0 * share / max(step + math.sqrt(step * step + 4.0 * d2q * share), TINY))
+            if speed * cycle > spacing:
+                # of several vertices within a cycle the steps add up, as step/spacing·v² (`free_at`)
+                dense = MOST_RIPPLE * turn_of / spacing + d2q
+                speed = min(speed, max(math.sqrt(share / max(dense, TINY)), spacing / cycle))
         sharpest = max(sharpest, abs(b2 - b1) / limits[2, k])
     if sharpest > 0.0:
         speed = min(speed, math.sqrt(VERTEX_SHARE * cycle / sharpest))

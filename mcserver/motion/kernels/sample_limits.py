@@ -42,6 +42,11 @@ SHORT = 5.0
 # What a speed may pass its cap by, for rounding.
 SLACK = 1.0 + 1e-9
 
+# The most that `ripple` adds to 1.
+MOST_RIPPLE = 1.125
+# Lowerings by 2 % of a top speed that leaves too little, in all: to a billionth of it.
+MOST_LOWERINGS = 1000
+
 TINY = 1e-300
 _HUGE = 1e100
 
@@ -246,7 +251,7 @@ def run_of(rows: Array, offset: NDArray[np.intp], segment_vmax: Array, limits: A
             full, full_jerk = min(full, acceleration), min(full_jerk, jerk)
         run.free_at_rest[group, 0], run.free_at_rest[group, 1] = full, full_jerk
         at_top = at_top_jerk = math.inf
-        for _ in range(200):
+        for _ in range(MOST_LOWERINGS):
             for i in range(low, high):
                 run.sample_vmax[i] = min(segment_vmax[group], rows[i, rows.shape[1] - 1])
             at_top, at_top_jerk = _free_of_group(run, group, segment_vmax[group])
