@@ -17,7 +17,9 @@ def mcp(
     connect: Annotated[
         list[str] | None,
         typer.Option(
-            "--connect", metavar="E", help="A running server or router, for status and runs. Repeatable."
+            "--connect",
+            metavar="E",
+            help="A running server or router, for status and runs; of several, the first reached.",
         ),
     ] = None,
     zenoh: Annotated[

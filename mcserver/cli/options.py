@@ -60,7 +60,12 @@ OptionalStopOption = Annotated[
 JsonOption = Annotated[bool, typer.Option("--json", help="Answer with one JSON object on standard output.")]
 ConnectOption = Annotated[
     list[str] | None,
-    typer.Option("--connect", "-c", metavar="E", help="Zenoh endpoint of a server or router. Repeatable."),
+    typer.Option(
+        "--connect",
+        "-c",
+        metavar="E",
+        help="Zenoh endpoint of a server or router; of several, the first reached.",
+    ),
 ]
 ZenohConfigOption = Annotated[
     Path | None,

@@ -46,7 +46,7 @@ ConnectOption = Annotated[
     typer.Option(
         "--connect",
         metavar="ENDPOINT",
-        help="Zenoh endpoint of the server or a router; repeatable. "
+        help="Zenoh endpoint of the server or a router; of several, the first that is reached. "
         "Default: $MC_CONNECT, else tcp/127.0.0.1:7447.",
     ),
 ]
