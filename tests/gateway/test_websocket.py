@@ -264,7 +264,10 @@ async def test_targets_that_are_none_or_of_no_program_move_nothing(
     await client.socket.send(
         msgpack.packb({"op": "targets", "machine": "nowhere", "program": "p", "message": [1]})
     )
+    await client.ask("subscribe", machine="cell", topic=f"ack/{opened['program']}")
     await client.call("close", program=opened["program"])
+    # the axis is free for the next one
+    await client.message(lambda ack: ack["state"] == "finished")
     assert (await client.call("status"))["axes"]["setpoint"][1] == before
 
 
