@@ -225,7 +225,9 @@ def path_missed_by_line(motion: Motion, points_a_line: int = 33) -> Array:
     weights = weights_of(motion.machine)
     worst = np.zeros(len(motion.moves))
     for move, base, number in zip(motion.moves, bases(motion), range(1, len(motion.moves) + 1), strict=True):
-        low = max(0, math.floor(motion.starts[number]) - 2)
+        # a corner in time begins on the line before, by its half at the most
+        before = 0.5 * (motion.starts[max(number - 1, 1)] + motion.starts[number])
+        low = max(0, math.floor(min(before, motion.starts[number] - 2.0)))
         high = min(len(polyline), math.ceil(motion.ends[number]) + 3)
         near = polyline[low:high] * weights
         s = np.concatenate([np.linspace(0.0, 1.0, points_a_line), 10.0 ** -np.arange(1.0, 5.0)])
