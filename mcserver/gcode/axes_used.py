@@ -58,7 +58,7 @@ def _axes_of_action(action: Action, dialect: Dialect) -> set[int]:
     if action.code in RETRACTING.values():
         return {dialect.letters["E"], LENGTH_AXIS}
     if action.code in ("G28", "G30") and not named:
-        return set(range(6)) - {*dialect.letters.values(), dialect.spindle}
+        return set(dialect.homed)
     return named
 
 

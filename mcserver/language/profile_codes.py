@@ -5,16 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Collection
 
-from mcserver.gcode.profiles.codes import (
-    ACTING,
-    IGNORED,
-    MOTIONS,
-    PROBING,
-    PROGRAM,
-    REFUSED,
-    RETRACTING,
-    SETTINGS,
-)
+from mcserver.gcode.profiles.codes import IGNORED, MOTIONS, PROBING, PROGRAM, REFUSED, SETTINGS, acting_of
 from mcserver.gcode.text.command_table import COMMANDS
 from mcserver.language.rules import rules
 from mcserver.machine.machine_file import Machine
@@ -44,9 +35,7 @@ def acting_codes(machine: Machine) -> frozenset[str]:
     probing = frozenset[str]() if machine.probe is None else PROBING
     own = frozenset(spec.name for spec in COMMANDS) if machine.dialect.profile == "reference" else frozenset()
     mapped = machine.dialect.mapped
-    acting = ACTING[machine.dialect.profile]
-    if machine.dialect.profile == "printer" and "E" not in machine.dialect.letters:
-        acting -= RETRACTING.keys()
+    acting = acting_of(machine.dialect)
     return acting | SETTINGS | MOTIONS | PROGRAM | outputs | inputs | probing | own | mapped
 
 

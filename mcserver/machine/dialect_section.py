@@ -106,6 +106,16 @@ class Dialect(msgspec.Struct, frozen=True):
         return frozenset({*self.outputs, *self.waits})
 
     @property
+    def extruder(self) -> int | None:
+        """Return a printer's axis E, which G10 and G11 retract; None: there is none."""
+        return self.letters.get("E") if self.profile == "printer" else None
+
+    @property
+    def homed(self) -> frozenset[int]:
+        """Return the axes that G28 and G30 without words move: X to C without spindle and further letters."""
+        return frozenset(range(6)) - {*self.letters.values(), self.spindle}
+
+    @property
     def reference(self) -> bool:
         """Return True if the profile is the reference's own, whatever parts are overridden."""
         return self.profile == "reference"

@@ -21,6 +21,7 @@ from mcserver.gcode.profiles.codes import (
     THREADING,
     TRANSFORMING,
 )
+from mcserver.gcode.profiles.cycle_motion import CycleMotion
 from mcserver.gcode.profiles.directions import along, coupled
 from mcserver.gcode.profiles.drilling import drill
 from mcserver.gcode.profiles.frame import ANGLE, LENGTH_AXIS, Frame, Offsets, tool_table
@@ -528,16 +529,18 @@ def _turn_spindle(block: BlockState, began: Frame, actions: tuple[Action, ...], 
             axis=index,
         )
     block.commanded.invalidate((index,))
-    number, group = block.parsed.number, SpeedGroup((index,), (speed,))
     starts = {action.code for action in actions} & {"M3", "M4"} - block.setup.machine.dialect.waits.keys()
     before = motor_speed(began.spindle_rpm * began.direction, axis.travel_per_motor_turn)
     if starts and speed != before:
         # no tool is to cut before its spindle has its speed; nothing but its acceleration says when that is
-        dwell = DwellGroup(stopping_seconds(axis, abs(speed - before) / TURN))
-        effects.before[:0] = [MotionLine(number, (group,)), MotionLine(number, (dwell,))]
-    elif any(isinstance(value, MotionLine | InputLine) for value in effects.before):
+        motion = CycleMotion(block)
+        motion.turn(index, speed, stopping_seconds(axis, abs(speed - before) / TURN))
+        effects.before[:0] = motion.lines
+        return
+    group = SpeedGroup((index,), (speed,))
+    if any(isinstance(value, MotionLine | InputLine) for value in effects.before):
         # a dwell or a wait behind M3 lets the spindle come to speed
-        effects.before.insert(0, MotionLine(number, (group,)))
+        effects.before.insert(0, MotionLine(block.parsed.number, (group,)))
     else:
         effects.groups.append(group)
 
@@ -570,10 +573,7 @@ def _go_home(block: BlockState, action: Action, effects: Effects) -> None:
             action.span,
             f"write G91 {action.code} with words of 0, which goes straight to the stored position",
         )
-    taken = set(block.setup.machine.dialect.letters.values()) | {block.setup.machine.dialect.spindle}
-    axes = [axis for axis, _ in named] or [
-        axis for axis in range(6) if axis in block.setup.leased and axis not in taken
-    ]
+    axes = [axis for axis, _ in named] or sorted(block.setup.machine.dialect.homed & block.setup.leased)
     # a printer's words name axes and no point on the way
     if block.setup.machine.dialect.profile != "printer":
         _rapid(block, action, through, effects)

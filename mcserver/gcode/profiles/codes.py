@@ -7,6 +7,8 @@ from collections.abc import Mapping
 from types import MappingProxyType
 from typing import Final
 
+from mcserver.machine.dialect_section import Dialect
+
 # read by the reference's grammar, in the order of RS-274's execution
 SETTINGS: Final = frozenset(
     {"G9", "G17", "G18", "G19", "G20", "G21", "G61", "G64", "G90", "G91", "G93", "G94"}
@@ -75,6 +77,14 @@ ACTING: Final[Mapping[str, frozenset[str]]] = MappingProxyType(
         "printer": frozenset({"G4", "G28", "G92", "M82", "M83", *PRINTER_STOPS, *RETRACTING}),
     }
 )
+
+
+def acting_of(dialect: Dialect) -> frozenset[str]:
+    """Return the codes of a profile that act on a machine, beside those that its file maps."""
+    acting = ACTING[dialect.profile]
+    return acting - RETRACTING.keys() if dialect.profile == "printer" and dialect.extruder is None else acting
+
+
 # act in every profile of a machine that has a probe
 PROBING: Final = frozenset({f"G38.{n}" for n in range(2, 6)})
 # of these the axis words, where a line has one of them

@@ -14,7 +14,6 @@ import msgspec
 from mcserver.gcode.line_faults import FaultList
 from mcserver.gcode.notices import logging_of
 from mcserver.gcode.profiles.codes import (
-    ACTING,
     HARMLESS_MACRO,
     IGNORED,
     IO_WORDS,
@@ -30,6 +29,7 @@ from mcserver.gcode.profiles.codes import (
     SILENT,
     SPINDLE,
     TAKES_AXES,
+    acting_of,
     code_name,
 )
 from mcserver.gcode.profiles.letter_o import found_letter_o
@@ -73,7 +73,7 @@ class ProfileReader:
 
     def __init__(self, dialect: Dialect) -> None:
         self._dialect = dialect
-        self._acting = ACTING[dialect.profile] | dialect.mapped
+        self._acting = acting_of(dialect) | dialect.mapped
         if dialect.channels:
             self._acting |= IO_WORDS.keys()
         if dialect.probes:
@@ -83,9 +83,6 @@ class ProfileReader:
         if dialect.profile != "reference" and not dialect.channels:
             self._ignored |= SET_OUTPUTS
         self._axes = axis_letters(dialect)
-        self._retracts = dialect.profile == "printer" and "E" in self._axes
-        if dialect.profile == "printer" and not self._retracts:
-            self._acting -= RETRACTING.keys()
         self._tools = dialect.profile in ("reference", "robot")  # T means the reference's tool
 
     def read(self, text: str, number: int) -> ParsedLine:
@@ -151,7 +148,7 @@ class ProfileReader:
             faults.add("MC140", COMPUTED, (1, len(code.rstrip()) + 1), "let the post write plain numbers")
             return nothing()
         code = _CHECKSUM.sub(lambda match: " " * len(match[0]), code)
-        if self._retracts and _RETRACTING.search(code):
+        if self._dialect.extruder is not None and _RETRACTING.search(code):
             return self._retraction(text, code, number, faults)
         return self._sort(text, code, number, faults)
 

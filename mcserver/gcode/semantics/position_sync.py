@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from mcserver.gcode.profiles.codes import DRILLING, SPLINES, THREADING
+from mcserver.gcode.profiles.frame import LENGTH_AXIS
 from mcserver.gcode.semantics.block_state import Setup
 from mcserver.gcode.semantics.commanded_state import CommandedState
 from mcserver.gcode.semantics.modal import ModalState
@@ -10,6 +11,10 @@ from mcserver.gcode.text.command_table import Kind
 from mcserver.gcode.text.parser import ParsedLine
 from mcserver.gcode.text.syntax import Command, Setting
 from mcserver.gcode.text.words import INCREMENTAL_LETTERS, Word
+
+# codes that go by where X, Y and Z are: G10 and G92 in a system that is turned, where X and Y read what
+# follows from both; G68, which without words turns about where the axes are; cycles and curves
+_FROM_XYZ = frozenset({"G10", "G92", "G68", "REPEAT"}) | DRILLING | SPLINES | THREADING
 
 
 def find_axes_to_sync(
@@ -56,29 +61,24 @@ def find_axes_to_sync(
         # the tool has to stand on the tilted plane still
         facing = modal.frame.plane.facing
         needed |= set() if facing is None else set(facing.turns)
-    codes = () if parsed.profile is None else tuple(each.code for each in parsed.profile.actions)
-    if led or "G43.4" in codes or "G53.1" in codes:
+    actions = () if parsed.profile is None else parsed.profile.actions
+    codes = {action.code for action in actions}
+    if led or codes & {"G43.4", "G53.1"}:
         # the tip's place follows from all axes of its tool
         needed |= {axis for chain in setup.chains.values() for axis in chain}
-    if parsed.profile is not None:
-        # what the encoder reads decides offsets and where G28 goes from
-        needed |= {word.axis for action in parsed.profile.actions for word in action.axes}
-        if any(action.code in ("G10", "G92") for action in parsed.profile.actions):
-            # in a system that is turned X and Y read what follows from both
-            needed |= {0, 1, 2}
-        spindle = setup.machine.dialect.spindle
-        if any(action.code in ("G28", "G30") for action in parsed.profile.actions):
-            # the spindle goes nowhere with them, and turns on
-            needed |= set(unsynced) - {spindle}
-        if any(
-            action.code in DRILLING | SPLINES | THREADING | {"REPEAT"} for action in parsed.profile.actions
-        ):
-            needed |= {0, 1, 2}
-        if any(action.code in ("RETRACT", "RECOVER") for action in parsed.profile.actions):
-            needed |= {setup.machine.dialect.letters["E"], 2}
-        if spindle is not None and any(action.code == "M19" for action in parsed.profile.actions):
-            # it is brought to rest, and turns to the angle from there
-            needed.add(spindle)
+    # what the encoder reads decides offsets and where G28 goes from
+    needed |= {word.axis for action in actions for word in action.axes}
+    spindle = setup.machine.dialect.spindle
+    if codes & {"G28", "G30"}:
+        # the spindle goes nowhere with them, and turns on
+        needed |= set(unsynced) - {spindle}
+    if codes & _FROM_XYZ:
+        needed |= {0, 1, 2}
+    if codes & {"RETRACT", "RECOVER"}:
+        needed |= {setup.machine.dialect.letters["E"], LENGTH_AXIS}
+    if spindle is not None and "M19" in codes:
+        # it is brought to rest, and turns to the angle from there
+        needed.add(spindle)
     if parsed.groups and modal.frame is not None and modal.frame.cycle is not None and motion is None:
         # a canned cycle starts from the height of its axis
         needed |= {0, 1, 2}
@@ -88,9 +88,6 @@ def find_axes_to_sync(
         needed |= modal.transformation.coupled(
             frozenset(each.axis for each in words if isinstance(each, Word))
         )
-    if parsed.profile is not None and any(each.code == "G68" for each in parsed.profile.actions):
-        # without words it turns about where the axes are
-        needed |= {0, 1, 2}
     if parsed.profile is not None and parsed.profile.polar:
         needed |= {0, 1}
     needed &= set(unsynced)
