@@ -7,11 +7,10 @@ from __future__ import annotations
 
 import struct
 
-from mcserver.can.port import EXTENDED, MAX_PAYLOAD, is_identifier
+from mcserver.can.port import MAX_PAYLOAD, is_identifier
 
 FRAME_SIZE = 16
 PAYLOAD_OFFSET = 8
-EXTENDED_FLAG = EXTENDED
 REMOTE_FLAG = 0x40000000
 ERROR_FLAG = 0x20000000
 NOT_DATA = REMOTE_FLAG | ERROR_FLAG

@@ -3,18 +3,21 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from types import MappingProxyType
 from typing import TYPE_CHECKING, ClassVar, Self
 
 import msgspec
 
+from mcserver.can.port import MAX_PAYLOAD
 from mcserver.drives.mit_numbers import step
 from mcserver.drives.streamed import StreamedDrive
+from mcserver.machine.bus_load import Share, frame_bits
 from mcserver.machine.constraints import NotNegative
 from mcserver.machine.drive import Refusal
 
 if TYPE_CHECKING:
+    from mcserver.machine.machine_file import Axis
     from mcserver.machine.sections import AxisSection
 
 # Steps of the position that the travel stays away from the ends of ±p_max, where readings stand still.
@@ -26,8 +29,8 @@ class MitDrive(StreamedDrive, frozen=True, tag="mit"):
     """A motor that follows position, velocity, stiffness, damping and torque of one frame.
 
     Attributes:
-        position_bits, velocity_bits: of the numbers in its frames. needed: keys that are above 0, and for
-            people what to give there.
+        position_bits, velocity_bits: of the numbers in its frames. extended: these have identifiers of 29
+            bits. needed: keys that are above 0, and for people what to give there.
         p_max, v_max, t_max: greatest magnitudes that a frame can say [rad, rad/s, N·m].
         kp, kd: stiffness [N·m/rad] and damping [N·m·s/rad] while it follows positions; damping alone while it
             follows a velocity or stops.
@@ -36,6 +39,7 @@ class MitDrive(StreamedDrive, frozen=True, tag="mit"):
 
     position_bits: ClassVar[int] = 16
     velocity_bits: ClassVar[int] = 16
+    extended: ClassVar[bool] = False
     needed: ClassVar[Mapping[str, str]] = GAINS
     p_max: NotNegative = 0.0
     v_max: NotNegative = 0.0
@@ -57,6 +61,11 @@ class MitDrive(StreamedDrive, frozen=True, tag="mit"):
     def velocity_step(self) -> float:
         """Step of velocities in its frames [rad/s]."""
         return step(self.v_max, self.velocity_bits)
+
+    @classmethod
+    def shares(cls, axes: Sequence[Axis], cycle_hz: float) -> list[Share]:  # noqa: ARG003
+        count, bits = float(len(axes)), frame_bits(MAX_PAYLOAD, extended=cls.extended)
+        return [Share("commands", count, bits), Share("feedback", count, bits)]
 
     def complete(self, axis: AxisSection, cycle_s: float, bad: Refusal) -> tuple[Self, float | None]:
         for key, hint in self.needed.items():

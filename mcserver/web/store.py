@@ -138,7 +138,7 @@ class ProgramStore:
         except OSError:
             self._thumbnails.pop(name, None)
             return None
-        if len(self._thumbnails) >= MAX_THUMBNAILS:
+        if name not in self._thumbnails and len(self._thumbnails) >= MAX_THUMBNAILS:
             self._thumbnails.clear()
         self._thumbnails[name] = known
         return known[1]

@@ -8,7 +8,8 @@ from collections.abc import Iterator
 
 import pytest
 
-from mcserver.can.frame import ERROR_FLAG, EXTENDED_FLAG, REMOTE_FLAG
+from mcserver.can.frame import ERROR_FLAG, REMOTE_FLAG
+from mcserver.can.port import EXTENDED
 from mcserver.can.socketcan import CAN_RAW, ERROR_BUS_OFF, ERROR_RESTARTED, PF_CAN
 from tests.socketcan.conftest import Open
 from tests.socketcan.interfaces import receive
@@ -36,13 +37,13 @@ def test_remote_frames_are_counted_and_left_out_and_extended_ones_marked(
     opened: Open, stranger: socket.socket
 ) -> None:
     port = opened("vcan0")
-    for identifier in (0x12345678 | EXTENDED_FLAG, 0x123 | REMOTE_FLAG):
+    for identifier in (0x12345678 | EXTENDED, 0x123 | REMOTE_FLAG):
         stranger.send(FRAME.pack(identifier, 0, bytes(8)))
     stranger.send(FRAME.pack(0x124, 1, b"\x09" + bytes(7)))
-    assert receive(port, 2) == [(0x12345678 | EXTENDED_FLAG, b""), (0x124, b"\x09")]
+    assert receive(port, 2) == [(0x12345678 | EXTENDED, b""), (0x124, b"\x09")]
     assert port.counters.malformed == 1
-    port.send(0x1200FD01 | EXTENDED_FLAG, b"\x05")
-    assert FRAME.unpack(stranger.recv(16))[:2] == (0x1200FD01 | EXTENDED_FLAG, 1)
+    port.send(0x1200FD01 | EXTENDED, b"\x05")
+    assert FRAME.unpack(stranger.recv(16))[:2] == (0x1200FD01 | EXTENDED, 1)
 
 
 def test_a_controller_that_is_bus_off_makes_the_port_down_until_it_is_restarted(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Annotated, ClassVar, Self
 
@@ -14,14 +14,12 @@ from mcserver.drives.damiao.codec import (
     FIRST_FAULT,
     GREATEST_KD,
     GREATEST_KP,
-    LENGTH,
     REGISTERS,
     Ranges,
     refresh_request,
 )
 from mcserver.drives.mit_drive import GAINS, MitDrive
 from mcserver.drives.streamed import StreamedAxis
-from mcserver.machine.bus_load import Share, frame_bits
 from mcserver.machine.drive import Refusal
 
 if TYPE_CHECKING:
@@ -83,11 +81,6 @@ class DamiaoDrive(MitDrive, frozen=True, tag="damiao"):
             )
         drive = msgspec.structs.replace(self, feedback_id=feedback_id)
         return MitDrive.complete(drive, axis, cycle_s, bad)
-
-    @classmethod
-    def shares(cls, axes: Sequence[Axis], cycle_hz: float) -> list[Share]:  # noqa: ARG003
-        count, bits = float(len(axes)), frame_bits(LENGTH)
-        return [Share("commands", count, bits), Share("feedback", count, bits)]
 
     def axis(self, axis: Axis, cycle_s: float, silence_cycles: int) -> StreamedAxis:
         # what is in the cycle is needed by those only who run one

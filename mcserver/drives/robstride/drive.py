@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from types import MappingProxyType
 from typing import TYPE_CHECKING, ClassVar, Self
 
@@ -10,7 +10,6 @@ from mcserver.can.port import recipient
 from mcserver.drives.mit_drive import GAINS, MitDrive
 from mcserver.drives.robstride.codec import (
     FAULTS,
-    LENGTH,
     USUAL_P_MAX,
     Kind,
     Mode,
@@ -24,7 +23,6 @@ from mcserver.drives.robstride.codec import (
     to_motor,
 )
 from mcserver.drives.streamed import StreamedAxis
-from mcserver.machine.bus_load import Share, frame_bits
 from mcserver.machine.constraints import NotNegative
 from mcserver.machine.drive import Refusal
 
@@ -42,6 +40,7 @@ class RobstrideDrive(MitDrive, frozen=True, tag="robstride"):
         kp_max, kd_max: of the ranges of its model, as p_max, v_max and t_max.
     """
 
+    extended: ClassVar[bool] = True
     needed: ClassVar[Mapping[str, str]] = MappingProxyType(
         dict.fromkeys(("p_max", "v_max", "t_max", "kp_max", "kd_max"), _RANGE) | dict(GAINS)
     )
@@ -71,11 +70,6 @@ class RobstrideDrive(MitDrive, frozen=True, tag="robstride"):
             if getattr(self, key) > most > 0.0:
                 bad(key, f"is beyond {key}_max, {most:g}", f"give {key} = {most:g} at most")
         return super().complete(axis, cycle_s, bad)
-
-    @classmethod
-    def shares(cls, axes: Sequence[Axis], cycle_hz: float) -> list[Share]:  # noqa: ARG003
-        count, bits = float(len(axes)), frame_bits(LENGTH, extended=True)
-        return [Share("commands", count, bits), Share("feedback", count, bits)]
 
     def axis(self, axis: Axis, cycle_s: float, silence_cycles: int) -> StreamedAxis:
         # what is in the cycle is needed by those only who run one

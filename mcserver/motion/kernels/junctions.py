@@ -138,14 +138,14 @@ def junction_vmax_of(
         if worst > _ONE_TANGENT and bent > 0.0:
             # beside a vertex the bend of an arc takes its part of the same axis's acceleration: the greatest
             # v with step·v + bend·v² ≤ acceleration
-            turn_of = abs(first[k] / scale - last[k] / before_scale)
-            step = turn_of / (cycle * VERTEX_SHARE)
+            jump = abs(first[k] / scale - last[k] / before_scale)
+            step = jump / (cycle * VERTEX_SHARE)
             share = CURVATURE_SHARE * limits[1, k]
             speed = min(speed, 2.0 * share / max(step + math.sqrt(step * step + 4.0 * d2q * share), TINY))
             if speed * cycle > spacing:
                 # of several vertices within a cycle the steps add up, as step/spacing·v² (`free_at`)
-                dense = MOST_RIPPLE * turn_of / spacing + d2q
-                speed = min(speed, max(math.sqrt(share / max(dense, TINY)), spacing / cycle))
+                bend = MOST_RIPPLE * jump / spacing + d2q
+                speed = min(speed, max(math.sqrt(share / max(bend, TINY)), spacing / cycle))
         sharpest = max(sharpest, abs(b2 - b1) / limits[2, k])
     if sharpest > 0.0:
         speed = min(speed, math.sqrt(VERTEX_SHARE * cycle / sharpest))
