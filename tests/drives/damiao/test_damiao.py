@@ -1,4 +1,4 @@
-"""Damiao's motors: frames, what is read of a motor before it is energized, MIT commands, faults and silence.
+"""Damiao's motors: frames, what is read of a motor before it is energized, and faults.
 
 The motor is the simulated one, on a bus in memory.
 """
@@ -12,7 +12,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mcserver.drive_sim.damiao_node import DamiaoNode
-from mcserver.drive_sim.streamed_node import BOOT_S
 from mcserver.drives.bus import DriveFault, DriveMode, DriveState
 from mcserver.drives.damiao.codec import (
     REGISTERS,
@@ -145,36 +144,6 @@ def test_a_machine_file_whose_motion_no_frame_can_say_is_refused(drive: str, axi
         machine(drive, axis)
 
 
-# ---------------------------------------------------------------------- motion
-
-
-def test_speeds_and_torques_go_without_stiffness() -> None:
-    bench = Bench().boot().energize()
-    bench.exchange(DriveMode.VELOCITY, velocity=1.0)
-    assert RANGES.decode_command(bench.port.sent[-1][1])[1:3] == pytest.approx((1.0, 0.0), abs=0.01)
-    bench.exchange(DriveMode.TORQUE, torque=2.0)
-    assert RANGES.decode_command(bench.port.sent[-1][1])[2:] == pytest.approx((0.0, 0.0, 2.0), abs=0.01)
-
-
-def test_stop_brakes_by_damping_and_ends_disabled() -> None:
-    bench = Bench().boot().energize()
-    bench.exchange(DriveMode.VELOCITY, 200, velocity=3.0)
-    bench.exchange(DriveMode.STOP)
-    assert bench.feedback.state[0] == DriveState.STOPPING
-    assert RANGES.decode_command(bench.port.sent[-1][1])[2] == pytest.approx(0.0)
-    bench.exchange(DriveMode.STOP, 1000)
-    assert bench.feedback.state[0] == DriveState.OFF
-    bench.exchange(DriveMode.OFF, 3)
-    assert bench.motor.describe()["power"] == "DISABLED"
-
-
-def test_a_motor_whose_master_is_gone_lets_go_at_its_time_out() -> None:
-    bench = Bench().boot().energize()
-    bench.exchange(DriveMode.SILENT)
-    bench.pass_time(0.1)
-    assert bench.motor.describe()["power"] == "COMMUNICATION_LOST"
-
-
 # ---------------------------------------------------------------------- faults
 
 
@@ -192,21 +161,6 @@ def test_a_fault_of_the_motor_is_latched_and_reset(status: int, fault: DriveFaul
     bench.energize()
 
 
-@pytest.mark.parametrize("seen", [True, False])
-def test_a_motor_that_was_switched_off_and_on_gets_its_time_out_again(seen: bool) -> None:
-    bench = Bench().boot().energize()
-    bench.motor.switch_on(bench.now)
-    if not seen:
-        bench.pass_time(2.0 * BOOT_S)
-    bench.exchange(DriveMode.POSITION, 10)
-    wanted = (DriveState.FAULT, DriveFault.COMMUNICATION) if seen else (DriveState.STARTING, DriveFault.NONE)
-    assert (bench.state, bench.feedback.fault[0]) == wanted
-    assert bench.motor.registers[Register.TIMEOUT] == 0
-    bench.exchange(DriveMode.RESET, 100)
-    bench.energize()
-    assert bench.motor.registers[Register.TIMEOUT] == 400
-
-
 def test_a_motor_that_was_switched_off_and_on_between_two_cycles_is_disabled_and_never_enabled_unseen() -> (
     None
 ):
@@ -216,18 +170,6 @@ def test_a_motor_that_was_switched_off_and_on_between_two_cycles_is_disabled_and
     bench.exchange(DriveMode.POSITION, 2)
     assert bench.state is not DriveState.ENERGIZED
     assert Order.ENABLE.payload not in bench.said
-
-
-def test_a_reading_that_jumps_is_a_lost_position_and_the_motor_brakes() -> None:
-    bench = Bench().boot().energize()
-    bench.exchange(DriveMode.VELOCITY, 200, velocity=3.0)
-    bench.motor.motor.position += 0.5
-    bench.exchange(DriveMode.POSITION, 2)
-    assert (bench.state, bench.feedback.fault[0]) == (DriveState.FAULT, DriveFault.POSITION_LOST)
-    # it brakes by damping, without a position, and is disabled then
-    assert RANGES.decode_command(bench.port.sent[-1][1])[1:4] == pytest.approx((0.0, 0.0, 1.0), abs=0.01)
-    bench.exchange(DriveMode.OFF, 1000)
-    assert bench.motor.describe()["power"] == "DISABLED"
 
 
 @given(st.lists(st.binary(max_size=9), max_size=30))

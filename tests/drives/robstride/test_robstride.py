@@ -1,4 +1,4 @@
-"""RobStride's motors: frames, what is made so before a motor is energized, motion, faults and silence.
+"""RobStride's motors: frames, what is made so before a motor is energized, and faults.
 
 The motor is the simulated one, on a bus in memory.
 """
@@ -14,7 +14,6 @@ from hypothesis import strategies as st
 
 from mcserver.can.port import EXTENDED
 from mcserver.drive_sim.robstride_node import RobstrideNode
-from mcserver.drive_sim.streamed_node import BOOT_S
 from mcserver.drives.bus import DriveFault, DriveMode, DriveState
 from mcserver.drives.robstride.codec import (
     HOST,
@@ -55,11 +54,6 @@ class Bench(MitBench):
     def kinds(self) -> set[int]:
         """Kinds of the frames that were sent."""
         return {identifier >> 24 & 0x1F for identifier, _ in self.port.sent}
-
-    @property
-    def commanded(self) -> tuple[float, float, float, float, float]:
-        """Position, velocity, kp, kd and torque of the latest command."""
-        return RANGES.decode_command(*self.port.sent[-1])
 
 
 # ---------------------------------------------------------------------- frames
@@ -178,31 +172,6 @@ def test_a_machine_file_whose_motion_no_frame_can_say_is_refused(drive: str, axi
         machine(drive, axis)
 
 
-# ---------------------------------------------------------------------- motion
-
-
-def test_speeds_and_torques_go_without_stiffness_and_a_stop_brakes_by_damping() -> None:
-    bench = Bench().boot().energize()
-    bench.exchange(DriveMode.TORQUE, torque=2.0)
-    assert bench.commanded[2:] == pytest.approx((0.0, 0.0, 2.0), abs=0.001)
-    bench.exchange(DriveMode.VELOCITY, 200, velocity=3.0, torque=0.0)
-    assert bench.commanded[1:] == pytest.approx((3.0, 0.0, 1.0, 0.0), abs=0.001)
-    bench.exchange(DriveMode.STOP)
-    assert bench.feedback.state[0] == DriveState.STOPPING
-    assert bench.commanded[1:] == pytest.approx((0.0, 0.0, 1.0, 0.0), abs=0.001)
-    bench.exchange(DriveMode.STOP, 1000)
-    assert bench.feedback.state[0] == DriveState.OFF
-    bench.exchange(DriveMode.OFF, 3)
-    assert bench.motor.describe()["power"] == "RESET"
-
-
-def test_a_motor_whose_master_is_gone_lets_go_at_its_time_out() -> None:
-    bench = Bench().boot().energize()
-    bench.exchange(DriveMode.SILENT)
-    bench.pass_time(0.1)
-    assert bench.motor.describe()["power"] == "RESET"
-
-
 # ---------------------------------------------------------------------- faults
 
 
@@ -224,34 +193,6 @@ def test_a_fault_of_the_motor_is_latched_and_reset(bits: int, fault: DriveFault)
     bench.exchange(DriveMode.RESET, 10)
     assert (bench.state, bench.feedback.fault[0]) == (DriveState.OFF, DriveFault.NONE)
     bench.energize()
-
-
-@pytest.mark.parametrize("seen", [True, False])
-def test_a_motor_that_was_switched_off_and_on_gets_its_time_out_again(seen: bool) -> None:
-    bench = Bench().boot().energize()
-    bench.motor.switch_on(bench.now)
-    bench.port.sent.clear()
-    if not seen:
-        bench.pass_time(2.0 * BOOT_S)
-    bench.exchange(DriveMode.POSITION, 5)
-    wanted = (DriveState.FAULT, DriveFault.COMMUNICATION) if seen else (DriveState.STARTING, DriveFault.NONE)
-    assert (bench.state, bench.feedback.fault[0]) == wanted
-    bench.exchange(DriveMode.RESET, 100)
-    bench.energize()
-    kinds = [identifier >> 24 & 0x1F for identifier, _ in bench.port.sent]
-    assert Kind.WRITE not in kinds[kinds.index(Kind.ENABLE) :]
-    assert bench.motor.parameters[Parameter.CAN_TIMEOUT] == 400
-
-
-def test_a_reading_that_jumps_is_a_lost_position_and_the_motor_brakes() -> None:
-    bench = Bench().boot().energize()
-    bench.exchange(DriveMode.VELOCITY, 200, velocity=3.0)
-    bench.motor.motor.position += 0.5
-    bench.exchange(DriveMode.POSITION, 2)
-    assert (bench.state, bench.feedback.fault[0]) == (DriveState.FAULT, DriveFault.POSITION_LOST)
-    assert bench.commanded[1:4] == pytest.approx((0.0, 0.0, 1.0), abs=0.01)
-    bench.exchange(DriveMode.OFF, 1000)
-    assert bench.motor.describe()["power"] == "RESET"
 
 
 @given(
