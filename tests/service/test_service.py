@@ -150,11 +150,14 @@ async def test_an_axis_that_the_machine_lacks_is_refused(bench: Bench) -> None:
     assert refused.value.code == "MC507"
 
 
-async def test_a_client_that_goes_takes_its_stopping_programs_along(bench: Bench) -> None:
-    program = await bench.opened("wait", "move")
+async def test_a_client_that_goes_takes_its_own_stopping_programs_along(bench: Bench) -> None:
+    other = await bench.service.open("other", axes=[1])
+    program = await bench.service.open("hmi", axes=[0])
+    await bench.service.lines.submit("hmi", program.program, 1, ["wait", "move"])
     bench.service.client_gone("hmi")
     await bench.until_acked(program.program, state="aborted")
-    assert ("abort", 0) in bench.port.calls
+    assert not other.over
+    assert ("abort", 1) in bench.port.calls
 
 
 async def test_a_program_waits_for_its_client_for_its_grace(bench: Bench) -> None:

@@ -100,6 +100,15 @@ def test_one_that_comes_later_than_it_counts_for_does_not_count() -> None:
     assert counted(sender) == {"late": 1}
 
 
+def test_after_hours_of_a_stream_one_that_comes_later_than_it_counts_for_does_not_count() -> None:
+    sender = Sender()
+    hours = 3 * 3600.0
+    for number in range(20):
+        sender.send([[0.0, 0.0]], sent=hours + 0.1 * number)
+    sender.send([[0.0, 0.0]], sent=hours + 2.0, arrives=hours + 2.2)
+    assert counted(sender) == {"late": 1}
+
+
 def test_a_clock_that_stands_makes_all_that_follows_late() -> None:
     sender = Sender()
     sender.ramp(3)
