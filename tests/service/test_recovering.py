@@ -446,7 +446,10 @@ async def test_a_hold_and_an_abort_count_on_the_way_too(rig: Rig) -> None:
     await cell.ended(program)
     assert (program.state, program.done) == ("aborted", 6)
     assert cell.position(2) < 50 * MM
-    again = await rig.until_ended(await cell.service.continue_program("page", name))
+    again = await cell.service.continue_program("page", name)
+    await cell.until(lambda: again.progress.started == 7)
+    assert again.notice == ""
+    await rig.until_ended(again)
     assert (again.state, again.start_line) == ("finished", 7)
 
 
