@@ -18,6 +18,9 @@ if TYPE_CHECKING:
     from mcserver.machine.machine_file import Axis
     from mcserver.machine.tool_section import Tool
 
+# By which places of the leader in a cam differ at the least [mm, deg].
+LEAST_STEP = 0.001
+
 _CamPoint = Annotated[
     list[float],
     Meta(min_length=2, max_length=3, description="[leader, this axis] or [leader, this axis, slope]"),
@@ -130,11 +133,11 @@ def _wrong_table(section: FollowSection) -> tuple[str, str] | None:
     if cam is None:
         return ("a gear repeats by itself", "leave repeats out") if section.repeats else None
     places = [point[0] for point in cam]
-    if len(cam) < 2 or places != sorted(set(places)):
-        return (
-            "the cam needs two points or more, with places of the leader that ascend",
-            "sort them, each once",
+    if len(cam) < 2 or any(after - before < LEAST_STEP for before, after in pairwise(places)):
+        what = (
+            f"the cam needs two points or more, with places of the leader that ascend by {LEAST_STEP} or more"
         )
+        return what, "sort them, each once"
     if section.repeats and len({point[2] for point in (cam[0], cam[-1]) if len(point) == 3}) > 1:
         return "the slopes at the two ends of a cam that repeats differ", "give the same one, or leave it out"
     if not section.repeats and any(point[2:] not in ([], [0.0]) for point in (cam[0], cam[-1])):

@@ -347,6 +347,7 @@ def test_a_cam_passes_its_points_never_leaves_their_span_and_has_no_step_of_acce
         (GEAR.replace("ratio = 10.0, ", ""), CAM),
         (GEAR.replace("ratio = 10.0", "ratio = 10.0, repeats = true"), CAM),
         (GEAR, CAM.replace("[50.0, 20.0]", "[150.0, 20.0]")),
+        (GEAR, CAM.replace("[50.0, 20.0]", "[0.0001, 20.0]")),
         (GEAR, CAM.replace("[0.0, 0.0]", "[0.0, 0.0, 1.0]").replace("0.0]]", "0.0, 2.0]]")),
         (GEAR, CAM.replace("true", "false").replace("[0.0, 0.0]", "[0.0, 0.0, 1.0]")),
         (GEAR.replace("}", "}\ngantry = { leader = 0, max_skew = 1.0 }"), CAM),
