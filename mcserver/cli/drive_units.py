@@ -95,9 +95,10 @@ def _check(drive: Described, master: str, json: bool) -> None:
         f"axis {drive.settings.axis} stands at count {before}. Move it {how}, and let it stand."
     )
     try:
-        moved = float(typer.prompt(f"how far did it go, with its sign [{unit}]", err=True))
-    except ValueError as error:
-        raise UsageFault("MC017", f"that is no length: {error}", f"give {unit}, such as 10 or -10") from error
+        # what is no number is asked for again: the axis has moved already
+        moved = float(typer.prompt(f"how far did it go, with its sign [{unit}]", type=float, err=True))
+    except typer.Abort as error:
+        raise UsageFault("MC017", "no length was given", f"give {unit}, such as 10 or -10") from error
     counts = (_position(drive, master) - before + WRAP / 2) % WRAP - WRAP / 2
     found = measured_scale(drive.axis, counts, per_turn, moved)
     lines = corrected_lines(drive.axis, found)

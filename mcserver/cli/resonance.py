@@ -17,11 +17,14 @@ from mcserver.errors import UsageFault
 from mcserver.executor.entries import Array
 from mcserver.machine.machine_file import Machine, load_machine
 from mcserver.simulation.resonance import (
+    SWEEP_S,
+    Resonance,
     ShaperCost,
     compare_shapers,
     fit,
+    fit_stop,
+    fit_sweep,
     proposed,
-    ring_from_peak,
     rings_of,
 )
 
@@ -48,14 +51,14 @@ def resonance(
     with json_answer_on_error(json):
         if plot:
             check_output(plot, (".png",))
-        described, rings, step_s = _rings(file, axis, machine, column)
-        found = fit(rings, step_s)
+        described, found, shown, step_s = _measure(file, axis, machine, column)
         if found is None or found.explained < LEAST_EXPLAINED:
             share = "" if found is None else f": {100 * found.explained:.0f} % of it is one vibration"
             raise UsageFault(
                 "MC087",
                 f"{file} has no ring of axis {axis} to measure{share}",
-                "record quick moves with G04 P0.5 behind each; an accelerometer from one stop on",
+                "record quick moves with G04 P0.5 behind each; an accelerometer from one stop on, or for "
+                "more than 10 s beside a sweep of frequencies",
             )
         measured = described.axes[described.column_of(axis)]
         costs = compare_shapers(found, measured, described.cycle_s)
@@ -63,10 +66,8 @@ def resonance(
         if plot:
             from mcserver.plot.resonance_picture import draw_resonance
 
-            longest, title = max(rings, key=len), f"{Path(file).name}: axis {axis}"
-            write_atomically(
-                plot, lambda stream: draw_resonance(found, costs, longest, step_s, stream, title)
-            )
+            title = f"{Path(file).name}: axis {axis}"
+            write_atomically(plot, lambda stream: draw_resonance(found, costs, shown, step_s, stream, title))
         unit = measured.type.si_per_unit
         if json:
             measures = {
@@ -75,9 +76,10 @@ def resonance(
             shapers = [_as_json(cost, unit) for cost in costs]
             write_json({"ok": True, **measures, "shapers": shapers, "proposed": best.shaper.type})
             return
+    by = f"{found.rings} ring{'s' * (found.rings != 1)}" if found.rings else "a sweep"
     results().print(
         f"axis {axis}: {found.frequency_hz:.2f} Hz, damping {found.damping:.4f} "
-        f"({found.rings} ring{'s' * (found.rings != 1)}, {100 * found.explained:.1f} % explained)"
+        f"({by}, {100 * found.explained:.1f} % explained)"
     )
     cells = [
         (
@@ -121,8 +123,10 @@ def _as_json(cost: ShaperCost, unit: float) -> dict[str, object]:
     }
 
 
-def _rings(file: str, axis: int, machine: str, column: int | None) -> tuple[Machine, list[Array], float]:
-    """Return the machine, what is to be explained, and the seconds between two values.
+def _measure(
+    file: str, axis: int, machine: str, column: int | None
+) -> tuple[Machine, Resonance | None, Array, float]:
+    """Return the machine, the vibration, what it was measured by, and the seconds between two values of that.
 
     Raises:
         UsageFault: MC087 no such axis, no table of numbers; MC581 no recording.
@@ -135,7 +139,8 @@ def _rings(file: str, axis: int, machine: str, column: int | None) -> tuple[Mach
             raise UsageFault("MC087", f"{file} has no axis {axis}", "name an axis that was recorded")
         at = [int(each) for each in cycles.axes].index(axis)
         rings = rings_of(cycles.setpoint[:, at], cycles.actual[:, at], described.cycle_s)
-        return described, rings, described.cycle_s
+        longest = max(rings, key=len, default=np.zeros(0))
+        return described, fit(rings, described.cycle_s), longest, described.cycle_s
     described = load_machine(machine)
     _column_of(described, axis)
     values = _numbers(file)
@@ -147,7 +152,10 @@ def _rings(file: str, axis: int, machine: str, column: int | None) -> tuple[Mach
     step_s = float((values[-1, 0] - values[0, 0]) / (len(values) - 1))
     # sensors sample less evenly than they say
     even = np.interp(values[0, 0] + np.arange(len(values)) * step_s, values[:, 0], signal)
-    return described, [ring_from_peak(even, step_s)], step_s
+    if len(even) * step_s > SWEEP_S:
+        return described, fit_sweep(even, step_s), even, step_s
+    stop = fit_stop(even, step_s)
+    return (described, None, even, step_s) if stop is None else (described, *stop)
 
 
 def _column_of(machine: Machine, axis: int) -> None:

@@ -10,6 +10,7 @@ from collections.abc import Callable
 
 import numpy as np
 
+from mcserver.executor.couplings import Coupling
 from mcserver.executor.cycle import Cycle
 from mcserver.executor.entries import Array
 from mcserver.executor.fault_codes import FaultCode, code_of_drive_fault
@@ -18,6 +19,8 @@ from mcserver.motion.canonical import WaitMode
 # A drive that does not follow its command within this time is at fault [s].
 DRIVE_TIMEOUT_S = 5.0
 NEAR_ZERO = 1e-12
+# Within which a coupled axis comes into step with its leader [s].
+STEP_TIMEOUT_S = 10.0
 
 
 class BarrierFault(Exception):
@@ -193,6 +196,25 @@ class ExactStop(Barrier):
         cycle = self._cycle
         distance = abs(cycle.history[:, column] - cycle.row.setpoint[column])
         return bool((distance <= tolerance).all())
+
+
+class InStep(Barrier):
+    """An axis that has been coupled has come to where its leader has it."""
+
+    def __init__(self, cycle: Cycle, coupling: Coupling) -> None:
+        self._cycle = cycle
+        self._coupling = coupling
+        self._waited = 0.0
+
+    def before(self, left: float, held: bool) -> float | None:  # noqa: ARG002
+        return left if self._coupling.in_step else None
+
+    def after(self, held: bool) -> bool:
+        self._waited += 0.0 if held else self._cycle.cycle_s
+        if self._waited > STEP_TIMEOUT_S:
+            coupling = self._coupling
+            raise BarrierFault(FaultCode.OUT_OF_STEP, coupling.column, (coupling.error, coupling.tolerance))
+        return False
 
 
 class DriveWait(Barrier):

@@ -17,6 +17,7 @@ from mcserver.executor.barriers import (
     Energized,
     ExactStop,
     InputWait,
+    InStep,
     NextCycle,
     Paused,
 )
@@ -37,6 +38,18 @@ if TYPE_CHECKING:
 
 _OPERATIONS = tuple(AxisOperation)
 # These have something to do behind their barriers; the others are done.
+# These move axes.
+_MOVING = (
+    ControlKind.BEGIN,
+    ControlKind.RAPID,
+    ControlKind.SPEED,
+    ControlKind.TORQUE,
+    ControlKind.HOME,
+    ControlKind.REFERENCE,
+    ControlKind.PROBE,
+    ControlKind.THREAD,
+    ControlKind.FOLLOW,
+)
 _GOING_ON = (ControlKind.RAPID, ControlKind.SPEED, ControlKind.TORQUE, ControlKind.AXIS, ControlKind.SETTLE)
 
 
@@ -56,6 +69,8 @@ def pass_control(slot: ProgramSlot, control: Control, left: float, waited: bool 
         return None
     if slot.guard is not None and not waited:
         slot.guard.admit_control(control)
+    if control.kind in _MOVING:
+        _refuse(slot, control.axes & slot.cycle.couplings.mask, FaultCode.COUPLED)
     try:
         return _RULES[control.kind](slot, control, left, waited)
     except TrajectoryError as error:
@@ -246,8 +261,13 @@ def _axis(slot: ProgramSlot, control: Control, left: float, waited: bool) -> Bar
     cycle, bank, motions = slot.cycle, slot.cycle.bank, slot.cycle.motions
     axes = bank.both(control.axes)
     operation = _OPERATIONS[control.operation]
+    if operation is AxisOperation.CAPTURE:
+        # what follows is energized, and may move
+        axes &= ~cycle.couplings.mask
     if not waited:
         _check_lease(slot, axes)
+        if operation not in (AxisOperation.CAPTURE, AxisOperation.COUPLE):
+            cycle.couplings.uncouple(axes)
         slot.acted = False
         slot.captured = 0
         _refuse(slot, axes & slot.playback.active, FaultCode.AXIS_BUSY)
@@ -273,6 +293,10 @@ def _act(slot: ProgramSlot, axes: int, operation: AxisOperation) -> Barrier | No
     if operation is AxisOperation.CAPTURE:
         slot.captured = axes & ~bank.energized
         return _energize(slot, axes, DriveMode.POSITION)
+    if operation is AxisOperation.COUPLE:
+        return _couple(slot, axes)
+    if operation is AxisOperation.UNCOUPLE:
+        return None
     cycle.motions.drop(axes)
     if operation is AxisOperation.RESET:
         bank.reset(axes)
@@ -289,15 +313,33 @@ def _act(slot: ProgramSlot, axes: int, operation: AxisOperation) -> Barrier | No
     return None
 
 
+def _couple(slot: ProgramSlot, axes: int) -> Barrier | None:
+    """Let an axis follow its leader; u stands until it is in step (D-130)."""
+    couplings = slot.cycle.couplings
+    _refuse(slot, axes & couplings.mask, FaultCode.COUPLED)
+    _check_still(slot, axes)
+    (column,) = slot.cycle.bank.masks.columns(axes)
+    coupling = couplings.prepare(column, slot.index, slot.generation)
+    _check_homed(slot, 1 << coupling.leader)
+    if coupling.lost(0):
+        raise BarrierFault(FaultCode.LEADER_LOST, coupling.leader)
+    if not abs(coupling.apart) <= coupling.tolerance:
+        raise BarrierFault(FaultCode.BESIDE_CAM, column, (coupling.apart, coupling.tolerance))
+    couplings.couple(coupling)
+    return InStep(slot.cycle, coupling)
+
+
 def _halt(slot: ProgramSlot, control: Control, left: float, _waited: bool) -> Barrier | None:
     cycle, bank, motions = slot.cycle, slot.cycle.bank, slot.cycle.motions
     _check_lease(slot, control.axes)
-    axes = control.axes & bank.energized
+    # what follows another axis is not stopped by itself, nor waited for
+    named = control.axes & ~cycle.couplings.mask
+    axes = named & bank.energized
     hold_position(cycle, axes & (bank.speed | bank.torque_mode), slot.index, left)
     for column in bank.masks.columns(axes & motions.mask):
         if not motions.halting >> column & 1:
             motions.halt(column, slot.index, left)
-    return AtRest(cycle, control.axes)
+    return AtRest(cycle, named)
 
 
 def _pause(slot: ProgramSlot, control: Control, left: float, _waited: bool) -> Barrier | None:
@@ -365,7 +407,7 @@ def _reference(slot: ProgramSlot, control: Control, _left: float, _waited: bool)
 def _settle(slot: ProgramSlot, control: Control, left: float, waited: bool) -> Barrier | None:
     cycle, bank, row = slot.cycle, slot.cycle.bank, slot.cycle.row
     if not waited:
-        return AtRest(cycle, control.axes)
+        return AtRest(cycle, control.axes & ~cycle.couplings.mask)
     setpoints = row.ordered.tolist()
     encoders = row.actual.tolist()
     for column in bank.masks.columns(bank.exact & bank.energized & bank.positioned):

@@ -7,6 +7,7 @@ from collections.abc import Callable
 import numpy as np
 
 from mcserver.executor.axes import AxisBank, mask_of
+from mcserver.executor.couplings import Couplings
 from mcserver.executor.entries import Array, EventKind, ExecutorEvent
 from mcserver.executor.fault_codes import FaultCode
 from mcserver.executor.gantry import GantryPairs
@@ -30,7 +31,7 @@ class Cycle:
         number: of the cycle.
         history: shape (exact_stop_cycles, K), the latest encoder readings; that of cycle n in row n %
             exact_stop_cycles.
-        gantries: pairs of drives.
+        gantries: pairs of drives. couplings: axes that follow others.
         homed: the axes' references. shifted: called with a column and a distance where its positions read
             that much more from now on.
     """
@@ -58,7 +59,8 @@ class Cycle:
         self.estop = False
         self.history: Array = np.full((machine.exact_stop_cycles, len(machine.axes)), np.nan)
         self.gantries = GantryPairs(machine, bank, motions)
-        self.shifted: list[Callable[[int, float], None]] = [self.gantries.shift]
+        self.couplings = Couplings(machine, bank, motions)
+        self.shifted: list[Callable[[int, float], None]] = [self.gantries.shift, self.couplings.shift]
         self.homed = HomedAxes(machine, bank, self.shifted, assume=assume_homed)
         self._events = events
 

@@ -148,6 +148,8 @@ class Executor:
             self._hold_before_zones()
         self._advance()
         self._supervision.before_exchange()
+        if cycle.couplings.engaged:
+            self._supervision.lead_coupled()
         if cycle.gantries.pairs:
             cycle.gantries.follow()
         for slot in self._used:
@@ -217,8 +219,8 @@ class Executor:
         Returns:
             The cycles played; None where the next one is no such cycle.
         """
-        if self.bank.shaper is not None or self.bank.pairs:
-            # what was ordered before goes on to act in each cycle, and skew is looked at in each
+        if self.bank.shaper is not None or self.bank.pairs or self._cycle.couplings.engaged:
+            # what was ordered before goes on to act in each cycle, and leaders are looked at in each
             return None
         running = [slot for slot in self._used if slot.running]
         quiet = self._mailbox.changes == self._changes and self._mailbox.estop == self._estop_seen
@@ -319,6 +321,8 @@ class Executor:
         cycle.fault(FaultCode.CYCLE_STALLED, -1, 0, values=(seconds, limit))
         for slot in self._slots:
             slot.stall(seconds, limit)
+        stopped = [each for each in cycle.couplings.engaged if not self._slots[each.slot].goes_on]
+        cycle.couplings.forget(sum(1 << each.column for each in stopped))
         unowned = self.bank.all & ~self._owned()
         self.motions.rest(unowned)
         stop_independent(cycle, unowned, -1)
@@ -336,6 +340,7 @@ class Executor:
         """De-energize every drive and give the buses back."""
         # nothing is left for a collection: it never runs in the executor's process
         self._cycle.shifted.clear()
+        self._cycle.couplings.forget(self.bank.all)
         self._io.make_safe()
         self._io.before_exchange(self._path_speeds)
         self.bank.close()

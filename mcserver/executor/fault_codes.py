@@ -79,6 +79,10 @@ class FaultCode(enum.IntEnum):
     THREAD_ERROR = 467
     SKEW = 468
     PAIR_MODE = 469
+    BESIDE_CAM = 471
+    OUT_OF_STEP = 472
+    LEADER_LOST = 473
+    COUPLED = 474
 
 
 # Codes that are reported and stop no program.
@@ -430,6 +434,23 @@ _TEXT: dict[int, tuple[str, str]] = {
     FaultCode.PAIR_MODE: (
         "axis {axis} is one of a gantry pair, which follows positions alone",
         "leave speeds (G1030) and torques (G1040) to other axes",
+    ),
+    FaultCode.BESIDE_CAM: (
+        "axis {axis} does not stand where its cam has it, so it cannot be coupled",
+        "bring it there by G00 before G1060; a leader that moves has to be where the cam stands",
+    ),
+    FaultCode.OUT_OF_STEP: (
+        "axis {axis} is further from where its leader has it than the tolerance of its [axis.follow]",
+        "a slower leader, a lower ratio or a smoother cam, more max_acceleration or max_jerk, or a wider "
+        "tolerance",
+    ),
+    FaultCode.LEADER_LOST: (
+        "axis {axis}, which another one follows, is off, at fault or silent",
+        "see to its drive, then G1000, G1010, and couple again; G1061 comes before G1001",
+    ),
+    FaultCode.COUPLED: (
+        "axis {axis} follows another one: nothing else moves it",
+        "uncouple it before: G1061",
     ),
     FaultCode.NO_TRAJECTORY: (
         "no motion of axis {axis} to its target keeps its limits",

@@ -165,7 +165,7 @@ class ProgramSlot:
     def lend(self) -> int:
         """Let others move the columns that are at rest, until the pause is confirmed; return their mask."""
         bank, moving = self.cycle.bank, self.cycle.motions.mask | self.playback.active
-        lent = self.axes & ~(moving | bank.speed | bank.torque_mode)
+        lent = self.axes & ~(moving | bank.speed | bank.torque_mode | self.cycle.couplings.tied)
         self.axes &= ~lent
         return lent
 
@@ -232,7 +232,8 @@ class ProgramSlot:
             self.cycle.io.make_safe(self.index)
             self._put_off.drop_outputs()
             mask = self.cycle.motions.owned_by(self.index) | self.axes & ~self.cycle.motions.mask
-            stop_independent(self.cycle, mask, self.index)
+            # what follows others stops with these
+            stop_independent(self.cycle, mask & ~self.cycle.couplings.mask, self.index)
         elif state is SlotState.FAULTED:
             self._stop_state = state
 
@@ -256,6 +257,11 @@ class ProgramSlot:
         if self.cycle.bank.shaper is not None:
             # drives stand behind the rows: these are not gone to any more
             self.playback.leave(self.playback.active)
+
+    @property
+    def goes_on(self) -> bool:
+        """Whether a program is played, and not being stopped."""
+        return self.running and self._state is not SlotState.STOPPING
 
     @property
     def moves(self) -> bool:

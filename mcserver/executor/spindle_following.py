@@ -1,4 +1,4 @@
-"""The measured angle of a spindle, and a time that passes as it turns, without drives."""
+"""The measured place of an axis, such as the angle of a spindle, and a time that passes as it goes."""
 
 from __future__ import annotations
 
@@ -12,14 +12,14 @@ FILTER, FOLLOWER = 400.0, 200.0
 MOST_RATE = 1.0
 
 
-class SpindleAngle:
-    """Angle, speed and acceleration of a spindle by its encoder, of readings one a cycle.
+class MeasuredPlace:
+    """Place, speed and acceleration of an axis by its encoder, of readings one a cycle.
 
     A fading-memory filter of the third order (Brookner, Tracking and Kalman Filtering Made Easy, 1998,
     ch. 1): at a constant acceleration it has no lag.
 
     Attributes:
-        turns, speed, acceleration: at the newest reading [1, 1/s, 1/s²]. count: of readings.
+        place, speed, acceleration: at the newest reading, in units of the readings. count: of readings.
     """
 
     def __init__(self, cycle_s: float) -> None:
@@ -30,29 +30,29 @@ class SpindleAngle:
             (1.0 - fading) ** 3 / cycle_s**2,
         )
         self._cycle_s = cycle_s
-        self.turns = self.speed = self.acceleration = 0.0
+        self.place = self.speed = self.acceleration = 0.0
         self.count = 0
 
-    def take(self, turns: float) -> None:
-        """Take the reading of a cycle [1]."""
+    def take(self, place: float) -> None:
+        """Take the reading of a cycle."""
         if self.count == 0:
-            self.turns = turns
+            self.place = place
         elif self.count == 1:
-            self.speed = (turns - self.turns) / self._cycle_s
-            self.turns = turns
+            self.speed = (place - self.place) / self._cycle_s
+            self.place = place
         else:
             expected, speed, _ = self.ahead(self._cycle_s)
-            missed = turns - expected
-            by_turns, by_speed, by_acceleration = self._gains
-            self.turns = expected + by_turns * missed
+            missed = place - expected
+            by_place, by_speed, by_acceleration = self._gains
+            self.place = expected + by_place * missed
             self.speed = speed + by_speed * missed
             self.acceleration += by_acceleration * missed
         self.count += 1
 
     def ahead(self, seconds: float) -> tuple[float, float, float]:
-        """Return turns, speed and acceleration some time after the newest reading."""
-        turns = self.turns + seconds * (self.speed + 0.5 * seconds * self.acceleration)
-        return turns, self.speed + seconds * self.acceleration, self.acceleration
+        """Return place, speed and acceleration some time after the newest reading."""
+        place = self.place + seconds * (self.speed + 0.5 * seconds * self.acceleration)
+        return place, self.speed + seconds * self.acceleration, self.acceleration
 
 
 class FollowedTime:

@@ -116,6 +116,10 @@ class Supervision:
                 slot.lose(column)
                 slot.fault(FaultCode.SOFT_LIMIT, slot.shown_line, column, (wanted, limit))
 
+    def lead_coupled(self) -> None:
+        """Set the setpoints of the axes that follow others; what cannot be followed stops its program."""
+        self._cycle.couplings.follow(self._slots, self._patience, urgent=self._cycle.estop)
+
     def within_travel(self, setpoints: Array) -> int:
         """Return how many setpoints (n, K) from the first on stay within every axis's travel."""
         outside = ((setpoints > self._high) | (setpoints < self._low)).any(axis=1)

@@ -49,7 +49,7 @@ class TargetFollower:
         free = [False] * count if unlimited is None else unlimited
         self._limits = np.array(
             [
-                _limits(axis, float(place), free=each)
+                tracking_limits(axis, float(place), free=each)
                 for axis, place, each in zip(axes, places, free, strict=True)
             ]
         ).reshape(count, 5)
@@ -109,7 +109,12 @@ class TargetFollower:
         return newest is not None and not newest.by_velocity and not newest.knots[-1, first:].any()
 
 
-def _limits(axis: Axis, place: float, *, free: bool) -> tuple[float, ...]:
+def tracking_limits(axis: Axis, place: float, *, free: bool) -> tuple[float, ...]:
+    """Return a row of ``limits`` of `follow_targets` for an axis that is at a place [m or rad].
+
+    Args:
+        free: its travel does not count now.
+    """
     low, high = (-np.inf, np.inf) if free else (axis.min_position, axis.max_position)
     # one that was energized outside its travel may come back, and go no further
     return axis.max_velocity, axis.max_acceleration, axis.max_jerk, min(low, place), max(high, place)

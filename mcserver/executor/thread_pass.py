@@ -16,7 +16,7 @@ from mcserver.executor.barriers import Barrier, BarrierFault
 from mcserver.executor.cycle import Cycle
 from mcserver.executor.entries import Control
 from mcserver.executor.fault_codes import FaultCode
-from mcserver.executor.spindle_following import FollowedTime, SpindleAngle
+from mcserver.executor.spindle_following import FollowedTime, MeasuredPlace
 from mcserver.motion.thread_cam import MOST_SPEED, least_tapping, plan_cam, stopping_turns
 from mcserver.units import TURN
 
@@ -72,7 +72,7 @@ class ThreadPass(Barrier):
         # of the spindle's turn at which the cam begins: its cruise goes through the start at angle 0
         self._angle = -0.5 * self._greatest * self._cam.ramp_s
         self._tolerance = cycle.machine.dialect.thread_tolerance
-        self._measured = SpindleAngle(cycle.cycle_s)
+        self._measured = MeasuredPlace(cycle.cycle_s)
         # from the newest reading to the setpoint
         delayed = bool(cycle.bank.delayed[self._spindle])
         self._ahead = cycle.cycle_s * (1 + (cycle.bank.delay_cycles if delayed else 0))

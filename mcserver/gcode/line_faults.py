@@ -122,6 +122,9 @@ TITLES: Mapping[str, str] = MappingProxyType(
         "MC312": "axes cannot be named while a tool is in force",
         "MC313": "tools need inverse kinematics",
         "MC314": "a joint cannot be held still on the path",
+        "MC345": "the axis follows another one",
+        "MC346": "the axis cannot be coupled",
+        "MC347": "the program cannot start where an axis follows another one",
     }
 )
 

@@ -24,7 +24,6 @@ from mcserver.machine.dialect_section import CodeOutput
 from mcserver.machine.machine_file import Machine
 from mcserver.motion.canonical import (
     AxisLine,
-    AxisOperation,
     Canonical,
     DwellGroup,
     FeedGroup,
@@ -304,9 +303,9 @@ class _Survey:
     def value(self, value: Canonical) -> None:
         """Follow which axes are energized."""
         if isinstance(value, AxisLine):
-            if value.operation is AxisOperation.CAPTURE:
+            if value.operation.energized:
                 self._energized |= set(value.axes)
-            else:
+            elif value.operation.energized is False:
                 self._energized -= set(value.axes)
         elif isinstance(value, ProbeLine | ThreadLine):
             self.motion(value.axes, value.line)

@@ -31,6 +31,7 @@ from mcserver.machine.coupled_errors import check_coupled
 from mcserver.machine.dialect_section import Dialect, read_dialect
 from mcserver.machine.drive import CanDrive, Drive
 from mcserver.machine.families import AnyDrive
+from mcserver.machine.follow_section import Follow, check_followers
 from mcserver.machine.gantry_section import Gantry, check_gantries
 from mcserver.machine.homing_section import (
     LETTERS,
@@ -75,6 +76,7 @@ class Axis(msgspec.Struct, frozen=True):
     ``max_torque``: of its joint [N·m, N]; None: the URDF's effort.
     ``shaper``: of its setpoints; None: they are not shaped.
     ``gantry``: it is the second drive of another axis; None: programs move it.
+    ``follow``: the gear or cam by which it follows another axis once it is coupled; None: it cannot.
     ``compensation``: of its mechanics; with it, limits are what is left of the file's for programs.
     """
 
@@ -95,6 +97,7 @@ class Axis(msgspec.Struct, frozen=True):
     shaper: Shaper | None = None
     compensation: Compensation | None = None
     gantry: Gantry | None = None
+    follow: Follow | None = None
 
     @property
     def profiled(self) -> bool:
@@ -338,7 +341,11 @@ def _read_machine(raw: dict[str, Any], folder: Path | None, mistakes: Mistakes) 
             axes[index] = msgspec.structs.replace(
                 axes[index], compensation=msgspec.structs.replace(told, share=share)
             )
-        check_gantries(by_path, tools, file.get("body") or (), mistakes)
+        bodies = file.get("body") or ()
+        check_gantries(by_path, tools, bodies, mistakes)
+        follow = {path[:-1]: file["axis"][path[1]].follow for path, _, _ in drives}
+        for index, found in check_followers(by_path, follow, tools, bodies, mistakes).items():
+            axes[index] = msgspec.structs.replace(axes[index], follow=found)
         shaping = check_shapers(by_path, joints, 1.0 / cycle_hz, motion.path_tolerance_mm * MM, mistakes)
     urdf = None if kinematics is None else kinematics.urdf
     if urdf is not None and folder is not None:

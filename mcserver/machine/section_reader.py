@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import difflib
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from types import UnionType
 from typing import Annotated, Any, Literal, Union, get_args, get_origin
 
@@ -168,10 +168,22 @@ def _refuse_key(
         mistakes.add((*path, key), "is no key here", _nearest(key, known), "MC003")
 
 
+def _floats(value: object) -> Iterator[float]:
+    """Yield the numbers of a value, those of lists in lists too."""
+    if isinstance(value, float):
+        yield value
+    elif isinstance(value, list):
+        for each in value:
+            yield from _floats(each)
+
+
 def _read_leaf(value: object, kind: Any, path: Path, mistakes: Mistakes) -> object:
-    if isinstance(value, float) and not math.isfinite(value):
-        mistakes.add(path, f"{value} is not a finite number", "leave the key out where there is no limit")
-        return None
+    for number in _floats(value):
+        if not math.isfinite(number):
+            mistakes.add(
+                path, f"{number} is not a finite number", "leave the key out where there is no limit"
+            )
+            return None
     try:
         return msgspec.convert(value, kind)
     except msgspec.ValidationError as error:

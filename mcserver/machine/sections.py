@@ -17,6 +17,7 @@ from mcserver.machine.compensation_section import CompensationSection
 from mcserver.machine.constraints import Limit, NotNegative, Positive
 from mcserver.machine.drive import Drive
 from mcserver.machine.families import AnyDrive
+from mcserver.machine.follow_section import FollowSection
 from mcserver.machine.gantry_section import GantrySection
 from mcserver.machine.homing_section import HomingSection, ProbeSection
 from mcserver.machine.io_section import InputSection, OutputSection
@@ -51,6 +52,7 @@ class AxisSection(msgspec.Struct, frozen=True):
     shaper: Shaper | None = None
     compensation: CompensationSection | None = None
     gantry: GantrySection | None = None
+    follow: FollowSection | None = None
 
 
 class MachineSection(msgspec.Struct, frozen=True):

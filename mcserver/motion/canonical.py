@@ -20,13 +20,22 @@ SAME_TIME = 1e-9
 
 
 class AxisOperation(enum.Enum):
-    """G1000, G1001, G1002, G1010, G1011 (D-40)."""
+    """G1000, G1001, G1002, G1010, G1011 (D-40), G1060, G1061 (D-130)."""
 
     RESET = "reset"
     OFF = "off"
     STOP = "stop"
     CAPTURE = "capture"
     RELEASE = "release"
+    COUPLE = "couple"
+    UNCOUPLE = "uncouple"
+
+    @property
+    def energized(self) -> bool | None:
+        """Whether its axes hold their positions behind it; None: as before."""
+        if self in (AxisOperation.COUPLE, AxisOperation.UNCOUPLE):
+            return None
+        return self is AxisOperation.CAPTURE
 
 
 class FeedGroup(msgspec.Struct, frozen=True):
@@ -271,7 +280,7 @@ class PathBatch(msgspec.Struct, frozen=True, eq=False):
 
 
 class AxisLine(msgspec.Struct, frozen=True):
-    """G1000-G1011 for ``axes``, once the motion before them has ended.
+    """G1000-G1011, G1060 and G1061 for ``axes``, once the motion before them has ended.
 
     A line may hold several axis commands; each becomes one AxisLine in reading order.
     """

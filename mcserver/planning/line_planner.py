@@ -494,7 +494,7 @@ class LinePlanner:
         self.control(kind, line, axes=self._mask(group.axes), values=tuple(row))
 
     def _axis_line(self, line: AxisLine) -> None:
-        """Put G1000-G1011 behind the motion of their axes (D-40)."""
+        """Put axis commands behind the motion of their axes (D-40, D-130)."""
         # the executor reports its end, as that of motion
         self.reports.append(Report(ReportKind.PLANNED, line.line))
         self.motion.to_whole_cycle()
@@ -511,16 +511,19 @@ class LinePlanner:
             axes=self._mask(line.axes),
             operation=_OPERATIONS.index(line.operation),
         )
-        if line.operation is AxisOperation.CAPTURE:
+        if line.operation.energized:
             self.captured |= set(line.axes) - self._energized
             self._energized |= set(line.axes)
-            if self.captured:
-                # asked for now, while everything rests: a later line that needs the reading need not
-                # stop for it
-                self.settle(frozenset(self.captured))
         else:
             self.captured -= set(line.axes)
-            self._energized -= set(line.axes)
+            if line.operation.energized is False:
+                self._energized -= set(line.axes)
+        if line.operation is AxisOperation.UNCOUPLE:
+            self.captured |= self._energized.intersection(line.axes)
+        if self.captured and line.operation in (AxisOperation.CAPTURE, AxisOperation.UNCOUPLE):
+            # asked for now, while everything rests: a later line that needs the reading need not
+            # stop for it
+            self.settle(frozenset(self.captured))
 
     def _probe(self, line: ProbeLine) -> None:
         """Let the executor probe; where that ends is where later lines start."""

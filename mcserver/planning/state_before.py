@@ -21,7 +21,6 @@ from mcserver.machine.dialect_section import Dialect
 from mcserver.machine.machine_file import Machine
 from mcserver.motion.canonical import (
     AxisLine,
-    AxisOperation,
     Canonical,
     DwellGroup,
     Group,
@@ -93,10 +92,11 @@ class _Effects:
     def take(self, value: Canonical | PathBatch, *, incremental: bool) -> None:
         """Follow a value; ``incremental``: the ends of its moves are increments."""
         if isinstance(value, AxisLine):
-            if value.operation is AxisOperation.CAPTURE:
+            if value.operation.energized:
                 self.energized.update(value.axes)
             else:
-                self.energized.difference_update(value.axes)
+                if value.operation.energized is False:
+                    self.energized.difference_update(value.axes)
                 self._lose(value.axes)
         elif isinstance(value, PathBatch):
             self._place(value.axes, incremental=incremental)
@@ -169,7 +169,8 @@ def state_before(
 
     Raises:
         ProgramRejected: a line before it has a fault; MC167 the line stands in a block of O-words,
-            or under cutter compensation; MC168 a line before it went by what was measured.
+            or under cutter compensation; MC347 an axis follows another one there; MC168 a line before it went
+            by what was measured.
     """
     interpreter = Interpreter(
         machine,
@@ -227,6 +228,18 @@ def state_before(
             ]
         )
     modal = interpreter.modal
+    if modal.coupled:
+        follower, since = modal.coupled[0]
+        raise ProgramRejected(
+            [
+                Diagnostic(
+                    code="MC347",
+                    line=number,
+                    message=f"axis {follower} follows another one here, since line {since}",
+                    hint=f"start at line {since}, or behind the G1061 that ends it",
+                )
+            ]
+        )
     if not interpreter.ended:
         modal = msgspec.structs.replace(modal, computed=expansion.kept())
     return StateBefore(

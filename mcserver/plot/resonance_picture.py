@@ -33,7 +33,7 @@ def draw_resonance(
         over_time, over_frequency = figure.subplots(2, 1, height_ratios=(1.0, 1.6))
         over_time.plot(np.arange(len(ring)) * step_s, ring, color=LINE_COLOURS[0], linewidth=1.1)
         over_time.set_title(f"{found.frequency_hz:.2f} Hz, damping {found.damping:.4f}")
-        over_time.set_xlabel("time after the move [s]")
+        over_time.set_xlabel("time [s]")
         frequencies = np.linspace(FROM, TO, 201) * found.frequency_hz
         for order, cost in enumerate(costs):
             left = [100.0 * cost.shaper.residual(each, found.damping) for each in frequencies.tolist()]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import get_args
 
@@ -16,6 +16,16 @@ from mcserver.units import TURN
 
 # A ring is looked at for so long, and is of use from so long on [s].
 LONGEST_S, SHORTEST_S = 1.0, 0.08
+# A measured stop rings from the end of its braking on, which is so long behind the greatest value [s]; what
+# dies away soon is looked at for less long, for then noise is left.
+STARTS_S = (0.0, 0.03, 0.06, 0.1, 0.15, 0.2)
+SPANS_S = (LONGEST_S, 0.3, 0.1)
+# Values a second that are enough for it; values at the least, for fewer are soon like a vibration.
+ENOUGH_HZ, LEAST_VALUES = 1600.0, 128
+# What is damped more is the stop itself, which is gone within a swing.
+MOST_DAMPING = 0.3
+# A record that is longer than this is no stop, but a sweep [s]; its spectrum has values so far apart [Hz].
+SWEEP_S, SPECTRUM_HZ = 10.0, 0.25
 # Frequencies that are looked for [Hz], and the damping ratios that the search begins with.
 LOWEST_HZ, HIGHEST_HZ = 2.0, 400.0
 DAMPINGS = (0.003, 0.01, 0.03, 0.1, 0.2)
@@ -30,7 +40,8 @@ class Resonance:
     """A vibration that dies away.
 
     Attributes:
-        damping: as a ratio. explained: share of the rings that it explains [1]. rings: how many these are.
+        damping: as a ratio. explained: share of the rings, or of the spectrum of a sweep [1].
+        rings: how many these are; 0: it was a sweep.
     """
 
     frequency_hz: float
@@ -71,10 +82,53 @@ def rings_of(setpoint: Array, actual: Array, cycle_s: float) -> list[Array]:
     ]
 
 
-def ring_from_peak(signal: Array, step_s: float) -> Array:
-    """Return an accelerometer's signal from its greatest value on, shape (n,)."""
-    first = int(np.argmax(np.abs(signal - np.median(signal))))
-    return signal[first : first + round(LONGEST_S / step_s)]
+def fit_stop(signal: Array, step_s: float) -> tuple[Resonance, Array, float] | None:
+    """Return the vibration behind a stop that an accelerometer has measured.
+
+    Returns:
+        It, the ring that it explains, shape (n,), and the seconds between two values of that; None: none.
+    """
+    together = max(1, int(1.0 / (ENOUGH_HZ * step_s)))
+    signal = signal[: len(signal) // together * together].reshape(-1, together).mean(axis=1)
+    step_s *= together
+    peak = int(np.argmax(np.abs(signal - np.median(signal))))
+    found: list[tuple[Resonance, Array, float]] = []
+    for start in STARTS_S:
+        for span in SPANS_S:
+            first = peak + round(start / step_s)
+            ring = signal[first : first + round(span / step_s)]
+            vibration = fit([ring], step_s) if len(ring) >= LEAST_VALUES else None
+            if vibration is None or vibration.frequency_hz > HIGHEST_HZ or vibration.damping > MOST_DAMPING:
+                continue
+            found.append((vibration, ring, step_s))
+    return max(found, key=lambda each: each[0].explained, default=None)
+
+
+def fit_sweep(signal: Array, step_s: float) -> Resonance | None:
+    """Return the vibration that shapes the spectrum of a sweep: a slow change of the frequency that shakes.
+
+    The spectrum of the load's acceleration is that of its base times the transmissibility (Thomson, Theory of
+    Vibration, 1993, ch. 3.6); that of the base is taken as a constant and a part that rises as f².
+    """
+    at = np.fft.rfftfreq(len(signal), step_s)
+    power = np.abs(np.fft.rfft(signal - signal.mean())) ** 2
+    highest = min(HIGHEST_HZ, 0.4 / step_s)
+    edges = np.arange(LOWEST_HZ, highest, SPECTRUM_HZ)
+    counts, _ = np.histogram(at, edges)
+    sums, _ = np.histogram(at, edges, weights=power)
+    if not counts.all() or not sums.any():
+        return None
+    spectrum, frequencies = sums / counts, 0.5 * (edges[1:] + edges[:-1])
+
+    def left(frequency: float, damping: float) -> float:
+        ratio = (frequencies / frequency) ** 2
+        damped = 4.0 * damping**2 * ratio
+        passed = (1.0 + damped) / ((1.0 - ratio) ** 2 + damped)
+        return _beside(np.stack([passed, passed * frequencies**2], axis=1), spectrum)
+
+    frequency, damping = _least(left, highest)
+    whole = float(((spectrum - spectrum.mean()) ** 2).sum())
+    return Resonance(frequency, damping, 1.0 - left(frequency, damping) / whole, 0)
 
 
 def fit(rings: Sequence[Array], step_s: float) -> Resonance | None:
@@ -90,7 +144,12 @@ def fit(rings: Sequence[Array], step_s: float) -> Resonance | None:
     def left(frequency: float, damping: float) -> float:
         return sum(_unexplained(ring, step_s, frequency, damping) for ring in rings)
 
-    highest = min(HIGHEST_HZ, 0.4 / step_s)
+    frequency, damping = _least(left, min(HIGHEST_HZ, 0.4 / step_s))
+    return Resonance(frequency, damping, 1.0 - left(frequency, damping) / whole, len(rings))
+
+
+def _least(left: Callable[[float, float], float], highest: float) -> tuple[float, float]:
+    """Return frequency [Hz] and damping of which the least is left."""
     tried = [(f, d) for f in np.geomspace(LOWEST_HZ, highest, FREQUENCIES).tolist() for d in DAMPINGS]
     frequency, damping = min(tried, key=lambda each: left(*each))
     wide, deep = (highest / LOWEST_HZ) ** (1.0 / FREQUENCIES), 2.0
@@ -102,7 +161,7 @@ def fit(rings: Sequence[Array], step_s: float) -> Resonance | None:
         ]
         frequency, damping = min(tried, key=lambda each: left(*each))
         wide, deep = wide**0.5, deep**0.6
-    return Resonance(frequency, damping, 1.0 - left(frequency, damping) / whole, len(rings))
+    return frequency, damping
 
 
 def _unexplained(ring: Array, step_s: float, frequency_hz: float, damping: float) -> float:
@@ -110,8 +169,13 @@ def _unexplained(ring: Array, step_s: float, frequency_hz: float, damping: float
     at = np.arange(len(ring)) * step_s * frequency_hz * TURN
     damped, decay = at * np.sqrt(1.0 - damping**2), np.exp(-damping * at)
     basis = np.stack([decay * np.cos(damped), decay * np.sin(damped), np.ones(len(ring))], axis=1)
-    found, *_ = np.linalg.lstsq(basis, ring, rcond=None)
-    return float(((ring - basis @ found) ** 2).sum())
+    return _beside(basis, ring)
+
+
+def _beside(basis: Array, values: Array) -> float:
+    """Return the sum of squares of what the columns of a basis leave of values."""
+    found, *_ = np.linalg.lstsq(basis, values, rcond=None)
+    return float(((values - basis @ found) ** 2).sum())
 
 
 def compare_shapers(found: Resonance, axis: Axis, cycle_s: float) -> list[ShaperCost]:

@@ -123,6 +123,19 @@ def test_a_length_that_cannot_be_meant_is_refused(
     assert desk.refusal("units", "0", "--check") == (2, "MC017")
 
 
+def test_what_is_no_length_is_asked_for_again(desk: Desk, monkeypatch: pytest.MonkeyPatch) -> None:
+    drive = desk.make_drives(3)[3]
+    hold(drive, 0x6064, 0, 100)
+
+    class Typed(io.StringIO):
+        def readline(self, size: int | None = -1) -> str:
+            hold(drive, 0x6064, 0, 100 + 4096)
+            return super().readline(size)
+
+    monkeypatch.setattr("sys.stdin", Typed("ten\n10\n"))
+    assert desk("units", "0", "--check")[0] == 0
+
+
 @pytest.mark.parametrize("pitch", ["0", "-1", "nan", "inf"])
 def test_a_pitch_that_cannot_be_meant_is_refused(desk: Desk, pitch: str) -> None:
     assert desk.refusal("units", "0", "--pitch", pitch) == (2, "MC017")

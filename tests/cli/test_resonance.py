@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import json
 import math
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.linalg import expm
 
 from mcserver.cli.app import run_command_line
 
@@ -86,6 +88,54 @@ def test_an_accelerometer_is_read_from_its_greatest_value_on(
     answer = json.loads(capfd.readouterr().out)
     assert answer["frequency_hz"] == pytest.approx(31.0, rel=0.01)
     assert answer["damping"] == pytest.approx(0.05, abs=0.01)
+
+
+def shaken(base: np.ndarray, step_s: float, frequency: float, damping: float) -> np.ndarray:
+    """Accelerations of a load that hangs on a base by a spring, with noise, shape (n,)."""
+    omega = math.tau * frequency
+    matrix = expm(
+        step_s * np.array([[0.0, 1.0, 0.0], [-(omega**2), -2.0 * damping * omega, -1.0], [0.0] * 3])
+    )
+    state, found = np.zeros(2), np.empty(len(base))
+    for n, acceleration in enumerate(base.tolist()):
+        found[n] = -(omega**2) * state[0] - 2.0 * damping * omega * state[1]
+        state = matrix[:2, :2] @ state + matrix[:2, 2] * acceleration
+    return found + 50.0 * np.random.default_rng(3).normal(size=len(base))
+
+
+def braking(at: np.ndarray) -> np.ndarray:
+    """From rest to 100 mm/s at 3000 mm/s², and to rest 0.3 s later."""
+    return 3000.0 * (np.abs(at - 0.22) < 0.0167) - 3000.0 * (np.abs(at - 0.52) < 0.0167)
+
+
+def sweep(at: np.ndarray) -> np.ndarray:
+    """Pulses of either sign, at 5 Hz and 4 Hz faster in each second, as strong as they are quick."""
+    frequency = 5.0 + 4.0 * at
+    return 60.0 * frequency * np.sign(np.sin(math.tau * (5.0 * at + 2.0 * at**2)))
+
+
+@pytest.mark.parametrize("damping", [0.02, 0.1])
+@pytest.mark.parametrize(("base", "seconds"), [(braking, 1.5), (sweep, 25.0)])
+def test_a_stop_is_measured_behind_its_braking_and_a_sweep_by_its_spectrum(
+    base: Callable[[np.ndarray], np.ndarray], seconds: float, damping: float, tmp_path: Path, capfd: Capture
+) -> None:
+    at = np.arange(0.0, seconds, 1.0 / 1600.0)
+    file = tmp_path / "accelerations.csv"
+    np.savetxt(file, np.stack([at, shaken(base(at), 1.0 / 1600.0, 48.0, damping)], axis=1), "%.6f", ",")
+    assert run_command_line(["resonance", str(file), "--axis", "0", "--json"]) == 0
+    answer = json.loads(capfd.readouterr().out)
+    assert answer["frequency_hz"] == pytest.approx(48.0, rel=0.01)
+    assert answer["damping"] == pytest.approx(damping, rel=0.1)
+    assert answer["explained"] > 0.95
+
+
+def test_a_stop_that_does_not_ring_is_no_measurement(tmp_path: Path, capfd: Capture) -> None:
+    at = np.arange(0.0, 1.5, 1.0 / 1600.0)
+    noise = 50.0 * np.random.default_rng(5).normal(size=len(at))
+    file = tmp_path / "accelerations.csv"
+    np.savetxt(file, np.stack([at, braking(at) + noise], axis=1), "%.6f", ",")
+    assert run_command_line(["resonance", str(file), "--axis", "0"]) == 2
+    assert "no ring" in capfd.readouterr().err
 
 
 @pytest.mark.parametrize(

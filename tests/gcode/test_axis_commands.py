@@ -1,9 +1,14 @@
 """Axis commands (D-40), and where positions come from after them (D-14, D-25)."""
 
+import msgspec
 import pytest
 
+from mcserver.errors import ProgramRejected
 from mcserver.gcode.text.parser import scan_line
+from mcserver.machine.follow_section import Follow
 from mcserver.motion.canonical import AxisLine, AxisOperation, MotionLine
+from mcserver.planning.start_state import StartState
+from mcserver.planning.state_before import state_before
 from tests.gcode.support import Gantries, Program, feeding, machine_of
 
 TOOLED = machine_of("0:linear 1:linear 2:linear 3:linear", "3:0,1,2")
@@ -146,3 +151,46 @@ def test_a_tools_path_starts_where_a_servo_move_of_its_joint_was_stopped() -> No
 def test_encoder_axes_are_none_after_the_end() -> None:
     program = feeding("G1010", "M30")
     assert need(program, "G01 X1") == set()
+
+
+def coupling() -> Program:
+    """A machine whose axis 3 can follow axis 0."""
+    axes = [
+        msgspec.structs.replace(axis, follow=Follow(0, 1e-3, 2.0, (), repeats=False, measured=False))
+        if axis.index == 3
+        else axis
+        for axis in TOOLED.axes
+    ]
+    return Program(msgspec.structs.replace(TOOLED, axes=tuple(axes), tools=(), urdf=None))
+
+
+def test_a_coupled_axis_is_moved_by_nothing_else_until_it_is_uncoupled() -> None:
+    program = coupling()
+    assert program.run("G1060 P3") == [AxisLine(1, AxisOperation.COUPLE, (3,))]
+    for text in ("G00 [3]5", "G01 X5 F100 G01 [3]5", "G1020 [3]5", "G1030 [3]60", "G02 X5 Y0 R5 [3]1"):
+        assert [(fault.code, fault.axis) for fault in program.faults(text)] == [("MC345", 3)]
+    assert [fault.code for fault in program.faults("G1060 P3")] == ["MC346"]
+    # what leads it, and others, go on
+    assert program.run("G01 X5 Y5 F600")
+    assert program.run("G1010") == [AxisLine(program.line, AxisOperation.CAPTURE, (0, 1, 2))]
+    assert program.run("G1061") == [AxisLine(program.line, AxisOperation.UNCOUPLE, (3,))]
+    assert program.run("G1061") == []
+    # where it has been led to is the encoder's, as behind a capture
+    assert need(program, "G91 G00 [3]5") == {3}
+    program.run("G1060 P3")
+    program.run("G1001 P3")
+    assert not program.interpreter.modal.coupled
+
+
+@pytest.mark.parametrize(("text", "code"), [("G1060", "MC118"), ("G1060 P1", "MC346"), ("G1060 P9", "MC108")])
+def test_only_an_axis_with_a_leader_is_coupled(text: str, code: str) -> None:
+    assert [fault.code for fault in coupling().faults(text)] == [code]
+
+
+def test_a_program_does_not_start_where_an_axis_follows_another_one() -> None:
+    machine = coupling().interpreter._setup.machine
+    lines = ["G1010", "G1060 P3", "G00 X5", "G1061", "G00 X0"]
+    with pytest.raises(ProgramRejected) as caught:
+        state_before(lines, 3, machine, StartState.of(machine))
+    assert [fault.code for fault in caught.value.diagnostics] == ["MC347"]
+    assert state_before(lines, 5, machine, StartState.of(machine)).unknown == {3}

@@ -181,3 +181,18 @@ def test_a_built_in_machine_that_is_shown_is_a_machine_file(name: str, capfd: Ca
 def test_showing_a_machine_that_is_not_built_in_names_the_nearest(capfd: Capture) -> None:
     assert run_command_line(["machine", "show", "cartesan"]) == 3
     assert "did you mean 'cartesian'?" in capfd.readouterr().err
+
+
+@pytest.mark.parametrize(
+    "key",
+    [
+        "compensation = { pitch_errors = [[0.0, 0.0], [1.0, nan]] }",
+        "compensation = { mesh = { axes = [0, 1], first = [0, 1], second = [0, inf], errors = [[0]] } }",
+        "follow = { leader = 0, tolerance = 1.0, cam = [[0, 0], [1, -inf]] }",
+    ],
+)
+def test_a_number_in_a_list_that_is_not_finite_is_refused_too(key: str) -> None:
+    axis = '[[axis]]\nindex = 2\ntype = "linear"\nmax_velocity = 1.0\nmax_acceleration = 1.0\n'
+    with pytest.raises(MachineFileRejected) as caught:
+        parse_machine(f'[machine]\nname = "a"\n{axis}{key}')
+    assert "is not a finite number" in caught.value.diagnostics[0].message

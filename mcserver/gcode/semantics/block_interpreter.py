@@ -337,8 +337,21 @@ class BlockInterpreter:
     def _axis_command(self, command: Command, operation: AxisOperation) -> None:
         block = self.block
         word = command.word("P")
+        coupled = dict(block.modal.coupled)
+        if word is None and operation is AxisOperation.COUPLE:
+            block.faults.add(
+                "MC118",
+                "G1060 has no P: it does not say which axis",
+                block.span(command),
+                "name it: G1060 P3",
+            )
+            return
         if word is None:
             axes = tuple(sorted(block.setup.leased))
+            if operation is AxisOperation.UNCOUPLE:
+                axes = tuple(sorted(coupled))
+            elif operation is AxisOperation.CAPTURE:
+                axes = tuple(axis for axis in axes if axis not in coupled)
         else:
             if word.value != word.value:
                 return
@@ -351,9 +364,22 @@ class BlockInterpreter:
                     axis=None,
                 )
                 return
-            if block.usable_axis(index, word) is None:
+            axis = block.usable_axis(index, word, coupled=operation is not AxisOperation.CAPTURE)
+            if axis is None:
+                return
+            if operation is AxisOperation.COUPLE and (axis.follow is None or index in coupled):
+                what = "follows already" if index in coupled else "has no [axis.follow] in the machine file"
+                hint = "G1061 ends it" if index in coupled else "say there what it follows, and how"
+                block.faults.add("MC346", f"axis {index} {what}", block.span(word), hint, axis=index)
                 return
             axes = (index,)
+        if operation is AxisOperation.COUPLE:
+            coupled[axes[0]] = block.parsed.number
+        elif operation is not AxisOperation.CAPTURE:
+            coupled = {axis: line for axis, line in coupled.items() if axis not in axes}
+        block.change(coupled=tuple(coupled.items()))
+        if not axes:
+            return
         block.commanded.invalidate(axes)
         self._add(AxisLine(block.parsed.number, operation, axes))
 

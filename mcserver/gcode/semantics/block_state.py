@@ -170,8 +170,12 @@ class BlockState:
             return self.parsed.span(source.index)
         return self.parsed.command_span(source)
 
-    def usable_axis(self, index: int, source: Word | Command | Action) -> Axis | None:
-        """Return the axis, or report MC108 (not on the machine) or MC109 (not leased) and return None."""
+    def usable_axis(
+        self, index: int, source: Word | Command | Action, *, coupled: bool = False
+    ) -> Axis | None:
+        """Return the axis, or report MC108 (not on the machine), MC109 (not leased) or MC345 (it follows
+        another one, unless ``coupled`` may be named) and return None.
+        """
         axis = self.setup.axes.get(index)
         if axis is None:
             known = ", ".join(str(number) for number in sorted(self.setup.axes))
@@ -190,6 +194,16 @@ class BlockState:
                 f"axis {index} is not among the axes that this program has leased",
                 self.span(source),
                 f"it has {known}; open the program with axis {index} too",
+                axis=index,
+            )
+            return None
+        if not coupled and any(index == each for each, _ in self.modal.coupled):
+            since = dict(self.modal.coupled)[index]
+            self.faults.add(
+                "MC345",
+                f"axis {index} follows another one since line {since}: nothing else moves it",
+                self.span(source),
+                f"uncouple it before: G1061 P{index}",
                 axis=index,
             )
             return None

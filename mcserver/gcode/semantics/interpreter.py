@@ -137,7 +137,7 @@ class Interpreter:
         modal = self._modal
         by_tip = modal.frame is not None and modal.frame.tip_tool is not None
         beside = self._compensation is not None or modal.transformation is not None
-        beside = beside or modal.control_points is not None or modal.per_turn
+        beside = beside or modal.control_points is not None or modal.per_turn or bool(modal.coupled)
         return self._ended or self._setup.dynamics is not None or by_tip or beside
 
     @property

@@ -63,6 +63,7 @@ class ModalState(msgspec.Struct, frozen=True):
         spline_end: of the last G5, which a G5 without I and J goes on from.
         control_points: of a curve that is not yet closed (G5.2).
         relative: axes whose words are increments under G90 too (M83).
+        coupled: axes that follow others (G1060), each with the line since which it does.
         computed: parameters and subprograms of the lines before, where a program starts in its middle.
         carried: tools chosen so far, each once, the last one last: their payloads stay after G1050 (D-55).
     """
@@ -86,6 +87,7 @@ class ModalState(msgspec.Struct, frozen=True):
     control_points: ControlPoints | None = None
     relative: tuple[int, ...] = ()
     carried: tuple[int, ...] = ()
+    coupled: tuple[tuple[int, int], ...] = ()
     computed: Kept | None = None
 
     @property

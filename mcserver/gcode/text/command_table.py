@@ -17,7 +17,7 @@ class Kind(enum.Enum):
     MOVE = "move"  # G00-G03: axis words or a tool's pose
     DIRECT = "direct"  # G1020, G1030, G1040: axis words, never a tool
     DWELL = "dwell"  # G04
-    AXIS = "axis"  # G1000-G1011
+    AXIS = "axis"  # G1000-G1011, G1060, G1061
     SETTING = "setting"  # acts where it stands, moves nothing
     PROGRAM = "program"  # M00, M01, M02, M30
     UNKNOWN = "unknown"  # stands in for a code that was refused, so that its words raise no further faults
@@ -159,6 +159,26 @@ COMMANDS: tuple[CommandSpec, ...] = (
         Kind.SETTING,
         rules=("D-50", "D-52"),
         example="G1050 G01 X100",
+    ),
+    CommandSpec(
+        "G1060",
+        "couple an axis to the one that it follows",
+        Kind.AXIS,
+        "P",
+        False,
+        ("D-130",),
+        "G1060 P3",
+        AxisOperation.COUPLE,
+    ),
+    CommandSpec(
+        "G1061",
+        "uncouple axes: they follow no more",
+        Kind.AXIS,
+        "P",
+        False,
+        ("D-130",),
+        "G1061",
+        AxisOperation.UNCOUPLE,
     ),
     CommandSpec("M00", "pause until resumed", Kind.PROGRAM, rules=("D-05",), example="M00"),
     CommandSpec("M01", "pause until resumed", Kind.PROGRAM, rules=("D-05",), example="M01"),

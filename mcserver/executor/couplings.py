@@ -1,0 +1,212 @@
+"""Axes that follow others by a gear or a cam, from G1060 to G1061 (D-130).
+
+In each cycle the place of the leader gives the follower its target, which it goes after as an axis of servo
+mode does (`follow_targets`): on it where its own limits allow, and never beyond these. So it comes into step
+without a jump, also with a leader that moves, and whatever that one does no limit of the follower is passed.
+What is left of the target is held against the tolerance.
+
+A coupling belongs to its program. It ends with it: once a leader that the program moves has come to rest,
+else at once; the follower then stops within its limits.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from mcserver.executor.axes import AxisBank
+from mcserver.executor.entries import Array
+from mcserver.executor.fault_codes import FaultCode
+from mcserver.executor.independent import IndependentMotions
+from mcserver.executor.leading_curves import Gear, curve_of
+from mcserver.executor.spindle_following import MeasuredPlace
+from mcserver.executor.target_follower import tracking_limits
+from mcserver.machine.machine_file import Machine
+from mcserver.motion.kernels.target_tracking import VELOCITY, follow_targets
+
+if TYPE_CHECKING:
+    from mcserver.executor.slot import ProgramSlot
+
+# Readings before which the speed of a measured leader is not known well enough to be in step with it.
+KNOWN_CYCLES = 50
+# In step is also who is not about to leave its tolerance within this time [s].
+STEADY_S = 0.02
+
+
+class Coupling:
+    """A follower and its leader.
+
+    Args:
+        column: of the follower, at rest. slot, generation: of the program that couples it.
+
+    Attributes:
+        leader: its column. measured: its encoder counts, not what it is ordered. tolerance: [m or rad].
+        error: distance from the target in this cycle [m or rad]. in_step: it was within the tolerance.
+        ending: it is to end with the cycle that begins.
+    """
+
+    def __init__(
+        self, machine: Machine, bank: AxisBank, column: int, slot: int, generation: int, *, free: bool
+    ) -> None:
+        axis = machine.axes[column]
+        follow = axis.follow
+        assert follow is not None
+        self.column, self.slot, self.generation = column, slot, generation
+        self.leader = machine.column_of(follow.leader)
+        self.measured, self.tolerance = follow.measured, follow.tolerance
+        self._bank, self._row, self._cycle_s = bank, bank.row, machine.cycle_s
+        self._curve = curve_of(follow)
+        place = float(self._row.ordered[column])
+        self.state: Array = np.array([place, 0.0, 0.0])
+        self._limits = np.array([tracking_limits(axis, place, free=free)])
+        self._target = np.zeros((1, 3))
+        self._encoder = MeasuredPlace(machine.cycle_s)
+        # from the reading of the cycle before to this cycle's setpoint
+        late = bank.delay_cycles if bank.delayed[self.leader] else 0
+        self._late_s = machine.cycle_s * (1 + late)
+        self._speed = float(self._row.ordered_velocity[self.leader])
+        self._silent = 0
+        # of the follower's and of the leader's positions, against those of the curve
+        self._ahead = self._shifted = 0.0
+        self.error, self.in_step, self.ending = 0.0, False, False
+        start = float((self._row.actual if self.measured else self._row.ordered)[self.leader])
+        value = self._curve.at(start)[0]
+        if isinstance(self._curve, Gear):
+            # a gear has no place of its own: it goes on from where the two are
+            self._ahead = place - value
+        self.apart = place - self._ahead - value
+
+    def shift(self, column: int, distance: float) -> None:
+        """Let a column's positions read ``distance`` more from now on."""
+        if column == self.column:
+            self._ahead += distance
+            self.state[0] += distance
+            self._limits[0, 3:] += distance
+        if column == self.leader:
+            self._shifted += distance
+            self._encoder.place += distance
+
+    def lost(self, patience: int) -> bool:
+        """Return whether the leader is no more known: it is off, has failed or is silent for some cycles."""
+        bank, leader = self._bank, self.leader
+        self._silent = 0 if bank.fresh[leader] else self._silent + 1
+        if bank.fault >> leader & 1 or self._silent > patience:
+            return True
+        led = bank.energized & (bank.positioned | bank.speed)
+        return not (self.measured or led >> leader & 1)
+
+    def step(self) -> None:
+        """Let a cycle pass, behind which the follower's setpoint is set."""
+        target, column = self._target[0], self.column
+        place, speed, acceleration = self._of_leader()
+        value, slope, curvature = self._curve.at(place - self._shifted)
+        target[:] = value + self._ahead, slope * speed, curvature * speed**2 + slope * acceleration
+        wanted, wanted_speed = float(target[0]), float(target[1])
+        follow_targets(self.state[None], self._target, self._limits, 1.0, self._cycle_s, False)
+        self.error = abs(float(self.state[0]) - wanted)
+        drifts = abs(float(self.state[VELOCITY]) - wanted_speed) * STEADY_S
+        known = not self.measured or self._encoder.count > KNOWN_CYCLES
+        self.in_step |= known and self.error + drifts <= self.tolerance
+        self._row.ordered[column] = self.state[0]
+        self._row.ordered_velocity[column] = self.state[VELOCITY]
+
+    @property
+    def rests(self) -> bool:
+        """Whether the follower stands on its target."""
+        return not (self.error or self.state[1:].any())
+
+    def _of_leader(self) -> tuple[float, float, float]:
+        """Return place, speed and acceleration of the leader at this cycle's setpoint."""
+        row, leader = self._row, self.leader
+        if self.measured:
+            encoder = self._encoder
+            # while it is silent it is taken to go on
+            encoder.take(encoder.ahead(self._cycle_s)[0] if self._silent else float(row.actual[leader]))
+            return encoder.ahead(self._late_s)
+        before, self._speed = self._speed, float(row.ordered_velocity[leader])
+        return float(row.ordered[leader]), self._speed, (self._speed - before) / self._cycle_s
+
+
+class Couplings:
+    """The couplings of a machine that are in force.
+
+    Attributes:
+        engaged: all of them. mask: columns of the followers. tied: with those of leaders that are ordered.
+    """
+
+    def __init__(self, machine: Machine, bank: AxisBank, motions: IndependentMotions) -> None:
+        self._machine, self._bank, self._motions = machine, bank, motions
+        self.engaged: tuple[Coupling, ...] = ()
+        self.mask = self.tied = 0
+
+    def prepare(self, column: int, slot: int, generation: int) -> Coupling:
+        """Return a coupling for `couple`; nothing follows yet."""
+        free = bool(self._motions.unlimited >> column & 1)
+        return Coupling(self._machine, self._bank, column, slot, generation, free=free)
+
+    def couple(self, coupling: Coupling) -> None:
+        """Let a column follow its leader from this cycle on."""
+        self._hold((*self.engaged, coupling))
+
+    def uncouple(self, axes: int) -> None:
+        """End the couplings of some followers; those that move come to rest within their limits."""
+        for coupling in self.engaged:
+            coupling.ending |= bool(axes >> coupling.column & 1)
+        self.forget(axes & ~self._motions.mask)
+
+    def forget(self, axes: int) -> None:
+        """End the couplings of some followers, which stand or are off."""
+        self._hold(tuple(each for each in self.engaged if not axes >> each.column & 1))
+
+    def shift(self, column: int, distance: float) -> None:
+        """Let a column's positions read ``distance`` more from now on."""
+        for coupling in self.engaged:
+            coupling.shift(column, distance)
+
+    def follow(self, slots: Sequence[ProgramSlot], patience: int, *, urgent: bool) -> None:
+        """Set the setpoints of all followers in this cycle, and end what has to end.
+
+        Args:
+            slots: of the programs, by number. patience: cycles for which a leader may be silent. urgent: the
+                emergency stop is latched.
+        """
+        for coupling in self.engaged:
+            slot, bit = slots[coupling.slot], 1 << coupling.column
+            if bit & ~(self._bank.energized & self._bank.positioned):
+                self.forget(bit)
+                continue
+            gone = not slot.running or slot.generation != coupling.generation
+            lost = coupling.lost(patience)
+            if coupling.ending or gone or urgent or lost or self._stops(coupling, slot):
+                if self._motions.mask & bit:
+                    # its state is that before this cycle
+                    self._motions.halt(coupling.column, -1 if gone else slot.index, 1.0, jerk=not urgent)
+                self.forget(bit)
+                if lost and slot.goes_on and not gone:
+                    slot.fault(FaultCode.LEADER_LOST, slot.shown_line, coupling.leader)
+                continue
+            coupling.step()
+            registered = bool(self._motions.mask & bit)
+            if coupling.rests and registered:
+                self._motions.drop(bit)
+            elif not (coupling.rests or registered):
+                self._motions.follow(coupling.column, coupling.slot, coupling.state)
+            if coupling.in_step and slot.goes_on and not coupling.error <= coupling.tolerance:
+                values = (coupling.error, coupling.tolerance)
+                slot.fault(FaultCode.OUT_OF_STEP, slot.shown_line, coupling.column, values)
+
+    def _stops(self, coupling: Coupling, slot: ProgramSlot) -> bool:
+        """Return whether a stop of the program ends a coupling now."""
+        if slot.goes_on:
+            return False
+        leads = not coupling.measured and slot.axes >> coupling.leader & 1
+        return not leads or not (self._motions.mask | slot.playback.active) >> coupling.leader & 1
+
+    def _hold(self, engaged: tuple[Coupling, ...]) -> None:
+        self.engaged = engaged
+        self.mask = sum(1 << each.column for each in engaged)
+        self.tied = self.mask
+        for each in engaged:
+            self.tied |= 0 if each.measured else 1 << each.leader

@@ -1,0 +1,167 @@
+"""``follow`` of an axis: the electronic gear or cam by which it follows another one while it is coupled."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from itertools import pairwise
+from typing import TYPE_CHECKING, Annotated, Literal
+
+import msgspec
+from msgspec import Meta
+
+from mcserver.machine.constraints import Positive
+from mcserver.machine.section_reader import Mistakes
+from mcserver.machine.toml_positions import Path
+
+if TYPE_CHECKING:
+    from mcserver.machine.clearance_section import Body
+    from mcserver.machine.machine_file import Axis
+    from mcserver.machine.tool_section import Tool
+
+# By which places of the leader in a cam differ at the least [mm, deg].
+LEAST_STEP = 0.001
+
+_CamPoint = Annotated[
+    list[float],
+    Meta(min_length=2, max_length=3, description="[leader, this axis] or [leader, this axis, slope]"),
+]
+
+
+class FollowSection(msgspec.Struct, frozen=True):
+    """``follow`` as written.
+
+    Attributes:
+        leader: number of the axis that is followed.
+        tolerance: by which this axis may be beside the place that the leader gives it [mm, deg].
+        ratio: of a gear: mm or deg of this axis for each mm or deg of the leader.
+        cam: points of a cam, ascending: where the leader is, where this axis is then, and the slope there.
+        repeats: the cam goes on and on, each time further by what it has climbed.
+        source: of the leader's place: what it is ordered, or what its encoder reads.
+    """
+
+    leader: int
+    tolerance: Positive
+    ratio: float | None = None
+    cam: Annotated[list[_CamPoint], Meta(max_length=2000, description="2 to 2000 points")] | None = None
+    repeats: bool = False
+    source: Literal["setpoint", "encoder"] = "setpoint"
+
+
+class Follow(msgspec.Struct, frozen=True):
+    """The same in SI; a gear has no ``cam``, a cam no ratio. ``measured``: the leader's encoder counts."""
+
+    leader: int
+    tolerance: float
+    ratio: float | None
+    cam: tuple[tuple[float, float, float], ...]
+    repeats: bool
+    measured: bool
+
+
+def check_followers(
+    axes: Mapping[Path, Axis],
+    sections: Mapping[Path, FollowSection | None],
+    tools: Sequence[Tool],
+    bodies: Sequence[Body | None],
+    mistakes: Mistakes,
+) -> dict[int, Follow]:
+    """Return what axes follow, in SI, by their numbers; note those that cannot: MC094.
+
+    Args:
+        axes, sections: by the paths of the axes' sections.
+    """
+    numbers = {axis.index: axis for axis in axes.values()}
+    following = {axes[path].index for path, section in sections.items() if section is not None}
+    # of gantry pairs an axis may follow the leader, and none of the two follows
+    seconds = {axis.index for axis in axes.values() if axis.gantry is not None}
+    pairs = seconds | {axis.gantry.leader for axis in axes.values() if axis.gantry is not None}
+    found: dict[int, Follow] = {}
+    for path, section in sections.items():
+        if section is None:
+            continue
+        axis, leader = axes[path], numbers.get(section.leader)
+        if leader is None or leader.index in following | seconds:
+            mistakes.add(
+                (*path, "follow", "leader"),
+                f"axis {section.leader} is not there, or follows another one itself",
+                "name an [[axis]] of this file that programs or others move",
+                "MC094",
+            )
+            continue
+        what = _wrong_mechanics(axis, leader, section, tools, bodies) or _wrong_table(section)
+        if axis.index in pairs:
+            what = "it is one of a gantry pair", "let another axis follow"
+        if what is not None:
+            mistakes.add((*path, "follow"), *what, "MC094")
+            continue
+        mine, its = axis.type.si_per_unit, leader.type.si_per_unit
+        found[axis.index] = Follow(
+            leader.index,
+            section.tolerance * mine,
+            None if section.ratio is None else section.ratio * mine / its,
+            tuple(
+                (place * its, value * mine, slope * mine / its)
+                for place, value, slope in cam_points(section.cam or [], repeats=section.repeats)
+            ),
+            section.repeats,
+            section.source == "encoder",
+        )
+    return found
+
+
+def _wrong_mechanics(
+    axis: Axis, leader: Axis, section: FollowSection, tools: Sequence[Tool], bodies: Sequence[Body | None]
+) -> tuple[str, str] | None:
+    """Return why an axis cannot follow, and the remedy; None: it can."""
+    ordered = section.source == "setpoint"
+    if axis.profiled or (leader.profiled and ordered):
+        return "a drive makes its profiles itself", 'use csp or ip for both: mode = "pp" goes to points'
+    if axis.index in {each for tool in tools for each in tool.axes}:
+        return "a [[tool]] names this axis", "how its tip moves would not be known beforehand"
+    if any(body is not None and axis.index in body.carried_by for body in bodies):
+        return "a [[body]] is carried by this axis", "where it is would not be known beforehand"
+    if ordered and axis.shaper != leader.shaper:
+        return "its shaper is not that of its leader", "give both the same one"
+    return None
+
+
+def _wrong_table(section: FollowSection) -> tuple[str, str] | None:
+    """Return what is wrong with a gear or a cam, and the remedy; None: nothing."""
+    cam = section.cam
+    if (section.ratio is None) is (cam is None):
+        return "it has a ratio and a cam, or neither", "give ratio for a gear, cam for a cam"
+    if cam is None:
+        return ("a gear repeats by itself", "leave repeats out") if section.repeats else None
+    places = [point[0] for point in cam]
+    if len(cam) < 2 or any(after - before < LEAST_STEP for before, after in pairwise(places)):
+        what = (
+            f"the cam needs two points or more, with places of the leader that ascend by {LEAST_STEP} or more"
+        )
+        return what, "sort them, each once"
+    if section.repeats and len({point[2] for point in (cam[0], cam[-1]) if len(point) == 3}) > 1:
+        return "the slopes at the two ends of a cam that repeats differ", "give the same one, or leave it out"
+    if not section.repeats and any(point[2:] not in ([], [0.0]) for point in (cam[0], cam[-1])):
+        return (
+            "beyond its ends a cam stands, and a slope at an end is not 0",
+            "end it at rest, or let it repeat",
+        )
+    return None
+
+
+def cam_points(points: Sequence[Sequence[float]], *, repeats: bool) -> list[tuple[float, float, float]]:
+    """Return the points of a cam with the slopes that are not given.
+
+    They are the harmonic means of those of the chords beside, 0 where these have not one sign: so between
+    two points the cam never leaves their values (Butland, A method of interpolating reasonable-shaped curves
+    through any data, 1980). At the ends of a cam that does not repeat it stands.
+    """
+    chords = [(after[1] - before[1]) / (after[0] - before[0]) for before, after in pairwise(points)]
+    ends = (chords[-1], chords[0]) if chords and repeats else (0.0, 0.0)
+    beside = zip([ends[0], *chords], [*chords, ends[1]], strict=True) if chords else ()
+    means = [2.0 * one * other / (one + other) if one * other > 0.0 else 0.0 for one, other in beside]
+    given = [point[2] if len(point) == 3 else mean for point, mean in zip(points, means, strict=False)]
+    if repeats and points:
+        # the ends are one point
+        first, last = (len(points[each]) == 3 for each in (0, -1))
+        given[0] = given[-1] = given[-1] if last and not first else given[0]
+    return [(point[0], point[1], slope) for point, slope in zip(points, given, strict=False)]
