@@ -18,7 +18,7 @@ from mcserver.can.pdo_layout import Mode
 from mcserver.canopen import process_data as pdo
 from mcserver.canopen.canopen_errors import object_text
 from mcserver.canopen.configuration import application_writes
-from mcserver.canopen.eds import dictionary_of
+from mcserver.canopen.description import dictionary_of
 from mcserver.canopen.process_data import PlannedProcessData
 from mcserver.canopen.sdo_write import DriveDictionary, SdoWrite, unsigned32
 from mcserver.canopen.settings import DriveSettings, settings_of
@@ -43,9 +43,9 @@ def configure_coe(drive: DriveSettings, cycle_s: float) -> tuple[list[SdoWrite],
         (MappedPdo(1, Function.RPDO1 + drive.node, tuple(_outputs(known)), 1),),
         (MappedPdo(1, Function.TPDO1 + drive.node, tuple(_inputs(known)), 1),),
     )
-    mapping = tuple(_mapping_writes(data))
+    mapping = tuple(_mapping_writes(known, data))
     writes = [*mapping, *application_writes(drive, cycle_s, known)]
-    if drive.distributed_clocks:
+    if drive.distributed_clocks and known.objects.coe.sync0:
         payload = struct.pack("<H", AT_SYNC0)
         writes.append(SdoWrite(SYNC_TYPE, 1, payload, "synchronization by SYNC0", optional=True))
     return writes, PlannedProcessData(data, mapping, {})
@@ -113,11 +113,21 @@ def _mapped(known: DriveDictionary, wanted: list[tuple[MappedObject, bool]]) -> 
         yield each
 
 
-def _mapping_writes(data: ProcessData) -> Iterator[SdoWrite]:
-    for mapping, assignment, carried in (
-        (OUTPUTS, OUTPUT_ASSIGNMENT, data.rpdos[0].objects),
-        (INPUTS, INPUT_ASSIGNMENT, data.tpdos[0].objects),
+def _mapping_writes(known: DriveDictionary, data: ProcessData) -> Iterator[SdoWrite]:
+    coe = known.objects.coe
+    for mapping, usual, assignment, carried in (
+        (coe.outputs, OUTPUTS, OUTPUT_ASSIGNMENT, data.rpdos[0].objects),
+        (coe.inputs, INPUTS, INPUT_ASSIGNMENT, data.tpdos[0].objects),
     ):
+        for index in (mapping, assignment):
+            if index is None or (known.has(index) and not known.writable(index)):
+                raise known.no_place(
+                    index or usual,
+                    0,
+                    "the file says that it is fixed: the process data of an axis cannot be mapped",
+                    "such a drive cannot be used; if the file is wrong, leave `eds` out: the drive is asked",
+                )
+        assert mapping is not None
         yield SdoWrite(assignment, 0, b"\x00", "assignment of no PDO")
         yield SdoWrite(mapping, 0, b"\x00", "PDO without entries")
         for at, mapped in enumerate(carried, 1):

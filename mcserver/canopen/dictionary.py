@@ -5,6 +5,8 @@ Types and places by CiA 301 (1000h … 1A03h) and CiA 402 (6000h ff.).
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 from canopen.objectdictionary import ObjectDictionary, ODRecord, ODVariable, datatypes
 
 from mcserver.can.cob import Function
@@ -85,6 +87,24 @@ _RECORDS = (
 )
 
 
+@dataclass(frozen=True)
+class CoeDevice:
+    """What an ESI file says of a drive on EtherCAT besides its objects.
+
+    Attributes:
+        vendor_id, product_code, revision: 1018h.
+        outputs, inputs: the PDOs whose mapping a master may write; None: all are fixed.
+        sync0: it can act at SYNC0 alone.
+    """
+
+    vendor_id: int = 0
+    product_code: int = 0
+    revision: int = 0
+    outputs: int | None = 0x1600
+    inputs: int | None = 0x1A00
+    sync0: bool = True
+
+
 class DeviceDictionary(ObjectDictionary):
     """The objects that a device has.
 
@@ -92,12 +112,29 @@ class DeviceDictionary(ObjectDictionary):
         unreadable: MC008 by (index, subindex) of objects whose entries in the EDS cannot be read. A file of
             thousands of objects is not refused for one of them: whoever uses the object refuses it.
         generic: these are the standard's objects; the device's own are not known.
+        coe: what an ESI file says; without one what is usual.
     """
 
     def __init__(self, *, generic: bool = False) -> None:
         super().__init__()  # type: ignore[no-untyped-call]
+        self.coe = CoeDevice()
         self.unreadable: dict[tuple[int, int], ConfigurationError] = {}
         self.generic = generic
+
+
+@dataclass(frozen=True)
+class Description:
+    """A device as its EDS, DCF or ESI file describes it.
+
+    Attributes:
+        dictionary: with `ODVariable.value` set where a DCF gives a ``ParameterValue``.
+        commissioned_node: the node that a DCF was made for; None where it does not say.
+        ignored: entries that make no sense, and change nothing that is used.
+    """
+
+    dictionary: DeviceDictionary
+    commissioned_node: int | None = None
+    ignored: tuple[str, ...] = ()
 
 
 def generic_dictionary(node: int) -> DeviceDictionary:

@@ -6,15 +6,12 @@ import re
 import struct
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 from canopen.objectdictionary import ODArray, ODRecord, ODVariable, datatypes
 
-from mcserver.canopen.dictionary import DeviceDictionary, generic_dictionary
-from mcserver.canopen.eds_text import MAX_BYTES, Section, decode, fault, number_of, sections_of
-from mcserver.canopen.settings import DriveSettings
+from mcserver.canopen.dictionary import Description, DeviceDictionary
+from mcserver.canopen.eds_text import Section, fault, number_of, sections_of
 from mcserver.errors import ConfigurationError
 
 # Object codes (CiA 301, table 42).
@@ -25,62 +22,14 @@ _MEMBER = re.compile(r"([0-9a-f]{4})sub([0-9a-f]{1,2})")
 _MAX_MEMBERS = 255
 
 
-@dataclass(frozen=True)
-class Description:
-    """A device as its EDS or DCF describes it.
-
-    Attributes:
-        dictionary: with `ODVariable.value` set where a DCF gives a ``ParameterValue``.
-        commissioned_node: the node that a DCF was made for; None where it does not say.
-        ignored: entries that make no sense, and change nothing that is used.
-    """
-
-    dictionary: DeviceDictionary
-    commissioned_node: int | None = None
-    ignored: tuple[str, ...] = ()
-
-
-def load_description(path: str | Path, node: int) -> Description:
-    """The device that a file describes.
+def parse_description(text: str, node: int, source: str = "EDS") -> Description:
+    """Read the device that an EDS or DCF file describes.
 
     Args:
         node: what ``$NODEID`` stands for.
 
     Raises:
-        ConfigurationError: MC008 it cannot be read, or is no EDS file.
-    """
-    source = str(path)
-    try:
-        if Path(path).stat().st_size > MAX_BYTES:
-            raise fault(
-                source, "", "", f"has more than {MAX_BYTES} bytes", "give the drive's EDS or DCF file"
-            )
-        raw = Path(path).read_bytes()
-    except OSError as error:
-        raise fault(
-            source,
-            "",
-            "",
-            f"the EDS file cannot be read: {error.strerror or error}",
-            "check `eds` in the machine file; relative paths start from the machine file's folder",
-        ) from error
-    return parse_description(decode(raw), node, source)
-
-
-def dictionary_of(drive: DriveSettings) -> DeviceDictionary:
-    """Return the objects of a drive's EDS; without one the standard's.
-
-    Raises:
-        ConfigurationError: MC008.
-    """
-    return load_description(drive.eds, drive.node).dictionary if drive.eds else generic_dictionary(drive.node)
-
-
-def parse_description(text: str, node: int, source: str = "EDS") -> Description:
-    """As `load_description`, of a text.
-
-    Raises:
-        ConfigurationError: MC008.
+        ConfigurationError: MC008 it is no EDS file.
     """
     sections = sections_of(text, source)
     dictionary = DeviceDictionary()

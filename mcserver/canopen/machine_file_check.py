@@ -13,8 +13,8 @@ from mcserver.can.pdo_layout import Mode
 from mcserver.canopen.canopen_errors import object_text
 from mcserver.canopen.coe import configure_coe
 from mcserver.canopen.configuration import configuration_writes
-from mcserver.canopen.dictionary import generic_dictionary
-from mcserver.canopen.eds import Description, load_description
+from mcserver.canopen.description import describe
+from mcserver.canopen.dictionary import Description, DeviceDictionary
 from mcserver.canopen.listening import MASTER
 from mcserver.canopen.profiles import CIA_402, device_text
 from mcserver.canopen.sdo_write import DriveDictionary, SdoWrite
@@ -30,17 +30,13 @@ LOAD = 100.0
 
 
 def check_drives(machine: Machine) -> list[Diagnostic]:
-    """List what does not fit CiA 402 drives (errors MC008, MC552) and what may not (warnings MC022)."""
+    """List what does not fit CiA 402 drives (errors MC008, MC036, MC552) and what may not (MC022)."""
     found: list[Diagnostic] = []
     for drive in settings_of(machine):
         if drive.kind != "cia402":
             continue
         try:
-            described = (
-                load_description(drive.eds, drive.node)
-                if drive.eds
-                else Description(generic_dictionary(drive.node))
-            )
+            described = describe(drive)
             if drive.fieldbus == "ethercat":
                 writes = configure_coe(drive, machine.cycle_s)[0]
             else:
@@ -88,7 +84,7 @@ def _doubts(drive: DriveSettings, described: Description) -> list[Diagnostic]:
             )
         )
     if drive.fieldbus == "ethercat":
-        return doubts
+        return doubts + _coe_doubts(drive, described.dictionary)
     if described.dictionary.get_variable(0x1400, 5) is None:
         watched = described.dictionary.get_variable(0x1016, 1) is not None
         doubts.append(
@@ -107,6 +103,17 @@ def _doubts(drive: DriveSettings, described: Description) -> list[Diagnostic]:
                 "leave heartbeat_ms out",
             )
         )
+    return doubts
+
+
+def _coe_doubts(drive: DriveSettings, dictionary: DeviceDictionary) -> list[Diagnostic]:
+    doubts = []
+    if drive.eds and dictionary.generic:
+        what = f"{drive.eds} lists no objects of it: those of the standard are taken"
+        doubts.append(_warning(drive, what, "limits and types are not known, and names are the standard's"))
+    if drive.distributed_clocks and not dictionary.coe.sync0:
+        what = f"{drive.eds} has no mode with SYNC0 alone: the drive acts when its frame comes"
+        doubts.append(_warning(drive, what, "set distributed_clocks = false if no other drive has a clock"))
     return doubts
 
 

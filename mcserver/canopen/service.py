@@ -14,8 +14,8 @@ from mcserver.can.open import open_port
 from mcserver.can.port import CanPort
 from mcserver.canopen.canopen_errors import DriveError, Stopped
 from mcserver.canopen.configuration import configure
+from mcserver.canopen.description import dictionary_of
 from mcserver.canopen.dictionary import DeviceDictionary
-from mcserver.canopen.eds import dictionary_of
 from mcserver.canopen.io_nodes import configure_io
 from mcserver.canopen.listening import MASTER, Listening, refuse_other_masters
 from mcserver.canopen.node import Node, NodeAxis

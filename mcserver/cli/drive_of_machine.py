@@ -13,9 +13,9 @@ from rich.text import Text
 
 from mcserver.can.pdo import ProcessData
 from mcserver.canopen.cycle_samples import Signal, signals_of
+from mcserver.canopen.description import dictionary_of
 from mcserver.canopen.desk import Desk, at_desk
 from mcserver.canopen.dictionary import DeviceDictionary
-from mcserver.canopen.eds import dictionary_of
 from mcserver.canopen.parameters import Parameter, find, parameters_of
 from mcserver.canopen.process_data import plan_process_data
 from mcserver.canopen.sdo_write import DriveDictionary

@@ -22,7 +22,7 @@ from mcserver.can.port import CanPort, ClockedPort
 from mcserver.drives.bus import BusEvent, DriveFault, DriveMode, Feedback, Setpoints
 from mcserver.drives.cia402.axes import Cia402Axes
 from mcserver.drives.cia402.drive import Cia402Drive
-from mcserver.drives.cia402.loops import DELAY_CYCLES
+from mcserver.drives.cia402.loop_gains import DELAY_CYCLES
 from mcserver.drives.drive_io import DriveIo
 from mcserver.drives.io_nodes import Array, IoNodes
 from mcserver.drives.node_watch import NodeWatch, bus_back
@@ -32,8 +32,6 @@ from mcserver.machine.bus_section import BusConfig
 from mcserver.machine.drive import CanDrive
 from mcserver.machine.machine_file import Machine
 
-# On EtherCAT a frame takes along what was sampled a cycle before: a reading is one more cycle behind.
-ETHERCAT_DELAY_CYCLES = DELAY_CYCLES + 1
 # Within this time every drive has to have answered once [s].
 BOOT_TIMEOUT_S = 5.0
 # Cycles in a row in which no frame could be sent: the bus is down.

@@ -46,7 +46,8 @@ def _on_buses(
     machine: Machine, axes: Sequence[Axis], columns: Sequence[int], openers: Mapping[str, BusOpener]
 ) -> list[DriveBus]:
     # an executor without such drives starts without their code
-    from mcserver.drives.can_bus import ETHERCAT_DELAY_CYCLES, CanBus
+    from mcserver.drives.can_bus import CanBus
+    from mcserver.drives.cia402.loop_gains import ETHERCAT_DELAY_CYCLES
 
     on: dict[str, list[int]] = {bus.name: [] for bus in machine.buses}
     for axis, column in zip(axes, columns, strict=True):

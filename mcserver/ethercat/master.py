@@ -128,7 +128,7 @@ class EthercatMaster:
         self._check_sizes()
         if self._bus.distributed_clocks and self.soem.config_dc():
             for slave in self.slaves:
-                slave.clocked = slave.has_clock
+                slave.clocked = slave.can_be_clocked
                 self.start_clock(slave)
             self.clocked = any(slave.clocked for slave in self.slaves)
         for slave in self.slaves:

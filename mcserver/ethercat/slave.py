@@ -9,6 +9,7 @@ from typing import Any
 from mcserver.can.pdo import ProcessData
 from mcserver.canopen.abort_codes import abort_remedy, abort_text
 from mcserver.canopen.canopen_errors import DriveError, object_text
+from mcserver.canopen.coe import SYNC_TYPE
 from mcserver.canopen.node import Identity, NodeAxis
 from mcserver.canopen.sdo_write import SdoWrite
 from mcserver.canopen.settings import DriveSettings
@@ -167,9 +168,11 @@ class EthercatSlave:
         return self.write_register(AL_CONTROL, int(control).to_bytes(2, "little"))
 
     @property
-    def has_clock(self) -> bool:
-        """Whether it has a distributed clock."""
-        return bool(self.read_register(FEATURES, 2)[:1] and self.read_register(FEATURES, 2)[0] & _HAS_CLOCK)
+    def can_be_clocked(self) -> bool:
+        """Whether it has a distributed clock, and is configured to act at SYNC0."""
+        features = self.read_register(FEATURES, 2)
+        asked = any(write.index == SYNC_TYPE for write in self.writes)
+        return asked and bool(features and features[0] & _HAS_CLOCK)
 
     def set_watchdog(self) -> None:
         """Let it leave OP when process data stay out for the time-out of commands."""

@@ -10,7 +10,9 @@ from canopen.objectdictionary import ObjectDictionary, ODArray, ODRecord, ODVari
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mcserver.canopen.eds import load_description, parse_description
+from mcserver.canopen.description import describe
+from mcserver.canopen.dictionary import DeviceDictionary
+from mcserver.canopen.eds import parse_description
 from mcserver.canopen.sdo_write import DriveDictionary
 from mcserver.canopen.settings import DriveSettings
 from mcserver.errors import ConfigurationError
@@ -38,6 +40,10 @@ PDOMapping=1
 
 def dictionary(text: str, node: int = NODE) -> ObjectDictionary:
     return parse_description(text, node).dictionary
+
+
+def dictionary_of_file(path: Path) -> DeviceDictionary:
+    return describe(DriveSettings(0, "cia402", "can", "can0", NODE, eds=str(path))).dictionary
 
 
 def variable(text: str, index: int, subindex: int = 0) -> ODVariable:
@@ -68,7 +74,7 @@ def test_a_plain_file_gives_its_objects() -> None:
 def test_bytes_of_windows_1252_are_read(tmp_path: Path) -> None:
     path = tmp_path / "drive.eds"
     path.write_bytes(PLAIN.replace("Position actual", "Größe für Lage, °").encode("cp1252"))
-    found = load_description(path, NODE).dictionary.get_variable(0x6064)
+    found = dictionary_of_file(path).get_variable(0x6064)
     assert found is not None
     assert found.name == "Größe für Lage, ° value"
 
@@ -77,7 +83,7 @@ def test_bytes_of_windows_1252_are_read(tmp_path: Path) -> None:
 def test_unicode_is_read_with_and_without_a_mark(tmp_path: Path, encoding: str) -> None:
     path = tmp_path / "drive.eds"
     path.write_bytes(PLAIN.replace("Position", "Größe").replace("\n", "\r\n").encode(encoding))
-    found = load_description(path, NODE).dictionary.get_variable(0x6064)
+    found = dictionary_of_file(path).get_variable(0x6064)
     assert found is not None
     assert found.name == "Größe actual value"
 
@@ -255,12 +261,12 @@ def test_whatever_a_file_holds_it_is_read_or_refused_with_mc008(data: st.DataObj
 
 def test_a_missing_file_is_refused_with_its_name(tmp_path: Path) -> None:
     with pytest.raises(ConfigurationError, match=r"MC008.*none\.eds.*cannot be read"):
-        load_description(tmp_path / "none.eds", NODE)
+        dictionary_of_file(tmp_path / "none.eds")
 
 
 def test_the_simulated_drive_s_own_file_is_read_as_canopen_reads_it() -> None:
     path = Path(__file__).parents[2] / "mcserver" / "drive_sim" / "cia402.eds"
-    ours = load_description(path, NODE).dictionary
+    ours = dictionary_of_file(path)
     theirs = canopen.import_od(str(path), NODE)
     assert len(ours) > 50
     for index in ours:

@@ -23,12 +23,14 @@ def assert_stops_latches_and_recovers(
     code: FaultCode,
     within: int,
     axis: int = 1,
+    off_m: float = 1e-6,
 ) -> None:
     """Axes in motion stop on their path, the fault names axis and line and is latched until G1000 and G1010.
 
     Args:
         within: in which cycle it is reported at the latest.
         axis: the fault's; 0: it is one of the bus. Another axis comes to rest within its limits.
+        off_m: how far from its setpoint an axis holds, which is then where it is.
     """
     cause()
     fault = rig.fault_within(within)
@@ -53,5 +55,5 @@ def assert_stops_latches_and_recovers(
     start = len(rig.setpoints)
     rig.recover()
     assert rig.executor.feedback.condition.tolist() == [AxisCondition.HOLDING] * 2
-    # less than a count: a setpoint that held was between two of them
-    assert np.abs(np.diff(rig.setpoint[start:], axis=0)).max() < 1e-6
+    # usually less than a count: a setpoint that held was between two of them
+    assert np.abs(np.diff(rig.setpoint[start:], axis=0)).max() < off_m

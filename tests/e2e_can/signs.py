@@ -10,7 +10,7 @@ import numpy as np
 
 from mcserver.can.cob import Function
 from mcserver.can.pdo_layout import RPDO1, RPDO2, TPDO1
-from mcserver.drives.cia402.loops import DELAY_CYCLES
+from mcserver.drives.cia402.loop_gains import DELAY_CYCLES
 from tests.e2e_can.bus_log import Logged
 from tests.e2e_can.cycles import Rows, Slice, first_cycle, first_with, slices
 

@@ -9,7 +9,8 @@ from dataclasses import dataclass, field
 from mcserver.can.pdo import ProcessData
 from mcserver.canopen.coe import agreed_on_ethercat, configure_coe
 from mcserver.canopen.settings import settings_of
-from mcserver.drives.can_bus import ETHERCAT_DELAY_CYCLES, CanBus
+from mcserver.drives.can_bus import CanBus
+from mcserver.drives.cia402.loop_gains import ETHERCAT_DELAY_CYCLES
 from mcserver.ethercat.port import EthercatPort
 from mcserver.ethercat.slave import AlState, EthercatSlave, MailboxSdo
 from mcserver.executor.executor import Executor
@@ -20,6 +21,7 @@ from tests.ethercat.rig import line_of
 from tests.executor.rig import Rig
 
 FAULT = 0x08
+_SIGNED = (0x607A, 0x6060, 0x6071, 0x60FF)
 
 
 class MemorySlave:
@@ -51,7 +53,7 @@ class MemorySlave:
         for mapped in self._data.rpdos[0].objects:
             length = mapped.bits // 8
             raw = self.output[at : at + length]
-            signed = mapped.index in (0x607A, 0x6060)
+            signed = mapped.index in _SIGNED
             self.objects[mapped.index, mapped.subindex] = int.from_bytes(raw, "little", signed=signed)
             at += length
         self._obey()
@@ -72,7 +74,10 @@ class MemorySlave:
             self.word = ENABLED
             self.jumps.append(self.objects[0x607A, 0] - self.objects[0x6064, 0])
         elif self.word == ENABLED:
-            self.objects[0x6064, 0] = self.objects[0x607A, 0]
+            self._follow()
+
+    def _follow(self) -> None:
+        self.objects[0x6064, 0] = self.objects[0x607A, 0]
 
     def _sample(self) -> None:
         self.input = self._sampled()
@@ -114,13 +119,14 @@ class LineRig(Rig):
     """An executor at 1 kHz on a virtual clock, with two axes on a line in memory."""
 
     positions: Sequence[int] = (65536, -6553)
+    make: type[MemorySlave] = MemorySlave
 
     def __post_init__(self) -> None:
         self.machine = described = agreed_on_ethercat(self.machine)
         slaves, self.drives = [], []
         for drive, position in zip(settings_of(described), self.positions, strict=True):
             writes, planned = configure_coe(drive, described.cycle_s)
-            device = MemorySlave(planned.process_data, position)
+            device = self.make(planned.process_data, position)
             self.drives.append(device)
             sdo = MailboxSdo(device, drive)
             slaves.append(EthercatSlave(drive, device, sdo, planned.process_data, writes))
@@ -133,11 +139,12 @@ class LineRig(Rig):
             on_close=lambda: None,
             period_ns=1_000_000,
         )
-        self.say(AlState.OP, AlState.OP)
+        columns = list(range(len(slaves)))
+        self.say(*(AlState.OP for _ in columns))
         bus = CanBus(
             described,
             described.buses[0],
-            [0, 1],
+            columns,
             opener=lambda _address: self.port,
             wait=lambda _seconds: None,
             delay_cycles=ETHERCAT_DELAY_CYCLES,
@@ -154,8 +161,10 @@ class LineRig(Rig):
         self.port.states = states
 
 
-def line_rig() -> LineRig:
-    text = line_of(2, silence_cycles=3).replace("cycle_hz = 100", "cycle_hz = 1000")
+def line_rig(drive: str = "", make: type[MemorySlave] = MemorySlave) -> LineRig:
+    text = line_of(2, silence_cycles=3, drive=drive).replace("cycle_hz = 100", "cycle_hz = 1000")
     text = text.replace("max_velocity = 200.0", "max_velocity = 1000.0")
     text = text.replace("max_acceleration = 2000.0", "max_acceleration = 10000.0")
-    return LineRig(parse_machine(text.replace("initial_position = 10.0", "initial_position = 0.0")))
+    return LineRig(
+        parse_machine(text.replace("initial_position = 10.0", "initial_position = 0.0")), make=make
+    )

@@ -7,18 +7,19 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from mcserver.drives.can_bus import ETHERCAT_DELAY_CYCLES
+from mcserver.drives.cia402.loop_gains import ETHERCAT_DELAY_CYCLES
 from mcserver.ethercat.slave import AlState
 from mcserver.executor.entries import EventKind
 from mcserver.executor.fault_codes import FaultCode
 from tests.drives.latched_faults import assert_stops_latches_and_recovers
 from tests.ethercat.memory_line import LineRig, line_rig
+from tests.ethercat.moving_slave import CST, CSV, rig_of
 
 Cause = Callable[[LineRig], None]
 
 
-def moving() -> LineRig:
-    rig = line_rig()
+def moving(drive: str = "") -> LineRig:
+    rig = rig_of(drive) if drive else line_rig()
     rig.set_off()
     return rig
 
@@ -65,14 +66,21 @@ def mend(rig: LineRig) -> None:
     rig.say(AlState.OP, AlState.OP)
 
 
+@pytest.mark.parametrize("drive", ["", CSV, CST], ids=["csp", "csv", "cst"])
 @pytest.mark.parametrize(("cause", "code", "axis"), FAULTS, ids=[each[0].__name__ for each in FAULTS])
 def test_a_fault_stops_its_group_within_three_cycles_and_is_recovered_without_a_jump(
-    cause: Cause, code: FaultCode, axis: int
+    cause: Cause, code: FaultCode, axis: int, drive: str
 ) -> None:
-    rig = moving()
+    rig = moving(drive)
     # the frame under way was there before
     assert_stops_latches_and_recovers(
-        rig, lambda: cause(rig), lambda: mend(rig), code=code, axis=axis, within=3 + 1
+        rig,
+        lambda: cause(rig),
+        lambda: mend(rig),
+        code=code,
+        axis=axis,
+        within=3 + 1,
+        off_m=5e-5 if drive is CST else 1e-6,
     )
     assert [jump for drive in rig.drives for jump in drive.jumps] == [0] * 4
 

@@ -34,7 +34,6 @@ def test_without_hardware_its_drives_are_simulated() -> None:
         ("position = 0", "position = 0\nnode = 1", "node"),
         ("position = 1", "position = 0", "both have node 1"),
         ("position = 0", "position = 127", "position"),
-        ("position = 0", 'position = 0\nmode = "cst"\nrated_torque = 1.0\ninertia = 1e-3', "mode"),
         ("position = 0", 'position = 0\nmode = "ip"', "mode"),
         ("position = 0", "position = 0\nlss = [1, 2, 3, 4]", "lss"),
         ("position = 0", 'position = 0\nmonitor = ["6079h:00 voltage"]', "monitor"),

@@ -13,6 +13,7 @@ from mcclient.types import MachineStatus
 from mcclient.wire import decode as client_decode
 
 from mcserver.canopen.eds import parse_description
+from mcserver.canopen.esi import parse_esi
 from mcserver.errors import ConfigurationError, ProgramRejected, ServiceError
 from mcserver.gateway import frames
 from mcserver.gcode.program_check import check_program
@@ -25,6 +26,7 @@ from mcserver.ros.interfaces import MalformedPayload, interfaces
 from mcserver.ros.outcome import InvalidGoal
 from mcserver.ros.tolerances import read_tolerances
 from mcserver.ros.trajectory import Motion, read_trajectory
+from tests.canopen.esi_files import esi
 from tests.ros.goal_payloads import ROS_GOAL, ROS_JOINTS, ros_goal_payload
 
 REPOSITORY = Path(__file__).parents[2]
@@ -61,6 +63,9 @@ def targets() -> dict[str, Target]:
         "machine file": Target(_machine, (ConfigurationError,), _machines(), share=4),
         "EDS": Target(
             _eds, (ConfigurationError,), [_first(REPOSITORY / "mcserver/drive_sim/cia402.eds")], share=4
+        ),
+        "ESI": Target(
+            lambda data: parse_esi(data, 5, "drive.xml"), (ConfigurationError,), [esi().encode()], share=4
         ),
         "gateway frames": Target(
             _frames(), (msgspec.MsgspecError, ValueError, RecursionError), _frame_seeds(), share=10

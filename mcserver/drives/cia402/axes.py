@@ -13,7 +13,8 @@ from mcserver.can.port import CanPort
 from mcserver.drives.bus import Array, DriveFault, DriveMode, DriveState, Feedback, Setpoints
 from mcserver.drives.cia402.drive import cia402_drive
 from mcserver.drives.cia402.frames import frames_of
-from mcserver.drives.cia402.loops import DELAY_CYCLES, ControlLoops
+from mcserver.drives.cia402.loop_gains import DELAY_CYCLES
+from mcserver.drives.cia402.loops import ControlLoops
 from mcserver.drives.cia402.power_stages import PowerStages
 from mcserver.drives.cia402.profile_position import ProfilePosition, Refusal
 from mcserver.drives.cia402.readings import AxisReadings

@@ -13,7 +13,7 @@ from mcserver.can.cob import GREATEST_NODE
 from mcserver.can.pdo import ProcessData
 from mcserver.can.pdo_layout import RPDO1, RPDO2, SLOW_SYNCS, TPDO1, TPDO2, Mode, Pdo
 from mcserver.drives.bus import DriveMode
-from mcserver.drives.cia402.loop_gains import complete_loop
+from mcserver.drives.cia402.loop_gains import DELAY_CYCLES, ETHERCAT_DELAY_CYCLES, complete_loop
 from mcserver.machine.bus_load import Share, frame_bits
 from mcserver.machine.constraints import Milliseconds, NotNegative, Positive, Unsigned32
 from mcserver.machine.drive import COMMAND_TIMEOUT_MS, CanDrive, Refusal
@@ -22,9 +22,8 @@ if TYPE_CHECKING:
     from mcserver.machine.machine_file import Axis
     from mcserver.machine.sections import AxisSection
 
-# What drives on EtherCAT are run in: a torque loop that is closed here has no stability left there, since
-# readings are a cycle older.
-_ETHERCAT_MODES = ("csp", "csv", "pp")
+# What drives on EtherCAT are run in.
+_ETHERCAT_MODES = ("csp", "csv", "cst", "pp")
 # The mode of operation of each name of ``mode``.
 BASE_MODES = {
     "csp": Mode.CYCLIC_POSITION,
@@ -187,13 +186,8 @@ class Cia402Drive(CanDrive, frozen=True, tag="cia402"):
         return _exchanges(self, DriveMode(mode))
 
     def complete(self, axis: AxisSection, cycle_s: float, bad: Refusal) -> tuple[Self, float | None]:
-        if self.position is not None:
-            if self.node:
-                bad("node", "position says where the drive is", "leave one of them out")
-            # a slave has no heartbeat: the state of its application layer is watched
-            placed = msgspec.structs.replace(self, node=self.position + 1, position=None, heartbeat_ms=0)
-            completed, per_turn = placed.complete(axis, cycle_s, bad)
-            return msgspec.structs.replace(completed, position=self.position), per_turn
+        if self.position is not None and self.node:
+            bad("node", "position says where the drive is", "leave one of them out")
         for write in self.sdo_writes:
             fits = len(write) in (3, 4) and 0 < write[0] <= 0xFFFF and 0 <= write[1] <= 0xFF
             if not fits or (len(write) == 4 and write[3] not in (1, 2, 4, 8)):
@@ -221,7 +215,12 @@ class Cia402Drive(CanDrive, frozen=True, tag="cia402"):
                 f"axis {self.node_axis} of a node needs COB-IDs of its own",
                 "give pdo_node = a node number that nobody on the bus has: its PDOs get that node's COB-IDs",
             )
-        looped = complete_loop(self, axis, cycle_s, bad)
+        placed, delay = self, DELAY_CYCLES
+        if self.position is not None:
+            # a slave has no heartbeat: the state of its application layer is watched
+            placed = msgspec.structs.replace(self, node=self.position + 1, heartbeat_ms=0)
+            delay = ETHERCAT_DELAY_CYCLES
+        looped = complete_loop(placed, axis, cycle_s, bad, delay)
         completed, per_turn = CanDrive.complete(looped, axis, cycle_s, bad)
         if completed.encoder is not None and per_turn is not None:
             _check_counts(completed.encoder, per_turn, axis, bad)

@@ -1,7 +1,10 @@
 """Gains of loops that are closed in the master: what is usual, and what is refused.
 
-A loop over a bus is some cycles late, so its gains are bounded by the cycle. For a torque loop on an axis of
-inertia J [kg·m²] with velocity gain K [N·m·s/rad], K / J is the crossover of its velocity part [1/s].
+A loop over a bus is some cycles late, so its gains are bounded by the cycle. The bounds below are for
+readings that are `DELAY_CYCLES` late. With later ones they shrink by the cycles from a command to the end of
+its first effect, delay + 1: so torque loops keep their margins (eigenvalues of the sampled loop), and speed
+loops nearly. For a torque loop on an axis of inertia J [kg·m²] with velocity gain K [N·m·s/rad], K / J is the
+crossover of its velocity part [1/s].
 """
 
 from __future__ import annotations
@@ -17,6 +20,10 @@ if TYPE_CHECKING:
     from mcserver.drives.cia402.drive import Cia402Drive
     from mcserver.machine.sections import AxisSection
 
+# Cycles from a setpoint to the reading of an axis that follows it. On CAN: RPDO and SYNC, a cycle of motion,
+# SYNC and TPDO. On EtherCAT a frame takes along what was sampled before it came.
+DELAY_CYCLES = 2
+ETHERCAT_DELAY_CYCLES = DELAY_CYCLES + 1
 # A position loop onto speeds is stable and calm up to this product of gain and cycle time [1].
 GREATEST_GAIN = 0.2
 USUAL_GAIN = 0.1
@@ -36,25 +43,30 @@ GREATEST_SHARE_OF_RATED = 32.767
 D = TypeVar("D", bound="Cia402Drive")
 
 
-def complete_loop(drive: D, axis: AxisSection, cycle_s: float, bad: Refusal) -> D:
-    """Fill in gains, inertia and greatest torque of a drive on a bus, and refuse what is not stable."""
+def complete_loop(drive: D, axis: AxisSection, cycle_s: float, bad: Refusal, delay: int = DELAY_CYCLES) -> D:
+    """Fill in gains, inertia and greatest torque of a drive on a bus, and refuse what is not stable.
+
+    Args:
+        delay: of a reading behind its setpoint [cycles].
+    """
     replace = msgspec.structs.replace
     inertia = drive.inertia or SIMULATED_INERTIA
+    late = (delay + 1) / (DELAY_CYCLES + 1)
     if drive.mode == "cst":
-        return _complete_torque_loop(drive, axis, cycle_s, bad)
-    gain = drive.position_gain or min(20.0, USUAL_GAIN / cycle_s)
-    if drive.mode == "csv" and gain * cycle_s > GREATEST_GAIN:
+        return _complete_torque_loop(drive, axis, cycle_s, late, bad)
+    gain = drive.position_gain or min(20.0, USUAL_GAIN / (late * cycle_s))
+    if drive.mode == "csv" and gain * late * cycle_s > GREATEST_GAIN * (1.0 + 1e-9):
         bad(
             "position_gain",
             f"{gain:g} /s with a cycle of {cycle_s * 1e3:g} ms is not stable over a bus",
-            f"give {GREATEST_GAIN / cycle_s:g} or less, or a greater cycle_hz",
+            f"give {GREATEST_GAIN / (late * cycle_s):g} or less, or a greater cycle_hz",
         )
     if drive.velocity_gain:
         bad("velocity_gain", 'belongs to mode = "cst"', "leave it out")
     return replace(drive, position_gain=gain, integral_time_s=drive.integral_time_s or 0.0, inertia=inertia)
 
 
-def _complete_torque_loop(drive: D, axis: AxisSection, cycle_s: float, bad: Refusal) -> D:
+def _complete_torque_loop(drive: D, axis: AxisSection, cycle_s: float, late: float, bad: Refusal) -> D:
     if drive.rated_torque <= 0.0:
         bad(
             "rated_torque",
@@ -81,14 +93,14 @@ def _complete_torque_loop(drive: D, axis: AxisSection, cycle_s: float, bad: Refu
             "compare both with the motor's data sheet",
         )
     inertia = drive.inertia or SIMULATED_INERTIA
-    velocity_gain = drive.velocity_gain or inertia * USUAL_CROSSOVER / cycle_s
+    velocity_gain = drive.velocity_gain or inertia * USUAL_CROSSOVER / (late * cycle_s)
     crossover = velocity_gain / inertia
-    if drive.inertia > 0.0 and crossover * cycle_s > GREATEST_CROSSOVER * (1.0 + 1e-9):
+    if drive.inertia > 0.0 and crossover * late * cycle_s > GREATEST_CROSSOVER * (1.0 + 1e-9):
         bad(
             "velocity_gain",
             f"{velocity_gain:g} N·m·s/rad on {inertia:g} kg·m² with a cycle of {cycle_s * 1e3:g} ms "
             "is not stable over a bus",
-            f"give {GREATEST_CROSSOVER / cycle_s * inertia:.4g} or less, or a greater cycle_hz",
+            f"give {GREATEST_CROSSOVER / (late * cycle_s) * inertia:.4g} or less, or a greater cycle_hz",
         )
     gain = drive.position_gain or USUAL_SHARE * crossover
     if gain > GREATEST_SHARE * crossover * (1.0 + 1e-9):

@@ -16,13 +16,11 @@ from numpy.typing import NDArray
 
 from mcserver.drives.bus import Array, DriveFault
 from mcserver.drives.cia402.drive import cia402_drive
+from mcserver.drives.cia402.loop_gains import DELAY_CYCLES
 from mcserver.machine.machine_file import Axis
 
 Mask = NDArray[np.bool_]
 
-# Cycles from a setpoint to the reading of an axis that follows it: RPDO and SYNC, a cycle of motion, SYNC
-# and TPDO.
-DELAY_CYCLES = 2
 # Cycles over which the velocity of the error is taken: fewer show more of the encoder's steps, more cost
 # phase.
 DAMPING_CYCLES = 4

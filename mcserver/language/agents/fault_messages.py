@@ -14,7 +14,7 @@ _CODE = re.compile(r"MC[0-9]{3}( / MC[0-9]{3})*\Z")
 # codes whose messages the sources put together from parts
 WORDED = {
     "MC004": ("a value of the machine file is out of its range, or values contradict each other", ""),
-    "MC008": ("an EDS or DCF file of a drive cannot be understood", "get it from the maker"),
+    "MC008": ("an EDS, DCF or ESI file of a drive cannot be understood", "get it from the maker"),
     "MC030": ("the homing of an axis in the machine file does not fit", "see homing"),
     "MC064": ("others would reach the page without login or TLS", "give --users, --certificate and --key"),
     "MC300": ("inverse kinematics failed", "see its message"),
