@@ -36,7 +36,7 @@ class ProgramLines(Sequence[str]):
         """Read the lines from the first one on.
 
         Raises:
-            ProgramRejected: MC100 at the first byte that is not UTF-8.
+            ProgramRejected: MC100 at the first line that is no text.
         """
         return lines_of(self._blocks())
 
@@ -78,23 +78,8 @@ class ProgramLines(Sequence[str]):
         return self._kept[index + 1]
 
     def _lenient(self) -> Iterator[str]:
-        """Read the lines with what is no UTF-8 replaced: to be shown."""
-        text = (block.decode("utf-8", "replace").encode() for block in self._whole_lines())
-        return lines_of(text)
-
-    def _whole_lines(self) -> Iterator[bytes]:
-        """Read blocks that end with a line end, so that no character is cut."""
-        pending = b""
-        for block in self._blocks():
-            whole, end, rest = block.rpartition(b"\n")
-            if end:
-                yield pending + whole + end
-                pending = rest
-            else:
-                pending += rest
-                if len(pending) > BLOCK_BYTES:
-                    break
-        yield pending
+        """Read the lines, also those that are no text: to be shown."""
+        return lines_of(self._blocks(), strict=False)
 
     def _blocks(self) -> Iterator[bytes]:
         offset = 0

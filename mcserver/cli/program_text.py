@@ -7,6 +7,7 @@ import msgspec
 from mcserver.cli.program_file import read_program, shown_name
 from mcserver.errors import Diagnostic, ProgramRejected
 from mcserver.gcode.text.source import decode, split_lines
+from mcserver.machine.program_bytes import text_of_lines
 
 
 class ProgramText(msgspec.Struct, frozen=True):
@@ -14,7 +15,7 @@ class ProgramText(msgspec.Struct, frozen=True):
 
     Attributes:
         name: what diagnostics call it.
-        text: decoded; undecodable bytes are replaced where there are ``faults``.
+        text: decoded; as it may be shown where there are ``faults``.
         lines: the text's lines.
         faults: what kept the bytes from being text; empty otherwise.
     """
@@ -36,6 +37,6 @@ def load_program(file: str) -> ProgramText:
     try:
         text = decode(raw)
     except ProgramRejected as error:
-        text = raw.decode("utf-8", errors="replace")
+        text = text_of_lines(raw, strict=False)
         faults = error.diagnostics
     return ProgramText(name=shown_name(file), text=text, lines=split_lines(text), faults=faults)

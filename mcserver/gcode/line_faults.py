@@ -29,7 +29,7 @@ class Origin(NamedTuple):
 # the title of each code is the first line of a rendered diagnostic; the message gives the values
 TITLES: Mapping[str, str] = MappingProxyType(
     {
-        "MC100": "the program is not UTF-8 text",
+        "MC100": "the program is no text",
         "MC101": "the letter O stands where a digit 0 is meant",
         "MC102": "this is not a number",
         "MC103": "this is not a word",

@@ -12,7 +12,10 @@ MESSAGE = re.compile(r"\([ \t]*(?:MSG|DEBUG|PRINT)[ \t]*,([^()]*)\)", re.IGNOREC
 # comments that would write a file of LinuxCNC's
 _LOGGING = re.compile(r"\([ \t]*((?:PROBE|LOG)(?:OPEN|CLOSE|APPEND)|LOG(?=[ \t]*,))", re.IGNORECASE)
 _COMMENT = re.compile(r"\(([^()]*)\)|;(.*)")
-_DISPLAY = re.compile(r"[ \t]*(?:N[0-9]+[ \t]*)?M117(?![0-9])(.*)", re.IGNORECASE)
+# M117, and M0 or M1 with a text behind it, of printers
+DISPLAY = re.compile(
+    r"[ \t]*(?:N[0-9]+[ \t]*)?M(?:117(?![0-9])|0{0,2}[01](?=[ \t]+[A-Z]{2}))([^;]*)", re.IGNORECASE
+)
 
 
 def notice_of(text: str, values: Sequence[Canonical], *, printer: bool = False) -> str | None:
@@ -20,7 +23,7 @@ def notice_of(text: str, values: Sequence[Canonical], *, printer: bool = False) 
 
     Args:
         text: the line. values: what it means; a pause says what it waits for, or the line's comment does.
-        printer: M117 says something.
+        printer: M117 says something, and M0 and M1 with a text.
     """
     pause = next((value for value in values if isinstance(value, PauseLine)), None)
     if pause is not None and pause.notice:
@@ -28,8 +31,8 @@ def notice_of(text: str, values: Sequence[Canonical], *, printer: bool = False) 
     shown = MESSAGE.search(text)
     if shown is not None:
         return _cut(shown[1])
-    if printer and (display := _DISPLAY.match(text)) is not None:
-        return _cut(display[1].partition(";")[0])
+    if printer and (display := DISPLAY.match(text)) is not None:
+        return _cut(display[1])
     if pause is not None and (comment := _COMMENT.search(text)) is not None:
         return _cut(comment[1] or comment[2] or "") or None
     return None

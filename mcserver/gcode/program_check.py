@@ -408,9 +408,20 @@ class _Survey:
                     hint="the numbers in brackets count their lines",
                 )
             )
-        if not said:
-            return self._found
-        return sorted([*self._found, *said], key=lambda each: each.line)
+        found = self._of_turning() if self._turning else self._found
+        return sorted([*found, *said], key=lambda each: each.line) if said else found
+
+    def _of_turning(self) -> list[Diagnostic]:
+        """Return the faults of a lathe's program: which codes it has; all others follow from that."""
+        kept = [each for each in self._found if each.code in ("MC147", *_OF_CODES)]
+        hidden = len(self._found) - len(kept)
+        if not hidden:
+            return kept
+        rest = f"; {hidden} more fault{'s' * (hidden > 1)} of it {'are' if hidden > 1 else 'is'} not shown"
+        return [
+            msgspec.structs.replace(each, message=each.message + rest) if each.code == "MC147" else each
+            for each in kept
+        ]
 
 
 def _follows_speed(settings: tuple[CodeOutput, ...], but: frozenset[int] = frozenset()) -> bool:

@@ -2,14 +2,46 @@
 
 from __future__ import annotations
 
+import codecs
 
-def text_of_bytes(content: bytes) -> str | None:
-    """Return the text: UTF-8, or Latin-1 as older CAM systems write comments; code is ASCII in both.
 
-    Returns:
-        None for a file of another kind: it has a byte 0, which no text has.
+class NoText(ValueError):
+    """A line is of no text file.
+
+    Attributes:
+        line, column: of its first byte 0, from 1.
+    """
+
+    def __init__(self, line: int, column: int) -> None:
+        super().__init__(f"line {line} has a byte 0")
+        self.line = line
+        self.column = column
+
+
+def text_of_bytes(content: bytes) -> str:
+    """Return a file's text, without a byte order mark (`text_of_lines`). Raises NoText."""
+    return text_of_lines(content.removeprefix(codecs.BOM_UTF8))
+
+
+def text_of_lines(content: bytes, *, strict: bool = True) -> str:
+    """Decode whole lines, each by itself, so that blocks of a file give the text of the whole (D-01).
+
+    A line is UTF-8, else Windows' Latin-1, as older CAM systems write comments; code is ASCII in both.
+
+    Raises:
+        NoText: of a strict one: a line that is no UTF-8 has a byte 0, which no text has.
     """
     try:
-        return content.decode("utf-8-sig")
+        return content.decode("utf-8")
     except UnicodeDecodeError:
-        return None if b"\0" in content else content.decode("cp1252", "replace")
+        lines = enumerate(content.split(b"\n"), start=1)
+        return "\n".join(_text_of_line(line, number, strict) for number, line in lines)
+
+
+def _text_of_line(line: bytes, number: int, strict: bool) -> str:
+    try:
+        return line.decode("utf-8")
+    except UnicodeDecodeError:
+        if strict and b"\0" in line:
+            raise NoText(number, line.index(0) + 1) from None
+        return line.decode("cp1252", "replace")

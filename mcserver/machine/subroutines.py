@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from pathlib import Path
 
-from mcserver.machine.program_bytes import text_of_bytes
+from mcserver.machine.program_bytes import NoText, text_of_bytes
 from mcserver.machine.section_reader import Mistakes
 
 SUFFIXES = (".ngc", ".nc")
@@ -50,8 +50,9 @@ def read_subroutines(written: str, folder: Path | None, mistakes: Mistakes) -> d
         except OSError as error:
             mistakes.add(_PATH, f"{path.name} cannot be read: {error.strerror}", "let the server read it")
             continue
-        text = text_of_bytes(content)
-        if text is None:
+        try:
+            text = text_of_bytes(content)
+        except NoText:
             mistakes.add(_PATH, f"{path.name} is no text", "save it as UTF-8, or take it out of the folder")
             continue
         room -= len(content)

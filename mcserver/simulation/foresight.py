@@ -224,7 +224,7 @@ def lines_in(path: str) -> Iterator[str]:
     """Read the lines of a file.
 
     Raises:
-        ProgramRejected: MC100 bytes that are no UTF-8. OSError: it cannot be read.
+        ProgramRejected: MC100 a line that is no text. OSError: it cannot be read.
     """
     from mcserver.gcode.text.source import lines_of
 

@@ -10,7 +10,7 @@ from pathlib import Path
 import msgspec
 
 from mcserver.errors import ServiceError
-from mcserver.machine.program_bytes import text_of_bytes
+from mcserver.machine.program_bytes import NoText, text_of_bytes
 from mcserver.web.thumbnails import HEAD_CHARS, Thumbnail, find_thumbnail
 from mcserver.web.translation import mark
 
@@ -27,10 +27,12 @@ def text_of(name: str, content: bytes) -> str:
     Raises:
         ServiceError: MC061 it is no text.
     """
-    text = text_of_bytes(content)
-    if text is None:
-        raise ServiceError("MC061", mark("{name} is no text", name=name), mark("is it the right file?"))
-    return text
+    try:
+        return text_of_bytes(content)
+    except NoText as error:
+        raise ServiceError(
+            "MC061", mark("{name} is no text", name=name), mark("is it the right file?")
+        ) from error
 
 
 class StoredProgram(msgspec.Struct, frozen=True):

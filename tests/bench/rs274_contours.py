@@ -1,9 +1,9 @@
 """Random contours under cutter compensation, read here and by LinuxCNC's rs274 (D-85).
 
-``python -m tests.bench.rs274_contours [PROGRAMS] [SEED]``. Corners are flat, or turn by more than 0.06 rad:
-those in between LinuxCNC joins askew. Rapids, whose corners it cuts, are left out. Gouges refused here alone
-are moves that LinuxCNC makes backwards, arcs that it makes nearly full circles, and ways in by an arc that
-end across the path.
+``python -m tests.bench.rs274_contours [PROGRAMS] [SEED]``. Corners are flat, or turn by more than 0.06 rad,
+that behind the lead-in too: those in between LinuxCNC joins askew, by up to 1/800 of the radius within the
+path. Rapids, whose corners it cuts, are left out. Gouges refused here alone are moves that LinuxCNC makes
+backwards, arcs that it makes nearly full circles, and ways in by an arc that end across the path.
 """
 
 from __future__ import annotations
@@ -33,6 +33,11 @@ class ContourWriter:
         self._letters = "XYIJZ" if plane == "G17" else "ZXKIY"
         code, diameter = random.choice(["G41.1", "G42.1"]), random.uniform(0.5, 8.0)
         lines = [f"G21 G90 {plane} G94 F1000", f"{code} D{diameter:.3f}"]
+        if random.random() < 0.5:
+            # the lead-in begins away from the program's zero
+            self._place = (round(random.uniform(-5.0, 5.0), 3), round(random.uniform(-5.0, 5.0), 3))
+            zero = zip(self._letters[:2], self._place, strict=True)
+            lines[0] += " G10 L2 P1 " + " ".join(f"{letter}{-place}" for letter, place in zero)
         self._heading = random.uniform(-3.0, 3.0)
         lines.append(self._line(random.uniform(5.0, 20.0)) if random.random() < 0.8 else self._arc(8.0))
         for _ in range(random.randint(1, 9)):

@@ -273,7 +273,8 @@ def _follow(value: Canonical, place: list[float], found: list[Move]) -> None:
         else:
             continue
         for axis, end in ends.items():
-            place[axis] = end / MM
+            if axis < len(place):
+                place[axis] = end / MM
         found.append((*place, *centre))
 
 
@@ -352,9 +353,11 @@ def _machine(place: Mapping[int, float], turn: complex, zeros: Mapping[str, Move
 
 def _travelling(moves: list[Move], within: float) -> list[Move]:
     found: list[Move] = []
+    place: Move = (0.0, 0.0, 0.0)
     for move in moves:
-        if len(move) > 3 or not found or math.dist(move, found[-1][:3]) > within:
+        if len(move) > 3 or math.dist(move, place) > within:
             found.append(move)
+            place = move[:3]
     return found
 
 

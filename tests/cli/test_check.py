@@ -62,10 +62,10 @@ def test_a_dash_checks_standard_input(monkeypatch: pytest.MonkeyPatch, capfd: Ca
 
 def test_bytes_that_are_no_text_reject_the_program_with_their_place(tmp_path: Path, capfd: Capture) -> None:
     path = tmp_path / "p.gcode"
-    path.write_bytes(b"G00 X1\nG01 \xff\n")
+    path.write_bytes(b"G00 X1\nG01 \xff\0\n")
     assert run_command_line(["check", str(path), "--json"]) == 4
     diagnostic = json.loads(capfd.readouterr().out)["diagnostics"][0]
-    assert (diagnostic["code"], diagnostic["line"], diagnostic["column"]) == ("MC100", 2, 5)
+    assert (diagnostic["code"], diagnostic["line"], diagnostic["column"]) == ("MC100", 2, 6)
 
 
 def test_an_empty_program_is_sound(tmp_path: Path) -> None:

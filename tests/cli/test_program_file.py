@@ -50,7 +50,7 @@ def test_an_endless_file_is_refused_at_the_bound(monkeypatch: pytest.MonkeyPatch
 
 def test_bytes_that_are_no_text_are_faults_of_the_program(tmp_path: Path) -> None:
     path = tmp_path / "p.gcode"
-    path.write_bytes(b"G00 X1\nG01 \xff\n")
+    path.write_bytes(b"G00 X1\nG01 \xff\0\n")
     program = load_program(str(path))
     assert [(each.code, each.line) for each in program.faults] == [("MC100", 2)]
-    assert program.lines[1] == "G01 \ufffd"
+    assert program.lines[1] == "G01 \u00ff\0"

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from mcserver.errors import ConfigurationError, Diagnostic
+from mcserver.gcode.notices import notice_of
 from mcserver.gcode.program_check import check_program
 from mcserver.gcode.semantics.interpreter import Interpreter
 from mcserver.machine.machine_file import Machine, load_machine, parse_machine
@@ -207,6 +208,25 @@ def test_g5_1_without_a_curve_and_units_by_din_66025_are_read() -> None:
     assert ends("G05.1 Q1\nG70\nG0 X1\nG71\nG0 Y1\nG5.1 Q0") == [25.4, 1.0, 0.0]
     assert [each.code for each in errors("G5.1 X1 Y1 I1 J1", "robot")] == ["MC141"]
     assert [each.code for each in errors("G71 Q100 X5 Z-3 D1 I1 R1", "cnc")] == ["MC147", "MC141"]
+
+
+def test_lookahead_of_g5_without_a_curve_has_no_effect() -> None:
+    assert ends("G05 P10000\nG0 X1\nG5 P0") == [1.0, 0.0, 0.0]
+    assert errors("M117 Printing...\nG5\nG92 E0", "printer") == []
+
+
+def test_the_rest_of_a_comment_settings_of_firmware_and_a_word_without_a_number_are_one_fault_each() -> None:
+    found = errors("to release some of the pressure\n$110=500\n", "printer")
+    assert [(each.code, each.line) for each in found] == [("MC103", 1), ("MC103", 2)]
+    assert "comment" in found[0].message
+    assert "firmware" in found[1].message
+    (fault,) = errors("G28 X ; home\n", "cnc")
+    assert (fault.code, fault.hint) == ("MC102", "write X0 if zero is meant")
+
+
+def test_a_text_behind_m0_of_printers_is_what_the_pause_says() -> None:
+    assert errors("M0 Click to continue\nM1 take the part out", "printer") == []
+    assert notice_of("M0 Click to continue ; now", [PauseLine(1)], printer=True) == "Click to continue"
 
 
 def test_codes_of_printers_makers_go_without_effect() -> None:

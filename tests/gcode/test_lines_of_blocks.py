@@ -5,6 +5,8 @@ from __future__ import annotations
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from mcclient.errors import RequestRefused
+from mcclient.texts import text_of_program
 
 from mcserver.errors import ProgramRejected
 from mcserver.gcode.program_check import MOST_FAULTS, check_lines, check_program
@@ -12,17 +14,28 @@ from mcserver.gcode.text.source import MAX_PIECE_BYTES, decode, lines_of, split_
 from mcserver.machine.machine_file import builtin_text, parse_machine
 
 CARTESIAN = parse_machine(builtin_text("cartesian"))
-TEXTS = st.text(st.sampled_from("G1\ufeff\r\n\n°𝔾;"), max_size=60)
+PIECES = ["G1", "\ufeff", "\r", "\n", "\n", "°", "𝔾", ";"]
+FILES = st.lists(st.sampled_from([*(each.encode() for each in PIECES), b"\xe4", b"\x81"]), max_size=60)
 
 
 def cut(raw: bytes, size: int) -> list[bytes]:
     return [raw[at : at + size] for at in range(0, len(raw), size)]
 
 
-@given(TEXTS, st.integers(1, 20))
-def test_blocks_cut_anywhere_give_the_lines_of_the_whole(text: str, size: int) -> None:
-    raw = text.encode()
+@given(FILES.map(b"".join), st.integers(1, 20))
+def test_blocks_cut_anywhere_give_the_lines_of_the_whole_in_either_code(raw: bytes, size: int) -> None:
     assert list(lines_of(cut(raw, size))) == split_lines(decode(raw))
+
+
+@given(st.binary(max_size=60) | FILES.map(b"".join))
+def test_clients_and_the_server_read_one_text_from_a_file(raw: bytes) -> None:
+    try:
+        there = text_of_program(raw, "part.nc")
+    except RequestRefused:
+        with pytest.raises(ProgramRejected, match="MC100"):
+            decode(raw)
+    else:
+        assert there == decode(raw)
 
 
 @given(st.binary(max_size=60), st.integers(1, 20))

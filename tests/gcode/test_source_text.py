@@ -28,11 +28,16 @@ def test_a_byte_order_mark_is_skipped() -> None:
     assert split_lines("\ufeffG20") == ["G20"]
 
 
-def test_bytes_that_are_not_utf8_give_a_diagnostic_at_their_place() -> None:
+def test_a_line_that_is_no_text_gives_a_diagnostic_at_its_byte_0() -> None:
     with pytest.raises(ProgramRejected) as caught:
-        decode("G20\n(é) ".encode() + b"\xff G21")
+        decode("G20\n(é) ".encode() + b"\0\xff G21")
     (fault,) = caught.value.diagnostics
-    assert (fault.code, fault.line, fault.column, fault.end_column) == ("MC100", 2, 5, 6)
+    assert (fault.code, fault.line, fault.column, fault.end_column) == ("MC100", 2, 6, 7)
+
+
+def test_a_line_in_latin_1_leaves_the_other_lines_as_they_are() -> None:
+    read = decode("(Größe)\n".encode() + "(Fräser)\n".encode("latin-1"))
+    assert read == "(Größe)\n(Fräser)\n"
 
 
 def test_utf16_is_named() -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import hashlib
 import os
+from codecs import BOM_UTF8
 from pathlib import Path
 
 from mcclient.calls import Caller
@@ -20,6 +21,32 @@ def hash_of_file(path: Path) -> str:
     """Return the SHA-256 of a file's bytes, hexadecimal. Raises OSError."""
     with path.open("rb") as file:
         return hashlib.file_digest(file, "sha256").hexdigest()
+
+
+def text_of_program(content: bytes, name: str) -> str:
+    """Return the text of a program's file, by which approvals know it: without a byte order mark.
+
+    Raises:
+        RequestRefused: MC511 it is no text.
+    """
+    lines = enumerate(content.removeprefix(BOM_UTF8).split(b"\n"), start=1)
+    return "\n".join(text_of_line(line, name, number) for number, line in lines)
+
+
+def text_of_line(line: bytes, name: str, number: int) -> str:
+    """Decode a line: UTF-8, else Windows' Latin-1, as older CAM systems write comments.
+
+    Raises:
+        RequestRefused: MC511 it is no text.
+    """
+    try:
+        return line.decode("utf-8")
+    except UnicodeDecodeError:
+        if b"\0" in line:
+            raise RequestRefused(
+                "MC511", f"{name} is no text: line {number} has a byte 0", "is it the right file?"
+            ) from None
+        return line.decode("cp1252", "replace")
 
 
 async def put_text(caller: Caller, path: Path, sha256: str | None = None) -> str:

@@ -12,7 +12,7 @@ from collections.abc import Callable
 import msgspec
 
 from mcserver.gcode.line_faults import FaultList
-from mcserver.gcode.notices import logging_of
+from mcserver.gcode.notices import DISPLAY, logging_of
 from mcserver.gcode.profiles.codes import (
     HARMLESS_MACRO,
     IGNORED,
@@ -51,6 +51,8 @@ _COMPUTED = re.compile(
 )
 _PROGRAM_NUMBER = re.compile(r"[ \t]*[O:][ \t]*[0-9]+[ \t]*\Z")
 _MACRO = re.compile(r"[ \t]*([A-Z_][A-Z_]{2,}[A-Z0-9_]*)(?![0-9.+-])")
+# words of a language; codes have no four letters in a row
+_PROSE = re.compile(r"[A-Z]{4,}")
 _HEAD = re.compile(r"[ \t]*(?:N[0-9]+[ \t]*)?([GMT])[ \t]*([0-9]+(?:\.[0-9]+)?)")
 _REFERENCE_ONLY = re.compile(r",|G[ \t]*0*1[0-9]{3}(?![0-9])")
 _EXPONENT = re.compile(r"E[-+]?[0-9]+")
@@ -64,6 +66,8 @@ _CYCLE_WORDS = re.compile(r"[PQUWDIR]")
 # inches and millimetres in DIN 66025, where no words of a turning cycle stand beside them
 _DIN_UNITS = {"G70": "20", "G71": "21"}
 
+# commands to firmware begin with one of these
+_FIRMWARE = "$!?~"
 _OWN_LINE = "give each a line of its own"
 COMPUTED = "the program computes: expressions, parameters and O-words are not read here"
 
@@ -131,6 +135,9 @@ class ProfileReader:
             if idle and name not in self._acting and self._dialect.profile == "printer":
                 # what M117 shows is read from the text (D-76)
                 return nothing() if family == "M117" else nothing(family)
+        said = DISPLAY.match(code) if self._dialect.profile == "printer" else None
+        if said is not None:
+            code = code[: said.start(1)] + " " * (len(code) - said.start(1))
         macro = _MACRO.match(code)
         if macro is not None and macro[1] not in ("IF", "WHILE"):
             if HARMLESS_MACRO.match(macro[1]) or macro[1] in self._dialect.ignore:
@@ -144,8 +151,16 @@ class ProfileReader:
             return nothing()
         if _REFERENCE_ONLY.search(code):
             return None
-        if _COMPUTED.search(code):
+        # settings of firmware, such as $110=500, compute nothing
+        if stripped[0] not in _FIRMWARE and _COMPUTED.search(code):
             faults.add("MC140", COMPUTED, (1, len(code.rstrip()) + 1), "let the post write plain numbers")
+            return nothing()
+        prose = _PROSE.search(code)
+        if prose is not None:
+            shown = f"{prose[0]} is no word of a program: is the line the rest of a comment?"
+            faults.add(
+                "MC103", shown, (prose.start() + 1, prose.end() + 1), "put ; before it, or take it out"
+            )
             return nothing()
         code = _CHECKSUM.sub(lambda match: " " * len(match[0]), code)
         if self._dialect.extruder is not None and _RETRACTING.search(code):
@@ -203,8 +218,8 @@ class ProfileReader:
                     stops.append(word if name != "M60" else msgspec.structs.replace(word, text="00"))
                 elif name == "G50" and _GEOMETRY_OR_SPEED.search(code):
                     self._refuse(word, name, faults)
-                elif name == "G5.1" and not _GEOMETRY.search(code):
-                    # G5.1 Q1 is lookahead on Fanuc's controllers; with X and Y it is a spline
+                elif name in ("G5", "G5.1") and not _GEOMETRY.search(code):
+                    # G5 P10000 and G5.1 Q1 are Fanuc's lookahead; with X and Y they are splines
                     ignored.append(name)
                 elif name == "G53" and name in self._acting:
                     machine_frame = True
@@ -302,8 +317,12 @@ class ProfileReader:
                 end = re.compile(r"[^ \t]*").match(code, match.start())
                 stop = match.end() if end is None else end.end()
                 shown = code[match.start() : stop]
+                if shown.isalpha() and len(shown) == 1:
+                    hint = f"write {shown}0 if zero is meant"
+                    faults.add("MC102", f"{shown} has no number", span, hint)
+                    break
                 reason = f"{shown} is not a word of a program"
-                if match[5] in "$!?~":
+                if match[5] in _FIRMWARE:
                     reason = f"{shown} is a command to a controller's firmware, not a word of a program"
                 faults.add("MC103", reason, (span[0], stop + 1), "take the line out")
                 break

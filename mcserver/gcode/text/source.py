@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from codecs import BOM_UTF8
 from collections.abc import Callable, Iterable, Iterator
 
 from mcserver.errors import Diagnostic, ProgramRejected
+from mcserver.machine.program_bytes import NoText, text_of_bytes, text_of_lines
 
 BOM = "\ufeff"
 # The longest line of a program that a machine takes, in characters.
@@ -20,28 +22,30 @@ def decode(raw: bytes) -> str:
     """Decode a program file, without its byte order mark.
 
     Raises:
-        ProgramRejected: MC100 at the first byte that is not UTF-8.
+        ProgramRejected: MC100 at the first line that is no text.
     """
     try:
-        text = raw.decode("utf-8")
-    except UnicodeDecodeError as error:
-        raise ProgramRejected([_no_utf8(raw, error, 0)]) from error
-    return text.removeprefix(BOM)
+        return text_of_bytes(raw)
+    except NoText as error:
+        raise _rejected(raw, error, 0) from error
 
 
-def lines_of(blocks: Iterable[bytes]) -> Iterator[str]:
+def lines_of(blocks: Iterable[bytes], *, strict: bool = True) -> Iterator[str]:
     """Decode and split a program that comes in blocks, as `decode` and `split_lines` do the whole of it.
 
     A piece of more than `MAX_PIECE_BYTES` without a line end is the last line that is given.
 
+    Args:
+        strict: what is no text is a fault; else it is given as it may be shown.
+
     Raises:
-        ProgramRejected: MC100 at the first byte that is not UTF-8.
+        ProgramRejected: MC100 at the first line that is no text.
     """
     pending, number = b"", 0
     for block in blocks:
         whole, end, rest = block.rpartition(b"\n")
         if end:
-            lines = _split(_decoded(pending + whole + end, number))
+            lines = _split(_decoded(pending + whole + end, number, strict))
             number += len(lines)
             yield from lines
             pending = rest
@@ -50,36 +54,32 @@ def lines_of(blocks: Iterable[bytes]) -> Iterator[str]:
         if len(pending) > MAX_PIECE_BYTES:
             break
     if pending:
-        yield from _split(_decoded(pending, number))
+        yield from _split(_decoded(pending, number, strict))
 
 
-def _decoded(raw: bytes, before: int) -> str:
+def _decoded(raw: bytes, before: int, strict: bool) -> str:
     """Decode whole lines that stand behind so many others."""
     try:
-        text = raw.decode("utf-8")
-    except UnicodeDecodeError as error:
-        if error.start > MAX_PIECE_BYTES and b"\n" not in raw:
-            # cut in the middle of a character; the piece is too long for a line anyway
-            return raw[: error.start].decode("utf-8")
-        raise ProgramRejected([_no_utf8(raw, error, before)]) from error
+        text = text_of_lines(raw if before else raw.removeprefix(BOM_UTF8), strict=strict)
+    except NoText as error:
+        raise _rejected(raw, error, before) from error
     # as often as `decode` and `split_lines` do
-    return text if before else text.removeprefix(BOM).removeprefix(BOM)
+    return text if before else text.removeprefix(BOM)
 
 
-def _no_utf8(raw: bytes, error: UnicodeDecodeError, lines_before: int) -> Diagnostic:
-    before = raw[: error.start]
-    line_start = before.rfind(b"\n") + 1
-    column = len(before[line_start:].decode("utf-8").removeprefix(BOM)) + 1
-    hint = "save the file as UTF-8"
-    if not lines_before and raw[:2] in (b"\xff\xfe", b"\xfe\xff"):
-        hint = "the file looks like UTF-16; save it as UTF-8"
-    return Diagnostic(
-        code="MC100",
-        message=f"the byte 0x{raw[error.start]:02X} is not UTF-8",
-        line=lines_before + before.count(b"\n") + 1,
-        column=column,
-        end_column=column + 1,
-        hint=hint,
+def _rejected(raw: bytes, error: NoText, lines_before: int) -> ProgramRejected:
+    wide = not lines_before and raw[:2] in (b"\xff\xfe", b"\xfe\xff")
+    return ProgramRejected(
+        [
+            Diagnostic(
+                code="MC100",
+                message="the line is of no text file: it has a byte 0",
+                line=lines_before + error.line,
+                column=error.column,
+                end_column=error.column + 1,
+                hint="the file looks like UTF-16; save it as UTF-8" if wide else "is it the right file?",
+            )
+        ]
     )
 
 

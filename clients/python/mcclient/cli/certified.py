@@ -12,6 +12,7 @@ import msgspec
 from mcclient.cli.options import Target
 from mcclient.cli.output import carry_out, say, write_json
 from mcclient.errors import ConfigurationError, RequestRefused
+from mcclient.texts import text_of_program
 from mcclient.types import ENDED, ProgramStatus
 
 LOOK_S = 0.1
@@ -54,7 +55,7 @@ def read_text(file: str) -> str:
     """Read a file, or standard input for ``-``.
 
     Raises:
-        ConfigurationError: MC537 it cannot be read.
+        ConfigurationError: MC537 it cannot be read. RequestRefused: MC511 it is no text.
     """
     try:
         raw: Any
@@ -63,6 +64,6 @@ def read_text(file: str) -> str:
         else:
             with Path(file).open("rb") as stream:
                 raw = stream.read(MAX_FILE + 1)
-        return str(raw.decode("utf-8"))
-    except (OSError, UnicodeDecodeError) as error:
+    except OSError as error:
         raise ConfigurationError("MC537", f"{file} cannot be read: {error}", "give another file") from error
+    return text_of_program(raw, file)

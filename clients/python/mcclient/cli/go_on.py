@@ -13,6 +13,7 @@ import typer
 from mcclient.broken_off import broken_off
 from mcclient.cli.options import JsonOption, Target, axis_name
 from mcclient.cli.output import carry_out, narration, results, say, write_json
+from mcclient.cli.source import ProgramSource
 from mcclient.errors import RequestRefused
 from mcclient.machine import Machine
 from mcclient.switches import switches_said
@@ -135,7 +136,7 @@ def _rest(shown: Continuation, file: Path | None) -> list[str]:
         raise RequestRefused(
             "MC511", f"only lines through {shown.accepted} are known", "give the whole program with --file"
         )
-    lines = file.read_text("utf-8-sig").splitlines()
+    lines = list(ProgramSource(str(file)).lines())
     if lines[shown.first - 1 : shown.first - 1 + len(shown.lines)] != list(shown.lines):
         raise RequestRefused("MC511", f"{file} is not the program that was broken off", "give that one")
     return lines[shown.accepted :]

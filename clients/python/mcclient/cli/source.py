@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 import sys
+from codecs import BOM_UTF8
 from collections import deque
 from collections.abc import Iterator
 from itertools import islice
 from typing import BinaryIO
 
 from mcclient.errors import RequestRefused
+from mcclient.texts import text_of_line, text_of_program
 
-BOM = "\ufeff"
 # a text that is not a line file at all must not fill the memory
 MAX_LINE_BYTES = 1 << 20
 COUNT_BYTES = 1 << 20
@@ -52,35 +54,26 @@ class ProgramSource:
         """Return all of a file of at most ``limit`` bytes; None: it is longer, or cannot be read twice.
 
         Raises:
-            RequestRefused: MC511 it is no UTF-8.
+            RequestRefused: MC511 it is no text.
         """
         if self.total is None or os.path.getsize(self.path) > limit:
             return None
         with open(self.path, "rb") as file:
-            content = file.read()
-        try:
-            return content.decode("utf-8")
-        except UnicodeDecodeError as error:
-            raise RequestRefused("MC511", f"{self.name} is no UTF-8", "save the file as UTF-8") from error
+            return text_of_program(file.read(), self.name)
 
     def lines(self) -> Iterator[str]:
         """The lines from where reading stands, without line ends; keeps them until `forget`.
 
         Raises:
-            RequestRefused: MC511 it is no UTF-8, or no text with lines.
+            RequestRefused: MC511 it is no text with lines.
         """
         while line := self._stream.readline(MAX_LINE_BYTES):
             if len(line) >= MAX_LINE_BYTES:
                 raise RequestRefused("MC511", f"{self.name} has a line of a megabyte", "is it a G-code file?")
             self._read += 1
-            try:
-                text = line.decode("utf-8").rstrip("\r\n")
-            except UnicodeDecodeError as error:
-                raise RequestRefused(
-                    "MC511", f"line {self._read} of {self.name} is no UTF-8", "save the file as UTF-8"
-                ) from error
             if self._read == 1:
-                text = text.removeprefix(BOM)
+                line = line.removeprefix(BOM_UTF8)
+            text = text_of_line(line, self.name, self._read).rstrip("\r\n")
             self._kept.append((self._read, text))
             yield text
 
@@ -104,15 +97,17 @@ class ProgramSource:
         return self._kept[index][1] if 0 <= index < len(self._kept) else None
 
     def line_at(self, number: int) -> str | None:
-        """A line of the file, wherever reading stands; None: it has none of this number, or is a pipe."""
+        """A line of the file, wherever reading stands; None: there is no such line, or it is no text."""
         if self.total is None or number < 1:
             return None
         with open(self.path, "rb") as file:
             line = next(islice(file, number - 1, None), None)
         if line is None:
             return None
-        text = line.decode("utf-8", "replace").rstrip("\r\n")
-        return text.removeprefix(BOM) if number == 1 else text
+        with contextlib.suppress(RequestRefused):
+            line = line.removeprefix(BOM_UTF8) if number == 1 else line
+            return text_of_line(line, self.name, number).rstrip("\r\n")
+        return None
 
     def forget(self, through: int) -> None:
         """Lines through this number are not needed any more."""
