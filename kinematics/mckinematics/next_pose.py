@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from mckinematics.errors import KinematicsError
@@ -79,12 +81,15 @@ def joint_rates(tool: ToolModel, joints: Array, twist: Array) -> tuple[Array, fl
     """
     # of one position plain numbers are quicker than numpy's calls
     columns = tool.chain.single.linearise(joints.tolist()).columns
-    jacobian = np.array(columns).T[None, : tool.rows]
-    rates = joint_slope(tool, joints[None], jacobian, twist[None], 0.0)
-    fastest = float(tool.tool_speed(twist[None])[0])
+    jacobian = np.array(columns).T[: tool.rows]
+    rates: Array = joint_slope(tool, joints[None], jacobian[None], twist[None], 0.0)[0]
+    fastest = _size(twist / tool.row_unit)
     if fastest == 0.0:
-        return rates[0], 0.0
+        return rates, 0.0
     # damping and a chain of too few joints leave a part of it out
-    lost = twist[None] - (jacobian @ rates[..., None])[..., 0]
-    gain = float(tool.joint_speed(rates)[0]) / fastest
-    return rates[0], gain if tool.tool_speed(lost)[0] <= LOST * fastest else np.inf
+    lost = _size((twist - jacobian @ rates) / tool.row_unit)
+    return rates, _size(rates / tool.unit) / fastest if lost <= LOST * fastest else np.inf
+
+
+def _size(numbers: Array) -> float:
+    return math.hypot(*numbers.tolist())

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -75,10 +76,15 @@ class ToolModel:
         """Whether a pose determines the joints but for a few configurations: as many joints as numbers."""
         return self.rows == self.chain.size == self.rank
 
-    @property
+    @cached_property
     def unit(self) -> Array:
         """What each joint's travel is measured in, shape (K,): 1 rad, or the reach [m]."""
         return np.where(self.chain.revolute, 1.0, self.chain.reach)
+
+    @cached_property
+    def row_unit(self) -> Array:
+        """What the tool's own rates are measured in, shape (rows,): the reach [m], then 1 rad."""
+        return np.array([self.chain.reach] * 3 + [1.0] * (self.rows - 3))
 
     def target(self, pose: Pose) -> Targets:
         """A single pose as targets of length 1."""
@@ -117,7 +123,7 @@ class ToolModel:
         the tool does not move in the direction that the chain loses.
         """
         left, values, _ = np.linalg.svd(without_units(self.chain, jacobians), full_matrices=False)
-        scaled = self._without_lengths(rates)
+        scaled = rates / self.row_unit
         along = (left.swapaxes(-1, -2) @ scaled[..., None])[..., : self.rank, 0]
         speed = np.linalg.norm(along / np.maximum(values[:, : self.rank], 1e-12), axis=1)
         fastest = float(self.tool_speed(rates).max())
@@ -149,16 +155,11 @@ class ToolModel:
 
     def tool_speed(self, rates: Array) -> Array:
         """Sizes of rates of the tool (n, rows) without units, shape (n,) [1]: lengths over the reach."""
-        return np.asarray(np.linalg.norm(self._without_lengths(rates), axis=1), dtype=np.float64)
+        return np.asarray(np.linalg.norm(rates / self.row_unit, axis=1), dtype=np.float64)
 
     def joint_speed(self, slopes: Array) -> Array:
         """Sizes of rates of the joints (n, K) without units, shape (n,) [1]: lengths over the reach."""
         return np.asarray(np.linalg.norm(slopes / self.unit, axis=1), dtype=np.float64)
-
-    def _without_lengths(self, rates: Array) -> Array:
-        scaled = rates.copy()
-        scaled[:, :3] /= self.chain.reach
-        return scaled
 
 
 def singular_values(chain: Chain, jacobians: Array) -> Array:

@@ -72,7 +72,7 @@ class Follows(Barrier):
         if closing and follower.rests:
             # nobody is to speak any more, and the way is known to its end
             lost = False
-        follower.step(now, 0.0 if newest is None or lost else self._rate())
+        follower.step(np.array([now]), 0.0 if newest is None or lost else self._rate())
         row = self._cycle.row
         row.ordered[self._columns] = follower.states[:, POSITION]
         row.ordered_velocity[self._columns] = follower.states[:, VELOCITY]

@@ -13,8 +13,7 @@ from mcserver.motion.kernels.target_tracking import (
     ACCELERATION,
     POSITION,
     VELOCITY,
-    follow_targets,
-    read_reference,
+    follow_reference,
 )
 
 # Points that are less than this ahead are behind [cycles]; where all are, the last one is taken so far ahead.
@@ -55,8 +54,9 @@ class TargetFollower:
         ).reshape(count, 5)
         self._cycle_s = cycle_s
         self._reference = self.states.copy()
-        self._knots = np.zeros((POINTS + 1, 1 + 2 * count))
-        self._count = 0
+        self._room = np.zeros((POINTS + 1, 1 + 2 * count))
+        # of it: the way ahead, from where the reference was
+        self._knots = self._room[:0]
         # when the reference was read last
         self._at = at
 
@@ -75,21 +75,18 @@ class TargetFollower:
                 # what is beyond all numbers stops the axes
                 ahead[0, 0] += passed
                 ahead[0, 1 : 1 + axes] += passed * ahead[0, 1 + axes :]
+        self._knots = self._room[: 1 + len(ahead)]
         self._knots[0, 0] = at
         self._knots[0, 1:] = self._reference[:, :ACCELERATION].T.ravel()
-        self._knots[1 : 1 + len(ahead)] = ahead
-        self._count = 1 + len(ahead)
+        self._knots[1:] = ahead
 
-    def step(self, now: float, rate: float) -> None:
-        """Let a cycle pass at a share of the axes' top speed, 0: to a stop; ``now``: at its end [s]."""
+    def step(self, times: Array, rate: float) -> None:
+        """Let cycles pass at a share of the axes' top speed, 0: to a stop; ``times``: at their ends [s]."""
         by_velocity = self.newest is not None and self.newest.by_velocity
-        if self._count:
-            read_reference(self._knots, self._count, now, by_velocity, self._reference)
-        self._at = now
-        follow_targets(self.states, self._reference, self._limits, rate, self._cycle_s, by_velocity)
-        if by_velocity:
-            # whatever positions come next begin where the axes are
-            self._reference[:, POSITION] = self.states[:, POSITION]
+        follow_reference(
+            self.states, self._reference, self._knots, self._limits, rate, times, self._cycle_s, by_velocity
+        )
+        self._at = float(times[-1])
 
     @property
     def stands(self) -> bool:
@@ -99,7 +96,7 @@ class TargetFollower:
     @property
     def arrived(self) -> bool:
         """Whether the axes are where the last targets have them."""
-        behind = self._at >= self._knots[self._count - 1, 0]
+        behind = self._at >= self._knots[-1, 0]
         return bool(behind and (self.states == self._reference).all())
 
     @property

@@ -8,6 +8,7 @@ confirms it. What is dropped is counted. The limits are kept elsewhere, whatever
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Literal, NamedTuple
 
@@ -180,9 +181,8 @@ class TargetStream:
                 return False
             if times[-1] > LONGEST_S:
                 return False
-        if message.tool is not None and not all((np.abs(each) <= FARTHEST).all() for each in given):
-            return False
-        return all(np.isfinite(each).all() for each in given) and 0.0 < message.counts_s < np.inf
+        most = sys.float_info.max if message.tool is None else FARTHEST
+        return all((np.abs(each) <= most).all() for each in given) and 0.0 < message.counts_s < np.inf
 
     def _is_doubtful(self, positions: Array | None, gap: float) -> bool:
         """Return whether a point is too far from the last one, and none before it was there either."""
@@ -252,7 +252,7 @@ class TargetStream:
         until, begun = now - age + message.counts_s, now - age
         velocities, positions = message.velocities, message.positions
         if velocities is not None:
-            velocities = np.clip(velocities, -self._top, self._top)
+            velocities = velocities.clip(-self._top, self._top)
         if positions is None:
             assert velocities is not None
             # the axes go elsewhere
@@ -262,12 +262,12 @@ class TargetStream:
                 times, last = message.times, float(message.times[-1])
             knots = _knots(begun + times, np.zeros_like(velocities), velocities)
             return Targets(knots, now, until + last, by_velocity=True)
-        positions = np.clip(positions, self._low, self._high)
+        positions = positions.clip(self._low, self._high)
         before, self._position = self._position, positions[-1]
         self._placed = message.sent + (0.0 if message.times is None else float(message.times[-1]))
         if message.times is not None:
             slopes = _slopes(message.times, positions) if velocities is None else velocities
-            slopes = np.clip(slopes, -self._top, self._top)
+            slopes = slopes.clip(-self._top, self._top)
             knots = _knots(begun + message.times, positions, slopes)
             return Targets(knots, now, until + float(message.times[-1]))
         # where it is to be when the next one is to come, by the sender's clock; one that comes late is led to
@@ -282,14 +282,17 @@ class TargetStream:
             return Targets(_knots(np.array([at]), positions, np.zeros_like(positions)), now, until)
         # a quadratic spline through the middles between points: it swings beyond none of them, and comes to
         # rest on the last one where no more come
-        slope = np.clip((positions - before) / gap, -self._top, self._top)
+        slope = ((positions - before) / gap).clip(-self._top, self._top)
         rows = np.concatenate((0.5 * (positions + before), positions))
         knots = _knots(np.array([at, at + gap]), rows, np.concatenate((slope, 0.0 * slope)))
         return Targets(knots, now, until)
 
 
 def _knots(times: Array, positions: Array, velocities: Array) -> Array:
-    return np.column_stack((times, positions, velocities))
+    count, width = positions.shape
+    found = np.empty((count, 1 + 2 * width))
+    found[:, 0], found[:, 1 : 1 + width], found[:, 1 + width :] = times, positions, velocities
+    return found
 
 
 def _slopes(times: Array, positions: Array) -> Array:

@@ -36,6 +36,20 @@ CHANGE_SHARE, ENDING_SHARE = 0.5, 0.25
 CLEAR_GAIN, LARGEST_GAIN = 5.0, 100.0
 
 
+class _Carried(NamedTuple):
+    """A tool of the program.
+
+    Attributes:
+        columns: of the axes that carry it, among the program's n.
+        low, high: travel of the program's axes, of those within the joints' limits, shape (n,) [m or rad].
+    """
+
+    model: ToolModel
+    columns: NDArray[np.intp]
+    low: Array
+    high: Array
+
+
 class _Solved(NamedTuple):
     number: int
     target: Targets
@@ -50,12 +64,14 @@ class ToolTargets:
     """
 
     def __init__(self, kinematics: MachineKinematics | None, axes: Sequence[Axis]) -> None:
-        self._kinematics = kinematics
-        self._places = {axis.index: place for place, axis in enumerate(axes)}
         self._top = np.array([axis.max_velocity for axis in axes])
         self._acceleration = np.array([axis.max_acceleration for axis in axes])
-        self._low = np.array([axis.min_position for axis in axes])
-        self._high = np.array([axis.max_position for axis in axes])
+        self._tools: dict[int, _Carried] = {}
+        places = {axis.index: place for place, axis in enumerate(axes)}
+        models = () if kinematics is None else map(kinematics.tool, kinematics.tools)
+        for model in models:
+            if all(axis in places for axis in model.chain.axes):
+                self._tools[model.number] = _carried(model, axes, places)
         # the last pose that counts, and one too far off until the next one confirms it
         self._last: _Solved | None = None
         self._doubtful: tuple[int, Targets] | None = None
@@ -65,8 +81,8 @@ class ToolTargets:
 
     def rows(self, number: int) -> int:
         """Numbers that a pose of a tool has: 6 or 3; 0: it is none of the program's."""
-        found = self._model(number)
-        return 0 if found is None else found.rows
+        found = self._tools.get(number)
+        return 0 if found is None else found.model.rows
 
     def forget(self) -> None:
         """Begin anew where the axes are: they were led otherwise."""
@@ -81,10 +97,8 @@ class ToolTargets:
             near: where the axes are, and where those that do not carry the tool stay, shape (n,) each.
             gap: since the last pose [s]; None: it is not doubted.
         """
-        model = self._model(number)
-        assert model is not None
+        model, columns, *_ = self._tools[number]
         here, rest = near
-        columns = self._columns(model)
         last = self._last
         joints = here[columns] if last is None or last.number != number else last.joints
         places = np.tile(rest, (len(rows), 1))
@@ -111,9 +125,7 @@ class ToolTargets:
 
     def rates_at(self, number: int, places: Array, twists: Array, *, in_tool: bool) -> Array:
         """Return rates of the program's axes, shape (m, n), behind poses that are passed at twists."""
-        model = self._model(number)
-        assert model is not None
-        columns = self._columns(model)
+        model, columns, *_ = self._tools[number]
         rates = np.zeros_like(places)
         for rate, place, twist in zip(rates, places, twists, strict=True):
             rate[columns] = _joint_rates(model, place[columns], twist, in_tool=in_tool)[0]
@@ -128,22 +140,18 @@ class ToolTargets:
             rows: shape (m, rows). steps: time from each to the next one, shape (m,) [s]. here: shape (n,).
             share: of the axes' top speed that is left.
         """
-        model = self._model(number)
-        assert model is not None
-        columns = self._columns(model)
+        model, columns, low, high = self._tools[number]
         self._last = self._doubtful = None
         rates = np.zeros(len(here)) if self._rates is None else self._rates
         made, slowed, place = [], False, here
-        low, high = self._low.copy(), self._high.copy()
-        # the joints' own limits may be nearer
-        low[columns], high[columns] = model.chain.lower, model.chain.upper
-        for twist, step in zip(rows, steps, strict=True):
+        for twist, step in zip(rows, steps.tolist(), strict=True):
             # as they are to be where the axes will be then
             place = place + step * rates
             wanted = np.zeros(len(here))
             wanted[columns], gain = _joint_rates(model, place[columns], twist, in_tool=in_tool)
-            fit = _share(wanted, share * self._top)
-            left = _time_left(fit * wanted, place, low, high)
+            fit = min(_least(share * self._top, wanted), 1.0)
+            room = np.where(wanted > 0.0, high - place, place - low)
+            left = _least(np.maximum(room, 0.0), fit * wanted)
             if gain > CLEAR_GAIN:
                 ahead = place[columns] + step * fit * wanted[columns]
                 nearer = 1.0 / gain - 1.0 / _joint_rates(model, ahead, twist, in_tool=in_tool)[1]
@@ -151,12 +159,12 @@ class ToolTargets:
                     # on the way to a singular position; the way back is free
                     left = min(left, step * max(1.0 / gain - 1.0 / LARGEST_GAIN, 0.0) / max(nearer, 1e-300))
             # of all axes together, so that the tool stays on its way
-            stop_s = float((np.abs(fit * wanted) / (ENDING_SHARE * self._acceleration)).max())
+            stop_s = 1.0 / _least(ENDING_SHARE * self._acceleration, fit * wanted)
             if 2.0 * left < stop_s:
                 fit *= math.sqrt(2.0 * left / stop_s)
             slowed |= fit < 1.0
             change = fit * wanted - rates
-            rates = rates + _share(change, CHANGE_SHARE * self._acceleration * step) * change
+            rates = rates + min(_least(CHANGE_SHARE * self._acceleration * step, change), 1.0) * change
             made.append(rates)
         self._rates = rates
         return np.array(made), slowed
@@ -167,29 +175,28 @@ class ToolTargets:
         taken: Array = (way / (share * self._top)).max(axis=1)
         return taken
 
-    def _model(self, number: int) -> ToolModel | None:
-        """Return a tool whose axes are all of the program."""
-        if self._kinematics is None or number not in self._kinematics.tools:
-            return None
-        model = self._kinematics.tool(number)
-        return model if all(axis in self._places for axis in model.chain.axes) else None
-
-    def _columns(self, model: ToolModel) -> list[int]:
-        return [self._places[axis] for axis in model.chain.axes]
-
     def _is_doubtful(self, model: ToolModel, target: Targets, joints: Array, gap: float) -> bool:
         """Return whether a pose is too far from the last one, and none before it was there either."""
         number = model.number
         known = [] if self._last is None else [(self._last.number, self._last.target)]
         known += [] if self._doubtful is None else [self._doubtful]
         seen = [other for of, other in known if of == number]
-        columns = np.abs(model.chain.single.linearise(joints.tolist()).columns)[:, : model.rows]
-        reach = REACH * gap * (self._top[self._columns(model)] @ columns)
+        moved = np.abs(model.chain.single.linearise(joints.tolist()).columns)[:, : model.rows]
+        reach = REACH * gap * (self._top[self._tools[number].columns] @ moved)
         near = not seen or any(
             bool((np.abs(pose_difference(target, other)) <= reach).all()) for other in seen
         )
         self._doubtful = None if near else (number, target)
         return not near
+
+
+def _carried(model: ToolModel, axes: Sequence[Axis], places: dict[int, int]) -> _Carried:
+    columns = np.array([places[axis] for axis in model.chain.axes], np.intp)
+    low = np.array([axis.min_position for axis in axes])
+    high = np.array([axis.max_position for axis in axes])
+    low[columns] = np.maximum(low[columns], model.chain.lower)
+    high[columns] = np.minimum(high[columns], model.chain.upper)
+    return _Carried(model, columns, low, high)
 
 
 def _joint_rates(model: ToolModel, joints: Array, twist: Array, *, in_tool: bool) -> tuple[Array, float]:
@@ -199,17 +206,11 @@ def _joint_rates(model: ToolModel, joints: Array, twist: Array, *, in_tool: bool
     return joint_rates(model, joints, twist)
 
 
-def _time_left(rates: Array, place: Array, low: Array, high: Array) -> float:
-    """Return after which time the first axis is at the end of its travel [s]."""
-    left = np.where(rates > 0.0, high - place, place - low)
-    moving = np.abs(rates) > 0.0
-    return float((np.maximum(left[moving], 0.0) / np.abs(rates[moving])).min(initial=np.inf))
-
-
-def _share(values: Array, most: Array) -> float:
-    """Return the share of all values with which none passes its bound."""
-    moving = np.abs(values) > most
-    return float((most[moving] / np.abs(values[moving])).min(initial=1.0))
+def _least(rooms: Array, values: Array) -> float:
+    """Return the least of rooms over sizes of values, both shape (n,); infinite where all values are 0."""
+    # of a few numbers plain ones are quicker than numpy's calls
+    pairs = zip(rooms.tolist(), values.tolist(), strict=True)
+    return min((room / abs(value) for room, value in pairs if value), default=math.inf)
 
 
 def _pose(row: Array) -> Pose:

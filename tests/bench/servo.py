@@ -7,14 +7,16 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass
 
+import mcclient_gym
 import numpy as np
 from numpy.typing import NDArray
 from ruckig import InputParameter, OutputParameter, Ruckig
 
 from mcserver.executor.shm.target_box import Targets
-from mcserver.motion.kernels.target_tracking import follow_targets, read_reference
+from mcserver.executor.target_follower import TargetFollower
+from mcserver.motion.kernels.target_tracking import follow_reference
 from mcserver.service.target_stream import Now, TargetMessage, TargetStream
-from tests.bench.figures import Figure, percentiles
+from tests.bench.figures import Figure, percentiles, processor_seconds
 from tests.bench.machines import ideal
 
 Array = NDArray[np.float64]
@@ -24,6 +26,8 @@ CYCLES = 4000
 # The first of them: from rest to what is followed.
 SETTLED = 1000
 AMPLITUDE = 0.05
+# Of an environment's episode.
+ACTIONS = 250
 VELOCITY, ACCELERATION, JERK = 1.0, 10.0, 200.0
 
 
@@ -63,7 +67,25 @@ def measure() -> list[Figure]:
             Figure(f"{name}: error behind that delay", 1e6 * ours.error, "µm", 1e6 * theirs.error, against),
             Figure(f"{name}: jerk, rms", ours.jerk, "m/s³", theirs.jerk, f"{against}; the sine has 8.8"),
         ]
+    for actions in ("velocities", "twist"):
+        what = f"environment of arm6, 50 actions a second, by {actions}"
+        figures.append(Figure(what, environment_speed(actions), "x real time", goal="100 and more"))
     return figures
+
+
+def environment_speed(actions: mcclient_gym.Actions) -> float:
+    """How many times as fast as its clock an environment runs, of processor time."""
+    env = mcclient_gym.ReachEnv("arm6", actions=actions, tool=1)
+    env.action_space.seed(1)
+    chosen = [env.action_space.sample() for _ in range(ACTIONS)]
+
+    def episode() -> None:
+        env.reset(seed=1)
+        for action in chosen:
+            env.step(action)
+
+    episode()
+    return ACTIONS * env.cycles * env.machine.cycle_s / processor_seconds(episode, runs=15)
 
 
 def _sine(t: float) -> tuple[float, float]:
@@ -84,8 +106,7 @@ def cycles_of(axes: int) -> Array:
         knots[1, 1 : 1 + axes] = AMPLITUDE * np.sin(angle)
         knots[1, 1 + axes :] = AMPLITUDE * 2.0 * math.pi * np.cos(angle)
         begun = time.perf_counter()
-        read_reference(knots, 2, cycle * CYCLE_S, False, found)
-        follow_targets(states, found, limits, 1.0, CYCLE_S, False)
+        follow_reference(states, found, knots, limits, 1.0, knots[1:, 0].copy(), CYCLE_S, False)
         taken[cycle] = 1e6 * (time.perf_counter() - begun)
     return taken[SETTLED:]
 
@@ -118,22 +139,18 @@ def followed(*, with_velocities: bool) -> Followed:
     """Stream the sine through the filter of the server and follow it as the executor does."""
     machine = ideal(axes=1, velocity=1000.0, acceleration=10_000.0, jerk=200_000.0)
     stream = TargetStream(machine.axes, CYCLE_S)
-    states, found = np.zeros((1, 3)), np.zeros((1, 3))
-    limits = np.array([[VELOCITY, ACCELERATION, JERK, -math.inf, math.inf]])
-    knots: Array = np.zeros((1, 3))
+    follower = TargetFollower(machine.axes, np.zeros(1), at=0.0, cycle_s=CYCLE_S)
 
     def step(cycle: int, position: float, velocity: float) -> float:
-        nonlocal knots
         now = cycle * CYCLE_S
         if cycle % PERIOD == 0:
             speeds = np.array([[velocity]]) if with_velocities else None
             message = TargetMessage(cycle // PERIOD + 1, now, 1.0, np.array([[position]]), speeds, None)
             targets = stream.take(message, Now(now))
             assert isinstance(targets, Targets)
-            knots = np.concatenate(([[now, found[0, 0], found[0, 1]]], targets.knots))
-        read_reference(knots, len(knots), now + CYCLE_S, False, found)
-        follow_targets(states, found.copy(), limits, 1.0, CYCLE_S, False)
-        return float(states[0, 0])
+            follower.take(targets)
+        follower.step(np.array([now + CYCLE_S]), 1.0)
+        return float(follower.states[0, 0])
 
     return _followed(step)
 

@@ -54,7 +54,8 @@ class ReachEnv(ServoEnv):
         return nearer, left < REACHED and resting
 
     def _left(self) -> float:
-        return float(np.linalg.norm(self.goal - self._place(self.positions)))
+        here = self.positions if self._tool is None else self.point
+        return float(np.linalg.norm(self.goal - here))
 
     def _place(self, positions: Array) -> Array:
         return positions.copy() if self._tool is None else self.tip(positions)

@@ -6,6 +6,7 @@ from typing import Any, Literal
 
 import gymnasium
 import numpy as np
+from mckinematics.single import Linearised
 from mckinematics.solver import MachineKinematics
 from numpy.typing import NDArray
 
@@ -92,6 +93,11 @@ class ServoEnv(gymnasium.Env[Array, Array]):
         return self._follower.states[:, VELOCITY]
 
     @property
+    def point(self) -> Array:
+        """Where the tool's point is, shape (3,) [m]."""
+        return np.array(self._tip_now().position)
+
+    @property
     def servo(self) -> ServoStatus:
         """What became of the targets of this episode."""
         return self._stream.status
@@ -127,10 +133,12 @@ class ServoEnv(gymnasium.Env[Array, Array]):
         if targets is not None:
             self._follower.take(targets)
         newest = self._follower.newest
-        for _ in range(self.cycles):
-            self._time += cycle_s
-            counts = newest is not None and self._time <= newest.until
-            self._follower.step(self._time, 1.0 if counts else 0.0)
+        times = self._time + cycle_s * np.arange(1, self.cycles + 1)
+        self._time = float(times[-1])
+        # messages count for whole periods
+        counts = newest is not None and self._time < newest.until + 0.5 * cycle_s
+        self._follower.step(times, 1.0 if counts else 0.0)
+        self._now = None
         reward, terminated = self.judge()
         return self.observe(), reward, terminated, False, self._info()
 
@@ -138,7 +146,7 @@ class ServoEnv(gymnasium.Env[Array, Array]):
         """Return what the agent sees, shape (m,)."""
         seen = [self.positions, self.velocities]
         if self._tool is not None:
-            tip = self._tool.chain.single.linearise(self._joints(self.positions))
+            tip = self._tip_now()
             seen.append(np.array(tip.position))
             if self._tool.orientation:
                 seen.append(np.array(tip.rotation).reshape(3, 3)[:, :2].ravel())
@@ -167,16 +175,22 @@ class ServoEnv(gymnasium.Env[Array, Array]):
 
     def tip(self, positions: Array) -> Array:
         """Return where the tool's point is with the axes at positions, shape (3,) [m]."""
-        assert self._tool is not None
-        return np.array(self._tool.chain.single.linearise(self._joints(positions)).position)
+        return np.array(self._linearise(positions).position)
 
-    def _joints(self, positions: Array) -> list[float]:
-        found: list[float] = positions[self._columns].tolist()
-        return found
+    def _linearise(self, positions: Array) -> Linearised:
+        assert self._tool is not None
+        return self._tool.chain.single.linearise(positions[self._columns].tolist())
+
+    def _tip_now(self) -> Linearised:
+        """Where the tool is, computed once a step."""
+        if self._now is None:
+            self._now = self._linearise(self.positions)
+        return self._now
 
     def _begin(self, places: Array) -> None:
         axes, cycle_s = self.machine.axes, self.machine.cycle_s
         self._time, self._seq = 0.0, 0
+        self._now: Linearised | None = None
         self._stream = TargetStream(axes, cycle_s, self.kinematics)
         self._follower = TargetFollower(axes, places, at=0.0, cycle_s=cycle_s)
 

@@ -45,7 +45,7 @@ from mcserver.motion.kernels.rate_window import (
 )
 from mcserver.motion.kernels.row_interpolation import interpolate_rows
 from mcserver.motion.kernels.row_torques import change_limit
-from mcserver.motion.kernels.target_tracking import follow_targets, read_reference
+from mcserver.motion.kernels.target_tracking import follow_reference, follow_targets
 
 # Shares of the limits that a change of rate is tried with, the fastest first: more of them find a faster
 # change where rows leave little.
@@ -299,6 +299,6 @@ def warm_up_playback() -> None:
     find_excess(row, row, row, row, row, 1.0, some, some)
     tip_positions(np.zeros((2, 3, 4)), some, numbers[:1])
     states, knots = np.zeros((1, 3)), np.zeros((2, 3))
-    read_reference(knots, 2, 0.0, False, states)
     follow_targets(states, states.copy(), np.ones((1, 5)), 0.0, 1e-3, False)
+    follow_reference(states, states.copy(), knots, np.ones((1, 5)), 0.0, np.zeros(1), 1e-3, False)
     find_tip_outside(np.zeros((2, 3, 4)), some, zero, numbers, masks, row, 0, 1, np.zeros(3), np.zeros(3))

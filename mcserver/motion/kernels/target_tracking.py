@@ -13,6 +13,8 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
+
 from mcserver.motion.geometry.curves import Array
 from mcserver.motion.kernels.compiled import compiled
 
@@ -251,17 +253,16 @@ def _same(state: Array, target: Array, jerk: float, cycle_s: float) -> bool:
 
 
 @compiled
-def read_reference(knots: Array, count: int, time: float, by_velocity: bool, found: Array) -> None:
+def read_reference(knots: Array, time: float, by_velocity: bool, found: Array) -> None:
     """Read position, velocity and acceleration of all references at a time.
 
     Args:
-        knots: shape (m, 1 + 2 n): time [s], positions and velocities of the n axes; between knots a cubic,
-            behind the last one straight on at its velocity.
-        count: knots that count, at least 1.
+        knots: shape (m, 1 + 2 n), m > 0: time [s], positions and velocities of the n axes; between knots a
+            cubic, behind the last one straight on at its velocity.
         by_velocity: velocities alone are followed: they change evenly between knots.
         found: shape (n, 3), set.
     """
-    axes = len(found)
+    axes, count = len(found), len(knots)
     at = 0
     while at < count and knots[at, 0] <= time:
         at += 1
@@ -300,6 +301,7 @@ def follow_targets(
         share: of the velocities, 0 to 1; 0: to a stop.
         by_velocity: velocities alone are followed.
     """
+    after = np.empty(3)
     for axis in range(len(states)):
         state, target, limit = states[axis], targets[axis], limits[axis]
         most = limit[MAX_ACCELERATION]
@@ -319,10 +321,37 @@ def follow_targets(
             target[POSITION] = min(max(target[POSITION], limit[LOWEST]), limit[HIGHEST])
             target[VELOCITY] = 0.0
             target[ACCELERATION] = 0.0
-        after = state.copy()
         wanted = _wanted_jerk(state, target, limit, jerk, cycle_s, by_velocity, after)
         if _allowed_jerk(state, wanted, limit, top, jerk, cycle_s, after):
             on = not by_velocity and _same(after, target, jerk, cycle_s)
             state[:] = target if on and _excess(target, limit, top, jerk) == 0 else after
         else:
             _stop_step(state, most, jerk, cycle_s)
+
+
+@compiled
+def follow_reference(
+    states: Array,
+    reference: Array,
+    knots: Array,
+    limits: Array,
+    share: float,
+    times: Array,
+    cycle_s: float,
+    by_velocity: bool,
+) -> None:
+    """Let cycles pass on axes that follow a reference along its knots.
+
+    Args:
+        states, limits, share, cycle_s, by_velocity: as of `follow_targets`.
+        reference: shape (n, 3), set to that behind the last cycle.
+        knots: as of `read_reference`; of none the reference stays where it is.
+        times: at the end of each cycle, shape (m,) [s].
+    """
+    for time in times:
+        if len(knots):
+            read_reference(knots, time, by_velocity, reference)
+        follow_targets(states, reference, limits, share, cycle_s, by_velocity)
+        if by_velocity:
+            # whatever positions come next begin where the axes are
+            reference[:, POSITION] = states[:, POSITION]
