@@ -90,7 +90,7 @@ class MachinePage:
                         self._arming = ArmingPanel(actions)
                     with _place(3):
                         self._controls()
-                    with _place(4):
+                    with _place(6):
                         self._buttons = ButtonsPanel(actions)
                     with _place(6):
                         self._program = ProgramPanel(actions, self._recovery)
