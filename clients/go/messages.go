@@ -330,6 +330,9 @@ type AxesStatus struct {
 	// Skew: of second drives of gantry pairs by how much they are further than their leaders [mm, deg]; of other
 	// axes 0. Empty on a machine without pairs.
 	Skew []float64 `msgpack:"skew"`
+	// Silent: whether the axis's drive does not answer: its position, velocity and torque are old. Empty while all
+	// answer.
+	Silent []bool `msgpack:"silent"`
 }
 
 // AxisDifference: How an axis moves otherwise; the other program's minus this one's [mm or deg].

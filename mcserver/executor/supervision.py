@@ -226,6 +226,7 @@ class Supervision:
         self._silent[bank.fresh] = 0
         self._silent[~bank.fresh] += 1
         self._any_silent = bool(self._silent.any())
+        self._cycle.row.set_silent(mask_of(self._silent >= self._patience + self._delay * self._delayed))
         # a bus with a delay knows itself how long its drives may be silent
         silent = (self._silent >= self._patience) & ~self._delayed
         lost = mask_of(silent) & (bank.energized | bank.starting)

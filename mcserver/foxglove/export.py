@@ -15,7 +15,7 @@ from mcserver.foxglove import channels
 from mcserver.foxglove.channels import NS, WellKnown
 from mcserver.foxglove.log import log_message
 from mcserver.foxglove.motion import joint_states, moving_frames, standing_frames
-from mcserver.foxglove.scene import path_points, scene_update
+from mcserver.foxglove.scene import path_clouds, scene_update
 from mcserver.foxglove.shape import shape_of
 from mcserver.machine.machine_file import Machine
 from mcserver.recorder.reading import RecordedRun
@@ -74,7 +74,8 @@ def export(
         file.add(channels.ROBOT, first, channels.robot_description(shape.urdf))
     file.add(channels.STANDING_FRAMES, first, standing_frames(shape, first))
     file.add(channels.SCENE, first, scene_update(shape, first, paths))
-    file.add(channels.PATH, first, path_points(shape, first, paths))
+    for channel, cloud in path_clouds(shape, first, paths):
+        file.add(channel, first, cloud)
     frames = moving_frames(shape, times, positions)
     joints = joint_states(shape, times, positions, velocity, torque)
     for time_ns, frame, joint in zip(times, frames, joints, strict=True):
@@ -96,20 +97,22 @@ def thinned(time_s: Array, period_s: float) -> Array:
     return np.union1d(first, [len(time_s) - 1])
 
 
-def paths_of(machine: Machine, kinematics: MachineKinematics | None, positions: Array) -> Mapping[str, Array]:
-    """Return the way of each tool, or of the axes 0, 1 and 2, points (N, 3) [m], by name.
+def paths_of(
+    machine: Machine, kinematics: MachineKinematics | None, positions: Array
+) -> Mapping[int | None, Array]:
+    """Return the way of each tool, or of the axes 0, 1 and 2 (None), points (N, 3) [m].
 
     Args:
         positions: shape (N, K), of all the machine's axes [SI].
     """
     poses = ToolPoses(machine, kinematics)
     if poses.numbers:
-        return {f"path T{tool}": poses.of(tool, positions)[:, :3] * MM for tool in poses.numbers}
+        return {tool: poses.of(tool, positions)[:, :3] * MM for tool in poses.numbers}
     points = np.zeros((len(positions), 3))
     for column, axis in enumerate(machine.axes):
         if axis.index < 3:
             points[:, axis.index] = positions[:, column]
-    return {"path": points}
+    return {None: points}
 
 
 class _File:

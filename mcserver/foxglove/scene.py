@@ -15,7 +15,7 @@ from foxglove_schemas_protobuf.SceneUpdate_pb2 import SceneUpdate
 from foxglove_schemas_protobuf.TriangleListPrimitive_pb2 import TriangleListPrimitive
 from google.protobuf.timestamp_pb2 import Timestamp
 
-from mcserver.foxglove.channels import timestamp
+from mcserver.foxglove.channels import PATH, WellKnown, timestamp
 from mcserver.foxglove.shape import Shape
 from mcserver.view.solids import Array, Part, Solid
 
@@ -24,11 +24,11 @@ ZONE_ALPHA = 0.25
 LINE_PIXELS = 2.0
 
 
-def scene_update(shape: Shape, time_ns: int, paths: Mapping[str, Array]) -> bytes:
+def scene_update(shape: Shape, time_ns: int, paths: Mapping[int | None, Array]) -> bytes:
     """Write one ``foxglove.SceneUpdate`` of all bodies, zones and paths; it holds from then on.
 
     Args:
-        paths: by name, points (N, 3) in the frame of the machine's root [m].
+        paths: points (N, 3) in the frame of the tool's work [m], by tool; None: of the axes 0, 1 and 2.
     """
     stamp = timestamp(time_ns)
     entities = [
@@ -38,7 +38,7 @@ def scene_update(shape: Shape, time_ns: int, paths: Mapping[str, Array]) -> byte
             for number, part in enumerate(shape.zones, start=1)
         ),
     ]
-    for name, points in paths.items():
+    for tool, points in paths.items():
         line = LinePrimitive(
             type=LinePrimitive.LINE_STRIP,
             thickness=LINE_PIXELS,
@@ -47,22 +47,50 @@ def scene_update(shape: Shape, time_ns: int, paths: Mapping[str, Array]) -> byte
             color=_colour(PATH_COLOUR, 1.0),
         )
         entities.append(
-            SceneEntity(timestamp=stamp, frame_id=shape.tree.root, id=name, frame_locked=True, lines=[line])
+            SceneEntity(
+                timestamp=stamp,
+                frame_id=_base(shape, tool),
+                id="path" if tool is None else f"path T{tool}",
+                frame_locked=True,
+                lines=[line],
+            )
         )
     written: bytes = SceneUpdate(entities=entities).SerializeToString()
     return written
 
 
-def path_points(shape: Shape, time_ns: int, paths: Mapping[str, Array]) -> bytes:
-    """Write the points of all paths as ``foxglove.PointCloud``, for viewers that know no scene."""
-    points = np.concatenate([*paths.values(), np.empty((0, 3))])
+def path_clouds(
+    shape: Shape, time_ns: int, paths: Mapping[int | None, Array]
+) -> list[tuple[WellKnown, bytes]]:
+    """Write the points of the paths as ``foxglove.PointCloud``, for viewers that know no scene.
+
+    Returns:
+        One for each frame, with its channel: another frame than the root's has a topic of its own.
+    """
+    frames: dict[str, list[Array]] = {}
+    for tool, points in paths.items():
+        frames.setdefault(_base(shape, tool), []).append(points)
+    return [
+        (
+            PATH if frame == shape.tree.root else PATH._replace(topic=f"{PATH.topic}/{frame}"),
+            _cloud(frame, time_ns, np.concatenate(found)),
+        )
+        for frame, found in frames.items()
+    ]
+
+
+def _base(shape: Shape, tool: int | None) -> str:
+    return shape.tree.root if tool is None else shape.bases.get(tool, shape.tree.root)
+
+
+def _cloud(frame: str, time_ns: int, points: Array) -> bytes:
     fields = [
         PackedElementField(name=name, offset=4 * at, type=PackedElementField.FLOAT32)
         for at, name in enumerate("xyz")
     ]
     written: bytes = PointCloud(
         timestamp=timestamp(time_ns),
-        frame_id=shape.tree.root,
+        frame_id=frame,
         point_stride=12,
         fields=fields,
         data=np.ascontiguousarray(points, dtype="<f4").tobytes(),

@@ -21,7 +21,7 @@ from mcserver.view.gantry import gantry_parts, gantry_space
 from mcserver.view.meshes import load_mesh
 from mcserver.view.robot import robot_parts
 from mcserver.view.solids import Array, Part, Solid
-from mcserver.view.stage import Tool, Up, tree_up
+from mcserver.view.stage import Tool, Up, tree_up, work_links
 from mcserver.view.urdf import Joint, Link, Tree, read_tree
 
 # frames: all others hang on the first one, which stands with Z up
@@ -35,6 +35,7 @@ class Shape(NamedTuple):
         tree: its links, and frames of tips and carriages. up: shape (3,), which way of its root is up.
         columns: of the axes, by the joint (or leader) that each moves. joints: names for people, by column.
         parts, zones: solids in the frame of that name. urdf: text; empty: a portal.
+        bases: frames in which the poses of tools are, by number; those left out are in the root's.
     """
 
     tree: Tree
@@ -44,6 +45,7 @@ class Shape(NamedTuple):
     parts: Sequence[Part]
     zones: Sequence[Part]
     urdf: str
+    bases: Mapping[int, str] = MappingProxyType({})
 
 
 class Looks(NamedTuple):
@@ -107,7 +109,8 @@ def bare_shape(linear: Mapping[int, bool], looks: Looks, tools: Iterable[Tool], 
             names[column] = looks.joints[index]
             columns[names[column]] = column
     up = tree_up(tree, looks.joints, tools, Up.AUTO)
-    return Shape(tree, up, columns, names, robot_parts(tree, looks.meshes), (), looks.urdf)
+    bases = work_links(tree, tools)
+    return Shape(tree, up, columns, names, robot_parts(tree, looks.meshes), (), looks.urdf, bases)
 
 
 def _axis_key(index: int) -> str:

@@ -185,7 +185,7 @@ def _boss() -> list[str]:
 
 def _tool_length() -> list[str]:
     return [
-        "(the tool stands above the tool setter, whose top is at that height of the machine's Z)",
+        "(a tool of M6 stands above the tool setter, whose top is at that height of the machine's Z)",
         _HEAD,
         "G49",
         "#1 = #5422",

@@ -79,7 +79,7 @@ class MachineSection(msgspec.Struct, frozen=True):
         Meta(
             pattern=r"^(https?://[^\s/@?#]+(/\S*)?)?$",
             max_length=500,
-            description="the address of a still picture, http or https, without a name or password",
+            description="the address of a picture or of MJPEG, http or https, without a name or password",
         ),
     ] = ""
 

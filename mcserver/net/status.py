@@ -153,6 +153,7 @@ def machine_status(service: MachineService, units: EdgeUnits) -> MachineStatus:
         state=snapshot.states,
         homed=snapshot.homed,
         skew=units.skew(snapshot.position),
+        silent=snapshot.silent,
     )
     return MachineStatus(
         t=snapshot.time,

@@ -13,6 +13,7 @@ from scipy.spatial.transform import Rotation
 
 from mcserver.ros.interfaces import interfaces
 from mcserver.units import DEGREE, MM
+from mcserver.view.stage import work_links
 from mcserver.view.urdf import Tree
 
 Array = NDArray[np.float64]
@@ -28,9 +29,7 @@ class Frames:
 
     def __init__(self, tree: Tree, tools: Sequence[ToolInfo], prefix: str) -> None:
         self._prefix = prefix
-        # a joint stands for the link behind it
-        behind = {joint.name: joint.child for joint in tree.joints}
-        self._bases = {tool.number: behind.get(tool.work, tool.work) or tree.root for tool in tools}
+        self._bases = work_links(tree, tools)
         self._fixed = [joint for joint in tree.joints if joint.kind == "fixed"]
         self._moving = [joint for joint in tree.joints if joint.kind != "fixed"]
         self._euler = {tool.number: tool.euler for tool in tools}

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from mcserver.executor.client import ExecutorProcess
 from mcserver.executor.entries import Control
 from mcserver.executor.envelope_bounds import Envelope
-from mcserver.executor.shm.feedback import LATE, TIME, Block, homed_of
+from mcserver.executor.shm.feedback import LATE, TIME, Block, homed_of, silent_of
 from mcserver.executor.shm.target_box import Targets
 from mcserver.executor.view import SlotView
 from mcserver.machine.machine_file import Machine
@@ -47,6 +47,7 @@ class Snapshot(msgspec.Struct, frozen=True):
         inputs, outputs: in the order of the machine's model. owners: who has set each output last, as
             `mcserver.executor.io_bank` has it.
         homed: whether each axis knows where it is. turning: whether each axis is commanded a speed.
+        silent: whether each axis's drive does not answer: its values are old.
     """
 
     time: float
@@ -61,6 +62,7 @@ class Snapshot(msgspec.Struct, frozen=True):
     owners: list[int] = []
     homed: list[bool] = []
     turning: list[bool] = []
+    silent: list[bool] = []
 
 
 class ExecutorPort:
@@ -170,7 +172,7 @@ class ExecutorPort:
         if not row:
             raise RuntimeError("no cycle has passed yet")
         inputs, outputs, owners = history.channels_of(row)
-        homed = homed_of(row)
+        homed, silent = homed_of(row), silent_of(row)
         return Snapshot(
             time=row[TIME],
             setpoint=history.axes_of(row, Block.SETPOINT),
@@ -183,6 +185,7 @@ class ExecutorPort:
             outputs=outputs,
             owners=owners,
             homed=[bool(homed >> column & 1) for column in range(len(self._columns))],
+            silent=[bool(silent >> column & 1) for column in range(len(self._columns))] if silent else [],
             turning=[speed != 0.0 for speed in history.axes_of(row, Block.VELOCITY)],
         )
 

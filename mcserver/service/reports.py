@@ -200,6 +200,8 @@ class AxesStatus(msgspec.Struct, frozen=True):
 
     Attributes:
         homed: whether the axis knows where it is; axes without ``[axis.homing]`` always do.
+        silent: whether the axis's drive does not answer: its position, velocity and torque are old. Empty
+            while all answer.
         skew: of second drives of gantry pairs by how much they are further than their leaders [mm, deg]; of
             other axes 0. Empty on a machine without pairs.
     """
@@ -212,6 +214,7 @@ class AxesStatus(msgspec.Struct, frozen=True):
     state: list[AxisState]
     homed: list[bool] = []
     skew: list[float] = []
+    silent: list[bool] = []
 
 
 class ToolPose(msgspec.Struct, frozen=True):

@@ -1,4 +1,4 @@
-"""Which way is up in a picture of a machine."""
+"""How a picture of a machine stands: which way is up, and what carries the work of each tool."""
 
 from __future__ import annotations
 
@@ -13,8 +13,12 @@ from mcserver.view.urdf import Tree
 
 
 class Tool(Protocol):
-    """A tool of a machine file, or of a machine's answer: a frame of the URDF, and its chain's axes."""
+    """A tool of a machine file, or of a machine's answer: frames of the URDF, and its chain's axes."""
 
+    @property
+    def number(self) -> int: ...
+    @property
+    def work(self) -> str | None: ...
     @property
     def frame(self) -> str: ...
     @property
@@ -63,3 +67,10 @@ def tree_up(tree: Tree, joints: Mapping[int, str], tools: Iterable[Tool], wanted
             tips.append(placed[tool.frame][:3, 3])
             hips.append(hips_of[first])
     return up_of(wanted, tips, hips)
+
+
+def work_links(tree: Tree, tools: Iterable[Tool]) -> dict[int, str]:
+    """Return the link in whose frame the poses of each tool are, by its number: of its work, or the root."""
+    # a joint stands for the link behind it
+    behind = {joint.name: joint.child for joint in tree.joints}
+    return {tool.number: behind.get(tool.work or "", tool.work) or tree.root for tool in tools}

@@ -164,16 +164,20 @@ _COMMANDS = {
     "zero": mark("use Zero or Set in the card Position"),
     "run": mark("run it from the line"),
     "continue": mark("press Continue"),
+    "arm": mark("use the card Runs to arm"),
+    # of the SDK that runs the page's programs
+    "program": mark("run it again"),
 }
 _COMMAND = re.compile(
-    r"(?:machine\.continue_program\([^)]*\), or )?"
-    r"mcctl (home|reference|reset|resume|zero|run|continue)(?: (?:--[a-z-]+|[A-Z][A-Z0-9=.-]*|\[\d+\]))*"
+    r"(?:machine\.continue_program\([^)]*\), or )?mcctl"
+    r" (home|reference|reset|resume|zero|run|continue|arm)(?: (?:--[a-z-]+|[A-Z][A-Z0-9=.-]*|\[\d+\]))*"
+    r"|open another one with machine\.(program)\(\)"
 )
 
 
 def page_hint(hint: str) -> str:
     """Return a remedy with the page's own buttons in the place of commands of a terminal."""
-    return _COMMAND.sub(lambda found: t(_COMMANDS[found[1]]), t(hint))
+    return _COMMAND.sub(lambda found: t(_COMMANDS[found[1] or found[2]]), t(hint))
 
 
 def channel_text(kind: str, value: float, unit: str) -> str:

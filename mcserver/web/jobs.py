@@ -77,7 +77,7 @@ class Job:
         path: where it goes from there, as the call ``simulate`` gives it; None where that is not known.
         program: the server's id, once it runs. single_step: its lines wait to be started.
         stepped: number of the last line that was started so. switches: of the operator who queued it.
-        thumbnail: the picture that the slicer has put into its text.
+        thumbnail: the picture that the slicer has put into its text. is_file: whether it is a stored program.
     """
 
     def __init__(
@@ -94,6 +94,7 @@ class Job:
         self.name = name
         self.lines = text.split("\n")
         self.thumbnail = find_thumbnail(text)
+        self.is_file = False
         self.user = user
         self.from_line = from_line
         self.middle = middle
@@ -176,6 +177,7 @@ class JobQueue:
         self._refuse_more()
         text, switches = self._store.read(name), switches or self.switches
         job = Job(next(self._numbers), name, text, user, from_line, middle, switches)
+        job.is_file = True
         if not 1 <= from_line <= len(job.lines):
             raise MotionError(
                 "MC062",

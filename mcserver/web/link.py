@@ -76,6 +76,8 @@ class MachineLink:
         self.run_requests = RunRequests()
         self.recorded = RecordedFiles(store.folder / ".recordings")
         self.answers = SharedAnswers(time.monotonic)
+        # set, and replaced, when a state comes
+        self._came = asyncio.Event()
         self._made: dict[tuple[str, str], tuple[MachineStatus, str]] = {}
         self._connect = connect
         self._config_file = config_file
@@ -116,6 +118,10 @@ class MachineLink:
         if known is None or known[0] is not status:
             known = self._made[place] = (status, make(status))
         return known[1]
+
+    async def next_status(self) -> None:
+        """Wait for the next state."""
+        await self._came.wait()
 
     def connected(self) -> Machine:
         """The machine; raises MotionError (MC530) while it is not connected."""
@@ -161,6 +167,8 @@ class MachineLink:
         async for status in machine.telemetry():
             self.status = status
             self.history.append(status)
+            came, self._came = self._came, asyncio.Event()
+            came.set()
 
     async def _look_for_clients(self, machine: Machine) -> None:
         while True:

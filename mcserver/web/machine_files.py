@@ -4,22 +4,19 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import AsyncIterator
-from functools import partial
 
 from fastapi import FastAPI, HTTPException, Request, Response
 from fastapi.responses import FileResponse, StreamingResponse
 from mcclient import MotionError
 
 from mcserver.errors import ServiceError
-from mcserver.web.camera import fetch_picture
+from mcserver.web.camera import camera_picture
 from mcserver.web.fleet import Fleet
 from mcserver.web.link import MachineLink
 from mcserver.web.robot_model import fetch_model
 from mcserver.web.sessions import COOKIE, Sessions
 from mcserver.web.thumbnails import Thumbnail
 
-# However many look, the camera is asked once in so long [s].
-CAMERA_S = 0.9
 # A plot is a page of its own with scripts of its own; it must not act for who is logged in.
 PLOT_HEADERS = {"Content-Security-Policy": "sandbox allow-scripts allow-downloads"}
 
@@ -54,8 +51,7 @@ def add_machine_files(site: FastAPI, sessions: Sessions, fleet: Fleet) -> None:
     async def camera(request: Request, name: str) -> Response:
         link = opened(request, name)
         try:
-            address = link.connected().info.camera
-            kind, content = await link.answers.get("camera", CAMERA_S, partial(fetch_picture, address))
+            kind, content = await camera_picture(link)
         except MotionError as error:
             return _refusal(error)
         return Response(content, media_type=kind, headers={"Cache-Control": "no-store"})

@@ -44,6 +44,8 @@ from mcserver.web.sessions import Visitor
 from mcserver.web.translation import mark, t
 
 REFRESH_S = 0.1
+# positions, at the most: they are shown as they come
+FOLLOW_S = 0.01
 # charts, pictures and lists, in refreshes: drawing them is what costs a phone its battery
 SLOW_EVERY = 4
 # signs of life, in refreshes: a page that gets none says so
@@ -88,7 +90,7 @@ class MachinePage:
                         self._arming = ArmingPanel(actions)
                     with _place(3):
                         self._controls()
-                    with _place(4):
+                    with _place(6):
                         self._buttons = ButtonsPanel(actions)
                     with _place(6):
                         self._program = ProgramPanel(actions, self._recovery)
@@ -134,6 +136,8 @@ class MachinePage:
             client.on_connect(lambda: ui.run_javascript("mcWatchOnly()"))
         ui.timer(REFRESH_S, self.update)
         ui.timer(SLOW_S, self.ask)
+        follower = ui.timer(FOLLOW_S, self._follow)
+        client.on_delete(lambda: follower.cancel(with_current_invocation=True))
         client.on_connect(self._enter)
         client.on_disconnect(self._held.release)
         client.on_disconnect(self._tool_jog.drop)
@@ -155,6 +159,12 @@ class MachinePage:
         if self._looking:
             self._looking = False
             self._link.leave(self._visitor.name)
+
+    async def _follow(self) -> None:
+        """Show where the axes are as soon as the server says it, not at the next refresh."""
+        await self._link.next_status()
+        if self._link.machine is not None:
+            self._positions.update(self._link.machine.info)
 
     async def ask(self) -> None:
         """Refresh what the server is asked for, not what it says by itself."""

@@ -7,6 +7,7 @@ import contextlib
 import json
 import math
 import shutil
+import zlib
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -22,7 +23,7 @@ from mcserver.view.gantry import gantry_parts
 from mcserver.view.meshes import load_mesh
 from mcserver.view.robot import robot_parts
 from mcserver.view.solids import Array, Part, Solid
-from mcserver.view.stage import Tool, Up, tree_up, up_of
+from mcserver.view.stage import Tool, Up, tree_up, up_of, work_links
 from mcserver.view.urdf import Joint, read_tree
 
 MM_PER_M = 1000.0
@@ -36,8 +37,8 @@ async def fetch_model(machine: Machine, folder: Path) -> bytes:
         folder: keeps the answers between starts of the page; those of older models are deleted.
 
     Returns:
-        JSON for static/space.js: ``up``, and ``parts``, each a link with its joint and its ``solids``, then
-        frames, bodies and zones.
+        JSON for static/space.js: ``up``; ``parts``, each a link with its joint and its ``solids``, then
+        frames, bodies and zones; and ``bases``, the links in whose frames poses are, by tool.
 
     Raises:
         MotionError: the machine does not answer, or its files cannot be read.
@@ -46,7 +47,8 @@ async def fetch_model(machine: Machine, folder: Path) -> bytes:
     digest = found.digest or "none"
     if not (digest.isascii() and digest.isalnum()):
         raise MotionError("MC587", "the model's digest is no digest", "is the server of another version?")
-    kept = folder / f"{digest}.json"
+    tools = zlib.crc32(repr(machine.info.tools).encode())
+    kept = folder / f"{digest}-{tools:08x}.json"
     with contextlib.suppress(OSError):
         return kept.read_bytes()
     work = folder / "meshes"
@@ -105,7 +107,9 @@ def model_json(
     # parents come first
     names = [tree.root, *(joint.child for joint in tree.joints)]
     parts = [_part(shapes[name], by_child.get(name), axes) for name in names if name in shapes]
-    return _json(tree_up(tree, joints, tools, up), [*parts, *extra])
+    tools = list(tools)
+    bases = {f"T{tool}": link for tool, link in work_links(tree, tools).items()}
+    return _json(tree_up(tree, joints, tools, up), [*parts, *extra], bases)
 
 
 def _body_parts(body: ModelBody, meshes: Mapping[str, Path]) -> list[dict[str, Any]]:
@@ -150,8 +154,8 @@ def portal_json(axes: Iterable[int], low: Array, high: Array, up: Up = Up.AUTO) 
     return _json(up_of(up, (), ()), parts)
 
 
-def _json(up: Array, parts: list[dict[str, Any]]) -> bytes:
-    return json.dumps({"up": up.tolist(), "parts": parts}).encode()
+def _json(up: Array, parts: list[dict[str, Any]], bases: Mapping[str, str] | None = None) -> bytes:
+    return json.dumps({"up": up.tolist(), "parts": parts, "bases": bases or {}}).encode()
 
 
 def _part(part: Part, joint: Joint | None, axes: Mapping[str, int]) -> dict[str, Any]:

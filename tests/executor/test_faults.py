@@ -9,7 +9,7 @@ from mcserver.drives.bus import DriveFault
 from mcserver.drives.simulated import SimulatedBus
 from mcserver.executor.entries import ControlKind, EventKind
 from mcserver.executor.fault_codes import FaultCode, remedy_of
-from mcserver.executor.shm.feedback import AxisCondition, SlotState
+from mcserver.executor.shm.feedback import AxisCondition, SlotState, silent_of
 from mcserver.motion.canonical import AxisOperation
 from tests.executor.rig import CYCLE_S, Program, Rig, machine, quintic
 
@@ -86,6 +86,12 @@ def test_a_silent_drive_is_lost_after_some_cycles_and_named() -> None:
     bus.silence(0)
     fault = rig.run_until(EventKind.FAULT, limit=20)
     assert (fault.code, fault.axis) == (411, 0)
+    # what it said last is old, its velocity too, until it answers again
+    assert rig.executor.executor.row.actual_velocity[0] > 0.1
+    assert silent_of(rig.executor.executor.row.row) == 0b01
+    bus.silence(0, 1)
+    rig.step(3)
+    assert silent_of(rig.executor.executor.row.row) == 0
 
 
 def test_a_drive_that_is_silent_for_two_cycles_only_is_no_fault() -> None:

@@ -6,10 +6,11 @@ import numpy as np
 import pytest
 from foxglove_schemas_protobuf.FrameTransforms_pb2 import FrameTransforms
 from foxglove_schemas_protobuf.JointStates_pb2 import JointStates
+from foxglove_schemas_protobuf.PointCloud_pb2 import PointCloud
 from foxglove_schemas_protobuf.SceneUpdate_pb2 import SceneUpdate
 
 from mcserver.foxglove.motion import joint_states, moving_frames, standing_frames
-from mcserver.foxglove.scene import ZONE_ALPHA, scene_update
+from mcserver.foxglove.scene import ZONE_ALPHA, path_clouds, scene_update
 from mcserver.foxglove.shape import PORTAL, WORLD, Shape, shape_of
 from mcserver.machine.machine_file import Machine, load_machine
 from mcserver.machine.machine_kinematics import build_kinematics
@@ -82,7 +83,7 @@ def test_bodies_hang_on_what_carries_them() -> None:
 def test_zones_are_seen_through_and_bodies_are_not() -> None:
     machine = mill(VISE, DOOR)
     shape = shape_of(machine, build_kinematics(machine), CUBE)
-    path = {"path": np.zeros((3, 3))}
+    path = {None: np.zeros((3, 3))}
     entities = SceneUpdate.FromString(scene_update(shape, 7, path)).entities
     (zone,) = (each for each in entities if each.id == "zone 1")
     (line,) = (each for each in entities if each.id == "path")
@@ -93,6 +94,16 @@ def test_zones_are_seen_through_and_bodies_are_not() -> None:
     assert len(line.lines[0].points) == 3
     assert len({each.id for each in entities}) == len(entities)
     assert all(each.frame_locked for each in entities)
+
+
+def test_the_path_of_a_tool_goes_along_with_the_table_that_carries_its_work() -> None:
+    machine = load_machine("examples/trunnion-mill.toml")
+    shape = shape_of(machine, build_kinematics(machine), CUBE)
+    paths = {1: np.zeros((3, 3))}
+    scene = SceneUpdate.FromString(scene_update(shape, 7, paths))
+    assert [each.frame_id for each in scene.entities if each.id == "path T1"] == ["table"]
+    ((channel, message),) = path_clouds(shape, 7, paths)
+    assert (channel.topic, PointCloud.FromString(message).frame_id) == ("/path/table", "table")
 
 
 def test_joints_have_the_names_of_the_urdf_and_only_what_was_measured() -> None:

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import gzip
+from collections.abc import AsyncIterator
+
 import httpx
 import pytest
 from mcclient import MotionError
@@ -12,6 +15,8 @@ from mcserver.web.camera import MAX_BYTES, fetch_picture
 
 ADDRESS = "http://camera/still.jpg"
 JPEG = {"content-type": "image/jpeg"}
+STREAM = {"content-type": "multipart/x-mixed-replace;boundary=cut"}
+PICTURE = b"\xff\xd8\xff\xe0 a picture"
 
 
 async def fetched(*answers: httpx.Response) -> tuple[str, bytes]:
@@ -20,7 +25,16 @@ async def fetched(*answers: httpx.Response) -> tuple[str, bytes]:
 
 
 async def test_a_picture_is_passed_on() -> None:
-    assert await fetched(httpx.Response(200, headers=JPEG, content=b"jpeg")) == ("image/jpeg", b"jpeg")
+    assert await fetched(httpx.Response(200, headers=JPEG, content=PICTURE)) == ("image/jpeg", PICTURE)
+
+
+async def test_of_a_stream_the_first_picture_is_taken_and_the_rest_is_left() -> None:
+    async def endless() -> AsyncIterator[bytes]:
+        while True:
+            yield b"--cut\r\nContent-Type: image/jpeg\r\n\r\n" + PICTURE[:9]
+            yield PICTURE[9:] + b"\r\n"
+
+    assert await fetched(httpx.Response(200, headers=STREAM, content=endless())) == ("image/jpeg", PICTURE)
 
 
 @pytest.mark.parametrize(
@@ -30,7 +44,11 @@ async def test_a_picture_is_passed_on() -> None:
         httpx.Response(200, headers={"content-type": "text/html"}, content=b"<script>"),
         httpx.Response(200, headers={"content-type": "image/svg+xml"}, content=b"<svg>"),
         httpx.Response(404, headers=JPEG),
-        httpx.Response(200, headers=JPEG, content=bytes(MAX_BYTES + 1)),
+        httpx.Response(200, headers=JPEG, content=PICTURE + bytes(MAX_BYTES)),
+        httpx.Response(200, headers=JPEG),
+        httpx.Response(200, headers=JPEG, content=b"<svg>"),
+        httpx.Response(200, headers={**JPEG, "content-encoding": "gzip"}, content=gzip.compress(PICTURE)),
+        httpx.Response(200, headers=STREAM, content=b"--cut\r\n" + bytes(MAX_BYTES)),
     ],
 )
 async def test_what_is_no_picture_is_refused(answer: httpx.Response) -> None:

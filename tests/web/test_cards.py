@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import time
 from types import SimpleNamespace
 from typing import Any, cast
@@ -123,6 +124,14 @@ def test_positions_are_shown_in_the_machine_and_in_g54() -> None:
     assert "<td class=n>12.000 mm</td><td class=n>2.000</td>" in text
     assert "off, not homed" in text
     assert "G54" not in positions_html(STATUS, INFO, work=False)
+    assert "old" not in text
+
+
+def test_values_of_a_drive_that_is_silent_are_marked_as_old() -> None:
+    silent = [index == 1 for index in range(len(STATUS.axes.index))]
+    axes = dataclasses.replace(STATUS.axes, silent=tuple(silent))
+    text = positions_html(dataclasses.replace(STATUS, axes=axes), INFO, work=True)
+    assert text.count("its drive is silent: old values") == text.count("<tr class=mc-old>") == 1
     assert [system_name(number) for number in (1, 6, 7, 9)] == ["G54", "G59", "G59.1", "G59.3"]
 
 

@@ -103,6 +103,12 @@ def test_remedies_name_the_page_s_buttons_and_no_commands() -> None:
     assert page_hint("once it is clear, machine.continue_program('6b-4'), or mcctl continue") == (
         "once it is clear, press Continue"
     )
+    assert page_hint("an operator arms it, once: mcctl arm") == (
+        "an operator arms it, once: use the card Runs to arm"
+    )
+    assert page_hint("once it is clear, open another one with machine.program()") == (
+        "once it is clear, run it again"
+    )
 
 
 def test_warnings_alone_are_shown_as_warnings_and_with_a_fault_each_says_which_it_is() -> None:

@@ -80,6 +80,16 @@ def test_a_day_s_end_begins_another_folder(tmp_path: Path) -> None:
     assert len(list(tmp_path.glob("events/day=*"))) == 2
 
 
+def test_an_emergency_stop_among_the_faults_says_what_it_is_and_whose(tmp_path: Path) -> None:
+    kept = folder_of(tmp_path)
+    stop = Event(seq=7, t=4.0, wall=NOON + 4.0, instance="i", kind="estop", reason="by ada on the page")
+    kept.append(event_rows("cell-1", stop))
+    kept.close()
+    names, (row,) = ask("faults", tmp_path)
+    found = dict(zip(names, row, strict=True))
+    assert (found["code"], found["message"]) == ("estop", "by ada on the page")
+
+
 def test_faults_are_found_with_code_axis_and_line(tmp_path: Path) -> None:
     filled(tmp_path)
     names, rows = ask("faults", tmp_path)

@@ -384,6 +384,8 @@ class AxesStatus:
         homed: whether the axis knows where it is; axes without ``[axis.homing]`` always do.
         skew: of second drives of gantry pairs by how much they are further than their leaders [mm, deg];
             of other axes 0. Empty on a machine without pairs.
+        silent: whether the axis's drive does not answer: its position, velocity and torque are old. Empty
+            while all answer.
     """
 
     index: tuple[int, ...]
@@ -394,6 +396,7 @@ class AxesStatus:
     state: tuple[AxisState, ...]
     homed: tuple[bool, ...] = ()
     skew: tuple[float, ...] = ()
+    silent: tuple[bool, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)

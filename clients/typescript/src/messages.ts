@@ -161,6 +161,8 @@ export interface AxesStatus {
    * Empty on a machine without pairs.
    */
   skew?: number[];
+  /** whether the axis's drive does not answer: its position, velocity and torque are old. Empty while all answer. */
+  silent?: boolean[];
 }
 
 /** How an axis moves otherwise; the other program's minus this one's [mm or deg]. */

@@ -23,9 +23,9 @@ CYCLES = 2048
 GUARD = 8
 
 _HEADER_WORDS = 8
-TIME, CYCLE, LATE, LOST_EVENTS, LINE, ESTOP, INTERLOCK, _HOMED_LOW, _HOMED_HIGH = range(9)
+TIME, CYCLE, LATE, LOST_EVENTS, LINE, ESTOP, INTERLOCK, _HOMED, _SILENT = (*range(8), 9)
 _HALF = (1 << 32) - 1
-_HEAD = 9
+_HEAD = 11
 SLOT_U, SLOT_RATE, SLOT_STATE, SLOT_GENERATION = range(4)
 _SLOT = 4
 
@@ -144,9 +144,17 @@ class FeedbackRow:
         self.ordered, self.ordered_velocity = self.setpoint.copy(), self.velocity.copy()
 
     def set_homed(self, mask: int) -> None:
-        """Write which columns have a reference; a double holds 53 bits, so in two halves."""
-        self.cells[_HOMED_LOW] = mask & _HALF
-        self.cells[_HOMED_HIGH] = mask >> 32 & _HALF
+        """Write which columns have a reference."""
+        self._set_mask(_HOMED, mask)
+
+    def set_silent(self, mask: int) -> None:
+        """Write which columns have a drive that does not answer: what it said last is old."""
+        self._set_mask(_SILENT, mask)
+
+    def _set_mask(self, at: int, mask: int) -> None:
+        # a double holds 53 bits
+        self.cells[at] = mask & _HALF
+        self.cells[at + 1] = mask >> 32 & _HALF
 
     def set_slot(self, slot: int, u: float, rate: float, state: int, generation: int) -> None:
         at = self._slots_at + slot * _SLOT
@@ -159,7 +167,16 @@ class FeedbackRow:
 
 def homed_of(row: Sequence[float] | Array) -> int:
     """Return the mask of the columns that have a reference, of a row."""
-    return int(row[_HOMED_LOW]) | int(row[_HOMED_HIGH]) << 32
+    return _mask_at(row, _HOMED)
+
+
+def silent_of(row: Sequence[float] | Array) -> int:
+    """Return the mask of the columns whose drives do not answer, of a row."""
+    return _mask_at(row, _SILENT)
+
+
+def _mask_at(row: Sequence[float] | Array, at: int) -> int:
+    return int(row[at]) | int(row[at + 1]) << 32
 
 
 def row_width(axes: int, inputs: int = 0, outputs: int = 0) -> int:

@@ -81,7 +81,9 @@ class ButtonsPanel:
         if chosen is None or not self._may(button):
             return
         try:
-            self._actions.link.jobs.add_text(button.name, chosen, self._actions.visitor.name)
+            # what it sets is kept with this name
+            name, user = button.name, self._actions.visitor.name
+            self._actions.link.jobs.add_text(f"{name} by {user}", chosen, user)
         except MotionError as error:
             show_refusal(error.message, error.hint)
 

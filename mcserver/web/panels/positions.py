@@ -172,6 +172,7 @@ def positions_html(
     columns = zip(axes.index, axes.position, axes.setpoint, axes.velocity, axes.state, strict=True)
     homed = dict(zip(axes.index, axes.homed, strict=False))
     skew = dict(zip(axes.index, axes.skew, strict=False))
+    silent = dict(zip(axes.index, axes.silent, strict=False))
     for index, position, setpoint, velocity, state in columns:
         unit = units.get(index, "")
         shown_state = t(state)
@@ -179,9 +180,12 @@ def positions_html(
             shown_state = f"{shown_state}, {t('not homed')}"
         if skew.get(index):
             shown_state += f", {t('skew')} {position_text(skew[index])} {unit}"
+        if silent.get(index):
+            shown_state += f", {t('its drive is silent: old values')}"
+        row = "<tr class=mc-old>" if silent.get(index) else "<tr>"
         in_work = f"<td class=n>{position_text(in_g54[index])}</td>" if work else ""
         rows.append(
-            f"<tr><td>{axis_name(index)}{joint_html(joints, index)}</td>"
+            f"{row}<td>{axis_name(index)}{joint_html(joints, index)}</td>"
             f"<td class=n>{position_text(position)} {unit}</td>{in_work}"
             f"<td{less}>{position_text(setpoint)}</td>"
             f"<td{titles[-1][1]}>{velocity_text(velocity)}<span class=mc-wide> {unit}/s</span></td>"

@@ -270,7 +270,11 @@ class ProgramPanel:
         faulty = {each.line: each.message for each in job.diagnostics if each.severity == "error"}
         remedy = f"<br>= {html.escape(page_hint(job.hint))}" if job.hint else ""
         if faulty:
-            back = t("To go on: correct the file and upload it again.")
+            back = (
+                t("To go on: correct the file and upload it again.")
+                if job.is_file
+                else t("To go on: correct what is wrong, then run it again.")
+            )
         elif at is None:
             back = t("To go on: remove the cause, then run it again.")
         else:

@@ -62,6 +62,9 @@ export default {
     this.marks = [];
     this.jointFrames = [];
     this.axisParts = new Map();
+    this.links = new Map();
+    this.bases = {};
+    this.holders = new Map();
     this.toolBodies = [];
     this.zones = [];
     this.bodies = { tools: [], inputs: {} };
@@ -159,6 +162,8 @@ export default {
       this.axisParts.clear();
       [this.toolBodies, this.zones] = [[], []];
       const groups = new Map();
+      this.links = groups;
+      this.bases = model.bases ?? {};
       for (const part of model.parts) {
         const group = new THREE.Group();
         if (part.pose) new THREE.Matrix4().fromArray(part.pose).transpose().decompose(group.position, group.quaternion, group.scale);
@@ -192,7 +197,7 @@ export default {
         }
       }
       this.world.quaternion.setFromUnitVectors(new THREE.Vector3(...model.up), new THREE.Vector3(0, 0, 1));
-      this.world.updateMatrixWorld(true);
+      this.carry();
       this.showBodies(this.bodies);
       if (this.last) this.place(this.last);
       this.frames(this.framesShown);
@@ -254,6 +259,7 @@ export default {
           }
         }
       }
+      this.carry();
       if (state.restart) for (const trail of this.trails.values()) { trail.points = []; this.fill(trail.line, []); }
       for (const [label, points] of Object.entries(state.trail ?? {})) {
         const trail = this.trails.get(label) ?? this.newTrail(label);
@@ -270,17 +276,40 @@ export default {
       this.draw();
     },
 
+    // what the coordinates of a tip are relative to: the link that carries its work, or the machine's base
+    holder(label) {
+      let holder = this.holders.get(label);
+      if (!holder) {
+        holder = new THREE.Group();
+        holder.matrixAutoUpdate = false;
+        this.holders.set(label, holder);
+        this.content.add(holder);
+        this.carry();
+      }
+      return holder;
+    },
+
+    // take tips and paths along with the links that carry their work
+    carry() {
+      this.world.updateMatrixWorld(true);
+      for (const [label, holder] of this.holders) {
+        const link = this.links.get(this.bases[label]);
+        holder.matrix.copy(this.world.matrixWorld).invert().multiply((link ?? this.world).matrixWorld);
+      }
+      this.world.updateMatrixWorld(true);
+    },
+
     newTrail(label) {
       const trail = { points: [], line: polyline("trail", TRAIL_POINTS + 64) };
       this.trails.set(label, trail);
-      this.content.add(trail.line);
+      this.holder(label).add(trail.line);
       return trail;
     },
 
     newTip(label) {
       const tip = new THREE.Mesh(new THREE.SphereGeometry(1, 16, 12), new THREE.MeshLambertMaterial({ color: colours().tip }));
       this.tips.set(label, tip);
-      this.content.add(tip);
+      this.holder(label).add(tip);
       return tip;
     },
 
@@ -294,7 +323,7 @@ export default {
 
     // path: {lines: [n], tips: [{tool, points}]}, or null
     plan(path) {
-      for (const each of this.planned) this.content.remove(each.come, each.done, each.now);
+      for (const { come, done, now } of this.planned) for (const line of [come, done, now]) line.removeFromParent();
       this.planned = [];
       for (const { tool, points } of path?.tips ?? []) {
         const come = polyline("come", points.length), done = polyline("done", points.length);
@@ -303,8 +332,9 @@ export default {
         for (const line of [done, now]) line.geometry.setAttribute("position", come.geometry.getAttribute("position"));
         // in sight wherever another lap of the path, or the machine, lies in front of it
         now.traverse((part) => { part.renderOrder = 1; part.material.depthTest = false; });
-        this.content.add(come, done, now);
-        this.planned.push({ label: tool === null ? "" : `T${tool}`, points, lines: path.lines, come, done, now, at: 0 });
+        const label = tool === null ? "" : `T${tool}`;
+        this.holder(label).add(come, done, now);
+        this.planned.push({ label, points, lines: path.lines, come, done, now, at: 0 });
       }
       this.moved = false;
       this.fit();
@@ -332,10 +362,12 @@ export default {
     bounds() {
       const box = new THREE.Box3();
       if (this.body.children.length) box.expandByObject(this.body);
-      for (const { points } of [...this.trails.values(), ...this.planned]) {
-        for (const point of points) box.expandByPoint(this.inWorld(point));
+      const paths = [...this.trails].map(([label, { points }]) => ({ label, points }));
+      for (const { label, points } of [...paths, ...this.planned]) {
+        for (const point of points) box.expandByPoint(this.inWorld(point, label));
       }
-      for (const { position } of [...this.tips.values(), ...this.marks]) box.expandByPoint(this.inWorld(position.toArray()));
+      for (const [label, { position }] of this.tips) box.expandByPoint(this.inWorld(position.toArray(), label));
+      for (const { position } of this.marks) box.expandByPoint(this.inWorld(position.toArray(), ""));
       return box;
     },
 
@@ -367,10 +399,10 @@ export default {
       const box = canvas.getBoundingClientRect();
       const at = new THREE.Vector2(event.clientX - box.left, event.clientY - box.top);
       let nearest = PICK_PIXELS, picked = 0;
-      for (const { points, lines } of this.planned) {
+      for (const { label, points, lines } of this.planned) {
         let before = null;
         points.forEach((point, index) => {
-          const { x, y, z } = this.inWorld(point).project(this.camera);
+          const { x, y, z } = this.inWorld(point, label).project(this.camera);
           // behind the camera there is nothing to click on
           const here = z > 1 ? null : new THREE.Vector2((x + 1) * box.width / 2, (1 - y) * box.height / 2);
           const far = here === null ? Infinity : distance(at, before ?? here, here);
@@ -381,12 +413,12 @@ export default {
       if (picked) this.$emit("picked", picked);
     },
 
-    inWorld(point) { return new THREE.Vector3(...point).applyQuaternion(this.world.quaternion); },
+    inWorld(point, label) { return new THREE.Vector3(...point).applyMatrix4(this.holder(label).matrixWorld); },
 
     // what is drawn may outgrow the view while it moves: look at all of it again, unless somebody has turned the view
     follow(tips) {
       if (this.moved) return;
-      const outside = !this.fresh && Object.values(tips).some((at) => !this.box.containsPoint(this.inWorld(at)));
+      const outside = !this.fresh && Object.entries(tips).some(([label, at]) => !this.box.containsPoint(this.inWorld(at, label)));
       if (outside || this.fresh) this.fit();
     },
 

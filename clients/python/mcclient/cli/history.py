@@ -34,7 +34,8 @@ SPANS = {
 }
 QUESTIONS = {
     # beside a fault the black box that was written for it
-    "faults": "SELECT time, machine, code, axis, line, program, message,"
+    "faults": "SELECT time, machine, coalesce(code, kind) AS code, axis, line, program,"
+    " coalesce(nullif(message, ''), reason) AS message,"
     " (SELECT min_by(box.message, box.time) FROM events box WHERE box.kind = 'recording'"
     " AND box.machine = events.machine AND box.message LIKE 'blackbox-%'"
     " AND box.time BETWEEN events.time AND events.time + INTERVAL 2 MINUTE) AS recording"

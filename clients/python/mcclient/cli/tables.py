@@ -104,6 +104,9 @@ def _axes_table(info: Info, status: MachineStatus, rows: int | None) -> Table:
             unit,
             state_text(axes.state[row]),
         ]
+        if axes.silent and axes.silent[row]:
+            # its drive does not answer
+            cells[-1] = Text.assemble(cells[-1], ", silent: old values")
         if homing:
             cells.append(_homed_text(axes.index[row] in homing, homed=axes.homed[row]))
         if axes.skew:

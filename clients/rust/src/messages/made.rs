@@ -226,6 +226,10 @@ pub struct AxesStatus {
     /// axes 0. Empty on a machine without pairs.
     #[serde(default)]
     pub skew: Vec<f64>,
+    /// whether the axis's drive does not answer: its position, velocity and torque are old. Empty while all
+    /// answer.
+    #[serde(default)]
+    pub silent: Vec<bool>,
 }
 
 /// How an axis moves otherwise; the other program's minus this one's \[mm or deg\].

@@ -273,10 +273,12 @@ public final class Messages {
      * @param homed whether the axis knows where it is; axes without `[axis.homing]` always do.
      * @param skew of second drives of gantry pairs by how much they are further than their leaders [mm, deg]; of
      *     other axes 0. Empty on a machine without pairs.
+     * @param silent whether the axis's drive does not answer: its position, velocity and torque are old. Empty
+     *     while all answer.
      */
     public record AxesStatus(
             List<Long> index, List<Double> position, List<Double> setpoint, List<Double> velocity, List<Double> torque,
-            List<AxisState> state, @Sparse List<Boolean> homed, @Sparse List<Double> skew) {}
+            List<AxisState> state, @Sparse List<Boolean> homed, @Sparse List<Double> skew, @Sparse List<Boolean> silent) {}
 
     /**
      * How an axis moves otherwise; the other program's minus this one's [mm or deg].
