@@ -80,6 +80,9 @@ class ServoEnv(gymnasium.Env[Array, Array]):
         self.action_space = gymnasium.spaces.Box(-1.0, 1.0, (width,), np.float64)
         most = self.most_observed()
         self.observation_space = gymnasium.spaces.Box(-most, most, dtype=np.float64)
+        self._time = 0.0
+        # where the tool is, once it has been asked for in a step
+        self._tip_seen: Linearised | None = None
         self._begin(self.start)
 
     @property
@@ -133,12 +136,12 @@ class ServoEnv(gymnasium.Env[Array, Array]):
         if targets is not None:
             self._follower.take(targets)
         newest = self._follower.newest
-        times = self._time + cycle_s * np.arange(1, self.cycles + 1)
+        times = np.asarray(self._time + cycle_s * np.arange(1, self.cycles + 1), np.float64)
         self._time = float(times[-1])
         # messages count for whole periods
         counts = newest is not None and self._time < newest.until + 0.5 * cycle_s
         self._follower.step(times, 1.0 if counts else 0.0)
-        self._now = None
+        self._tip_seen = None
         reward, terminated = self.judge()
         return self.observe(), reward, terminated, False, self._info()
 
@@ -182,15 +185,14 @@ class ServoEnv(gymnasium.Env[Array, Array]):
         return self._tool.chain.single.linearise(positions[self._columns].tolist())
 
     def _tip_now(self) -> Linearised:
-        """Where the tool is, computed once a step."""
-        if self._now is None:
-            self._now = self._linearise(self.positions)
-        return self._now
+        if self._tip_seen is None:
+            self._tip_seen = self._linearise(self.positions)
+        return self._tip_seen
 
     def _begin(self, places: Array) -> None:
         axes, cycle_s = self.machine.axes, self.machine.cycle_s
         self._time, self._seq = 0.0, 0
-        self._now: Linearised | None = None
+        self._tip_seen = None
         self._stream = TargetStream(axes, cycle_s, self.kinematics)
         self._follower = TargetFollower(axes, places, at=0.0, cycle_s=cycle_s)
 
