@@ -18,6 +18,7 @@ PYTHON = {
     "mcclient": "clients/python",
     "mcbenchmark": "clients/benchmark",
     "mcclient_gym": "clients/gym",
+    "lerobot_robot_mcserver": "clients/lerobot",
 }
 
 

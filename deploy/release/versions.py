@@ -13,6 +13,7 @@ MANIFESTS = {
     "clients/python/pyproject.toml": r'^version = "([^"]+)"',
     "clients/benchmark/pyproject.toml": r'^version = "([^"]+)"',
     "clients/gym/pyproject.toml": r'^version = "([^"]+)"',
+    "clients/lerobot/pyproject.toml": r'^version = "([^"]+)"',
     "clients/rust/Cargo.toml": r'^version = "([^"]+)"',
     "clients/rust/Cargo.lock": r'name = "mcclient"\nversion = "([^"]+)"',
     "clients/typescript/package.json": r'^  "version": "([^"]+)"',

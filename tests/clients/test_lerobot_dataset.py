@@ -57,7 +57,8 @@ def test_a_data_set_has_the_files_of_its_format(tmp_path: Path) -> None:
     info = json.loads((folder / "meta/info.json").read_text())
     assert (info["codebase_version"], info["fps"], info["total_episodes"]) == ("v3.0", 20, 2)
     assert (info["total_frames"], info["total_tasks"], info["splits"]) == (78, 1, {"train": "0:2"})
-    assert info["features"]["action"] == {"dtype": "float32", "shape": [2], "names": ["axis_0", "axis_4"]}
+    action = {"dtype": "float32", "shape": [2], "names": ["axis_0.pos", "axis_4.pos"]}
+    assert info["features"]["action"] == action
     rows = duckdb.sql(f"SELECT * FROM '{folder}/data/*/*.parquet' ORDER BY index")
     kinds = dict(zip(rows.columns, map(str, rows.types), strict=True))
     assert kinds == {

@@ -15,6 +15,7 @@ FOLDERS_OF_PAGES = (
     "clients/python",
     "clients/benchmark",
     "clients/gym",
+    "clients/lerobot",
     "deploy",
     "kinematics",
     "examples",

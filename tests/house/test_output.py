@@ -15,6 +15,7 @@ FOLDERS = tuple(
         "clients/python/mcclient",
         "clients/benchmark/mcbenchmark",
         "clients/gym/mcclient_gym",
+        "clients/lerobot/lerobot_robot_mcserver",
     )
 )
 # what writes to a terminal or a log by itself, and the only files that may

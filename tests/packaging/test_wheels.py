@@ -19,7 +19,10 @@ import pytest
 ROOT = Path(__file__).parents[2]
 PROJECTS = (
     ROOT,
-    *(ROOT / each for each in ("clients/python", "clients/benchmark", "clients/gym", "kinematics")),
+    *(
+        ROOT / each
+        for each in ("clients/python", "clients/benchmark", "clients/gym", "clients/lerobot", "kinematics")
+    ),
 )
 START_LIMIT_S = 120.0
 
@@ -128,6 +131,7 @@ def test_they_have_types_a_licence_and_the_examples(wheels: dict[str, Path]) -> 
         ("mckinematics", "mckinematics"),
         ("mcbenchmark", "mcbenchmark"),
         ("mcclient_gym", "mcclient_gym"),
+        ("lerobot_robot_mcserver", "lerobot_robot_mcserver"),
     ):
         names = zipfile.ZipFile(wheels[name]).namelist()
         assert f"{package}/py.typed" in names

@@ -45,6 +45,11 @@ UNREADABLE = (
 LONGEST_GAP_S = 0.1
 
 
+def feature_of(axis: int) -> str:
+    """Return the name that LeRobot knows an axis's position by."""
+    return f"axis_{axis}.pos"
+
+
 class Frames(NamedTuple):
     """A recording at the frames of an episode.
 

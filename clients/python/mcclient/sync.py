@@ -9,7 +9,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Awaitable, Callable, Iterable, Sequence
+from collections.abc import Awaitable, Callable, Iterable, Mapping, Sequence
 from functools import wraps
 from pathlib import Path
 from typing import Any, Concatenate, Self
@@ -206,12 +206,17 @@ class Machine(BlockingCalls[asynchronous.Machine]):
     continue_program = _opened(asynchronous.Machine.continue_program)
 
     def servo(
-        self, axes: Sequence[int] | None = None, *, name: str = "", counts_s: float = COUNTS_S
+        self,
+        axes: Sequence[int] | None = None,
+        *,
+        name: str = "",
+        within: Mapping[int, tuple[float, float]] | None = None,
+        counts_s: float = COUNTS_S,
     ) -> Servo:
         """As `mcclient.Machine.servo`."""
 
         async def opened() -> asynchronous_servo.Servo:
-            return await self._inner.servo(axes, name=name, counts_s=counts_s)
+            return await self._inner.servo(axes, name=name, within=within, counts_s=counts_s)
 
         return Servo(self._loop, self._loop.run(opened()))
 

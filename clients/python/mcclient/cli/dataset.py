@@ -11,7 +11,7 @@ import typer
 from mcclient.cli.options import JsonOption
 from mcclient.cli.output import errors_shown, say, write_json
 from mcclient.errors import RequestRefused
-from mcclient.lerobot_dataset import DatasetWriter, read_frames
+from mcclient.lerobot_dataset import DatasetWriter, feature_of, read_frames
 
 
 def dataset(
@@ -22,8 +22,8 @@ def dataset(
     task: Annotated[str, typer.Option("--task", "-t", help="What is done in them, in words.")],
     fps: Annotated[int, typer.Option("--fps", min=1, max=1000, help="Frames a second.")] = 30,
     robot: Annotated[
-        str, typer.Option("--robot", metavar="TYPE", help="Type of the robot, for people.")
-    ] = "",
+        str, typer.Option("--robot", metavar="TYPE", help="Type of the robot, as LeRobot has it.")
+    ] = "mcserver",
     json: JsonOption = False,
 ) -> None:
     """Write recordings as a data set of LeRobot (v3.0): states and actions of the axes, in mm and deg."""
@@ -41,7 +41,7 @@ def dataset(
 
 def _write(folder: Path, files: Sequence[Path], task: str, fps: int, robot: str) -> dict[str, Any]:
     first = read_frames(files[0], fps)
-    writer = DatasetWriter(folder, fps=fps, names=[f"axis_{axis}" for axis in first.axes], robot=robot)
+    writer = DatasetWriter(folder, fps=fps, names=[feature_of(axis) for axis in first.axes], robot=robot)
     frames = 0
     try:
         for file in files:
