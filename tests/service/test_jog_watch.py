@@ -6,7 +6,7 @@ import asyncio
 from collections.abc import Callable
 from typing import cast
 
-from mcserver.service.jog import READING_S, Jogging
+from mcserver.service.jog import DEFAULT_HOLD_S, READING_S, Jogging
 from mcserver.service.service import MachineService
 from tests.service.simulated_cell import VirtualLoop
 
@@ -49,8 +49,8 @@ def play(script: Callable[[VirtualLoop, Jogging], None]) -> float | None:
     return jog.let_go_at
 
 
-def keep(jogging: Jogging) -> None:
-    jogging._keep("hmi", "j1", 0.5)
+def keep(jogging: Jogging, hold_s: float | None = 0.4) -> None:
+    jogging._keep("hmi", "j1", hold_s)
 
 
 def hold_up(loop: VirtualLoop, seconds: float) -> None:
@@ -63,7 +63,9 @@ def test_a_jog_that_nobody_keeps_is_let_go_at_its_time() -> None:
 
 
 def test_a_jog_goes_on_for_its_time_after_it_was_kept_last() -> None:
-    assert play(lambda loop, jogging: loop.call_later(0.3, keep, jogging) and None) == 0.8
+    assert play(lambda loop, jogging: loop.call_later(0.3, keep, jogging) and None) == 0.7
+    of_the_server = play(lambda loop, jogging: loop.call_later(0.3, keep, jogging, None) and None)
+    assert of_the_server == 0.3 + DEFAULT_HOLD_S
 
 
 def test_a_server_that_was_held_up_reads_what_has_arrived_before_it_lets_go() -> None:
@@ -74,7 +76,7 @@ def test_a_server_that_was_held_up_reads_what_has_arrived_before_it_lets_go() ->
 
     let_go_at = play(script)
     assert let_go_at is not None
-    assert abs(let_go_at - 1.31) < 1e-9
+    assert abs(let_go_at - 1.21) < 1e-9
 
 
 def test_a_server_that_was_held_up_lets_go_of_a_jog_that_nobody_keeps() -> None:
