@@ -44,7 +44,7 @@ def moved(bench: Bench, drive: TorqueDrive, cycles: int) -> tuple[Array, Array]:
 
 @pytest.mark.parametrize(("inertia", "friction", "load"), [(1.0, 0.0, 0.0), (2.5, 1e-3, 0.1)])
 def test_inertia_friction_and_load_come_out_of_a_motion(inertia: float, friction: float, load: float) -> None:
-    found = measure_load(*moved(*held(inertia, friction=friction, load=load), 3000), CYCLE_S)
+    found = measure_load(*moved(*held(inertia, friction=friction, load=load), 1500), CYCLE_S)
     assert found is not None
     assert found.inertia == pytest.approx(inertia * INERTIA, rel=0.01)
     assert found.viscous == pytest.approx(friction, abs=1e-4)
