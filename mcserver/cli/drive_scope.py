@@ -63,7 +63,7 @@ def scope(
         recorder = Scope(
             drive.signals, cycle_s, max(2, round(seconds / cycle_s)), round(lead / cycle_s), fires
         )
-        ended_unix, missing = _record(drive, recorder, timeout, seconds, cycle_s)
+        ended_unix, missing = record_cycles(drive, recorder, timeout, seconds, cycle_s)
         trace = recorder.trace()
         at_trigger = ended_unix - float(trace.time_s[-1])
         from mcserver.recorder.scope_file import write_scope
@@ -104,7 +104,7 @@ def scope(
         )
 
 
-def _record(
+def record_cycles(
     drive: Described, recorder: Scope, timeout_s: float, seconds: float, cycle_s: float
 ) -> tuple[float, int]:
     """Feed a scope until it has everything; return Unix time then [s], and how many SYNCs were too few.

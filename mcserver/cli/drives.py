@@ -16,6 +16,7 @@ from mcserver.cli.drive_files import backup, compare, restore
 from mcserver.cli.drive_health import health
 from mcserver.cli.drive_of_machine import AxisArgument, as_json, at_desk_of, described, drives_of, table
 from mcserver.cli.drive_scope import scope
+from mcserver.cli.drive_tune import tune
 from mcserver.cli.drive_units import units
 from mcserver.cli.options import JsonOption, MachineOption
 
@@ -33,7 +34,7 @@ def build_app() -> typer.Typer:
     app.command("list")(list_drives)
     # -6 is a value
     app.command("write", context_settings={"ignore_unknown_options": True})(write)
-    for command in (search, read, save, backup, compare, restore, health, units, scope):
+    for command in (search, read, save, backup, compare, restore, health, units, scope, tune):
         app.command(command.__name__)(command)
     return app
 

@@ -19,7 +19,7 @@ LONGEST_S, SHORTEST_S = 1.0, 0.08
 # A measured stop rings from the end of its braking on, which is so long behind the greatest value [s]; what
 # dies away soon is looked at for less long, for then noise is left.
 STARTS_S = (0.0, 0.03, 0.06, 0.1, 0.15, 0.2)
-SPANS_S = (LONGEST_S, 0.3, 0.1)
+SPANS_S = (0.3, LONGEST_S, 0.1)
 # Values a second that are enough for it; values at the least, for fewer are soon like a vibration.
 ENOUGH_HZ, LEAST_VALUES = 1600.0, 128
 # What is damped more is the stop itself, which is gone within a swing.
@@ -92,16 +92,22 @@ def fit_stop(signal: Array, step_s: float) -> tuple[Resonance, Array, float] | N
     signal = signal[: len(signal) // together * together].reshape(-1, together).mean(axis=1)
     step_s *= together
     peak = int(np.argmax(np.abs(signal - np.median(signal))))
-    found: list[tuple[Resonance, Array, float]] = []
-    for start in STARTS_S:
-        for span in SPANS_S:
-            first = peak + round(start / step_s)
-            ring = signal[first : first + round(span / step_s)]
-            vibration = fit([ring], step_s) if len(ring) >= LEAST_VALUES else None
-            if vibration is None or vibration.frequency_hz > HIGHEST_HZ or vibration.damping > MOST_DAMPING:
-                continue
-            found.append((vibration, ring, step_s))
-    return max(found, key=lambda each: each[0].explained, default=None)
+
+    def ring(start: float, span: float) -> tuple[Resonance, Array, float] | None:
+        first = peak + round(start / step_s)
+        ring = signal[first : first + round(span / step_s)]
+        found = fit([ring], step_s) if len(ring) >= LEAST_VALUES else None
+        if found is None or found.frequency_hz > HIGHEST_HZ or found.damping > MOST_DAMPING:
+            return None
+        return found, ring, step_s
+
+    usual = SPANS_S[0] if SPANS_S[0] / step_s >= LEAST_VALUES else LONGEST_S
+    starts = {start: each for start in STARTS_S if (each := ring(start, usual)) is not None}
+    if not starts:
+        return None
+    best = max(starts, key=lambda start: starts[start][0].explained)
+    found = [starts[best], *(each for span in SPANS_S[1:] if (each := ring(best, span)) is not None)]
+    return max(found, key=lambda each: each[0].explained)
 
 
 def fit_sweep(signal: Array, step_s: float) -> Resonance | None:

@@ -60,7 +60,7 @@ def text(gear: str = GEAR, cam: str = CAM, line: str = LINE, travel: float = 100
 
 MACHINE = parse_machine(text())
 LAW = settings(
-    max_examples=8,
+    max_examples=6,
     phases=(Phase.explicit, Phase.generate),
     deadline=None,
     derandomize=True,
