@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import random
 import time
-from collections.abc import Callable, Collection
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass
 from importlib import import_module
 
@@ -38,7 +38,7 @@ class Choice:
 
     Attributes:
         buses: names or addresses; none: all. nodes: none: all.
-        interface: where a master of EtherCAT is connected.
+        interfaces: where a master of EtherCAT is connected; two: both ends of a ring.
         energize_s: see `Cia402Node`. seed: of random starting positions; None: those of the machine file.
     """
 
@@ -46,7 +46,7 @@ class Choice:
     nodes: Collection[int] = ()
     energize_s: float = 0.02
     seed: int | None = None
-    interface: str = ""
+    interfaces: Sequence[str] = ()
 
 
 def simulated_axes(machine: Machine, choice: Choice) -> list[tuple[BusConfig, Axis]]:
@@ -93,7 +93,7 @@ def build_buses(
             position = start_turns(axis, None if choice.seed is None else chance)
             if bus.kind == "ethercat":
                 if bus.name not in lines:
-                    lines[bus.name] = EthercatSegment(bus.name, EthercatLine(choice.interface))
+                    lines[bus.name] = EthercatSegment(bus.name, EthercatLine(choice.interfaces))
                 lines[bus.name].nodes.append(_ethercat_drive(axis, position, choice.energize_s))
                 continue
             segment = segments.get(bus.name)
