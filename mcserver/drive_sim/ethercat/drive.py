@@ -6,8 +6,9 @@ import struct
 from collections.abc import Callable, Mapping
 
 from mcserver.can.cob import Function, NmtState
-from mcserver.drive_sim.cia402_node import Cia402Node, Identity
-from mcserver.drive_sim.dictionary import Entry
+from mcserver.drive_sim.cia402_node import Cia402Node
+from mcserver.drive_sim.described import Identity
+from mcserver.drive_sim.dictionary import Entry, ObjectStore
 from mcserver.drive_sim.ethercat.assignment import PdoAssignment
 from mcserver.drive_sim.ethercat.controller import INPUTS, OUTPUTS, SlaveController
 from mcserver.drive_sim.ethercat.mailbox import CoeMailbox
@@ -60,7 +61,7 @@ class EthercatDrive:
         numbers = SlaveIdentity(
             identity.vendor_id or VENDOR_ID,
             identity.product_code or PRODUCT_CODE,
-            REVISION,
+            identity.revision or REVISION,
             identity.serial_number,
         )
         for subindex, number in enumerate(
@@ -73,6 +74,11 @@ class EthercatDrive:
         )
 
     # ------------------------------------------------------------------ a node of the simulation
+
+    @property
+    def store(self) -> ObjectStore:
+        """Its objects."""
+        return self._device.store
 
     @property
     def booted(self) -> bool:
