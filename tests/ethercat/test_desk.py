@@ -88,6 +88,11 @@ def test_an_abort_and_an_object_that_moves_are_refused_by_name(
     assert "MC559" in capsys.readouterr().err
 
 
+def test_a_drive_is_listed_by_its_position(file: str, capsys: Capture) -> None:
+    assert run_command_line(["drives", "list", "-m", file]) == 0
+    assert "position 1" in capsys.readouterr().out
+
+
 def test_what_listens_beside_a_server_is_for_can(file: str, capsys: Capture, tmp_path: Path) -> None:
     assert run_command_line(["drives", "scope", "0", "-o", str(tmp_path / "x.mcap"), "-m", file]) == 2
     assert "MC559" in capsys.readouterr().err
