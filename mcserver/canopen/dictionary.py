@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from canopen.objectdictionary import ObjectDictionary, ODRecord, ODVariable, datatypes
 
 from mcserver.can.cob import Function
+from mcserver.can.pdo import MappedObject
 from mcserver.errors import ConfigurationError
 
 _U8, _U16, _U32 = datatypes.UNSIGNED8, datatypes.UNSIGNED16, datatypes.UNSIGNED32
@@ -88,12 +89,26 @@ _RECORDS = (
 
 
 @dataclass(frozen=True)
+class FixedPdo:
+    """A PDO that a master can assign and not map.
+
+    Attributes:
+        objects: in order; index 0 is padding. excludes: PDOs that are not assigned beside it.
+    """
+
+    index: int
+    objects: tuple[MappedObject, ...]
+    excludes: frozenset[int] = frozenset()
+
+
+@dataclass(frozen=True)
 class CoeDevice:
     """What an ESI file says of a drive on EtherCAT besides its objects.
 
     Attributes:
         vendor_id, product_code, revision: 1018h.
         outputs, inputs: the PDOs whose mapping a master may write; None: all are fixed.
+        fixed_outputs, fixed_inputs: the PDOs of whole bytes that are fixed.
         sync0: it can act at SYNC0 alone.
     """
 
@@ -102,6 +117,8 @@ class CoeDevice:
     revision: int = 0
     outputs: int | None = 0x1600
     inputs: int | None = 0x1A00
+    fixed_outputs: tuple[FixedPdo, ...] = ()
+    fixed_inputs: tuple[FixedPdo, ...] = ()
     sync0: bool = True
 
 

@@ -12,7 +12,14 @@ from xml.etree.ElementTree import Element
 
 from canopen.objectdictionary import ODRecord, ODVariable, datatypes
 
-from mcserver.canopen.dictionary import CoeDevice, Description, DeviceDictionary, generic_dictionary
+from mcserver.can.pdo import MappedObject
+from mcserver.canopen.dictionary import (
+    CoeDevice,
+    Description,
+    DeviceDictionary,
+    FixedPdo,
+    generic_dictionary,
+)
 from mcserver.canopen.eds_text import fault
 from mcserver.canopen.esi_xml import esi_root
 from mcserver.errors import ConfigurationError
@@ -88,6 +95,8 @@ def parse_esi(raw: bytes, node: int, source: str, vendor_id: int = 0, product_co
         *identity,
         outputs=_mappable(device, "RxPdo", _OUTPUTS),
         inputs=_mappable(device, "TxPdo", _INPUTS),
+        fixed_outputs=tuple(_fixed(device, "RxPdo", _OUTPUTS)),
+        fixed_inputs=tuple(_fixed(device, "TxPdo", _INPUTS)),
         sync0=any(_makes_sync0(mode) for mode in device.findall("Dc/OpMode")),
     )
     for entry in device.iterfind("./*/Entry"):
@@ -142,9 +151,27 @@ def _mappable(device: Element, tag: str, usual: range) -> int | None:
     listed = device.findall(tag)
     for pdo in listed:
         index = _number(pdo.findtext("Index"))
-        if index in usual and (pdo.get("Fixed") or "0").strip().lower() in ("0", "false"):
+        if index in usual and not _is_fixed(pdo):
             return index
     return None if listed else usual.start
+
+
+def _fixed(device: Element, tag: str, usual: range) -> Iterator[FixedPdo]:
+    for pdo in device.findall(tag):
+        index = _number(pdo.findtext("Index"))
+        objects = tuple(
+            MappedObject(*(_number(each.findtext(key)) or 0 for key in ("Index", "SubIndex", "BitLen")))
+            for each in pdo.findall("Entry")
+        )
+        if index is None or index not in usual or not _is_fixed(pdo):
+            continue
+        if all(each.bits and each.bits % 8 == 0 for each in objects):
+            excludes = (_number(each.text) for each in pdo.findall("Exclude"))
+            yield FixedPdo(index, objects, frozenset(each for each in excludes if each is not None))
+
+
+def _is_fixed(pdo: Element) -> bool:
+    return (pdo.get("Fixed") or "0").strip().lower() not in ("0", "false")
 
 
 def _makes_sync0(mode: Element) -> bool:

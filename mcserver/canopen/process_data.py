@@ -58,7 +58,7 @@ TARGETS = {
 # Modes whose position loop is closed in the master: their target is in an RPDO of every cycle.
 _CLOSED_HERE = (Mode.CYCLIC_VELOCITY, Mode.CYCLIC_TORQUE)
 # What may stand in a fixed RPDO besides, since 0 in it changes nothing: offsets, and dummy objects.
-_NEUTRAL = frozenset({0x60B0, 0x60B1, 0x60B2, *range(1, 8)})
+NEUTRAL = frozenset({0x60B0, 0x60B1, 0x60B2, *range(1, 8)})
 
 _RPDO_BASES = (Function.RPDO1, Function.RPDO2, Function.RPDO3, Function.RPDO4)
 _TPDO_BASES = (Function.TPDO1, Function.TPDO2, Function.TPDO3, Function.TPDO4)
@@ -370,7 +370,7 @@ class _Plan:
         if self._drive.outputs:
             known.add(DIGITAL_OUTPUTS)
         ours = {self._of_axis(mapped) for mapped in known}
-        return all(mapped in ours or mapped.index in _NEUTRAL for mapped in pdo.objects)
+        return all(mapped in ours or mapped.index in NEUTRAL for mapped in pdo.objects)
 
     def _check_fixed(self, direction: _Direction, pdo: MappedPdo) -> None:
         """Check that a fixed PDO runs as it has to, and list what can be written of it."""

@@ -59,7 +59,8 @@ class DriveSettings:
         inputs: 60FDh is read in the cycle. outputs: bits of 60FEh that are written.
         streamed: what reads its telemetry, of a drive without a profile.
         fieldbus: kind of its bus; on EtherCAT ``node`` is its position, counted from 1, and ``address`` the
-            network interface. distributed_clocks: it acts at SYNC0 where it can.
+            network interface, ``redundant_interface`` where its ring ends. distributed_clocks: it acts at
+            SYNC0 where it can.
     """
 
     axis: int
@@ -93,6 +94,7 @@ class DriveSettings:
     streamed: StreamedDrive | None = None
     fieldbus: str = "can"
     distributed_clocks: bool = False
+    redundant_interface: str = ""
 
     @property
     def offset(self) -> int:
@@ -162,6 +164,7 @@ def _of_axis(machine: Machine, axis: Axis) -> DriveSettings:
         foreign_sync=bus.sync == "foreign",
         fieldbus=bus.kind,
         distributed_clocks=bus.kind == "ethercat" and bus.distributed_clocks,
+        redundant_interface=bus.redundant_interface,
     )
     if isinstance(drive, StreamedDrive):
         return replace(settings, streamed=drive)

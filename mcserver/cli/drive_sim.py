@@ -68,11 +68,13 @@ def drive_sim(
         ),
     ] = 0,
     interface: Annotated[
-        str,
+        list[str] | None,
         typer.Option(
-            "--interface", metavar="IF", help="Where the master of an EtherCAT bus is connected: not its own."
+            "--interface",
+            metavar="IF",
+            help="Where the master of an EtherCAT bus is connected: not its own. Twice: both ends of a ring.",
         ),
-    ] = "",
+    ] = None,
     wait: Annotated[
         float,
         typer.Option("--wait", min=0.0, max=600.0, help="Wait so long [s] for buses that are not there."),
@@ -83,7 +85,7 @@ def drive_sim(
     hub_address = _address(hub, "--hub")
     control_address = _address(control, "--control")
     _check_choice(described, bus or (), node or ())
-    _check_interface(described, bus or (), interface)
+    _check_interfaces(described, bus or (), interface or ())
     try:
         from mcserver.drive_sim.from_machine import Choice, build_buses
     except ImportError as error:
@@ -92,7 +94,7 @@ def drive_sim(
         ) from error
     if realtime:
         _take_priority(realtime)
-    choice = Choice(tuple(bus or ()), tuple(node or ()), energize_ms * 1e-3, random_start, interface)
+    choice = Choice(tuple(bus or ()), tuple(node or ()), energize_ms * 1e-3, random_start, interface or ())
     with _hub(hub_address) as where:
         try:
             segments = build_buses(described, choice, wait_s=wait)
@@ -162,8 +164,8 @@ def _check_choice(machine: Machine, buses: Sequence[str], nodes: Sequence[int]) 
             raise UsageFault("MC541", f"--node {number}: the machine has no such node", f"there are {there}")
 
 
-def _check_interface(machine: Machine, buses: Sequence[str], interface: str) -> None:
-    """Refuse EtherCAT buses without an interface of their own for the simulation."""
+def _check_interfaces(machine: Machine, buses: Sequence[str], interfaces: Sequence[str]) -> None:
+    """Refuse EtherCAT buses without interfaces of their own for the simulation."""
     lines = [
         bus
         for bus in machine.buses
@@ -172,11 +174,12 @@ def _check_interface(machine: Machine, buses: Sequence[str], interface: str) -> 
     if len(lines) > 1:
         names = ", ".join(bus.name for bus in lines)
         raise UsageFault("MC541", f"{names}: one EtherCAT bus a process", "choose one by --bus")
-    if bool(lines) != bool(interface) or any(bus.address == interface for bus in lines):
+    of_master = {each for bus in lines for each in (bus.address, bus.redundant_interface) if each}
+    if len(of_master) != len(interfaces) or of_master & set(interfaces):
         raise UsageFault(
             "MC541",
-            f"--interface {interface!r} is not where a master of EtherCAT is connected",
-            "give the other end of the cable: ip link add ec0 type veth peer name ec1 makes both",
+            f"--interface {' '.join(interfaces)!r} is not where a master of EtherCAT is connected",
+            "give the other end of each of its cables: ip link add ec0 type veth peer name ec1 makes both",
         )
 
 

@@ -59,7 +59,13 @@ def list_drives(
         )
         return
     rows = [
-        (str(drive.axis), drive.bus, drive.address, str(drive.node), drive.eds or "standard objects")
+        (
+            str(drive.axis),
+            drive.bus,
+            drive.address,
+            str(drive.node) if drive.fieldbus == "can" else f"position {drive.node - 1}",
+            drive.eds or "standard objects",
+        )
         for drive in drives
     ]
     results().print(table(("axis", "bus", "address", "node", "EDS"), rows))

@@ -8,10 +8,10 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
 
 from mcserver.can.pdo_layout import Mode
 from mcserver.drive_sim.canopen_node import NEVER, CanopenNode, Transmit
+from mcserver.drive_sim.described import Identity, add_objects, described, identity_of
 from mcserver.drive_sim.fault_injection import Misbehaviour, values_of
 from mcserver.drive_sim.motion import Motion
 from mcserver.drive_sim.motor import Hardware, Motor
@@ -47,15 +47,6 @@ RESTING = (
     PowerState.FAULT_REACTION_ACTIVE,
     PowerState.FAULT,
 )
-
-
-@dataclass(frozen=True)
-class Identity:
-    """1018h; 0 keeps what the EDS file says."""
-
-    vendor_id: int = 0
-    product_code: int = 0
-    serial_number: int = 0
 
 
 class Cia402Node(CanopenNode):
@@ -94,6 +85,7 @@ class Cia402Node(CanopenNode):
         values = {
             (0x1018, 1): identity.vendor_id,
             (0x1018, 2): identity.product_code,
+            (0x1018, 3): identity.revision,
             (0x1018, 4): identity.serial_number,
             (0x6076, 0): rated,
         }
@@ -305,7 +297,7 @@ class Cia402Node(CanopenNode):
 
 
 def simulated_node(
-    _machine: Machine,
+    machine: Machine,
     axis: Axis,
     transmit: Transmit,
     hardware: Hardware,
@@ -313,6 +305,8 @@ def simulated_node(
     energize_s: float,
 ) -> Cia402Node:
     """Return the drive of an axis, see `mcserver.drive_sim.from_machine.build_node`."""
-    drive = cia402_drive(axis)
-    identity = Identity(drive.vendor_id, drive.product_code, 1000 + axis.index)
-    return Cia402Node(drive.node, transmit, hardware, position, identity, energize_s)
+    dictionary = described(machine, axis)
+    identity = identity_of(axis, dictionary)
+    node = Cia402Node(cia402_drive(axis).node, transmit, hardware, position, identity, energize_s)
+    add_objects(node.store, dictionary)
+    return node

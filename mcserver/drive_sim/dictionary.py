@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import functools
 import struct
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from importlib import resources
 from io import StringIO
@@ -83,6 +83,14 @@ class ObjectStore:
         if found is None:
             raise SdoAbort(Abort.NO_SUBINDEX if index in self._objects else Abort.NO_OBJECT)
         return found
+
+    def add(self, variables: Iterable[ODVariable]) -> None:
+        """Add what the device has besides; entries that are there stay."""
+        for variable in variables:
+            place = variable.index, variable.subindex
+            if place not in self._entries:
+                self._entries[place] = _entry(variable)
+                self._objects |= {variable.index}
 
     def _keep(self, _signature: int) -> None:
         """Store what a master has written: a reset brings that back from now on."""
@@ -164,7 +172,7 @@ def _entry(variable: ODVariable) -> Entry:
     greatest = variable.max if variable.max is not None else (1 << (bits - signed)) - 1 if bits else 0
     default, text = variable.default, b""
     if not packing:
-        text, default = str(default or "").encode("ascii"), 0
+        text, default = str(default or "").encode("latin-1", "replace"), 0
     number = int(default or 0)
     if signed and number >= 1 << (bits - 1):
         # EDS files write negative numbers as the hexadecimal digits of their bits

@@ -43,6 +43,7 @@ ETHERCAT_FAULTS: Mapping[str, Mapping[str, tuple[float, float, float | None]]] =
         "frame_loss": {"frames": (1, MAX_SYNCS, 1)},
         "safe_op": {"code": (1, 0xFFFF, 0x1B)},
         "unplug": {},
+        "cut": {},
         **{
             name: values
             for name, values in FAULTS.items()

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import random
 import time
-from collections.abc import Callable, Collection
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass
 from importlib import import_module
 
 from mcserver.can.open import open_port
 from mcserver.can.port import CanPort
 from mcserver.drive_sim.cia401_node import Cia401Node
-from mcserver.drive_sim.cia402_node import Identity
+from mcserver.drive_sim.described import add_objects, described, identity_of
 from mcserver.drive_sim.ethercat.drive import EthercatDrive
 from mcserver.drive_sim.ethercat.segment import EthercatLine, EthercatSegment
 from mcserver.drive_sim.motor import Hardware
@@ -38,7 +38,7 @@ class Choice:
 
     Attributes:
         buses: names or addresses; none: all. nodes: none: all.
-        interface: where a master of EtherCAT is connected.
+        interfaces: where a master of EtherCAT is connected; two: both ends of a ring.
         energize_s: see `Cia402Node`. seed: of random starting positions; None: those of the machine file.
     """
 
@@ -46,7 +46,7 @@ class Choice:
     nodes: Collection[int] = ()
     energize_s: float = 0.02
     seed: int | None = None
-    interface: str = ""
+    interfaces: Sequence[str] = ()
 
 
 def simulated_axes(machine: Machine, choice: Choice) -> list[tuple[BusConfig, Axis]]:
@@ -93,8 +93,8 @@ def build_buses(
             position = start_turns(axis, None if choice.seed is None else chance)
             if bus.kind == "ethercat":
                 if bus.name not in lines:
-                    lines[bus.name] = EthercatSegment(bus.name, EthercatLine(choice.interface))
-                lines[bus.name].nodes.append(_ethercat_drive(axis, position, choice.energize_s))
+                    lines[bus.name] = EthercatSegment(bus.name, EthercatLine(choice.interfaces))
+                lines[bus.name].nodes.append(_ethercat_drive(machine, axis, position, choice.energize_s))
                 continue
             segment = segments.get(bus.name)
             if segment is None:
@@ -122,10 +122,13 @@ def _all(segments: dict[str, SimulatedBusSegment], lines: dict[str, EthercatSegm
     return [*segments.values(), *lines.values()]
 
 
-def _ethercat_drive(axis: Axis, position: float, energize_s: float) -> EthercatDrive:
-    drive = cia402_drive(axis)
-    identity = Identity(drive.vendor_id, drive.product_code, 1000 + axis.index)
-    return EthercatDrive(drive.node, hardware_of(axis), position, identity, energize_s, time.monotonic)
+def _ethercat_drive(machine: Machine, axis: Axis, position: float, energize_s: float) -> EthercatDrive:
+    dictionary = described(machine, axis)
+    identity = identity_of(axis, dictionary)
+    node = cia402_drive(axis).node
+    drive = EthercatDrive(node, hardware_of(axis), position, identity, energize_s, time.monotonic)
+    add_objects(drive.store, dictionary)
+    return drive
 
 
 def build_node(

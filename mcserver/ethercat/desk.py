@@ -29,7 +29,7 @@ def at_ethercat_desk(drive: DriveSettings) -> Iterator[Desk]:
             MC555 the drive.
     """
     refuse_other_master(drive.address, drive.name, max(LEAST_LISTEN_S, drive.listen_s))
-    bus = BusConfig(drive.bus, drive.address, kind="ethercat")
+    bus = BusConfig(drive.bus, drive.address, kind="ethercat", redundant_interface=drive.redundant_interface)
     # its process data do not matter here, nor does its cycle
     master = EthercatMaster(bus, [drive], 0.001)
     try:

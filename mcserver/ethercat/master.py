@@ -37,8 +37,9 @@ class EthercatMaster:
         bus: of the machine. drives: those on it. cycle_s: of the machine.
 
     Attributes:
-        soem: pysoem's master. slaves: the drives, in the order of the machine file. clocked: a slave has a
-            distributed clock that is used.
+        soem: pysoem's master. is_ring: the last slave is connected to the computer, too.
+        slaves: the drives, in the order of the machine file. clocked: a slave has a distributed clock that is
+            used.
 
     Raises:
         ConfigurationError: MC016 pysoem is not installed. RuntimeFault: MC424 the interface.
@@ -54,6 +55,7 @@ class EthercatMaster:
                 "pip install 'mcserver[ethercat]'",
             ) from error
         self._bus = bus
+        self.is_ring = bool(bus.redundant_interface)
         self._drives = tuple(drives)
         self._cycle = cycle_s
         self.slaves: tuple[EthercatSlave, ...] = ()
@@ -63,11 +65,12 @@ class EthercatMaster:
         self.soem: Any = pysoem.Master()
         self._al_text = pysoem.al_status_code_to_string
         try:
-            self.soem.open(bus.address)
+            self.soem.open(bus.address, bus.redundant_interface or None)
         except ConnectionError as error:
+            where = " or ".join(each for each in (bus.address, bus.redundant_interface) if each)
             raise RuntimeFault(
                 "MC424",
-                f"bus {bus.name}: the interface {bus.address} cannot be opened for EtherCAT",
+                f"bus {bus.name}: the interface {where} cannot be opened for EtherCAT",
                 "`ip link` lists interfaces; raw sockets need root or CAP_NET_RAW",
             ) from error
 

@@ -16,8 +16,9 @@ from mcserver.canopen.settings import DriveSettings
 
 # An object that is longer than what is tried first.
 MOST_BYTES = 64 * 1024
-# Registers of a slave controller (ETG.1000.4): AL control and status, watchdog, FMMUs, sync managers.
-AL_CONTROL, AL_STATUS, FEATURES = 0x0120, 0x0130, 0x0008
+# Registers of a slave controller (ETG.1000.4): DL status, AL control and status, features, watchdog, FMMUs,
+# sync managers.
+DL_STATUS, AL_CONTROL, AL_STATUS, FEATURES = 0x0110, 0x0120, 0x0130, 0x0008
 WATCHDOG_DIVIDER, WATCHDOG = 0x0400, 0x0420
 FMMUS, SYNC_MANAGERS, MAILBOXES = (0x0600, 48), (0x0800, 32), (0x0800, 16)
 _HAS_CLOCK = 0x04
@@ -173,6 +174,12 @@ class EthercatSlave:
         features = self.read_register(FEATURES, 2)
         asked = any(write.index == SYNC_TYPE for write in self.writes)
         return asked and bool(features and features[0] & _HAS_CLOCK)
+
+    @property
+    def links(self) -> int | None:
+        """How many of its ports have a cable with somebody at its other end; None: it does not answer."""
+        status = self.read_register(DL_STATUS, 2)
+        return (status[0] >> 4).bit_count() if status else None
 
     def set_watchdog(self) -> None:
         """Let it leave OP when process data stay out for the time-out of commands."""

@@ -28,6 +28,8 @@ UNHEARD_ROUNDS = 3
 # Less than the time after which a frame counts as lost [s].
 ANSWER_S = 0.5 * ANSWER_US * 1e-6
 RECOVER_US = 500
+# A ring that is open does no harm yet [s].
+RING_S = 1.0
 
 
 class EthercatSupervision:
@@ -41,6 +43,9 @@ class EthercatSupervision:
         self._retry_at = [0.0] * len(master.slaves)
         self._failures = [0] * len(master.slaves)
         self._unheard = [0] * len(master.slaves)
+        self._links = [slave.links for slave in master.slaves] if master.is_ring else []
+        self._ring_at = 0.0
+        self._open_at: list[str] = []
         port.troubled = self._look.set
         self._thread = threading.Thread(target=self._run, name="ethercat supervision", daemon=True)
 
@@ -73,6 +78,9 @@ class EthercatSupervision:
             # without frames that come back every question would wait
             return True
         before = port.states
+        if self._links and time.monotonic() >= self._ring_at:
+            self._ring_at = time.monotonic() + RING_S
+            self._look_at_ring()
         if self._master.soem.read_state() == AlState.OP and all(state is AlState.OP for state in before):
             return False
         found = []
@@ -91,6 +99,22 @@ class EthercatSupervision:
                 # told in an earlier round: the axis is latched
                 self._step(number, state, failed, code)
         return any(state is not AlState.OP for state in states)
+
+    def _look_at_ring(self) -> None:
+        """Say where a ring is open and when it is closed again: meanwhile frames go from both its ends."""
+        open_at = [
+            slave.settings.name
+            for slave, links in zip(self._master.slaves, self._links, strict=True)
+            if (now := slave.links) is not None and links is not None and now < links
+        ]
+        if open_at != self._open_at:
+            self._open_at = open_at
+            if open_at:
+                log.warning(
+                    "the ring is open at %s: one more cut, and drives are lost", " and ".join(open_at)
+                )
+            else:
+                log.warning("the ring is closed again")
 
     def _confirmed(self, number: int, slave: EthercatSlave, before: AlState) -> tuple[AlState, bool, int]:
         """A state that is read twice alike, or that of before; silence counts after some rounds."""

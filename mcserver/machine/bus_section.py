@@ -20,6 +20,7 @@ class BusConfig(msgspec.Struct, frozen=True):
 
     Attributes:
         name: as drives name it. address: see `mcserver.can.address`, of EtherCAT the network interface.
+        redundant_interface: to which the last slave of EtherCAT is connected, too; empty: to none.
         bitrate: [bit/s]. distributed_clocks: slaves of EtherCAT that have them act at SYNC0.
         silence_cycles: so many cycles without an answer are a fault of the drive.
         sync: who sends SYNC; "foreign": another one on the bus. listen_ms: for another master, before
@@ -35,6 +36,7 @@ class BusConfig(msgspec.Struct, frozen=True):
     appear_timeout_s: float = 10.0
     kind: Literal["can", "ethercat"] = "can"
     distributed_clocks: bool = True
+    redundant_interface: str = ""
 
 
 def _check_ethercat(section: BusSection, path: Path, mistakes: Mistakes) -> None:
@@ -80,11 +82,18 @@ def read_buses(
             continue
         if section.kind == "ethercat":
             _check_ethercat(section, ("bus", position), mistakes)
-        elif section.interface:
-            mistakes.add(
-                ("bus", position, "interface"), 'belongs to kind = "ethercat"', "give address, or that kind"
-            )
+        for named in ("interface", "redundant_interface"):
+            if section.kind == "can" and getattr(section, named):
+                mistakes.add(
+                    ("bus", position, named), 'belongs to kind = "ethercat"', "give address, or that kind"
+                )
         address = section.interface if section.kind == "ethercat" else section.address
+        if section.redundant_interface == (address or section.name):
+            mistakes.add(
+                ("bus", position, "redundant_interface"),
+                f"{section.redundant_interface!r} is where the line begins",
+                "give the interface to which its last slave is connected",
+            )
         bus = BusConfig(
             section.name,
             address or section.name,
@@ -95,6 +104,7 @@ def read_buses(
             section.appear_timeout_s,
             section.kind,
             section.distributed_clocks,
+            section.redundant_interface,
         )
         add(bus, ("bus", position, "address"), "")
     owners: dict[tuple[str, int, int], int] = {}

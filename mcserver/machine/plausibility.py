@@ -153,15 +153,16 @@ def _doubts_of_bus(machine: Machine, axis: Axis) -> list[Diagnostic]:
                 )
             )
     address = None if ethercat else parse_address(bus.address)
-    interface = bus.address if address is None else address.channel
+    interfaces = (bus.address, bus.redundant_interface) if address is None else (address.channel,)
     local = address is None or address.transport is Transport.SOCKETCAN
-    if local and not Path("/sys/class/net", interface).exists():
-        doubts.append(
-            _warning(
-                "MC022",
-                axis,
-                f"this computer has no interface {interface}",
-                "mcserver doctor tells which it has",
+    for interface in interfaces:
+        if local and interface and not Path("/sys/class/net", interface).exists():
+            doubts.append(
+                _warning(
+                    "MC022",
+                    axis,
+                    f"this computer has no interface {interface}",
+                    "mcserver doctor tells which it has",
+                )
             )
-        )
     return doubts

@@ -146,6 +146,7 @@ class BusSection(msgspec.Struct, frozen=True):
     kind: Literal["can", "ethercat"] = "can"
     address: str = ""
     interface: Annotated[str, Meta(max_length=15, description='as `ip link` shows it: "eth1"')] = ""
+    redundant_interface: Annotated[str, Meta(max_length=15, description="where a ring of slaves ends")] = ""
     distributed_clocks: bool = True
     bitrate: Annotated[
         int, Meta(ge=10_000, le=1_000_000, description="1000000 is usual; classic CAN has no more")

@@ -8,6 +8,7 @@ _RECORDS = ((0x6091, "Gear ratio", ("Motor revolutions", "Shaft revolutions"), (
 _VARIABLES = (
     (0x1000, "Device type", "UDINT", "ro", "", "92010200"),
     (0x1008, "Device name", "STRING(9)", "ro", "", ""),
+    (0x2001, "Brake delay", "UINT", "rw", "", "0700"),
     (0x603F, "Error code", "UINT", "ro", "T", "0000"),
     (0x6040, "Controlword", "UINT", "rw", "R", "0000"),
     (0x6041, "Statusword", "UINT", "ro", "T", "0000"),

@@ -15,7 +15,7 @@ from mcserver.canopen.parameters import find, parameters_of
 from mcserver.canopen.settings import DriveSettings
 from mcserver.errors import ConfigurationError
 from mcserver.machine.machine_file import parse_machine
-from tests.canopen.esi_files import INPUTS, OUTPUTS, PRODUCT, device, esi, pdo
+from tests.canopen.esi_files import FIXED_OUTPUTS, INPUTS, OUTPUTS, PRODUCT, device, esi, pdo
 from tests.ethercat.rig import line_of
 
 
@@ -83,6 +83,24 @@ def test_process_data_are_mapped_into_the_first_pdos_that_are_not_fixed(file: Pa
     assert assigned == {0x1C12: b"\x01\x16", 0x1C13: b"\x00\x1a"}
     assert {write.index for write in writes} >= {0x1601, 0x1A00, 0x1C32}
     assert 0x1600 not in {write.index for write in writes}
+
+
+def test_the_fewest_fixed_pdos_that_carry_what_is_needed_are_assigned(file: Path) -> None:
+    both = pdo("RxPdo", 0x1602, (0x6040, 16), (0x607A, 32), (0, 16), fixed=True)
+    single = pdo("RxPdo", 0x1600, (0x6040, 16), fixed=True) + pdo("RxPdo", 0x1601, (0x607A, 32), fixed=True)
+    mode = pdo("RxPdo", 0x1603, (0x6060, 8), (0, 8), fixed=True)
+    file.write_text(esi(device(pdos=single + both + mode + INPUTS)))
+    writes, planned = configure_coe(drive_of(file), 0.001)
+    assigned = [write.payload for write in writes if write.index == 0x1C12]
+    assert assigned == [b"\x00", b"\x02\x16", b"\x03\x16", b"\x02"]
+    (outputs,) = planned.process_data.rpdos
+    assert [each.index for each in outputs.objects] == [0x6040, 0x607A, 0, 0x6060, 0]
+    assert outputs.length == 10
+    assert not {write.index for write in writes} & {0x1600, 0x1601, 0x1602, 0x1603}
+    without = both.replace("</RxPdo>", "<Exclude>#x1603</Exclude></RxPdo>")
+    file.write_text(esi(device(pdos=without + mode + INPUTS)))
+    _, planned = configure_coe(drive_of(file), 0.001)
+    assert planned.process_data.rpdos[0].length == 8
 
 
 def test_a_drive_without_a_mode_of_sync0_alone_is_not_clocked(file: Path) -> None:
@@ -174,12 +192,11 @@ def test_a_sound_drive_is_beyond_doubt(file: Path) -> None:
         (device(objects=""), "MC022", "lists no objects"),
         (device(clock=""), "MC022", "no mode with SYNC0 alone"),
         (device(pdos=OUTPUTS), "", ""),
-        (device(pdos=pdo("RxPdo", 0x1600, (0x6040, 16), fixed=True) + INPUTS), "MC552", "1600h:00"),
-        (
-            device(pdos=OUTPUTS + pdo("TxPdo", 0x1A00, (0x6041, 16), fixed=True)),
-            "MC552",
-            "1A00h:00",
-        ),
+        (device(pdos=FIXED_OUTPUTS + INPUTS), "", ""),
+        (device(pdos=pdo("RxPdo", 0x1600, (0x6040, 16), fixed=True)), "MC552", "607Ah:00"),
+        (device(pdos=OUTPUTS + pdo("TxPdo", 0x1A00, (0x6041, 16), fixed=True)), "MC552", "6064h:00"),
+        (device(pdos=pdo("RxPdo", 0x1600, (0x6040, 16), (0x2001, 16), fixed=True)), "MC552", "6040h:00"),
+        (device(pdos=pdo("RxPdo", 0x1600, (0x6040, 16), (0, 1), fixed=True)), "MC552", "1600h:00"),
         (device(objects="<Object><Index>#x1000</Index><Type>UDINT</Type></Object>"), "MC552", "6040h:00"),
     ],
 )

@@ -8,7 +8,8 @@ from typing import Any
 from mcserver.can.cob import NMT, SYNC, Function, NmtCommand
 from mcserver.can.pdo_layout import RPDO1, RPDOS, TPDO1, TPDOS, Mode, Pdo
 from mcserver.can.port import Frame
-from mcserver.drive_sim.cia402_node import Cia402Node, Identity
+from mcserver.drive_sim.cia402_node import Cia402Node
+from mcserver.drive_sim.described import Identity
 from mcserver.drive_sim.motor import Hardware
 from mcserver.drive_sim.pdo import INVALID
 

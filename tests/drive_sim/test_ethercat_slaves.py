@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mcserver.drive_sim.cia402_node import Identity
+from mcserver.drive_sim.described import Identity
 from mcserver.drive_sim.ethercat import registers as reg
 from mcserver.drive_sim.ethercat.drive import EthercatDrive
 from mcserver.drive_sim.ethercat.frames import Command, pass_through

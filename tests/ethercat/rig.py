@@ -28,12 +28,12 @@ SILENCE_CYCLES = 10
 _CLONE_NEWNET = 0x40000000
 
 
-def line_of(count: int, *, silence_cycles: int = SILENCE_CYCLES, drive: str = "") -> str:
-    """A machine file of so many axes on one line."""
+def line_of(count: int, *, silence_cycles: int = SILENCE_CYCLES, drive: str = "", bus: str = "") -> str:
+    """A machine file of so many axes on one line; ``drive``, ``bus``: more lines of each, and of it."""
     text = (
         f'[machine]\nname = "line"\ncycle_hz = {CYCLE_HZ}\n'
         f'[[bus]]\nname = "line"\nkind = "ethercat"\ninterface = "ec0"\nsilence_cycles = {silence_cycles}\n'
-        "appear_timeout_s = 1.0\n"
+        f"appear_timeout_s = 1.0\n{bus}\n"
     )
     for index in range(count):
         text += (
@@ -46,15 +46,16 @@ def line_of(count: int, *, silence_cycles: int = SILENCE_CYCLES, drive: str = ""
 
 
 class Namespace:
-    """A network namespace with the two ends of a cable, ec0 and ec1."""
+    """A network namespace with the two ends of a cable, ec0 and ec1, and those of another, ec2 and ec3."""
 
     def __init__(self, name: str) -> None:
         self.name = name
         _ip("netns", "add", name)
         _ip("-n", name, "link", "set", "lo", "up")
-        _ip("-n", name, "link", "add", "ec0", "type", "veth", "peer", "name", "ec1")
-        for end in ("ec0", "ec1"):
-            _ip("-n", name, "link", "set", end, "up")
+        for one, other in (("ec0", "ec1"), ("ec2", "ec3")):
+            _ip("-n", name, "link", "add", one, "type", "veth", "peer", "name", other)
+            for end in (one, other):
+                _ip("-n", name, "link", "set", end, "up")
 
     def close(self) -> None:
         _ip("netns", "delete", self.name)
@@ -76,10 +77,12 @@ class Namespace:
 
 
 class SimulatedLine:
-    """`mcserver drive-sim` at the end ec1."""
+    """`mcserver drive-sim` at the end ec1; of a ring at ec3, too."""
 
     def __init__(self, namespace: Namespace, file: Path) -> None:
         command = [sys.executable, "-m", "mcserver", "drive-sim", "--machine", str(file)]
+        command += ["--interface", "ec1"]
+        command += ["--interface", "ec3"] if "redundant_interface" in file.read_text() else []
         self._process = subprocess.Popen(
             [
                 "ip",
@@ -87,8 +90,6 @@ class SimulatedLine:
                 "exec",
                 namespace.name,
                 *command,
-                "--interface",
-                "ec1",
                 "--realtime",
                 "40",
                 "--control",
@@ -103,6 +104,9 @@ class SimulatedLine:
         assert words[:1] == ["READY"], words
         with namespace.entered():
             self.control = Control("127.0.0.1", int(words[-1].rpartition(":")[2]))
+
+    def kill(self) -> None:
+        self._process.kill()
 
     def close(self) -> None:
         self.control.close()

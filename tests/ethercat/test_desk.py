@@ -9,6 +9,8 @@ from pathlib import Path
 import pytest
 
 from mcserver.cli.app import run_command_line
+from mcserver.drives.bus import DriveMode, DriveState
+from tests.canopen.esi_files import PRODUCT, VENDOR, device, esi
 from tests.ethercat.conftest import Start
 from tests.ethercat.rig import Namespace, SimulatedLine, line_of
 
@@ -47,6 +49,26 @@ def test_a_parameter_is_read_written_and_backed_up_by_the_mailbox(
     assert drives(namespace, "units", "0", "--pitch", "10", "-m", file) == 0
 
 
+def test_a_drive_of_an_esi_file_has_its_objects_by_name_and_moves(
+    namespace: Namespace, start: Start, tmp_path: Path, capsys: Capture
+) -> None:
+    esi_file = tmp_path / "drive.xml"
+    esi_file.write_text(esi(device(revision=0x20001)))
+    keys = f'eds = "{esi_file}"\nvendor_id = {VENDOR}\nproduct_code = {PRODUCT}'
+    line, cycle = start(2, drive=keys)
+    cycle.command(DriveMode.POSITION, DriveState.ENERGIZED)
+    cycle.setpoints.position[:] += 0.0001
+    cycle.run(50)
+    assert line.control.state(2)["position"] == pytest.approx(0.0101 / 0.01 * 65536, abs=100)
+    cycle.close()
+    machine = str(tmp_path / "line.toml")
+    assert drives(namespace, "write", "1", "brake delay", "9", "-m", machine) == 0
+    capsys.readouterr()
+    assert drives(namespace, "read", "1", "brake delay", "-m", machine, "--json") == 0
+    shown = json.loads(capsys.readouterr().out)["values"]
+    assert [each["value"] for each in shown] == [9]
+
+
 def test_a_running_master_is_not_disturbed(
     start: Start, namespace: Namespace, file: str, capsys: Capture
 ) -> None:
@@ -64,6 +86,11 @@ def test_an_abort_and_an_object_that_moves_are_refused_by_name(
     assert "MC553" in capsys.readouterr().err
     assert drives(namespace, "write", "0", "6040", "15", "-m", file) == 1
     assert "MC559" in capsys.readouterr().err
+
+
+def test_a_drive_is_listed_by_its_position(file: str, capsys: Capture) -> None:
+    assert run_command_line(["drives", "list", "-m", file]) == 0
+    assert "position 1" in capsys.readouterr().out
 
 
 def test_what_listens_beside_a_server_is_for_can(file: str, capsys: Capture, tmp_path: Path) -> None:

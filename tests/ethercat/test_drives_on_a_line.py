@@ -94,6 +94,40 @@ def test_a_drive_that_is_unplugged_and_plugged_in_is_configured_again(start: Sta
     assert np.abs(cycle.feedback.position - cycle.setpoints.position).max() < 2e-5
 
 
+def test_a_ring_that_is_cut_between_two_drives_goes_on_and_is_closed_again(
+    start: Start, caplog: pytest.LogCaptureFixture
+) -> None:
+    line, cycle = start(3, bus='redundant_interface = "ec2"')
+    energized(cycle)
+    for change, said in (
+        (lambda: line.control.fault(2, "cut"), "open at axis 0"),
+        (line.control.clear, "closed"),
+    ):
+        change()
+        cycle.until(lambda said=said: said in caplog.text, said)  # type: ignore[misc]
+        cycle.setpoints.position[:] += 0.0001
+        cycle.run(50)
+        assert cycle.feedback.state.tolist() == [DriveState.ENERGIZED] * 3
+        assert np.abs(cycle.feedback.position - cycle.setpoints.position).max() < 2e-5
+
+
+def test_drives_that_reboot_or_whose_process_ends_are_latched_and_found_again(start: Start) -> None:
+    line, cycle = start(2)
+    energized(cycle)
+    line.control.fault(2, "sdo_abort", index=0x6060, code=0x06090030)
+    line.control.fault(2, "reboot")
+    cycle.until(lambda: bool(cycle.feedback.fault[1]), "a fault")
+    assert cycle.feedback.fault.tolist() == [0, DriveFault.REBOOTED]
+    cycle.run(20)
+    assert line.control.state(2)["al"] == "PREOP"
+    line.control.clear()
+    cycle.until(lambda: line.control.state(2)["al"] == "OP", "OP again")
+    energized(cycle)
+    line.kill()
+    cycle.until(lambda: bool(cycle.feedback.fault.all()), "a fault")
+    assert set(cycle.feedback.fault.tolist()) <= {DriveFault.BUS_DOWN, DriveFault.COMMUNICATION}
+
+
 def test_an_error_of_the_drive_stops_it_with_its_code(start: Start) -> None:
     line, cycle = start(2)
     energized(cycle)

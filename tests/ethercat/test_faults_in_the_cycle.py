@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -11,6 +12,7 @@ from mcserver.drives.cia402.loop_gains import ETHERCAT_DELAY_CYCLES
 from mcserver.ethercat.slave import AlState
 from mcserver.executor.entries import EventKind
 from mcserver.executor.fault_codes import FaultCode
+from tests.canopen.esi_files import device, esi, pdo
 from tests.drives.latched_faults import assert_stops_latches_and_recovers
 from tests.ethercat.memory_line import LineRig, line_rig
 from tests.ethercat.moving_slave import CST, CSV, rig_of
@@ -92,6 +94,18 @@ def test_frames_that_are_lost_within_the_tolerance_leave_no_trace(lost: int) -> 
     rig.run()
     assert not rig.of(EventKind.FAULT)
     assert rig.executor.feedback.actual == pytest.approx([0.4, 0.2], abs=1e-6)
+
+
+def test_a_drive_with_fixed_process_data_follows_and_stands(tmp_path: Path) -> None:
+    outputs = pdo("RxPdo", 0x1600, (0x6040, 16), (0x607A, 32), (0, 16), fixed=True)
+    inputs = pdo("TxPdo", 0x1A00, (0x6041, 16), (0x606C, 32), (0x6064, 32), fixed=True)
+    file = tmp_path / "drive.xml"
+    file.write_text(esi(device(pdos=outputs + inputs)))
+    rig = line_rig(f'eds = "{file}"')
+    rig.set_off()
+    rig.run()
+    assert rig.executor.feedback.actual == pytest.approx([0.4, 0.2], abs=1e-6)
+    assert not rig.of(EventKind.FAULT)
 
 
 def test_a_reading_is_three_cycles_behind_its_setpoint() -> None:

@@ -40,6 +40,7 @@ def test_without_hardware_its_drives_are_simulated() -> None:
         ('kind = "ethercat"', 'kind = "ethercat"\nbitrate = 500000', "bitrate"),
         ('kind = "ethercat"', 'kind = "ethercat"\nsync = "foreign"', "sync"),
         ('kind = "ethercat"\n', "", "interface"),
+        ('kind = "ethercat"', 'kind = "ethercat"\nredundant_interface = "ec0"', "redundant_interface"),
     ],
 )
 def test_what_does_not_fit_the_bus_is_refused(was: str, now: str, said: str) -> None:

@@ -56,15 +56,16 @@ class SlaveController:
         eeprom: its SII. clock: local time [ns].
 
     Attributes:
-        last: no slave follows it. silent: its sync managers of process data answer nothing.
-        deaf: so many exchanges of process data are still missed. exchanged_at: of process data [ns].
+        first, last: the cable in front of it, behind it, is open.
+        silent: its sync managers of process data answer nothing. deaf: so many exchanges of process data
+            are still missed. exchanged_at: of process data [ns].
     """
 
     def __init__(self, eeprom: bytes, application: Application, clock: Callable[[], int]) -> None:
         self._eeprom = eeprom
         self._application = application
         self._clock = clock
-        self.last = False
+        self.first = self.last = False
         self.silent = False
         self.deaf = 0
         self.exchanged_at = 0
@@ -266,7 +267,7 @@ class SlaveController:
         if address <= self._status_at(MAILBOX_IN) < address + length:
             self.offer()
         if address <= reg.DL_STATUS < address + length:
-            self._put(reg.DL_STATUS, "<H", 0x5611 if self.last else 0x5A31)
+            self._put(reg.DL_STATUS, "<H", reg.PORTS[self.first, self.last])
         if address <= reg.SYSTEM_TIME < address + length:
             (offset,) = struct.unpack_from("<q", self._memory, reg.SYSTEM_TIME_OFFSET)
             self._put(reg.SYSTEM_TIME, "<Q", (self._clock() + offset) & (1 << 64) - 1)

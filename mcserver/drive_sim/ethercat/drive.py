@@ -6,8 +6,9 @@ import struct
 from collections.abc import Callable, Mapping
 
 from mcserver.can.cob import Function, NmtState
-from mcserver.drive_sim.cia402_node import Cia402Node, Identity
-from mcserver.drive_sim.dictionary import Entry
+from mcserver.drive_sim.cia402_node import Cia402Node
+from mcserver.drive_sim.described import Identity
+from mcserver.drive_sim.dictionary import Entry, ObjectStore
 from mcserver.drive_sim.ethercat.assignment import PdoAssignment
 from mcserver.drive_sim.ethercat.controller import INPUTS, OUTPUTS, SlaveController
 from mcserver.drive_sim.ethercat.mailbox import CoeMailbox
@@ -33,7 +34,8 @@ class EthercatDrive:
         node: its position on the bus, from 1. clock: [s].
 
     Attributes:
-        controller: its end on the line. plugged: whether frames pass it. frames_lost: so many are still lost.
+        controller: its end on the line. plugged: whether frames pass it.
+        cut: the cable in front of it is open, and it has power. frames_lost: so many are still lost.
     """
 
     def __init__(
@@ -47,6 +49,7 @@ class EthercatDrive:
     ) -> None:
         self.node = node
         self.plugged = True
+        self.cut = False
         self.frames_lost = 0
         self._clock = clock
         self._device = Cia402Node(node, self._transmit, hardware, position, identity, energize_s)
@@ -58,7 +61,7 @@ class EthercatDrive:
         numbers = SlaveIdentity(
             identity.vendor_id or VENDOR_ID,
             identity.product_code or PRODUCT_CODE,
-            REVISION,
+            identity.revision or REVISION,
             identity.serial_number,
         )
         for subindex, number in enumerate(
@@ -71,6 +74,11 @@ class EthercatDrive:
         )
 
     # ------------------------------------------------------------------ a node of the simulation
+
+    @property
+    def store(self) -> ObjectStore:
+        """Its objects."""
+        return self._device.store
 
     @property
     def booted(self) -> bool:
@@ -110,6 +118,8 @@ class EthercatDrive:
             self._mailbox.held = True
         elif fault == "unplug":
             self.plugged = False
+        elif fault == "cut":
+            self.cut = True
         elif fault == "safe_op":
             self.controller.fail(AlState.SAFEOP, int(values["code"]))
         elif fault == "frame_loss":
@@ -120,7 +130,7 @@ class EthercatDrive:
             if fault == "clear":
                 self.controller.silent, self.controller.deaf = False, 0
                 self._mailbox.refusals.clear()
-                self._mailbox.held = False
+                self._mailbox.held = self.cut = False
                 if not self.plugged:
                     # what is plugged in has been without power
                     self.plugged = True
@@ -135,6 +145,7 @@ class EthercatDrive:
             "sdo_abort": bool(self._mailbox.refusals),
             "sdo_delay": self._mailbox.held,
             "unplug": not self.plugged,
+            "cut": self.cut,
         }
         del shown["nmt"]
         return {

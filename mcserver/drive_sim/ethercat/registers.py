@@ -31,6 +31,8 @@ MAILBOX_FULL = 0x08
 # activation of the sync manager of the mailbox for the master; behind it the slave's own control
 MAILBOX_IN_ACTIVATE = SYNC_MANAGER + SYNC_MANAGER_SIZE + SM_ACTIVATE
 REPEAT = 0x02
+# DL status by open cables in front and behind: links, loops and communication of four ports
+PORTS = {(False, False): 0x5A31, (False, True): 0x5611, (True, False): 0x5921, (True, True): 0x5501}
 # of the watchdog [ns]
 WATCHDOG_UNIT_NS = 40
 
