@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import builtins
 import subprocess
 import sys
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -52,6 +54,11 @@ GROUPS = {
     "clients": ("browser", "language/test_neovim.py", "sdks"),
 }
 COMPUTING = "computing"
+# layers that make setpoints, or what decides about them
+EXACT = tuple(
+    f"mcserver.{each}"
+    for each in ["clearance", "executor", "gcode", "machine", "motion", "planning", "simulation"]
+)
 # folders whose tests share a server: one process runs them all, where each would start its own
 TOGETHER = ("browser", "gateway", "sdks")
 # what takes longest, and begins first: nothing long is left for the end
@@ -87,6 +94,24 @@ def pytest_sessionstart(session: pytest.Session) -> None:
     """Compile what is not kept: servers that plan without machine code are slow, and have their own tests."""
     if not hasattr(session.config, "workerinput") and needs_compiler():
         subprocess.run([sys.executable, "-m", "mcserver.motion.warm_up"], check=True)
+
+
+@pytest.fixture(scope="session", autouse=True)
+def same_sums() -> Iterator[None]:
+    """Let no layer that makes setpoints add up floats by ``sum``: Python 3.11 rounds after each, 3.12 at the
+    end. ``math.fsum`` is the same in all versions."""
+    plain = sum
+
+    def whole(values: Iterable[Any], /, start: Any = 0) -> Any:
+        found = plain(values, start)
+        caller = sys._getframe(1).f_globals.get("__name__", "")
+        inexact = isinstance(found, float) and caller.startswith((*EXACT, "mckinematics"))
+        assert not inexact, f"{caller} adds up floats by sum: take math.fsum"
+        return found
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(builtins, "sum", whole)
+        yield
 
 
 def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool | None:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import difflib
 import importlib
+import math
 from dataclasses import dataclass
 from importlib import resources
 from pathlib import Path
@@ -241,4 +242,5 @@ def _reach(model: Any, branches: list[list[int]], frame: Any, offset: Array, tra
     placement = frame.placement
     lengths.append(float(np.linalg.norm(placement.translation + placement.rotation @ offset)))
     lengths += [float(span) for span in travel if np.isfinite(span)]
-    return sum(lengths) if sum(lengths) > 1e-6 else 1.0
+    length = math.fsum(lengths)
+    return length if length > 1e-6 else 1.0

@@ -7,6 +7,8 @@ shaper's length before, and as being wherever it is within that, less far than s
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
@@ -107,7 +109,7 @@ class OrderedSpeeds(SlowZones):
                     still = not (after != way[each]).any()
                     travels[number, each] = 0.0 if still else self._scene.travel(pair, way[each], after)
             most.append(max(travels[number, each] for each in range(oldest, step + 1)))
-        return (float(np.linalg.norm(most)) if self._slides else sum(most)) / self._cycle
+        return (float(np.linalg.norm(most)) if self._slides else math.fsum(most)) / self._cycle
 
 
 def slow_zones(scene: Scene, machine: Machine, counted: NDArray[np.bool_]) -> SlowZones:

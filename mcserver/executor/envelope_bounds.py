@@ -85,7 +85,9 @@ def enforced(shown: Envelope, machine: Machine, override: float, drift: Sequence
 
 def _enforced_tip(tip: TipEnvelope, drift: Sequence[float]) -> TipEnvelope:
     joints = zip(tip.columns, tip.turning, strict=True)
-    aside = TIP_TOLERANCE + sum(drift[column] * (tip.reach if turns else 1.0) for column, turns in joints)
+    aside = TIP_TOLERANCE + math.fsum(
+        drift[column] * (tip.reach if turns else 1.0) for column, turns in joints
+    )
     return msgspec.structs.replace(
         tip,
         low=tuple(each - aside for each in tip.low),

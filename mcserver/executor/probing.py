@@ -113,7 +113,7 @@ class Probes(Barrier):
             raise BarrierFault(FaultCode.PROBE_CLOSED, -1)
         row, axes = self._cycle.row, self._cycle.machine.axes
         travel = {column: abs(to - float(row.ordered[column])) for column, to in self._targets.items()}
-        length = math.sqrt(sum(each * each for each in travel.values()))
+        length = math.hypot(*travel.values())
         self._lead = max(travel, key=lambda column: travel[column])
         if length == 0.0:
             return

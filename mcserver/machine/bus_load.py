@@ -89,12 +89,12 @@ class BusLoad:
 
     def bits_at(self, cycle_hz: float) -> float:
         """The same of a cycle at another rate."""
-        return sum(share.frames_at(cycle_hz) * share.bits for share in self.shares)
+        return math.fsum(share.frames_at(cycle_hz) * share.bits for share in self.shares)
 
     @property
     def fixed_bits_per_second(self) -> float:
         """Of frames at a rate of their own."""
-        return sum(share.fixed_hz * share.bits for share in self.shares)
+        return math.fsum(share.fixed_hz * share.bits for share in self.shares)
 
     @property
     def share(self) -> float:
@@ -112,7 +112,7 @@ class BusLoad:
             return 0
         left = CEILING * self.bitrate - self.fixed_bits_per_second
         # with RPDO1 as rarely as it ever comes it is no greater
-        most = math.floor(left / sum(share.frames_at(GREATEST_HZ) * share.bits for share in self.shares))
+        most = math.floor(left / self.bits_at(GREATEST_HZ))
         fitting = (hz for hz in range(most, 0, -1) if self.bits_at(hz) * hz <= left)
         return next(fitting, 0)
 

@@ -136,10 +136,12 @@ def check_coupled(axes: Mapping[Path, Axis], mistakes: Mistakes, least: float) -
             needs.append(mesh_need(found.mesh, *(motions[each] for each in found.mesh.axes)))
         kept = 1.0 - found.reserve
         shares = (
-            sum(need.velocity for need in needs) * kept / axis.max_velocity,
-            sum(need.acceleration for need in needs) * kept / axis.max_acceleration,
+            math.fsum(need.velocity for need in needs) * kept / axis.max_velocity,
+            math.fsum(need.acceleration for need in needs) * kept / axis.max_acceleration,
             # an axis without a limit of jerk takes any
-            0.0 if axis.max_jerk == math.inf else sum(need.jerk for need in needs) * kept / axis.max_jerk,
+            math.fsum(need.jerk for need in needs) * kept / axis.max_jerk
+            if axis.max_jerk < math.inf
+            else 0.0,
         )
         left[axis.index] = found.share - max(shares)
         if not left[axis.index] >= least:

@@ -66,7 +66,7 @@ class Shaper(msgspec.Struct, frozen=True):
             outer = (3.0 * x * x + 2.0 * x + 3.0 * square) / (16.0 * x)
             parts = [(0.0, outer), (0.5, 0.5 - outer), (1.0, 0.5 - outer), (1.5, outer)]
         weights = [weight * decay(at) for at, weight in parts]
-        whole = sum(weights)
+        whole = math.fsum(weights)
         return tuple((at * period, weight / whole) for (at, _), weight in zip(parts, weights, strict=True))
 
     def residual(self, frequency_hz: float, damping: float) -> float:
@@ -83,7 +83,7 @@ class Shaper(msgspec.Struct, frozen=True):
 
     def mean_s(self) -> float:
         """Return by how much it delays the path [s]."""
-        return sum(at * weight for at, weight in self.impulses())
+        return math.fsum(at * weight for at, weight in self.impulses())
 
 
 class Shaping(msgspec.Struct, frozen=True):
@@ -121,8 +121,8 @@ class Shaping(msgspec.Struct, frozen=True):
         weights, deviations, changes, path = [], [], [], 0.0
         for axis in axes:
             each = (1.0,) if axis.profiled else _weights(axis.shaper, delay, cycle_s)
-            variance = sum(weight * (at - delay) ** 2 for at, weight in enumerate(each))
-            spread = sum(weight * abs(at - delay) for at, weight in enumerate(each))
+            variance = math.fsum(weight * (at - delay) ** 2 for at, weight in enumerate(each))
+            spread = math.fsum(weight * abs(at - delay) for at, weight in enumerate(each))
             most = 0.0 if axis.profiled else ACCELERATION_SLACK * axis.max_acceleration * cycle_s
             # Taylor's theorem about the mean, at which the first order cancels
             deviations.append(0.5 * variance * most * cycle_s)

@@ -176,35 +176,42 @@ def open_journal(path: Path) -> sqlite3.Connection:
         os.close(os.open(path, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o600))
         # no transactions but those asked for: a single statement commits itself, without BEGIN and COMMIT
         connection = sqlite3.connect(path, check_same_thread=False, timeout=1.0, isolation_level=None)
-        # of a new file: a commit writes whole pages, and most commits are a single short row
-        connection.execute(f"PRAGMA page_size={PAGE_BYTES}")
-        connection.execute("PRAGMA journal_mode=WAL")
-        connection.execute("PRAGMA synchronous=NORMAL")
-        # a checkpoint syncs, which no commit shall wait for; the thread makes them
-        connection.execute("PRAGMA wal_autocheckpoint=0")
-        version = connection.execute("PRAGMA user_version").fetchone()[0]
-        if version not in (0, SCHEMA_VERSION):
-            connection.close()
-            raise ServiceError(
-                "MC520",
-                f"the journal {path} has version {version}, not {SCHEMA_VERSION}",
-                "move the file away, or give another with --journal",
-            )
-        if version == 0:
-            with transaction(connection):
-                for statement in schema():
-                    connection.execute(statement)
-                for name in (*COUNTED, COMMITS):
-                    connection.execute(*insertion("sums", of=name, rows=0, total=0))
-                connection.execute(f"PRAGMA user_version={SCHEMA_VERSION}")
-        connection.create_function("row_checksum", -1, row_checksum, deterministic=True)
-        for trigger in _seals():
-            connection.execute(trigger)
+        with contextlib.ExitStack() as failed:
+            failed.callback(connection.close)
+            _prepare(connection, path)
+            failed.pop_all()
     except (sqlite3.Error, OSError) as error:
         raise ServiceError(
             "MC520", f"the journal {path} cannot be used: {error}", "give a writable file with --journal"
         ) from error
     return connection
+
+
+def _prepare(connection: sqlite3.Connection, path: Path) -> None:
+    """Put the schema in place where there is none."""
+    # of a new file: a commit writes whole pages, and most commits are a single short row
+    connection.execute(f"PRAGMA page_size={PAGE_BYTES}")
+    connection.execute("PRAGMA journal_mode=WAL")
+    connection.execute("PRAGMA synchronous=NORMAL")
+    # a checkpoint syncs, which no commit shall wait for; the thread makes them
+    connection.execute("PRAGMA wal_autocheckpoint=0")
+    version = connection.execute("PRAGMA user_version").fetchone()[0]
+    if version not in (0, SCHEMA_VERSION):
+        raise ServiceError(
+            "MC520",
+            f"the journal {path} has version {version}, not {SCHEMA_VERSION}",
+            "move the file away, or give another with --journal",
+        )
+    if version == 0:
+        with transaction(connection):
+            for statement in schema():
+                connection.execute(statement)
+            for name in (*COUNTED, COMMITS):
+                connection.execute(*insertion("sums", of=name, rows=0, total=0))
+            connection.execute(f"PRAGMA user_version={SCHEMA_VERSION}")
+    connection.create_function("row_checksum", -1, row_checksum, deterministic=True)
+    for trigger in _seals():
+        connection.execute(trigger)
 
 
 def count_commits(connection: sqlite3.Connection) -> int:

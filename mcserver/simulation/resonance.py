@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import get_args
@@ -145,10 +146,10 @@ def fit(rings: Sequence[Array], step_s: float) -> Resonance | None:
     rings = [ring for ring in rings if len(ring) * step_s >= SHORTEST_S / 2 and np.ptp(ring) > 0.0]
     if not rings:
         return None
-    whole = sum(float(((ring - ring.mean()) ** 2).sum()) for ring in rings)
+    whole = math.fsum(float(((ring - ring.mean()) ** 2).sum()) for ring in rings)
 
     def left(frequency: float, damping: float) -> float:
-        return sum(_unexplained(ring, step_s, frequency, damping) for ring in rings)
+        return math.fsum(_unexplained(ring, step_s, frequency, damping) for ring in rings)
 
     frequency, damping = _least(left, min(HIGHEST_HZ, 0.4 / step_s))
     return Resonance(frequency, damping, 1.0 - left(frequency, damping) / whole, len(rings))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -391,7 +392,7 @@ class _Run:
         for report in self._pipeline.take_reports_in_columns():
             if isinstance(report, PlannedLines):
                 self._times.asked_in_columns(report.lines, report.requested_s)
-                self._feed_length = sum(report.feed_lengths.tolist(), self._feed_length)
+                self._feed_length = math.fsum((self._feed_length, *report.feed_lengths.tolist()))
             elif report.kind is ReportKind.PLANNED:
                 if report.requested_s is not None:
                     self._times.asked(report.line, report.requested_s)

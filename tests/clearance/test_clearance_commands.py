@@ -12,7 +12,7 @@ from mcserver.clearance.outlines import standing_outlines
 from mcserver.cli.app import run_command_line
 from mcserver.language.agents.server import AgentTools, build_server
 from mcserver.machine.machine_digest import machine_digest
-from mcserver.machine.machine_file import load_machine
+from mcserver.machine.machine_file import load_machine, parse_machine
 from mcserver.planning.start_state import StartState
 from mcserver.simulation.preview import preview
 from tests.clearance.machines import MILL, TOOL, VISE, block, mill
@@ -72,13 +72,26 @@ def test_a_server_does_not_start_with_bodies_that_do_not_fit(tmp_path: Path, cap
     assert "MC323" in capfd.readouterr().err
 
 
-def test_another_mesh_is_another_machine(tmp_path: Path) -> None:
-    mesh = tmp_path / "vise.stl"
-    machine = mill(f'[[body]]\nname = "a"\nshape = "mesh"\nfile = "{mesh}"\n')
-    mesh.write_text("one")
-    before = machine_digest(machine)
-    mesh.write_text("another")
-    assert machine_digest(machine) != before
+def test_a_machine_is_what_its_files_contain_in_whichever_folder(tmp_path: Path) -> None:
+    text = MILL + '[kinematics]\nurdf = "a.urdf"\n[clearance]\nsrdf = "a.srdf"\n'
+    text += '[[body]]\nname = "a"\nshape = "mesh"\nfile = "vise.stl"\n'
+    files = {
+        "a.urdf": '<robot name="a"><link name="l"><visual><geometry>'
+        '<mesh filename="package://looks/link.stl"/></geometry></visual></link></robot>',
+        "a.srdf": "<robot/>",
+        "vise.stl": "solid",
+        "looks/link.stl": "solid",
+    }
+
+    def digest(folder: str, **others: str) -> str:
+        for name, content in {**files, **others}.items():
+            (tmp_path / folder / name).parent.mkdir(parents=True, exist_ok=True)
+            (tmp_path / folder / name).write_text(content)
+        return machine_digest(parse_machine(text, folder=tmp_path / folder))
+
+    one = digest("one")
+    assert digest("another/place") == one
+    assert len({one, *(digest("one", **{name: files[name] + " "}) for name in files)}) == 1 + len(files)
 
 
 def test_what_stands_has_an_outline_and_what_is_carried_none() -> None:

@@ -30,7 +30,8 @@ for module, names in {
     socket: "AF_CAN AF_PACKET AF_UNIX",
 }.items():
     for name in names.split():
-        delattr(module, name)
+        # a Python that was built for older systems lacks some
+        vars(module).pop(name, None)
 for name in ("fcntl", "grp", "pwd", "resource", "termios", "tty"):
     sys.modules.pop(name, None)
 """

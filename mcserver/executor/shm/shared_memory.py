@@ -6,6 +6,7 @@ has it, however that process ends. So nothing can be left behind.
 
 from __future__ import annotations
 
+import ctypes
 import mmap
 import os
 from dataclasses import dataclass
@@ -18,6 +19,8 @@ from mcserver.executor.stopping import StopTimes, torque_axes
 from mcserver.machine.machine_file import Machine
 
 _ALIGNMENT = 4096
+# of memfd_create(2)
+_MFD_CLOEXEC = 1
 
 
 @dataclass(frozen=True)
@@ -46,12 +49,25 @@ def create_block(machine: Machine) -> int:
     """Create a zeroed block of the size that `map_block` expects; return its descriptor, which the caller
     closes.
     """
-    descriptor = os.memfd_create("mcserver-executor", os.MFD_CLOEXEC)
+    descriptor = _anonymous_file()
     try:
         os.ftruncate(descriptor, sum(_sizes(machine)))
     except OSError:
         os.close(descriptor)
         raise
+    return descriptor
+
+
+def _anonymous_file() -> int:
+    name = "mcserver-executor"
+    if hasattr(os, "memfd_create"):
+        return os.memfd_create(name)
+    # a Python built for older systems, such as uv's, does not name what this one's C library has
+    create = ctypes.CDLL(None, use_errno=True).memfd_create
+    descriptor: int = create(name.encode(), _MFD_CLOEXEC)
+    if descriptor < 0:
+        number = ctypes.get_errno()
+        raise OSError(number, os.strerror(number))
     return descriptor
 
 

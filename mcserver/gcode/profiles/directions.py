@@ -38,7 +38,7 @@ def product(outer: Directions | None, inner: Directions | None) -> Directions | 
 
 def _cosine(first: Iterable[float], second: Iterable[float]) -> float:
     """Return that of the angle between unit vectors, without what rounding leaves of a right one."""
-    cosine = sum(a * b for a, b in zip(first, second, strict=True))
+    cosine = math.fsum(a * b for a, b in zip(first, second, strict=True))
     nearest = float(round(cosine))
     return nearest if abs(cosine - nearest) < _NOTHING else cosine
 
@@ -76,7 +76,7 @@ def _turned(
     named = frozenset(axis for axis in place if 0 <= axis <= 2)
     for axis in coupled(directions, named) if named else ():
         if 0 <= axis <= 2:
-            found[axis] = sum(
+            found[axis] = math.fsum(
                 factor * place.get(column, 0.0) for column, factor in enumerate(rows[axis]) if factor
             )
     return found

@@ -7,6 +7,7 @@ order says. Each span between two knots is a rational Bezier curve, whose contro
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 
 import msgspec
@@ -106,7 +107,7 @@ def _close(block: BlockState, action: Action, given: ControlPoints) -> list[Cano
         if line is None:
             return []
         found.append(line)
-    whole = sum(line.feed_length for line in found)
+    whole = math.fsum(line.feed_length for line in found)
     exact = takes_exact_stop(block)
     return [
         msgspec.structs.replace(
