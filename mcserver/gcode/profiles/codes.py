@@ -26,6 +26,8 @@ COMPENSATING: Final[Mapping[str, int]] = MappingProxyType({"G41": 1, "G41.1": 1,
 _MACHINING = {"G4", "G43", "G43.4", "G49", "M3", "M4", "M5", "M6"}
 # canned cycles, and what goes with them (D-75)
 TAPPING: Final = frozenset({"G74", "G84"})
+# rigid taps of Fanuc's older mills, right and left: here every tap is rigid
+RIGID_TAPS: Final[Mapping[str, float]] = MappingProxyType({"G84.2": 84.0, "G84.3": 74.0})
 DRILLING: Final = frozenset({"G73", "G81", "G82", "G83", "G85", "G86", "G89"}) | TAPPING
 # motion by the turns of the spindle (D-89, D-90)
 THREADING: Final = frozenset({"G33", "G33.1", "G76"})
