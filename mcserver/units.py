@@ -11,6 +11,7 @@ import math
 
 MM = 1e-3
 INCH = 25.4e-3
+FOOT = 12.0 * INCH
 DEGREE = math.pi / 180.0
 MINUTE = 60.0
 TURN = 2.0 * math.pi

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from ruckig import Trajectory
 
 from mcserver.executor.trajectories import MotionLimits, State
+from mcserver.motion.canonical import SurfaceSpeed
 
 Array = NDArray[np.float64]
 Followers = Mapping[int, tuple[float, float]]
@@ -32,6 +33,7 @@ class Motion:
         origin: position at which the trajectory starts. final: position and velocity at its end.
         limits: that it keeps. followers: columns that go along: column → (position, share) where it is that
             position + share · (this one's - anchor). lost: its own column takes no part any more.
+        surface: column and law that lead a speed from cycle to cycle (D-120); None: none does.
         target: of a position motion. rate: share of the axis's speed that it is planned with; 0: it is held.
     """
 
@@ -48,6 +50,7 @@ class Motion:
         "origin",
         "rate",
         "slot",
+        "surface",
         "target",
         "trajectory",
     )
@@ -74,6 +77,7 @@ class Motion:
         self.followers: Followers = {}
         self.anchor = origin
         self.lost = False
+        self.surface: tuple[int, SurfaceSpeed] | None = None
         self.target = final[0]
         self.rate = 1.0
 

@@ -31,7 +31,7 @@ from mcserver.executor.shm.feedback import SlotState
 from mcserver.executor.shm.mailbox import signed
 from mcserver.executor.thread_pass import ThreadPass
 from mcserver.executor.trajectories import TrajectoryError
-from mcserver.motion.canonical import AxisOperation, WaitMode
+from mcserver.motion.canonical import AxisOperation, SurfaceSpeed, WaitMode
 
 if TYPE_CHECKING:
     from mcserver.executor.slot import ProgramSlot
@@ -232,8 +232,16 @@ def _speed(slot: ProgramSlot, control: Control, left: float, waited: bool) -> Ba
         hold_position(slot.cycle, 1 << column, slot.index, left)
     bank.power(control.axes, DriveMode.VELOCITY)
     for column in bank.masks.columns(control.axes):
-        slot.cycle.motions.speed(column, slot.index, control.values[column], left)
+        slot.cycle.motions.speed(column, slot.index, control.values[column], left, _surface_of(control))
     return None
+
+
+def _surface_of(control: Control) -> tuple[int, SurfaceSpeed] | None:
+    """Return column and law of a spindle that the radius leads (D-120)."""
+    if not control.operation or control.values is None:
+        return None
+    leads = control.channel
+    return leads, SurfaceSpeed(leads, control.values[leads], control.seconds, control.value)
 
 
 def _torque(slot: ProgramSlot, control: Control, _left: float, waited: bool) -> Barrier | None:

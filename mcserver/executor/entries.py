@@ -29,7 +29,7 @@ class ControlKind(enum.IntEnum):
     )
     DWELL = 6  # u stops here for ``seconds``, which pass at the rate of holds (not of overrides)
     RAPID = 7  # independent motion of ``axes`` to ``values`` [m, rad] at the axes' own limits; energizes
-    SPEED = 8  # velocity mode [m/s, rad/s]; ``values`` per axis
+    SPEED = 8  # velocity mode [m/s, rad/s]; ``values`` per axis; of a spindle also by the radius
     TORQUE = 9  # torque mode [N·m]; ``values`` per axis
     AXIS = 10  # axis operation ``operation`` on ``axes`` (D-40)
     HALT_AXES = (
@@ -61,15 +61,16 @@ class Control(msgspec.Struct, frozen=True, gc=False):
         values: shape (K,) for RAPID, SPEED and TORQUE, and for FOLLOW where it is bounded; for END optionally
             the final positions (without them the axes hold the row at or right after u); else None.
         seconds: for DWELL; for PROBE the speed along the line [m/s]; for THREAD the way along it a turn [m];
-            for WAIT the time-out; for OUTPUT of a laser the speed of ``axes`` together that its value is for
-            [m/s or rad/s]; 0: any.
-        operation: for PROBE: a `ProbeKind`; for THREAD: 1 where it taps; for AXIS: index of the operation in
+            for WAIT the time-out; for SPEED by the radius the surface speed [m/s]; for OUTPUT of a laser the
+            speed of ``axes`` together that its value is for [m/s or rad/s]; 0: any.
+        operation: for PROBE: a `ProbeKind`; for SPEED: 1 where column ``channel`` leads it, whose value is
+            the place of the spindle's axis; for THREAD: 1 where it taps; for AXIS: index of the operation in
             ``list(AxisOperation)``; for FINISH: 1 where a faulty line has ended the program, whose outputs
             become safe; for INPUT: a `WaitMode`; for PAYLOAD: tools, as
             `mckinematics.dynamics.JointDynamics.bits_of` has them.
         token: for SETTLE: a number that the executor reports back with the positions.
         channel: for OUTPUT and INPUT: column of the machine's output or input; for THREAD: of the spindle.
-        value: for OUTPUT; for THREAD the spindle's speed [1/s].
+        value: for OUTPUT; for SPEED by the radius the greatest [rad/s]; for THREAD the spindle's speed [1/s].
     """
 
     kind: ControlKind

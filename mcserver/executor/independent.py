@@ -20,6 +20,10 @@ from mcserver.executor.entries import Array
 from mcserver.executor.shm.feedback import FeedbackRow
 from mcserver.executor.trajectories import MotionLimits, State, TrajectoryError, TrajectorySolver
 from mcserver.machine.machine_file import Machine
+from mcserver.motion.canonical import SurfaceSpeed
+
+# a spindle led by the radius is commanded anew where its speed is to differ by this share
+SURFACE_SHARE = 0.002
 
 
 class IndependentMotions:
@@ -100,8 +104,21 @@ class IndependentMotions:
         self._remask()
         self._pass(motion, left)
 
-    def speed(self, column: int, slot: int, velocity: float, left: float) -> None:
-        """Go to a speed within the axis's limit, and hold it until superseded."""
+    def speed(
+        self,
+        column: int,
+        slot: int,
+        velocity: float,
+        left: float,
+        surface: tuple[int, SurfaceSpeed] | None = None,
+    ) -> None:
+        """Go to a speed within the axis's limit, and hold it until superseded.
+
+        Args:
+            surface: column and law that give the speed, in the direction of ``velocity``, in each cycle.
+        """
+        if surface is not None:
+            velocity = math.copysign(surface[1].at(float(self._row.ordered[surface[0]])), velocity)
         top = self._axes[column].max_velocity
         velocity = max(-top, min(top, velocity))
         self.greatest_speeds[column] = max(self.greatest_speeds[column], abs(velocity))
@@ -109,6 +126,7 @@ class IndependentMotions:
         limits = self._limits[column]
         trajectory = self._solver.to_velocity(column, state, velocity, limits, jerk=True)
         self._start(column, slot, MotionKind.SPEED, trajectory, state[0], velocity, limits)
+        self._motions[column].surface = surface
         self._guard(self._motions[column])
         self._pass(self._motions[column], left)
 
@@ -168,6 +186,8 @@ class IndependentMotions:
         for motion in self._motions.values():
             if motion.slot == slot:
                 motion.slot = -1
+                # a spindle keeps its turns, whoever jogs the axis that led it
+                motion.surface = None
 
     # ------------------------------------------------------------------ states
 
@@ -228,6 +248,8 @@ class IndependentMotions:
                 break
             if motion.kind is MotionKind.FOLLOW:
                 return 0
+            if motion.surface is not None:
+                return 0
             if motion.kind is MotionKind.SPEED:
                 axis = self._axes[motion.column]
                 if math.isfinite(axis.min_position) or math.isfinite(axis.max_position):
@@ -279,6 +301,10 @@ class IndependentMotions:
             if motion.kind is MotionKind.FOLLOW:
                 continue
             if motion.kind is MotionKind.SPEED:
+                if motion.surface is not None and self._is_off(motion, motion.surface):
+                    # a share of no cycle passes: the new one begins where the old one is
+                    self.speed(motion.column, motion.slot, motion.final[1], 0.0, motion.surface)
+                    motion = self._motions[motion.column]
                 self._guard(motion)
             elif motion.kind is MotionKind.POSITION and rates[motion.slot] != motion.rate:
                 state = motion.at(motion.elapsed)
@@ -287,6 +313,11 @@ class IndependentMotions:
                     rate = rates[motion.slot]
                     self._go(motion.column, motion.slot, state, motion.target, rate, motion.limits)
             self._pass(self._motions[motion.column], 1.0)
+
+    def _is_off(self, motion: Motion, surface: tuple[int, SurfaceSpeed]) -> bool:
+        """Return whether the speed that a motion goes to is another one than the radius asks for now."""
+        wanted = surface[1].at(float(self._row.ordered[surface[0]]))
+        return abs(abs(motion.final[1]) - wanted) > SURFACE_SHARE * wanted
 
     def _go(
         self, column: int, slot: int, state: State, target: float, rate: float, limits: MotionLimits

@@ -117,6 +117,7 @@ TITLES: Mapping[str, str] = MappingProxyType(
         "MC153": "words of two codes would be mixed up",
         "MC201": "the move leaves the axis's travel",
         "MC202": "the speed is above the axis's limit",
+        "MC203": "constant surface speed cannot be kept here",
         "MC310": "there is no such tool",
         "MC311": "the tool takes no orientation",
         "MC312": "axes cannot be named while a tool is in force",

@@ -29,7 +29,9 @@ def modal_codes(modal: ModalState) -> list[str]:
             codes.append("G43")
         if frame.tool:
             codes.append(f"T{frame.tool}")
-        if frame.spindle_rpm:
+        if frame.surface is not None:
+            codes.append("G96")
+        elif frame.spindle_rpm:
             codes.append(f"S{frame.spindle_rpm:g}")
     if modal.tool is not None:
         codes.append(f"T{modal.tool}")

@@ -250,7 +250,7 @@ class _Survey:
                     code="MC147",
                     line=fault.line,
                     message="this is a program for a lathe, which this machine's profile does not read",
-                    hint="G50, G71, G96, X in diameters and G99 mean something else on a mill",
+                    hint="G50, G71, X in diameters and G99 mean something else here",
                 )
             )
             first += 1

@@ -74,11 +74,34 @@ class RapidGroup(msgspec.Struct, frozen=True):
     carried: tuple[int, ...] = ()
 
 
+class SurfaceSpeed(msgspec.Struct, frozen=True):
+    """G96: how fast a spindle turns at the tool's distance from its axis (D-120).
+
+    Attributes:
+        axis: whose place is the distance from ``zero`` [m]. speed: at the tool [m/s]. greatest: [rad/s].
+    """
+
+    axis: int
+    zero: float
+    speed: float
+    greatest: float
+
+    def at(self, place: float) -> float:
+        """Return the spindle's speed where the axis is at ``place`` [rad/s]."""
+        radius = abs(place - self.zero)
+        return self.greatest if self.speed >= self.greatest * radius else self.speed / radius
+
+
 class SpeedGroup(msgspec.Struct, frozen=True):
-    """G1030: velocities of the axes [m/s or rad/s], converted from motor RPM."""
+    """G1030 and the spindle: velocities of the axes [m/s or rad/s], converted from motor RPM.
+
+    Attributes:
+        surface: what leads the one axis from then on; its velocity is that of now. None: nothing does.
+    """
 
     axes: tuple[int, ...]
     velocities: tuple[float, ...]
+    surface: SurfaceSpeed | None = None
 
 
 class TorqueGroup(msgspec.Struct, frozen=True):

@@ -32,6 +32,7 @@ from mcserver.motion.canonical import (
     ProbeLine,
     RapidGroup,
     SpeedGroup,
+    SurfaceSpeed,
     ThreadLine,
     TorqueGroup,
     may_flow,
@@ -473,6 +474,7 @@ class LinePlanner:
 
     def _transmit(self, group: Group, line: int) -> None:
         """Start what the executor does by itself: independent motion, speed, torque."""
+        surface: SurfaceSpeed | None = None
         if isinstance(group, RapidGroup):
             kind, values = ControlKind.RAPID, group.targets
             for axis, target in zip(group.axes, group.targets, strict=True):
@@ -480,6 +482,7 @@ class LinePlanner:
             self._independent |= set(group.axes)
         elif isinstance(group, SpeedGroup):
             kind, values = ControlKind.SPEED, group.velocities
+            surface = group.surface
             self._independent -= set(group.axes)
         elif isinstance(group, TorqueGroup):
             kind, values = ControlKind.TORQUE, group.torques
@@ -491,7 +494,17 @@ class LinePlanner:
         row = [0.0] * self._width
         for axis, value in zip(group.axes, values, strict=True):
             row[self._columns[axis]] = value
-        self.control(kind, line, axes=self._mask(group.axes), values=tuple(row))
+        more: dict[str, Any] = {}
+        if surface is not None:
+            leads = self._columns[surface.axis]
+            row[leads] = surface.zero
+            more = {
+                "channel": leads,
+                "operation": 1,
+                "seconds": surface.speed,
+                "value": surface.greatest,
+            }
+        self.control(kind, line, axes=self._mask(group.axes), values=tuple(row), **more)
 
     def _axis_line(self, line: AxisLine) -> None:
         """Put axis commands behind the motion of their axes (D-40, D-130)."""

@@ -215,30 +215,30 @@ def state_before(
             if parsed.profile is not None:
                 effects.wait(parsed.profile.actions, machine.dialect)
     pauses.stood_at(number)
-    compensation = interpreter.compensation
+    compensation, modal = interpreter.compensation, interpreter.modal
     if compensation is not None:
-        raise ProgramRejected(
-            [
-                Diagnostic(
-                    code="MC167",
-                    line=number,
-                    message=f"cutter compensation is on here, since line {compensation.line}",
-                    hint=f"start at line {compensation.line}, or behind the move that leads out",
-                )
-            ]
+        raise _not_here(
+            "MC167",
+            number,
+            f"cutter compensation is on here, since line {compensation.line}",
+            f"start at line {compensation.line}, or behind the move that leads out",
         )
-    modal = interpreter.modal
     if modal.coupled:
         follower, since = modal.coupled[0]
-        raise ProgramRejected(
-            [
-                Diagnostic(
-                    code="MC347",
-                    line=number,
-                    message=f"axis {follower} follows another one here, since line {since}",
-                    hint=f"start at line {since}, or behind the G1061 that ends it",
-                )
-            ]
+        raise _not_here(
+            "MC347",
+            number,
+            f"axis {follower} follows another one here, since line {since}",
+            f"start at line {since}, or behind the G1061 that ends it",
+        )
+    surface = None if modal.frame is None else modal.frame.surface
+    spindle = machine.dialect.spindle
+    if surface is not None and spindle is not None and effects.speeds.get(spindle):
+        raise _not_here(
+            "MC167",
+            number,
+            f"the radius leads the spindle here, since line {surface.line} (G96)",
+            f"start at line {surface.line}, or behind G97",
         )
     if not interpreter.ended:
         modal = msgspec.structs.replace(modal, computed=expansion.kept())
@@ -255,3 +255,7 @@ def state_before(
         awaited=tuple(effects.awaited.values()),
         threads=frozenset(effects.threads),
     )
+
+
+def _not_here(code: str, line: int, message: str, hint: str) -> ProgramRejected:
+    return ProgramRejected([Diagnostic(code=code, line=line, message=message, hint=hint)])

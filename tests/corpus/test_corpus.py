@@ -364,7 +364,7 @@ def test_g43_of_a_tool_without_a_length_is_refused_on_a_machine_without_a_table_
 
 
 def test_a_refused_code_is_said_once_with_its_lines_and_a_lathe_is_named() -> None:
-    text = "\n".join(["G50 S2000", *["G71 U1 R1"] * 60, "G96 S200 M3"])
+    text = "\n".join(["G50 S2000", *["G71 U1 R1"] * 60, "G72 W1"])
     found = [each for each in errors(text, "cnc") if each.code in ("MC141", "MC147")]
     assert [(each.code, each.line) for each in found] == [
         ("MC147", 1),

@@ -142,6 +142,13 @@ def test_tapping_in_pecks_falls_into_one_thread_from_r() -> None:
     assert [each.length for each in taps] == pytest.approx([6.0 * MM, 12.0 * MM, 16.0 * MM])
 
 
+def test_rigid_taps_by_codes_of_their_own_are_g84_and_g74() -> None:
+    for direction, code, same in (("M3", "G84.2", "G84"), ("M4", "G84.3", "G74")):
+        words = "X10 Z-12 R4 F400"
+        found, plain = (values(direction, f"G17 {each} {words}", "X20", "G80") for each in (code, same))
+        assert found == plain
+
+
 def spindle_speeds(found: list[Canonical]) -> list[float]:
     groups = [each.groups[0] for each in found if isinstance(each, MotionLine)]
     return [group.velocities[0] for group in groups if isinstance(group, SpeedGroup)]

@@ -15,6 +15,7 @@ from mcserver.gcode.profiles.codes import (
     PROBING,
     RETRACTING,
     SPINDLE,
+    SPINDLE_SPEEDS,
     SPLINES,
     SYSTEM_NUMBERS,
     TAKES_AXES,
@@ -30,6 +31,7 @@ from mcserver.gcode.profiles.nurbs import add_control_point
 from mcserver.gcode.profiles.probing import read_probe_move
 from mcserver.gcode.profiles.retraction import retract
 from mcserver.gcode.profiles.splines import read_spline
+from mcserver.gcode.profiles.surface_speed import choose_speed, set_surface_speed, spindle_group
 from mcserver.gcode.profiles.threading import orient, read_threads
 from mcserver.gcode.profiles.transforming import end_transformation, linear, transform
 from mcserver.gcode.semantics.arc_plane import PLANES
@@ -40,7 +42,6 @@ from mcserver.gcode.semantics.program_places import ends_of, given_by
 from mcserver.gcode.semantics.program_units import (
     axis_scale,
     motor_rpm,
-    motor_speed,
     shown_number,
     shown_position,
 )
@@ -58,7 +59,6 @@ from mcserver.motion.canonical import (
     InputLine,
     MotionLine,
     PauseLine,
-    SpeedGroup,
     WaitMode,
 )
 from mcserver.motion.thread_cam import stopping_seconds
@@ -86,6 +86,11 @@ def act_before(block: BlockState, actions: tuple[Action, ...], effects: Effects)
     """Carry out what comes ahead of a line's settings and motion."""
     began = block.frame
     spindle = False
+    # which speed S gives is known before S is read
+    for action in actions:
+        if action.code in SPINDLE_SPEEDS:
+            choose_speed(block, action, stops=any(each.code == "M5" for each in actions))
+            spindle = True
     for action in actions:
         code = action.code
         frame = block.frame
@@ -93,7 +98,16 @@ def act_before(block: BlockState, actions: tuple[Action, ...], effects: Effects)
             continue
         if code == "S":
             spindle = True
-            block.frame = msgspec.structs.replace(frame, spindle_rpm=_value(block, action, "S", least=0.0))
+            speed = _value(block, action, "S", least=0.0)
+            if frame.surface is not None:
+                if speed > 0.0:
+                    set_surface_speed(block, frame.surface, speed)
+                else:
+                    block.faults.add(
+                        "MC203", "a surface speed of 0 turns no spindle", action.span, "write M5"
+                    )
+                continue
+            block.frame = msgspec.structs.replace(frame, spindle_rpm=speed)
             _follow_speed(block, action, actions, effects)
         elif code in SPINDLE:
             spindle = True
@@ -513,12 +527,13 @@ def _turn_spindle(block: BlockState, began: Frame, actions: tuple[Action, ...], 
     frame = block.frame
     if index is None:
         return
-    place = next(action for action in actions if action.code in ("S", "M3", "M4", "M5"))
+    place = next(action for action in actions if action.code in {"S", *SPINDLE, *SPINDLE_SPEEDS})
     # nobody is to take a spindle for turning or standing that this program does not reach
     axis = block.usable_axis(index, place)
     if axis is None:
         return
-    speed = motor_speed(frame.spindle_rpm * frame.direction, axis.travel_per_motor_turn)
+    group = spindle_group(block, frame, axis)
+    (speed,) = group.velocities
     if abs(speed) > axis.max_velocity * (1.0 + 1e-9):
         most = motor_rpm(axis.max_velocity, axis.travel_per_motor_turn)
         block.faults.add(
@@ -530,14 +545,13 @@ def _turn_spindle(block: BlockState, began: Frame, actions: tuple[Action, ...], 
         )
     block.commanded.invalidate((index,))
     starts = {action.code for action in actions} & {"M3", "M4"} - block.setup.machine.dialect.waits.keys()
-    before = motor_speed(began.spindle_rpm * began.direction, axis.travel_per_motor_turn)
+    (before,) = spindle_group(block, began, axis).velocities
     if starts and speed != before:
         # no tool is to cut before its spindle has its speed; nothing but its acceleration says when that is
         motion = CycleMotion(block)
-        motion.turn(index, speed, stopping_seconds(axis, abs(speed - before) / TURN))
+        motion.turn(index, speed, stopping_seconds(axis, abs(speed - before) / TURN), group.surface)
         effects.before[:0] = motion.lines
         return
-    group = SpeedGroup((index,), (speed,))
     if any(isinstance(value, MotionLine | InputLine) for value in effects.before):
         # a dwell or a wait behind M3 lets the spindle come to speed
         effects.before.insert(0, MotionLine(block.parsed.number, (group,)))

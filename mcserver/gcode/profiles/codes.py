@@ -26,6 +26,8 @@ COMPENSATING: Final[Mapping[str, int]] = MappingProxyType({"G41": 1, "G41.1": 1,
 _MACHINING = {"G4", "G43", "G43.4", "G49", "M3", "M4", "M5", "M6"}
 # canned cycles, and what goes with them (D-75)
 TAPPING: Final = frozenset({"G74", "G84"})
+# rigid taps of Fanuc's older mills, right and left: here every tap is rigid
+RIGID_TAPS: Final[Mapping[str, float]] = MappingProxyType({"G84.2": 84.0, "G84.3": 74.0})
 DRILLING: Final = frozenset({"G73", "G81", "G82", "G83", "G85", "G86", "G89"}) | TAPPING
 # motion by the turns of the spindle (D-89, D-90)
 THREADING: Final = frozenset({"G33", "G33.1", "G76"})
@@ -71,7 +73,7 @@ ACTING: Final[Mapping[str, frozenset[str]]] = MappingProxyType(
             | TRANSFORMING
             | TILTING
             | SPLINES
-            | {"G40", "G90.1", "G91.1", "G95"}
+            | {"G40", "G90.1", "G91.1", "G95", "G96", "G97"}
         ),
         "robot": frozenset(_FRAME | {"G4", "M3", "M4", "M5"}),
         "printer": frozenset({"G4", "G28", "G92", "M82", "M83", *PRINTER_STOPS, *RETRACTING}),
@@ -138,6 +140,8 @@ IGNORED: Final[Mapping[str, frozenset[str]]] = MappingProxyType(
     }
 )
 SPINDLE: Final = frozenset({"M3", "M4", "M5"})
+# what S counts: a surface speed, or turns (D-120)
+SPINDLE_SPEEDS: Final = frozenset({"G96", "G97"})
 # M62 to M68: the letters of their own words
 IO_WORDS: Final[Mapping[str, str]] = MappingProxyType(
     {
@@ -170,6 +174,7 @@ OWN_WORDS: Final[Mapping[str, str]] = MappingProxyType(
         "G5": "PQ",
         "G5.2": "PL",
         "G76": "PQHEL",
+        "G96": "D",
         "M19": "P",
         **IO_WORDS,
     }
@@ -213,7 +218,7 @@ REFUSED: Final[Mapping[str, str]] = MappingProxyType(
         "G90.1": "arc centres are increments from the start here; let the post write G91.1",
         "M19": "the spindle is turned to an angle in the profile cnc; let the post leave it out",
         "G95": "feed per revolution is for the profile cnc; use G94",
-        "G96": "constant surface speed of a lathe is not kept here; use G97",
+        "G96": "constant surface speed is kept in the profile cnc; use G97",
         **dict.fromkeys(("M62", "M63", "M64", "M65", "M67", "M68"), "this machine has no outputs"),
         "M66": "this machine has no inputs",
         "M97": "subprograms are not read here; let the post write the moves out",

@@ -14,7 +14,14 @@ from mcserver.gcode.semantics.program_units import shown_position
 from mcserver.gcode.semantics.rapids import rapid_group
 from mcserver.gcode.semantics.travel_limits import ROUNDING
 from mcserver.gcode.text.profile_words import Action, ProfileWord
-from mcserver.motion.canonical import Canonical, DwellGroup, FeedGroup, MotionLine, SpeedGroup
+from mcserver.motion.canonical import (
+    Canonical,
+    DwellGroup,
+    FeedGroup,
+    MotionLine,
+    SpeedGroup,
+    SurfaceSpeed,
+)
 from mcserver.motion.geometry.curves import LineCurve
 
 
@@ -79,9 +86,10 @@ class CycleMotion:
         for each, end in ends.items():
             self._block.end_at(each, end)
 
-    def turn(self, axis: int, speed: float, seconds: float) -> None:
+    def turn(self, axis: int, speed: float, seconds: float, surface: SurfaceSpeed | None = None) -> None:
         """Let the spindle turn [rad/s], and wait for its ramp."""
-        self.lines.append(MotionLine(self._block.parsed.number, (SpeedGroup((axis,), (speed,)),)))
+        group = SpeedGroup((axis,), (speed,), surface)
+        self.lines.append(MotionLine(self._block.parsed.number, (group,)))
         self._block.commanded.invalidate((axis,))
         self.dwell(seconds)
 

@@ -84,6 +84,20 @@ class TiltedPlane(msgspec.Struct, frozen=True):
     facing: Facing | None = None
 
 
+class Surface(msgspec.Struct, frozen=True):
+    """Constant surface speed in force (D-120).
+
+    Attributes:
+        speed: at the tool [m/s]. greatest: of the spindle [rad/s].
+        zero: where X is on the spindle's axis, as the spindle was told last [m]. line: of its last word.
+    """
+
+    speed: float
+    greatest: float
+    zero: float
+    line: int
+
+
 class Frame(msgspec.Struct, frozen=True):
     """The frame that axis words are in, and the spindle.
 
@@ -98,7 +112,8 @@ class Frame(msgspec.Struct, frozen=True):
         stored: positions of G28.1 (28) and G30.1 (30).
         cycle: the last canned cycle; it is in force as long as no motion code is.
         to_initial: between holes the tool goes where it was before the cycle (G98), not to R (G99).
-        direction: of the spindle, 1, -1 or 0. spindle_rpm: the last S.
+        direction: of the spindle, 1, -1 or 0. spindle_rpm: the last S of G97.
+        surface: of G96; None: S counts turns.
         retraction: as M207 and M208 set it; None: as the machine file has it.
         retracted: how far G10 has moved the zeros of the extruder and of Z; None: it has not (D-115).
     """
@@ -119,6 +134,7 @@ class Frame(msgspec.Struct, frozen=True):
     to_initial: bool = True
     direction: int = 0
     spindle_rpm: float = 0.0
+    surface: Surface | None = None
     retraction: Retraction | None = None
     retracted: Offsets | None = None
 

@@ -24,6 +24,7 @@ from mcserver.gcode.profiles.codes import (
     PROGRAM,
     REFUSED,
     RETRACTING,
+    RIGID_TAPS,
     SET_OUTPUTS,
     SETTINGS,
     SILENT,
@@ -209,6 +210,8 @@ class ProfileReader:
                     settings.append(word if name != "G61.1" else msgspec.structs.replace(word, text="61"))
                 elif name in _DIN_UNITS and self._dialect.profile == "cnc" and not _CYCLE_WORDS.search(code):
                     settings.append(msgspec.structs.replace(word, text=_DIN_UNITS[name]))
+                elif name in RIGID_TAPS and self._dialect.profile == "cnc":
+                    codes.append(msgspec.structs.replace(word, value=RIGID_TAPS[name]))
                 elif name == "G0" and self._dialect.profile == "printer":
                     # firmware of printers moves both alike (D-61)
                     motions.append(msgspec.structs.replace(word, text="1", value=1.0))

@@ -88,6 +88,14 @@ def find_spindle(block: BlockState, action: Action, direction: int | None = None
     if axis is None:
         return None
     frame = block.frame
+    if frame.surface is not None:
+        block.faults.add(
+            "MC203",
+            f"{action.code} needs a spindle that turns evenly; here the radius leads it (G96)",
+            action.span,
+            "write G97 and S in turns a minute before it",
+        )
+        return None
     rpm = frame.spindle_rpm * (frame.direction if direction is None else direction)
     turns_s = motor_speed(rpm, axis.travel_per_motor_turn) / TURN
     if turns_s == 0.0:

@@ -6,6 +6,7 @@ from mcserver.gcode.line_faults import FaultList
 from mcserver.gcode.profiles.actions import Effects, act_after, act_at_end, act_before
 from mcserver.gcode.profiles.drilling import drill, repeat_action
 from mcserver.gcode.profiles.nurbs import read_control_line
+from mcserver.gcode.profiles.surface_speed import follow_zero, part_by_turns
 from mcserver.gcode.profiles.transforming import read_polar_line, refuse_beside
 from mcserver.gcode.semantics.arcs import command_number
 from mcserver.gcode.semantics.axis_words import (
@@ -93,6 +94,7 @@ class BlockInterpreter:
         if profile.polar:
             block.change(transformation=before)
         # M0 and M30 come last, also where all that moves is a cycle or G28
+        effects.after += follow_zero(block)
         self.before, self.after = effects.before, [*effects.after, *self.before, *self.after]
 
     def _read_in_machine_frame(self) -> None:
@@ -133,7 +135,7 @@ class BlockInterpreter:
             tolerance=block.tolerance,
             feed_length=block.feed_length,
         )
-        return [*self.before, motion, *self.after]
+        return [*self.before, *part_by_turns(block, motion), *self.after]
 
     def _group(self, group: Group) -> None:
         feed_moves: list[FeedMove] = []

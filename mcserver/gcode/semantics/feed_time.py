@@ -8,6 +8,7 @@ from collections.abc import Sequence
 
 import msgspec
 
+from mcserver.gcode.profiles.surface_speed import turns_at
 from mcserver.gcode.semantics.block_state import ASSUMED_FEED, BlockState
 from mcserver.gcode.semantics.modal import Feed
 from mcserver.gcode.semantics.program_units import move_duration, turning_speed
@@ -102,6 +103,9 @@ def feed_group(block: BlockState, moves: list[FeedMove]) -> FeedGroup | None:
     turns = turns_of_feed(block, first.command)
     if turns is None:
         return None
+    if block.modal.per_turn and block.frame.surface is not None:
+        # the spindle's turns differ along the line, which is parted by them
+        turns = 1.0
     speed = turns * _speed(moves[reference])
     requested = moves[reference].curve.length / speed
     return FeedGroup(
@@ -129,6 +133,8 @@ def turns_of_feed(block: BlockState, source: Command | Action, *, starts: bool =
     if not block.modal.per_turn:
         return 1.0
     dialect, frame = block.setup.machine.dialect, block.frame
+    if frame.surface is not None and frame.direction:
+        return turns_at(block, frame.surface)
     turns = frame.spindle_rpm * (1 if starts else abs(frame.direction))
     spindle = None if dialect.spindle is None else block.setup.axes.get(dialect.spindle)
     if spindle is not None:

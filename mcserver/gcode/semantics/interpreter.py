@@ -135,7 +135,8 @@ class Interpreter:
     def _one_by_one(self) -> bool:
         """Whether lines are not read in columns."""
         modal = self._modal
-        by_tip = modal.frame is not None and modal.frame.tip_tool is not None
+        frame = modal.frame
+        by_tip = frame is not None and (frame.tip_tool is not None or frame.surface is not None)
         beside = self._compensation is not None or modal.transformation is not None
         beside = beside or modal.control_points is not None or modal.per_turn or bool(modal.coupled)
         return self._ended or self._setup.dynamics is not None or by_tip or beside
