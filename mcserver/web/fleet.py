@@ -14,6 +14,7 @@ from mcclient import MachineStatus, MotionError
 from mcclient.fleet import FleetLink, keep_link
 
 from mcserver.web.control import needs_control
+from mcserver.web.jobs import JobQueue
 from mcserver.web.link import MachineLink
 from mcserver.web.past import Past
 from mcserver.web.store import ProgramStore
@@ -171,11 +172,13 @@ class Fleet:
                 self._links[name].jobs.stop()
         return await self._each(names, lambda link, name: link.estop(name, reason))
 
-    async def run(self, names: list[str], text: str, visitor: str) -> dict[str, str]:
+    async def run(
+        self, names: list[str], text: str, visitor: str, file: tuple[str, bytes] | None = None
+    ) -> dict[str, str]:
         """Queue a text on several machines; what failed, by machine.
 
         Args:
-            visitor: who wants it.
+            visitor: who wants it. file: name and content, kept at each machine and run instead of the text.
         """
 
         async def start(_: FleetLink, name: str) -> None:
@@ -186,7 +189,11 @@ class Fleet:
                     while link.machine is None:
                         await asyncio.sleep(CONNECTED_S / 100)
             link.connected()
-            link.jobs.add_text(FLEET_TEXT, text, visitor)
+            if file is None:
+                link.jobs.add_text(FLEET_TEXT, text, visitor)
+            else:
+                link.store.write(*file)
+                link.jobs.add(file[0], visitor)
 
         return await self._each(names, start)
 
@@ -200,6 +207,11 @@ class Fleet:
                 mark("{name} has control", name=driver.name),
                 mark("ask for it, or take control at its page"),
             )
+
+    def jobs_of(self, name: str) -> JobQueue | None:
+        """Return the programs of this page on a machine; None: nobody has looked at it of late."""
+        link = self._links.get(name)
+        return None if link is None else link.jobs
 
     async def _each(
         self, names: list[str], act: Callable[[FleetLink, str], Awaitable[None]]

@@ -13,8 +13,10 @@ from mcserver.web.actions import show_refusal, show_role_refusal
 from mcserver.web.dialogs import answer_to, ask, named_dialog
 from mcserver.web.fleet import VISITOR_LINKS, Fleet, Seen
 from mcserver.web.formatting import banner, current_program, is_live, remaining_text
+from mcserver.web.jobs import JobQueue
 from mcserver.web.menu import add_menu
 from mcserver.web.sessions import Visitor
+from mcserver.web.store import MAX_PROGRAM_BYTES
 from mcserver.web.translation import mark, t
 
 log = logging.getLogger(__name__)
@@ -26,6 +28,19 @@ LINK = """(params) => {
   link.href = "/machine/" + encodeURIComponent(params.value);
   link.textContent = params.value;
   return link;
+}"""
+# what runs, with the picture that its slicer has put into it
+PROGRAM = """(params) => {
+  const shown = document.createElement("span"), job = params.data.job;
+  if (job !== null) {
+    const picture = document.createElement("img");
+    picture.className = "mc-icon";
+    picture.alt = "";
+    picture.src = "/machine/" + encodeURIComponent(params.data.machine) + "/jobs/" + job + "/picture";
+    shown.append(picture, " ");
+  }
+  shown.append(params.value ?? "");
+  return shown;
 }"""
 # what an operator looks for first comes first: a phone shows three columns without scrolling
 COLUMNS: list[dict[str, Any]] = [
@@ -51,7 +66,16 @@ COLUMNS: list[dict[str, Any]] = [
     },
     {"field": "percent", "headerName": "%", "minWidth": 70},
     {"field": "remaining", "headerName": mark("Time left"), "minWidth": 105},
-    {"field": "program", "headerName": mark("Program"), "minWidth": 160, "flex": 2},
+    {
+        "field": "program",
+        "headerName": mark("Program"),
+        "minWidth": 160,
+        "flex": 2,
+        ":cellRenderer": PROGRAM,
+        # the picture may come behind the name
+        ":equals": "() => false",
+    },
+    {"field": "waiting", "headerName": mark("Waiting"), "minWidth": 95},
     {"field": "faults", "headerName": mark("Faults"), "minWidth": 200, "flex": 3},
     {"field": "today", "headerName": mark("Today %"), "minWidth": 100},
     {"field": "late", "headerName": mark("Late cycles"), "minWidth": 115},
@@ -165,7 +189,10 @@ class FleetPage:
         if not self._visitor.is_known():
             ui.navigate.to("/login")
             return
-        rows = {seen.name: _row(seen, self._fleet.running_today) for seen in self._fleet.machines.values()}
+        rows = {
+            name: _row(seen, self._fleet.running_today, self._fleet.jobs_of(name))
+            for name, seen in self._fleet.machines.items()
+        }
         added = [row for name, row in rows.items() if name not in self._sent]
         changed = [row for name, row in rows.items() if name in self._sent and row != self._sent[name]]
         removed = [{"machine": name} for name in self._sent if name not in rows]
@@ -285,13 +312,22 @@ class FleetPage:
                     .classes("w-full font-mono")
                     .props("autogrow spellcheck=false")
                 )
+                file: list[tuple[str, bytes]] = []
+                ui.upload(
+                    label=t("or a file, which each of them keeps"),
+                    auto_upload=True,
+                    max_files=1,
+                    max_file_size=MAX_PROGRAM_BYTES,
+                    on_upload=partial(_take, file, text),
+                ).classes("w-full").props("flat bordered")
                 ui.label(t("It is checked at each machine, and waits where a program of this page runs."))
                 with ui.element("div").classes("mc-buttons"):
                     ui.button(t("Run"), on_click=lambda: dialog.submit(text.value)).props("color=positive")
                     ui.button(t("Cancel"), on_click=lambda: dialog.submit(None)).props("flat")
             chosen = await answer_to(dialog)
-            if chosen and self._allowed("open"):
-                self._tell(mark("queued"), names, await self._fleet.run(names, chosen, self._visitor.name))
+            if (chosen or file) and chosen is not None and self._allowed("open"):
+                failures = await self._fleet.run(names, chosen, self._visitor.name, file[0] if file else None)
+                self._tell(mark("queued"), names, failures)
 
     def _tell(self, what: str, names: list[str], failures: dict[str, str]) -> None:
         log.info("%s: %d machines by %s", what, len(names), self._visitor.name)
@@ -308,6 +344,12 @@ class FleetPage:
         )
 
 
+async def _take(into: list[tuple[str, bytes]], text: ui.textarea, event: events.UploadEventArguments) -> None:
+    """Keep an uploaded file, which goes in the place of what is typed."""
+    into.append((event.file.name, await event.file.read()))
+    text.set_visibility(False)
+
+
 def _listed(names: list[str]) -> str:
     return ", ".join(names[:8]) + (" …" if len(names) > 8 else "")
 
@@ -322,11 +364,14 @@ def group_of(name: str) -> str:
     return name[:cut] if cut > 0 else ""
 
 
-def _row(seen: Seen, running_today: Mapping[str, float]) -> dict[str, Any]:
+def _row(seen: Seen, running_today: Mapping[str, float], jobs: JobQueue | None) -> dict[str, Any]:
     status = seen.status
     word, kind = banner(status, seen.online)
     program = current_program(status) if seen.online else None
     live = program is not None and is_live(program)
+    # of what runs, where it is a program of this page; the programs of others have no pictures
+    job = None if jobs is None or program is None else jobs.running
+    pictured = live and job is not None and program is not None and job.program == program.program
     return {
         "machine": seen.name,
         "rank": RANKS.get(kind, len(RANKS)),
@@ -335,6 +380,8 @@ def _row(seen: Seen, running_today: Mapping[str, float]) -> dict[str, Any]:
         "state": t(word),
         "kind": kind,
         "program": (program.name or program.program) if program is not None and live else "",
+        "job": job.number if job is not None and pictured and job.thumbnail is not None else None,
+        "waiting": len(jobs.waiting) or None if jobs is not None else None,
         "percent": round(100 * program.progress) if program is not None and live else None,
         "remaining": remaining_text(program) if program is not None and live else "",
         "faults": "; ".join(f"{fault.code} {t(fault.message)}" for fault in status.faults)

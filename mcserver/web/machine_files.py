@@ -56,7 +56,7 @@ def add_machine_files(site: FastAPI, sessions: Sessions, fleet: Fleet) -> None:
             return _refusal(error)
         return Response(content, media_type=kind, headers={"Cache-Control": "no-store"})
 
-    @site.get("/machine/{name}/programs/{program}/picture")
+    @site.get("/machine/{name}/programs/{program:path}/picture")
     async def picture_of_program(request: Request, name: str, program: str) -> Response:
         link = opened(request, name)
         try:

@@ -1,10 +1,11 @@
-"""Programs that operators have uploaded, kept as files in one folder beside the page's other state."""
+"""Programs that operators have uploaded, kept as files in folders beside the page's other state."""
 
 from __future__ import annotations
 
 import contextlib
 import os
 import re
+from collections.abc import Iterator
 from pathlib import Path
 
 import msgspec
@@ -18,7 +19,10 @@ MAX_PROGRAM_BYTES = 256 * 1024 * 1024
 MAX_PROGRAMS = 500
 # kept in memory
 MAX_THUMBNAILS = 50
-_NAME = re.compile(r"[^/\x00-\x1f\\]{1,120}")
+# folders and a file; what begins with a dot is none of them
+_NAME = re.compile(
+    r"(?=.{1,120}\Z)(?:[^./\x00-\x1f\\][^/\x00-\x1f\\]*/){0,4}[^./\x00-\x1f\\][^/\x00-\x1f\\]*"
+)
 
 
 def text_of(name: str, content: bytes) -> str:
@@ -36,7 +40,7 @@ def text_of(name: str, content: bytes) -> str:
 
 
 class StoredProgram(msgspec.Struct, frozen=True):
-    """One file of the store: bytes, and Unix seconds of its last change."""
+    """One file of the store: folders and name with ``/`` between, bytes, Unix seconds of its last change."""
 
     name: str
     size: int
@@ -62,14 +66,20 @@ class ProgramStore:
 
     def list(self) -> list[StoredProgram]:
         """All of them, the newest first."""
-        if not self._folder.is_dir():
-            return []
-        found = []
-        for entry in os.scandir(self._folder):
-            if entry.is_file(follow_symlinks=False) and not entry.name.startswith("."):
-                status = entry.stat()
-                found.append(StoredProgram(entry.name, status.st_size, status.st_mtime))
-        return sorted(found, key=lambda each: -each.changed_at)
+        return sorted(self._files(self._folder, ""), key=lambda each: -each.changed_at)
+
+    def _files(self, folder: Path, before: str) -> Iterator[StoredProgram]:
+        # a folder may go while it is looked through
+        with contextlib.suppress(FileNotFoundError), os.scandir(folder) as entries:
+            for entry in entries:
+                name = f"{before}{entry.name}"
+                if not _NAME.fullmatch(name):
+                    continue
+                if entry.is_dir(follow_symlinks=False):
+                    yield from self._files(folder / entry.name, f"{name}/")
+                elif entry.is_file(follow_symlinks=False):
+                    status = entry.stat()
+                    yield StoredProgram(name, status.st_size, status.st_mtime)
 
     def write(self, name: str, content: bytes) -> None:
         """Keep a program, whole or not at all.
@@ -97,7 +107,7 @@ class ProgramStore:
             )
         temporary = path.with_name(f".{path.name}.part")
         try:
-            self._folder.mkdir(parents=True, exist_ok=True)
+            path.parent.mkdir(parents=True, exist_ok=True)
             temporary.write_bytes(content)
             temporary.replace(path)
         except OSError as error:
@@ -146,11 +156,15 @@ class ProgramStore:
         return known[1]
 
     def delete(self, name: str) -> None:
-        """Forget a program; one that is gone already is no error."""
-        self._path(name).unlink(missing_ok=True)
+        """Forget a program, and folders that are empty without it; one that is gone already is no error."""
+        path = self._path(name)
+        path.unlink(missing_ok=True)
+        with contextlib.suppress(OSError):
+            while (path := path.parent) != self._folder:
+                path.rmdir()
 
     def _path(self, name: str) -> Path:
-        if not _NAME.fullmatch(name) or name.startswith("."):
+        if not _NAME.fullmatch(name):
             raise ServiceError(
                 "MC061", mark("{name!r} cannot be a file's name", name=name), mark("rename the file")
             )

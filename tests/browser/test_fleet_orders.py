@@ -10,6 +10,7 @@ from mcclient import sync
 
 from tests.browser.conftest import PageProcess, opened, playwright, press
 from tests.browser.test_machine_page import stands, wait_for
+from tests.web.test_thumbnails import block, png
 
 if TYPE_CHECKING:
     from playwright.sync_api import Page
@@ -69,3 +70,22 @@ def test_a_machine_that_somebody_drives_is_stopped_by_all_and_moved_by_none(
     fleet_page.locator("[data-estop]").click()
     wait_for(machine, fleet_page, lambda status: status.state == "estop")
     at_the_machine.close()
+
+
+def test_a_file_is_kept_and_run_at_the_selected_and_its_picture_stands_in_the_row(
+    fleet_page: Page, machine: sync.Machine
+) -> None:
+    text = block(png(120, 80), "120x80") + "G1010\nG91\nG01 X200 F60\n"
+    file = {"name": "sent.gcode", "mimeType": "text/plain", "buffer": text.encode()}
+    row = fleet_page.locator(".ag-center-cols-container [role=row]")
+    for waiting in ("", "1"):
+        fleet_page.get_by_role("button", name="Run on selected").click()
+        dialog = fleet_page.get_by_role("dialog", name="Run on several machines")
+        dialog.locator("input[type=file]").set_input_files(file)
+        expect(dialog.get_by_label("G-code")).to_be_hidden()
+        dialog.get_by_role("button", name="Run", exact=True).click()
+        expect(row.locator("[col-id=program]")).to_have_text("sent.gcode")
+        expect(row.locator("[col-id=waiting]")).to_have_text(waiting)
+    fleet_page.wait_for_function("document.querySelector('.mc-fleet img.mc-icon')?.naturalWidth === 120")
+    fleet_page.locator("[data-estop]").click()
+    wait_for(machine, fleet_page, lambda status: status.state == "estop")

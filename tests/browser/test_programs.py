@@ -71,6 +71,30 @@ def test_a_program_of_a_slicer_has_its_picture_in_the_list_and_on_the_card_of_wh
     )
 
 
+@pytest.mark.usefixtures("machine")
+def test_programs_lie_in_folders_and_those_of_one_are_offered(page: Page, site: PageProcess) -> None:
+    opened(page, site)
+    upload(page, "outside.gcode", "G1010\n")
+    folder, program = page.get_by_label("Folder"), page.get_by_label("Program", exact=True)
+    folder.fill("jobs/vise")
+    folder.press("Enter")
+    file = {"name": "inside.gcode", "mimeType": "text/plain", "buffer": b"G1010\nG04 P0.1\n"}
+    page.locator("input[type=file]").set_input_files(file)
+    expect(program).to_have_value("jobs/vise/inside.gcode")
+    program.click()
+    expect(page.get_by_role("option", name="jobs/vise/inside.gcode")).to_be_visible()
+    expect(page.get_by_role("option", name="outside.gcode")).to_have_count(0)
+    page.keyboard.press("Escape")
+    page.get_by_role("button", name="Run", exact=True).first.click()
+    expect(page.get_by_text(re.compile("^jobs/vise/inside.gcode is finished after"))).to_be_visible()
+    # all of them again
+    page.locator(".q-field", has=folder).locator(".q-field__focusable-action").click()
+    expect(folder).to_have_value("")
+    program.click()
+    page.get_by_role("option", name="outside.gcode").click()
+    expect(program).to_have_value("outside.gcode")
+
+
 def marked_pixels(
     picture: Locator, before: frozenset[tuple[int, int]] = frozenset()
 ) -> frozenset[tuple[int, int]]:

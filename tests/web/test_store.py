@@ -22,8 +22,36 @@ def test_what_is_written_is_listed_read_and_deleted(tmp_path: Path) -> None:
     assert store.list() == []
 
 
+def test_programs_lie_in_folders_that_go_with_the_last_of_them(tmp_path: Path) -> None:
+    store = ProgramStore(tmp_path)
+    for name in ("part.nc", "jobs/part.nc", "jobs/old/part.nc"):
+        store.write(name, name.encode())
+    (tmp_path / ".runs").mkdir()
+    (tmp_path / ".runs" / "no.nc").touch()
+    assert {each.name for each in store.list()} == {"part.nc", "jobs/part.nc", "jobs/old/part.nc"}
+    store.delete("jobs/part.nc")
+    assert store.read("jobs/old/part.nc") == "jobs/old/part.nc"
+    store.delete("jobs/old/part.nc")
+    assert [each.name for each in tmp_path.iterdir() if each.name != ".runs"] == ["part.nc"]
+
+
 @pytest.mark.parametrize(
-    "name", ["../up.gcode", "/etc/passwd", "a/b", "..", ".hidden", "", "a\\b", "a\x00b", "x" * 200]
+    "name",
+    [
+        "../up.gcode",
+        "/etc/passwd",
+        "a/../b",
+        "a//b",
+        "a/.b/c",
+        "a/b/c/d/e/f",
+        "a/",
+        "..",
+        ".hidden",
+        "",
+        "a\\b",
+        "a\x00b",
+        "x" * 200,
+    ],
 )
 def test_a_name_cannot_leave_the_folder(tmp_path: Path, name: str) -> None:
     store = ProgramStore(tmp_path / "machine")

@@ -110,6 +110,8 @@ class ProgramPanel:
             )
             self._uploader.props('accept=".gcode,.nc,.ngc,.tap,.txt,.g,text/plain" flat bordered')
             self._uploader.classes("w-full")
+            self._folder = ui.select([], label=t("Folder"), new_value_mode="add-unique", clearable=True)
+            self._folder.classes("w-full")
             with ui.row().classes("items-center w-full"):
                 self._choice = ui.select([], label=t("Program"), with_input=True).classes("grow min-w-40")
                 self._from_line = ui.number(t("From line"), value=1, min=1, format="%d").classes("w-24")
@@ -291,13 +293,22 @@ class ProgramPanel:
         )
         run = self._actions.link.last_runs.runs.get(chosen)
         self._last_run.set_text("" if run is None else last_run_text(run))
-        names = tuple(each.name for each in store.list())
-        if names == self._listed:
+        every = [each.name for each in store.list()]
+        folder = self._in_folder()
+        names = tuple(each for each in every if each.startswith(f"{folder}/" if folder else ""))
+        if (folder, *names) == self._listed:
             return
-        self._listed = names
+        self._listed = (folder, *names)
+        # a new one has no file yet
+        folders = {name.rpartition("/")[0] for name in every} - {""} | ({folder} - {""})
+        self._folder.set_options(sorted(folders), value=self._folder.value)
         self._choice.set_options(
             list(names), value=self._choice.value if self._choice.value in names else None
         )
+
+    def _in_folder(self) -> str:
+        """Return the folder that is looked at, and uploaded to; empty: all, and the outermost."""
+        return str(self._folder.value or "").strip("/ ")
 
     def _job(self, program: str) -> Job | None:
         jobs = self._actions.link.jobs
@@ -307,7 +318,8 @@ class ProgramPanel:
         # a file moves nothing: it may come while somebody else drives
         if not self._actions.has_role("open"):
             return
-        store, name = self._actions.link.store, event.file.name
+        store, folder = self._actions.link.store, self._in_folder()
+        name = f"{folder}/{event.file.name}" if folder else event.file.name
         content = await event.file.read()
         try:
             before = store.read(name) if store.has(name) else None
