@@ -16,6 +16,8 @@ MADE = {
     "Zero X": "Zero {name}",
     "step 1": "step {step:g}",
     "50 %": "{percent} %",
+    "Run from line": "Run from line {",
+    "Go on at line": "Go on at line {",
     "Take this way": "Take this way: ",
     "Continue at line": "Continue at line {",
 }
