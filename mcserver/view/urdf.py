@@ -84,7 +84,7 @@ class Tree:
 
 
 def read_tree(text: str) -> Tree:
-    """The tree of a URDF that `mckinematics.model.load_model` has accepted."""
+    """The tree of a URDF that `mckinematics.model.load_model` has accepted. Raises ValueError."""
     robot = ElementTree.fromstring(text)
     named = {
         material.get("name", ""): colour
@@ -98,7 +98,9 @@ def read_tree(text: str) -> Tree:
     }
     joints = [_joint(joint) for joint in robot.findall("joint")]
     children = {joint.child for joint in joints}
-    root = next(name for name in links if name not in children)
+    root = next((name for name in links if name not in children), None)
+    if root is None:
+        raise ValueError("it has no link that is no other's child")
     ordered: list[Joint] = []
     placed = {root}
     while len(ordered) < len(joints):

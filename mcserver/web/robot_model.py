@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import base64
 import contextlib
 import json
@@ -57,11 +58,14 @@ async def fetch_model(machine: Machine, folder: Path) -> bytes:
         work.mkdir(parents=True, exist_ok=True)
         meshes = await fetch_meshes(machine, found, work)
         joints = {int(axis): name for axis, name in found.joints.items()}
-        content = model_json(found.urdf, joints, meshes, machine.info.tools, bodies=found.bodies)
+        # large meshes take seconds, and who jogs meanwhile has to be heard
+        content = await asyncio.to_thread(
+            model_json, found.urdf, joints, meshes, machine.info.tools, bodies=found.bodies
+        )
         kept.write_bytes(content)
     except OSError as error:
         raise MotionError("MC061", f"the model cannot be kept: {error.strerror}", "make room") from error
-    except (ParseError, ValueError, StopIteration) as error:
+    except (ParseError, ValueError) as error:
         raise MotionError("MC587", f"the URDF cannot be drawn: {error}", "look at the URDF") from error
     finally:
         shutil.rmtree(work, ignore_errors=True)

@@ -82,6 +82,9 @@ class ToolJogPanel:
         tool = self.tool
         if tool is None:
             return
+        # the poses of a tool whose work another link carries are in that link's frame
+        base = t("work") if tool.work else t("base")
+        self._frame.set_options({"base": base, "tool": t("tool")}, value=self._frame.value)
         with self._pad:
             for word in "XYZABC" if tool.orientation else "XYZ":
                 with ui.element("div").classes("mc-jog-axis"):
