@@ -266,7 +266,7 @@ async def _fetch_shape(machine: Machine) -> Shape:
             return await asyncio.to_thread(bare_shape, linear, looks, machine.info.tools, _space(machine))
     except OSError as error:
         raise MotionError("MC061", f"the model cannot be kept: {error.strerror}", "make room") from error
-    except (ParseError, ValueError, StopIteration) as error:
+    except (ParseError, ValueError) as error:
         raise MotionError("MC587", f"the URDF cannot be drawn: {error}", "look at the URDF") from error
 
 
