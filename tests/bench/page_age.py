@@ -1,5 +1,5 @@
 """How old is what the operator's page shows: from the moment at which an axis was at a position to a frame in
-Chromium in which the page shows that position.
+Chromium in which the page shows that position, while others look at it, too.
 """
 
 from __future__ import annotations
@@ -12,10 +12,12 @@ from mcclient import sync
 
 from tests.bench.chromium import opened, reached, say
 from tests.bench.figures import Figure, NotAvailable, percentile
-from tests.bench.page import moving, page
+from tests.bench.page import moving, page, viewers
 from tests.bench.server import server
 
 FRAMES = 300
+# beside the browser
+VIEWERS = 9
 ROUNDS = 10
 # a browser that draws by software on a busy computer gives a frame now and then: so many are enough
 FEWEST = 100
@@ -43,6 +45,7 @@ def measure() -> list[Figure]:
         sync.Machine.connect("bench", served.endpoint) as machine,
         page(served.endpoint) as (_, url),
         moving(machine),
+        viewers(f"{url}machine/bench", VIEWERS),
     ):
         return _age(machine, f"{url}machine/bench")
 
