@@ -49,7 +49,7 @@ def import_pinocchio() -> Any:
     except ImportError as error:
         raise ModelError(
             f"tools need the packages pin (Pinocchio) and scipy, which cannot be imported: {error}",
-            "install them with: pip install pin scipy",
+            "install them with: pip install pin scipy; on Windows, which pin is not made for: conda",
         ) from error
 
 

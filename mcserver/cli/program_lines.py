@@ -83,7 +83,12 @@ class ProgramLines(Sequence[str]):
 
     def _blocks(self) -> Iterator[bytes]:
         offset = 0
-        while block := os.pread(self._file.fileno(), BLOCK_BYTES, offset):
+        while True:
+            # others may have read elsewhere meanwhile; Windows has no pread
+            self._file.seek(offset)
+            block = self._file.read(BLOCK_BYTES)
+            if not block:
+                return
             yield block
             offset += len(block)
 

@@ -56,10 +56,12 @@ def say_lost(error: MotionError) -> None:
 def run_until_stopped(main: Coroutine[object, object, None]) -> None:
     """Run what watches machines until Ctrl-C or SIGTERM, which cancel it: what has gathered is written."""
 
+    from mcclient.cli.signals import on_signals
+
     async def run() -> None:
         task = asyncio.current_task()
         assert task is not None
-        asyncio.get_running_loop().add_signal_handler(signal.SIGTERM, task.cancel)
+        on_signals([signal.SIGTERM], task.cancel)
         await main
 
     with contextlib.suppress(KeyboardInterrupt, asyncio.CancelledError):

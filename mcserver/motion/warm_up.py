@@ -219,7 +219,8 @@ def main(part: str | None = None) -> None:
     """Compile a part, or all of it; in the background only where no other process does."""
     if part == BACKGROUND:
         # those who wait for something come first
-        os.nice(NICE)
+        if sys.platform != "win32":
+            os.nice(NICE)
         with compiling_alone(wait=False) as alone:
             if not alone:
                 return

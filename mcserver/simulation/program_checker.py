@@ -10,6 +10,7 @@ import asyncio
 import importlib
 import multiprocessing
 import os
+import sys
 from collections import Counter, deque
 from collections.abc import Callable, Sequence
 from concurrent.futures import ProcessPoolExecutor
@@ -263,7 +264,8 @@ def _given_up(why: str) -> Refused:
 
 def prepare_worker() -> None:
     """Make this worker give way to the server, and end with it."""
-    os.nice(NICE)
+    if sys.platform != "win32":
+        os.nice(NICE)
     end_with_parent()
 
 

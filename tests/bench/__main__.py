@@ -41,6 +41,7 @@ SECTIONS = {
     "fleet": "fleets of light machines behind routers",
     "telemetry": "telemetry of 64 axes at 1 kHz",
     "recorder": "the recorder with 64 axes at 1 kHz",
+    "instruments": "what the field's instruments cost beside the cycle",
     "page": "the operator's page with viewers",
     "page_age": "how old is what the operator's page shows",
     "sdks": "the SDKs of all languages",

@@ -16,7 +16,7 @@ ROOT = Path(__file__).parents[2]
 
 # of Linux or of Unix alone: what Python itself and its packages need of them was imported before
 WITHOUT = """
-import asyncio, importlib.abc, os, signal, socket, subprocess, sys
+import asyncio, importlib.abc, os, select, signal, socket, subprocess, sys
 
 class Without(importlib.abc.MetaPathFinder):
     def find_spec(self, name, path=None, target=None):
@@ -25,7 +25,9 @@ class Without(importlib.abc.MetaPathFinder):
 
 sys.meta_path.insert(0, Without())
 for module, names in {
-    os: "sched_setscheduler sched_getscheduler SCHED_FIFO memfd_create posix_fallocate fdatasync fchmod fork",
+    os: "sched_setscheduler sched_getscheduler SCHED_FIFO memfd_create posix_fallocate fdatasync fchmod fork "
+    "nice pipe2 pread pwrite setpriority",
+    select: "poll",
     signal: "SIGHUP SIGKILL SIGSTOP SIGCONT SIGUSR1 SIGALRM setitimer pthread_sigmask",
     socket: "AF_CAN AF_PACKET AF_UNIX",
 }.items():

@@ -7,6 +7,7 @@ import hashlib
 import os
 from codecs import BOM_UTF8
 from pathlib import Path
+from typing import BinaryIO
 
 from mcclient.calls import Caller
 from mcclient.errors import RequestRefused
@@ -69,7 +70,7 @@ async def put_text(caller: Caller, path: Path, sha256: str | None = None) -> str
         with path.open("rb") as file:
             received, complete = 0, False
             while not complete:
-                part = await asyncio.to_thread(_part, file.fileno(), received)
+                part = await asyncio.to_thread(_part, file, received)
                 if not part and received < size:
                     raise RequestRefused("MC511", f"{path} became shorter", "run it again")
                 request = {"sha256": sha256, "size": size, "offset": received, "part": part}
@@ -86,5 +87,6 @@ async def put_text(caller: Caller, path: Path, sha256: str | None = None) -> str
     return sha256
 
 
-def _part(descriptor: int, offset: int) -> bytes:
-    return os.pread(descriptor, PART_BYTES, offset)
+def _part(file: BinaryIO, offset: int) -> bytes:
+    file.seek(offset)
+    return file.read(PART_BYTES)
