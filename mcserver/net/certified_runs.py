@@ -69,5 +69,5 @@ def refuse_other_motion(approval: Approval, seen: Preview) -> None:
             f"this computer plans other setpoints: {seen.setpoints[:SHOWN_DIGEST]} in "
             f"{seen.report['duration_s']:.6f} s, certified are {approval.setpoints[:SHOWN_DIGEST]} in "
             f"{approval.duration_s:.6f} s",
-            RECERTIFY,
+            "certify it with this computer's kind of processor and version of numpy: docs/wire/arming.md",
         )
