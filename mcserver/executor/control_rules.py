@@ -37,7 +37,6 @@ if TYPE_CHECKING:
     from mcserver.executor.slot import ProgramSlot
 
 _OPERATIONS = tuple(AxisOperation)
-# These have something to do behind their barriers; the others are done.
 # These move axes.
 _MOVING = (
     ControlKind.BEGIN,
@@ -50,6 +49,7 @@ _MOVING = (
     ControlKind.THREAD,
     ControlKind.FOLLOW,
 )
+# These have something to do behind their barriers; the others are done.
 _GOING_ON = (ControlKind.RAPID, ControlKind.SPEED, ControlKind.TORQUE, ControlKind.AXIS, ControlKind.SETTLE)
 
 
