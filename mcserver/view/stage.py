@@ -1,4 +1,4 @@
-"""How a picture of a machine stands: which way is up, and what carries the work of each tool."""
+"""How a picture of a machine stands: which way is up, and the links of each tool's work and tip."""
 
 from __future__ import annotations
 
@@ -71,6 +71,14 @@ def tree_up(tree: Tree, joints: Mapping[int, str], tools: Iterable[Tool], wanted
 
 def work_links(tree: Tree, tools: Iterable[Tool]) -> dict[int, str]:
     """Return the link in whose frame the poses of each tool are, by its number: of its work, or the root."""
-    # a joint stands for the link behind it
-    behind = {joint.name: joint.child for joint in tree.joints}
-    return {tool.number: behind.get(tool.work or "", tool.work) or tree.root for tool in tools}
+    return {tool.number: _link_of(tree, tool.work or "") or tree.root for tool in tools}
+
+
+def tip_links(tree: Tree, tools: Iterable[Tool]) -> dict[int, str]:
+    """Return the link at the tip of each tool, by its number."""
+    return {tool.number: _link_of(tree, tool.frame) for tool in tools}
+
+
+def _link_of(tree: Tree, frame: str) -> str:
+    """Return the link of a frame; a joint stands for the link behind it."""
+    return next((joint.child for joint in tree.joints if joint.name == frame), frame)

@@ -11,6 +11,7 @@ import shutil
 import zlib
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 from xml.etree.ElementTree import ParseError
 
@@ -24,11 +25,13 @@ from mcserver.view.gantry import gantry_parts
 from mcserver.view.meshes import load_mesh
 from mcserver.view.robot import robot_parts
 from mcserver.view.solids import Array, Part, Solid
-from mcserver.view.stage import Tool, Up, tree_up, up_of, work_links
+from mcserver.view.stage import Tool, Up, tip_links, tree_up, up_of, work_links
 from mcserver.view.urdf import Joint, read_tree
 
 MM_PER_M = 1000.0
 MAX_MODEL_BYTES = 256 * 1024 * 1024
+# Of what is kept: one that an earlier version of the page has kept is made anew.
+FORMAT = 2
 
 
 async def fetch_model(machine: Machine, folder: Path) -> bytes:
@@ -39,7 +42,8 @@ async def fetch_model(machine: Machine, folder: Path) -> bytes:
 
     Returns:
         JSON for static/space.js: ``up``; ``parts``, each a link with its joint and its ``solids``, then
-        frames, bodies and zones; and ``bases``, the links in whose frames poses are, by tool.
+        frames, bodies and zones; by tool ``bases``, the links in whose frames poses are, and ``ends``, those
+        at its tip.
 
     Raises:
         MotionError: the machine does not answer, or its files cannot be read.
@@ -48,7 +52,7 @@ async def fetch_model(machine: Machine, folder: Path) -> bytes:
     digest = found.digest or "none"
     if not (digest.isascii() and digest.isalnum()):
         raise MotionError("MC587", "the model's digest is no digest", "is the server of another version?")
-    tools = zlib.crc32(repr(machine.info.tools).encode())
+    tools = zlib.crc32(repr((FORMAT, machine.info.tools)).encode())
     kept = folder / f"{digest}-{tools:08x}.json"
     with contextlib.suppress(OSError):
         return kept.read_bytes()
@@ -112,8 +116,8 @@ def model_json(
     names = [tree.root, *(joint.child for joint in tree.joints)]
     parts = [_part(shapes[name], by_child.get(name), axes) for name in names if name in shapes]
     tools = list(tools)
-    bases = {f"T{tool}": link for tool, link in work_links(tree, tools).items()}
-    return _json(tree_up(tree, joints, tools, up), [*parts, *extra], bases)
+    links = {"bases": work_links(tree, tools), "ends": tip_links(tree, tools)}
+    return _json(tree_up(tree, joints, tools, up), [*parts, *extra], links)
 
 
 def _body_parts(body: ModelBody, meshes: Mapping[str, Path]) -> list[dict[str, Any]]:
@@ -158,8 +162,11 @@ def portal_json(axes: Iterable[int], low: Array, high: Array, up: Up = Up.AUTO) 
     return _json(up_of(up, (), ()), parts)
 
 
-def _json(up: Array, parts: list[dict[str, Any]], bases: Mapping[str, str] | None = None) -> bytes:
-    return json.dumps({"up": up.tolist(), "parts": parts, "bases": bases or {}}).encode()
+def _json(
+    up: Array, parts: list[dict[str, Any]], links: Mapping[str, Mapping[int, str]] = MappingProxyType({})
+) -> bytes:
+    named = {name: {f"T{tool}": link for tool, link in found.items()} for name, found in links.items()}
+    return json.dumps({"up": up.tolist(), "parts": parts, **named}).encode()
 
 
 def _part(part: Part, joint: Joint | None, axes: Mapping[str, int]) -> dict[str, Any]:

@@ -75,6 +75,14 @@ class Space(Element, component="static/space.js"):
         """Show or hide the frame of each joint."""
         self.run_method("frames", shown)
 
+    def reach(self, spans: Mapping[str, Mapping[int, tuple[float, float]]]) -> None:
+        """Mark places that tips can be at, with their axes somewhere between two positions.
+
+        Args:
+            spans: by label of the tip, by axis: least and greatest position [mm, deg]; without any, none are.
+        """
+        self.run_method("reach", spans)
+
     def show_bodies(self, tools: Sequence[Mapping[str, Any]], inputs: Mapping[str, bool]) -> None:
         """Show the bodies of the tools that are mounted, and zones that inputs have off as edges alone.
 

@@ -6,9 +6,12 @@ import re
 from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
 import pytest
 from mcclient import sync
+from mckinematics.solver import MachineKinematics
 
+from mcserver.machine.machine_file import load_machine
 from tests.browser.conftest import PageProcess, choose, expect_no_overflow, opened, page_of, playwright
 from tests.browser.test_machine_page import at_rest, held_until, wait_for
 from tests.e2e.servers import ServerProcess
@@ -90,6 +93,35 @@ def test_the_tool_is_stepped_and_held_in_the_frames_of_base_and_tool_and_steps_q
     page.mouse.up()
     wait_for(robot, page, at_rest)
     assert pose(robot)[2] < z + 200.0
+
+
+PLACES = """() => {
+    const space = document.querySelector(".mc-space").closest("[id^=c]").id.slice(1);
+    const { reached, links, world } = getElement(Number(space));
+    world.updateMatrixWorld(true);
+    const tip = world.worldToLocal(links.get("tip").getWorldPosition(world.position.clone()));
+    const places = reached.map((cloud) => [...cloud.geometry.getAttribute("position").array]);
+    return { places, tip: tip.toArray() };
+}"""
+
+
+def test_the_picture_marks_where_the_tool_can_be_and_the_robot_stays_where_it_is(
+    page: Page, arm_site: PageProcess, robot: sync.Machine
+) -> None:
+    opened(page, arm_site, "arm")
+    page.get_by_role("checkbox", name="Reach").click()
+    page.wait_for_function(f"() => ({PLACES})().places.length === 1")
+    shown = page.evaluate(PLACES)
+    places = np.array(shown["places"][0]).reshape(-1, 3)
+    chain = MachineKinematics(load_machine("arm6")).tool(1).chain
+    inside = 1e3 * (chain.reach + float(np.abs(chain.points).max()))
+    assert np.linalg.norm(places, axis=1).max() <= inside
+    # on all sides, above and below, far and near
+    assert (places.max(axis=0) > 0.6 * inside).all()
+    assert (places[:, :2].min(axis=0) < -0.6 * inside).all()
+    assert shown["tip"] == pytest.approx(pose(robot)[:3], abs=0.05)
+    page.get_by_role("checkbox", name="Reach").click()
+    page.wait_for_function(f"() => ({PLACES})().places.length === 0")
 
 
 def test_poses_are_taught_edited_replayed_and_kept(

@@ -7,6 +7,7 @@ from typing import Any
 
 import msgspec
 from mcclient import MachineStatus
+from mcclient.types import AxisInfo, Info
 from nicegui import ui
 
 from mcserver.view.zeros import work_zeros
@@ -39,6 +40,9 @@ class PicturePanel:
             with ui.row().classes("items-center w-full justify-between"):
                 ui.html(f"<h2>{t('Path')}</h2>", sanitize=False)
                 with ui.row().classes("gap-1"):
+                    self._reach = ui.checkbox(t("Reach"), on_change=self._mark_reach).props("dense data-look")
+                    self._reach.tooltip(t("where tips can be by the axes' travel; bodies are not looked at"))
+                    self._reach.set_visibility(False)
                     ui.button(t("Look at all"), on_click=self._look).props("flat dense data-look")
                     ui.button(t("Clear"), on_click=self._clear).props("flat dense data-look")
             self._space = Space(
@@ -56,6 +60,7 @@ class PicturePanel:
     def update(self, status: MachineStatus) -> None:
         if not self._space.is_ready:
             return
+        self._reach.set_visibility(bool(status.tools))
         job = self._link.jobs.latest
         path = None if job is None else job.path
         if path is not self._planned:
@@ -97,6 +102,11 @@ class PicturePanel:
         """A new picture, as after the browser was reloaded, knows nothing yet."""
         self._planned, self._last, self._shown_until, self._restart = None, {}, ("", 0.0), True
         self._zeros, self._bodies = {}, None
+        self._mark_reach()
+
+    def _mark_reach(self) -> None:
+        machine = self._link.machine
+        self._space.reach(travel_of(machine.info) if machine is not None and self._reach.value else {})
 
     def _look(self) -> None:
         self._space.look_at_all()
@@ -106,6 +116,26 @@ class PicturePanel:
         if status is not None:
             self._shown_until = (status.instance, status.t)
         self._last, self._restart = {}, True
+
+
+def travel_of(info: Info) -> dict[str, dict[int, tuple[float, float]]]:
+    """Return how far the axes of each tool travel [mm, deg], by ``T`` and its number; of endless turns one.
+
+    Left out is a tool with an axis that goes straight on without an end.
+    """
+    spans = {axis.index: _span(axis) for axis in info.axes}
+    found = {}
+    for tool in info.tools:
+        travel = {axis: span for axis in tool.axes if (span := spans[axis]) is not None}
+        if len(travel) == len(tool.axes):
+            found[f"T{tool.number}"] = travel
+    return found
+
+
+def _span(axis: AxisInfo) -> tuple[float, float] | None:
+    if axis.min_position is not None and axis.max_position is not None:
+        return axis.min_position, axis.max_position
+    return (-180.0, 180.0) if axis.unit == "deg" else None
 
 
 def _bodies_of(status: MachineStatus) -> Bodies:

@@ -4,8 +4,9 @@ import { THREE, OrbitControls } from "nicegui-scene";
 
 const TRAIL_POINTS = 6000;
 const PICK_PIXELS = 8;
-const ON_LIGHT = { come: 0x475569, done: 0x1d4ed8, trail: 0xf97316, tip: 0xdc2626 };
-const ON_DARK = { come: 0x94a3b8, done: 0x60a5fa, trail: 0xf97316, tip: 0xef4444 };
+const REACH_POINTS = 3000;
+const ON_LIGHT = { come: 0x475569, done: 0x1d4ed8, trail: 0xf97316, tip: 0xdc2626, reach: 0x0f766e };
+const ON_DARK = { come: 0x94a3b8, done: 0x60a5fa, trail: 0xf97316, tip: 0xef4444, reach: 0x2dd4bf };
 const colours = () => (document.body.classList.contains("body--dark") ? ON_DARK : ON_LIGHT);
 
 const decode = (text, Kind) => {
@@ -63,7 +64,8 @@ export default {
     this.jointFrames = [];
     this.axisParts = new Map();
     this.links = new Map();
-    this.bases = {};
+    [this.bases, this.ends] = [{}, {}];
+    this.reached = [];
     this.holders = new Map();
     this.toolBodies = [];
     this.zones = [];
@@ -163,7 +165,7 @@ export default {
       [this.toolBodies, this.zones] = [[], []];
       const groups = new Map();
       this.links = groups;
-      this.bases = model.bases ?? {};
+      [this.bases, this.ends] = [model.bases ?? {}, model.ends ?? {}];
       for (const part of model.parts) {
         const group = new THREE.Group();
         if (part.pose) new THREE.Matrix4().fromArray(part.pose).transpose().decompose(group.position, group.quaternion, group.scale);
@@ -201,6 +203,7 @@ export default {
       this.showBodies(this.bodies);
       if (this.last) this.place(this.last);
       this.frames(this.framesShown);
+      this.reach(this.reachShown);
       this.fit();
     },
 
@@ -230,6 +233,35 @@ export default {
       this.draw();
     },
 
+    // spans: {label: {axis: [least, greatest]}}: marks places of each tip with its axes somewhere in their travel
+    reach(spans) {
+      this.reachShown = spans;
+      for (const cloud of this.reached) cloud.removeFromParent();
+      this.reached = [];
+      for (const [label, travel] of Object.entries(spans ?? {})) {
+        const tip = this.links.get(this.ends[label]), base = this.links.get(this.bases[label]) ?? this.world;
+        if (!tip) continue;
+        const at = new THREE.Vector3(), places = new Float32Array(3 * REACH_POINTS);
+        // the same places each time: Park and Miller's generator
+        let seed = 1;
+        const random = () => (seed = (48271 * seed) % 2147483647) / 2147483647;
+        for (let index = 0; index < REACH_POINTS; index += 1) {
+          for (const [axis, [least, greatest]] of Object.entries(travel)) this.move(axis, least + random() * (greatest - least));
+          for (const part of [base, tip]) part.updateWorldMatrix(true, false);
+          base.worldToLocal(at.setFromMatrixPosition(tip.matrixWorld)).toArray(places, 3 * index);
+        }
+        const geometry = new THREE.BufferGeometry();
+        geometry.setAttribute("position", new THREE.BufferAttribute(places, 3));
+        const cloud = new THREE.Points(geometry, new THREE.PointsMaterial({ color: colours().reach, size: 2, sizeAttenuation: false }));
+        cloud.userData.kind = "reach";
+        this.holder(label).add(cloud);
+        this.reached.push(cloud);
+      }
+      if (this.last) this.place(this.last);
+      if (!this.moved) this.fit();
+      this.draw();
+    },
+
     // places: {name: [x, y, z]}
     zeros(places) {
       this.content.remove(...this.marks);
@@ -247,18 +279,7 @@ export default {
     // state: {axes: {number: mm | deg}, tips: {label: [x, y, z]}, line, trail: {label: [[x, y, z], …]}, restart}
     place(state) {
       this.last = { ...state, trail: {}, restart: false };
-      for (const [axis, value] of Object.entries(state.axes ?? {})) {
-        for (const part of this.axisParts.get(Number(axis)) ?? []) {
-          const { group } = part, base = group.userData.base;
-          if (part.kind === "prismatic") {
-            const shift = part.axis.clone().multiplyScalar(part.ratio * value + part.offset);
-            group.position.copy(base.position).add(shift.applyQuaternion(base.quaternion));
-          } else {
-            const turn = new THREE.Quaternion().setFromAxisAngle(part.axis, (part.ratio * value + part.offset) * Math.PI / 180);
-            group.quaternion.copy(base.quaternion).multiply(turn);
-          }
-        }
-      }
+      for (const [axis, value] of Object.entries(state.axes ?? {})) this.move(axis, value);
       this.carry();
       if (state.restart) for (const trail of this.trails.values()) { trail.points = []; this.fill(trail.line, []); }
       for (const [label, points] of Object.entries(state.trail ?? {})) {
@@ -274,6 +295,20 @@ export default {
       if (state.line !== undefined) { this.line = state.line; this.advance(state.tips ?? {}); }
       this.follow(state.tips ?? {});
       this.draw();
+    },
+
+    // the parts that an axis moves, to where it is at a value [mm, deg]
+    move(axis, value) {
+      for (const part of this.axisParts.get(Number(axis)) ?? []) {
+        const { group } = part, base = group.userData.base;
+        if (part.kind === "prismatic") {
+          const shift = part.axis.clone().multiplyScalar(part.ratio * value + part.offset);
+          group.position.copy(base.position).add(shift.applyQuaternion(base.quaternion));
+        } else {
+          const turn = new THREE.Quaternion().setFromAxisAngle(part.axis, (part.ratio * value + part.offset) * Math.PI / 180);
+          group.quaternion.copy(base.quaternion).multiply(turn);
+        }
+      }
     },
 
     // what the coordinates of a tip are relative to: the link that carries its work, or the machine's base
@@ -362,6 +397,7 @@ export default {
     bounds() {
       const box = new THREE.Box3();
       if (this.body.children.length) box.expandByObject(this.body);
+      for (const cloud of this.reached) box.expandByObject(cloud);
       const paths = [...this.trails].map(([label, { points }]) => ({ label, points }));
       for (const { label, points } of [...paths, ...this.planned]) {
         for (const point of points) box.expandByPoint(this.inWorld(point, label));
