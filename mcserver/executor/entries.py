@@ -85,6 +85,22 @@ class Control(msgspec.Struct, frozen=True, gc=False):
     value: float = 0.0
 
 
+class HomingPhase(enum.IntEnum):
+    """What an axis does while it is homed: the token of a HOMING event."""
+
+    START = 0
+    RELEASE = 1  # off a switch that is active at the start
+    APPROACH = 2  # fast to the switch, the index or the stop
+    BACK_OFF = 3
+    LATCH = 4  # slowly to it again
+    INDEX = 5  # on to the index
+    REFERENCE = 6  # coming to rest: the reference is given there
+    DEPART = 7  # to `then_move_to`
+    DRIVE = 8  # the drive homes itself
+    HOLD = 9  # its own homing is over: back to position mode
+    DONE = 10
+
+
 class EventKind(enum.IntEnum):
     """What the executor reports; kept apart from telemetry and never dropped silently."""
 

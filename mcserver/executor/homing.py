@@ -7,7 +7,6 @@ a switch that never comes ends as a fault. A hold stops these moves and goes on 
 
 from __future__ import annotations
 
-import enum
 import math
 from collections.abc import Callable, Mapping
 from types import MappingProxyType
@@ -15,7 +14,7 @@ from types import MappingProxyType
 from mcserver.drives.bus import HOME_SWITCH, DriveMode, DriveState
 from mcserver.executor.barriers import DRIVE_TIMEOUT_S, Barrier, BarrierFault
 from mcserver.executor.cycle import Cycle
-from mcserver.executor.entries import EventKind
+from mcserver.executor.entries import EventKind, HomingPhase
 from mcserver.executor.fault_codes import FaultCode
 from mcserver.executor.trajectories import MotionLimits, TrajectoryError
 from mcserver.machine.homing_section import Homing
@@ -32,22 +31,6 @@ INDEX_TURNS = 1.5
 # Where the two sides of a gantry pair wait for each other: before the search, on the switch, behind it, on it
 # again, and once both have their references.
 _RELEASED, _FOUND, _BACKED_OFF, _REFERRED = 1, 2, 3, 5
-
-
-class HomingPhase(enum.IntEnum):
-    """What an axis does while it is homed."""
-
-    START = 0
-    RELEASE = 1  # off a switch that is active at the start
-    APPROACH = 2  # fast to the switch, the index or the stop
-    BACK_OFF = 3
-    LATCH = 4  # slowly to it again
-    INDEX = 5  # on to the index
-    REFERENCE = 6  # coming to rest: the reference is given there
-    DEPART = 7  # to `then_move_to`
-    DRIVE = 8  # the drive homes itself
-    HOLD = 9  # its own homing is over: back to position mode
-    DONE = 10
 
 
 class AxisHoming:

@@ -5,8 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from types import MappingProxyType
 
-from mcserver.executor.entries import EventKind, ExecutorEvent
-from mcserver.executor.homing import HomingPhase
+from mcserver.executor.entries import EventKind, ExecutorEvent, HomingPhase
 from mcserver.machine.machine_file import Axis
 from mcserver.service.event_log import EventLog
 from mcserver.service.references import References

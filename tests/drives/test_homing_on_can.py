@@ -6,9 +6,8 @@ import numpy as np
 import pytest
 
 from mcserver.can.pdo_layout import TPDO1, Mode
-from mcserver.executor.entries import ControlKind, EventKind
+from mcserver.executor.entries import ControlKind, EventKind, HomingPhase
 from mcserver.executor.fault_codes import FaultCode
-from mcserver.executor.homing import HomingPhase
 from tests.drives.can_rig import COUNTS, CanRig, machine
 from tests.drives.fake_can import ENABLED, FakeDrive, Function, wrap
 

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from mcserver.drives.simulated import SimulatedBus
-from mcserver.executor.entries import ControlKind, EventKind, ExecutorEvent
-from mcserver.executor.homing import HomingPhase
+from mcserver.executor.entries import ControlKind, EventKind, ExecutorEvent, HomingPhase
 from mcserver.executor.stored_reference import StoredReference
 from mcserver.machine.machine_file import Machine, parse_machine
 from mcserver.simulation.virtual_executor import VirtualExecutor

@@ -5,9 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from mcserver.executor.entries import EventKind
+from mcserver.executor.entries import EventKind, HomingPhase
 from mcserver.executor.fault_codes import FaultCode
-from mcserver.executor.homing import HomingPhase
 from mcserver.executor.shm.feedback import AxisCondition, SlotState
 from tests.executor.homing_cell import MM, SWITCH, Cell, machine
 
