@@ -69,6 +69,9 @@ def test_a_machine_that_somebody_drives_is_stopped_by_all_and_moved_by_none(
     assert not machine.programs(ended=False)
     fleet_page.locator("[data-estop]").click()
     wait_for(machine, fleet_page, lambda status: status.state == "estop")
+    # who has closed a page has control for a while yet
+    at_the_machine.get_by_role("button", name="Give back").click()
+    expect(at_the_machine.get_by_text("Nobody has control", exact=True)).to_be_visible()
     at_the_machine.close()
 
 
