@@ -47,17 +47,16 @@ def tune(
             raise UsageFault("MC017", f"{seconds:g} s cannot be", f"give --seconds up to {LONGEST_S:g}")
         drive = described(machine, axis)
         on_can(drive.settings)
-        mode, cycle_s = cia402_drive(drive.axis).mode, load_machine(machine).cycle_s
-        if mode != "cst":
+        known, cycle_s = cia402_drive(drive.axis), load_machine(machine).cycle_s
+        if known.mode != "cst":
             raise UsageFault(
                 "MC095",
-                f'the loop of axis {axis} is the drive\'s own: mode = "{mode}"',
+                f'the loop of axis {axis} is the drive\'s own: mode = "{known.mode}"',
                 'tune it by its maker\'s tool; mode = "cst" closes it here',
             )
         scope = Scope(drive.signals, cycle_s, max(2, round(seconds / cycle_s)), 0, None)
         record_cycles(drive, scope, 60.0, seconds, cycle_s)
         load = _load(drive, scope.trace(), cycle_s)
-    known = cia402_drive(drive.axis)
     now = TorqueGains(known.velocity_gain, known.position_gain, known.integral_time_s or 0.0)
     usual = usual_gains(load.inertia, cycle_s)
     rows = [
