@@ -51,7 +51,7 @@ def measure() -> list[Figure]:
             taken, frames, warm = _exchanges(namespace, axes)
         finally:
             namespace.close()
-        against = "SOEM's frame on this line, sent and taken back"
+        against = "SOEM's frame on this line, sent and received"
         figures += percentiles(f"{axes} axes, exchange", taken, frames, against, {0.5: goal})
         figures += percentiles(f"{axes} axes, without its frame, no pauses", warm, shares=[0.5])
     return figures

@@ -3,7 +3,7 @@
 ``python -m tests.bench.rs274_contours [PROGRAMS] [SEED]``. Corners are flat, or turn by more than 0.06 rad,
 that behind the lead-in too: those in between LinuxCNC joins askew, by up to 1/800 of the radius within the
 path. Rapids, whose corners it cuts, are left out. Gouges refused here alone are moves that LinuxCNC makes
-backwards, arcs that it makes nearly full circles, and ways in by an arc that end across the path.
+backwards, arcs that it makes nearly full circles, and lead-ins by an arc that end across the path.
 """
 
 from __future__ import annotations

@@ -89,7 +89,7 @@ class Surface(msgspec.Struct, frozen=True):
 
     Attributes:
         speed: at the tool [m/s]. greatest: of the spindle [rad/s].
-        zero: where X is on the spindle's axis, as the spindle was told last [m]. line: of its last word.
+        zero: where X is on the spindle's axis, as of its last order [m]. line: of its last word.
     """
 
     speed: float
