@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import os
 import re
+import signal
 from typing import TYPE_CHECKING, Any
 
 import pytest
@@ -143,6 +145,8 @@ def test_a_page_that_is_left_while_an_axis_is_jogged_stops_it(
 ) -> None:
     opened(page, site)
     browser = page.context.new_cdp_session(page)
+    assert page.context.browser is not None
+    whole = page.context.browser.new_browser_cdp_session()
     start = machine.status().axes.position[1]
     page.get_by_role("button", name="jog axis Y minus").hover()
     held_until(machine, page, lambda status: status.axes.position[1] < start - 5.0)
@@ -152,29 +156,29 @@ def test_a_page_that_is_left_while_an_axis_is_jogged_stops_it(
         other = page.context.new_page()
         other.bring_to_front()
     else:
-        # a closed lid stops all timers of the page with nothing said
-        browser.send("Page.setWebLifecycleState", {"state": "frozen"})
+        # a closed lid stops all timers of the page with nothing said, and its connection stands
+        processes = whole.send("SystemInfo.getProcessInfo")["processInfo"]
+        renderers = [process["id"] for process in processes if process["type"] == "renderer"]
+        assert renderers
+        for renderer in renderers:
+            os.kill(renderer, signal.SIGSTOP)
     # the page itself is asked for nothing meanwhile
-    rest = next(
-        (
-            status.axes.position[1]
-            for status in (machine.status() for _ in range(MOST_LOOKS))
-            if at_rest(status)
-        ),
-        None,
-    )
-    assert rest is not None
+    looks = (machine.status() for _ in range(MOST_LOOKS))
+    rest = next((status.axes.position[1] for status in looks if at_rest(status)), None)
     if lost == "focus":
         other.close()
         browser.send("Emulation.setFocusEmulationEnabled", {"enabled": True})
     else:
-        browser.send("Page.setWebLifecycleState", {"state": "active"})
+        for renderer in renderers:
+            os.kill(renderer, signal.SIGCONT)
+    assert rest is not None
     # back again, with the button still down
     expect(page.get_by_role("status")).to_have_text("ready")
     page.wait_for_timeout(500)
     page.mouse.up()
     assert machine.status().axes.position[1] == pytest.approx(rest, abs=0.1)
     browser.detach()
+    whole.detach()
 
 
 def test_who_holds_which_axes_is_shown_and_a_deletion_asks(
