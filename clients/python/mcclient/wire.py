@@ -10,7 +10,7 @@ from typing import Any, TypeVar, cast
 
 import msgspec
 
-from mcclient.errors import ProtocolError
+from mcclient.errors import ProtocolError, RequestRefused
 
 T = TypeVar("T")
 
@@ -21,8 +21,18 @@ _decoder = msgspec.msgpack.Decoder()
 
 
 def encode(value: object) -> bytes:
-    """Any value of maps, lists, numbers, text and bytes."""
-    return _encoder.encode(value)
+    """Encode a value of maps, lists, numbers, text and bytes.
+
+    Raises:
+        RequestRefused: MC500 MessagePack has no form for it, such as an integer beyond 64 bits.
+    """
+    try:
+        return _encoder.encode(value)
+    # each has an error of its own: integers too large, lone surrogates, deep nesting, other types
+    except Exception as error:
+        raise RequestRefused(
+            "MC500", f"the value cannot be sent: {error}", "send what the method takes"
+        ) from error
 
 
 def decode(kind: type[T], payload: bytes) -> T:
