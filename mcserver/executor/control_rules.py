@@ -29,6 +29,7 @@ from mcserver.executor.homing import Homes, Refers
 from mcserver.executor.probing import Probes
 from mcserver.executor.shm.feedback import SlotState
 from mcserver.executor.shm.mailbox import signed
+from mcserver.executor.target_follower import UNBOUNDED
 from mcserver.executor.thread_pass import ThreadPass
 from mcserver.executor.trajectories import TrajectoryError
 from mcserver.motion.canonical import AxisOperation, SurfaceSpeed, WaitMode
@@ -327,7 +328,8 @@ def _couple(slot: ProgramSlot, axes: int) -> Barrier | None:
     _refuse(slot, axes & couplings.mask, FaultCode.COUPLED)
     _check_still(slot, axes)
     (column,) = slot.cycle.bank.masks.columns(axes)
-    coupling = couplings.prepare(column, slot.index, slot.generation)
+    within = UNBOUNDED if slot.guard is None else slot.guard.bounds(column)
+    coupling = couplings.prepare(column, slot.index, slot.generation, within)
     _check_homed(slot, 1 << coupling.leader)
     if coupling.lost(0):
         raise BarrierFault(FaultCode.LEADER_LOST, coupling.leader)

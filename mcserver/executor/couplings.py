@@ -22,7 +22,7 @@ from mcserver.executor.fault_codes import FaultCode
 from mcserver.executor.independent import IndependentMotions
 from mcserver.executor.leading_curves import Gear, curve_of
 from mcserver.executor.spindle_following import MeasuredPlace
-from mcserver.executor.target_follower import tracking_limits
+from mcserver.executor.target_follower import Bounds, tracking_limits
 from mcserver.machine.machine_file import Machine
 from mcserver.motion.kernels.target_tracking import VELOCITY, follow_targets
 
@@ -40,6 +40,7 @@ class Coupling:
 
     Args:
         column: of the follower, at rest. slot, generation: of the program that couples it.
+        within: what bounds the follower besides its own limits. free: its travel does not count.
 
     Attributes:
         leader: its column. measured: its encoder counts, not what it is ordered. tolerance: [m or rad].
@@ -48,7 +49,15 @@ class Coupling:
     """
 
     def __init__(
-        self, machine: Machine, bank: AxisBank, column: int, slot: int, generation: int, *, free: bool
+        self,
+        machine: Machine,
+        bank: AxisBank,
+        column: int,
+        slot: int,
+        generation: int,
+        within: Bounds,
+        *,
+        free: bool,
     ) -> None:
         axis = machine.axes[column]
         follow = axis.follow
@@ -60,14 +69,13 @@ class Coupling:
         self._curve = curve_of(follow)
         place = float(self._row.ordered[column])
         self.state: Array = np.array([place, 0.0, 0.0])
-        self._limits = np.array([tracking_limits(axis, place, free=free)])
+        self._limits = np.array([tracking_limits(axis, place, free=free, within=within)])
         self._target = np.zeros((1, 3))
         self._encoder = MeasuredPlace(machine.cycle_s)
         # from the reading of the cycle before to this cycle's setpoint
         late = bank.delay_cycles if bank.delayed[self.leader] else 0
         self._late_s = machine.cycle_s * (1 + late)
         self._speed = float(self._row.ordered_velocity[self.leader])
-        self._silent = 0
         # of the follower's and of the leader's positions, against those of the curve
         self._ahead = self._shifted = 0.0
         self.error, self.in_step, self.ending = 0.0, False, False
@@ -88,11 +96,10 @@ class Coupling:
             self._shifted += distance
             self._encoder.place += distance
 
-    def lost(self, patience: int) -> bool:
-        """Return whether the leader is no more known: it is off, has failed or is silent for some cycles."""
+    def lost(self, silent: int) -> bool:
+        """Return whether the leader is no more known: it is off, has failed or is one of those silent."""
         bank, leader = self._bank, self.leader
-        self._silent = 0 if bank.fresh[leader] else self._silent + 1
-        if bank.fault >> leader & 1 or self._silent > patience:
+        if (bank.fault | silent) >> leader & 1:
             return True
         led = bank.energized & (bank.positioned | bank.speed)
         return not (self.measured or led >> leader & 1)
@@ -122,8 +129,9 @@ class Coupling:
         row, leader = self._row, self.leader
         if self.measured:
             encoder = self._encoder
-            # while it is silent it is taken to go on
-            encoder.take(encoder.ahead(self._cycle_s)[0] if self._silent else float(row.actual[leader]))
+            # while it does not answer it is taken to go on
+            fresh = self._bank.fresh[leader]
+            encoder.take(float(row.actual[leader]) if fresh else encoder.ahead(self._cycle_s)[0])
             return encoder.ahead(self._late_s)
         before, self._speed = self._speed, float(row.ordered_velocity[leader])
         return float(row.ordered[leader]), self._speed, (self._speed - before) / self._cycle_s
@@ -141,10 +149,10 @@ class Couplings:
         self.engaged: tuple[Coupling, ...] = ()
         self.mask = self.tied = 0
 
-    def prepare(self, column: int, slot: int, generation: int) -> Coupling:
+    def prepare(self, column: int, slot: int, generation: int, within: Bounds) -> Coupling:
         """Return a coupling for `couple`; nothing follows yet."""
         free = bool(self._motions.unlimited >> column & 1)
-        return Coupling(self._machine, self._bank, column, slot, generation, free=free)
+        return Coupling(self._machine, self._bank, column, slot, generation, within, free=free)
 
     def couple(self, coupling: Coupling) -> None:
         """Let a column follow its leader from this cycle on."""
@@ -165,12 +173,12 @@ class Couplings:
         for coupling in self.engaged:
             coupling.shift(column, distance)
 
-    def follow(self, slots: Sequence[ProgramSlot], patience: int, *, urgent: bool) -> None:
+    def follow(self, slots: Sequence[ProgramSlot], silent: int, *, urgent: bool) -> None:
         """Set the setpoints of all followers in this cycle, and end what has to end.
 
         Args:
-            slots: of the programs, by number. patience: cycles for which a leader may be silent. urgent: the
-                emergency stop is latched.
+            slots: of the programs, by number. silent: mask of columns whose drives answer no more. urgent:
+                the emergency stop is latched.
         """
         for coupling in self.engaged:
             slot, bit = slots[coupling.slot], 1 << coupling.column
@@ -178,7 +186,7 @@ class Couplings:
                 self.forget(bit)
                 continue
             gone = not slot.running or slot.generation != coupling.generation
-            lost = coupling.lost(patience)
+            lost = coupling.lost(silent)
             if coupling.ending or gone or urgent or lost or self._stops(coupling, slot):
                 if self._motions.mask & bit:
                     # its state is that before this cycle

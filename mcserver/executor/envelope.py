@@ -23,6 +23,7 @@ from mcserver.executor.envelope_bounds import Envelope, TipEnvelope
 from mcserver.executor.fault_codes import FaultCode
 from mcserver.executor.shm.feedback import SlotState
 from mcserver.executor.shm.rings import ProgramRing
+from mcserver.executor.target_follower import Bounds
 from mcserver.motion.kernels.envelope import (
     FAST,
     INSIDE,
@@ -203,6 +204,11 @@ class EnvelopeGuard:
                 wanted, bound = abs(control.values[column]), float(self._speed[column])
                 if not wanted <= bound:
                     raise BarrierFault(FaultCode.ENVELOPE_SPEED, column, (wanted, bound))
+
+    def bounds(self, column: int) -> Bounds:
+        """Return within which a column may follow another axis."""
+        speed = max(1.0, self._override) * float(self._speed[column])
+        return Bounds(float(self._low[column]), float(self._high[column]), speed)
 
     # ------------------------------------------------------------------ the cycle
 

@@ -53,6 +53,8 @@ class Supervision:
         self._above = np.ones(count, np.bool_)
         self._silent = np.zeros(count, np.int64)
         self._any_silent = False
+        # columns that have been silent for too long
+        self._gone = 0
         self._strays = self._reported_strays = 0
         self._stray_cycles = np.zeros(count, np.int64)
         # feedback that is behind is compared with the setpoints of that time, too
@@ -118,7 +120,7 @@ class Supervision:
 
     def lead_coupled(self) -> None:
         """Set the setpoints of the axes that follow others; what cannot be followed stops its program."""
-        self._cycle.couplings.follow(self._slots, self._patience, urgent=self._cycle.estop)
+        self._cycle.couplings.follow(self._slots, self._gone, urgent=self._cycle.estop)
 
     def within_travel(self, setpoints: Array) -> int:
         """Return how many setpoints (n, K) from the first on stay within every axis's travel."""
@@ -226,7 +228,8 @@ class Supervision:
         self._silent[bank.fresh] = 0
         self._silent[~bank.fresh] += 1
         self._any_silent = bool(self._silent.any())
-        self._cycle.row.set_silent(mask_of(self._silent >= self._patience + self._delay * self._delayed))
+        self._gone = mask_of(self._silent >= self._patience + self._delay * self._delayed)
+        self._cycle.row.set_silent(self._gone)
         # a bus with a delay knows itself how long its drives may be silent
         silent = (self._silent >= self._patience) & ~self._delayed
         lost = mask_of(silent) & (bank.energized | bank.starting)

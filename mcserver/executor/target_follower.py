@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 
@@ -106,12 +107,24 @@ class TargetFollower:
         return newest is not None and not newest.by_velocity and not newest.knots[-1, first:].any()
 
 
-def tracking_limits(axis: Axis, place: float, *, free: bool) -> tuple[float, ...]:
+class Bounds(NamedTuple):
+    """Travel and speed of an axis beside its own [m or rad, per s]."""
+
+    low: float = -np.inf
+    high: float = np.inf
+    speed: float = np.inf
+
+
+UNBOUNDED = Bounds()
+
+
+def tracking_limits(axis: Axis, place: float, *, free: bool, within: Bounds = UNBOUNDED) -> tuple[float, ...]:
     """Return a row of ``limits`` of `follow_targets` for an axis that is at a place [m or rad].
 
     Args:
-        free: its travel does not count now.
+        free: its travel does not count now. within: what bounds it besides.
     """
     low, high = (-np.inf, np.inf) if free else (axis.min_position, axis.max_position)
+    low, high, speed = max(low, within.low), min(high, within.high), min(axis.max_velocity, within.speed)
     # one that was energized outside its travel may come back, and go no further
-    return axis.max_velocity, axis.max_acceleration, axis.max_jerk, min(low, place), max(high, place)
+    return speed, axis.max_acceleration, axis.max_jerk, min(low, place), max(high, place)

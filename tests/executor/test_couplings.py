@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 
 from mcserver.drives.simulated import SimulatedBus
 from mcserver.executor.entries import Array, ControlKind, EventKind
+from mcserver.executor.envelope_bounds import Envelope
 from mcserver.executor.fault_codes import FaultCode
 from mcserver.executor.leading_curves import Cam, curve_of
 from mcserver.executor.shm.feedback import SlotState
@@ -358,3 +359,22 @@ def test_what_cannot_follow_is_refused(gear: str, cam: str) -> None:
     with pytest.raises(MachineFileRejected) as caught:
         parse_machine(text(gear, cam))
     assert "MC094" in [each.code for each in caught.value.diagnostics]
+
+
+@pytest.mark.parametrize(("speed", "high"), [(1.0, 0.02), (0.04, 1.0)], ids=["travel", "speed"])
+def test_an_approved_run_holds_a_follower_within_its_envelope_whatever_leads_it(
+    speed: float, high: float
+) -> None:
+    wide, count = 10.0, len(MACHINE.axes)
+    column = MACHINE.column_of(6)
+    highs, speeds = [wide] * count, [100.0] * count
+    highs[column], speeds[column] = high, speed
+    turning = 1 << MACHINE.column_of(5)
+    envelope = Envelope((-wide,) * count, tuple(highs), tuple(speeds), 60.0, turning)
+    # a belt at 50 mm/s
+    program = "G1010 P5 G1010 P6\nG1030 [5]300\nG04 P0.5\nG1060 P6\nG04 P1\nG1061\nM2"
+    cell = Coupled(MACHINE, program, envelope=envelope).play()
+    assert cell.faults == [FaultCode.OUT_OF_STEP]
+    assert cell.broken() == []
+    assert cell.setpoints(6).max() <= high + 1e-9
+    assert np.abs(np.diff(cell.setpoints(6))).max() <= speed * 1e-3 + 1e-9
