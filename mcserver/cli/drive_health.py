@@ -20,7 +20,7 @@ from mcserver.canopen.error_history import condition_of
 from mcserver.canopen.listening import sign_of_master
 from mcserver.canopen.settings import NO_AXIS, settings_of
 from mcserver.cli.console import json_answer_on_error, narration, results, write_json
-from mcserver.cli.drive_of_machine import described_drives, table
+from mcserver.cli.drive_of_machine import check_seconds, described_drives, table
 from mcserver.cli.options import JsonOption, MachineOption
 from mcserver.errors import McError, UsageFault
 from mcserver.machine.machine_file import Machine, load_machine
@@ -55,8 +55,7 @@ def health(
 ) -> None:
     """Listen on the buses beside a running server, or with none ask the drives too; report what is wrong."""
     with json_answer_on_error(json):
-        if not 0.0 < seconds <= LONGEST_S:
-            raise UsageFault("MC017", f"--seconds {seconds:g} is no duration", f"give 0.1 to {LONGEST_S:g}")
+        check_seconds(seconds, LONGEST_S)
         described = load_machine(machine)
         buses = {drive.bus for drive in settings_of(described) if drive.fieldbus == "can"}
         if not buses:

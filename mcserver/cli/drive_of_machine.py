@@ -50,6 +50,12 @@ class Described:
         return signals_of(self.axis, self.process_data, self.dictionary, self.settings.node_axis)
 
 
+def check_seconds(seconds: float, longest: float) -> None:
+    """Refuse a time that a bus cannot be listened to; UsageFault: MC017."""
+    if not 0.0 < seconds <= longest:
+        raise UsageFault("MC017", f"--seconds {seconds:g} is no duration", f"give 0.1 to {longest:g}")
+
+
 def at_desk_of(drive: DriveSettings) -> AbstractContextManager[Desk]:
     """The drive's desk, on CAN or by its mailbox on EtherCAT. Raises: as these."""
     if drive.fieldbus == "ethercat":

@@ -14,7 +14,7 @@ from mcserver.can.open import open_port
 from mcserver.canopen.bus_frames import frames_of
 from mcserver.canopen.scope import Scope, read_trigger
 from mcserver.cli.console import json_answer_on_error, narration, results, write_json
-from mcserver.cli.drive_of_machine import AxisArgument, Described, described, on_can, table
+from mcserver.cli.drive_of_machine import AxisArgument, Described, check_seconds, described, on_can, table
 from mcserver.cli.options import JsonOption, MachineOption
 from mcserver.cli.output_file import check_output, write_atomically
 from mcserver.errors import RuntimeFault, UsageFault
@@ -49,11 +49,12 @@ def scope(
         if plot:
             check_output(plot, (".png",))
         lead = (0.25 * seconds if trigger else 0.0) if before is None else before
-        if not (0.0 < seconds <= LONGEST_S and 0.0 <= lead < seconds and 0.0 < timeout < math.inf):
+        check_seconds(seconds, LONGEST_S)
+        if not (0.0 <= lead < seconds and 0.0 < timeout < math.inf):
             raise UsageFault(
                 "MC017",
                 f"{seconds:g} s with {lead:g} s before the trigger, which may take {timeout:g} s, cannot be",
-                f"give --seconds up to {LONGEST_S:g}, and --before less than that",
+                "give --before less than --seconds, and a --timeout above 0",
             )
         drive = described(machine, axis)
         on_can(drive.settings)

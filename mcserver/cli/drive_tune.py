@@ -18,7 +18,7 @@ from mcserver.canopen.torque_tuning import (
     usual_gains,
 )
 from mcserver.cli.console import json_answer_on_error, narration, results, write_json, write_text
-from mcserver.cli.drive_of_machine import AxisArgument, Described, described, on_can, table
+from mcserver.cli.drive_of_machine import AxisArgument, Described, check_seconds, described, on_can, table
 from mcserver.cli.drive_scope import LONGEST_S, record_cycles
 from mcserver.cli.exit_codes import ExitCode
 from mcserver.cli.options import JsonOption, MachineOption
@@ -43,8 +43,7 @@ def tune(
 ) -> None:
     """Measure inertia and friction of an axis in mode cst while a program moves it, and judge its gains."""
     with json_answer_on_error(json):
-        if not 0.0 < seconds <= LONGEST_S:
-            raise UsageFault("MC017", f"{seconds:g} s cannot be", f"give --seconds up to {LONGEST_S:g}")
+        check_seconds(seconds, LONGEST_S)
         drive = described(machine, axis)
         on_can(drive.settings)
         known, cycle_s = cia402_drive(drive.axis), load_machine(machine).cycle_s
