@@ -100,13 +100,14 @@ def test_a_drive_that_is_unplugged_and_plugged_in_is_configured_again(start: Sta
     assert np.abs(cycle.feedback.position - cycle.setpoints.position).max() < 2e-5
 
 
-def test_a_ring_that_is_cut_between_two_drives_goes_on_and_is_closed_again(
-    start: Start, caplog: pytest.LogCaptureFixture
+@pytest.mark.parametrize("cable", [1, 2], ids=["before the first", "between two"])
+def test_a_ring_that_is_cut_goes_on_and_is_closed_again(
+    start: Start, caplog: pytest.LogCaptureFixture, cable: int
 ) -> None:
     line, cycle = start(3, bus='redundant_interface = "ec2"')
     energized(cycle)
     for change, said in (
-        (lambda: line.control.fault(2, "cut"), "open at axis 0"),
+        (lambda: line.control.fault(cable, "cut"), "open at axis 0"),
         (line.control.clear, "closed"),
     ):
         change()
@@ -115,6 +116,18 @@ def test_a_ring_that_is_cut_between_two_drives_goes_on_and_is_closed_again(
         cycle.run(50)
         assert cycle.feedback.state.tolist() == [DriveState.ENERGIZED] * 3
         assert np.abs(cycle.feedback.position - cycle.setpoints.position).max() < 2e-5
+
+
+def test_a_ring_goes_on_without_its_last_drive_and_has_it_back(start: Start) -> None:
+    line, cycle = start(3, bus='redundant_interface = "ec2"')
+    energized(cycle)
+    line.control.fault(3, "unplug")
+    cycle.until(lambda: bool(cycle.feedback.fault.any()), "a fault")
+    cycle.run(50)
+    assert cycle.feedback.state.tolist() == [DriveState.ENERGIZED, DriveState.ENERGIZED, DriveState.FAULT]
+    line.control.clear(3)
+    cycle.until(lambda: line.control.state(3)["al"] == "OP", "OP again")
+    energized(cycle)
 
 
 def test_drives_that_reboot_or_whose_process_ends_are_latched_and_found_again(start: Start) -> None:
