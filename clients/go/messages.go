@@ -357,7 +357,7 @@ type AxisDifference struct {
 
 // AxisInfo: One axis; limits in mm or deg and seconds, nil where not limited. `homing`: how it finds its reference;
 // nil: its encoder's reading is its position. `letter`: a further one by which programs of the machine's profile
-// name it, such as `E`; empty: none.
+// name it, such as `E`; empty: none. `spindle`: M3, M4, M5 and S turn it.
 type AxisInfo struct {
 	Index           int64    `msgpack:"index" mc:"required"`
 	Type            AxisKind `msgpack:"type" mc:"required"`
@@ -371,6 +371,7 @@ type AxisInfo struct {
 	InPosition      float64  `msgpack:"in_position"`
 	Homing          *string  `msgpack:"homing"`
 	Letter          string   `msgpack:"letter"`
+	Spindle         bool     `msgpack:"spindle"`
 }
 
 // AxisStart: An axis of the program at the line.
@@ -766,6 +767,8 @@ type Info struct {
 	Tags []string `msgpack:"tags"`
 	// Camera: address of a still picture; empty: none.
 	Camera string `msgpack:"camera"`
+	// OrdersFrom: instruments that may order, such as `opcua`; others only show the machine.
+	OrdersFrom []string `msgpack:"orders_from"`
 }
 
 // InfoRequest: What the machine and its service are: an `Info`.

@@ -4,9 +4,12 @@ from __future__ import annotations
 
 import importlib.util
 import json
+import re
 import sys
 import tempfile
+import tomllib
 import venv
+from collections.abc import Collection
 from pathlib import Path
 from typing import Any
 
@@ -14,36 +17,49 @@ from deploy.release.commands import run
 
 Bom = dict[str, Any]
 
+NAME = re.compile(r"[A-Za-z0-9._-]+")
+OWN = ("mcserver", "mckinematics", "mcclient")
+
 
 def write_contents(root: Path, output: Path) -> Bom:
-    """Write ``requirements.lock``, ``sbom.cdx.json`` and ``licences.md`` of what the server needs to run.
+    """Write ``requirements.lock``, ``sbom.cdx.json`` and ``licences.md``.
 
-    The lock file has the versions of ``constraints.txt``, which the tests ran with; pip takes it with
-    ``--require-hashes``.
+    The first two are of what the server needs to run, the list of licences also of what its extras and the
+    Python SDK need. The lock file has the versions of ``constraints.txt``, which the tests ran with; pip
+    takes it with ``--require-hashes``.
     """
     lock, bom = output / "requirements.lock", output / "sbom.cdx.json"
-    pins = [
-        "--constraint",
-        str(root / "constraints.txt"),
-        "--generate-hashes",
-        "--no-header",
-        "--no-annotate",
-    ]
-    run(
-        [
-            sys.executable,
-            "-m",
-            "uv",
-            "pip",
-            "compile",
-            "-q",
-            *pins,
-            "-o",
-            str(lock),
-            str(root / "pyproject.toml"),
-        ],
-        root,
-    )
+    _write_lock(root, root / "pyproject.toml", lock, "--constraint", str(root / "constraints.txt"))
+    found = _write_bom(root, lock, bom)
+    with tempfile.TemporaryDirectory() as folder:
+        wanted, all_lock = Path(folder) / "extras.in", Path(folder) / "extras.lock"
+        wanted.write_text("\n".join(needed_with_extras(root)), encoding="utf-8")
+        # the tests' versions do not have all extras at once, such as those of object stores
+        _write_lock(root, wanted, all_lock)
+        everything = _write_bom(root, all_lock, Path(folder) / "extras.json")
+    needed = {each["name"] for each in found["components"]}
+    (output / "licences.md").write_text(licences(everything, needed), encoding="utf-8")
+    return found
+
+
+def needed_with_extras(root: Path) -> list[str]:
+    """Return what the server, its extras and the Python SDK need of others' packages."""
+    found: set[str] = set()
+    for folder in (root, root / "clients" / "python"):
+        project = tomllib.loads((folder / "pyproject.toml").read_text("utf-8"))["project"]
+        optional = project.get("optional-dependencies", {})
+        found.update(
+            project["dependencies"], *(needs for name, needs in optional.items() if name != "release")
+        )
+    return sorted(each for each in found if NAME.match(each)[0] not in OWN)  # type: ignore[index]
+
+
+def _write_lock(root: Path, wanted: Path, lock: Path, *pins: str) -> None:
+    options = ["--generate-hashes", "--no-header", "--no-annotate", *pins, "-o", str(lock)]
+    run([sys.executable, "-m", "uv", "pip", "compile", "-q", *options, str(wanted)], root)
+
+
+def _write_bom(root: Path, lock: Path, bom: Path) -> Bom:
     with tempfile.TemporaryDirectory() as folder:
         venv.create(folder, with_pip=False)
         python = str(Path(folder) / "bin" / "python")
@@ -52,17 +68,20 @@ def write_contents(root: Path, output: Path) -> Bom:
         options = ["--pyproject", str(root / "pyproject.toml"), "--output-reproducible", "--of", "JSON"]
         run([sys.executable, "-m", "cyclonedx_py", "environment", *options, "-o", str(bom), python], root)
     found: Bom = json.loads(bom.read_text(encoding="utf-8"))
-    (output / "licences.md").write_text(licences(found), encoding="utf-8")
     return found
 
 
-def licences(bom: Bom) -> str:
-    """Return the table of what is used under which licence."""
-    rows = [
-        f"| {each['name']} | {each['version']} | {_licence(each)} |"
-        for each in sorted(bom["components"], key=lambda each: each["name"].lower())
-    ]
-    return "\n".join(["| package | version | licence |", "|---|---|---|", *rows]) + "\n"
+def licences(bom: Bom, needed: Collection[str]) -> str:
+    """Return the table of what is used under which licence.
+
+    Args:
+        needed: names of what the server does not run without; the others belong to extras or to the SDK.
+    """
+    rows = []
+    for each in sorted(bom["components"], key=lambda each: each["name"].lower()):
+        extra = "" if each["name"] in needed else "yes"
+        rows.append(f"| {each['name']} | {each['version']} | {_licence(each)} | {extra} |")
+    return "\n".join(["| package | version | licence | extras alone |", "|---|---|---|---|", *rows]) + "\n"
 
 
 def _licence(component: Bom) -> str:

@@ -28,7 +28,7 @@ def opcua(
     rate: StatesRateOption = 2.0,
     users: Annotated[
         Path | None,
-        typer.Option("--users", metavar="PATH", help="The page's password file: who in it may read."),
+        typer.Option("--users", metavar="PATH", help="The page's password file: who may read, and order."),
     ] = None,
     trust: Annotated[
         Path | None,
@@ -38,7 +38,7 @@ def opcua(
     key: KeyOption = None,
     json: JsonOption = False,
 ) -> None:
-    """Serve all machines as machine tools of OPC UA (OPC 40501-1), read-only, until Ctrl-C."""
+    """Serve all machines as machine tools of OPC UA (OPC 40501-1) until Ctrl-C."""
     require_packages("opcua", "opcua", ("asyncua", "o6_nodeset_compiler", "mcclient"))
     from mcserver.doors.listening import Address
     from mcserver.opcua.site import OpcUaOptions, serve

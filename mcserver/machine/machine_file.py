@@ -125,6 +125,7 @@ class Machine(msgspec.Struct, frozen=True):
         clearance: what must not touch what; None: nothing is said of it.
         buttons: programs that operators start from the page.
         group, tags: what people find it by in a fleet. camera: address of a still picture; empty: none.
+        orders_from: instruments that may order, beside what clients and pages may.
         setpoint_timeout: longest time that drives bridge without a setpoint [s]; see `stall_limit_s`.
         shaping: of the setpoints of all axes; None: no axis has a shaper.
     """
@@ -155,6 +156,7 @@ class Machine(msgspec.Struct, frozen=True):
     group: str = ""
     tags: tuple[str, ...] = ()
     camera: str = ""
+    orders_from: tuple[str, ...] = ()
     shaping: Shaping | None = None
 
     @property
@@ -375,6 +377,7 @@ def _read_machine(raw: dict[str, Any], folder: Path | None, mistakes: Mistakes) 
         group=section.group,
         tags=section.tags,
         camera=section.camera,
+        orders_from=section.orders_from,
         buttons=read_buttons(file.get("button") or (), mistakes),
         shaping=shaping,
         clearance=read_clearance(

@@ -82,6 +82,9 @@ class MachineSection(msgspec.Struct, frozen=True):
             description="the address of a picture or of MJPEG, http or https, without a name or password",
         ),
     ] = ""
+    orders_from: Annotated[
+        tuple[Literal["opcua"], ...], Meta(max_length=1, description='instruments that may order: ["opcua"]')
+    ] = ()
 
 
 class MotionSection(msgspec.Struct, frozen=True):

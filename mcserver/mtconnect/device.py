@@ -115,9 +115,9 @@ class Device:
         axes = status.axes
         for row, index in enumerate(axes.index):
             if index in at_axes:
-                yield f"a{index}_act", (Reading(f"{axes.position[row]:.4f}"),)
-                yield f"a{index}_com", (Reading(f"{axes.setpoint[row]:.4f}"),)
-                yield f"a{index}_vel", (Reading(f"{axes.velocity[row]:.2f}"),)
+                yield f"a{index}_act", (Reading(_decimal(axes.position[row], 4)),)
+                yield f"a{index}_com", (Reading(_decimal(axes.setpoint[row], 4)),)
+                yield f"a{index}_vel", (Reading(_decimal(axes.velocity[row], 2)),)
                 yield f"a{index}_fault", _condition(at_axes[index])
 
     def _add_axes(self, parent: ElementTree.Element) -> None:
@@ -181,6 +181,11 @@ def _condition(faults: list[Fault]) -> tuple[Reading, ...]:
         return (Reading("Normal"),)
     unique = {each.code: Reading("Fault", each.code, _text(each.message)) for each in faults}
     return tuple(unique.values())
+
+
+def _decimal(value: float, places: int) -> str:
+    # what rounds to nothing has no sign
+    return f"{round(value, places) + 0.0:.{places}f}"
 
 
 def _text(text: str) -> str:

@@ -15,7 +15,8 @@ class AxisInfo(msgspec.Struct, frozen=True, omit_defaults=True):
     """One axis; limits in mm or deg and seconds, None where not limited.
 
     ``homing``: how it finds its reference; None: its encoder's reading is its position. ``letter``: a further
-    one by which programs of the machine's profile name it, such as ``E``; empty: none.
+    one by which programs of the machine's profile name it, such as ``E``; empty: none. ``spindle``: M3, M4,
+    M5 and S turn it.
     """
 
     index: int
@@ -30,6 +31,7 @@ class AxisInfo(msgspec.Struct, frozen=True, omit_defaults=True):
     in_position: float = 0.0
     homing: str | None = None
     letter: str = ""
+    spindle: bool = False
 
 
 class ToolInfo(msgspec.Struct, frozen=True):
@@ -140,6 +142,7 @@ class Info(msgspec.Struct, frozen=True):
         epoch: Unix time of executor time 0, by the clock as it goes now [s].
         buttons: programs of the machine file that operators start, numbers to be put into their places.
         group, tags: what people find the machine by. camera: address of a still picture; empty: none.
+        orders_from: instruments that may order, such as ``opcua``; others only show the machine.
     """
 
     machine: str
@@ -159,3 +162,4 @@ class Info(msgspec.Struct, frozen=True):
     group: str = ""
     tags: list[str] = []
     camera: str = ""
+    orders_from: list[str] = []

@@ -14,7 +14,7 @@ from mcserver.executor.shm.mailbox import SLOTS
 from mcserver.gcode.profiles.codes import SYSTEM_NUMBERS
 from mcserver.gcode.profiles.frame import ANGLE
 from mcserver.gcode.text.source import MAX_LINE_LENGTH
-from mcserver.machine.dialect_section import Cutter
+from mcserver.machine.dialect_section import Cutter, Dialect
 from mcserver.machine.io_section import Input, Output
 from mcserver.machine.machine_file import Axis, Machine
 from mcserver.machine.machine_kinematics import build_kinematics
@@ -196,7 +196,7 @@ def machine_info(service: MachineService, methods: list[str]) -> Info:
         instance=service.options.instance,
         epoch=service.epoch,
         cycle_s=machine.cycle_s,
-        axes=[axis_info(axis, machine.dialect.letters) for axis in machine.axes],
+        axes=[axis_info(axis, machine.dialect) for axis in machine.axes],
         tools=[
             ToolInfo(
                 number=tool.number,
@@ -229,6 +229,7 @@ def machine_info(service: MachineService, methods: list[str]) -> Info:
         group=machine.group,
         tags=list(machine.tags),
         camera=machine.camera,
+        orders_from=list(machine.orders_from),
         methods=sorted(methods),
         inputs=[_input_info(each) for each in machine.inputs],
         outputs=[_output_info(each) for each in machine.outputs],
@@ -273,8 +274,8 @@ def _output_info(each: Output) -> OutputInfo:
     )
 
 
-def axis_info(axis: Axis, letters: Mapping[str, int]) -> AxisInfo:
-    """Return what clients are told of an axis; ``letters``: further ones of the machine's programs."""
+def axis_info(axis: Axis, dialect: Dialect) -> AxisInfo:
+    """Return what clients are told of an axis; ``dialect``: of the machine's programs."""
     scale = 1.0 / axis.type.si_per_unit
 
     def limit(value: float) -> float | None:
@@ -292,5 +293,6 @@ def axis_info(axis: Axis, letters: Mapping[str, int]) -> AxisInfo:
         max_position=limit(axis.max_position),
         in_position=axis.in_position * scale,
         homing=None if axis.homing is None else axis.homing.method,
-        letter=min((letter for letter, index in letters.items() if index == axis.index), default=""),
+        letter=min((letter for letter, index in dialect.letters.items() if index == axis.index), default=""),
+        spindle=axis.index == dialect.spindle,
     )

@@ -11,7 +11,7 @@ import asyncio
 import contextlib
 import datetime
 import socket
-from collections.abc import Sequence
+from collections.abc import Awaitable, Callable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -29,6 +29,7 @@ from cryptography.exceptions import InvalidSignature
 from cryptography.hazmat.primitives.asymmetric import rsa
 
 from mcserver.errors import ConfigurationError
+from mcserver.net.roles import Role
 from mcserver.web.users import Users
 
 MOST_CONNECTIONS = 300
@@ -42,7 +43,9 @@ ROUNDS, STOP_S = 8, 5.0
 MOST_QUEUED = 20
 # nodes that all clients together have subscribed to
 MOST_ITEMS = 100_000
-# Reading; Call for ConditionRefresh: no node has a method that changes anything; Write, which is answered
+# methods that one message may call
+MOST_CALLS = 100
+# Reading; Call for ConditionRefresh and for the orders that machines take; Write, which is answered
 # node by node: clients take a refused service for a broken connection. Not ModifyMonitoredItems, which
 # takes any length of a queue.
 SERVICES = (
@@ -55,8 +58,12 @@ ALLOWED = frozenset(
 )
 
 
+# carries out a method of a machine: of which, for whom, in which role, with which arguments
+Orders = dict[ua.NodeId, Callable[[str, Role, Sequence[ua.Variant]], Awaitable[ua.StatusCode]]]
+
+
 class ReadOnly(PermissionRuleset):
-    """Whoever has got in may read, and nobody may do anything else."""
+    """Whoever has got in may read and call methods, and nobody may do anything else."""
 
     def check_validity(self, user: User, action_type: ua.NodeId, _: Any) -> bool:
         return user.role is not UserRole.Anonymous and action_type in ALLOWED
@@ -112,11 +119,34 @@ class Trust:
         return certificate in self._known or any(_signed_by(certificate, each) for each in self._known)
 
 
+class Session(InternalSession):
+    """A session of a user, who may order what his role may."""
+
+    iserver: Guard
+
+    async def call(self, params: list[ua.CallMethodRequest]) -> list[ua.CallMethodResult]:
+        if len(params) > MOST_CALLS:
+            raise ServiceError(ua.StatusCodes.BadTooManyOperations)
+        return [await self._call(each) for each in params]
+
+    async def _call(self, request: ua.CallMethodRequest) -> ua.CallMethodResult:
+        order = self.iserver.orders.get(request.MethodId)
+        if order is None:
+            (found,) = await super().call([request])
+            return found
+        name, role = self.iserver.who(self.user)
+        status = await order(name, role, request.InputArguments or ())
+        return ua.CallMethodResult(StatusCode=status)
+
+
 class Guard(InternalServer):
     """Sessions: each of one channel.
 
     Args:
         users: passwords; None: none are asked for. trust: None: every client's certificate does.
+
+    Attributes:
+        orders: by the methods' nodes.
     """
 
     def __init__(self, users: Users | None, trust: Trust | None) -> None:
@@ -124,6 +154,7 @@ class Guard(InternalServer):
         self.attribute_service = ReadOnlyAttributes(self.aspace)
         self.subscription_service = BoundedSubscriptions(self.aspace, iserver=self)
         self.isession.subscription_service = self.subscription_service
+        self.orders: Orders = {}
         self._users, self._trust = users, trust
         self._address = ""
         self.max_connections = MOST_CONNECTIONS
@@ -133,6 +164,19 @@ class Guard(InternalServer):
         self.max_subscriptions = MOST_CONNECTIONS
         token = ua.AnonymousIdentityToken if users is None else ua.UserNameIdentityToken
         self.supported_tokens = (token,)
+
+    def create_session(self, name: str, user: User | None = None, external: bool = False) -> InternalSession:
+        return Session(self, self.aspace, self.subscription_service, name, user or User(), external)
+
+    def who(self, user: User) -> tuple[str, Role]:
+        """Return the name and the role of a session's user, as the password file has it now.
+
+        Without passwords it is this computer's alone, whose users are engineers as at the gateway, or that of
+        clients with certificates, which have no role of their own.
+        """
+        if self._users is None:
+            return ("local", Role.ENGINEER) if self._trust is None else ("certificate", Role.OBSERVER)
+        return user.name or "", self._users.role_of(user.name or "") or Role.OBSERVER
 
     def lookup_external_session(self, _: ua.NodeId) -> InternalSession | None:
         """Return no session: another channel has to make one of its own."""

@@ -14,7 +14,7 @@ OWN = "urn:mcserver:machines"
 MODELS = ("di", "isa95_jobcontrol_v2", "ia", "machinery", "machinery_jobs", "machine_tool")
 # nodes of the models, by their numbers in the published files
 MACHINES, ITEM_STATE_TYPE = 1001, 1002
-MACHINE_TOOL_TYPE, PROGRAM_STATE_TYPE, ALERT_TYPE = 13, 15, 39
+MACHINE_TOOL_TYPE, PROGRAM_STATE_TYPE, JOB_STATE_TYPE, ALERT_TYPE = 13, 15, 28, 39
 
 
 class State(NamedTuple):
@@ -30,7 +30,7 @@ class Model(NamedTuple):
 
     Attributes:
         di, machinery, machine_tool, own: indices of the namespaces.
-        program_states, item_states: by name.
+        program_states, job_states, item_states: by name.
     """
 
     di: int
@@ -38,6 +38,7 @@ class Model(NamedTuple):
     machine_tool: int
     own: int
     program_states: dict[str, State]
+    job_states: dict[str, State]
     item_states: dict[str, State]
 
     def type(self, number: int) -> ua.NodeId:
@@ -60,6 +61,7 @@ async def load(server: Server) -> Model:
         machine_tool,
         await server.register_namespace(OWN),
         await _states(server, ua.NodeId(PROGRAM_STATE_TYPE, machine_tool)),
+        await _states(server, ua.NodeId(JOB_STATE_TYPE, machine_tool)),
         await _states(server, ua.NodeId(ITEM_STATE_TYPE, machinery)),
     )
 

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import functools
 import logging
 import socket
 import time
-from collections.abc import AsyncIterator, Mapping
+from collections.abc import AsyncIterator, Mapping, Sequence
 from contextlib import asynccontextmanager
 from pathlib import Path
 
@@ -17,9 +18,11 @@ from mcclient import MachineStatus, MotionError
 from mcclient.fleet import FleetLink, keep_states
 
 from mcserver.doors.listening import Address, Protection, listen
+from mcserver.net.roles import Role
 from mcserver.opcua.door import Guard, ReadOnly, ReadOnlyServer, Trust, application_uri
 from mcserver.opcua.machine_tool import MachineTool
 from mcserver.opcua.nodesets import Model, load
+from mcserver.opcua.orders import Order, carry_out
 from mcserver.web.users import read_users
 
 log = logging.getLogger(__name__)
@@ -64,15 +67,19 @@ class Machines:
         server: has them. tools_due: when tool tables are looked at again [s of the monotonic clock].
     """
 
-    def __init__(self, server: ReadOnlyServer, model: Model) -> None:
-        self.server, self._model = server, model
+    def __init__(self, server: ReadOnlyServer, guard: Guard, model: Model) -> None:
+        self.server, self._guard, self._model = server, guard, model
+        self._link: FleetLink | None = None
         self._known: dict[str, MachineTool] = {}
         self.tools_due = 0.0
 
     async def look(self, link: FleetLink, states: Mapping[str, MachineStatus]) -> None:
-        """Show all states, and add the machines that are new."""
+        """Show all states; add the machines that are new, and take up what another start has changed."""
+        self._link = link
         new = [name for name in states if name not in self._known]
-        await asyncio.gather(*(self._add(link, name) for name in new[: MOST_MACHINES - len(self._known)]))
+        started = [name for name in self._known if name in states and self._is_another(name, states[name])]
+        wanted = new[: MOST_MACHINES - len(self._known)] + started
+        await asyncio.gather(*(self._take(link, name) for name in wanted))
         for name, machine in self._known.items():
             found = states.get(name)
             await machine.show(found, time.time() if found is None else found.wall)
@@ -83,13 +90,29 @@ class Machines:
 
     async def lose(self) -> None:
         """Show that no machine answers."""
+        self._link = None
         for machine in self._known.values():
             await machine.show(None, time.time())
 
-    async def _add(self, link: FleetLink, name: str) -> None:
+    def _is_another(self, name: str, status: MachineStatus) -> bool:
+        return self._known[name].instance != status.instance
+
+    async def _take(self, link: FleetLink, name: str) -> None:
         with contextlib.suppress(MotionError):
-            version = (await link.info(name)).server
-            self._known[name] = await MachineTool.create(self.server, self._model, name, version)
+            info = await link.info(name)
+            if name in self._known:
+                await self._known[name].renew(info)
+            else:
+                self._known[name] = await MachineTool.create(self.server, self._model, info)
+            for method, order in self._known[name].orders.items():
+                self._guard.orders[method] = functools.partial(self._order, name, order)
+
+    async def _order(
+        self, machine: str, order: Order, who: str, role: Role, arguments: Sequence[ua.Variant]
+    ) -> ua.StatusCode:
+        if self._link is None:
+            return ua.StatusCode(ua.StatusCodes.BadNoCommunication)
+        return await carry_out(self._link, machine, order, who, role, arguments)
 
     async def _show_tools(self, link: FleetLink, name: str) -> None:
         with contextlib.suppress(MotionError):
@@ -131,7 +154,8 @@ async def serving(options: OpcUaOptions) -> AsyncIterator[Machines]:
     uri = None if address.certificate is None else application_uri(address.certificate)
     # it logs what clients send as it is
     logging.getLogger("asyncua").setLevel(logging.CRITICAL)
-    server = ReadOnlyServer(Guard(users, trust), listen(address.host, address.port))
+    guard = Guard(users, trust)
+    server = ReadOnlyServer(guard, listen(address.host, address.port))
     await server.init()
     model = await load(server)
     await server.set_application_uri(uri or f"urn:{socket.gethostname()}:mcserver")
@@ -147,6 +171,6 @@ async def serving(options: OpcUaOptions) -> AsyncIterator[Machines]:
     try:
         if address.on_ready is not None:
             address.on_ready(f"opc.tcp://{address.host}:{server.listening_port}/")
-        yield Machines(server, model)
+        yield Machines(server, guard, model)
     finally:
         await server.stop()

@@ -102,6 +102,21 @@ def test_an_emergency_stop_of_all_is_confirmed_by_each(mcctl: Run, site: Site) -
     assert [each.state for each in site.machines] == ["estop", "estop"]
 
 
+async def test_every_order_over_one_link_is_carried_out(site: Site) -> None:
+    link = await FleetLink.open(site.endpoint)
+    try:
+        await link.find(timeout_s=2.0)
+        for method in ("hold", "resume", "hold", "abort"):
+            await link.order("left", method)
+    finally:
+        await link.close()
+    calls = site.machines[0].calls
+    assert (calls["hold"], calls["resume"], calls["abort"]) == (2, 1, 1)
+    # a server answers a number that it has had from memory
+    numbers = [request["request"] for _, request in site.machines[0].requests]
+    assert len(set(numbers)) == len(numbers) == 4
+
+
 async def test_a_machine_that_has_gone_stays_in_the_table(site: Site) -> None:
     link = await FleetLink.open(site.endpoint)
     try:

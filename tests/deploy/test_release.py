@@ -102,8 +102,8 @@ def test_licences_are_those_that_each_component_declares() -> None:
         },
         {"name": "c", "version": "3"},
     ]
-    assert licences({"components": components}).splitlines()[2:] == [
-        "| A | 2 | MIT OR Zlib, Zlib |",
-        "| b | 1 | MIT |",
-        "| c | 3 | not declared |",
+    assert licences({"components": components}, {"A", "c"}).splitlines()[2:] == [
+        "| A | 2 | MIT OR Zlib, Zlib |  |",
+        "| b | 1 | MIT | yes |",
+        "| c | 3 | not declared |  |",
     ]

@@ -72,6 +72,12 @@ class Fleet:
         return info(name)
 
 
+def test_what_rounds_to_nothing_has_no_sign_and_is_no_news(agent: Agent) -> None:
+    before = agent.buffer.next
+    agent.see("cell-1", state(-0.00001))
+    assert agent.buffer.next == before
+
+
 def test_a_machine_for_which_there_is_no_room_is_not_asked_at_every_look(
     agent: Agent, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -41,13 +41,18 @@ def program(now: str, name: str = "part.nc", **fields: Any) -> ProgramStatus:
 
 
 class Fleet:
-    """A link to machines with these tools."""
+    """A link to machines with these tools, and the orders that went over it."""
 
     def __init__(self, *tools: int) -> None:
         self.tools = tools
+        self.described: dict[str, Any] = {}
+        self.orders: list[tuple[str, str, dict[str, object]]] = []
 
     async def info(self, name: str) -> Info:
-        return wire_value(Info, name, "0.1.0")
+        return wire_value(Info, name, "0.1.0", **self.described)
+
+    async def order(self, machine: str, method: str, **fields: object) -> None:
+        self.orders.append((machine, method, fields))
 
     async def tables(self, _: str) -> Tables:
         rows = tuple(ToolRow(number, 10.0, 5.0) for number in self.tools)
@@ -69,7 +74,8 @@ def site_files(folder: Path) -> Files:
     site, other = folder / "site", folder / "other"
     for each in (site, other):
         write_site(each, Site("127.0.0.1"), now)
-    add_user(folder / "users", "mes", Role.OBSERVER, "a long secret")
+    for name, role in (("mes", Role.OBSERVER), ("helper", Role.AGENT), ("boss", Role.OPERATOR)):
+        add_user(folder / "users", name, role, "a long secret")
     return Files(
         write_application(site, "hall", ("127.0.0.1",), now),
         write_application(site, "mes", (), now),

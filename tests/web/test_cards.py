@@ -26,6 +26,7 @@ from mcclient.types import (
     WorkOffset,
 )
 
+from mcserver.machine.dialect_section import Dialect
 from mcserver.machine.machine_file import load_machine
 from mcserver.net.status import axis_info
 from mcserver.web.control import Control
@@ -113,7 +114,8 @@ def test_a_signal_that_a_state_does_not_have_is_a_gap(signal: str) -> None:
 
 async def test_a_further_letter_of_programs_stands_beside_an_axis() -> None:
     axes = load_machine("cartesian").axes[:2]
-    info = SimpleNamespace(tools=(), axes=[axis_info(axis, {"E": 1, "H": 1}) for axis in axes])
+    dialect = Dialect(letters={"E": 1, "H": 1})
+    info = SimpleNamespace(tools=(), axes=[axis_info(axis, dialect) for axis in axes])
     joints = await joints_of(cast("Machine", SimpleNamespace(info=info)))
     assert joints == {1: "E"}
     assert joint_html(joints, 1) == " <span class=mc-joint>E</span>"

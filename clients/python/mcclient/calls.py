@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import asyncio
 import itertools
+from collections.abc import Iterator
 from typing import Any, TypeVar
 
 from mcclient.errors import MotionError, NoAnswerInTime, NobodyAnswers, RequestRefused, closed_client
@@ -35,13 +36,16 @@ class Caller:
         link: the session.
         keys: of the machine.
         presence: whether the server is there.
+        numbers: of requests, where the client calls in other ways beside; None: its own.
     """
 
-    def __init__(self, link: Link, keys: Keys, presence: Presence) -> None:
+    def __init__(
+        self, link: Link, keys: Keys, presence: Presence, *, numbers: Iterator[int] | None = None
+    ) -> None:
         self._link = link
         self._keys = keys
         self._presence = presence
-        self._numbers = itertools.count(1)
+        self._numbers = itertools.count(1) if numbers is None else numbers
 
     async def ask(self, kind: type[T], method: str, fields: dict[str, Any], deadline_s: float) -> T:
         """The reply as one of `mcclient.types`; what may take long is asked for once. Raises as `call`."""

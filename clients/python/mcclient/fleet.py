@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import itertools
 from collections.abc import Awaitable, Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Self
@@ -30,6 +31,8 @@ class FleetLink:
         self._link = link
         self._client = client
         self._live: list[str] = []
+        # every request of this client has a number of its own
+        self._numbers = itertools.count(1)
 
     @classmethod
     async def open(
@@ -83,10 +86,13 @@ class FleetLink:
         """Names of the machines that were there at the last look, sorted."""
         return sorted({server_of(key).machine for key in self._live})
 
+    def _caller(self, machine: str) -> Caller:
+        presence = Presence(machine, self._live)
+        return Caller(self._link, Keys(machine, self._client), presence, numbers=self._numbers)
+
     async def _state_of(self, machine: str, timeout_s: float) -> MachineStatus | None:
-        caller = Caller(self._link, Keys(machine, self._client), Presence(machine, self._live))
         try:
-            return decode(MachineStatus, await caller.call("status", deadline_s=timeout_s))
+            return decode(MachineStatus, await self._caller(machine).call("status", deadline_s=timeout_s))
         except MotionError:
             return None
 
@@ -96,8 +102,9 @@ class FleetLink:
         Raises:
             MotionError: it does not answer, or refuses.
         """
-        caller = Caller(self._link, Keys(machine, self._client), Presence(machine, self._live))
-        reply = await caller.call("events", {"since": since, "limit": limit}, deadline_s=ORDER_S)
+        reply = await self._caller(machine).call(
+            "events", {"since": since, "limit": limit}, deadline_s=ORDER_S
+        )
         return decode(EventsReply, reply)
 
     async def info(self, machine: str) -> Info:
@@ -106,8 +113,7 @@ class FleetLink:
         Raises:
             MotionError: it does not answer, or refuses.
         """
-        caller = Caller(self._link, Keys(machine, self._client), Presence(machine, self._live))
-        return decode(Info, await caller.call("info", deadline_s=ORDER_S))
+        return decode(Info, await self._caller(machine).call("info", deadline_s=ORDER_S))
 
     async def tables(self, machine: str) -> Tables:
         """Work offsets and tools that programs of one machine start with.
@@ -115,18 +121,19 @@ class FleetLink:
         Raises:
             MotionError: it does not answer, or refuses.
         """
-        caller = Caller(self._link, Keys(machine, self._client), Presence(machine, self._live))
-        return decode(Tables, await caller.call("tables", deadline_s=ORDER_S))
+        return decode(Tables, await self._caller(machine).call("tables", deadline_s=ORDER_S))
 
-    async def order(self, machine: str, method: str) -> None:
-        """``hold``, ``resume`` or ``abort`` for every program of one machine, or its ``reset``.
+    async def order(self, machine: str, method: str, **fields: object) -> None:
+        """``hold``, ``resume``, ``abort`` or ``override`` for every program of one machine, or its ``reset``.
+
+        Args:
+            fields: of the method's request, such as ``program`` for one of them alone.
 
         Raises:
             MotionError: it does not answer, or refuses.
         """
-        caller = Caller(self._link, Keys(machine, self._client), Presence(machine, self._live))
         request = {} if method == "reset" else {"program": None}
-        await caller.call(method, request, deadline_s=ORDER_S)
+        await self._caller(machine).call(method, request | fields, deadline_s=ORDER_S)
 
     async def estop(self, machine: str, reason: str = "", *, timeout_s: float = 5.0) -> None:
         """Emergency stop of one machine; returns once its server has confirmed.

@@ -429,7 +429,8 @@ class AxisInfo:
     """One axis; limits in mm or deg and seconds, None where not limited.
 
     ``homing``: how it finds its reference; None: its encoder's reading is its position. ``letter``: a further
-    one by which programs of the machine's profile name it, such as ``E``; empty: none.
+    one by which programs of the machine's profile name it, such as ``E``; empty: none. ``spindle``: M3, M4,
+    M5 and S turn it.
     """
 
     index: int
@@ -444,6 +445,7 @@ class AxisInfo:
     in_position: float = 0.0
     homing: str | None = None
     letter: str = ""
+    spindle: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -1032,6 +1034,7 @@ class Info:
         group: what people find the machine by.
         tags: what people find the machine by.
         camera: address of a still picture; empty: none.
+        orders_from: instruments that may order, such as ``opcua``; others only show the machine.
     """
 
     machine: str
@@ -1051,6 +1054,7 @@ class Info:
     group: str = ""
     tags: tuple[str, ...] = ()
     camera: str = ""
+    orders_from: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)

@@ -188,7 +188,7 @@ export interface AxisDifference {
 /**
  * One axis; limits in mm or deg and seconds, null where not limited. `homing`: how it finds its reference; null:
  * its encoder's reading is its position. `letter`: a further one by which programs of the machine's profile name
- * it, such as `E`; empty: none.
+ * it, such as `E`; empty: none. `spindle`: M3, M4, M5 and S turn it.
  */
 export interface AxisInfo {
   index: number;
@@ -203,6 +203,7 @@ export interface AxisInfo {
   in_position?: number;
   homing?: string | null;
   letter?: string;
+  spindle?: boolean;
 }
 
 /** An axis of the program at the line. */
@@ -601,6 +602,8 @@ export interface Info {
   tags?: string[];
   /** address of a still picture; empty: none. */
   camera?: string;
+  /** instruments that may order, such as `opcua`; others only show the machine. */
+  orders_from?: string[];
 }
 
 /** What the machine and its service are: an `Info`. */

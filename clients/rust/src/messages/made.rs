@@ -255,7 +255,7 @@ pub struct AxisDifference {
 
 /// One axis; limits in mm or deg and seconds, none where not limited. `homing`: how it finds its reference;
 /// none: its encoder's reading is its position. `letter`: a further one by which programs of the machine's
-/// profile name it, such as `E`; empty: none.
+/// profile name it, such as `E`; empty: none. `spindle`: M3, M4, M5 and S turn it.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct AxisInfo {
     pub index: u64,
@@ -277,6 +277,8 @@ pub struct AxisInfo {
     pub homing: Option<String>,
     #[serde(default)]
     pub letter: String,
+    #[serde(default)]
+    pub spindle: bool,
 }
 
 /// An axis of the program at the line.
@@ -788,6 +790,9 @@ pub struct Info {
     /// address of a still picture; empty: none.
     #[serde(default)]
     pub camera: String,
+    /// instruments that may order, such as `opcua`; others only show the machine.
+    #[serde(default)]
+    pub orders_from: Vec<String>,
 }
 
 /// What the machine and its service are: an `Info`.

@@ -297,12 +297,12 @@ public final class Messages {
     /**
      * One axis; limits in mm or deg and seconds, null where not limited. `homing`: how it finds its reference;
      * null: its encoder's reading is its position. `letter`: a further one by which programs of the machine's
-     * profile name it, such as `E`; empty: none.
+     * profile name it, such as `E`; empty: none. `spindle`: M3, M4, M5 and S turn it.
      */
     public record AxisInfo(
             long index, AxisKind type, AxisUnit unit, double maxVelocity, double maxAcceleration, String drive, @Sparse
             Double maxJerk, @Sparse Double minPosition, @Sparse Double maxPosition, @Sparse double inPosition,
-            @Sparse("null") String homing, @Sparse String letter) {}
+            @Sparse("null") String homing, @Sparse String letter, @Sparse boolean spindle) {}
 
     /**
      * An axis of the program at the line.
@@ -681,12 +681,13 @@ public final class Messages {
      * @param group what people find the machine by.
      * @param tags what people find the machine by.
      * @param camera address of a still picture; empty: none.
+     * @param ordersFrom instruments that may order, such as `opcua`; others only show the machine.
      */
     public record Info(
             String machine, String server, List<Long> protocol, String instance, double epoch, double cycleS,
             List<AxisInfo> axes, List<ToolInfo> tools, TelemetryInfo telemetry, LimitsInfo limits, List<String> methods,
             @Sparse List<InputInfo> inputs, @Sparse List<OutputInfo> outputs, @Sparse List<ButtonInfo> buttons, @Sparse
-            String group, @Sparse List<String> tags, @Sparse String camera) {}
+            String group, @Sparse List<String> tags, @Sparse String camera, @Sparse List<String> ordersFrom) {}
 
     /** What the machine and its service are: an `Info`. */
     public record InfoRequest() {}
