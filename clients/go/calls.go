@@ -59,6 +59,7 @@ var deadlines = map[string]time.Duration{
 	"reference":           5 * time.Second,
 	"reset":               5 * time.Second,
 	"tables":              5 * time.Second,
+	"set_table_row":       5 * time.Second,
 	"set_output":          5 * time.Second,
 	"set_simulated_input": 5 * time.Second,
 	"estop":               5 * time.Second,
@@ -246,6 +247,15 @@ func (m *Machine) Reset(ctx context.Context, axes []int64) ([]string, error) {
 // programs: G10 L2, L20 and L1.
 func (m *Machine) Tables(ctx context.Context) (*Tables, error) {
 	return callFor[Tables](ctx, m, "tables", nil)
+}
+
+// SetTableRow: Name a work offset or a tool, or say how long a tool may cut and has cut.
+func (m *Machine) SetTableRow(ctx context.Context, request SetTableRowRequest) ([]string, error) {
+	reply, err := callFor[Done](ctx, m, "set_table_row", paramsOf(request))
+	if err != nil {
+		return nil, err
+	}
+	return reply.Programs, nil
 }
 
 // SetOutput: Set an output by hand.

@@ -765,7 +765,7 @@ type Info struct {
 	Group string `msgpack:"group"`
 	// Tags: what people find the machine by.
 	Tags []string `msgpack:"tags"`
-	// Camera: address of a still picture; empty: none.
+	// Camera: address of a still picture or of MJPEG; empty: none.
 	Camera string `msgpack:"camera"`
 	// OrdersFrom: instruments that may order, such as `opcua`; others only show the machine.
 	OrdersFrom []string `msgpack:"orders_from"`
@@ -1535,6 +1535,20 @@ type SetReply struct {
 	Value float64 `msgpack:"value" mc:"required"`
 }
 
+// SetTableRowRequest: Names a row of the tables, or says how long a tool may cut; what is nil stays.
+type SetTableRowRequest struct {
+	// Row: `G54` to `G59.3`, or `T3`.
+	Row string `msgpack:"row" mc:"required"`
+	// Name: for people; empty takes it away.
+	Name string `msgpack:"name"`
+	// LifeMin: for how long the tool may cut; 0: there is no limit.
+	LifeMin *float64 `msgpack:"life_min"`
+	// UsedMin: for how long it has cut, 0 when a new one is fitted.
+	UsedMin *float64 `msgpack:"used_min"`
+	// By: the person, where a client serves several.
+	By string `msgpack:"by"`
+}
+
 // SimulateReply: What `mcserver simulate --json` prints.
 type SimulateReply struct {
 	Ok           bool    `msgpack:"ok" mc:"required"`
@@ -1645,11 +1659,15 @@ type TableChange struct {
 	// Row: `G54` to `G59.3`, or `T3`.
 	Row string `msgpack:"row" mc:"required"`
 	// Before: by axis number, `R` of a turned system, or `length` and `diameter` [m, rad; in messages mm, deg];
-	// empty: the row was not there.
+	// empty: the row was not there. Or a tool's `life` and what it has `used` [s; in messages min].
 	Before map[string]float64 `msgpack:"before" mc:"required"`
 	// After: by axis number, `R` of a turned system, or `length` and `diameter` [m, rad; in messages mm, deg];
-	// empty: the row was not there.
+	// empty: the row was not there. Or a tool's `life` and what it has `used` [s; in messages min].
 	After map[string]float64 `msgpack:"after" mc:"required"`
+	// WasCalled: its name before and after, where that was changed.
+	WasCalled string `msgpack:"was_called"`
+	// Called: its name before and after, where that was changed.
+	Called string `msgpack:"called"`
 }
 
 // Tables: What programs start with, and who changed it.
@@ -1662,6 +1680,8 @@ type Tables struct {
 	Tools []ToolRow `msgpack:"tools" mc:"required"`
 	// Changes: the newest first.
 	Changes []TableChange `msgpack:"changes" mc:"required"`
+	// Names: of systems, by system.
+	Names map[string]string `msgpack:"names"`
 }
 
 // TablesRequest: The tables that programs start with.
@@ -1754,12 +1774,18 @@ type ToolPose struct {
 	Orientation []float64 `msgpack:"orientation" mc:"required"`
 }
 
-// ToolRow: A line of the tool table [mm], for G43; `changed`: by G10 L1, not as the machine file has it.
+// ToolRow: A line of the tool table [mm], for G43.
 type ToolRow struct {
 	Number   int64   `msgpack:"number" mc:"required"`
 	Length   float64 `msgpack:"length" mc:"required"`
 	Diameter float64 `msgpack:"diameter" mc:"required"`
-	Changed  bool    `msgpack:"changed"`
+	// Changed: by G10 L1, not as the machine file has it.
+	Changed bool   `msgpack:"changed"`
+	Name    string `msgpack:"name"`
+	// LifeMin: for how long it may cut; 0: nobody has said.
+	LifeMin float64 `msgpack:"life_min"`
+	// UsedMin: it has cut, counted in G01 to G03 while its spindle turns.
+	UsedMin float64 `msgpack:"used_min"`
 }
 
 // WayStep: One move of the way, or what is switched on it.

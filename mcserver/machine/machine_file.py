@@ -124,7 +124,8 @@ class Machine(msgspec.Struct, frozen=True):
         gravity: in the URDF's base frame [m/s²].
         clearance: what must not touch what; None: nothing is said of it.
         buttons: programs that operators start from the page.
-        group, tags: what people find it by in a fleet. camera: address of a still picture; empty: none.
+        group, tags: what people find it by in a fleet.
+        camera: address of a still picture or of MJPEG; empty: none.
         orders_from: instruments that may order, beside what clients and pages may.
         setpoint_timeout: longest time that drives bridge without a setpoint [s]; see `stall_limit_s`.
         shaping: of the setpoints of all axes; None: no axis has a shaper.

@@ -141,7 +141,8 @@ class Info(msgspec.Struct, frozen=True):
         instance: one start of the server; another one means that programs before it were interrupted.
         epoch: Unix time of executor time 0, by the clock as it goes now [s].
         buttons: programs of the machine file that operators start, numbers to be put into their places.
-        group, tags: what people find the machine by. camera: address of a still picture; empty: none.
+        group, tags: what people find the machine by.
+        camera: address of a still picture or of MJPEG; empty: none.
         orders_from: instruments that may order, such as ``opcua``; others only show the machine.
     """
 

@@ -240,6 +240,14 @@ METHODS: tuple[Method, ...] = (
         "programs: G10 L2, L20 and L1.",
     ),
     Method(
+        "set_table_row",
+        tables.SetTableRowRequest,
+        wire.Done,
+        MOVERS,
+        "Name a work offset or a tool, or say how long a tool may cut and has cut.",
+        changes=True,
+    ),
+    Method(
         "set_output", wire.SetOutputRequest, wire.SetReply, MOVERS, "Set an output by hand.", changes=True
     ),
     Method(

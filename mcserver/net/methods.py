@@ -24,7 +24,7 @@ from mcserver.net.recovery_methods import RecoveryMethods
 from mcserver.net.rpc import Handler
 from mcserver.net.servo_methods import ServoMethods
 from mcserver.net.status import EdgeUnits, machine_info, machine_status
-from mcserver.net.table_messages import Tables, TablesRequest
+from mcserver.net.table_messages import SetTableRowRequest, Tables, TablesRequest
 from mcserver.net.text_forecast import TextForecast
 from mcserver.net.text_methods import TextMethods
 from mcserver.recorder.client import RecorderClient
@@ -36,6 +36,7 @@ from mcserver.service.program import Program
 from mcserver.service.service import MachineService
 from mcserver.service.servo import close_targets
 from mcserver.simulation.program_checker import ProgramChecker
+from mcserver.units import MINUTE
 
 if TYPE_CHECKING:
     # it needs the packages of CANopen
@@ -269,6 +270,23 @@ class ProgramMethods:
         machine = self._service.machine
         tool_table = "G43" in ACTING[machine.dialect.profile] and machine.axis(LENGTH_AXIS) is not None
         return self._units.tables(self._service.work_tables, tool_table=tool_table)
+
+    def set_table_row(self, client: str, request: SetTableRowRequest) -> wire.Done:
+        change = self._service.work_tables.annotate(
+            request.row,
+            name=request.name,
+            life_s=None if request.life_min is None else request.life_min * MINUTE,
+            used_s=None if request.used_min is None else request.used_min * MINUTE,
+            wall=self._service.options.clock(),
+            client=client,
+            by=request.by,
+        )
+        if change is not None:
+            who = f" by {request.by}" if request.by else ""
+            said = {"name": request.name, "life": request.life_min, "used": request.used_min}
+            shown = ", ".join(f"{key} {value!r}" for key, value in said.items() if value is not None)
+            self._record(client, "set_table_row", None, f"{request.row}{who}: {shown}")
+        return wire.Done([])
 
     def info(self, _client: str, _request: wire.InfoRequest) -> Info:
         return machine_info(self._service, [method.name for method in METHODS])

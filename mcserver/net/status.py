@@ -45,9 +45,9 @@ from mcserver.service.approval_basis import server_version
 from mcserver.service.executor_port import Cycles
 from mcserver.service.line_queue import QUEUE_LINES
 from mcserver.service.service import OPEN_PROGRAMS, MachineService
-from mcserver.service.work_offsets import WorkOffsets
+from mcserver.service.work_offsets import NO_NOTE, WorkOffsets
 from mcserver.simulation.tool_poses import ToolPoses
-from mcserver.units import DEGREE, MM
+from mcserver.units import DEGREE, MINUTE, MM
 
 TELEMETRY_FIELDS = ("setpoint", "position", "velocity", "torque")
 CYCLES_A_MESSAGE = 10
@@ -115,19 +115,28 @@ class EdgeUnits:
         """Return what programs start with, and its changes, in mm and deg."""
         scale = {str(axis): scale for axis, scale in zip(self.index, self.scale, strict=True)}
         scale |= {"R": 1.0 / DEGREE, "length": 1.0 / MM, "diameter": 1.0 / MM}
+        scale |= {"life": 1.0 / MINUTE, "used": 1.0 / MINUTE}
 
         def shown(row: Mapping[str, float]) -> dict[str, float]:
             return {name: value * scale[name] for name, value in row.items() if name in scale}
 
-        rows = [
-            ToolRow(number, each.length / MM, each.diameter / MM, kept.is_changed(number))
-            for number, each in sorted(kept.cutters.items())
-        ]
+        rows = []
+        for number, each in sorted(kept.cutters.items()):
+            note = kept.notes.get(f"T{number}", NO_NOTE)
+            life_min, used_min = note.life_s / MINUTE, note.used_s / MINUTE
+            changed = kept.is_changed(number)
+            rows.append(
+                ToolRow(number, each.length / MM, each.diameter / MM, changed, note.name, life_min, used_min)
+            )
+        names = {
+            row: note.name for row, note in sorted(kept.notes.items()) if row in SYSTEM_NUMBERS and note.name
+        }
         changes = [
             msgspec.structs.replace(each, before=shown(each.before), after=shown(each.after))
             for each in reversed(kept.changes)
         ]
-        return Tables(self.work_offsets(kept.systems), tool_table, rows if tool_table else [], changes)
+        offsets = self.work_offsets(kept.systems)
+        return Tables(offsets, tool_table, rows if tool_table else [], changes, names)
 
     def rows(self, cycles: Cycles) -> NDArray[np.float32]:
         """Telemetry of some cycles: shape (n, K, 4), the fields of `TELEMETRY_FIELDS`."""

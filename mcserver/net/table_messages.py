@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+from typing import Annotated
+
 import msgspec
+from msgspec import Meta
 
 from mcserver.net.messages import Request, WorkOffset
 from mcserver.service.work_offsets import TableChange as TableChange
@@ -12,13 +15,42 @@ class TablesRequest(Request, frozen=True, kw_only=True):
     """The tables that programs start with."""
 
 
+Minutes = Annotated[float, Meta(ge=0.0, le=1e6)]
+
+
+class SetTableRowRequest(Request, frozen=True, kw_only=True):
+    """Names a row of the tables, or says how long a tool may cut; what is nil stays.
+
+    Attributes:
+        row: ``G54`` to ``G59.3``, or ``T3``. name: for people; empty takes it away.
+        life_min: for how long the tool may cut; 0: there is no limit.
+        used_min: for how long it has cut, 0 when a new one is fitted.
+        by: the person, where a client serves several.
+    """
+
+    row: Annotated[str, Meta(max_length=10)]
+    name: Annotated[str, Meta(max_length=60)] | None = None
+    life_min: Minutes | None = None
+    used_min: Minutes | None = None
+    by: Annotated[str, Meta(max_length=100)] = ""
+
+
 class ToolRow(msgspec.Struct, frozen=True):
-    """A line of the tool table [mm], for G43; ``changed``: by G10 L1, not as the machine file has it."""
+    """A line of the tool table [mm], for G43.
+
+    Attributes:
+        changed: by G10 L1, not as the machine file has it.
+        life_min: for how long it may cut; 0: nobody has said. used_min: it has cut, counted in G01 to G03
+            while its spindle turns.
+    """
 
     number: int
     length: float
     diameter: float
     changed: bool = False
+    name: str = ""
+    life_min: float = 0.0
+    used_min: float = 0.0
 
 
 class Tables(msgspec.Struct, frozen=True):
@@ -26,6 +58,7 @@ class Tables(msgspec.Struct, frozen=True):
 
     Attributes:
         offsets: systems that were set; the others read zero at the machine's zero.
+        names: of systems, by system.
         tool_table: whether the machine's programs have one: G43 and G10 L1 exist.
         tools: in the order of their numbers.
         changes: the newest first.
@@ -35,3 +68,4 @@ class Tables(msgspec.Struct, frozen=True):
     tool_table: bool
     tools: list[ToolRow]
     changes: list[TableChange]
+    names: dict[str, str] = {}

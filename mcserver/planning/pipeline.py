@@ -524,7 +524,8 @@ class Pipeline:
         """Report what a line says to the operator."""
         message = notice_of(parsed.text, values, printer=self._printer)
         if message is not None:
-            self._plan.reports.append(Report(ReportKind.MESSAGE, parsed.number, message=message))
+            tool = next((each.tool for each in values if isinstance(each, PauseLine)), None)
+            self._plan.reports.append(Report(ReportKind.MESSAGE, parsed.number, message=message, tool=tool))
 
     def _expand(self) -> ParsedLine | bool:
         """Return the next plain line; True where there was none in this piece of work, False where the

@@ -238,11 +238,11 @@ class Planner:
             self._events.append(Planned(plan.program, timed))
         for report in reports:
             if report.frame is not None:
-                self._events.append(FrameChanged(plan.program, report.frame))
+                self._events.append(FrameChanged(plan.program, report.line, report.frame))
             if report.exchange is not None:
                 self._events.append(ToolsExchanged(plan.program, report.exchange))
             if report.kind is ReportKind.MESSAGE:
-                self._events.append(ProgramMessage(plan.program, report.line, report.message))
+                self._events.append(ProgramMessage(plan.program, report.line, report.message, report.tool))
             if report.kind is ReportKind.CONTACT:
                 self._events.append(ContactAhead(plan.program, report.diagnostics[0]))
             if report.kind is ReportKind.REJECTED:

@@ -129,7 +129,7 @@ class ReportKind(enum.Enum):
     FRAME = "frame"  # the line has set work offsets: `frame`
     CONTACT = "contact"  # the executor stands before what would touch: the program has to be stopped
     EXCHANGED = "exchanged"  # tools that have bodies are others from here on: `exchange`
-    MESSAGE = "message"  # the line says something to the operator: `message`
+    MESSAGE = "message"  # the line says something to the operator: `message`, and asks for `tool`
     FINISHED = "finished"  # all that was submitted has been handed over, the end of the program included
 
 
@@ -152,6 +152,7 @@ class Report(msgspec.Struct, frozen=True, gc=False):
     diagnostics: tuple[Diagnostic, ...] = ()
     frame: Frame | None = None
     message: str = ""
+    tool: int | None = None
     exchange: Exchange | None = None
 
 
@@ -177,17 +178,19 @@ class PlannedLines:
 
 
 class ProgramMessage(msgspec.Struct, frozen=True, tag=True):
-    """A line says something to the operator, once the program has come there."""
+    """A line says something to the operator, once the program has come there; ``tool``: asks for it."""
 
     program: str
     line: int
     message: str
+    tool: int | None = None
 
 
 class FrameChanged(msgspec.Struct, frozen=True, tag=True):
-    """A line has set work offsets."""
+    """A line has set work offsets, or changed the tool or the spindle."""
 
     program: str
+    line: int
     frame: Frame
 
 

@@ -205,7 +205,7 @@ def axis_word(machine: Machine, axis: int) -> str:
 
 
 def _beyond_systems(frame: Frame | None) -> Frame:
-    return msgspec.structs.replace(frame or Frame(), systems={}, cutters={})
+    return msgspec.structs.replace(frame or Frame(), systems={}, cutters={}, worn=frozenset())
 
 
 def _length(machine: Machine, axis: int, distance: float) -> str:

@@ -12,6 +12,7 @@ from mcserver.executor.envelope_bounds import Envelope
 from mcserver.gcode.profiles.frame import Frame
 from mcserver.gcode.semantics.modal import ModalState
 from mcserver.gcode.switches import AS_WRITTEN, Switches
+from mcserver.planning.planner_messages import ProgramMessage
 from mcserver.planning.start_state import StartState
 from mcserver.service.line_queue import LineQueue
 from mcserver.service.progress import LineProgress
@@ -26,6 +27,7 @@ from mcserver.service.reports import (
 )
 from mcserver.service.target_stream import TargetStream
 from mcserver.service.timeline import RunClock
+from mcserver.service.tool_use import ToolUse
 
 # messages of lines that are planned and not reached yet; a program that says more is no program
 MESSAGES = 1000
@@ -102,14 +104,17 @@ class Program:
         self.journaled = start_line - 1
         self.validated = start_line - 1
         self.progress = LineProgress(start_line)
+        self.tool_use = ToolUse()
         # where what has been planned ends on the executor's time axis of this program [cycles]
         self.planned_end_u: float | None = None
         # lines through this one have ended, and the journal has it: the one number that is ever said
         self.done = start_line - 1
         self.eta_s: float | None = None
         # what lines say to the operator once the program has come there, and what was said last
-        self.messages: deque[tuple[int, str]] = deque(maxlen=MESSAGES)
+        self.messages: deque[ProgramMessage] = deque(maxlen=MESSAGES)
         self.notice = ""
+        # the tool that it waits for at a change; None: for none
+        self.asks_for: int | None = None
         # the input that it waits for; empty: for none
         self.waits_for = ""
         self.closed = False

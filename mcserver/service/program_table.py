@@ -255,11 +255,15 @@ class ProgramTable:
         program.frame = end.frame or program.frame
         self.planner.send(EndPause(program.program, end))
         self.port.end_pause(program.slot)
-        program.paused = False
+        program.paused, program.asks_for = False, None
 
     def enter(self, program: Program, state: ProgramState) -> None:
         """Change the state of a program that has not ended and is not being stopped."""
         if not program.over and program.state != "ending":
+            if state == "held":
+                program.tool_use.held(self.time.now())
+            else:
+                program.tool_use.released(self.time.now())
             program.state = state
             program.settle()
             self.acks.acknowledge(program)
@@ -295,6 +299,7 @@ class ProgramTable:
         if self._planned(program):
             begins = self.start_state(program.modal, program.switches)
             program.frame = (program.modal and program.modal.frame) or begins.frame or Frame()
+            program.tool_use.behind(program.start_line, program.frame)
             request = PipelineRequest(
                 program.program,
                 grant.axes,
@@ -329,6 +334,7 @@ class ProgramTable:
         program.slot = None
         program.dismiss(Verdict.TAKEN)
         self._progress.end(program)
+        self.offsets.save_use()
         done, at = program.progress.done, self.options.clock()
         committed = partial(self._end_committed, program, done, at)
         self.journal.program_ended(program.program, state, done, program.fault, at, committed)
@@ -406,6 +412,7 @@ class ProgramTable:
                     self._consumed(program, event)
                 case FrameChanged():
                     before, program.frame = program.frame, event.frame
+                    program.tool_use.behind(event.line, event.frame)
                     self.offsets.keep(
                         event.frame,
                         before=before,
@@ -418,9 +425,10 @@ class ProgramTable:
                 case ToolsExchanged():
                     self.mounted = self.mounted.behind(event.exchange)
                 case ProgramMessage():
-                    program.messages.append((event.line, event.message))
+                    program.messages.append(event)
                 case Planned():
                     program.progress.planned(event.reports)
+                    program.tool_use.planned(event.reports)
                 case Validated():
                     self._validated(program, event)
                 case LineRejected():
@@ -512,7 +520,8 @@ class ProgramTable:
             self._say(program, event.line)
             self._progress.moved(program)
         elif event.kind is EventKind.LINE_END:
-            program.progress.line_ended(event.line, event.time)
+            start = program.progress.line_ended(event.line, event.time)
+            self._count(program, *program.tool_use.ended(event.line, start, event.time))
             self._progress.moved(program)
         elif event.kind is EventKind.PASSED:
             program.progress.passed(event.line)
@@ -528,6 +537,9 @@ class ProgramTable:
         elif event.kind is EventKind.PAUSED:
             self._say(program, event.line)
             program.paused, program.paused_at = True, event.line
+            worn = self.offsets.worn_text(program.asks_for)
+            if worn:
+                program.notice = f"{program.notice} · {worn}"
             if program.state != "ending":
                 self.pauses.began(program, event.line, event.token)
             self.enter(program, "paused")
@@ -627,6 +639,12 @@ class ProgramTable:
                 return program
         return None
 
+    def _count(self, program: Program, tool: int, seconds: float) -> None:
+        """Count what a line has cut, and say once that a tool's life is used up."""
+        if tool and self.offsets.cut(tool, seconds):
+            message = f"{self.offsets.worn_text(tool)}; its next change waits for that"
+            self.events.publish("warning", reason="MC214", message=message, program=program.program)
+
     # ------------------------------------------------------------ out
 
     def publish(self, kind: Kind, program: Program, **values: Any) -> None:
@@ -638,10 +656,11 @@ class ProgramTable:
     def _say(self, program: Program, line: int) -> None:
         """Publish what lines through this one say to the operator."""
         said: list[str] = []
-        while program.messages and program.messages[0][0] <= line:
-            at, message = program.messages.popleft()
-            said.append(message)
-            self.publish("program.message", program, line=at, message=message)
+        while program.messages and program.messages[0].line <= line:
+            found = program.messages.popleft()
+            said.append(found.message)
+            program.asks_for = found.tool
+            self.publish("program.message", program, line=found.line, message=found.message)
         if said:
             # what is said on the way to one pause belongs together
             program.notice = " · ".join(said[-3:])

@@ -51,8 +51,8 @@ class LineProgress:
         self._running[line] = time_s
         self.passed(line - 1)
 
-    def line_ended(self, line: int, time_s: float) -> None:
-        """Note the end of a line's motion; its report is in the next `take_ended`."""
+    def line_ended(self, line: int, time_s: float) -> float:
+        """Note the end of a line's motion and return its start; its report is in the next `take_ended`."""
         start = self._running.pop(line, time_s)
         requested = self._requested.pop(line, None)
         actual = time_s - start
@@ -69,6 +69,7 @@ class LineProgress:
         self.ended_at = time_s
         # also where the event of its beginning was lost, with a planner that was killed
         self.passed(line - 1)
+        return start
 
     def passed(self, through: int) -> None:
         """Note that this line and every one before it have ended."""

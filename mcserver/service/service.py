@@ -414,8 +414,9 @@ class MachineService:
         A program that is held at a pause waits on there: whoever ends a hold has not changed the tool.
 
         Raises:
-            ServiceError: MC443 an input holds the programs; MC512 axes of a program at a pause are in use, or
-                MC460 outside of its envelope; MC503, MC509, MC515, MC517.
+            ServiceError: MC213 the tool that it asks for is used up; MC443 an input holds the programs;
+                MC512 axes of a program at a pause are in use, or MC460 outside of its envelope; MC503, MC509,
+                MC515, MC517.
         """
         self._ready()
         self.channels.refuse_interlocked(self.channels.holding(), "resume")
@@ -433,6 +434,7 @@ class MachineService:
         for program in chosen:
             if not program.held:
                 self._table.pauses.refuse_lent(program)
+                self.work_tables.refuse_worn(program.asks_for)
         for program in chosen:
             held, program.held, program.zone_switch = program.held, False, None
             if program.slot is not None and held:

@@ -9,15 +9,38 @@ from typing import Any
 
 import msgspec
 
-from mcserver.errors import ServiceError
+from mcserver.errors import Refused, ServiceError
 from mcserver.gcode.profiles.codes import SYSTEM_NUMBERS
 from mcserver.gcode.profiles.frame import ANGLE, Frame, Offsets
 from mcserver.machine.dialect_section import Cutter
 from mcserver.service.kept_file import KeptFiles, Write, with_checksum, without_checksum, write_at_once
+from mcserver.units import MINUTE
 
 CHANGES_KEPT = 100
 NO_CUTTERS: Mapping[int, Cutter] = MappingProxyType({})
 NO_CUTTER = Cutter(0.0)
+# what is cut between two writes of the file: a crash loses no more of the count [s]
+SAVED_EVERY_S = 20.0
+
+
+class RowNote(msgspec.Struct, frozen=True, omit_defaults=True):
+    """What is kept of a row beside its numbers.
+
+    Attributes:
+        name: for people. life_s: for how long a tool may cut [s]; 0: nobody has said. used_s: it has cut.
+    """
+
+    name: str = ""
+    life_s: float = 0.0
+    used_s: float = 0.0
+
+    @property
+    def is_worn(self) -> bool:
+        """Whether the tool's life is used up."""
+        return 0.0 < self.life_s <= self.used_s
+
+
+NO_NOTE = RowNote()
 
 
 class TableChange(msgspec.Struct, frozen=True):
@@ -27,7 +50,9 @@ class TableChange(msgspec.Struct, frozen=True):
         wall: Unix time [s]. client: whose program it was. program: its id. name: of the program.
         row: ``G54`` to ``G59.3``, or ``T3``.
         before, after: by axis number, ``R`` of a turned system, or ``length`` and ``diameter`` [m, rad; in
-            messages mm, deg]; empty: the row was not there.
+            messages mm, deg]; empty: the row was not there. Or a tool's ``life`` and what it has ``used`` [s;
+            in messages min].
+        was_called, called: its name before and after, where that was changed.
     """
 
     wall: float
@@ -37,6 +62,8 @@ class TableChange(msgspec.Struct, frozen=True):
     row: str
     before: dict[str, float]
     after: dict[str, float]
+    was_called: str = ""
+    called: str = ""
 
 
 class _SetCutter(msgspec.Struct, frozen=True):
@@ -51,6 +78,7 @@ class _Tables(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
     cutters: dict[int, _SetCutter] = {}
     changes: list[TableChange] = []
+    notes: dict[str, RowNote] = {}
 
 
 class WorkOffsets:
@@ -65,6 +93,7 @@ class WorkOffsets:
 
     Attributes:
         systems: origins by the number of the system, 1 for G54.
+        notes: by row, of those that have any.
         changes: the newest `CHANGES_KEPT`, oldest first.
 
     Raises:
@@ -84,6 +113,9 @@ class WorkOffsets:
         self.systems: dict[int, Offsets] = dict(_read(path, dict[int, dict[int, float]], {}))
         kept = _read(self._tables_path, _Tables, _Tables())
         self.changes: list[TableChange] = kept.changes
+        self.notes: dict[str, RowNote] = kept.notes
+        # what tools have cut since the file was last written [s]
+        self._unsaved_s = 0.0
         self._set_cutters = {
             number: each.now for number, each in kept.cutters.items() if each.file == cutters.get(number)
         }
@@ -104,9 +136,10 @@ class WorkOffsets:
 
     def frame(self) -> Frame | None:
         """Return the frame that a program starts in; None where nothing was ever set."""
-        if not self.systems and not self._set_cutters:
+        worn = frozenset(number for number in self.cutters if self.notes.get(f"T{number}", NO_NOTE).is_worn)
+        if not self.systems and not self._set_cutters and not self.notes:
             return None
-        return Frame(systems=self.systems, cutters=self._set_cutters)
+        return Frame(systems=self.systems, cutters=self._set_cutters, worn=worn)
 
     def keep(
         self,
@@ -146,15 +179,121 @@ class WorkOffsets:
         after = self._rows()
         for row in [row for row in {**rows, **after} if rows.get(row) != after.get(row)]:
             self._note(TableChange(wall, client, program, name, row, rows.get(row, {}), after.get(row, {})))
-        set_cutters = {
-            number: _SetCutter(each, self._file_cutters.get(number))
-            for number, each in self._set_cutters.items()
-        }
-        files = {self._tables_path: with_checksum(msgspec.json.encode(_Tables(set_cutters, self.changes)))}
+        files = self._tables_file()
         if moved:
             files[self._path] = with_checksum(msgspec.json.encode(self.systems))
         # systems first: who changed what is said of nothing that is not kept
         self._files.put(files)
+
+    def annotate(
+        self,
+        row: str,
+        *,
+        name: str | None = None,
+        life_s: float | None = None,
+        used_s: float | None = None,
+        wall: float = 0.0,
+        client: str = "",
+        by: str = "",
+    ) -> TableChange | None:
+        """Name a row, or say how long a tool may cut and has cut; what is None stays.
+
+        Args:
+            life_s: 0 takes the limit away. client, by: who, and for whom it does so.
+
+        Returns:
+            What has changed; None: it was so before.
+
+        Raises:
+            ServiceError: MC212 there is no such row, or only tools have what is said.
+        """
+        is_tool = row in {f"T{number}" for number in self.cutters}
+        if not is_tool and row not in SYSTEM_NUMBERS:
+            raise ServiceError(
+                "MC212",
+                f"the tables have no row {row}",
+                "rows are G54 to G59.3, and T with the number of a tool: one is put in by G10 L1 P3 Z75.2 R3",
+            )
+        if not is_tool and (life_s is not None or used_s is not None):
+            raise ServiceError("MC212", f"{row} is no tool and has no life", "name a tool, such as T3")
+        was = self.notes.get(row, NO_NOTE)
+        now = RowNote(
+            was.name if name is None else name.strip(),
+            was.life_s if life_s is None else life_s,
+            was.used_s if used_s is None else used_s,
+        )
+        if now == was:
+            return None
+        self.notes = {**self.notes, row: now}
+        if now == NO_NOTE:
+            del self.notes[row]
+        then, today = {"life": was.life_s, "used": was.used_s}, {"life": now.life_s, "used": now.used_s}
+        differing = [each for each in then if then[each] != today[each]]
+        names = (was.name, now.name) if was.name != now.name else ("", "")
+        change = TableChange(
+            wall,
+            client,
+            "",
+            by,
+            row,
+            {each: then[each] for each in differing},
+            {each: today[each] for each in differing},
+            *names,
+        )
+        self.changes = [*self.changes, change][-CHANGES_KEPT:]
+        self._files.put(self._tables_file())
+        return change
+
+    def cut(self, tool: int, seconds: float) -> bool:
+        """Count that a tool has cut; return True where its life is used up by that.
+
+        What is not in the table is not counted.
+        """
+        if tool not in self.cutters:
+            return False
+        row = f"T{tool}"
+        was = self.notes.get(row, NO_NOTE)
+        now = self.notes[row] = msgspec.structs.replace(was, used_s=was.used_s + seconds)
+        self._unsaved_s += seconds
+        if self._unsaved_s >= SAVED_EVERY_S:
+            self.save_use()
+        return now.is_worn and not was.is_worn
+
+    def save_use(self) -> None:
+        """Keep what was counted since the file was last written."""
+        if self._unsaved_s > 0.0:
+            self._files.put(self._tables_file())
+
+    def worn_text(self, tool: int | None) -> str:
+        """Return that a tool's life is used up; empty: it is not, or nobody has said how long it is."""
+        note = self.notes.get(f"T{tool}", NO_NOTE)
+        if tool not in self.cutters or not note.is_worn:
+            return ""
+        return f"tool {tool} has cut {note.used_s / MINUTE:.4g} of its {note.life_s / MINUTE:.4g} min"
+
+    def refuse_worn(self, tool: int | None) -> None:
+        """Refuse to go on with a tool whose life is used up.
+
+        Raises:
+            Refused: MC213.
+        """
+        text = self.worn_text(tool)
+        if text:
+            raise Refused(
+                "MC213",
+                text,
+                f"fit a new one and say so (mcctl tables T{tool} --used 0), or let it cut on for longer "
+                f"(mcctl tables T{tool} --life, in minutes), then resume",
+            )
+
+    def _tables_file(self) -> dict[Path, bytes]:
+        set_cutters = {
+            number: _SetCutter(each, self._file_cutters.get(number))
+            for number, each in self._set_cutters.items()
+        }
+        self._unsaved_s = 0.0
+        tables = _Tables(set_cutters, self.changes, self.notes)
+        return {self._tables_path: with_checksum(msgspec.json.encode(tables))}
 
     def _merged_cutter(self, number: int, then: Cutter | None, now: Cutter) -> Cutter:
         """Return a tool as it is kept, with what a program has changed of it."""

@@ -16,7 +16,6 @@ from mcserver.web.formatting import LETTERS
 from mcserver.web.jobs import JobQueue
 from mcserver.web.last_runs import LastRuns
 from mcserver.web.recorded_files import RecordedFiles
-from mcserver.web.row_names import RowNames
 from mcserver.web.run_requests import RunRequests
 from mcserver.web.shared_answers import SharedAnswers
 from mcserver.web.store import ProgramStore
@@ -70,7 +69,6 @@ class MachineLink:
         self.acts: deque[tuple[float, str, str]] = deque(maxlen=ACTS_KEPT)
         self.control = Control(time.monotonic)
         self.store = store
-        self.row_names = RowNames(store.folder / ".names.json")
         self.last_runs = LastRuns(store.folder / ".runs.json")
         self.jobs = JobQueue(self, store)
         self.run_requests = RunRequests()

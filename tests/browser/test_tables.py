@@ -95,7 +95,7 @@ def test_an_offset_is_set_named_and_taken_back_at_every_width(
         wait_for(machine, page, lambda status: all(not each.origin.get("0") for each in status.work_offsets))
 
 
-def test_a_tool_is_measured_and_a_program_uses_it(
+def test_a_tool_is_measured_named_and_used_and_is_asked_for_when_its_life_is_used_up(
     page: Page, mill: ServerProcess, mill_site: PageProcess
 ) -> None:
     opened(page, mill_site, "mill")
@@ -104,14 +104,32 @@ def test_a_tool_is_measured_and_a_program_uses_it(
     expect(dialog.get_by_label("Length [mm]")).to_have_value("40.0000")
     dialog.get_by_label("Length [mm]").fill("42.5")
     expect(dialog.get_by_label("line to be sent")).to_have_text("G21 G90 G10 L1 P3 Z42.5 R3")
+    dialog.get_by_label("Name").fill("end mill")
+    dialog.get_by_label("Life [min]").fill("60")
+    dialog.get_by_label("Has cut [min]").fill("59")
     press(dialog.get_by_role("button", name="Set", exact=True))
     rows = page.get_by_role("region", name="Offsets and tools")
-    expect(rows.get_by_role("row", name="T3 42.500 6.000")).to_be_visible()
+    expect(rows.get_by_role("row", name="T3 42.500 6.000 end mill 59.0 of 60")).to_be_visible()
     with sync.Machine.connect("mill", mill.endpoint) as machine:
+        machine.set_table_row("T3", used_min=59.99)
         with machine.program() as program:
-            program.send("T3 M6")
-            program.send("G43 H3 G0 Z10")
+            program.send_lines(["T3 M6", "G43 H3 G0 Z10", "M3 S1000", "G91 G1 X10 F600", "X-10"])
         assert machine.status().axes.setpoint[2] == pytest.approx(52.5)
+        expect(rows.get_by_role("row", name="T3 42.500 6.000 end mill 60.0 of 60 · used up")).to_be_visible()
+        with machine.program("next.nc") as program:
+            program.send("T3 M6")
+            expect(page.get_by_text("next.nc waits at line", exact=False)).to_contain_text(
+                "fit tool 3, then resume · tool 3 has cut"
+            )
+            page.get_by_role("button", name="Resume").first.click()
+            expect(page.get_by_text("tool 3 has cut", exact=False).last).to_contain_text("[MC213]")
+            press(page.get_by_role("button", name="Change a tool …"))
+            press(dialog.get_by_role("button", name="A new one is fitted"))
+            expect(dialog.get_by_label("Has cut [min]")).to_have_value("0.0")
+            press(dialog.get_by_role("button", name="Set", exact=True))
+            expect(rows.get_by_text("T3: used 60", exact=False).first).to_be_visible()
+            page.get_by_role("button", name="Resume").first.click()
+        assert machine.programs(limit=1)[0].state == "finished"
 
 
 def test_nobody_changes_a_table_while_a_program_is_open(

@@ -73,6 +73,7 @@ def test_everybody_may_look_and_stop_and_nobody_moves_but_who_is_there_for_it() 
         "override",
         "reset",
         "arm",
+        "set_table_row",
         "set_output",
     }
     assert not moving & set(method_names(Role.AGENT))

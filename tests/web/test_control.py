@@ -89,6 +89,7 @@ def test_stops_and_looks_need_no_control_and_what_moves_does() -> None:
         "arm",
         "home",
         "set_output",
+        "set_table_row",
         "continue_program",
     ):
         assert name not in free

@@ -34,6 +34,7 @@ class BlockingCalls(Blocking[T]):
     reference = waited(MachineCalls.reference)
     reset = waited(MachineCalls.reset)
     tables = waited(MachineCalls.tables)
+    set_table_row = waited(MachineCalls.set_table_row)
     set_output = waited(MachineCalls.set_output)
     set_simulated_input = waited(MachineCalls.set_simulated_input)
     call_estop = waited(MachineCalls.call_estop)

@@ -436,6 +436,34 @@ class MachineCalls:
         """
         return await self._caller.ask(wire.Tables, "tables", {}, deadline_s)
 
+    async def set_table_row(
+        self,
+        row: str,
+        name: str | None = None,
+        *,
+        life_min: float | None = None,
+        used_min: float | None = None,
+        by: str = "",
+        deadline_s: float = 5.0,
+    ) -> tuple[str, ...]:
+        """Name a work offset or a tool, or say how long a tool may cut and has cut.
+
+        Args:
+            row: ``G54`` to ``G59.3``, or ``T3``.
+            name: for people; empty takes it away.
+            life_min: for how long the tool may cut; 0: there is no limit.
+            used_min: for how long it has cut, 0 when a new one is fitted.
+            by: the person, where a client serves several.
+        """
+        return (
+            await self._caller.ask(
+                wire.Done,
+                "set_table_row",
+                {"row": row, "name": name, "life_min": life_min, "used_min": used_min, "by": by},
+                deadline_s,
+            )
+        ).programs
+
     async def set_output(self, output: str, value: bool | float, *, deadline_s: float = 5.0) -> wire.SetReply:
         """Set an output by hand."""
         return await self._caller.ask(

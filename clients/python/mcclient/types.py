@@ -1033,7 +1033,7 @@ class Info:
         buttons: programs of the machine file that operators start, numbers to be put into their places.
         group: what people find the machine by.
         tags: what people find the machine by.
-        camera: address of a still picture; empty: none.
+        camera: address of a still picture or of MJPEG; empty: none.
         orders_from: instruments that may order, such as ``opcua``; others only show the machine.
     """
 
@@ -1701,9 +1701,13 @@ class TableChange:
         name: of the program.
         row: ``G54`` to ``G59.3``, or ``T3``.
         before: by axis number, ``R`` of a turned system, or ``length`` and ``diameter`` [m, rad; in
-            messages mm, deg]; empty: the row was not there.
+            messages mm, deg]; empty: the row was not there. Or a tool's ``life`` and what it has ``used``
+            [s; in messages min].
         after: by axis number, ``R`` of a turned system, or ``length`` and ``diameter`` [m, rad; in
-            messages mm, deg]; empty: the row was not there.
+            messages mm, deg]; empty: the row was not there. Or a tool's ``life`` and what it has ``used``
+            [s; in messages min].
+        was_called: its name before and after, where that was changed.
+        called: its name before and after, where that was changed.
     """
 
     wall: float
@@ -1713,16 +1717,27 @@ class TableChange:
     row: str
     before: dict[str, float]
     after: dict[str, float]
+    was_called: str = ""
+    called: str = ""
 
 
 @dataclass(frozen=True, slots=True)
 class ToolRow:
-    """A line of the tool table [mm], for G43; ``changed``: by G10 L1, not as the machine file has it."""
+    """A line of the tool table [mm], for G43.
+
+    Attributes:
+        changed: by G10 L1, not as the machine file has it.
+        life_min: for how long it may cut; 0: nobody has said.
+        used_min: it has cut, counted in G01 to G03 while its spindle turns.
+    """
 
     number: int
     length: float
     diameter: float
     changed: bool = False
+    name: str = ""
+    life_min: float = 0.0
+    used_min: float = 0.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -1734,12 +1749,14 @@ class Tables:
         tool_table: whether the machine's programs have one: G43 and G10 L1 exist.
         tools: in the order of their numbers.
         changes: the newest first.
+        names: of systems, by system.
     """
 
     offsets: tuple[WorkOffset, ...]
     tool_table: bool
     tools: tuple[ToolRow, ...]
     changes: tuple[TableChange, ...]
+    names: dict[str, str] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, slots=True)

@@ -4,11 +4,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from typing import Any
 
-from mcclient.types import TableChange, WorkOffset
+from mcclient.types import TableChange, ToolRow, WorkOffset
 
 SYSTEMS = ("G54", "G55", "G56", "G57", "G58", "G59", "G59.1", "G59.2", "G59.3")
 LETTERS = "XYZABC"
+# of a tool [min]
+LIFE = ("life", "used")
 
 
 def work_places(
@@ -42,8 +45,21 @@ def tool_line(number: int, length: float, diameter: float) -> str:
     return f"G21 G90 G10 L1 P{number} Z{_number(length)} R{_number(diameter / 2.0)}"
 
 
+def undo_row(change: TableChange) -> dict[str, Any] | None:
+    """Return what ``set_table_row`` takes a name's or a life's change back by; None: it is another."""
+    back: dict[str, Any] = {f"{each}_min": change.before[each] for each in LIFE if each in change.before}
+    if change.was_called != change.called:
+        back["name"] = change.was_called
+    return {"row": change.row, **back} if back else None
+
+
 def undo_line(change: TableChange) -> str | None:
-    """Return the line that takes a change back; None where a tool was not in the table before it."""
+    """Return the line that takes a change back; None where a tool was not in the table before it.
+
+    Names and lives have none: `undo_row`.
+    """
+    if undo_row(change) is not None:
+        return None
     if change.row in SYSTEMS:
         return offset_line(change.row, {**dict.fromkeys(change.after, 0.0), **change.before})
     if not change.before:
@@ -58,7 +74,16 @@ def change_text(change: TableChange) -> str:
         was, is_now = change.before.get(name), change.after.get(name)
         if was != is_now:
             parts.append(f"{_axis(name)} {'–' if was is None else _number(was)} → {_number(is_now or 0.0)}")
+    if change.was_called != change.called:
+        parts.append(f"{change.was_called or '–'} → {change.called or '–'}")
     return f"{change.row}: {', '.join(parts)}"
+
+
+def use_text(tool: ToolRow) -> str:
+    """Return for how long a tool has cut, such as ``12.5 of 60``; empty: never, and nobody said how long."""
+    if tool.life_min:
+        return f"{tool.used_min:.1f} of {tool.life_min:g}"
+    return f"{tool.used_min:.1f}" if tool.used_min else ""
 
 
 def _axis(name: str) -> str:

@@ -16,9 +16,9 @@ use crate::messages::{
     RecordStopRequest, RecordingPart, RecordingReadRequest, RecordingsReply, ReferenceRequest, RejectRequest,
     ResetRequest, RunArmedReply, RunArmedRequest, RunPreviewReply, RunPreviewRequest, RunRequestReply,
     RunRequestRequest, RunRequestStatus, RunRequestsReply, SdoReadRequest, SdoReply, SdoWriteRequest,
-    ServoReply, ServoRequest, SetInputRequest, SetOutputRequest, SetReply, SimulateReply, SimulateRequest,
-    StepRequest, SubmitReply, SubmitRequest, Tables, ToolJogReply, ToolJogRequest, WithdrawRequest,
-    WriteMachineFileReply, WriteMachineFileRequest,
+    ServoReply, ServoRequest, SetInputRequest, SetOutputRequest, SetReply, SetTableRowRequest, SimulateReply,
+    SimulateRequest, StepRequest, SubmitReply, SubmitRequest, Tables, ToolJogReply, ToolJogRequest,
+    WithdrawRequest, WriteMachineFileReply, WriteMachineFileRequest,
 };
 
 /// Every remote method of a machine (docs/wire/calls.md); each fails as [`Machine::refresh_info`].
@@ -162,6 +162,12 @@ impl Machine {
     /// programs: G10 L2, L20 and L1.
     pub async fn tables(&self) -> Result<Tables> {
         self.ask_within("tables", &Nothing {}, 5).await
+    }
+
+    /// Name a work offset or a tool, or say how long a tool may cut and has cut.
+    pub async fn set_table_row(&self, request: &SetTableRowRequest) -> Result<Vec<String>> {
+        let reply: Done = self.ask_within("set_table_row", request, 5).await?;
+        Ok(reply.programs)
     }
 
     /// Set an output by hand.

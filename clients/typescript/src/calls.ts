@@ -57,6 +57,7 @@ import type {
   SetInputRequest,
   SetOutputRequest,
   SetReply,
+  SetTableRowRequest,
   SimulateReply,
   SimulateRequest,
   SubmitReply,
@@ -95,6 +96,7 @@ export const METHODS: Readonly<Record<string, { deadlineS: number; repeatable: b
   reference: { deadlineS: 5, repeatable: false },
   reset: { deadlineS: 5, repeatable: false },
   tables: { deadlineS: 5, repeatable: true },
+  set_table_row: { deadlineS: 5, repeatable: false },
   set_output: { deadlineS: 5, repeatable: false },
   set_simulated_input: { deadlineS: 5, repeatable: false },
   estop: { deadlineS: 5, repeatable: true },
@@ -263,6 +265,11 @@ export abstract class MachineCalls {
    */
   tables(): Promise<Tables> {
     return this.call("tables");
+  }
+
+  /** Name a work offset or a tool, or say how long a tool may cut and has cut. */
+  async setTableRow(request: SetTableRowRequest): Promise<string[]> {
+    return (await this.call<Done>("set_table_row", request)).programs;
   }
 
   /** Set an output by hand. */

@@ -600,7 +600,7 @@ export interface Info {
   group?: string;
   /** what people find the machine by. */
   tags?: string[];
-  /** address of a still picture; empty: none. */
+  /** address of a still picture or of MJPEG; empty: none. */
   camera?: string;
   /** instruments that may order, such as `opcua`; others only show the machine. */
   orders_from?: string[];
@@ -1386,6 +1386,20 @@ export interface SetReply {
   value: number;
 }
 
+/** Names a row of the tables, or says how long a tool may cut; what is nil stays. */
+export interface SetTableRowRequest {
+  /** `G54` to `G59.3`, or `T3`. */
+  row: string;
+  /** for people; empty takes it away. */
+  name?: string | null | undefined;
+  /** for how long the tool may cut; 0: there is no limit. */
+  life_min?: number | null | undefined;
+  /** for how long it has cut, 0 when a new one is fitted. */
+  used_min?: number | null | undefined;
+  /** the person, where a client serves several. */
+  by?: string | undefined;
+}
+
 /** What `mcserver simulate --json` prints. */
 export interface SimulateReply {
   ok: boolean;
@@ -1504,14 +1518,18 @@ export interface TableChange {
   row: string;
   /**
    * by axis number, `R` of a turned system, or `length` and `diameter` [m, rad; in messages mm, deg]; empty: the
-   * row was not there.
+   * row was not there. Or a tool's `life` and what it has `used` [s; in messages min].
    */
   before: Record<string, number>;
   /**
    * by axis number, `R` of a turned system, or `length` and `diameter` [m, rad; in messages mm, deg]; empty: the
-   * row was not there.
+   * row was not there. Or a tool's `life` and what it has `used` [s; in messages min].
    */
   after: Record<string, number>;
+  /** its name before and after, where that was changed. */
+  was_called?: string;
+  /** its name before and after, where that was changed. */
+  called?: string;
 }
 
 /** What programs start with, and who changed it. */
@@ -1524,6 +1542,8 @@ export interface Tables {
   tools: ToolRow[];
   /** the newest first. */
   changes: TableChange[];
+  /** of systems, by system. */
+  names?: Record<string, string>;
 }
 
 /** The tables that programs start with. */
@@ -1621,12 +1641,18 @@ export interface ToolPose {
   orientation: number[];
 }
 
-/** A line of the tool table [mm], for G43; `changed`: by G10 L1, not as the machine file has it. */
+/** A line of the tool table [mm], for G43. */
 export interface ToolRow {
   number: number;
   length: number;
   diameter: number;
+  /** by G10 L1, not as the machine file has it. */
   changed?: boolean;
+  name?: string;
+  /** for how long it may cut; 0: nobody has said. */
+  life_min?: number;
+  /** it has cut, counted in G01 to G03 while its spindle turns. */
+  used_min?: number;
 }
 
 /** One move of the way, or what is switched on it. */

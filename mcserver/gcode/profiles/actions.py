@@ -488,10 +488,13 @@ def _switch_off(block: BlockState) -> None:
 
 
 def _change_tool(block: BlockState, effects: Effects) -> None:
-    """Pause for a change by hand if the tool differs from the one before; "ask" pauses at the first too."""
+    """Pause for a change by hand if the tool differs from the one before; "ask" pauses at the first too.
+
+    So does one whose life is used up: it is not taken to be a fresh one that stands there.
+    """
     frame = block.frame
     rule = block.setup.machine.dialect.tool_change
-    known = frame.changed is not None or rule == "ask"
+    known = frame.changed is not None or rule == "ask" or frame.tool in frame.worn
     if known and frame.changed != frame.tool and rule != "ignore":
         tool = f"fit tool {frame.tool}" if frame.tool else "take the tool out"
         effects.before.append(PauseLine(block.parsed.number, f"{tool}, then resume", frame.tool))

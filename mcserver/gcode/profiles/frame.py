@@ -105,6 +105,7 @@ class Frame(msgspec.Struct, frozen=True):
         system: 1 … 9, of G54 … G59.3. systems: origins of the work coordinate systems, axis → [m or rad],
             and by `ANGLE` the angle of those that are turned.
         cutters: of the tool table, by number, as G10 L1 set them; they go before the machine file's.
+        worn: numbers of the tools whose life is used up, as the program began or went on behind a pause.
         g92: offsets of G92. g92_on: they count (G92.2 takes them out, G92.3 in). local: of G52.
         tool_length: of G43 or G43.4 [m]. tool: number of the last T. changed: number of the last M6.
         tip_tool: number of the ``[[tool]]`` whose tip X Y Z lead (G43.4); None: they are the axes.
@@ -121,6 +122,7 @@ class Frame(msgspec.Struct, frozen=True):
     system: int = 1
     systems: Mapping[int, Offsets] = {}
     cutters: Mapping[int, Cutter] = {}
+    worn: frozenset[int] = frozenset()
     g92: Offsets = {}
     g92_on: bool = True
     local: Offsets = {}

@@ -137,7 +137,9 @@ def with_tables(modal: ModalState, machine: Machine, frame: Frame) -> ModalState
     if plane is not None and before.systems.get(before.system) != frame.systems.get(before.system):
         # G53.1 has to turn the tool again
         plane = msgspec.structs.replace(plane, facing=None)
-    kept = msgspec.structs.replace(before, systems=frame.systems, cutters=frame.cutters, plane=plane)
+    kept = msgspec.structs.replace(
+        before, systems=frame.systems, cutters=frame.cutters, worn=frame.worn, plane=plane
+    )
     return with_frame(modal, kept)
 
 

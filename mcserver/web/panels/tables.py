@@ -4,14 +4,22 @@ from __future__ import annotations
 
 import html
 import time
+from typing import Any
 
 from mcclient import Info, Machine, MotionError
 from mcclient.broken_off import WORK_OFFSET
-from mcclient.types import Tables
-from mcclient.work_tables import SYSTEMS, change_text, offset_line, tool_line, undo_line
+from mcclient.types import Tables, ToolRow
+from mcclient.work_tables import (
+    SYSTEMS,
+    change_text,
+    offset_line,
+    tool_line,
+    undo_line,
+    undo_row,
+    use_text,
+)
 from nicegui import ui
 
-from mcserver.errors import McError
 from mcserver.web.actions import Actions, show_refusal
 from mcserver.web.dialogs import answer_to, ask, named_dialog
 from mcserver.web.formatting import axis_name, position_text
@@ -57,7 +65,7 @@ class TablesPanel:
             self._show(f"<p>{html.escape(t(error.message))} [{error.code}]</p>")
             return
         self._info = info
-        self._show(tables_html(self._tables, info, link.row_names.names))
+        self._show(tables_html(self._tables, info))
         self._tool.set_visibility(self._tables.tool_table)
         refusal = refusal_of(status.programs, WHY)
         self._waits_for.set_text(
@@ -91,7 +99,7 @@ class TablesPanel:
         if not self._actions.allowed("open") or self._tables is None or self._info is None:
             return
         origins = {each.system: {**each.origin, ANGLE: each.rotation} for each in self._tables.offsets}
-        names = self._actions.link.row_names.names
+        names = self._tables.names
         with named_dialog(t("Change a work offset")) as dialog, ui.card().classes("mc-ask"):
             ui.label(t("Where programs read zero. Nothing moves."))
             system = ui.select(
@@ -138,26 +146,33 @@ class TablesPanel:
             fill()
             _buttons(dialog)
         if await answer_to(dialog):
-            await self._change(system.value, line.text, name.value)
+            await self._change(system.value, line.text, name=name.value or "")
 
     async def _ask_tool(self) -> None:
         if not self._actions.allowed("open") or self._tables is None:
             return
         tools = {each.number: each for each in self._tables.tools}
-        names = self._actions.link.row_names.names
         with named_dialog(t("Change a tool")) as dialog, ui.card().classes("mc-ask"):
             ui.label(t("Length for G43 and diameter. A G43 before does not see the change."))
             number = ui.number(t("Tool"), value=min(tools, default=1), min=1, max=99999, format="%d")
             length = ui.number(t("Length [mm]"), format="%.4f")
             diameter = ui.number(t("Diameter [mm]"), min=0.0, format="%.4f")
             name = ui.input(t("Name")).props("maxlength=60")
+            life = ui.number(t("Life [min], 0: no limit"), min=0.0, format="%.1f")
+            with ui.row().classes("items-center"):
+                used = ui.number(t("Has cut [min]"), min=0.0, format="%.1f")
+                ui.button(t("A new one is fitted"), on_click=lambda: used.set_value(0.0)).props(
+                    "outline dense"
+                )
             line = ui.label("").classes("font-mono break-all").props(f'aria-label="{t("line to be sent")}"')
 
             def fill() -> None:
                 tool = tools.get(int(number.value or 0))
                 length.set_value(None if tool is None else round(tool.length, 6))
                 diameter.set_value(0.0 if tool is None else round(tool.diameter, 6))
-                name.set_value(names.get(f"T{number.value or 0:g}", ""))
+                name.set_value("" if tool is None else tool.name)
+                life.set_value(0.0 if tool is None else tool.life_min)
+                used.set_value(shown_use(tool))
                 write()
 
             def write() -> None:
@@ -179,25 +194,58 @@ class TablesPanel:
             fill()
             _buttons(dialog)
         if await answer_to(dialog) and number.value:
-            await self._change(f"T{int(number.value)}", line.text, name.value)
+            tool = tools.get(int(number.value))
+            # it may have cut meanwhile: what nobody has touched is not set
+            same = used.value is None or used.value == shown_use(tool)
+            await self._change(
+                f"T{int(number.value)}",
+                line.text,
+                name=name.value or "",
+                life_min=life.value or 0.0,
+                used_min=None if same else used.value,
+            )
 
-    async def _change(self, row: str, line: str, name: str) -> None:
-        """Send a line, where there is one, and keep the row's name."""
-        if line and not await self._send(f"{row}: {line}", line):
+    async def _change(
+        self,
+        row: str,
+        line: str,
+        *,
+        name: str,
+        life_min: float | None = None,
+        used_min: float | None = None,
+    ) -> None:
+        """Send a line, where there is one, and what else the server keeps of the row.
+
+        The line is the last change, and so the one that *Undo* takes back; a new tool is put in by it first.
+        """
+        new = row not in SYSTEMS and all(row != f"T{tool.number}" for tool in self._known_tools)
+        if line and new and not await self._send(f"{row}: {line}", line):
             return
-        try:
-            self._actions.link.row_names.name(row, name or "")
-        except McError as error:
-            show_refusal(error.message, error.hint)
-            return
-        ui.notify(t("{row} is changed", row=row), position="bottom")
+        what = mark("{row}: name and life", row=row)
+        done = await self._set_row(what, row=row, name=name, life_min=life_min, used_min=used_min)
+        if done and line and not new:
+            done = await self._send(f"{row}: {line}", line)
+        if done:
+            ui.notify(t("{row} is changed", row=row), position="bottom")
+
+    @property
+    def _known_tools(self) -> tuple[ToolRow, ...]:
+        return () if self._tables is None else self._tables.tools
+
+    async def _set_row(self, what: str, **changes: Any) -> bool:
+        async def send(machine: Machine) -> None:
+            await machine.set_table_row(**changes, by=self._actions.visitor.name)
+
+        done = await self._actions.do("set_table_row", what, send)
+        self._actions.link.answers.forget("tables")
+        return done
 
     async def _ask_undo(self) -> None:
         if not self._actions.allowed("open") or self._tables is None or not self._tables.changes:
             return
         last = self._tables.changes[0]
-        line = undo_line(last)
-        if line is None:
+        line, back = undo_line(last), undo_row(last)
+        if line is None and back is None:
             show_refusal(
                 t("{row} was not in the table before", row=last.row), t("change it, or leave it there")
             )
@@ -206,9 +254,13 @@ class TablesPanel:
             t("Take the last change back? {change}", change=change_text(last)),
             t("Undo"),
             colour="warning",
-            details=lambda: ui.label(line).classes("font-mono break-all"),
+            details=lambda: ui.label(line or "").classes("font-mono break-all"),
         ):
-            await self._send(mark("undo {change}", change=change_text(last)), line)
+            what = mark("undo {change}", change=change_text(last))
+            if back is not None:
+                await self._set_row(what, **back)
+            elif line is not None:
+                await self._send(what, line)
 
 
 def _buttons(dialog: ui.dialog) -> None:
@@ -217,8 +269,14 @@ def _buttons(dialog: ui.dialog) -> None:
         ui.button(t("Cancel"), on_click=lambda: dialog.submit(False)).props("flat")
 
 
-def tables_html(tables: Tables, info: Info, names: dict[str, str]) -> str:
+def shown_use(tool: ToolRow | None) -> float:
+    """Return for how long a tool has cut, as it is shown [min]."""
+    return 0.0 if tool is None else round(tool.used_min, 1)
+
+
+def tables_html(tables: Tables, info: Info) -> str:
     """Return systems, tools and the newest changes as HTML; what was never set or named is left out."""
+    names = tables.names
     origins = {each.system: each.origin for each in tables.offsets}
     turned = any(each.rotation for each in tables.offsets)
     angles = {each.system: each.rotation for each in tables.offsets}
@@ -240,11 +298,12 @@ def tables_html(tables: Tables, info: Info, names: dict[str, str]) -> str:
         rows = "".join(
             f"<tr><td>T{tool.number}</td><td class=n>{position_text(tool.length)}</td>"
             f"<td class=n>{position_text(tool.diameter)}</td>"
-            f"<td>{html.escape(names.get(f'T{tool.number}', ''))}</td></tr>"
+            f"<td>{html.escape(tool.name)}</td><td class=n>{_use_html(tool)}</td></tr>"
             for tool in tables.tools
         )
         titles = f"<th class=n>{t('Length [mm]')}</th><th class=n>{t('Diameter [mm]')}</th>"
-        parts.append(_table(f"<th>{t('Tool')}</th>{titles}<th>{t('Name')}</th>", rows))
+        titles += f"<th>{t('Name')}</th><th class=n>{t('Has cut [min]')}</th>"
+        parts.append(_table(f"<th>{t('Tool')}</th>{titles}", rows))
     if tables.changes:
         lines = "".join(
             f"<div>{time.strftime('%d.%m. %H:%M:%S', time.localtime(each.wall))} "
@@ -253,6 +312,12 @@ def tables_html(tables: Tables, info: Info, names: dict[str, str]) -> str:
         )
         parts.append(f'<p>{t("Changes:")}</p><div class="text-sm">{lines}</div>')
     return "".join(parts)
+
+
+def _use_html(tool: ToolRow) -> str:
+    if not 0.0 < tool.life_min <= tool.used_min:
+        return use_text(tool)
+    return f'<b class="text-negative">{use_text(tool)} · {t("used up")}</b>'
 
 
 def _table(head: str, rows: str) -> str:

@@ -96,6 +96,9 @@ export default {
       this.$el.textContent = window.mcTexts["This browser draws no 3-D pictures (WebGL)."];
       return;
     }
+    // a browser takes a context away when it is short of memory, or its graphics process has ended: what it gives
+    // back is empty until something is drawn
+    canvas.addEventListener("webglcontextrestored", () => this.draw());
     this.renderer.setPixelRatio(Math.min(window.devicePixelRatio, 2));
     this.controls = new OrbitControls(this.camera, canvas);
     this.controls.addEventListener("change", () => this.draw());

@@ -787,7 +787,7 @@ pub struct Info {
     /// what people find the machine by.
     #[serde(default)]
     pub tags: Vec<String>,
-    /// address of a still picture; empty: none.
+    /// address of a still picture or of MJPEG; empty: none.
     #[serde(default)]
     pub camera: String,
     /// instruments that may order, such as `opcua`; others only show the machine.
@@ -1936,6 +1936,35 @@ pub struct SetReply {
     pub value: f64,
 }
 
+/// Names a row of the tables, or says how long a tool may cut; what is nil stays.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct SetTableRowRequest {
+    /// `G54` to `G59.3`, or `T3`.
+    pub row: String,
+    /// for people; empty takes it away.
+    pub name: Option<String>,
+    /// for how long the tool may cut; 0: there is no limit.
+    pub life_min: Option<f64>,
+    /// for how long it has cut, 0 when a new one is fitted.
+    pub used_min: Option<f64>,
+    /// the person, where a client serves several.
+    pub by: String,
+}
+
+impl SetTableRowRequest {
+    /// All that may be left out is as the server has it.
+    #[must_use]
+    pub fn new(row: impl Into<String>) -> Self {
+        Self {
+            row: row.into(),
+            name: None,
+            life_min: None,
+            used_min: None,
+            by: String::new(),
+        }
+    }
+}
+
 /// What `mcserver simulate --json` prints.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct SimulateReply {
@@ -2106,11 +2135,17 @@ pub struct TableChange {
     /// `G54` to `G59.3`, or `T3`.
     pub row: String,
     /// by axis number, `R` of a turned system, or `length` and `diameter` \[m, rad; in messages mm, deg\];
-    /// empty: the row was not there.
+    /// empty: the row was not there. Or a tool's `life` and what it has `used` \[s; in messages min\].
     pub before: BTreeMap<String, f64>,
     /// by axis number, `R` of a turned system, or `length` and `diameter` \[m, rad; in messages mm, deg\];
-    /// empty: the row was not there.
+    /// empty: the row was not there. Or a tool's `life` and what it has `used` \[s; in messages min\].
     pub after: BTreeMap<String, f64>,
+    /// its name before and after, where that was changed.
+    #[serde(default)]
+    pub was_called: String,
+    /// its name before and after, where that was changed.
+    #[serde(default)]
+    pub called: String,
 }
 
 /// What programs start with, and who changed it.
@@ -2124,6 +2159,9 @@ pub struct Tables {
     pub tools: Vec<ToolRow>,
     /// the newest first.
     pub changes: Vec<TableChange>,
+    /// of systems, by system.
+    #[serde(default)]
+    pub names: BTreeMap<String, String>,
 }
 
 /// The tables that programs start with.
@@ -2246,14 +2284,23 @@ pub struct ToolPose {
     pub orientation: Vec<f64>,
 }
 
-/// A line of the tool table \[mm\], for G43; `changed`: by G10 L1, not as the machine file has it.
+/// A line of the tool table \[mm\], for G43.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct ToolRow {
     pub number: u64,
     pub length: f64,
     pub diameter: f64,
+    /// by G10 L1, not as the machine file has it.
     #[serde(default)]
     pub changed: bool,
+    #[serde(default)]
+    pub name: String,
+    /// for how long it may cut; 0: nobody has said.
+    #[serde(default)]
+    pub life_min: f64,
+    /// it has cut, counted in G01 to G03 while its spindle turns.
+    #[serde(default)]
+    pub used_min: f64,
 }
 
 /// One move of the way, or what is switched on it.

@@ -46,6 +46,7 @@ public abstract class MachineCalls {
             Map.entry("reference", Duration.ofSeconds(5)),
             Map.entry("reset", Duration.ofSeconds(5)),
             Map.entry("tables", Duration.ofSeconds(5)),
+            Map.entry("set_table_row", Duration.ofSeconds(5)),
             Map.entry("set_output", Duration.ofSeconds(5)),
             Map.entry("set_simulated_input", Duration.ofSeconds(5)),
             Map.entry("estop", Duration.ofSeconds(5)),
@@ -208,6 +209,11 @@ public abstract class MachineCalls {
      */
     public CompletableFuture<Messages.Tables> tables() {
         return ask("tables", Map.of(), Messages.Tables.class);
+    }
+
+    /** Name a work offset or a tool, or say how long a tool may cut and has cut. */
+    public CompletableFuture<List<String>> setTableRow(Messages.SetTableRowRequest request) {
+        return ask("set_table_row", Wire.params(request), Messages.Done.class).thenApply(Messages.Done::programs);
     }
 
     /** Set an output by hand. */

@@ -680,7 +680,7 @@ public final class Messages {
      * @param buttons programs of the machine file that operators start, numbers to be put into their places.
      * @param group what people find the machine by.
      * @param tags what people find the machine by.
-     * @param camera address of a still picture; empty: none.
+     * @param camera address of a still picture or of MJPEG; empty: none.
      * @param ordersFrom instruments that may order, such as `opcua`; others only show the machine.
      */
     public record Info(
@@ -1473,6 +1473,37 @@ public final class Messages {
     public record SetReply(String name, double value) {}
 
     /**
+     * Names a row of the tables, or says how long a tool may cut; what is nil stays.
+     * @param row `G54` to `G59.3`, or `T3`.
+     * @param name for people; empty takes it away.
+     * @param lifeMin for how long the tool may cut; 0: there is no limit.
+     * @param usedMin for how long it has cut, 0 when a new one is fitted.
+     * @param by the person, where a client serves several.
+     */
+    public record SetTableRowRequest(String row, String name, Double lifeMin, Double usedMin, String by) {
+        /** All that may be left out as the server has it. */
+        public SetTableRowRequest(String row) {
+            this(row, null, null, null, "");
+        }
+
+        public SetTableRowRequest withName(String name) {
+            return new SetTableRowRequest(row, name, lifeMin, usedMin, by);
+        }
+
+        public SetTableRowRequest withLifeMin(Double lifeMin) {
+            return new SetTableRowRequest(row, name, lifeMin, usedMin, by);
+        }
+
+        public SetTableRowRequest withUsedMin(Double usedMin) {
+            return new SetTableRowRequest(row, name, lifeMin, usedMin, by);
+        }
+
+        public SetTableRowRequest withBy(String by) {
+            return new SetTableRowRequest(row, name, lifeMin, usedMin, by);
+        }
+    }
+
+    /**
      * What `mcserver simulate --json` prints.
      * @param lines those that took time, by start.
      * @param axes by number as text.
@@ -1599,13 +1630,15 @@ public final class Messages {
      * @param name of the program.
      * @param row `G54` to `G59.3`, or `T3`.
      * @param before by axis number, `R` of a turned system, or `length` and `diameter` [m, rad; in messages mm,
-     *     deg]; empty: the row was not there.
+     *     deg]; empty: the row was not there. Or a tool's `life` and what it has `used` [s; in messages min].
      * @param after by axis number, `R` of a turned system, or `length` and `diameter` [m, rad; in messages mm,
-     *     deg]; empty: the row was not there.
+     *     deg]; empty: the row was not there. Or a tool's `life` and what it has `used` [s; in messages min].
+     * @param wasCalled its name before and after, where that was changed.
+     * @param called its name before and after, where that was changed.
      */
     public record TableChange(
             double wall, String client, String program, String name, String row, Map<String, Double> before, Map<String,
-            Double> after) {}
+            Double> after, @Sparse String wasCalled, @Sparse String called) {}
 
     /**
      * What programs start with, and who changed it.
@@ -1613,9 +1646,11 @@ public final class Messages {
      * @param toolTable whether the machine's programs have one: G43 and G10 L1 exist.
      * @param tools in the order of their numbers.
      * @param changes the newest first.
+     * @param names of systems, by system.
      */
     public record Tables(
-            List<WorkOffset> offsets, boolean toolTable, List<ToolRow> tools, List<TableChange> changes) {}
+            List<WorkOffset> offsets, boolean toolTable, List<ToolRow> tools, List<TableChange> changes, @Sparse
+            Map<String, String> names) {}
 
     /** The tables that programs start with. */
     public record TablesRequest() {}
@@ -1694,8 +1729,15 @@ public final class Messages {
     /** Where a tool's frame is: `[x, y, z]` in mm, `[a, b, c]` in deg. */
     public record ToolPose(long number, List<Double> position, List<Double> orientation) {}
 
-    /** A line of the tool table [mm], for G43; `changed`: by G10 L1, not as the machine file has it. */
-    public record ToolRow(long number, double length, double diameter, @Sparse boolean changed) {}
+    /**
+     * A line of the tool table [mm], for G43.
+     * @param changed by G10 L1, not as the machine file has it.
+     * @param lifeMin for how long it may cut; 0: nobody has said.
+     * @param usedMin it has cut, counted in G01 to G03 while its spindle turns.
+     */
+    public record ToolRow(
+            long number, double length, double diameter, @Sparse boolean changed, @Sparse String name, @Sparse double
+            lifeMin, @Sparse double usedMin) {}
 
     /**
      * One move of the way, or what is switched on it.
