@@ -401,7 +401,9 @@ def _follow(slot: ProgramSlot, control: Control, _left: float, _waited: bool) ->
     box, low = slot.ring.targets, slot.follow_from
     slot.follow_from = None
     within = None if low is None or control.values is None else (low, control.values)
-    return Follows(slot.cycle, control.axes, slot.index, box, lambda: slot.rapid_rate, lost, within)
+    return Follows(
+        slot.cycle, control.axes, slot.index, box, lambda: slot.rapid_rate, lost, within, control.value or 1.0
+    )
 
 
 def _follow_from(slot: ProgramSlot, control: Control, _left: float, _waited: bool) -> None:

@@ -70,7 +70,9 @@ class Control(msgspec.Struct, frozen=True, gc=False):
             `mckinematics.dynamics.JointDynamics.bits_of` has them.
         token: for SETTLE: a number that the executor reports back with the positions.
         channel: for OUTPUT and INPUT: column of the machine's output or input; for THREAD: of the spindle.
-        value: for OUTPUT; for SPEED by the radius the greatest [rad/s]; for THREAD the spindle's speed [1/s].
+        value: for OUTPUT; for SPEED by the radius the greatest [rad/s]; for THREAD the spindle's speed [1/s];
+            for FOLLOW the share of the accelerations, and its root of the velocities, that axes may take, 0:
+            all.
     """
 
     kind: ControlKind

@@ -1,11 +1,13 @@
 """Axes that follow streamed targets: the barrier at which a program of servo mode stands.
 
 What reaches it may be late, wrong or nothing: `TargetFollower` keeps velocity, acceleration, jerk and travel
-whatever it is, and a silence longer than the newest message counts ends the program by a stop within them.
+whatever it is, torques by a share of them (`mcserver.motion.limits.torque_in_box`), and a silence longer than
+the newest message counts ends the program by a stop within them.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 
 import msgspec
@@ -15,6 +17,7 @@ from mcserver.executor.barriers import Barrier
 from mcserver.executor.cycle import Cycle
 from mcserver.executor.shm.target_box import TargetBox
 from mcserver.executor.target_follower import TargetFollower
+from mcserver.executor.trajectories import MotionLimits
 from mcserver.machine.machine_file import Axis
 from mcserver.motion.kernels.target_tracking import POSITION, VELOCITY
 
@@ -27,6 +30,7 @@ class Follows(Barrier):
         rate: the slot's share of speed, 0 in feed hold.
         within: shapes (K,), from where to where they go at the most, beside their travel [m or rad]; one that
             is outside may come back. None: within their travel.
+        share: as of `followed_axis`.
         lost: called once with the seconds since the newest targets came and those that they counted for,
             where no more have come in time; it stops the axes.
     """
@@ -40,6 +44,7 @@ class Follows(Barrier):
         rate: Callable[[], float],
         lost: Callable[[float, float], None],
         within: tuple[Sequence[float], Sequence[float]] | None = None,
+        share: float = 1.0,
     ) -> None:
         columns = cycle.bank.masks.columns(axes)
         self._cycle = cycle
@@ -49,15 +54,18 @@ class Follows(Barrier):
         self._lost = lost
         self._columns = np.array(columns, np.intp)
         self._seen = 0
+        axes_led = [
+            followed_axis(_bounded(cycle.machine.axes[column], column, within), share) for column in columns
+        ]
         self._follower = TargetFollower(
-            [_bounded(cycle.machine.axes[column], column, within) for column in columns],
+            axes_led,
             cycle.row.ordered[self._columns],
             at=cycle.time,
             cycle_s=cycle.cycle_s,
             unlimited=[within is None and bool(cycle.motions.unlimited >> column & 1) for column in columns],
         )
-        for state, column in zip(self._follower.states, columns, strict=True):
-            cycle.motions.follow(column, slot, state)
+        for state, column, axis in zip(self._follower.states, columns, axes_led, strict=True):
+            cycle.motions.follow(column, slot, state, MotionLimits.of(axis))
 
     def before(self, left: float, held: bool) -> float | None:  # noqa: ARG002
         """Let a cycle pass; all of ``left`` is left once the axes stand and no more targets are to come."""
@@ -91,6 +99,17 @@ class Follows(Barrier):
         if newest is not None:
             self._seen = count
             self._follower.take(newest)
+
+
+def followed_axis(axis: Axis, share: float) -> Axis:
+    """Return an axis with a share of its acceleration and its root of its velocity, which torques leave."""
+    if share == 1.0:
+        return axis
+    return msgspec.structs.replace(
+        axis,
+        max_velocity=math.sqrt(share) * axis.max_velocity,
+        max_acceleration=share * axis.max_acceleration,
+    )
 
 
 def _bounded(axis: Axis, column: int, within: tuple[Sequence[float], Sequence[float]] | None) -> Axis:

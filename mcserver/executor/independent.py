@@ -130,10 +130,10 @@ class IndependentMotions:
         self._guard(self._motions[column])
         self._pass(self._motions[column], left)
 
-    def follow(self, column: int, slot: int, state: Array) -> None:
+    def follow(self, column: int, slot: int, state: Array, limits: MotionLimits | None = None) -> None:
         """Give an axis at rest to whoever sets ``state`` (`FollowingMotion`) and the row's setpoints in every
-        cycle, until it is halted or dropped."""
-        self._motions[column] = FollowingMotion(column, slot, self._limits[column], state)
+        cycle, until it is halted, within ``limits`` (None: the axis's), or dropped."""
+        self._motions[column] = FollowingMotion(column, slot, limits or self._limits[column], state)
         self._remask()
 
     def halt(self, column: int, slot: int, left: float = 0.0, *, jerk: bool = True) -> None:

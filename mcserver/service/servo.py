@@ -2,21 +2,34 @@
 
 from __future__ import annotations
 
+import asyncio
 import math
 from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
 from mcserver.errors import Refused
 from mcserver.executor.entries import Control, ControlKind
+from mcserver.executor.following import followed_axis
 from mcserver.machine.machine_file import Machine
 from mcserver.machine.machine_kinematics import build_kinematics
 from mcserver.motion.canonical import AxisOperation
+from mcserver.motion.geometry.torque_limits import TorqueLimits
+from mcserver.motion.limits.torque_in_box import TorqueBox
 from mcserver.service.axes_of_requests import axes_of
 from mcserver.service.program import Program
 from mcserver.service.service import MachineService
 from mcserver.service.target_stream import Now, TargetMessage, TargetStream
 
+if TYPE_CHECKING:
+    from mckinematics.solver import MachineKinematics
+
+Array = NDArray[np.float64]
+
+# Where torques leave axes less of their accelerations, targets are not followed.
+LEAST_TORQUE_SHARE = 0.005
 _CAPTURE = list(AxisOperation).index(AxisOperation.CAPTURE)
 
 
@@ -37,7 +50,8 @@ async def open_servo(
     Raises:
         ServiceError: MC439 an axis whose drive follows no setpoints, MC507, MC512 an axis is leased, MC595
             the machine has bodies or zones, and it is not said how far axes go; MC327 ``within`` does not fit
-            the axes; MC508, MC509, MC515, MC519.
+            the axes; MC208 holding the axes still takes more than a joint's torque somewhere between their
+            bounds; MC508, MC509, MC515, MC519.
     """
     machine = service.machine
     if machine.clearance is not None and within is None:
@@ -62,13 +76,16 @@ async def open_servo(
     # the second drive of a gantry pair gets its leader's setpoint: it has no targets of its own
     columns = [machine.column_of(index) for index in streamed(machine, chosen)]
     led = sum(1 << column for column in columns)
-    follow = [Control(ControlKind.FOLLOW, 0.0, 0, axes=led)]
+    low, high = None, None
     if within is not None:
         low, high = _bounds(machine, columns, within)
-        follow = [
-            Control(ControlKind.FOLLOW_FROM, 0.0, 0, axes=led, values=low),
-            Control(ControlKind.FOLLOW, 0.0, 0, axes=led, values=high),
-        ]
+    kinematics = build_kinematics(machine)
+    setpoint = np.array(service.port.snapshot().setpoint)
+    # where torques are limited it takes tenths of a second
+    share = await asyncio.to_thread(torque_share, machine, kinematics, columns, setpoint, (low, high))
+    follow = [Control(ControlKind.FOLLOW, 0.0, 0, axes=led, values=high, value=share)]
+    if low is not None:
+        follow.insert(0, Control(ControlKind.FOLLOW_FROM, 0.0, 0, axes=led, values=low))
     program = await service.open(
         client,
         name=name or "servo mode",
@@ -85,7 +102,7 @@ async def open_servo(
         service.abort(program.program, "its axes are in use")
         raise Refused("MC512", "the axes are in use, or 8 programs run", "wait until one has ended")
     program.targets = TargetStream(
-        [machine.axes[column] for column in columns], machine.cycle_s, build_kinematics(machine)
+        [followed_axis(machine.axes[column], share) for column in columns], machine.cycle_s, kinematics
     )
     return program
 
@@ -116,6 +133,50 @@ def _bounds(
                 axis=axis.index,
             )
     return tuple(low.tolist()), tuple(high.tolist())
+
+
+def torque_share(
+    machine: Machine,
+    kinematics: MachineKinematics | None,
+    columns: Sequence[int],
+    setpoint: Array,
+    bounds: tuple[Sequence[float] | None, Sequence[float] | None] = (None, None),
+) -> float:
+    """Return the share of axes' accelerations that torques leave them, from where they are to their bounds.
+
+    Args:
+        setpoint: of all columns [m or rad]. bounds: least and greatest positions of all columns; None: their
+            travel.
+
+    Raises:
+        Refused: MC208.
+    """
+    limits = TorqueLimits.of(machine, None if kinematics is None else kinematics.dynamics)
+    if limits is None:
+        return 1.0
+    low, high = setpoint.copy(), setpoint.copy()
+    velocity, acceleration = np.zeros_like(setpoint), np.zeros_like(setpoint)
+    for column in columns:
+        axis = machine.axes[column]
+        least, most = (
+            own if each is None else each[column]
+            for own, each in zip((axis.min_position, axis.max_position), bounds, strict=True)
+        )
+        low[column], high[column] = min(low[column], least), max(high[column], most)
+        velocity[column], acceleration[column] = axis.max_velocity, axis.max_acceleration
+    box = TorqueBox(limits, low, high, velocity, acceleration)
+    if not box.moves:
+        return 1.0
+    share, column = box.share()
+    if share < LEAST_TORQUE_SHARE:
+        index = machine.axes[column].index
+        raise Refused(
+            "MC208",
+            f"somewhere between the bounds, axis {index} needs nearly all of its max_torque to be held still",
+            "let the axes go less far: a narrower low and high of open_servo; or carry less",
+            axis=index,
+        )
+    return share
 
 
 def put_targets(service: MachineService, program: Program, message: TargetMessage) -> None:

@@ -5,25 +5,32 @@ streams whatever there is: positions, velocities, chunks, the tool's poses and t
 numbers beyond all bounds; messages lost, doubled, out of order and in bursts, clocks that stand and jump,
 garbage straight in the executor's box; silences after which servo mode is opened again; holds, overrides,
 aborts and missed cycles. Judged from outside, on the setpoints of every cycle: velocity, acceleration, jerk
-and travel of every axis.
+and travel of every axis, and the torques of an arm whose joints' are limited.
 """
 
 from __future__ import annotations
 
 import math
 import random
+import tempfile
+from functools import cache
+from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mcserver.executor.entries import Control, ControlKind
+from mcserver.executor.following import followed_axis
 from mcserver.executor.shm.target_box import POINTS, Targets
 from mcserver.machine.machine_file import Machine, load_machine, parse_machine
 from mcserver.machine.machine_kinematics import build_kinematics
 from mcserver.motion.canonical import AxisOperation
+from mcserver.motion.geometry.torque_limits import TorqueLimits
+from mcserver.service.servo import torque_share
 from mcserver.service.target_stream import Now, TargetMessage, TargetStream
 from mcserver.simulation.virtual_executor import VirtualExecutor
+from tests.kinematics import arm7
 
 Array = NDArray[np.float64]
 
@@ -36,14 +43,19 @@ CAPTURE = list(AxisOperation).index(AxisOperation.CAPTURE)
 WRONG = (math.nan, math.inf, -math.inf, 1e300, -1e300, 1e9, 5e-324)
 
 
-# Every so many seeds an arm, led by its tool.
-ARMS = 4
+# Every so many seeds an arm, led by its tool; and every so many of these one whose torques are limited.
+ARMS, TORQUE_ARMS = 4, 3
+# Of the joints [N·m]: little more than it takes to hold the arm, or plenty for slow motion; and what of them
+# a motion may take.
+TORQUES = ((25.0, 70.0, 25.0, 30.0, 7.0, 6.0, 0.6), (160.0, 160.0, 90.0, 90.0, 50.0, 40.0, 40.0))
+TOLERATED = 1.02
 
 
 def machine_of(chance: random.Random, seed: int) -> Machine:
     """Axes as slow as a crane or as quick as a wafer stage, some without limits; or an arm with a tool."""
     if seed % ARMS == ARMS - 1:
-        return load_machine("arm6")
+        arm = seed // ARMS
+        return load_machine("arm6") if arm % TORQUE_ARMS else torque_arm(arm // TORQUE_ARMS % len(TORQUES))
     text = '[machine]\nname = "streamed"\n'
     kind = chance.choice(("ideal", "ideal", "ideal", "simulated"))
     for index in range(chance.choice(WIDTHS)):
@@ -58,6 +70,33 @@ def machine_of(chance: random.Random, seed: int) -> Machine:
             text += f"min_position = {-reach}\nmax_position = {reach * chance.uniform(0.01, 1.0)}\n"
         text += f'[axis.drive]\nkind = "{kind}"\n'
     return parse_machine(text)
+
+
+@cache
+def _folder() -> tempfile.TemporaryDirectory[str]:
+    return tempfile.TemporaryDirectory()
+
+
+def torque_arm(which: int) -> Machine:
+    """An arm of seven joints with the torques of a number."""
+    return arm7.machine(Path(_folder().name), torques=TORQUES[which])
+
+
+@cache
+def torques_of(which: int) -> tuple[TorqueLimits, float]:
+    """Return the limits of such an arm, and the share of its accelerations that the server leaves it."""
+    machine = torque_arm(which)
+    kinematics = build_kinematics(machine)
+    limits = TorqueLimits.of(machine, None if kinematics is None else kinematics.dynamics)
+    assert limits is not None
+    at = np.array([axis.initial_position for axis in machine.axes])
+    return limits, torque_share(machine, kinematics, range(len(at)), at)
+
+
+def limited(machine: Machine) -> tuple[TorqueLimits, float] | None:
+    """Return those of a machine; None: its torques are not limited."""
+    torques = tuple(axis.max_torque for axis in machine.axes)
+    return torques_of(TORQUES.index(torques)) if torques in TORQUES else None
 
 
 class Client:
@@ -80,6 +119,8 @@ class Client:
         self._held: list[TargetMessage] = []
         self._clock = chance.uniform(-1e6, 1e6)
         self._silent = 0
+        torques = limited(machine)
+        self.share = 1.0 if torques is None else torques[1]
         kinematics = build_kinematics(machine)
         self._tools = 0.0 if kinematics is None else chance.choice((0.3, 0.9, 1.0))
         start = {axis.index: axis.initial_position for axis in machine.axes}
@@ -88,7 +129,8 @@ class Client:
             pose = kinematics.pose(1, start)
             self._pose = np.array([*pose.position, *pose.angles])
         self._tip = 10.0 ** np.array([chance.uniform(-4.0, 0.3)] * 3 + [chance.uniform(-4.0, 0.8)] * 3)
-        self.stream = TargetStream(machine.axes, machine.cycle_s, kinematics)
+        led = [followed_axis(axis, self.share) for axis in machine.axes]
+        self.stream = TargetStream(led, machine.cycle_s, kinematics)
         self.seq = 0
         self.sent = 0
 
@@ -228,10 +270,12 @@ def play(seed: int) -> Played:
     for cycle in range(CYCLES):
         if cycle == 0 or (not slot.running and chance.random() < 0.05):
             ring = executor.open_slot(0)
-            for kind in (ControlKind.AXIS, ControlKind.HALT_AXES, ControlKind.FOLLOW, ControlKind.FINISH):
-                ring.put_control(Control(kind, 0.0, 0, axes=everything, operation=CAPTURE))
             sent += client.sent
             client = Client(chance, machine)
+            for kind in (ControlKind.AXIS, ControlKind.HALT_AXES, ControlKind.FOLLOW, ControlKind.FINISH):
+                ring.put_control(
+                    Control(kind, 0.0, 0, axes=everything, operation=CAPTURE, value=client.share)
+                )
         else:
             now = executor.executor.time
             for message in client.messages(cycle):
@@ -284,12 +328,21 @@ def broken_laws_of_streams(seed: int) -> tuple[list[str], int, int]:
     beyond = float(np.maximum(low - setpoints, setpoints - high).max())
     if not beyond <= 1e-9:
         broken.append(f"travel by {beyond:.3g}")
+    torques = limited(machine)
+    if torques is not None:
+        speed = (rested[2:] - rested[:-2]) / (2.0 * machine.cycle_s)
+        change = np.diff(rested, 2, axis=0) / machine.cycle_s**2
+        load = torques[0].load(rested[1:-1], speed, change, ())
+        if not load <= TOLERATED:
+            broken.append(f"torque {load:.4g} of its limit")
     return broken + _broken_by_velocities(played), played.messages, len(setpoints)
 
 
 def _broken_by_velocities(played: Played) -> list[str]:
     """Judge the velocities handed to the drives: what the positions do, and no more than orders leave."""
     cycle_s, axes = played.machine.cycle_s, played.machine.axes
+    torques = limited(played.machine)
+    share = 1.0 if torques is None else torques[1]
     broken = []
     moved = np.diff(played.setpoints, axis=0) / cycle_s
     rounding = 8.0 * np.spacing(np.abs(played.setpoints).max(axis=0)) / cycle_s
@@ -300,7 +353,8 @@ def _broken_by_velocities(played: Played) -> list[str]:
         if not worst <= SLACK:
             broken.append(f"velocity of axis {axis.index} is not that of its positions: {worst:.9g}")
         # from the greatest acceleration: taken back first
-        stop_s = axis.max_velocity / axis.max_acceleration + 2.0 * axis.max_acceleration / axis.max_jerk
+        led = followed_axis(axis, share)
+        stop_s = led.max_velocity / led.max_acceleration + 2.0 * led.max_acceleration / led.max_jerk
         behind = math.ceil(stop_s / cycle_s) + 2
         if behind >= len(moved):
             continue

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import math
 from collections.abc import AsyncIterator
 from pathlib import Path
 
@@ -16,6 +17,7 @@ from mcserver.machine.machine_file import Machine, load_machine, parse_machine
 from mcserver.service.program import Program
 from mcserver.service.servo import close_targets, open_servo, put_targets
 from mcserver.service.target_stream import TargetMessage
+from tests.kinematics import arm7
 from tests.service.virtual_cell import VirtualCell
 
 AXIS = """[[axis]]
@@ -210,6 +212,29 @@ async def test_a_pose_of_a_tool_leads_the_axes_there(tmp_path: Path) -> None:
     status = program.status().servo
     assert status is not None
     assert (status.refused, status.slowed > 0) == (0, True)
+    await arm.stop()
+
+
+async def test_torques_that_are_limited_slow_all_of_it_and_bounds_leave_more(tmp_path: Path) -> None:
+    torques = (25.0, 70.0, 25.0, 30.0, 7.0, 6.0, 0.6)
+    arm = VirtualCell(arm7.machine(tmp_path, torques=torques), tmp_path)
+    fastest = []
+    start = [math.radians(each) for each in arm7.START]
+    near = tuple({axis: at + way for axis, at in enumerate(start)} for way in (-0.3, 0.3))
+    for within in (None, (near[0], near[1])):
+        program = await open_servo(arm.service, "policy", None, within=within)
+        assert program.targets is not None
+        fastest.append(float(program.targets._top[0]))
+        arm.service.abort(program.program, "seen")
+        await arm.ended(program)
+    assert 0.0 < fastest[0] < fastest[1] < arm.service.machine.axes[0].max_velocity
+    await arm.stop()
+
+
+async def test_axes_that_cannot_be_held_wherever_targets_may_lead_them_are_refused(tmp_path: Path) -> None:
+    arm = VirtualCell(arm7.machine(tmp_path, torques=(160.0, 45.0, 90.0, 90.0, 50.0, 40.0, 40.0)), tmp_path)
+    with pytest.raises(Refused, match="MC208: "):
+        await open_servo(arm.service, "policy", None)
     await arm.stop()
 
 

@@ -10,10 +10,12 @@ from mckinematics.single import Linearised
 from mckinematics.solver import MachineKinematics
 from numpy.typing import NDArray
 
+from mcserver.executor.following import followed_axis
 from mcserver.executor.target_follower import TargetFollower
 from mcserver.machine.machine_file import load_machine
 from mcserver.motion.kernels.target_tracking import POSITION, VELOCITY
 from mcserver.service.reports import ServoStatus
+from mcserver.service.servo import torque_share
 from mcserver.service.target_stream import Now, TargetMessage, TargetStream
 
 Array = NDArray[np.float64]
@@ -66,6 +68,8 @@ class ServoEnv(gymnasium.Env[Array, Array]):
         self._columns = [self.machine.column_of(axis) for axis in carrying]
         axes = self.machine.axes
         self.start: Array = np.array([axis.initial_position for axis in axes])
+        share = torque_share(self.machine, self.kinematics, range(len(axes)), self.start)
+        self._led = [followed_axis(axis, share) for axis in axes]
         self._low = np.array([axis.min_position for axis in axes])
         self._high = np.array([axis.max_position for axis in axes])
         self._top = np.array([axis.max_velocity for axis in axes])
@@ -190,7 +194,7 @@ class ServoEnv(gymnasium.Env[Array, Array]):
         return self._tip_seen
 
     def _begin(self, places: Array) -> None:
-        axes, cycle_s = self.machine.axes, self.machine.cycle_s
+        axes, cycle_s = self._led, self.machine.cycle_s
         self._time, self._seq = 0.0, 0
         self._tip_seen = None
         self._stream = TargetStream(axes, cycle_s, self.kinematics)
