@@ -7,7 +7,6 @@ the newest message counts ends the program by a stop within them.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Sequence
 
 import msgspec
@@ -20,6 +19,7 @@ from mcserver.executor.target_follower import TargetFollower
 from mcserver.executor.trajectories import MotionLimits
 from mcserver.machine.machine_file import Axis
 from mcserver.motion.kernels.target_tracking import POSITION, VELOCITY
+from mcserver.motion.limits.torque_in_box import followed_axis
 
 
 class Follows(Barrier):
@@ -99,17 +99,6 @@ class Follows(Barrier):
         if newest is not None:
             self._seen = count
             self._follower.take(newest)
-
-
-def followed_axis(axis: Axis, share: float) -> Axis:
-    """Return an axis with a share of its acceleration and its root of its velocity, which torques leave."""
-    if share == 1.0:
-        return axis
-    return msgspec.structs.replace(
-        axis,
-        max_velocity=math.sqrt(share) * axis.max_velocity,
-        max_acceleration=share * axis.max_acceleration,
-    )
 
 
 def _bounded(axis: Axis, column: int, within: tuple[Sequence[float], Sequence[float]] | None) -> Axis:

@@ -643,7 +643,7 @@ class ProgramTable:
         """Count what a line has cut, and say once that a tool's life is used up."""
         if tool and self.offsets.cut(tool, seconds):
             message = f"{self.offsets.worn_text(tool)}; its next change waits for that"
-            self.events.publish("warning", reason="MC214", message=message, program=program.program)
+            self.events.publish("warning", reason="MC603", message=message, program=program.program)
 
     # ------------------------------------------------------------ out
 

@@ -414,7 +414,7 @@ class MachineService:
         A program that is held at a pause waits on there: whoever ends a hold has not changed the tool.
 
         Raises:
-            ServiceError: MC213 the tool that it asks for is used up; MC443 an input holds the programs;
+            ServiceError: MC602 the tool that it asks for is used up; MC443 an input holds the programs;
                 MC512 axes of a program at a pause are in use, or MC460 outside of its envelope; MC503, MC509,
                 MC515, MC517.
         """

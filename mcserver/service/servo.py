@@ -12,12 +12,11 @@ from numpy.typing import NDArray
 
 from mcserver.errors import Refused
 from mcserver.executor.entries import Control, ControlKind
-from mcserver.executor.following import followed_axis
 from mcserver.machine.machine_file import Machine
 from mcserver.machine.machine_kinematics import build_kinematics
 from mcserver.motion.canonical import AxisOperation
 from mcserver.motion.geometry.torque_limits import TorqueLimits
-from mcserver.motion.limits.torque_in_box import TorqueBox
+from mcserver.motion.limits.torque_in_box import TorqueBox, followed_axis
 from mcserver.service.axes_of_requests import axes_of
 from mcserver.service.program import Program
 from mcserver.service.service import MachineService
@@ -50,7 +49,7 @@ async def open_servo(
     Raises:
         ServiceError: MC439 an axis whose drive follows no setpoints, MC507, MC512 an axis is leased, MC595
             the machine has bodies or zones, and it is not said how far axes go; MC327 ``within`` does not fit
-            the axes; MC208 holding the axes still takes more than a joint's torque somewhere between their
+            the axes; MC600 holding the axes still takes more than a joint's torque somewhere between their
             bounds; MC508, MC509, MC515, MC519.
     """
     machine = service.machine
@@ -149,7 +148,7 @@ def torque_share(
             travel.
 
     Raises:
-        Refused: MC208.
+        Refused: MC600.
     """
     limits = TorqueLimits.of(machine, None if kinematics is None else kinematics.dynamics)
     if limits is None:
@@ -171,7 +170,7 @@ def torque_share(
     if share < LEAST_TORQUE_SHARE:
         index = machine.axes[column].index
         raise Refused(
-            "MC208",
+            "MC600",
             f"somewhere between the bounds, axis {index} needs nearly all of its max_torque to be held still",
             "let the axes go less far: a narrower low and high of open_servo; or carry less",
             axis=index,

@@ -205,17 +205,17 @@ class WorkOffsets:
             What has changed; None: it was so before.
 
         Raises:
-            ServiceError: MC212 there is no such row, or only tools have what is said.
+            ServiceError: MC601 there is no such row, or only tools have what is said.
         """
         is_tool = row in {f"T{number}" for number in self.cutters}
         if not is_tool and row not in SYSTEM_NUMBERS:
             raise ServiceError(
-                "MC212",
+                "MC601",
                 f"the tables have no row {row}",
                 "rows are G54 to G59.3, and T with the number of a tool: one is put in by G10 L1 P3 Z75.2 R3",
             )
         if not is_tool and (life_s is not None or used_s is not None):
-            raise ServiceError("MC212", f"{row} is no tool and has no life", "name a tool, such as T3")
+            raise ServiceError("MC601", f"{row} is no tool and has no life", "name a tool, such as T3")
         was = self.notes.get(row, NO_NOTE)
         now = RowNote(
             was.name if name is None else name.strip(),
@@ -275,12 +275,12 @@ class WorkOffsets:
         """Refuse to go on with a tool whose life is used up.
 
         Raises:
-            Refused: MC213.
+            Refused: MC602.
         """
         text = self.worn_text(tool)
         if text:
             raise Refused(
-                "MC213",
+                "MC602",
                 text,
                 f"fit a new one and say so (mcctl tables T{tool} --used 0), or let it cut on for longer "
                 f"(mcctl tables T{tool} --life, in minutes), then resume",

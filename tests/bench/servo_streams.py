@@ -21,12 +21,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mcserver.executor.entries import Control, ControlKind
-from mcserver.executor.following import followed_axis
 from mcserver.executor.shm.target_box import POINTS, Targets
 from mcserver.machine.machine_file import Machine, load_machine, parse_machine
 from mcserver.machine.machine_kinematics import build_kinematics
 from mcserver.motion.canonical import AxisOperation
 from mcserver.motion.geometry.torque_limits import TorqueLimits
+from mcserver.motion.limits.torque_in_box import followed_axis
 from mcserver.service.servo import torque_share
 from mcserver.service.target_stream import Now, TargetMessage, TargetStream
 from mcserver.simulation.virtual_executor import VirtualExecutor

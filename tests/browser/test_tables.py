@@ -122,7 +122,7 @@ def test_a_tool_is_measured_named_and_used_and_is_asked_for_when_its_life_is_use
                 "fit tool 3, then resume · tool 3 has cut"
             )
             page.get_by_role("button", name="Resume").first.click()
-            expect(page.get_by_text("tool 3 has cut", exact=False).last).to_contain_text("[MC213]")
+            expect(page.get_by_text("tool 3 has cut", exact=False).last).to_contain_text("[MC602]")
             press(page.get_by_role("button", name="Change a tool …"))
             press(dialog.get_by_role("button", name="A new one is fitted"))
             expect(dialog.get_by_label("Has cut [min]")).to_have_value("0.0")

@@ -233,7 +233,7 @@ async def test_torques_that_are_limited_slow_all_of_it_and_bounds_leave_more(tmp
 
 async def test_axes_that_cannot_be_held_wherever_targets_may_lead_them_are_refused(tmp_path: Path) -> None:
     arm = VirtualCell(arm7.machine(tmp_path, torques=(160.0, 45.0, 90.0, 90.0, 50.0, 40.0, 40.0)), tmp_path)
-    with pytest.raises(Refused, match="MC208: "):
+    with pytest.raises(Refused, match="MC600: "):
         await open_servo(arm.service, "policy", None)
     await arm.stop()
 

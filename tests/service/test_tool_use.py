@@ -85,7 +85,7 @@ def test_rows_that_are_not_there_and_lives_of_offsets_are_refused(
     tmp_path: Path, row: str, more: dict[str, float]
 ) -> None:
     tables = WorkOffsets(tmp_path / "offsets.json", TABLE)
-    with pytest.raises(ServiceError, match="MC212"):
+    with pytest.raises(ServiceError, match="MC601"):
         tables.annotate(row, name="vise", **more)
     assert not tables.changes
 

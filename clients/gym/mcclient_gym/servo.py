@@ -10,10 +10,10 @@ from mckinematics.single import Linearised
 from mckinematics.solver import MachineKinematics
 from numpy.typing import NDArray
 
-from mcserver.executor.following import followed_axis
 from mcserver.executor.target_follower import TargetFollower
 from mcserver.machine.machine_file import load_machine
 from mcserver.motion.kernels.target_tracking import POSITION, VELOCITY
+from mcserver.motion.limits.torque_in_box import followed_axis
 from mcserver.service.reports import ServoStatus
 from mcserver.service.servo import torque_share
 from mcserver.service.target_stream import Now, TargetMessage, TargetStream

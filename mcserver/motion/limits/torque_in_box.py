@@ -12,9 +12,11 @@ from __future__ import annotations
 import math
 from itertools import combinations
 
+import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
+from mcserver.machine.machine_file import Axis
 from mcserver.motion.geometry.curves import Array
 from mcserver.motion.geometry.torque_limits import TorqueLimits
 
@@ -97,3 +99,14 @@ class TorqueBox:
         found = np.zeros_like(q)
         found[:, joint] = of_joints[joint]
         return found
+
+
+def followed_axis(axis: Axis, share: float) -> Axis:
+    """Return an axis with a share of its acceleration and its root of its velocity, which torques leave."""
+    if share == 1.0:
+        return axis
+    return msgspec.structs.replace(
+        axis,
+        max_velocity=math.sqrt(share) * axis.max_velocity,
+        max_acceleration=share * axis.max_acceleration,
+    )
