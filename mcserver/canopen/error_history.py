@@ -18,12 +18,13 @@ class DriveCondition(msgspec.Struct, frozen=True):
 
     Attributes:
         status: 6041h in words. register: 1001h in words. history: 1003h, newest first; empty strings and None
-            where it does not say.
+            where it does not say. line_errors: what its EtherCAT slave controller has counted, by port.
     """
 
     status: str
     register: str
     history: list[str] | None
+    line_errors: dict[str, list[int]]
 
 
 def condition_of(desk: Desk) -> DriveCondition:
@@ -43,6 +44,7 @@ def condition_of(desk: Desk) -> DriveCondition:
         "" if word is None else power_state(word).name.lower().replace("_", " "),
         "" if register is None else register_text(register),
         history,
+        desk.line_errors(),
     )
 
 

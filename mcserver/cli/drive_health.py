@@ -10,24 +10,26 @@ import numpy as np
 import typer
 from rich.text import Text
 
-from mcserver.can.open import open_port
 from mcserver.can.pdo import MappedPdo
 from mcserver.canopen.bus_frames import frames_of
 from mcserver.canopen.bus_health import BusCounts, BusListener
 from mcserver.canopen.cycle_samples import CycleSampler, Signal, following_error
-from mcserver.canopen.desk import at_desk, for_masters
+from mcserver.canopen.desk import for_masters
 from mcserver.canopen.error_history import condition_of
 from mcserver.canopen.listening import sign_of_master
 from mcserver.canopen.settings import NO_AXIS, settings_of
 from mcserver.cli.console import json_answer_on_error, narration, results, write_json
-from mcserver.cli.drive_of_machine import check_seconds, described_drives, table
+from mcserver.cli.drive_of_machine import at_desk_of, check_seconds, described_drives, listen, table
 from mcserver.cli.options import JsonOption, MachineOption
 from mcserver.errors import McError, UsageFault
+from mcserver.ethercat.line_tap import LineTap
 from mcserver.machine.machine_file import Machine, load_machine
 
 LONGEST_S = 3600.0
 # Cycles after which the greatest following errors are taken, so that memory stays bounded.
 BLOCK = 4096
+# Of EtherCAT [bit/s].
+LINE_BITRATE = 100e6
 
 
 class BusReport(msgspec.Struct):
@@ -35,7 +37,8 @@ class BusReport(msgspec.Struct):
 
     Attributes:
         master: by what another master was noticed; empty: none was, and the drives were asked.
-        error_frames: errors and malformed packets that this computer's interface has seen. counts: see there.
+        error_frames: errors and malformed packets that this computer's interface has seen, on EtherCAT frames
+            with a wrong working counter. counts: see there; a node of EtherCAT is a position on the line.
         following_errors: by axis, the greatest between setpoint and encoder on the bus [mm, deg].
         drives: by axis, what the drives say of themselves.
     """
@@ -57,11 +60,9 @@ def health(
     with json_answer_on_error(json):
         check_seconds(seconds, LONGEST_S)
         described = load_machine(machine)
-        buses = {drive.bus for drive in settings_of(described) if drive.fieldbus == "can"}
+        buses = {drive.bus for drive in settings_of(described)}
         if not buses:
-            raise UsageFault(
-                "MC559", f"{machine} has no drive on a CAN bus", "give a machine file by --machine"
-            )
+            raise UsageFault("MC559", f"{machine} has no drive on a bus", "give a machine file by --machine")
         reports = [_report(described, bus, seconds) for bus in sorted(buses)]
     if json:
         write_json({"ok": True, "buses": reports})
@@ -85,7 +86,7 @@ def _report(machine: Machine, bus: str, seconds: float) -> BusReport:
     sampler = CycleSampler(signals)
     errors: dict[str, float] = {}
     rows: list[list[float]] = []
-    port = open_port(settings[0].address)
+    port = listen(machine, bus)
     master = ""
     (bitrate,) = (each.bitrate for each in machine.buses if each.name == bus)
     began = time.monotonic()
@@ -105,9 +106,16 @@ def _report(machine: Machine, bus: str, seconds: float) -> BusReport:
         counters = port.counters
     finally:
         port.close()
+    counts = listener.report(time.monotonic() - began, bitrate)
+    if isinstance(port, LineTap):
+        counts.frames, counts.load = port.counters.sent, port.bits / counts.duration_s / LINE_BITRATE
+        master = "frames of EtherCAT" if port.counters.sent else ""
+        for node in counts.nodes:
+            # on the line, as the machine file counts
+            node.node, node.state = node.node - 1, "–"
     report = BusReport(
         bus,
-        listener.report(time.monotonic() - began, bitrate),
+        counts,
         master,
         counters.errors + counters.malformed,
         errors,
@@ -115,7 +123,7 @@ def _report(machine: Machine, bus: str, seconds: float) -> BusReport:
     if not master:
         for drive in drives:
             try:
-                with at_desk(drive.settings) as desk:
+                with at_desk_of(drive.settings) as desk:
                     report.drives[str(drive.settings.axis)] = msgspec.to_builtins(condition_of(desk))
             except McError as error:
                 report.drives[str(drive.settings.axis)] = {"error": f"{error.code}: {error.message}"}
@@ -182,6 +190,9 @@ def _show(report: BusReport) -> None:
         out.print(
             Text(f"  axis {axis}: {said['status']}; error register: {said['register']}; errors: {remembered}")
         )
+        for name, counts in said["line_errors"].items():
+            if any(counts):
+                out.print(Text(f"  axis {axis}: {name} by port: {', '.join(map(str, counts))}"))
     if report.master:
         narration().print(
             f"{report.bus}: {report.master} heard: another master is at work, nothing was asked"

@@ -10,15 +10,14 @@ import numpy as np
 import typer
 
 from mcserver.can.cob import SYNC
-from mcserver.can.open import open_port
 from mcserver.canopen.bus_frames import frames_of
 from mcserver.canopen.scope import Scope, read_trigger
 from mcserver.cli.console import json_answer_on_error, narration, results, write_json
-from mcserver.cli.drive_of_machine import AxisArgument, Described, check_seconds, described, on_can, table
+from mcserver.cli.drive_of_machine import AxisArgument, Described, check_seconds, described, listen, table
 from mcserver.cli.options import JsonOption, MachineOption
 from mcserver.cli.output_file import check_output, write_atomically
 from mcserver.errors import RuntimeFault, UsageFault
-from mcserver.machine.machine_file import load_machine
+from mcserver.machine.machine_file import Machine, load_machine
 
 LONGEST_S = 600.0
 # Without a SYNC for so long no cycle runs.
@@ -57,14 +56,13 @@ def scope(
                 "give --before less than --seconds, and a --timeout above 0",
             )
         drive = described(machine, axis)
-        on_can(drive.settings)
         described_machine = load_machine(machine)
         cycle_s = described_machine.cycle_s
         fires = read_trigger(trigger, drive.signals, edge=not level) if trigger else None
         recorder = Scope(
             drive.signals, cycle_s, max(2, round(seconds / cycle_s)), round(lead / cycle_s), fires
         )
-        ended_unix, missing = record_cycles(drive, recorder, timeout, seconds, cycle_s)
+        ended_unix, missing = record_cycles(described_machine, drive, recorder, timeout, seconds)
         trace = recorder.trace()
         at_trigger = ended_unix - float(trace.time_s[-1])
         from mcserver.recorder.scope_file import write_scope
@@ -106,15 +104,15 @@ def scope(
 
 
 def record_cycles(
-    drive: Described, recorder: Scope, timeout_s: float, seconds: float, cycle_s: float
+    machine: Machine, drive: Described, recorder: Scope, timeout_s: float, seconds: float
 ) -> tuple[float, int]:
     """Feed a scope until it has everything; return Unix time then [s], and how many SYNCs were too few.
 
     Raises:
         RuntimeFault: MC424 the bus; MC569 no SYNC, or the trigger did not come.
     """
-    axis, bus = drive.settings.axis, drive.settings.bus
-    port = open_port(drive.settings.address)
+    axis, bus, cycle_s = drive.settings.axis, drive.settings.bus, machine.cycle_s
+    port = listen(machine, bus)
     try:
         if not any(identifier == SYNC for _, identifier, _ in frames_of(port, NO_SYNC_S)):
             raise RuntimeFault(

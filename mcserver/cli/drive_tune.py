@@ -18,7 +18,7 @@ from mcserver.canopen.torque_tuning import (
     usual_gains,
 )
 from mcserver.cli.console import json_answer_on_error, narration, results, write_json, write_text
-from mcserver.cli.drive_of_machine import AxisArgument, Described, check_seconds, described, on_can, table
+from mcserver.cli.drive_of_machine import AxisArgument, Described, check_seconds, described, table
 from mcserver.cli.drive_scope import LONGEST_S, record_cycles
 from mcserver.cli.exit_codes import ExitCode
 from mcserver.cli.options import JsonOption, MachineOption
@@ -45,8 +45,14 @@ def tune(
     with json_answer_on_error(json):
         check_seconds(seconds, LONGEST_S)
         drive = described(machine, axis)
-        on_can(drive.settings)
-        known, cycle_s = cia402_drive(drive.axis), load_machine(machine).cycle_s
+        if drive.settings.fieldbus != "can":
+            raise UsageFault(
+                "MC559",
+                f"{drive.settings.name}: is on EtherCAT, whose readings are of another time than CAN's",
+                "give inertia by the motor's data sheet and its load; the gains follow from it",
+            )
+        known, loaded = cia402_drive(drive.axis), load_machine(machine)
+        cycle_s = loaded.cycle_s
         if known.mode != "cst":
             raise UsageFault(
                 "MC095",
@@ -54,7 +60,7 @@ def tune(
                 'tune it by its maker\'s tool; mode = "cst" closes it here',
             )
         scope = Scope(drive.signals, cycle_s, max(2, round(seconds / cycle_s)), 0, None)
-        record_cycles(drive, scope, 60.0, seconds, cycle_s)
+        record_cycles(loaded, drive, scope, 60.0, seconds)
         load = _load(drive, scope.trace(), cycle_s)
     now = TorqueGains(known.velocity_gain, known.position_gain, known.integral_time_s or 0.0)
     usual = usual_gains(load.inertia, cycle_s)

@@ -5,9 +5,10 @@ from __future__ import annotations
 from collections.abc import Iterator
 from contextlib import contextmanager
 
-from mcserver.canopen.desk import LEAST_LISTEN_S, Desk
+from mcserver.canopen.desk import LEAST_LISTEN_S, Desk, MasterWatch
 from mcserver.canopen.settings import DriveSettings
 from mcserver.ethercat.master import EthercatMaster
+from mcserver.ethercat.slave import EthercatSlave
 from mcserver.ethercat.tap import refuse_other_master
 from mcserver.machine.bus_section import BusConfig
 
@@ -16,6 +17,17 @@ class _NoWatch:
     """A line has one master, which is this one: a second one is not told from it."""
 
     def check(self) -> None: ...
+
+
+class EthercatDesk(Desk):
+    """A drive's parameters by its mailbox, and the error counters of its slave controller."""
+
+    def __init__(self, drive: DriveSettings, slave: EthercatSlave, watch: MasterWatch) -> None:
+        super().__init__(drive, slave.sdo, watch)
+        self._slave = slave
+
+    def line_errors(self) -> dict[str, list[int]]:
+        return self._slave.error_counters
 
 
 @contextmanager
@@ -35,6 +47,6 @@ def at_ethercat_desk(drive: DriveSettings) -> Iterator[Desk]:
     try:
         master.find()
         (slave,) = master.slaves
-        yield Desk(drive, slave.sdo, _NoWatch())
+        yield EthercatDesk(drive, slave, _NoWatch())
     finally:
         master.close()

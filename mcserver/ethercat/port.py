@@ -15,13 +15,11 @@ from typing import Any
 from mcserver.can.cob import SYNC, Function, NmtState
 from mcserver.can.port import Frame, PortCounters
 from mcserver.canopen.coe import ERROR_CODE
-from mcserver.ethercat.slave import AlState, EthercatSlave
+from mcserver.ethercat.slave import OUTPUT_COUNT, SLAVE_COUNT, AlState, EthercatSlave
 
 HEADER = struct.Struct("<H")
 # A frame that is still on its way is waited for at most so long [µs].
 LATE_US = 200
-# What one slave adds to the working counter of LRW: outputs 2, inputs 1.
-SLAVE_COUNT, OUTPUT_COUNT = 3, 2
 _EMERGENCY = struct.Struct("<HB5x")
 _NMT_OF = {
     AlState.OP: NmtState.OPERATIONAL,

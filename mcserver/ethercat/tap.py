@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import socket
 import time
+from collections.abc import Sequence
+from contextlib import suppress
 
 from mcserver.errors import RuntimeFault
 
@@ -13,31 +15,42 @@ _EVERY = 0x0003
 _HEADER = 14
 
 
+def open_tap(interfaces: Sequence[str]) -> socket.socket:
+    """Return a socket that hears every frame, of all interfaces where several are named, and never waits.
+
+    Raises:
+        RuntimeFault: MC424 it cannot be listened.
+    """
+    one = len(interfaces) == 1
+    try:
+        # with its protocol it hears all interfaces before it is bound to one
+        tap = socket.socket(socket.AF_PACKET, socket.SOCK_RAW, 0 if one else socket.htons(_EVERY))
+        tap.setblocking(False)
+        if one:
+            tap.bind((interfaces[0], _EVERY))
+    except OSError as error:
+        raise RuntimeFault(
+            "MC424",
+            f"the interface {' or '.join(interfaces)} cannot be listened on: {error.strerror or error}",
+            "`ip link` lists interfaces; raw sockets need root or CAP_NET_RAW",
+        ) from error
+    return tap
+
+
 def frames_heard(interface: str, duration_s: float) -> int:
     """Count the frames that pass within a time; the first ones end it.
 
     Raises:
         RuntimeFault: MC424 the interface cannot be listened on.
     """
-    try:
-        with socket.socket(socket.AF_PACKET, socket.SOCK_RAW, socket.htons(_EVERY)) as tap:
-            tap.bind((interface, _EVERY))
-            deadline = time.monotonic() + duration_s
-            heard = 0
-            while not heard and (left := deadline - time.monotonic()) > 0.0:
-                tap.settimeout(left)
-                try:
-                    frame = tap.recv(_HEADER)
-                except TimeoutError:
-                    break
-                heard += frame[12:14] == ETHERTYPE.to_bytes(2, "big")
-            return heard
-    except OSError as error:
-        raise RuntimeFault(
-            "MC424",
-            f"the interface {interface} cannot be listened on: {error.strerror or error}",
-            "`ip link` lists interfaces; raw sockets need root or CAP_NET_RAW",
-        ) from error
+    deadline = time.monotonic() + duration_s
+    heard = 0
+    with open_tap([interface]) as tap:
+        while not heard and (left := deadline - time.monotonic()) > 0.0:
+            tap.settimeout(left)
+            with suppress(OSError):
+                heard += tap.recv(_HEADER)[12:14] == ETHERTYPE.to_bytes(2, "big")
+    return heard
 
 
 def refuse_other_master(interface: str, name: str, duration_s: float) -> None:

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import json
+import threading
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -93,7 +95,55 @@ def test_a_drive_is_listed_by_its_position(file: str, capsys: Capture) -> None:
     assert "position 1" in capsys.readouterr().out
 
 
-def test_what_listens_beside_a_server_is_for_can(file: str, capsys: Capture, tmp_path: Path) -> None:
-    assert run_command_line(["drives", "scope", "0", "-o", str(tmp_path / "x.mcap"), "-m", file]) == 2
+def test_a_scope_and_the_health_of_a_line_are_taken_beside_its_master(
+    start: Start, namespace: Namespace, file: str, capsys: Capture, tmp_path: Path
+) -> None:
+    line, cycle = start(2)
+    cycle.command(DriveMode.POSITION, DriveState.ENERGIZED)
+    step = 1e-5
+    cycle.setpoints.velocity[:] = step / cycle.machine.cycle_s
+
+    def beside(*words: str) -> Any:
+        thread_codes: list[int] = []
+        thread = threading.Thread(target=lambda: thread_codes.append(drives(namespace, *words, "--json")))
+        thread.start()
+
+        def ended() -> bool:
+            cycle.setpoints.position[:] += step
+            return not thread.is_alive()
+
+        cycle.until(ended, "the end of the command")
+        assert thread_codes == [0]
+        return json.loads(capsys.readouterr().out)
+
+    scope = beside("scope", "1", "--seconds", "0.5", "-o", str(tmp_path / "x.mcap"), "-m", file)
+    signals = {each["object"]: each for each in scope["signals"]}
+    assert scope["cycles"] == 50
+    # 0.01 mm a cycle
+    assert signals["607Ah:00"]["greatest"] - signals["607Ah:00"]["least"] == pytest.approx(0.49, abs=0.02)
+    assert signals["6064h:00"]["greatest"] - signals["6064h:00"]["least"] == pytest.approx(0.48, abs=0.04)
+    assert abs(signals[""]["greatest"]) < 0.03
+    line.control.fault(2, "mute")
+    (bus,) = beside("health", "--seconds", "0.5", "-m", file)["buses"]
+    assert bus["master"]
+    assert bus["error_frames"] > 10
+    assert [node["node"] for node in bus["counts"]["nodes"]] == [0, 1]
+    assert min(node["lost"] for node in bus["counts"]["nodes"]) > 10
+    assert 0.0 < bus["counts"]["load"] < 0.05
+
+
+def test_a_line_without_a_master_says_what_its_slaves_have_counted(
+    namespace: Namespace, simulate: Callable[[str], SimulatedLine], file: str, capsys: Capture
+) -> None:
+    simulate(line_of(2))
+    assert drives(namespace, "health", "--seconds", "0.3", "-m", file, "--json") == 0
+    (bus,) = json.loads(capsys.readouterr().out)["buses"]
+    assert not bus["master"]
+    for axis in ("0", "1"):
+        assert bus["drives"][axis]["status"] == "switch on disabled"
+        assert bus["drives"][axis]["line_errors"]["lost links"] == [0, 0, 0, 0]
+
+
+def test_a_motor_is_not_measured_over_a_line(file: str, capsys: Capture) -> None:
+    assert run_command_line(["drives", "tune", "0", "-m", file]) == 2
     assert "MC559" in capsys.readouterr().err
-    assert run_command_line(["drives", "health", "-m", file]) == 2
