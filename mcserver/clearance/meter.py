@@ -22,6 +22,7 @@ from mcserver.clearance.mounted import NOT_KNOWN, Exchange, Mounted
 from mcserver.clearance.scene import Pair, Scene
 from mcserver.clearance.slow_zones import SLOWER, SlowZones
 from mcserver.errors import ConfigurationError, Diagnostic
+from mcserver.machine.clearance_section import GivenBody
 from mcserver.machine.dialect_section import Cutter
 from mcserver.machine.machine_file import Machine
 from mcserver.units import MM
@@ -82,6 +83,7 @@ class ClearanceMeter:
         zones = machine.clearance.zones
         self._assumed_on = [each.name for each in zones if each.switch is not None and each.binds(role)]
         self._scene = Scene(machine)
+        self._role = role
         self._binding = self._scene.binding(role)
         self._slow = SlowZones(self._scene, machine.cycle_s, self._binding)
         # by names of the body and the slow zone the first time and line at which it was too fast
@@ -115,11 +117,30 @@ class ClearanceMeter:
                 self._nearest[pair] = Nearest(float(at), self._time, line, contact)
 
     def exchange(self, exchange: Exchange) -> None:
-        """Take bodies of other tools from the newest cycle on."""
+        """Take bodies of other tools, or that are brought, from the newest cycle on."""
         self._look()
+        known = len(self._scene.pairs)
         self._scene.mount(self._scene.mounted.behind(exchange))
         changed = np.flatnonzero(self._scene.with_tools).tolist()
+        if exchange.bodies:
+            changed = self._take_brought(known)
         self._begin([pair for pair in changed if not self._nearest[pair].contact], exchange.line)
+
+    @property
+    def brought(self) -> tuple[GivenBody, ...]:
+        """Bodies that the program has brought so far."""
+        return self._scene.mounted.given.get("", ())
+
+    def _take_brought(self, known: int) -> list[int]:
+        """Return the pairs that are new; ``known``: how many there were."""
+        scene = self._scene
+        new = range(known, len(scene.pairs))
+        self._binding = scene.binding(self._role)
+        self._slow.count(np.array([each.names not in self._too_fast for each in scene.pairs]) & self._binding)
+        self._distance = np.append(self._distance, np.zeros(len(new)))
+        self._spent = np.append(self._spent, np.zeros(len(new)))
+        self._nearest += [Nearest(math.inf, 0.0, 0) for _ in new]
+        return list(new)
 
     def take(self, times: Array, lines: NDArray[np.int64], setpoint: Array) -> None:
         """Take cycles in order: times (n,) [s], lines (n,), setpoints (n, K) [SI]."""

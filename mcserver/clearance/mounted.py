@@ -1,4 +1,4 @@
-"""Which tools may be mounted: what programs have said of it, for bodies that come with their tool.
+"""Which tools may be mounted, and which bodies programs have brought: what they have said of it.
 
 Tools that exclude each other share a place: all cutters the spindle, tools of a robot the axis that their
 chains end at. Of a place of which nothing is known any of its tools may be there, and each counts.
@@ -6,10 +6,11 @@ chains end at. Of a place of which nothing is known any of its tools may be ther
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Container, Mapping
 
 import msgspec
 
+from mcserver.machine.clearance_section import GivenBody
 from mcserver.machine.dialect_section import Cutter
 from mcserver.machine.machine_file import Machine
 
@@ -26,12 +27,14 @@ class Exchange(msgspec.Struct, frozen=True):
         line: its number. tools: by place the one that is mounted from here on.
         certain: it is; else it may be, as from when somebody is asked to change it.
         cutters: lines of the tool table that it sets, by number.
+        bodies: all that its program has brought up to there; empty: it brings none more.
     """
 
     line: int
     tools: Mapping[int, int]
     certain: bool
     cutters: Mapping[int, Cutter]
+    bodies: tuple[GivenBody, ...] = ()
 
 
 class Mounted(msgspec.Struct, frozen=True):
@@ -40,20 +43,28 @@ class Mounted(msgspec.Struct, frozen=True):
     Attributes:
         at: by place those of which one is there; any may be at a place that is left out.
         cutters: the tool table, by number.
+        given: by program the bodies that it has brought.
     """
 
     at: Mapping[int, frozenset[int]] = {}
     cutters: Mapping[int, Cutter] = {}
+    given: Mapping[str, tuple[GivenBody, ...]] = {}
 
-    def behind(self, exchange: Exchange) -> Mounted:
-        """Return what may be mounted behind an exchange."""
+    def behind(self, exchange: Exchange, program: str = "") -> Mounted:
+        """Return what may be mounted behind a program's exchange."""
         at = dict(self.at)
         for place, tool in exchange.tools.items():
             if exchange.certain:
                 at[place] = frozenset((tool,))
             elif place in at:
                 at[place] |= {tool}
-        return Mounted(at, {**self.cutters, **exchange.cutters})
+        given = {**self.given, program: exchange.bodies} if exchange.bodies else self.given
+        return Mounted(at, {**self.cutters, **exchange.cutters}, given)
+
+    def of_running(self, programs: Container[str]) -> Mounted:
+        """Return it with bodies that these programs have brought, and no others."""
+        given = {name: bodies for name, bodies in self.given.items() if name in programs}
+        return self if len(given) == len(self.given) else Mounted(self.at, self.cutters, given)
 
     def with_table(self, table: Mapping[int, Cutter], *, beside_others: bool) -> Mounted:
         """Return what may be mounted where a program begins with a tool table.
@@ -69,7 +80,7 @@ class Mounted(msgspec.Struct, frozen=True):
                 )
                 for number, each in table.items()
             }
-        return Mounted(self.at, {**self.cutters, **table})
+        return Mounted(self.at, {**self.cutters, **table}, self.given)
 
     def may_be(self, tool: int, place: int) -> bool:
         """Return whether a tool may be mounted at its place."""

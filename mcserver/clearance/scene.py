@@ -9,6 +9,7 @@ from __future__ import annotations
 import importlib
 import math
 import xml.etree.ElementTree as ElementTree
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -29,6 +30,7 @@ from mcserver.machine.clearance_section import (
     Clearance,
     CutterBody,
     CylinderBody,
+    GivenBody,
     MeshBody,
     Place,
     SphereBody,
@@ -53,6 +55,7 @@ class Pair:
         tools: that they come with, each as its number and its place; the cutter's is 0, whatever it is.
         max_speed: of a slow zone [m/s]; inf: the zone is no slow one.
         switch: what switches the zone, by its place in `Clearance.switches`; -1: it is always on.
+        given: a program has brought one of both.
     """
 
     names: tuple[str, str]
@@ -60,6 +63,7 @@ class Pair:
     tools: tuple[tuple[int, int], ...] = ()
     max_speed: float = math.inf
     switch: int = -1
+    given: bool = False
 
 
 class Scene:
@@ -76,6 +80,7 @@ class Scene:
         switches: of each pair what switches its zone, as `Pair`, shape (P,).
         with_tools: of each pair whether one of both comes with a tool, shape (P,). mounted: the tools that
             may be there; any at first. active: pairs that may be there by that, shape (P,).
+        given: of each pair whether a program has brought one of both, shape (P,): the last ones.
 
     Raises:
         ConfigurationError: MC301 the URDF, MC323 a link, mesh or SRDF that is not there, or nothing moves.
@@ -106,31 +111,31 @@ class Scene:
         for zone in self._clearance.zones:
             self._add_zone(zone)
         self._check_names()
-        self.pairs: tuple[Pair, ...] = tuple(self._pairs())
+        self._allowed = {frozenset(pair) for pair in (*self._clearance.allowed, *self._disabled())}
+        self.pairs: tuple[Pair, ...] = tuple(self._pairs(0))
         if not self.pairs:
             raise ConfigurationError(
                 "MC323",
                 "no two bodies of the machine can meet",
                 "give a [[body]] that a link or axes carry, and one that stands, or a [[zone]]",
             )
+        # all but what programs bring
+        self._own = len(self._names)
         self._data = self._model.createData()
-        self._placed = self._geometry.createData()
-        for request in self._placed.distanceRequests:
-            request.enable_signed_distance = True
         self._q = self._pin.neutral(self._model)
         # where in q each axis's position goes; a joint without limits has its cosine and sine there
         self._plain, self._plain_columns = self._places_in_q(1)
         self._circles, self._circle_columns = self._places_in_q(2)
-        self.levers: Array = np.stack([self._lever(pair) for pair in self._geometry.collisionPairs], axis=1)
-        self.speeds: Array = np.array([each.max_speed for each in self.pairs])
-        self.switches = np.array([each.switch for each in self.pairs])
-        self.with_tools = np.array([bool(each.tools) for each in self.pairs])
-        self.active = np.ones(len(self.pairs), np.bool_)
+        self.levers: Array = np.zeros((len(machine.axes), 0))
+        self._describe_pairs()
+        self.active: NDArray[np.bool_] = np.ones(len(self.pairs), np.bool_)
         self.mounted = Mounted()
         self.mount(Mounted(cutters=machine.dialect.cutters))
 
     def mount(self, mounted: Mounted) -> None:
-        """Take bodies of the tools that may be mounted, and of no others."""
+        """Take bodies of tools that may be mounted and those that programs have brought, and no others."""
+        if mounted.given != self.mounted.given:
+            self._bring([each for bodies in mounted.given.values() for each in bodies])
         self.mounted = mounted
         cutter = mounted.cutter()
         if self._cutter is not None and cutter is not None:
@@ -143,6 +148,41 @@ class Scene:
                 mounted.may_be(tool, place) if tool else cutter is not None
                 for tool, place in self.pairs[pair].tools
             )
+
+    def _bring(self, given: Sequence[GivenBody]) -> None:
+        """Take bodies that programs bring in place of those so far; their pairs are the last ones."""
+        for number in range(self._own, len(self._names)):
+            # with its pairs
+            self._geometry.removeGeometryObject(self._geometry.geometryObjects[self._own].name)
+            del self._names[number]
+            self._tools.pop(number, None)
+        pairs = [pair for pair in self.pairs if not pair.given]
+        for each in given:
+            self._add_body(each.body)
+            pairs += self._pairs(len(self._names) - 1, each)
+        self.pairs = tuple(pairs)
+        self.levers = self.levers[:, : sum(not pair.given for pair in pairs)]
+        self._describe_pairs()
+        self.active = np.ones(len(pairs), np.bool_)
+
+    def keep_own(self, values: Array, fill: float) -> Array:
+        """Return values by pair, shape (…, P), with ``fill`` for pairs that programs have brought."""
+        own = int(np.count_nonzero(~self.given))
+        fresh = np.full((*values.shape[:-1], len(self.pairs) - own), fill)
+        return np.concatenate((values[..., :own], fresh), axis=-1)
+
+    def _describe_pairs(self) -> None:
+        """Note by pair what is the same wherever the axes are; levers of pairs from before stay."""
+        self._placed = self._geometry.createData()
+        for request in self._placed.distanceRequests:
+            request.enable_signed_distance = True
+        fresh = list(self._geometry.collisionPairs)[self.levers.shape[1] :]
+        levers = [self._lever(pair)[:, None] for pair in fresh]
+        self.levers = np.concatenate((self.levers, *levers), axis=1)
+        self.speeds: Array = np.array([each.max_speed for each in self.pairs])
+        self.switches = np.array([each.switch for each in self.pairs])
+        self.with_tools = np.array([bool(each.tools) for each in self.pairs])
+        self.given = np.array([each.given for each in self.pairs])
 
     def binding(self, role: str | None) -> NDArray[np.bool_]:
         """Return which pairs count for a role, shape (P,); None: for whoever it may be."""
@@ -317,14 +357,21 @@ class Scene:
             hint = did_you_mean(name, known, f"known are: {', '.join(known)}")
             raise ConfigurationError("MC323", f"there is no body {name!r}", hint)
 
-    def _pairs(self) -> list[Pair]:
-        """Register all pairs that are judged with the geometry model, and describe them."""
-        allowed = {frozenset(pair) for pair in (*self._clearance.allowed, *self._disabled())}
+    def _pairs(self, first_new: int, given: GivenBody | None = None) -> list[Pair]:
+        """Register pairs that are judged with the geometry model, and describe them.
+
+        Args:
+            first_new: pairs of objects of which one has this number or a greater one.
+            given: what a program brings with them.
+        """
+        allowed = self._allowed
+        if given is not None:
+            allowed = allowed | {frozenset((given.body.name, each)) for each in given.touches}
         found = []
         switches = self._clearance.switches
         numbers = sorted(self._names)
         for place, one in enumerate(numbers):
-            for other in numbers[place + 1 :]:
+            for other in numbers[max(place + 1, first_new) :]:
                 first, second = (other, one) if one in self._zones else (one, other)
                 if first in self._zones or not self._may_meet(first, second):
                     continue
@@ -338,7 +385,8 @@ class Scene:
                 speed = math.inf if limit is None else limit * MM
                 switch = None if zone is None else zone.switch
                 number = -1 if switch is None else switches.index(switch)
-                found.append(Pair(names, zone is not None, tools, speed, number))
+                brought = given is not None
+                found.append(Pair(names, zone is not None, tools, speed, number, brought))
         return found
 
     def _disabled(self) -> list[tuple[str, str]]:

@@ -48,7 +48,12 @@ class SlowZones:
     def __init__(self, scene: Scene, cycle_s: float, counted: NDArray[np.bool_]) -> None:
         self._scene = scene
         self._cycle = cycle_s
-        self.pairs = np.flatnonzero(np.isfinite(scene.speeds) & counted).tolist()
+        self.pairs: list[int] = []
+        self.count(counted)
+
+    def count(self, counted: NDArray[np.bool_]) -> None:
+        """Look at these pairs from now on, shape (P,)."""
+        self.pairs = np.flatnonzero(np.isfinite(self._scene.speeds) & counted).tolist()
 
     def keep(self, way: Array) -> None:
         """Take the part of a way that is handed over."""

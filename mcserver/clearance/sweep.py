@@ -95,8 +95,12 @@ class Sweep:
         return np.where(self.scene.active & np.isinf(self.scene.speeds), self._margin, -np.inf)
 
     def mount(self, mounted: Mounted) -> None:
-        """Take bodies of the tools that may be mounted from now on."""
+        """Take bodies of the tools that may be mounted from now on, and those that programs have brought."""
+        given = self.scene.mounted.given
         self.scene.mount(mounted)
+        if given != mounted.given:
+            self._distance = self.scene.keep_own(self._distance, -np.inf)
+            self._at = self.scene.keep_own(self._at.T, 0.0).T
         self._distance[self.scene.with_tools] = -np.inf
 
     def first_contact(

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Annotated, BinaryIO
 
 import typer
+from msgspec.structs import replace
 
 from mcserver.cli.console import narration, show_diagnostics
 from mcserver.cli.exit_codes import ExitCode
@@ -16,6 +18,7 @@ from mcserver.cli.recorded import is_recording_name, open_recording
 from mcserver.cli.rejection import reject
 from mcserver.cli.simulate import live_progress
 from mcserver.cli.simulation_report import diagnostics_of
+from mcserver.machine.clearance_section import GivenBody
 from mcserver.machine.machine_file import Machine, load_machine
 from mcserver.machine.machine_kinematics import build_kinematics
 from mcserver.simulation.work_zero import with_zeros
@@ -70,7 +73,7 @@ def _draw_program(file: str, described: Machine, output: str, suffix: str, limit
         reject(diagnostics, program.lines, program.name)
     scene = build_scene(
         program.name,
-        described,
+        _with_bodies(described, simulation.bodies),
         simulation.recording,
         simulation.report,
         program.lines,
@@ -80,6 +83,14 @@ def _draw_program(file: str, described: Machine, output: str, suffix: str, limit
     show_diagnostics(diagnostics, program.lines, program.name)
     if simulation.exit_code:
         raise typer.Exit(simulation.exit_code)
+
+
+def _with_bodies(machine: Machine, given: Sequence[GivenBody]) -> Machine:
+    """Return a machine with the bodies that a program brings."""
+    if machine.clearance is None or not given:
+        return machine
+    bodies = (*machine.clearance.bodies, *(each.body for each in given))
+    return replace(machine, clearance=replace(machine.clearance, bodies=bodies))
 
 
 def _draw(scene: Scene, output: str, suffix: str, limits: bool | None) -> None:

@@ -1,4 +1,4 @@
-"""What a program says to its operator: (MSG, …), comments of pauses, which tool to fit (D-65, D-76)."""
+"""What a program says in comments: (MSG, …) to its operator, which tool to fit (D-65, D-76), (BODY, …)."""
 
 from __future__ import annotations
 
@@ -11,6 +11,9 @@ LONGEST = 200  # characters
 MESSAGE = re.compile(r"\([ \t]*(?:MSG|DEBUG|PRINT)[ \t]*,([^()]*)\)", re.IGNORECASE)
 # comments that would write a file of LinuxCNC's
 _LOGGING = re.compile(r"\([ \t]*((?:PROBE|LOG)(?:OPEN|CLOSE|APPEND)|LOG(?=[ \t]*,))", re.IGNORECASE)
+# what it brings with it, also where the comment lacks its end (D-131)
+_BODY = re.compile(r"\([ \t]*BODY[ \t]*,([^()]*)\)?|\([^()]*\)|;.*", re.IGNORECASE)
+_BRINGS = re.compile(r"\([ \t]*BODY[ \t]*,", re.IGNORECASE)
 _COMMENT = re.compile(r"\(([^()]*)\)|;(.*)")
 # M117, and M0 or M1 with a text behind it, of printers
 DISPLAY = re.compile(
@@ -43,9 +46,20 @@ def logging_of(text: str) -> tuple[str, ...]:
     return tuple(f"({each.upper()})" for each in _LOGGING.findall(text)) if "(" in text else ()
 
 
+def bodies_in(text: str) -> list[re.Match[str]]:
+    """Return the comments of a line that bring a body; what describes it is group 1."""
+    if _BRINGS.search(text) is None:
+        return []
+    return [each for each in _BODY.finditer(text) if each[1] is not None]
+
+
 def speaks(text: str) -> re.Match[str] | None:
     """Return the first comment of a text that is more than one."""
-    found = [each for each in (MESSAGE.search(text), _LOGGING.search(text)) if each is not None]
+    found = [
+        each
+        for each in (MESSAGE.search(text), _LOGGING.search(text), _BRINGS.search(text))
+        if each is not None
+    ]
     return min(found, key=lambda each: each.start(), default=None)
 
 

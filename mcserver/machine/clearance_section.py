@@ -22,6 +22,8 @@ Place = tuple[Number, Number, Number]
 AxisIndex = Annotated[int, Meta(ge=0, le=63, description="an axis of this file")]
 # How many bodies and zones a machine file may name, each.
 MOST_BODIES = 200
+# How many bodies a program may bring.
+MOST_GIVEN = 32
 # Inputs, with a level each, that switch zones: a bit each in what the executor is told.
 MOST_SWITCHES = 63
 # Whom a zone may bind: runs that a person has approved, and all other motion, which only operators and
@@ -92,6 +94,13 @@ class CutterBody(Carried, frozen=True, kw_only=True, tag_field="shape", tag="cut
 
 
 Body = BoxBody | CylinderBody | CapsuleBody | SphereBody | MeshBody | CutterBody
+
+
+class GivenBody(msgspec.Struct, frozen=True):
+    """A body that a program brings; ``touches``: names of those that may touch it."""
+
+    body: Body
+    touches: tuple[str, ...] = ()
 
 
 def measures(body: Body) -> tuple[str, tuple[float, ...]]:

@@ -23,12 +23,13 @@ from mcserver.clearance.meter import held_there
 from mcserver.clearance.mounted import NOT_KNOWN, Exchange
 from mcserver.clearance.ordered_speeds import slow_zones
 from mcserver.clearance.scene import Scene
-from mcserver.clearance.slow_zones import ROUNDING, SLOWER, TooFast
+from mcserver.clearance.slow_zones import ROUNDING, SLOWER, SlowZones, TooFast
 from mcserver.clearance.sweep import Contact, Sweep
 from mcserver.errors import Diagnostic
 from mcserver.executor.entries import Control, ControlKind, EventKind, ExecutorEvent
 from mcserver.executor.fault_codes import FaultCode
 from mcserver.executor.shaped_entries import AT_THEIR_PLACE, GOING_ON
+from mcserver.machine.clearance_section import GivenBody
 from mcserver.machine.dialect_section import Cutter
 from mcserver.machine.machine_file import Axis, Machine
 from mcserver.motion.canonical import AxisOperation
@@ -57,12 +58,20 @@ class SwitchedZones:
     def __init__(self, machine: Machine, scene: Scene, number: int, binding: Mask) -> None:
         assert machine.clearance is not None
         self.bit = 1 << number
+        self._number = number
         self.counted: Mask = binding & (scene.switches == number)
         self.slow = slow_zones(scene, machine, self.counted)
-        self.movers: Mask = np.asarray(scene.levers[:, self.counted].any(axis=1))
+        self.movers: Mask = np.zeros(len(machine.axes), np.bool_)
+        self.count(scene, binding)
         switch = machine.clearance.switches[number]
         self._high = switch.high
         self._column = [(each.digital, each.number) for each in machine.inputs].index((True, switch.input))
+
+    def count(self, scene: Scene, binding: Mask) -> None:
+        """Take the pairs that a scene has now."""
+        self.counted = binding & (scene.switches == self._number)
+        self.slow.count(self.counted)
+        self.movers = np.asarray(scene.levers[:, self.counted].any(axis=1))
 
     def on(self, inputs: Array) -> bool:
         """Return whether they are on by the inputs' values."""
@@ -93,13 +102,11 @@ class ClearanceGuard:
     ) -> None:
         self._machine = machine
         self._sweep = sweep
+        self._role = role
         scene = sweep.scene
-        binding = scene.binding(role)
-        self._counted: Mask = binding & (scene.switches < 0)
+        self._counted: Mask = np.zeros(len(scene.pairs), np.bool_)
         self._slow = slow_zones(scene, machine, self._counted)
-        numbers = sorted(set(scene.switches[binding].tolist()) - {-1})
-        self._switched = [SwitchedZones(machine, scene, each, binding) for each in numbers]
-        self._slowed = [self._slow, *(each.slow for each in self._switched)]
+        self._switched: dict[int, SwitchedZones] = {}
         self._by_hand = by_hand
         self.held: dict[int, Diagnostic] = {}
         self._speeds = np.array([axis.max_velocity for axis in machine.axes])
@@ -111,6 +118,9 @@ class ClearanceGuard:
         space.enter(tenant)
         self._floors: Array | None = None
         self._mounted = sweep.scene.mounted
+        # what programs have brought; None: pairs have not been counted yet
+        self._given: Mapping[str, tuple[GivenBody, ...]] | None = None
+        self._count_pairs()
         self._now: Array = np.zeros(len(machine.axes))
         # of columns that this program has moved: where its motion so far ends; and of those whose end is not
         # known yet from where to where they may be
@@ -128,6 +138,26 @@ class ClearanceGuard:
         self._claims = 0
         self._marks: deque[int] = deque()
         self.contact: Diagnostic | None = None
+
+    def _count_pairs(self) -> None:
+        """Take the pairs that the scene has now: another program may have brought bodies, or has ended."""
+        scene = self._sweep.scene
+        if self._given == scene.mounted.given:
+            return
+        self._given = scene.mounted.given
+        if self._floors is not None:
+            self._floors = scene.keep_own(self._floors, -np.inf)
+        binding = scene.binding(self._role)
+        self._counted = binding & (scene.switches < 0)
+        self._slow.count(self._counted)
+        for each in self._switched.values():
+            each.count(scene, binding)
+        for number in sorted(set(scene.switches[binding].tolist()) - {-1, *self._switched}):
+            self._switched[number] = SwitchedZones(self._machine, scene, number, binding)
+
+    @property
+    def _slowed(self) -> list[SlowZones]:
+        return [self._slow, *(each.slow for each in self._switched.values())]
 
     def admit_rows(self, rows: Rows) -> int:
         """Return how many of some rows may be handed over."""
@@ -149,7 +179,7 @@ class ClearanceGuard:
         elif contact is not None:
             self.contact = self._touching(contact, int(rows.line[count]), "take another way")
         ahead = []
-        for zones in self._switched:
+        for zones in self._switched.values():
             entered = self._entered(zones, way[: count + 1], half, moved, rows.line)
             if entered is not None:
                 ahead.append((entered, zones))
@@ -203,14 +233,17 @@ class ClearanceGuard:
         return True
 
     def exchange(self, exchange: Exchange) -> None:
-        """Take bodies of other tools from here on; the motion before it has been played."""
+        """Take bodies of other tools, or that the program brings, from here on; the motion before it has been
+        played.
+        """
         sweep = self._sweep
-        sweep.mount(sweep.scene.mounted.behind(exchange))
+        sweep.mount(sweep.scene.mounted.behind(exchange, self._tenant.program))
         extent = self._extent()
         way = np.vstack([0.5 * (extent.low + extent.high)] * 2)
         # programs beside may be on their way to where it is now
         half = 0.5 * (extent.high - extent.low)
-        contact = self._judge(way, half, np.ones(len(half), np.bool_), sweep.scene.with_tools)
+        pairs = sweep.scene.given if exchange.bodies else sweep.scene.with_tools
+        contact = self._judge(way, half, np.ones(len(half), np.bool_), pairs)
         if contact is not None:
             self.contact = self._touching(contact, exchange.line, "take another way")
 
@@ -237,6 +270,8 @@ class ClearanceGuard:
             self._pass(self._claims)
         elif event.kind in (EventKind.FINISHED, EventKind.STOPPED):
             self._tenant.ended = event.time
+            # what it has brought goes with it
+            self._sweep.mount(self._sweep.scene.mounted.of_running(self._space.running))
         elif event.kind is EventKind.FAULT and event.code == FaultCode.ZONE_HOLD and event.token:
             # it moved
             self.contact = self.contact or self._inside(int(event.values[1]), event.line)
@@ -299,7 +334,7 @@ class ClearanceGuard:
         line = np.array([control.line])
         ahead = [
             zones
-            for zones in self._switched
+            for zones in self._switched.values()
             if self._entered(zones, way, half, columns, line) is not None
             or self._may_be_fast(zones, way, half, columns, control)
         ]
@@ -409,6 +444,7 @@ class ClearanceGuard:
     def _judge(self, way: Array, half: Array, moved: Mask, pairs: Mask | None = None) -> Contact | None:
         """Return the first contact on a way; ``pairs``: of these alone."""
         scene = self._sweep.scene
+        self._count_pairs()
         if self._floors is not None and self._mounted != scene.mounted:
             # what is mounted since may be nearer than what was there before
             self._floors[scene.with_tools] = -np.inf
@@ -467,11 +503,12 @@ class ClearanceGuard:
 
     def _inside(self, switch: int, line: int) -> Diagnostic | None:
         """Return that a body which the program moves is inside of zones as they are switched on."""
+        self._count_pairs()
         scene = self._sweep.scene
         mine = scene.levers[self._tenant.lease].any(axis=0)
         _, now = self._space.extent(self._tenant)
         scene.place(now)
-        for zones in self._switched:
+        for zones in self._switched.values():
             stopped = zones.counted & scene.active & mine & np.isinf(scene.speeds)
             for pair in np.flatnonzero(stopped).tolist() if zones.bit == 1 << switch else ():
                 if scene.distance(pair) < 0.0:
@@ -557,7 +594,10 @@ class ClearanceGuards:
         """
         mounted = self._sweep.scene.mounted
         if cutters is not None and mounted.cutters != cutters:
-            self._sweep.mount(mounted.with_table(cutters, beside_others=self._space.running))
+            self._sweep.mount(mounted.with_table(cutters, beside_others=bool(self._space.running)))
         lease = np.array([axis.index in axes for axis in self._machine.axes], np.bool_)
         tenant = Tenant(program, slot, lease, tell)
-        return ClearanceGuard(self._machine, self._sweep, self._space, tenant, role=role, by_hand=by_hand)
+        guard = ClearanceGuard(self._machine, self._sweep, self._space, tenant, role=role, by_hand=by_hand)
+        # also where nobody has told of the end of the one that was in the slot
+        self._sweep.mount(self._sweep.scene.mounted.of_running(self._space.running))
+        return guard

@@ -1,4 +1,4 @@
-"""Where a program's lines exchange tools that have bodies."""
+"""Where a program's lines exchange tools that have bodies, or bring bodies."""
 
 from __future__ import annotations
 
@@ -23,12 +23,24 @@ class Exchanges:
         self._machine = machine
         self._places = places_with_bodies(machine)
         self._tools: dict[int, int] = {}
+        # how many bodies it has brought
+        self._given = 0
         self._carried: tuple[int, ...] = ()
         # what G10 L1 has set
         self._set: Mapping[int, Cutter] = {} if frame is None else frame.cutters
 
     def by(self, line: int, modal: ModalState) -> list[Exchange]:
         """Return what a line has exchanged, by the modal state behind it; empty: nothing that has a body."""
+        return [*self._brought(line, modal), *self._of_tools(line, modal)]
+
+    def _brought(self, line: int, modal: ModalState) -> list[Exchange]:
+        """Return the bodies that a line has brought; those of before stay until the program's end."""
+        if len(modal.bodies) <= self._given:
+            return []
+        self._given = len(modal.bodies)
+        return [Exchange(line, {}, True, {}, modal.bodies)]
+
+    def _of_tools(self, line: int, modal: ModalState) -> list[Exchange]:
         frame = modal.frame
         tools = {}
         if modal.carried is not self._carried:

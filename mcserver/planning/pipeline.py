@@ -14,7 +14,7 @@ from collections.abc import Callable, Sequence
 
 from mckinematics.pose import Kinematics
 
-from mcserver.clearance.mounted import Exchange, places_with_bodies
+from mcserver.clearance.mounted import Exchange
 from mcserver.errors import Diagnostic, ProgramRejected
 from mcserver.executor.entries import Control, EventKind, ExecutorEvent
 from mcserver.executor.fault_codes import WARNINGS, FaultCode
@@ -122,7 +122,8 @@ class Pipeline:
             switches=start.switches,
         )
         self._expansion = expansion_of(self._interpreter)
-        self._exchanges = Exchanges(machine, self._interpreter.frame) if places_with_bodies(machine) else None
+        judged = machine.clearance is not None
+        self._exchanges = Exchanges(machine, self._interpreter.frame) if judged else None
         self._columns = [axis.index for axis in machine.axes]
         self._approach = deque(approach)
         self._machine_coordinates = machine_coordinates

@@ -239,7 +239,7 @@ class Planner:
         for report in reports:
             if report.frame is not None:
                 self._events.append(FrameChanged(plan.program, report.line, report.frame))
-            if report.exchange is not None:
+            if report.exchange is not None and not report.exchange.bodies:
                 self._events.append(ToolsExchanged(plan.program, report.exchange))
             if report.kind is ReportKind.MESSAGE:
                 self._events.append(ProgramMessage(plan.program, report.line, report.message, report.tool))

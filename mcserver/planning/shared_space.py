@@ -116,9 +116,9 @@ class SharedSpace:
             self._slots[tenant.slot] = tenant.tell
 
     @property
-    def running(self) -> bool:
-        """Return whether a program runs."""
-        return any(each.ended is None for each in self._tenants)
+    def running(self) -> frozenset[str]:
+        """Return the programs that run."""
+        return frozenset(each.program for each in self._tenants if each.ended is None)
 
     def anywhere(self, column: int, here: float) -> tuple[float, float]:
         """Return the travel of a column, or a turn about ``here`` where it has no limit [SI]."""

@@ -122,13 +122,20 @@ class LostDrives:
         self._taken: list[tuple[Array, NDArray[np.int64], Array, NDArray[np.int64]]] = []
         self._waiting = 0
         # by column, of each pair: what it has to come nearer than to be told [m]
-        counted = scene.binding(role) & np.isinf(scene.speeds)
-        self._levels = np.where(counted, self._margin + FAR, -np.inf)[None].repeat(len(start), axis=0)
+        self._role = role
+        self._levels = self._told()
         self._nearest: dict[tuple[int, int], Lost] = {}
         self._furthest: dict[int, RunOn] = {}
         self._beyond: dict[int, RunOn] = {}
         # of the cycles that are being judged: from where to where each axis may be if its drive is lost
         self._least = self._most = self._rows
+
+    def _told(self) -> Array:
+        """Return what each pair has to come nearer than to be told, shape (K, P) [m]."""
+        scene = self._sweep.scene
+        counted = scene.binding(self._role) & np.isinf(scene.speeds)
+        levels = np.where(counted, self._margin + FAR, -np.inf)
+        return levels[None].repeat(len(self._machine.axes), axis=0)
 
     def take(self, times: Array, lines: NDArray[np.int64], setpoint: Array) -> None:
         """Take cycles in order: times [s] and lines (n,), setpoints (n, K) [SI]."""
@@ -143,9 +150,12 @@ class LostDrives:
             self._look()
 
     def exchange(self, exchange: Exchange) -> None:
-        """Take bodies of other tools from the newest cycle on, in which nothing moves."""
+        """Take bodies that are others from the newest cycle on, in which nothing moves."""
         self.finish()
-        self._sweep.mount(self._sweep.scene.mounted.behind(exchange))
+        scene = self._sweep.scene
+        known = len(scene.pairs)
+        self._sweep.mount(scene.mounted.behind(exchange))
+        self._levels = np.concatenate((self._levels, self._told()[:, known:]), axis=1)
 
     def finish(self) -> None:
         """Judge what was taken up to a rest."""

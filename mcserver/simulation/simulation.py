@@ -24,6 +24,7 @@ from mcserver.executor.shm.feedback import AxisCondition, homed_of
 from mcserver.gcode.profiles.frame import ANGLE, Frame, tool_table
 from mcserver.gcode.program_check import check_lines
 from mcserver.gcode.text.source import LineSource, split_lines
+from mcserver.machine.clearance_section import GivenBody
 from mcserver.machine.machine_file import Machine
 from mcserver.planning.clearance_guard import ClearanceGuard, ClearanceGuards
 from mcserver.planning.line_marks import LineMarks
@@ -76,7 +77,7 @@ class Simulation:
         failed: it ended in a fault of the run itself, whatever its assertions come to.
         turned: axes that it commands a speed, each with the greatest [m/s or rad/s]. pushed: axes that it
             commands a torque.
-        outputs: of each output the least and the greatest value.
+        outputs: of each output the least and the greatest value. bodies: that it brings.
     """
 
     report: dict[str, Any]
@@ -90,6 +91,7 @@ class Simulation:
     turned: Mapping[int, float] = field(default_factory=dict)
     pushed: frozenset[int] = frozenset()
     outputs: tuple[tuple[float, float], ...] = ()
+    bodies: tuple[GivenBody, ...] = ()
     times: LineTimes = field(default_factory=LineTimes)
     last_line: int = 0
 
@@ -328,6 +330,7 @@ class _Run:
             tuple(
                 zip(self._recorder.outputs_low.tolist(), self._recorder.outputs_high.tolist(), strict=True)
             ),
+            () if self._clearance is None else self._clearance.brought,
             self._times,
             self._read,
         )

@@ -10,6 +10,7 @@ from mckinematics.pose import Kinematics
 from mcserver.errors import Diagnostic, ProgramRejected
 from mcserver.gcode.fast_path.batches import MAX_LINES, BatchInterpreter
 from mcserver.gcode.fast_path.interpreted_batch import InterpretedBatch
+from mcserver.gcode.notices import bodies_in
 from mcserver.gcode.profiles.codes import COMPENSATING, MOVING, PRINTER_STOPS
 from mcserver.gcode.profiles.frame import Frame
 from mcserver.gcode.profiles.reader import reader_of
@@ -21,6 +22,7 @@ from mcserver.gcode.semantics.compensation import compensate, release
 from mcserver.gcode.semantics.compensation_state import Compensation
 from mcserver.gcode.semantics.modal import INITIAL, ModalState, initial_modal, with_tables
 from mcserver.gcode.semantics.position_sync import find_axes_to_sync
+from mcserver.gcode.semantics.program_bodies import read_bodies
 from mcserver.gcode.semantics.tip_moves import tip_coordinates
 from mcserver.gcode.switches import AS_WRITTEN, Switches
 from mcserver.gcode.text.command_table import Kind
@@ -195,7 +197,7 @@ class Interpreter:
         """
         if self._ended:
             return []
-        if parsed.blank and not parsed.faults:
+        if _idle(parsed):
             return []
         return self._interpret_block(parsed)
 
@@ -313,7 +315,7 @@ class Interpreter:
         """
         if self._ended:
             return (), ()
-        if parsed.blank and not parsed.faults:
+        if _idle(parsed):
             return (), ()
         interpreted, values = self._read(parsed)
         self._commit(interpreted)
@@ -323,6 +325,8 @@ class Interpreter:
         block = BlockState(self._setup, parsed, self._modal, self._commanded, self._compensation)
         interpreted = BlockInterpreter(block)
         interpreted.read()
+        if not interpreted.ended:
+            read_bodies(block)
         values = interpreted.values
         if block.compensation is not None:
             values = compensate(block, self._modal, self._commanded.path_starts(), values)
@@ -375,6 +379,11 @@ def without_pause(values: Sequence[Canonical]) -> list[Canonical]:
     """Return the values of a line without the pause that has ended."""
     pause = next((value for value in values if isinstance(value, PauseLine)), None)
     return [value for value in values if value is not pause]
+
+
+def _idle(parsed: ParsedLine) -> bool:
+    """Return True if the line neither does nor brings anything."""
+    return parsed.blank and not parsed.faults and not bodies_in(parsed.text)
 
 
 def _may_pause(parsed: ParsedLine) -> bool:

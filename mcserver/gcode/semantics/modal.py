@@ -9,6 +9,7 @@ from mcserver.gcode.profiles.codes import LEAST_FEED_UNDER_G99
 from mcserver.gcode.profiles.frame import Frame
 from mcserver.gcode.profiles.transformation import Transformation
 from mcserver.gcode.semantics.program_units import length_scale, path_speed
+from mcserver.machine.clearance_section import GivenBody
 from mcserver.machine.machine_file import Machine
 from mcserver.units import MM
 
@@ -65,6 +66,7 @@ class ModalState(msgspec.Struct, frozen=True):
         relative: axes whose words are increments under G90 too (M83).
         coupled: axes that follow others (G1060), each with the line since which it does.
         computed: parameters and subprograms of the lines before, where a program starts in its middle.
+        bodies: that the program has brought so far (D-131).
         carried: tools chosen so far, each once, the last one last: their payloads stay after G1050 (D-55).
     """
 
@@ -88,6 +90,7 @@ class ModalState(msgspec.Struct, frozen=True):
     relative: tuple[int, ...] = ()
     carried: tuple[int, ...] = ()
     coupled: tuple[tuple[int, int], ...] = ()
+    bodies: tuple[GivenBody, ...] = ()
     computed: Kept | None = None
 
     @property

@@ -45,6 +45,7 @@ WORDED = {
     "MC558": ("a drive has started anew by itself", "look after its supply"),
     "MC563": ("a certificate of the server's Zenoh configuration ends soon", "renew it"),
     "MC564": ("the computer's clock was set", "times of later events are by the new one"),
+    "MC603": ("a tool's life is used up; its next change waits for that", "have a new one ready"),
     "MC582": ("a recording cannot be written", "make room on the disk of the recordings"),
     "MC583": ("cycles are missing in a recording: the disk was too slow", "record to a faster disk"),
 }
