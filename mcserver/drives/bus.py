@@ -161,7 +161,7 @@ class ForeseeingBus(Protocol):
 
     @property
     def foreseeable(self) -> bool:
-        """Whether every axis follows positions or stands, and nothing changes by itself."""
+        """Whether every axis follows its setpoints or stands, and nothing changes by itself."""
 
     def foresee(self, position: Array, velocity: Array) -> Foreseen:
         """Compute exchanges up to the first in which a drive reaches a limit of its own.

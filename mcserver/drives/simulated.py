@@ -74,6 +74,8 @@ class SimulatedBus:
         self._following = np.zeros(count, np.bool_)
         self._free = np.ones(count, np.bool_)
         self._any_free = True
+        self._speeding = np.zeros(count, np.bool_)
+        self._any_speeding = False
         self._simple = False
         self._changing = True
         self._jammed = np.zeros(count, np.bool_)
@@ -134,7 +136,7 @@ class SimulatedBus:
 
     @property
     def foreseeable(self) -> bool:
-        """Whether every axis follows positions or stands, and nothing changes by itself."""
+        """Whether every axis follows its setpoints or stands, and nothing changes by itself."""
         disturbed = self._any_jammed or self._any_mute or self._any_load or self._delay
         plain = self._simple and not (self._changing or self._loads.present)
         return plain and not (disturbed or self._marks.present or self._marks.stops)
@@ -152,11 +154,12 @@ class SimulatedBus:
         count = follow_cycles(
             state,
             model.coefficients,
-            np.array([model.step_limit, model.speed_limit]),
-            self._following,
+            np.array([model.step_limit, model.speed_limit, self._windup]),
+            np.where(self._speeding, 2, self._following).astype(np.int8),
             np.ascontiguousarray(position),
             np.ascontiguousarray(velocity),
             (self._cycles, FLUSH_CYCLES, FLUSH_BELOW),
+            self._cycle,
             moved,
         )
         actual = np.empty((count, len(state[0])))
@@ -237,6 +240,8 @@ class SimulatedBus:
         self._home_by_themselves(mode)
         energized = state == DriveState.ENERGIZED
         self._following = energized & ((mode == DriveMode.POSITION) | (mode == DriveMode.VELOCITY))
+        self._speeding = energized & (mode == DriveMode.VELOCITY)
+        self._any_speeding = bool(self._speeding.any())
         self._free = ~self._following
         self._any_free = bool(self._free.any())
         self._simple = self._is_simple()
@@ -258,8 +263,8 @@ class SimulatedBus:
         state[homing & ~commanded & (mode >= DriveMode.POSITION)] = DriveState.ENERGIZED
 
     def _is_simple(self) -> bool:
-        """Whether every axis either follows a position that is transmitted, or stands without its drive."""
-        following = self._following & (self._mode == DriveMode.POSITION) & (self._quiet == 0)
+        """Whether every axis either follows setpoints that are transmitted, or stands without its drive."""
+        following = self._following & (self._quiet == 0)
         standing = self._free & (self._loop[1] == 0.0) & (self._mode != DriveMode.TORQUE)
         return bool((following | standing).all())
 
@@ -267,8 +272,11 @@ class SimulatedBus:
 
     def _follow_simply(self, setpoints: Setpoints) -> None:
         reference = self._last_position
-        reference[:] = setpoints.position
         self._loop[3] = setpoints.velocity
+        integrated = self._integrated() if self._any_speeding else None
+        reference[:] = setpoints.position
+        if integrated is not None:
+            np.copyto(reference, integrated, where=self._speeding)
         if self._any_free:
             np.copyto(reference, self._position, where=self._free)
             np.copyto(self._loop[3], 0.0, where=self._free)
@@ -278,6 +286,14 @@ class SimulatedBus:
         else:
             # all stand where they are to be: a server that idles spends little on them
             self._change.fill(0.0)
+
+    def _integrated(self) -> Array:
+        """Position setpoints of drives in velocity mode, which integrate their speed setpoints themselves,
+        and forget what they could not follow.
+        """
+        integral = self._last_position + 0.5 * (self._loop[2] + self._loop[3]) * self._cycle
+        behind = np.clip(self._position - integral, -self._windup, self._windup)
+        return np.asarray(self._position - behind)
 
     def _follow(self, reference: Array) -> None:
         """Loops of all axes; ``reference``: the position setpoints that row 0 of the loop was taken
@@ -325,12 +341,8 @@ class SimulatedBus:
         heard = self._following & (setpoints.mode != DriveMode.SILENT)
         reference = np.where(heard, setpoints.position, self._last_position)
         loop[3] = np.where(heard, setpoints.velocity, 0.0)
-        velocity_mode = self._mode == DriveMode.VELOCITY
-        if velocity_mode.any():
-            # the drive integrates its speed setpoint itself, and forgets what it could not follow
-            integral = self._last_position + 0.5 * (loop[2] + loop[3]) * self._cycle
-            behind = np.clip(self._position - integral, -self._windup, self._windup)
-            reference = np.where(velocity_mode, self._position - behind, reference)
+        if self._any_speeding:
+            reference = np.where(self._speeding, self._integrated(), reference)
         error = self._position - reference
         loop[0] = error
         start = self._position.copy()

@@ -349,7 +349,7 @@ class AxisBank:
             return False
         if self.exact == self.all:
             return True
-        return not (self._shifts or self.speed) and all(
+        return not self._shifts and all(
             port.bus.follows_exactly or (port.foresees is not None and port.foresees.foreseeable)
             for port in self._ports
         )

@@ -129,8 +129,12 @@ class Supervision:
         return int(where[0]) if len(where) else len(setpoints)
 
     def within_error(self, setpoints: Array, actual: Array) -> int:
-        """Return how many cycles from the first on keep every axis's following error, shapes (n, K)."""
-        late = ~(np.abs(setpoints - actual) <= self._greatest_error).all(axis=1)
+        """Return how many cycles from the first on keep the following error of axes in position mode, shapes
+        (n, K).
+        """
+        bank = self._cycle.bank
+        kept = np.abs(setpoints - actual) <= self._greatest_error
+        late = ~(kept | ~bank.masks.bools(bank.positioned)).all(axis=1)
         (where,) = np.nonzero(late)
         return int(where[0]) if len(where) else len(setpoints)
 

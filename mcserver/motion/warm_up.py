@@ -203,7 +203,8 @@ def _follow() -> None:
     """Compile what cycles of simulated drives take."""
     pair = np.ones((2, 2))
     cycles = (0, 256, 1e-15)
-    follow_cycles(np.ones((7, 2)), np.ones((2, 4, 2)), pair, np.ones(2, np.bool_), pair, pair, cycles, pair)
+    servos = (np.ones((7, 2)), np.ones((2, 4, 2)), np.ones((3, 2)), np.ones(2, np.int8))
+    follow_cycles(*servos, pair, pair, cycles, 0.001, pair)
 
 
 def _drive_quicker(limits: AxisLimits) -> None:

@@ -19,7 +19,7 @@ from mcserver.errors import Diagnostic, ProgramRejected
 from mcserver.executor.entries import Control, EventKind, ExecutorEvent
 from mcserver.executor.fault_codes import WARNINGS, FaultCode
 from mcserver.executor.shm.rings import ProgramRing
-from mcserver.executor.stopping import longest_stop, stopping_rows
+from mcserver.executor.stopping import stopping_rows
 from mcserver.gcode.computing.machine_values import Unsettled
 from mcserver.gcode.computing.macro_expansion import expansion_of
 from mcserver.gcode.notices import notice_of
@@ -129,8 +129,6 @@ class Pipeline:
         self._machine_coordinates = machine_coordinates
         self._printer = machine.dialect.profile == "printer"
         self._frame = self._interpreter.frame
-        # of the axes at their greatest speeds
-        self._longest_stop = longest_stop(machine)
         # read, but not interpreted before the executor has reported positions, or a pause has ended
         self._held: ParsedLine | None = None
         # the line whose pause comes before all else of it, once that has been put
@@ -170,9 +168,7 @@ class Pipeline:
         """Up to where the executor may play before the next `pump` without beginning to stop [cycles]."""
         plan = self._plan
         going_on = plan.motion.moving or plan.source is not None or plan.output.blocked
-        # rows to come may be faster than those that are there
-        stop = min(stopping_rows(max(self._longest_stop, plan.motion.torque_stop)), LONGEST_STOP)
-        return plan.output.last_u - (stop + DRY if going_on else 0)
+        return plan.output.last_u - (self._stop + DRY if going_on else 0)
 
     @property
     def pause_u(self) -> float | None:

@@ -107,15 +107,32 @@ def test_blocks_are_the_same_to_the_bit_as_cycle_by_cycle(monkeypatch: pytest.Mo
     assert played > 0.5 * len(second.recording.time_s)
 
 
-def test_a_turning_spindle_is_the_same_to_the_bit_too(monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize("kind", ["ideal", "simulated"])
+def test_a_turning_spindle_is_the_same_to_the_bit_too(kind: str, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(globals(), "PROGRAM", SPINDLE)
-    first, second, played = both(machine("ideal"), monkeypatch)
+    first, second, played = both(machine(kind), monkeypatch)
     assert first.exit_code == 0
     assert_same(first, second)
     assert second.recording is not None
     assert played > 0.5 * len(second.recording.time_s)
     turned = np.abs(second.recording.setpoint[:, 4]).max()
     assert turned > 50.0
+
+
+def test_an_axis_that_stands_and_would_stop_slowly_shortens_no_blocks(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    chords = [f"G01 X{0.1 * k:.2f} Y{0.05 * (k % 3):.2f}" for k in range(1500)]
+    monkeypatch.setitem(globals(), "PROGRAM", "\n".join(["G1010", "G94 F12000 G64 P0.02", *chords]))
+    spindle = axes_text([3], rotary=True, velocity=300.0, acceleration=60.0, drive="ideal")
+    moving = axes_text(
+        range(2), velocity=300.0, acceleration=3000.0, keys="max_jerk = 90000.0", drive="ideal"
+    )
+    first, second, played = both(parse_machine('[machine]\nname = "test"\n' + moving + spindle), monkeypatch)
+    assert first.exit_code == 0
+    assert_same(first, second)
+    assert second.recording is not None
+    assert played > 0.9 * len(second.recording.time_s)
 
 
 LASER = """G21 G90 G94 F6000

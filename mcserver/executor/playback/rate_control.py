@@ -120,7 +120,7 @@ class RateControl:
 
     def rows_before(self, u: float, edge: float) -> int:
         """Return the rows that u may pass before a stop at an edge has to be thought of."""
-        return max(0, int(edge - u - self._far_from(self._stop)) - 1)
+        return max(0, int(edge - u - self._far(u, edge)) - 1)
 
     def _far_from(self, stop: float) -> float:
         """Return the rows before an edge from which on a stop of some cycles there is thought of."""

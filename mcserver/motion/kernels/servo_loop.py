@@ -14,10 +14,11 @@ def follow_cycles(
     state: Array,
     coefficients: Array,
     limits: Array,
-    follows: NDArray[np.bool_],
+    follows: NDArray[np.int8],
     position: Array,
     velocity: Array,
     flush: tuple[int, int, float],
+    cycle_s: float,
     moved: Array,
 ) -> int:
     """Let n axes follow setpoints of up to m cycles, with the operations of a single cycle in their order.
@@ -25,9 +26,10 @@ def follow_cycles(
     Args:
         state: shape (7, n), written: position, tracking error, velocity, old and new velocity setpoint,
             change of the velocity in the last cycle, last position setpoint.
-        coefficients: of the loops, shape (2, 4, n). limits: largest change of a velocity in a cycle and
-            largest velocity, shape (2, n).
-        follows: shape (n,); the others stand. position, velocity: setpoints, shape (m, n).
+        coefficients: of the loops, shape (2, 4, n). limits: largest change of a velocity in a cycle,
+            largest velocity, and how far an axis in velocity mode is taken as off at most, shape (3, n).
+        follows: shape (n,), 1: a position, 2: a velocity, 0: it stands. position, velocity: setpoints, shape
+            (m, n).
         flush: cycles so far, after how many tiny values are set to zero, and what is tiny.
         moved: written: positions after each cycle, shape (m, n).
 
@@ -36,12 +38,16 @@ def follow_cycles(
     """
     count, width = len(position), len(follows)
     done, every, tiny = flush
-    errors, speeds = np.empty(width), np.empty(width)
+    errors, speeds, references = np.empty(width), np.empty(width), np.empty(width)
     for i in range(count):
         for k in range(width):
-            reference = position[i, k] if follows[k] else state[0, k]
             wanted = velocity[i, k] if follows[k] else 0.0
-            away = state[0, k] - reference
+            if follows[k] == 2:
+                integral = state[6, k] + 0.5 * (state[3, k] + wanted) * cycle_s
+                references[k] = state[0, k] - min(max(state[0, k] - integral, -limits[2, k]), limits[2, k])
+            else:
+                references[k] = position[i, k] if follows[k] else state[0, k]
+            away = state[0, k] - references[k]
             error = coefficients[0, 0, k] * away
             error += coefficients[0, 1, k] * state[2, k]
             error += coefficients[0, 2, k] * state[3, k]
@@ -55,8 +61,7 @@ def follow_cycles(
             errors[k], speeds[k] = error, speed
         done += 1
         for k in range(width):
-            reference = position[i, k] if follows[k] else state[0, k]
-            wanted = velocity[i, k] if follows[k] else 0.0
+            reference, wanted = references[k], velocity[i, k] if follows[k] else 0.0
             state[1, k] = state[0, k] - reference
             state[5, k] = speeds[k] - state[2, k]
             state[0, k] = reference + errors[k]
