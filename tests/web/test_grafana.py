@@ -72,7 +72,7 @@ def test_every_metric_that_is_exported_is_on_the_dashboard(tmp_path: Path) -> No
 def test_every_metric_and_label_of_the_alerts_exists(tmp_path: Path) -> None:
     known = exported(tmp_path)
     (group,) = yaml.safe_load(ALERTS.read_text("utf-8"))["groups"]
-    assert len({rule["alert"] for rule in group["rules"]}) == len(group["rules"]) == 8
+    assert len({rule["alert"] for rule in group["rules"]}) == len(group["rules"]) == 10
     for rule in group["rules"]:
         used = re.findall(r"(mc_\w+)(?:\{([^}]*)\})?", rule["expr"])
         assert used
