@@ -281,9 +281,8 @@ class WorkOffsets:
         if text:
             raise Refused(
                 "MC602",
-                text,
-                f"fit a new one and say so (mcctl tables T{tool} --used 0), or let it cut on for longer "
-                f"(mcctl tables T{tool} --life, in minutes), then resume",
+                f"the tool that is asked for is used up: {text}",
+                f"fit a new one and say so, or make its life longer: mcctl tables T{tool} --used 0",
             )
 
     def _tables_file(self) -> dict[Path, bytes]:

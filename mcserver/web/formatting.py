@@ -161,6 +161,7 @@ _COMMANDS = {
     "reference": mark("give the position in the card Homing"),
     "reset": mark("press Reset"),
     "resume": mark("press Resume"),
+    "tables": mark("press Change a tool …"),
     "zero": mark("use Zero or Set in the card Position"),
     "run": mark("run it from the line"),
     "continue": mark("press Continue"),
@@ -170,7 +171,8 @@ _COMMANDS = {
 }
 _COMMAND = re.compile(
     r"(?:machine\.continue_program\([^)]*\), or )?mcctl"
-    r" (home|reference|reset|resume|zero|run|continue|arm)(?: (?:--[a-z-]+|[A-Z][A-Z0-9=.-]*|\[\d+\]))*"
+    r" (home|reference|reset|resume|tables|zero|run|continue|arm)"
+    r"(?: (?:--[a-z-]+|[A-Z][A-Z0-9=.-]*|\[\d+\]|\d+))*"
     r"|open another one with machine\.(program)\(\)"
 )
 
