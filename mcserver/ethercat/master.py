@@ -7,6 +7,7 @@ import socket
 import time
 from collections.abc import Sequence
 from contextlib import suppress
+from stat import S_ISSOCK
 from typing import Any
 
 from mcserver.canopen.coe import configure_coe
@@ -40,12 +41,12 @@ def _answer_at_once(*interfaces: str) -> None:
     would stand for so long where a frame is lost.
     """
     for descriptor in map(int, os.listdir("/proc/self/fd")):
+        # one of them has read the folder, and is closed
         with suppress(OSError):
-            # what is no socket is refused, and stays open
-            end = socket.socket(fileno=descriptor)
-            if end.family == socket.AF_PACKET and end.getsockname()[0] in interfaces:
-                end.setblocking(False)
-            end.detach()
+            if S_ISSOCK(os.fstat(descriptor).st_mode):
+                with socket.socket(fileno=os.dup(descriptor)) as end:
+                    if end.family == socket.AF_PACKET and end.getsockname()[0] in interfaces:
+                        end.setblocking(False)
 
 
 class EthercatMaster:

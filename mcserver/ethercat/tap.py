@@ -5,7 +5,7 @@ from __future__ import annotations
 import socket
 import time
 from collections.abc import Sequence
-from contextlib import suppress
+from contextlib import ExitStack, suppress
 
 from mcserver.errors import RuntimeFault
 
@@ -19,22 +19,25 @@ def open_tap(interfaces: Sequence[str]) -> socket.socket:
     """Return a socket that hears every frame, of all interfaces where several are named, and never waits.
 
     Raises:
-        RuntimeFault: MC424 it cannot be listened.
+        RuntimeFault: MC424 an interface cannot be listened on.
     """
     one = len(interfaces) == 1
     try:
-        # with its protocol it hears all interfaces before it is bound to one
-        tap = socket.socket(socket.AF_PACKET, socket.SOCK_RAW, 0 if one else socket.htons(_EVERY))
-        tap.setblocking(False)
-        if one:
-            tap.bind((interfaces[0], _EVERY))
+        with ExitStack() as unless_opened:
+            # with its protocol it hears all interfaces before it is bound to one
+            protocol = 0 if one else socket.htons(_EVERY)
+            tap = unless_opened.enter_context(socket.socket(socket.AF_PACKET, socket.SOCK_RAW, protocol))
+            tap.setblocking(False)
+            if one:
+                tap.bind((interfaces[0], _EVERY))
+            unless_opened.pop_all()
+            return tap
     except OSError as error:
         raise RuntimeFault(
             "MC424",
             f"the interface {' or '.join(interfaces)} cannot be listened on: {error.strerror or error}",
             "`ip link` lists interfaces; raw sockets need root or CAP_NET_RAW",
         ) from error
-    return tap
 
 
 def frames_heard(interface: str, duration_s: float) -> int:
