@@ -25,9 +25,13 @@ def open_tap(interfaces: Sequence[str]) -> socket.socket:
     try:
         # with its protocol it hears all interfaces before it is bound to one
         tap = socket.socket(socket.AF_PACKET, socket.SOCK_RAW, 0 if one else socket.htons(_EVERY))
-        tap.setblocking(False)
-        if one:
-            tap.bind((interfaces[0], _EVERY))
+        try:
+            tap.setblocking(False)
+            if one:
+                tap.bind((interfaces[0], _EVERY))
+        except OSError:
+            tap.close()
+            raise
     except OSError as error:
         raise RuntimeFault(
             "MC424",
