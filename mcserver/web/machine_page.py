@@ -140,8 +140,7 @@ class MachinePage:
         client.on_connect(self._enter)
         client.on_disconnect(self._held.release)
         client.on_disconnect(self._tool_jog.drop)
-        client.on_disconnect(lambda: link.control.leave(client.id))
-        client.on_disconnect(lambda: None if client.has_socket_connection else self._leave())
+        client.on_disconnect(lambda: None if client.has_socket_connection else self._cut(client.id))
         client.on_delete(self._leave)
         self.update()
 
@@ -153,6 +152,11 @@ class MachinePage:
         elif not self._looking:
             self._looking = True
             self._link.enter(self._visitor.name)
+
+    def _cut(self, browser: str) -> None:
+        """Be without any link: a connection that a newer one has replaced may end after that has come."""
+        self._link.control.leave(browser)
+        self._leave()
 
     def _leave(self) -> None:
         if self._looking:
