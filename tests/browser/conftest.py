@@ -24,10 +24,10 @@ FLAGS = [
     "--disable-quic",
     "--enable-unsafe-swiftshader",
 ]
-# generous: the first check of a server compiles, and the computer may be busy. What ends these tests is that
+# generous: the computer may be busy. What ends these tests is that
 # something does not come at all, never that it comes late
-LIMIT_MS = 240_000
-LIMIT_S = 900.0
+LIMIT_MS = 100_000
+LIMIT_S = 400.0
 TRIES = 12
 WIDE = {"width": 1920, "height": 1080}
 

@@ -141,6 +141,8 @@ class ProgramPanel:
                 }
             self._jobs = QueuePanel(actions)
             self._report = ui.html("", sanitize=False).classes("w-full").props("aria-live=polite")
+            # of the newest check: answers may come in another order than they were asked for
+            self._checked: object = None
 
     def update(self) -> None:
         self._update_program()
@@ -358,12 +360,16 @@ class ProgramPanel:
         await self._check(name, text)
 
     async def _check(self, name: str, text: str) -> None:
-        """Show every fault of a text at its place."""
+        """Show every fault of a text at its place, unless another text has come meanwhile."""
+        self._checked = asked = object()
+        self._report.set_content("")
         try:
             switches = self._actions.link.jobs.switches
             found = await self._actions.link.connected().check(text, **switches._asdict())
         except MotionError as error:
             show_refusal(error.message, error.hint)
+            return
+        if self._checked is not asked:
             return
         if not found.diagnostics:
             self._report.set_content(f"<p>{html.escape(name)}: {t('no faults')}</p>")

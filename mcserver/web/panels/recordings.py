@@ -26,6 +26,7 @@ class RecordingsPanel:
     def __init__(self, actions: Actions) -> None:
         self._actions = actions
         self._shown: tuple[object, ...] = ()
+        self._sizes: dict[str, ui.label] = {}
         self._all = False
         with ui.card().classes("mc-card"):
             ui.html(f"<h2>{t('Recordings')}</h2>", sanitize=False)
@@ -58,16 +59,18 @@ class RecordingsPanel:
                 size=size_text(recorder.held_bytes),
             )
         )
-        shown = (
-            self._all,
-            *((each.name, each.state, size_text(each.size)) for each in found.recordings),
-        )
+        shown = (self._all, *((each.name, each.state) for each in found.recordings))
+        # one that grows keeps its row: a click on a button that has been built anew meanwhile is lost
         if shown != self._shown:
             self._shown = shown
             self._build(found.recordings)
+        for each in found.recordings:
+            if each.name in self._sizes:
+                self._sizes[each.name].set_text(size_text(each.size))
 
     def _build(self, recordings: Sequence[RecordingInfo]) -> None:
         self._rows.clear()
+        self._sizes = {}
         with self._rows:
             for each in recordings if self._all else recordings[:SHOWN]:
                 self._row(each)
@@ -84,7 +87,7 @@ class RecordingsPanel:
         root = f"/machine/{quote(self._actions.link.name)}/recordings/{quote(name)}"
         with ui.row().classes("w-full items-center gap-2 mc-row"):
             ui.label(name).classes("grow break-all")
-            ui.label(size_text(recording.size)).classes("text-xs")
+            self._sizes[name] = ui.label("").classes("text-xs")
             if recording.state == "writing":
                 ui.button(t("Stop"), on_click=partial(self._stop, name)).props(
                     f'dense color=negative aria-label="{t("stop recording {name}", name=name)}"'
