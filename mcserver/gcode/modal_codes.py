@@ -18,6 +18,8 @@ def modal_codes(modal: ModalState) -> list[str]:
     codes.append("G61" if modal.exact_stop else "G64")
     if modal.plane is not None:
         codes.append(f"G{modal.plane}")
+    if modal.diameter:
+        codes.append("G7")
     frame = modal.frame
     if frame is not None:
         codes.append({number: name for name, number in SYSTEM_NUMBERS.items()}[frame.system])

@@ -141,6 +141,8 @@ def act_before(block: BlockState, actions: tuple[Action, ...], effects: Effects)
             block.change(relative=tuple(axis for letter, axis in letters.items() if letter not in "UVW"))
         elif code in ("G90.1", "G91.1"):
             block.change(absolute_centres=code == "G90.1")
+        elif code in ("G7", "G8"):
+            block.change(diameter=code == "G7")
         elif code == "G95":
             block.modal = apply_setting(95, block.modal)
         elif code == "G40":
@@ -321,6 +323,13 @@ def _set_system(block: BlockState, action: Action) -> None:
         # an angle is none to add to, under G91 neither (LinuxCNC)
         origin[ANGLE] = math.radians(angle.value)
     values = dict(_axis_values(block, action))
+    if kind == 2.0 and values and block.modal.incremental and block.setup.machine.dialect.macros != "fanuc":
+        block.faults.add(
+            "MC186",
+            "under G91 G10 L2 sets the origin on LinuxCNC's controllers and adds to it on Fanuc's",
+            action.span,
+            "write G90 ahead of it",
+        )
     if kind == 2.0:
         for axis, value in values.items():
             origin[axis] = value + (origin.get(axis, 0.0) if block.modal.incremental else 0.0)

@@ -37,6 +37,8 @@ TRANSFORMING: Final = frozenset({"G15", "G16", "G50", "G50.1", "G51", "G51.1", "
 TILTING: Final = frozenset({"G68.2", "G53.1"})
 # curves by control points (D-97)
 SPLINES: Final = frozenset({"G5", "G5.1", "G5.2", "G5.3"})
+# X as a diameter, and as a radius (D-137)
+DIAMETERS: Final = frozenset({"G7", "G8"})
 # firmware retraction of printers, and what their lines are called as actions: in cnc G10 is a table's (D-115)
 RETRACTING: Final[Mapping[str, str]] = MappingProxyType(
     {"G10": "RETRACT", "G11": "RECOVER", "M207": "M207", "M208": "M208"}
@@ -73,7 +75,7 @@ ACTING: Final[Mapping[str, frozenset[str]]] = MappingProxyType(
             | TRANSFORMING
             | TILTING
             | SPLINES
-            | {"G40", "G90.1", "G91.1", "G95", "G96", "G97"}
+            | {"G40", "G90.1", "G91.1", "G95", "G96", "G97", *DIAMETERS}
         ),
         "robot": frozenset(_FRAME | {"G4", "M3", "M4", "M5"}),
         "printer": frozenset({"G4", "G28", "G92", "M82", "M83", *PRINTER_STOPS, *RETRACTING}),
@@ -84,6 +86,9 @@ ACTING: Final[Mapping[str, frozenset[str]]] = MappingProxyType(
 def acting_of(dialect: Dialect) -> frozenset[str]:
     """Return the codes of a profile that act on a machine, beside those that its file maps."""
     acting = ACTING[dialect.profile]
+    if dialect.macros == "fanuc":
+        # G7 is another code on its controllers
+        return acting - DIAMETERS
     return acting - RETRACTING.keys() if dialect.profile == "printer" and dialect.extruder is None else acting
 
 
@@ -193,7 +198,7 @@ REFUSED: Final[Mapping[str, str]] = MappingProxyType(
         "G5.1": "splines are read in the profile cnc; let the post write arcs and lines",
         "G5.2": "splines are read in the profile cnc; let the post write arcs and lines",
         "G5.3": "splines are read in the profile cnc; let the post write arcs and lines",
-        "G7": "diameters are not halved here; let the post write radii",
+        "G7": "diameters are halved in the profile cnc, by LinuxCNC's G7; let the post write radii",
         **dict.fromkeys(
             ("G10", "G11"),
             "retractions are for the profile printer with an axis E; let the slicer write them as moves of E",

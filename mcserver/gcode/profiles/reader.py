@@ -224,6 +224,9 @@ class ProfileReader:
                 elif name in ("G5", "G5.1") and not _GEOMETRY.search(code):
                     # G5 P10000 and G5.1 Q1 are Fanuc's lookahead; with X and Y they are splines
                     ignored.append(name)
+                elif name == "G8" and "P" in code:
+                    # Fanuc's lookahead, as G5 P10000
+                    ignored.append(name)
                 elif name == "G53" and name in self._acting:
                     machine_frame = True
                 elif name in self._acting or (name in SILENT and self._dialect.profile != "reference"):

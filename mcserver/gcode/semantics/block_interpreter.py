@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from mcserver.gcode.line_faults import FaultList
 from mcserver.gcode.profiles.actions import Effects, act_after, act_at_end, act_before
+from mcserver.gcode.profiles.diameters import refuse_beside_diameters
 from mcserver.gcode.profiles.drilling import drill, repeat_action
 from mcserver.gcode.profiles.nurbs import read_control_line
 from mcserver.gcode.profiles.surface_speed import follow_zero, part_by_turns
@@ -93,6 +94,8 @@ class BlockInterpreter:
         act_after(block, profile.actions, effects)
         if profile.polar:
             block.change(transformation=before)
+        if block.modal.diameter:
+            refuse_beside_diameters(block, profile.polar)
         # M0 and M30 come last, also where all that moves is a cycle or G28
         effects.after += follow_zero(block)
         self.before, self.after = effects.before, [*effects.after, *self.before, *self.after]

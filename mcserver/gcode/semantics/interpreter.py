@@ -12,6 +12,7 @@ from mcserver.gcode.fast_path.batches import MAX_LINES, BatchInterpreter
 from mcserver.gcode.fast_path.interpreted_batch import InterpretedBatch
 from mcserver.gcode.notices import bodies_in
 from mcserver.gcode.profiles.codes import COMPENSATING, MOVING, PRINTER_STOPS
+from mcserver.gcode.profiles.diameters import counts_diameters, in_radii
 from mcserver.gcode.profiles.frame import Frame
 from mcserver.gcode.profiles.reader import reader_of
 from mcserver.gcode.semantics.arc_plane import PLANES
@@ -141,6 +142,7 @@ class Interpreter:
         by_tip = frame is not None and (frame.tip_tool is not None or frame.surface is not None)
         beside = self._compensation is not None or modal.transformation is not None
         beside = beside or modal.control_points is not None or modal.per_turn or bool(modal.coupled)
+        beside = beside or modal.diameter
         return self._ended or self._setup.dynamics is not None or by_tip or beside
 
     @property
@@ -322,6 +324,8 @@ class Interpreter:
         return faults_of(interpreted.block).in_reading_order(), values
 
     def _read(self, parsed: ParsedLine) -> tuple[BlockInterpreter, list[Canonical]]:
+        if counts_diameters(parsed, self._modal.diameter):
+            parsed = in_radii(parsed)
         block = BlockState(self._setup, parsed, self._modal, self._commanded, self._compensation)
         interpreted = BlockInterpreter(block)
         interpreted.read()

@@ -61,6 +61,7 @@ class ModalState(msgspec.Struct, frozen=True):
         shift: the program's zero in axis positions, axis → [m or rad], as the frame gives it; None: no shift.
         transformation: rotation, scaling and polar coordinates of programmed places (D-94 to D-96).
         absolute_centres: I J K of arcs are positions (G90.1), not increments from the start.
+        diameter: X counts diameters (G7).
         spline_end: of the last G5, which a G5 without I and J goes on from.
         control_points: of a curve that is not yet closed (G5.2).
         relative: axes whose words are increments under G90 too (M83).
@@ -85,6 +86,7 @@ class ModalState(msgspec.Struct, frozen=True):
     shift: dict[int, float] | None = None
     transformation: Transformation | None = None
     absolute_centres: bool = False
+    diameter: bool = False
     spline_end: SplineEnd | None = None
     control_points: ControlPoints | None = None
     relative: tuple[int, ...] = ()

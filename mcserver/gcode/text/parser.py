@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from copy import copy
+
 from mcserver.errors import Diagnostic, Edit
 from mcserver.gcode.line_faults import FaultList, Origin, Span
 from mcserver.gcode.text.command_table import CommandSpec
@@ -43,6 +45,12 @@ class ParsedLine:
         if self._groups is None:
             self._groups = self._structure(FaultList(self.number))
         return self._groups
+
+    def with_words(self, groups: tuple[Group, ...], profile: ProfileWords | None) -> ParsedLine:
+        """Return the line with words of other values, in the same places of its text."""
+        found = copy(self)
+        found._groups, found.profile = groups, profile
+        return found
 
     @property
     def blank(self) -> bool:

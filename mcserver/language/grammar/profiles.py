@@ -55,7 +55,7 @@ _CAPTURING = (1000, 1001, 1002, 1010, 1011)
 # acting codes without words of their own
 _WORDLESS = frozenset(
     {
-        *("G15", "G40", "G49", "G69", "G80", "G90.1", "G91.1", "G95", "G98", "G99"),
+        *("G7", "G8", "G15", "G40", "G49", "G69", "G80", "G90.1", "G91.1", "G95", "G98", "G99"),
         *("G92.1", "G92.2", "G92.3", "M82", "M83", "M600", *SYSTEM_NUMBERS),
     }
 )
