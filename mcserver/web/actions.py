@@ -13,6 +13,7 @@ from mcserver.errors import McError
 from mcserver.net.method_table import BY_NAME
 from mcserver.net.roles import roles_named
 from mcserver.web.control import Driver, needs_control
+from mcserver.web.delays import MAX_ORDER_DELAY_S, DelayGate
 from mcserver.web.formatting import page_hint
 from mcserver.web.link import MachineLink
 from mcserver.web.translation import mark, t
@@ -41,6 +42,17 @@ def show_role_refusal(method: str) -> None:
     )
 
 
+def was_late(gate: DelayGate) -> bool:
+    """Whether what was pressed is too old to be done; says so where it is (MC604)."""
+    if gate.delay_s <= MAX_ORDER_DELAY_S:
+        return False
+    show_refusal(
+        t("This was pressed {seconds:.0f} s ago: the link was held up [MC604]", seconds=gate.delay_s),
+        t("look at the machine, then press it again"),
+    )
+    return True
+
+
 class Actions:
     """Bound to one visitor, one browser and one machine.
 
@@ -52,6 +64,8 @@ class Actions:
         self.driver = driver
         self.visitor = driver.visitor
         self.link = link
+        self.gate = DelayGate()
+        self.gate.listen()
 
     def has_role(self, method: str) -> bool:
         """Whether the visitor's role may call a method; says so where not."""
@@ -63,11 +77,16 @@ class Actions:
     def allowed(self, method: str) -> bool:
         """Whether the visitor may call a method; says so where not.
 
-        What moves something takes control where nobody has it, and is refused where somebody else has.
+        What moves something takes control where nobody has it, and is refused where somebody else has, and
+        where it was held up on the way.
         """
         if not self.has_role(method):
             return False
-        if not needs_control(method) or self.has_control:
+        if not needs_control(method):
+            return True
+        if was_late(self.gate):
+            return False
+        if self.has_control:
             return True
         other = self.link.control.other(self.driver.browser)
         if other is not None:

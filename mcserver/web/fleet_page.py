@@ -9,7 +9,9 @@ from typing import Any
 
 from nicegui import events, ui
 
-from mcserver.web.actions import show_refusal, show_role_refusal
+from mcserver.web.actions import show_refusal, show_role_refusal, was_late
+from mcserver.web.control import needs_control
+from mcserver.web.delays import DelayGate
 from mcserver.web.dialogs import answer_to, ask, named_dialog
 from mcserver.web.fleet import VISITOR_LINKS, Fleet, Seen
 from mcserver.web.formatting import banner, current_program, is_live, remaining_text
@@ -126,6 +128,8 @@ class FleetPage:
     def __init__(self, visitor: Visitor, fleet: Fleet) -> None:
         self._visitor = visitor
         self._fleet = fleet
+        self._gate = DelayGate()
+        self._gate.listen()
         self._sent: dict[str, dict[str, Any]] = {}
         with ui.header(elevated=True).classes("items-center justify-between no-wrap py-1 px-2 bg-slate-900"):
             ui.label(t("Machines")).classes("font-bold text-lg")
@@ -276,7 +280,7 @@ class FleetPage:
         if not self._visitor.may(method):
             show_role_refusal(method)
             return False
-        return True
+        return not needs_control(method) or not was_late(self._gate)
 
     async def _ask(self, order: str) -> None:
         if not self._allowed(order):

@@ -16,6 +16,8 @@ from typing import Protocol
 
 from mcclient.errors import MotionError
 
+from mcserver.web.delays import DelayGate
+
 log = logging.getLogger(__name__)
 
 # the server's dead man's time: three keeps may be lost
@@ -34,50 +36,28 @@ class Machine(Protocol):
 Move = Callable[[str | None], Awaitable[str]]
 
 
-class DelayGate:
-    """Judges how late the messages of one browser are, by its own clock.
-
-    The clocks' offset is unknown: the least difference seen so far stands for a message without delay.
-    """
-
-    def __init__(self) -> None:
-        self._offset_s: float | None = None
-
-    def is_late(self, sent_s: float, now_s: float) -> bool:
-        """Whether a message was under way for more than `MAX_DELAY_S` longer than the quickest one."""
-        offset = now_s - sent_s
-        if self._offset_s is None or offset < self._offset_s:
-            self._offset_s = offset
-        return offset - self._offset_s > MAX_DELAY_S
-
-
 class HeldJog:
     """The one jog that one browser may hold.
 
     Args:
         machine: what moves.
-        clock: seconds, never stepping.
+        gate: of the browser.
         on_error: takes the sentence for the operator.
     """
 
-    def __init__(self, machine: Machine, clock: Callable[[], float], on_error: Callable[[str], None]) -> None:
+    def __init__(self, machine: Machine, gate: DelayGate, on_error: Callable[[str], None]) -> None:
         self.machine = machine
-        self._clock = clock
         self._on_error = on_error
-        self._gate = DelayGate()
+        self._gate = gate
         self._press: int | None = None
         self._released_press: int | None = None
         self._program: str | None = None
         self._move: Move | None = None
         self._busy = asyncio.Lock()
 
-    def observe(self, sent_s: float) -> None:
-        """Take the time of any message of this browser: the more it has seen, the better it judges."""
-        self._gate.is_late(sent_s, self._clock())
-
     async def press(self, press: int, move: Move, sent_s: float) -> None:
         """Start a move; ``press`` numbers the touch."""
-        if self._gate.is_late(sent_s, self._clock()) or (self._press is not None and press <= self._press):
+        if self._gate.observe(sent_s) > MAX_DELAY_S or (self._press is not None and press <= self._press):
             return
         self._press, self._move, self._program = press, move, None
         async with self._busy:
@@ -96,7 +76,7 @@ class HeldJog:
 
     async def keep(self, press: int, sent_s: float) -> None:
         """Keep the axis moving for another `HOLD_S`; never start it again."""
-        if self._gate.is_late(sent_s, self._clock()) or press != self._press or self._program is None:
+        if self._gate.observe(sent_s) > MAX_DELAY_S or press != self._press or self._program is None:
             return
         if self._busy.locked():
             # the one before it is still under way: this one would only queue behind it

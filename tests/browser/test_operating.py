@@ -27,7 +27,7 @@ def run(page: Page) -> None:
     page.get_by_role("button", name="Run", exact=True).first.click()
 
 
-def test_what_waits_has_a_total_time_and_can_be_removed(
+def test_what_waits_has_a_total_time_and_the_one_that_was_pressed_is_removed(
     page: Page, site: PageProcess, machine: sync.Machine
 ) -> None:
     opened(page, site)
@@ -42,11 +42,20 @@ def test_what_waits_has_a_total_time_and_can_be_removed(
     run(page)
     expect(page.get_by_text(re.compile(r"^2 waiting: 0:40; all done in [1-4]:\d\d$"))).to_be_visible()
     remove = page.get_by_role("button", name="remove short.gcode from the queue")
-    remove.first.click()
+    # while the finger is down on the second, the first goes: the second moves up, and is another button there
+    remove.last.hover()
+    page.mouse.down()
+    remove.first.evaluate("(button) => button.click()")
     expect(page.get_by_text(re.compile(r"^1 waiting: 0:20"))).to_be_visible()
-    remove.click()
+    page.mouse.up()
     expect(remove).to_have_count(0)
+    # what was held up on the way moves nothing when it comes; a stop stops
+    page.evaluate("() => { const t = performance.now(); performance.now = () => t - 10_000; }")
+    page.get_by_role("button", name="Resume").click()
+    expect(page.get_by_text(re.compile(r"^This was pressed \d+ s ago: .*\[MC604\]"))).to_be_visible()
+    expect(page.get_by_role("status")).to_have_text("held")
     page.get_by_role("button", name="Abort").click()
+    page.evaluate("delete performance.now")
     wait_for(machine, page, at_rest)
     assert len(machine.programs(ended=False)) == 0
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import html
 import math
-from collections.abc import Sequence
 from functools import partial
 from typing import Any
 
@@ -14,6 +13,7 @@ from nicegui import ui
 from mcserver.gcode.text.source import split_lines
 from mcserver.web.actions import Actions
 from mcserver.web.formatting import axis_name, clock_text, diagnostics_html, position_text
+from mcserver.web.panels.kept_rows import KeptRows
 from mcserver.web.run_requests import RunToArm
 from mcserver.web.translation import mark, t
 
@@ -29,50 +29,35 @@ class ArmingPanel:
 
     def __init__(self, actions: Actions) -> None:
         self._actions = actions
-        self._known: tuple[tuple[str, int], ...] = ()
-        self._states: dict[tuple[str, int], ui.label] = {}
+        self._shown: dict[tuple[str, int], RunToArm] = {}
         self._buttons: dict[tuple[str, int], tuple[ui.button, ui.button]] = {}
-        self._approvals: dict[str, ui.label] = {}
         self._card = ui.card().classes("mc-card")
         with self._card:
             ui.html(f"<h2>{t('Runs to arm')}</h2>", sanitize=False)
-            self._list = (
-                ui.column().classes("w-full gap-4").props(f'role=region aria-label="{t("Runs to arm")}"')
-            )
-            self._standing = (
-                ui.column().classes("w-full gap-1").props(f'role=region aria-label="{t("Approved")}"')
-            )
+            self._list = KeptRows(self._one)
+            self._list.element.props(f'role=region aria-label="{t("Runs to arm")}"')
+            self._standing = KeptRows(self._approval)
+            self._standing.element.props(f'role=region aria-label="{t("Approved")}"')
         self._card.set_visibility(False)
 
     def update(self) -> None:
         """Show what is asked for now; a request that was made anew is built anew, with what it is now."""
-        shown = self._actions.link.run_requests.shown
-        keys = tuple(each.key for each in shown)
-        if keys != self._known:
-            self._known = keys
-            self._build(shown)
-        approvals = self._actions.link.run_requests.approvals
-        if [each["sha256"] for each in approvals] != [*self._approvals]:
-            self._build_approvals(approvals)
-        for run in approvals:
-            self._approvals[run["sha256"]].set_text(_approval_text(run))
-        self._card.set_visibility(bool(shown or approvals))
-        for each in shown:
-            self._states[each.key].set_text(_state_text(each))
-            arm, reject = self._buttons[each.key]
+        requests = self._actions.link.run_requests
+        self._shown = {each.key: each for each in requests.shown}
+        self._list.show({key: _state_text(each) for key, each in self._shown.items()})
+        self._standing.show({run["sha256"]: _approval_text(run) for run in requests.approvals})
+        self._card.set_visibility(bool(requests.shown or requests.approvals))
+        for key in self._buttons.keys() - self._shown.keys():
+            del self._buttons[key]
+        for key, each in self._shown.items():
+            arm, reject = self._buttons[key]
             arm.set_enabled(each.run["state"] == "waiting" and not each.run.get("changed"))
             reject.set_enabled(each.run["state"] in ("waiting", "armed"))
 
-    def _build(self, shown: tuple[RunToArm, ...]) -> None:
-        self._states, self._buttons = {}, {}
-        self._list.clear()
-        with self._list:
-            for each in shown:
-                self._one(each)
-
-    def _one(self, each: RunToArm) -> None:
+    def _one(self, key: tuple[str, int]) -> ui.label:
+        each = self._shown[key]
         run = each.run
-        with ui.column().classes("w-full gap-1").props(f'data-run="{run["sha256"][:12]}"'):
+        with ui.column().classes("w-full gap-1 mb-4").props(f'data-run="{run["sha256"][:12]}"'):
             ui.html(_heading(each), sanitize=False)
             # numbers alone: the picture has no word of whoever wrote the program
             ui.html(f'<div class="overflow-x-auto">{each.picture}</div>', sanitize=False).classes("w-full")
@@ -95,17 +80,14 @@ class ArmingPanel:
                     t("Reason"), validation={t("at most 500 characters"): lambda said: len(said) <= 500}
                 )
                 reject = ui.button(t("Reject"), on_click=partial(self._reject, each, reason)).props("outline")
-                self._buttons[each.key] = arm, reject
-            self._states[each.key] = ui.label("").props("aria-live=polite")
+                self._buttons[key] = arm, reject
+            return ui.label("").props("aria-live=polite")
 
-    def _build_approvals(self, approvals: Sequence[dict[str, Any]]) -> None:
-        self._approvals = {}
-        self._standing.clear()
-        with self._standing:
-            for run in approvals:
-                with ui.row().classes("w-full items-center gap-2"):
-                    self._approvals[run["sha256"]] = ui.label("")
-                    ui.button(t("End"), on_click=partial(self._end, run["sha256"])).props("outline")
+    def _approval(self, sha256: str) -> ui.label:
+        with ui.row().classes("w-full items-center gap-2"):
+            text = ui.label("")
+            ui.button(t("End"), on_click=partial(self._end, sha256)).props("outline")
+        return text
 
     async def _end(self, sha256: str) -> None:
         await self._actions.do(

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Awaitable, Callable
 from dataclasses import dataclass
 from typing import Any
@@ -36,7 +35,6 @@ class HeldButtons:
         self._held: HeldJog | None = None
         self._pads: dict[str, JogPad] = {}
         ui.on("mc_jog", self._on_jog)
-        ui.on("mc_clock", lambda event: self._held and self._held.observe(float(event.args["sent_s"])))
 
     def add(self, name: str, pad: JogPad) -> None:
         self._pads[name] = pad
@@ -57,6 +55,7 @@ class HeldButtons:
             what, direction = str(message["what"]), 1 if int(message["direction"]) > 0 else -1
         except (KeyError, TypeError, ValueError):
             return
+        self._actions.gate.observe(sent_s)
         if kind == "press" and not self._actions.allowed(pad.method):
             return
         if not self._actions.has_control:
@@ -67,7 +66,7 @@ class HeldButtons:
         if machine is None:
             return
         if self._held is None:
-            self._held = HeldJog(machine, time.monotonic, show_refusal)
+            self._held = HeldJog(machine, self._actions.gate, show_refusal)
         self._held.machine = machine
         if kind == "keep":
             await self._held.keep(press, sent_s)

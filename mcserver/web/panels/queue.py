@@ -9,6 +9,7 @@ from nicegui import ui
 from mcserver.web.actions import Actions
 from mcserver.web.formatting import clock_text, current_program, is_live
 from mcserver.web.jobs import Job
+from mcserver.web.panels.kept_rows import KeptRows
 from mcserver.web.translation import t
 
 ENDED_SHOWN = 5
@@ -19,45 +20,29 @@ class QueuePanel:
 
     def __init__(self, actions: Actions) -> None:
         self._actions = actions
-        self._listed: tuple[object, ...] = ()
         self._total = ui.label("").classes("font-bold")
-        self._rows = ui.element("div").classes("w-full")
+        self._waiting = KeptRows(self._row)
         self._go_on = ui.button(t("Start the queue again"), on_click=self._start_again).props("color=warning")
-        self._total.set_visibility(False)
-        self._go_on.set_visibility(False)
+        self._ended = ui.label("").classes("w-full text-sm break-words whitespace-pre-line")
 
     def update(self) -> None:
-        """Show the jobs as they are now; rows are built anew only when they have changed."""
+        """Show the jobs as they are now."""
         jobs = self._actions.link.jobs
         self._go_on.set_visibility(jobs.stopped and bool(jobs.waiting))
         self._total.set_visibility(bool(jobs.waiting))
         self._total.set_text(self._total_text())
-        waiting = tuple((job.number, job.duration_s) for job in jobs.waiting)
-        listed = (waiting, tuple((job.number, job.state) for job in jobs.ended))
-        if listed == self._listed:
-            return
-        self._listed = listed
-        self._rows.clear()
-        with self._rows:
-            for job in jobs.waiting:
-                self._row(job)
-            ended = list(jobs.ended)[:ENDED_SHOWN]
-            if ended:
-                ui.label(t("Ended:")).classes("mt-2")
-            for job in ended:
-                ui.label(ended_text(job)).classes("text-sm break-words")
+        self._waiting.show({job.number: waiting_text(job) for job in jobs.waiting})
+        ended = [ended_text(job) for job in list(jobs.ended)[:ENDED_SHOWN]]
+        self._ended.set_text("\n".join([t("Ended:"), *ended]) if ended else "")
 
-    def _row(self, job: Job) -> None:
+    def _row(self, number: int) -> ui.label:
+        job = next(job for job in self._actions.link.jobs.waiting if job.number == number)
         with ui.row().classes("w-full items-center no-wrap gap-2 mc-row"):
-            name = job.name
-            if job.from_line > 1:
-                name = t("{name} from line {line}", name=job.name, line=job.from_line)
-            ui.label(f"{name} · {clock_text(job.duration_s)} · " + t("by {name}", name=job.user)).classes(
-                "grow break-words min-w-0"
-            )
-            ui.button(t("Remove"), on_click=partial(self._remove, job.number)).props(
-                "flat dense no-caps"
-            ).props["aria-label"] = t("remove {name} from the queue", name=job.name)
+            text = ui.label("").classes("grow break-words min-w-0")
+            ui.button(t("Remove"), on_click=partial(self._remove, number)).props("flat dense no-caps").props[
+                "aria-label"
+            ] = t("remove {name} from the queue", name=job.name)
+        return text
 
     def _total_text(self) -> str:
         jobs = self._actions.link.jobs
@@ -79,6 +64,14 @@ class QueuePanel:
     def _start_again(self) -> None:
         if self._actions.allowed("open"):
             self._actions.link.jobs.start_again()
+
+
+def waiting_text(job: Job) -> str:
+    """Return what waits, for how long it will run, and for whom."""
+    name = job.name
+    if job.from_line > 1:
+        name = t("{name} from line {line}", name=job.name, line=job.from_line)
+    return f"{name} · {clock_text(job.duration_s)} · " + t("by {name}", name=job.user)
 
 
 def ended_text(job: Job) -> str:

@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from functools import partial
 from urllib.parse import quote
 
 from mcclient import MotionError
-from mcclient.types import RecordingInfo
 from nicegui import ui
 
 from mcserver.web.actions import Action, Actions
 from mcserver.web.formatting import clock_text, size_text
+from mcserver.web.panels.kept_rows import KeptRows
 from mcserver.web.panels.replay import show_replay
 from mcserver.web.translation import mark, t
 
@@ -25,8 +24,6 @@ class RecordingsPanel:
 
     def __init__(self, actions: Actions) -> None:
         self._actions = actions
-        self._shown: tuple[object, ...] = ()
-        self._sizes: dict[str, ui.label] = {}
         self._all = False
         with ui.card().classes("mc-card"):
             ui.html(f"<h2>{t('Recordings')}</h2>", sanitize=False)
@@ -37,7 +34,11 @@ class RecordingsPanel:
                 ui.button(t("Record"), on_click=self._start).props("color=primary")
                 ui.button(t("Save black box"), on_click=self._save).props("outline")
             self._state = ui.label("").classes("text-xs")
-            self._rows = ui.element("div").classes("w-full")
+            self._rows = KeptRows(self._row)
+            self._more = ui.button("", on_click=self._toggle).props("flat dense data-look")
+            self._none = ui.label(t("nothing has been recorded yet"))
+            self._more.set_visibility(False)
+            self._none.set_visibility(False)
 
     async def update(self) -> None:
         """Ask for the list now and then; a server without recorder says so."""
@@ -59,40 +60,24 @@ class RecordingsPanel:
                 size=size_text(recorder.held_bytes),
             )
         )
-        shown = (self._all, *((each.name, each.state) for each in found.recordings))
-        # one that grows keeps its row: a click on a button that has been built anew meanwhile is lost
-        if shown != self._shown:
-            self._shown = shown
-            self._build(found.recordings)
-        for each in found.recordings:
-            if each.name in self._sizes:
-                self._sizes[each.name].set_text(size_text(each.size))
+        recordings = found.recordings if self._all else found.recordings[:SHOWN]
+        self._rows.show({(each.name, each.state): size_text(each.size) for each in recordings})
+        count = len(found.recordings)
+        self._more.set_visibility(count > SHOWN)
+        self._more.set_text(t("Show fewer") if self._all else t("Show all {count}", count=count))
+        self._none.set_visibility(not count)
 
-    def _build(self, recordings: Sequence[RecordingInfo]) -> None:
-        self._rows.clear()
-        self._sizes = {}
-        with self._rows:
-            for each in recordings if self._all else recordings[:SHOWN]:
-                self._row(each)
-            if len(recordings) > SHOWN:
-                ui.button(
-                    t("Show fewer") if self._all else t("Show all {count}", count=len(recordings)),
-                    on_click=self._toggle,
-                ).props("flat dense data-look")
-            if not recordings:
-                ui.label(t("nothing has been recorded yet"))
-
-    def _row(self, recording: RecordingInfo) -> None:
-        name = recording.name
+    def _row(self, recording: tuple[str, str]) -> ui.label:
+        name, state = recording
         root = f"/machine/{quote(self._actions.link.name)}/recordings/{quote(name)}"
         with ui.row().classes("w-full items-center gap-2 mc-row"):
             ui.label(name).classes("grow break-all")
-            self._sizes[name] = ui.label("").classes("text-xs")
-            if recording.state == "writing":
+            size = ui.label("").classes("text-xs")
+            if state == "writing":
                 ui.button(t("Stop"), on_click=partial(self._stop, name)).props(
                     f'dense color=negative aria-label="{t("stop recording {name}", name=name)}"'
                 )
-            elif recording.state == "done":
+            elif state == "done":
                 ui.link(t("plot"), f"{root}/plot", new_tab=True).props(
                     f'aria-label="{t("plot {name}", name=name)}"'
                 )
@@ -104,6 +89,7 @@ class RecordingsPanel:
                 )
             else:
                 ui.label(t("unfinished")).classes("text-xs")
+        return size
 
     def _toggle(self) -> None:
         self._all = not self._all

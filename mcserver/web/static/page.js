@@ -50,8 +50,28 @@
   window.addEventListener("pagehide", release);
   window.addEventListener("offline", release);
 
-  // so that the page can tell a delayed message from a prompt one before the first press
-  setInterval(() => { if (!held && window.did_handshake) emitEvent("mc_clock", { sent_s: performance.now() / 1000 }); }, 2000);
+  // so that the page's process can tell what was held up on the way: now and then, and before what is pressed
+  const tellTime = () => emitEvent("mc_clock", { sent_s: performance.now() / 1000 });
+  setInterval(() => { if (!held && window.did_handshake) tellTime(); }, 2000);
+
+  // A click is for what was pressed: where something has come above it meanwhile, another button is below the
+  // finger when it is let go, or none.
+  const SAME_PLACE = 10;
+  const TARGETS = "button, a, .ag-checkbox-input";
+  let pressed = null;
+  document.addEventListener("pointerdown", (event) => {
+    pressed = { button: event.target.closest?.(TARGETS) ?? null, x: event.clientX, y: event.clientY };
+  }, true);
+  document.addEventListener("click", (event) => {
+    tellTime();
+    const button = event.target.closest?.(TARGETS) ?? null;
+    // by the keyboard, or by a script
+    if (!event.isTrusted || event.detail === 0 || !pressed || pressed.button === button) return;
+    event.preventDefault();
+    event.stopImmediatePropagation();
+    const still = Math.hypot(event.clientX - pressed.x, event.clientY - pressed.y) < SAME_PLACE;
+    if (still && pressed.button?.isConnected) pressed.button.click();
+  }, true);
 
   // what a page shows when nothing comes any more is old, and looks like the truth: say so
   const SILENT_MS = 3000;
@@ -79,6 +99,7 @@
 
   // keys that work anywhere but in a field: Shift+Escape is the emergency stop, Space a feed hold
   document.addEventListener("keydown", (event) => {
+    if (event.key === "Enter") tellTime();
     const typing = event.target instanceof Element && event.target.closest("input, textarea, [contenteditable], button, a, [role=tab]");
     if (event.key === "Escape" && event.shiftKey) emitEvent("mc_key", { key: "estop" });
     else if (event.key === " " && !typing) { event.preventDefault(); emitEvent("mc_key", { key: "hold" }); }

@@ -1,0 +1,50 @@
+"""How late a browser's messages are: what was held up on the way must not move anything when it comes.
+
+The browser sends its own clock every 2 s, and before whatever is pressed (static/page.js).
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+
+from nicegui import ui
+
+# for so long at least the quickest message is the measure of the others [s]: longer than a link may be silent
+# before it is given up, shorter than it takes two clocks to drift apart
+MEASURED_S = 60.0
+# what was pressed may be so late [s]: then the page says that nothing comes, too (SILENT_MS in page.js)
+MAX_ORDER_DELAY_S = 3.0
+
+
+class DelayGate:
+    """Judges how late the messages of one browser are, by its own clock.
+
+    The clocks' offset is unknown: the least difference seen of late stands for a message without delay.
+
+    Args:
+        clock: seconds, never stepping.
+
+    Attributes:
+        delay_s: of the newest message, against the quickest one.
+    """
+
+    def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
+        self._clock = clock
+        self._before = self._least = float("inf")
+        self._since: float | None = None
+        self.delay_s = 0.0
+
+    def listen(self) -> None:
+        """Take the clock of the browser whose page is being built."""
+        ui.on("mc_clock", lambda event: self.observe(float(event.args["sent_s"])))
+
+    def observe(self, sent_s: float) -> float:
+        """Take the time at which a message was sent; return how late it is [s]."""
+        now = self._clock()
+        offset = now - sent_s
+        if self._since is None or now - self._since > MEASURED_S:
+            self._before, self._least, self._since = self._least, offset, now
+        self._least = min(self._least, offset)
+        self.delay_s = offset - min(self._before, self._least)
+        return self.delay_s
