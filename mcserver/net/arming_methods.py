@@ -72,6 +72,7 @@ class ArmingMethods:
             )
         switches = Switches.of(request.block_delete, request.optional_stop)
         start = msgspec.structs.replace(self._service.start_state(), switches=switches or AS_WRITTEN)
+        references = self._service.references
         self._refuse_unsettled(start, axes)
         certified = self._certified(client, request, axes)
         if certified is not None:
@@ -104,6 +105,7 @@ class ArmingMethods:
             path=msgspec.convert(seen.path, RunPath),
             inputs=seen.inputs,
             envelope=seen.envelope,
+            references=references,
             effects=seen.effects,
             tools=tools_of(seen.envelope),
             digest=self._basis.digest(request.text, axes, start),
@@ -181,7 +183,7 @@ class ArmingMethods:
         self._forget_armings()
         busy = {axis.index for axis in service.machine.axes if service.holder(axis.index) is not None}
         now = service.start_state()
-        run = self._arming.start(client, request.text, busy, lambda each: self._basis.changes(each, now))
+        run = self._arming.start(client, request.text, busy, self._changes_now(now))
         # from here on the arming is used up, whatever happens; nothing is awaited until the program has begun
         envelope = self._basis.envelope(run, now)
         program = await service.open(
@@ -231,9 +233,10 @@ class ArmingMethods:
         refuse_other_motion(certified.approval, seen)
         refuse_changed(self._changes_now()(wanted))
 
-    def _changes_now(self) -> Changes:
-        now = self._service.start_state()
-        return lambda run: self._basis.changes(run, now)
+    def _changes_now(self, start: StartState | None = None) -> Changes:
+        """Return what names changes up to now; ``start``: the state of now, where it is known."""
+        now, references = start or self._service.start_state(), self._service.references
+        return lambda run: self._basis.changes(run, now, references)
 
     def _refuse_unsettled(self, start: StartState, axes: tuple[int, ...]) -> None:
         """Refuse to simulate from a state that is about to be another one."""

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import hashlib
+import math
+from collections.abc import Mapping
 from importlib import metadata
 
 from mcserver.executor.envelope_bounds import POSITION_TOLERANCES, TIP_TOLERANCE, Envelope, enforced
@@ -36,18 +38,33 @@ class ApprovalBasis:
         basis = (text, axes, start, *self.unchanging)
         return hashlib.sha256(canonical_bytes(basis)).hexdigest()
 
-    def changes(self, run: RunRequest, now: StartState) -> list[str]:
-        """Name what is no longer as it was when a run was simulated; axes may stand a little elsewhere."""
-        return changes_between(
+    def changes(self, run: RunRequest, now: StartState, references: Mapping[int, float]) -> list[str]:
+        """Name what is no longer as it was when a run was simulated; axes may stand a little elsewhere.
+
+        Args:
+            references: of axes now.
+        """
+        changed = changes_between(
             self.machine, run.start, now, axes=run.axes, inputs=run.inputs, tolerance=self._tolerance
         )
+        return self._moved(run.references, references, run.axes) + changed
+
+    def _moved(
+        self, before: Mapping[int, float], now: Mapping[int, float], axes: tuple[int, ...]
+    ) -> list[str]:
+        """Name axes whose positions are elsewhere: they have got another reference."""
+        return [
+            f"{axis_word(self.machine, axis)} has another reference"
+            for axis in axes
+            if axis in now and not abs(now[axis] - before.get(axis, math.inf)) <= self._tolerance[axis]
+        ]
 
     def beyond(self, approval: RunRequest, run: RunRequest) -> list[str]:
         """Name what of a run is outside of what was approved for a while; nothing: it stays inside."""
         within, asked = approval.envelope, run.envelope
         if within is None or asked is None:
             return ["it has no envelope"]
-        found = []
+        found = self._moved(approval.references, run.references, approval.axes)
         for column, axis in enumerate(self.machine.axes):
             if axis.index not in run.axes:
                 continue

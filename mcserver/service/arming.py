@@ -11,7 +11,7 @@ from __future__ import annotations
 import enum
 import hashlib
 import itertools
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from collections.abc import Set as AbstractSet
 
 import msgspec
@@ -104,6 +104,7 @@ class RunRequest(msgspec.Struct, frozen=True):
         client: who asked and alone may start it. sha256: of the text in UTF-8.
         axes: the only axes that it may move.
         start: all that the simulation began from besides text and machine. inputs: columns that it reads.
+        references: of axes, as of `MachineService.references`: where its positions are.
         envelope: extents, speeds and duration, without tolerances. effects: what it leaves changed, in words.
         digest: SHA-256 over all that the simulation read.
         until: end of the wait, or of the arming [s of the clock].
@@ -133,6 +134,7 @@ class RunRequest(msgspec.Struct, frozen=True):
     inputs: frozenset[int] = frozenset()
     envelope: Envelope | None = None
     effects: tuple[str, ...] = ()
+    references: Mapping[int, float] = {}
     tools: tuple[ToolExtent, ...] = ()
     digest: str = ""
     reason: str = ""

@@ -38,6 +38,7 @@ class AxisReports:
 
     Attributes:
         probe: how the last probing move ended; None: there was no such move.
+        offsets: of axes that have got a reference at this start, position less encoder reading [m or rad].
     """
 
     def __init__(self, axes: Sequence[Axis], references: References, events: EventLog) -> None:
@@ -45,6 +46,7 @@ class AxisReports:
         self._references = references
         self._events = events
         self.probe: ProbeStatus | None = None
+        self.offsets: dict[int, float] = {}
 
     def handle(self, event: ExecutorEvent, program: str | None) -> bool:
         """Take an event of an axis by itself; False where it is of another kind.
@@ -59,6 +61,7 @@ class AxisReports:
             self._events.publish("axis.homing", message=phase, axis=event.axis, program=program)
         elif event.kind is EventKind.HOMED:
             offset, reading = event.values
+            self.offsets[event.axis] = offset
             self._references.keep(event.axis, offset, reading)
             self._events.publish("axis.homed", message="", axis=event.axis, program=program)
         elif event.kind is EventKind.UNHOMED:

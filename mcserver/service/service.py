@@ -187,6 +187,11 @@ class MachineService:
         """How the last probing move ended."""
         return self._table.axis_reports.probe
 
+    @property
+    def references(self) -> dict[int, float]:
+        """Return the references that axes have got at this start: position less encoder [m or rad]."""
+        return dict(self._table.axis_reports.offsets)
+
     def record_command(self, client: str, method: str, program: str | None = None, detail: str = "") -> None:
         """Keep in the journal who did what, and publish it; a journal that fails keeps nobody from acting."""
         self._journal_command(client, method, program, detail)

@@ -18,6 +18,7 @@ from mcserver.machine.machine_file import parse_machine
 from mcserver.net import arming_messages as wire
 from mcserver.planning.start_state import StartState
 from mcserver.service.approach import Confirmed
+from mcserver.service.homing import HomingService
 from mcserver.simulation.preview import Preview
 from tests.net.approval_site import ANNA, BOT, MILL, SHIFT, TEXT, Site
 
@@ -90,6 +91,25 @@ async def test_what_a_person_sets_meanwhile_voids_an_approval_and_is_named(
     await site.arm(text)
     await site.by_hand(*by_hand)
     assert words in await site.refusal(text)
+
+
+async def test_a_reference_that_is_given_anew_voids_an_approval_though_every_number_is_as_it_was(
+    tmp_path: Path,
+) -> None:
+    site = Site(parse_machine(MILL.replace("index = 0", 'index = 0\nhoming.method = "manual"', 1)), tmp_path)
+    homing = HomingService(site.cell.service)
+    await homing.reference(ANNA, {0: 0.0})
+    await approve(site)
+    # told the same once more
+    await homing.reference(ANNA, {0: 0.0})
+    assert (await site.run()).state == "finished"
+    assert (await site.ask()).state == "armed"
+    await site.by_hand("G0 X100")
+    await homing.reference(ANNA, {0: 0.0})
+    assert "X has another reference" in await site.refusal()
+    # its extents are elsewhere, too
+    assert "X has another reference" in (await site.ask("G1 X30 F3000")).beyond
+    await site.cell.stop()
 
 
 async def test_another_override_than_was_allowed_does_not_count(site: Site) -> None:
