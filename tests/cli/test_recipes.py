@@ -12,7 +12,7 @@ from tests.cli.pages import commands_of, read_page, run_here, write_files
 RECIPES = read_page("recipes.md")
 # what needs a server or a bus, is a server, or changes this computer
 ELSEWHERE = re.compile(
-    r"pip |sqlite3 |mcctl |mcserver (run|view|web|mcp|scan|drives|doctor|history|security|recordings)\b"
+    r"pip |sqlite3 |mcctl |mcserver (run|view|web|mcp|ros|scan|drives|doctor|history|security|recordings)\b"
     r"|.*(cell\.toml|/etc/)"
 )
 
