@@ -95,7 +95,13 @@ def test_g92_makes_the_position_read_its_words() -> None:
 def test_g43_adds_the_tools_length_and_g49_takes_it_out() -> None:
     assert ends("T1 M6\nG43 H1\nG0 Z5") == [0.0, 0.0, 25.0]
     assert ends("T2 M6\nG43\nG0 Z5\nG49\nG0 Z6 X1") == [1.0, 0.0, 6.0]
+    assert ends("G43.1 Z5\nG0 Z5") == [0.0, 0.0, 10.0]
     assert [each.code for each in errors("G43 H9\nG0 Z1", "cnc")] == ["MC143"]
+
+
+def test_a_tool_that_is_only_made_ready_gives_no_length() -> None:
+    assert ends("T1 M6\nT2\nG43\nG0 Z5") == ends("T2\nM61 Q1\nG43\nG0 Z5") == [0.0, 0.0, 25.0]
+    assert [each.code for each in errors("G43 H1.5\nT1.5\nM61", "cnc")] == ["MC116", "MC116", "MC118"]
 
 
 def test_g28_goes_by_its_point_to_the_stored_position() -> None:

@@ -45,6 +45,8 @@ def faults(*lines: str) -> list[tuple[str, int, int]]:
         ("[SIN[30]*COS[60]]", 0.25),
         ("-[3+4]", -7.0),
         ("EXISTS[#<nobody>]", 0.0),
+        ("EXISTS[#<_ini[pins]lock>]", 0.0),
+        ("[EXISTS[#7] - EXISTS[#99999]]", 1.0),
         ("ABS[-3]", 3.0),
         ("LN[EXP[2]]", 2.0),
         ("[ 1 + 1 ]", 2.0),

@@ -43,7 +43,7 @@ def test_a_repeat_counts_and_may_be_nothing() -> None:
 
 @pytest.mark.parametrize(("condition", "expected"), [(1, 1), (2, 2), (3, 3)])
 def test_one_branch_of_an_if_runs(condition: int, expected: int) -> None:
-    text = "o1 if [#1 EQ 1]\nX1\no1 elseif [#1 EQ 2]\nX2\no1 else\nX3\no1 endif"
+    text = "o1 if [#1 EQ 1]\nX1\no1 else if [#1 EQ 2]\nX2\no1 else\nX3\no1 end if"
     assert places(f"F100 G1 Y1\n#1={condition}\n{text}")[-1] == expected
 
 

@@ -474,9 +474,10 @@ class Expansion:
         if found is None:
             found = self._predefined(name, span)
         if found is None:
-            raise ComputingError(
-                "MC162", f"#<{name}> has no value yet", span, f"set it first, or ask EXISTS[#<{name}>]"
-            )
+            hint = f"set it first, or ask EXISTS[#<{name}>]"
+            if name.startswith(("_ini[", "_hal[")):
+                hint = "LinuxCNC's INI file and HAL pins are not here: set a parameter of another name"
+            raise ComputingError("MC162", f"#<{name}> has no value yet", span, hint)
         return found
 
     def exists(self, name: str) -> bool:

@@ -134,7 +134,8 @@ NGC = Language(_OPERATORS, _FUNCTIONS)
 _NUMBER = re.compile(r"[-+]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)")
 _OPERATOR = re.compile(r"\*\*|[-+*/]|MOD|AND|XOR|OR|EQ|NE|G[TE]|L[TE]", re.IGNORECASE)
 _FUNCTION = re.compile(r"([A-Z]{2,6})[ \t]*(?=\[)", re.IGNORECASE)
-_NAME = re.compile(r"<([^<>()\[\]#=;]*)>")
+# such as <depth>, and <_ini[section]name> in files for LinuxCNC
+_NAME = re.compile(r"<((?:[^<>()\[\]#=;]|\[[^<>()\[\]#=;]*\])*)>")
 _BLANKS = re.compile(r"[ \t]*")
 
 
@@ -178,6 +179,12 @@ class Parameter:
                 f"numbered parameters are #1 to #{LARGEST_PARAMETER}; others have names: #<depth>",
             )
         return number
+
+    def exists(self, values: Values) -> float:
+        """Return 1 where it has a value, else 0; numbered ones have one from the start (LinuxCNC)."""
+        if self.number is None:
+            return float(values.exists(self.name))
+        return float(1.0 <= self.number(values) < LARGEST_PARAMETER)
 
     def __call__(self, values: Values) -> float:
         """Return its value."""
@@ -300,9 +307,9 @@ def _read_function(text: str, found: re.Match[str], deep: int, language: Languag
         if text[inner : inner + 1] == "#":
             parameter, end = read_parameter(text, inner, deep)
             end = skip(text, end)
-            if parameter.name and text[end : end + 1] == "]":
-                return lambda values: float(values.exists(parameter.name)), end + 1
-        raise ComputingError("MC160", "EXISTS asks for a named parameter", span, "write EXISTS[#<name>]")
+            if text[end : end + 1] == "]":
+                return parameter.exists, end + 1
+        raise ComputingError("MC160", "EXISTS asks for a parameter", span, "write EXISTS[#<name>]")
     if name == "ATAN":
         upper, at = _read_brackets(text, at, deep, language)
         slash = skip(text, at)

@@ -37,7 +37,9 @@ _WORDS = (
 _O_WORD = re.compile(
     r"[ \t]*/?[ \t]*(?:N[0-9]+[ \t]*)?O[ \t]*(?:<([^<>]*)>|([0-9]+)|(?=[\[#]))", re.IGNORECASE
 )
-_KEYWORD = re.compile(rf"[ \t]*({'|'.join(sorted(_WORDS, key=len, reverse=True))})(?![A-Z])", re.IGNORECASE)
+# longer words first; blanks may stand anywhere: "else if" is elseif (LinuxCNC)
+_SPACED = "|".join(r"[ \t]*".join(word) for word in sorted(_WORDS, key=len, reverse=True))
+_KEYWORD = re.compile(rf"[ \t]*({_SPACED})(?![A-Z])", re.IGNORECASE)
 _COMMENT = re.compile(r"\([^()]*\)|;.*")
 # words with one value, and those that may have one
 _ASKS = frozenset({"while", "if", "elseif", "repeat"})
@@ -94,7 +96,7 @@ def read_statement(text: str, line: int) -> Statement | None:
             (start, max(at, start) + 1),
             f"there are {' '.join(_WORDS)}",
         )
-    word = keyword[1].lower()
+    word = "".join(keyword[1].split()).lower()
     span = (start, keyword.end() + 1)
     if number is not None and word != "call":
         raise ComputingError("MC161", f"the number of {word} is computed", span, "only call computes one")

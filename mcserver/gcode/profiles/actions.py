@@ -20,6 +20,7 @@ from mcserver.gcode.profiles.codes import (
     SYSTEM_NUMBERS,
     TAKES_AXES,
     THREADING,
+    TOOL_LENGTHS,
     TRANSFORMING,
 )
 from mcserver.gcode.profiles.cycle_motion import CycleMotion
@@ -122,9 +123,9 @@ def act_before(block: BlockState, actions: tuple[Action, ...], effects: Effects)
             word = action.words.get("S", action.words.get("R"))
             _set_mapped(block, action, None if word is None else word.value, effects)
         elif code == "T":
-            _choose_tool(block, action)
-        elif code == "M6":
-            _change_tool(block, effects)
+            _choose_tool(block, action.words["T"])
+        elif code in ("M6", "M61"):
+            _change_tool(block, action, effects)
         elif code in PRINTER_STOPS:
             notice = PRINTER_STOPS[code]
             effects.before.append(
@@ -134,7 +135,7 @@ def act_before(block: BlockState, actions: tuple[Action, ...], effects: Effects)
             _dwell(block, action, effects)
         elif code in SYSTEM_NUMBERS:
             block.frame = msgspec.structs.replace(frame, system=SYSTEM_NUMBERS[code])
-        elif code in ("G43", "G43.4", "G49"):
+        elif code in TOOL_LENGTHS:
             _tool_length(block, action)
         elif code in ("M82", "M83"):
             letters = block.setup.machine.dialect.letters if code == "M83" else {}
@@ -177,6 +178,8 @@ def act_after(block: BlockState, actions: tuple[Action, ...], effects: Effects) 
             block.frame = msgspec.structs.replace(block.frame, local=local)
         elif action.code == "G10":
             _set_system(block, action)
+        elif action.code == "G43.1":
+            _set_tool_length(block, action)
         elif action.code in ("G28.1", "G30.1"):
             stored = {**block.frame.stored, int(action.code[1:3]): dict(block.commanded.positions)}
             block.frame = msgspec.structs.replace(block.frame, stored=stored)
@@ -390,21 +393,47 @@ def _tool_length(block: BlockState, action: Action) -> None:
         return
     cutters = tool_table(block.setup.machine, block.frame)
     word = action.words.get("H")
-    number = frame.tool if word is None else int(word.value)
+    number = _tool_number(block, word)
     if number and number not in cutters:
         _unknown_tool(block, number, action if word is None else word)
-    length = cutters[number].length if number in cutters else 0.0
+    length = cutters[number].length if number is not None and number in cutters else 0.0
     block.frame = msgspec.structs.replace(frame, tool_length=length, tip_tool=None)
     if action.code == "G43.4":
         lead_by_tip(block, action)
 
 
-def _choose_tool(block: BlockState, action: Action) -> None:
-    number = int(_value(block, action, "T", least=0.0))
+def _set_tool_length(block: BlockState, action: Action) -> None:
+    """Take the tool's length from the line itself (G43.1), a length along Z alone."""
+    values = dict(_axis_values(block, action))
+    if values.keys() != {LENGTH_AXIS}:
+        block.faults.add(
+            "MC118", "G43.1 takes a length along Z, and no other", action.span, "such as G43.1 Z75.2"
+        )
+        return
+    length = values[LENGTH_AXIS]
+    block.frame = msgspec.structs.replace(block.frame, tool_length=length, tip_tool=None)
+
+
+def _choose_tool(block: BlockState, word: ProfileWord) -> None:
+    number = _tool_number(block, word)
+    if number is None:
+        return
     cutters = tool_table(block.setup.machine, block.frame)
     if cutters and number and number not in cutters:
-        _unknown_tool(block, number, action.words["T"])
+        _unknown_tool(block, number, word)
     block.frame = msgspec.structs.replace(block.frame, tool=number)
+
+
+def _tool_number(block: BlockState, word: ProfileWord | None) -> int | None:
+    """Return the number of a tool that a word gives, without one of the fitted tool; None after a fault."""
+    if word is None:
+        return block.frame.fitted
+    number = round(word.value)
+    if number < 0 or abs(word.value - number) > WHOLE:
+        shown = f"{word.letter}{word.text} is no number of a tool"
+        block.faults.add("MC116", shown, word.span, f"such as {word.letter}1")
+        return None
+    return number
 
 
 def _unknown_tool(block: BlockState, number: int, word: ProfileWord | Action) -> None:
@@ -466,13 +495,9 @@ def _diameter(block: BlockState, action: Action) -> float | None:
             )
             return None
         return word.value * axis_scale(AxisType.LINEAR, block.modal.inch)
-    frame = block.frame
-    number = frame.tool if frame.changed is None else frame.changed
-    if word is not None:
-        number = round(word.value)
-        if abs(word.value - number) > WHOLE:
-            block.faults.add("MC116", f"D{word.text} is no number of a tool", word.span, "such as D1")
-            return None
+    number = _tool_number(block, word)
+    if number is None:
+        return None
     cutter = tool_table(block.setup.machine, block.frame).get(number)
     if cutter is None:
         _unknown_tool(block, number, action if word is None else word)
@@ -496,13 +521,21 @@ def _switch_off(block: BlockState) -> None:
         block.compensation = None if on_path else msgspec.structs.replace(before, side=0)
 
 
-def _change_tool(block: BlockState, effects: Effects) -> None:
+def _change_tool(block: BlockState, action: Action, effects: Effects) -> None:
     """Pause for a change by hand if the tool differs from the one before; "ask" pauses at the first too.
 
-    So does one whose life is used up: it is not taken to be a fresh one that stands there.
+    So does one whose life is used up: it is not taken to be a fresh one that stands there. M61 Q says which
+    tool stands there.
     """
-    frame = block.frame
     rule = block.setup.machine.dialect.tool_change
+    if action.code == "M61":
+        if "Q" not in action.words:
+            block.faults.add("MC118", "M61 does not say which tool is fitted", action.span, "such as M61 Q2")
+            return
+        _choose_tool(block, action.words["Q"])
+        if block.frame.tool not in block.frame.worn:
+            rule = "ignore"
+    frame = block.frame
     known = frame.changed is not None or rule == "ask" or frame.tool in frame.worn
     if known and frame.changed != frame.tool and rule != "ignore":
         tool = f"fit tool {frame.tool}" if frame.tool else "take the tool out"

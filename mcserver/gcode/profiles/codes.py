@@ -23,7 +23,8 @@ SYSTEM_NUMBERS: Final[Mapping[str, int]] = MappingProxyType(
 _FRAME = {"G10", "G28", "G28.1", "G30", "G30.1", "G52", "G53", "G92", "G92.1", "G92.2", "G92.3", *_SYSTEMS}
 # cutter compensation: its side, left of the path is 1 (D-85)
 COMPENSATING: Final[Mapping[str, int]] = MappingProxyType({"G41": 1, "G41.1": 1, "G42": -1, "G42.1": -1})
-_MACHINING = {"G4", "G43", "G43.4", "G49", "M3", "M4", "M5", "M6"}
+TOOL_LENGTHS: Final = frozenset({"G43", "G43.1", "G43.4", "G49"})
+_MACHINING = {"G4", *TOOL_LENGTHS, "M3", "M4", "M5", "M6", "M61"}
 # canned cycles, and what goes with them (D-75)
 TAPPING: Final = frozenset({"G74", "G84"})
 # rigid taps of Fanuc's older mills, right and left: here every tap is rigid
@@ -63,7 +64,7 @@ _SHIFTS_OF_PRINTERS: Final = ("M206", "M218", "M290", "M428")
 # codes that act, by profile
 ACTING: Final[Mapping[str, frozenset[str]]] = MappingProxyType(
     {
-        "reference": frozenset(_MACHINING - {"G43", "G43.4", "G49", "M6"}),
+        "reference": frozenset(_MACHINING - TOOL_LENGTHS - {"M6", "M61"}),
         "cnc": frozenset(
             _FRAME
             | _MACHINING
@@ -96,7 +97,7 @@ def acting_of(dialect: Dialect) -> frozenset[str]:
 PROBING: Final = frozenset({f"G38.{n}" for n in range(2, 6)})
 # of these the axis words, where a line has one of them
 TAKES_AXES: Final = (
-    frozenset({"G10", "G28", "G28.1", "G30", "G30.1", "G52", "G92", "REPEAT"})
+    frozenset({"G10", "G28", "G28.1", "G30", "G30.1", "G43.1", "G52", "G92", "REPEAT"})
     | {"G50.1", "G51", "G51.1", "G68"}
     | PROBING
     | DRILLING
@@ -171,6 +172,7 @@ OWN_WORDS: Final[Mapping[str, str]] = MappingProxyType(
         "G64": "Q",
         **dict.fromkeys((*COMPENSATING, "G40"), "D"),
         "M6": "H",
+        "M61": "Q",
         **dict.fromkeys(PRINTER_STOPS, "*"),
         "REPEAT": "PQL",
         **dict.fromkeys(DRILLING, "PQL"),

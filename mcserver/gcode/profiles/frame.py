@@ -161,6 +161,11 @@ class Frame(msgspec.Struct, frozen=True):
         return total or None
 
     @property
+    def fitted(self) -> int:
+        """Number of the tool in the spindle: of the last M6, before any of the last T."""
+        return self.tool if self.changed is None else self.changed
+
+    @property
     def inner(self) -> dict[int, float]:
         """Offsets within the work system, of G52 and G92: they are turned with it [m or rad]."""
         return _sum(self.local, self.g92 if self.g92_on else {})

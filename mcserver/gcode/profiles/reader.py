@@ -505,7 +505,7 @@ def _precedence(word: Word) -> int:
     if name in IO_WORDS:
         return 0
     if word.letter == "M":
-        return {"M6": 1, "M600": 1, "M3": 2, "M4": 2, "M5": 2, "M82": 5, "M83": 5}.get(name, 3)
+        return {"M6": 1, "M61": 1, "M600": 1, "M3": 2, "M4": 2, "M5": 2, "M82": 5, "M83": 5}.get(name, 3)
     return 4 if name == "G4" else 5
 
 

@@ -45,7 +45,8 @@ def radius_tolerance(profile: str, *, inch: bool) -> RadiusTolerance:
     if profile != "cnc":
         return D22_TOLERANCE
     least = 2.0 * math.sqrt(2.0) * (0.001 * INCH if inch else 0.01 * MM)
-    return RadiusTolerance(least, 0.001, 100.0 * least)
+    # its 0.1 % is of the larger radius
+    return RadiusTolerance(least, 0.001 / 0.999, 100.0 * least)
 
 
 class ArcFault(Exception):
