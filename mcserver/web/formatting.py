@@ -166,13 +166,17 @@ _COMMANDS = {
     "run": mark("run it from the line"),
     "continue": mark("press Continue"),
     "arm": mark("use the card Runs to arm"),
+    "programs": mark("the card of what was broken off"),
+    "status": mark("the card Position"),
+    "send": mark("type"),
+    "record": mark("the card Recordings"),
     # of the SDK that runs the page's programs
     "program": mark("run it again"),
 }
 _COMMAND = re.compile(
     r"(?:machine\.continue_program\([^)]*\), or )?mcctl"
-    r" (home|reference|reset|resume|tables|zero|run|continue|arm)"
-    r"(?: (?:--[a-z-]+|[A-Z][A-Z0-9=.-]*|\[\d+\]|\d+))*"
+    rf" ({'|'.join(_COMMANDS)})\b"
+    r"(?: (?:--[a-z-]+|[A-Z][A-Z0-9=.-]*|\[\d+\]|\d+|list))*"
     r"|open another one with machine\.(program)\(\)"
 )
 

@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+import re
+from pathlib import Path
+
 import pytest
 from mcclient import Diagnostic, MachineStatus, ProgramStatus
 from mcclient.types import AxesStatus, Severity
 
+import mcserver
 from mcserver.web.formatting import (
     banner,
     channel_text,
@@ -110,6 +114,16 @@ def test_remedies_name_the_page_s_buttons_and_no_commands() -> None:
     assert page_hint("once it is clear, open another one with machine.program()") == (
         "once it is clear, run it again"
     )
+    assert page_hint("once the server is back, mcctl programs tells how far it came") == (
+        "once the server is back, the card of what was broken off tells how far it came"
+    )
+
+
+@pytest.mark.parametrize("layer", ["service", "executor", "net", "planning", "recorder"])
+def test_no_remedy_of_the_server_is_a_command_on_the_page(layer: str) -> None:
+    files = Path(mcserver.__file__).parent.joinpath(layer).rglob("*.py")
+    said = [each for file in files for each in re.findall(r"mcctl [a-z].*", file.read_text("utf-8"))]
+    assert [each for each in said if "mcctl" in page_hint(each)] == []
 
 
 def test_warnings_alone_are_shown_as_warnings_and_with_a_fault_each_says_which_it_is() -> None:
