@@ -63,7 +63,6 @@ MACHINE = parse_machine(text())
 LAW = settings(
     max_examples=6,
     phases=(Phase.explicit, Phase.generate),
-    deadline=None,
     derandomize=True,
     database=None,
     suppress_health_check=list(HealthCheck),

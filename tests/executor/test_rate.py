@@ -116,7 +116,7 @@ def test_a_ring_that_runs_dry_holds_on_the_path_and_goes_on_by_itself() -> None:
         (141, 184),
     ]
 )
-@settings(max_examples=20)
+@settings(max_examples=12)
 @example(bites=[(22, 133), (139, 67), (50, 102), (3, 140), (72, 91), (67, 139)])
 @example(bites=[(47, 24), (142, 66), (9, 173), (19, 22), (5, 116), (4, 194), (194, 72), (64, 69), (29, 160)])
 @example(bites=[(1062, 1062), (1, 20)])

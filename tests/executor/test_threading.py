@@ -45,7 +45,7 @@ def test_the_lead_is_that_of_the_pitch_while_a_load_slows_the_spindle() -> None:
     assert_keeps_limits(cell, 4)
 
 
-@settings(max_examples=12, suppress_health_check=list(HealthCheck))
+@settings(max_examples=6, suppress_health_check=list(HealthCheck))
 @given(
     st.lists(st.tuples(st.integers(230, 1100), st.floats(-3000.0, 3000.0), st.integers(5, 300)), max_size=4),
     st.sampled_from(["G33 Z-20 K1.5", "G33 X14 Z-20 K1.5", "G33 Z-20 K0.2"]),

@@ -111,7 +111,6 @@ def test_random_requests_by_the_description_never_break_the_gateway(
     headers = {"Authorization": f"Bearer {tokens[1]['observer']}"}
     limits = settings(
         max_examples=8,
-        deadline=None,
         database=None,
         phases=[Phase.explicit, Phase.generate],
         suppress_health_check=list(HealthCheck),

@@ -198,7 +198,7 @@ def test_a_bulge_along_an_unnamed_axis_is_shown_at_the_command() -> None:
 coordinate = st.integers(-100_000, 100_000).map(lambda n: n * 1e-5)
 
 
-@settings(max_examples=150, deadline=None)
+@settings(max_examples=150)
 @given(coordinate, coordinate, coordinate, coordinate, st.floats(1.0, 20.0), st.booleans(), st.booleans())
 def test_the_radius_form_has_that_radius_and_the_asked_size_of_arc(
     x0: float, y0: float, x1: float, y1: float, stretch: float, major: bool, clockwise: bool
@@ -215,7 +215,7 @@ def test_the_radius_form_has_that_radius_and_the_asked_size_of_arc(
         assert (abs(arc.sweep) > math.pi) == major
 
 
-@settings(max_examples=150, deadline=None)
+@settings(max_examples=150)
 @given(
     st.floats(0.0, 6.28),
     st.floats(0.001, 6.28),

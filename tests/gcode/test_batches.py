@@ -66,7 +66,7 @@ def by_batches(interpreter: Interpreter, texts: list[str]) -> tuple[list[Canonic
     return values, faults
 
 
-@settings(max_examples=250, deadline=None)
+@settings(max_examples=150)
 @given(st.one_of(programs, arc_programs()), st.sampled_from([None, None, frozenset({0, 1, 3, 6})]))
 def test_runs_and_single_lines_are_equal_to_the_last_bit(
     texts: list[str], lease: frozenset[int] | None
@@ -82,7 +82,7 @@ def test_runs_and_single_lines_are_equal_to_the_last_bit(
     assert quick.ended == general.ended
 
 
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=100)
 @given(st.one_of(programs, arc_programs()))
 def test_a_check_finds_the_faults_that_single_lines_have(texts: list[str]) -> None:
     text = "\n".join(texts)
@@ -97,7 +97,7 @@ def test_a_check_finds_the_faults_that_single_lines_have(texts: list[str]) -> No
     assert (odd is None) == ("\n" in text or "\r" not in text)
 
 
-@settings(max_examples=400, deadline=None)
+@settings(max_examples=400)
 @given(st.one_of(stretches(), contours()))
 @example(["X1\t"])
 @example(["5 X1", "X2"])

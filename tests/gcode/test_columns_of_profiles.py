@@ -99,7 +99,7 @@ def programs(draw: st.DrawFn) -> list[str]:
     return lines
 
 
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=100)
 @given(programs(), st.sampled_from(sorted(KINDS)))
 def test_columns_and_single_lines_are_equal_in_every_profile(texts: list[str], kind: str) -> None:
     machine = machine_of(kind)
@@ -118,7 +118,7 @@ class _OneByOne(Interpreter):
         return 0
 
 
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=60)
 @given(programs(), st.sampled_from(sorted(KINDS)))
 def test_a_check_says_the_same_of_both(texts: list[str], kind: str) -> None:
     machine, text = machine_of(kind), "\n".join(texts)

@@ -273,7 +273,7 @@ BAD = ["GO1", "X--1", "X", "[64]1", "(c)", ";", "(", ")", "%", "é", "\x00", "1e
 WORDS = st.sampled_from([*GOOD, *BAD, " ", "\t"])
 
 
-@settings(max_examples=300, deadline=None)
+@settings(max_examples=300)
 @given(
     st.one_of(st.text(max_size=40), st.lists(WORDS, max_size=8).map("".join), st.lists(WORDS).map(" ".join))
 )

@@ -24,6 +24,7 @@ REFERENCE = re.compile(r"(?<![\w`])`{1,2}((?:mcserver|mckinematics|mcclient)(?:\
 SKIPPED = {".venv", "node_modules", "build", "dist", "target", "__pycache__", "out"}
 
 
+@cache
 def written() -> list[Path]:
     """Every source and page."""
     pages = [*ROOT.glob("*.md"), *(path for folder in FOLDERS for path in (ROOT / folder).rglob("*"))]

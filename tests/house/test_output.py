@@ -54,8 +54,10 @@ def writes(source: str) -> list[tuple[int, str]]:
             if ast.unparse(node.value) in STREAMS:
                 found.append((node.lineno, "write"))
         elif isinstance(node, ast.Call):
+            last = getattr(node.func, "attr", getattr(node.func, "id", ""))
+            if last not in (*FORBIDDEN, "Config", "run"):
+                continue
             name = ast.unparse(node.func)
-            last = name.rpartition(".")[2]
             if name in ("uvicorn.Config", "uvicorn.run") and not any(
                 each.arg == "log_config" for each in node.keywords
             ):

@@ -133,7 +133,7 @@ def test_bends_down_to_the_length_of_a_chord_take_little_more_than_the_least_tim
     assert motion.duration <= share * least_time(1e3 * curve, 200.0, 1000.0, jerk)
 
 
-@settings(max_examples=8, deadline=None)
+@settings(max_examples=8)
 @given(
     first=st.sampled_from([1.0, 2.0, 3.0]),
     second=st.sampled_from([1.0, 2.0, 5.0]),

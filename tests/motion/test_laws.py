@@ -40,7 +40,6 @@ def law(examples: int) -> Any:
     return settings(
         phases=(Phase.explicit, Phase.generate),
         max_examples=examples,
-        deadline=None,
         derandomize=True,
         database=None,
         suppress_health_check=[HealthCheck.too_slow, HealthCheck.data_too_large, HealthCheck.filter_too_much],

@@ -81,7 +81,7 @@ def one_by_one(machine: Machine, lines: list[MotionLine], feed_scale: float = 1.
     st.booleans(),
     st.sampled_from([1.0, 1.5]),
 )
-@law(30)
+@law(15)
 def test_a_run_is_planned_as_its_lines_one_by_one(
     seed: int,
     draw: Callable[[Random, int], list[str]],

@@ -19,7 +19,7 @@ from tests.service.conftest import Bench
 from tests.service.fakes import open_program
 
 # One start after each damage: 20 ms.
-DAMAGES = 200
+DAMAGES = 100
 
 OLD_SCHEMA = """
 CREATE TABLE starts(instance TEXT PRIMARY KEY, started_at REAL NOT NULL, stopped_at REAL);

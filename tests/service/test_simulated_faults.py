@@ -18,7 +18,7 @@ from tests.service.simulated_cell import Cell, VirtualLoop
 from tests.service.simulated_laws import Violation
 
 # thousands more: make schedules
-SEEDS = 100
+SEEDS = 60
 FAULTS = 6
 
 

@@ -30,10 +30,10 @@ COUNT_M = 1e-6  # of the rig's axes: 10 mm a turn of 10 000 counts
 # ---------------------------------------------------------------------- capture
 
 
-def test_a_thousand_random_positions_are_captured_without_a_count_of_jump() -> None:
+def test_hundreds_of_random_positions_are_captured_without_a_count_of_jump() -> None:
     chance = random.Random(402)
     jumps = []
-    for _ in range(250):
+    for _ in range(100):
         positions = [chance.randint(-(2**31), 2**31 - 1) for _ in range(4)]
         bench = Bench(machine(4, cycle_hz=500.0), positions)
         bench.tell(DriveMode.POSITION)
@@ -41,7 +41,7 @@ def test_a_thousand_random_positions_are_captured_without_a_count_of_jump() -> N
         assert [drive.word for drive in bench.drives] == [ENABLED] * 4
         assert [drive.position for drive in bench.drives] == positions
         jumps += [jump for drive in bench.drives for jump in drive.jumps]
-    assert jumps == [0] * 1000
+    assert jumps == [0] * 400
 
 
 def test_the_target_is_the_actual_position_before_and_while_a_drive_is_enabled() -> None:
@@ -59,7 +59,7 @@ MODES = st.sampled_from([Mode.CYCLIC_POSITION, Mode.CYCLIC_POSITION, Mode.CYCLIC
 
 
 @given(st.lists(st.tuples(STATUSWORDS, MODES, st.integers(-(2**31), 2**31 - 1)), min_size=8, max_size=60))
-@settings(max_examples=300)
+@settings(max_examples=150)
 def test_whatever_a_drive_shows_it_is_enabled_only_where_it_was_read_last(
     shown: list[tuple[int, Mode, int]],
 ) -> None:
@@ -93,7 +93,7 @@ def edges(words: list[int]) -> int:
 
 
 @given(st.lists(STATUSWORDS, max_size=30))
-@settings(max_examples=200)
+@settings(max_examples=100)
 def test_whatever_came_before_a_reset_begins_with_bit_7_low(words: list[int]) -> None:
     bench = Bench(machine(1))
     drive = bench.drives[0]
