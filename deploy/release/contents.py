@@ -25,16 +25,15 @@ def write_contents(root: Path, output: Path) -> Bom:
     """Write ``requirements.lock``, ``sbom.cdx.json`` and ``licences.md``.
 
     The first two are of what the server needs to run, the list of licences also of what its extras and the
-    Python SDK need. The lock file has the versions of ``constraints.txt``, which the tests ran with; pip
-    takes it with ``--require-hashes``.
+    Python SDK need. The versions are those of ``constraints.txt``, which the tests ran with; pip takes the
+    lock file with ``--require-hashes``.
     """
     lock, bom = output / "requirements.lock", output / "sbom.cdx.json"
-    _write_lock(root, root / "pyproject.toml", lock, "--constraint", str(root / "constraints.txt"))
+    _write_lock(root, root / "pyproject.toml", lock)
     found = _write_bom(root, lock, bom)
     with tempfile.TemporaryDirectory() as folder:
         wanted, all_lock = Path(folder) / "extras.in", Path(folder) / "extras.lock"
         wanted.write_text("\n".join(needed_with_extras(root)), encoding="utf-8")
-        # the tests' versions do not have all extras at once, such as those of object stores
         _write_lock(root, wanted, all_lock)
         everything = _write_bom(root, all_lock, Path(folder) / "extras.json")
     needed = {each["name"] for each in found["components"]}
@@ -54,7 +53,8 @@ def needed_with_extras(root: Path) -> list[str]:
     return sorted(each for each in found if NAME.match(each)[0] not in OWN)  # type: ignore[index]
 
 
-def _write_lock(root: Path, wanted: Path, lock: Path, *pins: str) -> None:
+def _write_lock(root: Path, wanted: Path, lock: Path) -> None:
+    pins = ["--constraint", str(root / "constraints.txt")]
     options = ["--generate-hashes", "--no-header", "--no-annotate", *pins, "-o", str(lock)]
     run([sys.executable, "-m", "uv", "pip", "compile", "-q", *options, str(wanted)], root)
 
