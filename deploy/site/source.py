@@ -45,7 +45,9 @@ def write_source(root: Path, target: Path) -> None:
     (made / "commands.md").write_text(_commands(), "utf-8")
     (made / "api.md").write_text(API, "utf-8")
     # a question finds questions and guides first
-    boosts = [(page, 0.1) for page in (made / "api.md", made / "commands.md", target / "pages" / "CHANGELOG.md")]
+    boosts = [
+        (page, 0.1) for page in (made / "api.md", made / "commands.md", target / "pages" / "CHANGELOG.md")
+    ]
     boosts += [(page, 0.3) for page in (made / "wire").glob("*.md")] + [(made / "questions.md", 2.0)]
     for page, boost in boosts:
         page.write_text(f"---\nsearch:\n  boost: {boost}\n---\n" + page.read_text("utf-8"), "utf-8")
