@@ -72,7 +72,7 @@ class Diagnostic(msgspec.Struct, frozen=True, omit_defaults=False):
     edit: Edit | None = None
 
     def as_json(self) -> dict[str, object]:
-        """The form of ``--json``: optional values are left out where they do not apply."""
+        """Return the form of ``--json``: optional values are left out where they do not apply."""
         shown: dict[str, object] = {
             "code": self.code,
             "severity": self.severity,

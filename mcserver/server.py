@@ -71,7 +71,7 @@ class ServerOptions(msgspec.Struct, frozen=True):
 
 
 def default_journal(machine: str) -> Path:
-    """The machine's journal in the state folder."""
+    """Return the machine's journal in the state folder."""
     return state_folder() / f"{machine}.db"
 
 

@@ -130,7 +130,7 @@ class Chain:
 
 
 def _frame_along(direction: Array) -> Array:
-    """A rotation matrix whose third column is this unit vector."""
+    """Return a rotation matrix whose third column is this unit vector."""
     across = np.cross(np.eye(3)[int(np.argmin(np.abs(direction)))], direction)
     across = across / np.linalg.norm(across)
     return np.stack([across, np.cross(direction, across), direction], axis=1)

@@ -104,7 +104,7 @@ class JointDynamics:
         return bool(np.isfinite(self.limits).any())
 
     def joint_name(self, axis: int) -> str:
-        """The URDF's name of the joint that an axis moves."""
+        """Return the URDF's name of the joint that an axis moves."""
         return self._joints[self.axes.index(axis)].name
 
     # ------------------------------------------------------------------ torques
@@ -167,7 +167,7 @@ class JointDynamics:
         return self.torques(q, still, still, carried)
 
     def flange(self, number: int) -> int:
-        """What a tool is fixed to: tools of one flange carry one payload at a time."""
+        """Return what a tool is fixed to: tools of one flange carry one payload at a time."""
         return self._flange[number]
 
     def bits_of(self, carried: Iterable[int]) -> int:
@@ -235,7 +235,7 @@ class JointDynamics:
         return 0.0 if payload is None else payload.mass
 
     def _inertia(self, tool: ToolDescription) -> Any:
-        """A tool's payload as Pinocchio has it, in the axes of the tool's frame; None without one."""
+        """Return a tool's payload as Pinocchio has it, in the axes of the tool's frame; None without one."""
         payload = tool.payload
         if payload is None or payload.mass == 0.0:
             return None
@@ -251,7 +251,7 @@ class JointDynamics:
         return self._pinocchio.Inertia(payload.mass, np.array(payload.center, dtype=float), matrix)
 
     def _model(self, loads: tuple[int, ...]) -> tuple[Any, Any]:
-        """The model with the payloads of some tools, and its buffers."""
+        """Return the model with the payloads of some tools, and its buffers."""
         known = self._loaded.get(loads)
         if known is None:
             model = self._pinocchio.Model(self._robot.pinocchio_model)

@@ -24,7 +24,7 @@ LEAST_CROSSING = 0.01
 
 
 def folds(tool: ToolModel, joints: Array, rates: Array) -> bool:
-    """Whether a path with these rates, shape (1, rows), crosses a fold next to ``joints``, shape (K,).
+    """Return whether a path with these rates, shape (1, rows), crosses a fold next to ``joints``, shape (K,).
 
     Only of chains with as many joints as the pose has numbers.
     """

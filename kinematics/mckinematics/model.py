@@ -83,7 +83,7 @@ def read_urdf(urdf: str) -> str:
 
 
 def load_model(urdf: str) -> RobotModel:
-    """The robot of a URDF, by path or built-in name; its base is fixed to the world.
+    """Return the robot of a URDF, by path or built-in name; its base is fixed to the world.
 
     Raises:
         ModelError: no such file, not a URDF, or Pinocchio is missing.
@@ -102,7 +102,7 @@ def load_model(urdf: str) -> RobotModel:
 
 
 def build_chain(robot: RobotModel, tool: ToolDescription, axes: dict[int, AxisDescription]) -> Chain:
-    """The chain from the tool's work frame, or from the base, to its frame.
+    """Return the chain from the tool's work frame, or from the base, to its frame.
 
     Joints that move the work frame come first, from it to the base: the tool moves against them, so that
     their directions are reversed. Joints that carry both frames move neither against the other and are left
@@ -192,7 +192,7 @@ def build_chain(robot: RobotModel, tool: ToolDescription, axes: dict[int, AxisDe
 
 
 def _supports(model: Any, frame: Any) -> list[int]:
-    """The moving joints from the base to a frame."""
+    """Return the moving joints from the base to a frame."""
     return [int(joint) for joint in model.supports[frame.parentJoint] if joint != 0]
 
 

@@ -46,7 +46,9 @@ def joint_step(tool: ToolModel, jacobians: Array, rates: Array) -> Array:
 
 
 def largest_gain(tool: ToolModel) -> float:
-    """How much larger than the change asked for a step may be; beyond it the matrix counts as singular."""
+    """Return how much larger than the change asked for a step may be; beyond it the matrix counts as
+    singular.
+    """
     return LARGEST_GAIN * max(1.0, 1.0 / tool.chain.reach)
 
 
@@ -109,7 +111,7 @@ def newton(
 
 
 def _inverse(tool: ToolModel, jacobians: Array) -> Array | None:
-    """The Jacobians' inverses where all are far from singular, else None."""
+    """Return the Jacobians' inverses where all are far from singular, else None."""
     if not tool.square:
         return None
     try:

@@ -91,7 +91,7 @@ def _follow(
 
 
 def _tame(tool: ToolModel, slope: Array | None, rates: Array) -> bool:
-    """Whether an exact slope (K,) of the joints is known to be none of wild joints."""
+    """Return whether an exact slope (K,) of the joints is known to be none of wild joints."""
     if slope is None:
         return False
     return float(tool.joint_speed(slope[None])[0]) <= LARGEST_GAIN * float(tool.tool_speed(rates)[0])
@@ -185,7 +185,9 @@ def _beyond_fold(tool: ToolModel, targets: TargetPath, s: float, joints: Array) 
 
 
 def _furthest(tool: ToolModel, targets: TargetPath, s: float, joints: Array) -> Array | None:
-    """What is missing where the path beyond s is furthest out of reach, its end first; None if nothing is."""
+    """Return what is missing where the path beyond s is furthest out of reach, its end first; None if
+    nothing is.
+    """
 
     def missing_at(share: float) -> Array:
         pose = targets.at(np.array([s + (1.0 - s) * share]))
@@ -200,5 +202,5 @@ def _furthest(tool: ToolModel, targets: TargetPath, s: float, joints: Array) -> 
 
 
 def _size(tool: ToolModel, residual: Array) -> float:
-    """A residual as one length: a turn counts as its arc at the chain's reach [m]."""
+    """Return a residual as one length: a turn counts as its arc at the chain's reach [m]."""
     return float(np.linalg.norm(residual[:3]) + tool.chain.reach * np.linalg.norm(residual[3:]))

@@ -90,7 +90,7 @@ class Kinematics(Protocol):
         """Axis numbers of the tool's chain, in order."""
 
     def has_orientation(self, tool: int) -> bool:
-        """Whether A B C are allowed."""
+        """Return whether A B C are allowed."""
 
     def pose(self, tool: int, joints: Mapping[int, float]) -> Pose:
         """Forward kinematics."""
@@ -110,4 +110,4 @@ class Kinematics(Protocol):
         """Joint path that starts at ``joints``; raises `KinematicsError`; nothing is clipped."""
 
     def tip_control(self, tool: int, length: float) -> TipControl:
-        """The tool with a cutter of a length [m], led by its tip; raises `ModelError`."""
+        """Return the tool with a cutter of a length [m], led by its tip; raises `ModelError`."""

@@ -84,7 +84,7 @@ def rotation_vectors(matrices: Array) -> Array:
 
 
 def rotation_matrices(vectors: Array) -> Array:
-    """The inverse of `rotation_vectors`, by Rodrigues' formula: (n, 3) [rad] → (n, 3, 3)."""
+    """Return the inverse of `rotation_vectors`, by Rodrigues' formula: (n, 3) [rad] → (n, 3, 3)."""
     angle = np.sqrt((vectors * vectors).sum(-1))
     safe = np.where(angle < 1e-12, 1.0, angle)
     axis = vectors / safe[..., None]

@@ -113,7 +113,7 @@ def search(
 
 
 def within_limits(tool: ToolModel, joints: Array) -> BoolArray:
-    """Which rows of ``joints`` (n, K) keep every joint limit, shape (n,)."""
+    """Return which rows of ``joints`` (n, K) keep every joint limit, shape (n,)."""
     chain = tool.chain
     inside = (joints >= chain.lower - LIMIT_SLACK) & (joints <= chain.upper + LIMIT_SLACK)
     return np.asarray(inside.all(axis=1))

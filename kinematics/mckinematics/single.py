@@ -44,7 +44,7 @@ class SingleChain:
         self._joints = tuple(zip(turning, [_by_columns(step) for step in steps[1:]], strict=True))
 
     def linearise(self, joints: Floats) -> Linearised:
-        """Where the tool is, and how it moves with each joint; ``joints`` (K,) [rad or m]."""
+        """Return where the tool is, and how it moves with each joint; ``joints`` (K,) [rad or m]."""
         x0, x1, x2, y0, y1, y2, z0, z1, z2, p0, p1, p2 = self._first
         frames = []
         for (turning, step), joint in zip(self._joints, joints, strict=True):

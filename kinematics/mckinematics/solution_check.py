@@ -40,7 +40,7 @@ class Finding:
 
 
 def check_machine(machine: MachineDescription) -> tuple[Finding, ...]:
-    """Every fault of the machine's tools; empty if all fit or there are no tools.
+    """Return every fault of the machine's tools; empty if all fit or there are no tools.
 
     Faults: a missing or broken URDF, an unknown frame, another number or kind of joints than axes, limits
     that leave no travel, a joint with two axes, a start outside a joint's limits, and, as a warning, a start

@@ -53,7 +53,7 @@ class MachineKinematics:
         return self._dynamics
 
     def tool(self, number: int) -> ToolModel:
-        """The tool's model.
+        """Return the tool's model.
 
         Raises:
             ModelError: no tool has that number; lists those that there are.
@@ -73,7 +73,7 @@ class MachineKinematics:
         return self.tool(tool).chain.axes
 
     def has_orientation(self, tool: int) -> bool:
-        """Whether A B C are allowed."""
+        """Return whether A B C are allowed."""
         return self.tool(tool).orientation
 
     def pose(self, tool: int, joints: Mapping[int, float], near: Triple | None = None) -> Pose:
@@ -141,7 +141,7 @@ class MachineKinematics:
 
 
 def load_machine_model(machine: MachineDescription) -> RobotModel:
-    """The machine's URDF.
+    """Return the machine's URDF.
 
     Raises:
         ModelError: the model is missing, or cannot be read.

@@ -41,7 +41,7 @@ def clamped_spline(knots: Array, values: Array, start_slope: Array, end_slope: A
 
 
 def evaluate_cells(knots: Array, coefficients: Array, shares: Array) -> tuple[Array, Array]:
-    """The spline at the same shares (0 … 1) of each cell.
+    """Return the spline at the same shares (0 … 1) of each cell.
 
     Returns:
         s of shape (M-1, F) and values of shape (M-1, F, K) for F shares.

@@ -21,13 +21,13 @@ def degrees_text(radians: float) -> str:
 
 
 def point_text(position: Array) -> str:
-    """A point as words of the G-code: ``X -159 Y -400 Z 800``."""
+    """Return a point as words of the G-code: ``X -159 Y -400 Z 800``."""
     words = zip("XYZ", np.asarray(position, dtype=float), strict=True)
     return " ".join(f"{letter} {millimetres_text(float(value))}" for letter, value in words)
 
 
 def joint_text(chain: Chain, column: int, value: float) -> str:
-    """A joint position with its unit."""
+    """Return a joint position with its unit."""
     return f"{degrees_text(value)} deg" if chain.revolute[column] else f"{millimetres_text(value)} mm"
 
 

@@ -91,7 +91,7 @@ class TipControl:
             )
 
     def tip(self, joints: Array) -> Array:
-        """Where the tip is, shape (n, 3) [m], for joints (n, K)."""
+        """Return where the tip is, shape (n, 3) [m], for joints (n, K)."""
         positions, rotations = self.tool.chain.forward(joints)
         return np.asarray(positions - self.length * rotations[:, :, 2])
 

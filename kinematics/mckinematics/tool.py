@@ -33,7 +33,7 @@ class Targets:
     rotations: Array | None
 
     def rows(self, chosen: slice | NDArray[np.intp] | BoolArray) -> Targets:
-        """The poses of these rows."""
+        """Return the poses of these rows."""
         rotations = None if self.rotations is None else self.rotations[chosen]
         return Targets(self.positions[chosen], rotations)
 
@@ -87,12 +87,14 @@ class ToolModel:
         return np.array([self.chain.reach] * 3 + [1.0] * (self.rows - 3))
 
     def target(self, pose: Pose) -> Targets:
-        """A single pose as targets of length 1."""
+        """Return a single pose as targets of length 1."""
         rotations = euler_to_matrix(pose.angles, self.euler)[None] if self.orientation else None
         return Targets(np.array([pose.position], dtype=float), rotations)
 
     def residual(self, joints: Array, targets: Targets) -> Array:
-        """What is missing to the targets, (n, rows): a vector [m], with orientation also a turn [rad]."""
+        """Return what is missing to the targets, (n, rows): a vector [m], with orientation also a turn
+        [rad].
+        """
         positions, rotations = self.chain.forward(joints)
         return _residual(targets, positions, rotations)
 
@@ -102,7 +104,7 @@ class ToolModel:
         return _residual(targets, positions, rotations), jacobians
 
     def reached(self, residual: Array) -> BoolArray:
-        """Which residuals of shape (n, rows) count as reached, shape (n,)."""
+        """Return which residuals of shape (n, rows) count as reached, shape (n,)."""
         near: BoolArray = np.linalg.norm(residual[:, :3], axis=1) <= self.residual_tolerance
         if self.orientation:
             near &= np.linalg.norm(residual[:, 3:], axis=1) <= self.residual_tolerance_angle
@@ -130,7 +132,7 @@ class ToolModel:
         return np.asarray(speed / fastest if fastest > 0.0 else np.zeros(len(rates)), dtype=np.float64)
 
     def limit_gradient(self, joints: Array) -> Array:
-        """Where to move joints (n, K) away from their limits, shape (n, K) [rad or m].
+        """Return where to move joints (n, K) away from their limits, shape (n, K) [rad or m].
 
         Zero in the middle half of a joint's range and without limits, half the range at a limit.
         """
@@ -179,7 +181,7 @@ def build_tool(
     tolerance_angle: float,
     posture: tuple[float, ...] | None = None,
 ) -> ToolModel:
-    """A tool over its chain; ``tolerance`` [m] and ``tolerance_angle`` [rad] as in D-54.
+    """Return a tool over its chain; ``tolerance`` [m] and ``tolerance_angle`` [rad] as in D-54.
 
     Raises:
         ModelError: the chain cannot move the tool at all, or it cannot take the posture.

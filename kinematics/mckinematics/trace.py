@@ -182,7 +182,7 @@ def _predict(tool: ToolModel, here: _Place, before: _Place | None, s: float) -> 
 
 
 def _correct(tool: ToolModel, guess: list[float], goal: Goal, aside: float, units: Floats) -> _Reached | None:
-    """The joints at a goal and their slope, from a guess; None if the guess is not safely near."""
+    """Return the joints at a goal and their slope, from a guess; None if the guess is not safely near."""
     joints, miss = guess, -1.0
     for _ in range(CORRECTIONS):
         linear = linear_step(tool, joints, goal, aside)
@@ -217,7 +217,7 @@ def linear_step(tool: ToolModel, joints: Floats, goal: Goal, aside: float) -> Li
 
 
 def _solve(tool: ToolModel, joints: Floats, goal: Goal) -> Linear | None:
-    """The exact solution, if the goal is near and the Jacobian far from singular."""
+    """Return the exact solution, if the goal is near and the Jacobian far from singular."""
     now = tool.chain.single.linearise(joints)
     gap = [wanted - there for wanted, there in zip(goal.position, now.position, strict=True)]
     if goal.rotation is not None:

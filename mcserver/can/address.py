@@ -58,7 +58,7 @@ class BusAddress:
 
 
 def parse_address(text: str) -> BusAddress:
-    """The bus that a text names.
+    """Return the bus that a text names.
 
     Raises:
         ConfigurationError: MC009 the text is no address.
@@ -98,7 +98,7 @@ def split_host_port(text: str) -> tuple[str, int]:
 
 
 def family_of(host: str) -> socket.AddressFamily:
-    """The family that a host out of `split_host_port` is listened on in."""
+    """Return the family that a host out of `split_host_port` is listened on in."""
     return socket.AF_INET6 if ":" in host else socket.AF_INET
 
 

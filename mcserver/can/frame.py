@@ -19,7 +19,7 @@ IDENTIFIER = struct.Struct("=I")
 
 
 def prepare_frame(identifier: int, length: int) -> bytearray:
-    """A frame with a payload of zeros.
+    """Return a frame with a payload of zeros.
 
     Raises:
         ValueError: the identifier is none of CAN, or the length no classic one; a fault of the caller.
@@ -32,7 +32,7 @@ def prepare_frame(identifier: int, length: int) -> bytearray:
 
 
 def filled_frame(identifier: int, payload: bytes) -> bytearray:
-    """A frame with this payload; raises as `prepare_frame`."""
+    """Return a frame with this payload; raises as `prepare_frame`."""
     frame = prepare_frame(identifier, len(payload))
     frame[PAYLOAD_OFFSET : PAYLOAD_OFFSET + len(payload)] = payload
     return frame

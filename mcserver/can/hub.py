@@ -287,7 +287,7 @@ class Hub:
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """The hub as a process; the exit code: 0 ended by a signal, 1 the address is taken, 2 usage."""
+    """Return the hub as a process; the exit code: 0 ended by a signal, 1 the address is taken, 2 usage."""
     parser = argparse.ArgumentParser(
         prog="mcserver.can.hub", description="A socketcand server without hardware."
     )

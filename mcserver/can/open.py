@@ -10,7 +10,7 @@ from mcserver.can.udp_multicast import UdpMulticastPort
 
 
 def open_port(address: str | BusAddress) -> CanPort:
-    """A port on a bus; only this call may wait (some seconds, for a server that does not answer).
+    """Return a port on a bus; only this call may wait (some seconds, for a server that does not answer).
 
     Raises:
         ConfigurationError: MC009 the text is no address.

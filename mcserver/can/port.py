@@ -60,7 +60,9 @@ class CanPort(Protocol):
         """For `select`; −1 while the bus is away."""
 
     def prepare(self, identifier: int, length: int) -> bytearray:
-        """A buffer for a frame that is sent again and again; its payload begins at `payload_offset`."""
+        """Return a buffer for a frame that is sent again and again; its payload begins at
+        `payload_offset`.
+        """
 
     @property
     def payload_offset(self) -> int:

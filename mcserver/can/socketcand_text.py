@@ -24,7 +24,7 @@ _SEND = re.compile(rb"\s*< send ([0-9A-Fa-f]{3}|[0-9A-Fa-f]{8}) ([0-8])((?: [0-9
 
 
 def send_text(identifier: int, payload: bytes | bytearray) -> bytes:
-    """A client's message that puts a frame on the bus."""
+    """Return a client's message that puts a frame on the bus."""
     digits = b"%08X" % (identifier ^ EXTENDED) if identifier & EXTENDED else b"%03X" % identifier
     if not payload:
         return b"< send %s 0 >" % digits
@@ -39,7 +39,7 @@ def split_messages(text: bytes) -> tuple[list[bytes], bytes]:
 
 
 def frame_of(message: bytes) -> Frame | None:
-    """The frame of a server's ``< frame ID TIME BYTES``; None where it is malformed."""
+    """Return the frame of a server's ``< frame ID TIME BYTES``; None where it is malformed."""
     words = message.split()
     if len(words) < 4 or words[1] != b"frame" or len(words[2]) not in (3, 8):
         return None

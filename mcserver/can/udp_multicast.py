@@ -155,7 +155,7 @@ class UdpMulticastPort(SocketPort):
 
 
 def _frame_of(packet: bytes) -> Frame | None:
-    """The classic data frame that a packet holds, None where it holds none."""
+    """Return the classic data frame that a packet holds, None where it holds none."""
     try:
         message = _DECODER.decode(packet)
     except (msgspec.MsgspecError, ValueError):

@@ -48,5 +48,5 @@ def abort_text(code: int) -> str:
 
 
 def abort_remedy(code: int) -> str:
-    """What helps against an abort."""
+    """Return what helps against an abort."""
     return _REMEDIES.get(code, "see the drive's manual for this object and code")

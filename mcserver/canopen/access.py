@@ -39,7 +39,7 @@ _BY_FILE = "what it holds follows from the machine file; change it there and sta
 
 
 def moves_by_sdo(index: int) -> bool:
-    """Whether an object, of any axis of a node, commands motion, energy or, by 60FEh, a brake."""
+    """Return whether an object, of any axis of a node, commands motion, energy or, by 60FEh, a brake."""
     return of_first_axis(index) in _CYCLIC | {0x60FE}
 
 
@@ -74,7 +74,7 @@ class OperatorAccess:
         self._pool.shutdown(wait=True, cancel_futures=True)
 
     def drives(self) -> list[DriveInfo]:
-        """Every drive on a CAN bus, by axis."""
+        """Return every drive on a CAN bus, by axis."""
         now = time.monotonic()
         nodes = [node for node in self._service.nodes if node.settings.axis != NO_AXIS]
         views = [_view(node, axis, now) for node in nodes for axis in node.axes]

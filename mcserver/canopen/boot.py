@@ -192,7 +192,7 @@ class NodeBoot:
         return node.nmt is NmtState.OPERATIONAL or self._stopping.is_set()
 
     def _appears(self, node: Node, boot_ups_before: int, until: float) -> bool:
-        """Whether a boot-up message comes, or an answer: some devices send no such message."""
+        """Return whether a boot-up message comes, or an answer: some devices send no such message."""
 
         def heard() -> bool:
             if self._stopping.is_set():

@@ -145,7 +145,7 @@ class BusListener:
             self._on_node(node, at_s, identifier & 0x780, payload)
 
     def report(self, duration_s: float, bitrate: int) -> BusCounts:
-        """What was counted.
+        """Return what was counted.
 
         Args:
             duration_s: that was listened. bitrate: of the bus [bit/s].

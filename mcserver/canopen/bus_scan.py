@@ -72,7 +72,7 @@ def _files_of(folder: Path) -> list[Path]:
 
 
 def _own(node: Node) -> ScannedNode:
-    """A node of the machine: identity from its boot-up, modes by one transfer."""
+    """Return a node of the machine: identity from its boot-up, modes by one transfer."""
     settings, identity = node.settings, node.identity
     profile = (identity.device_type or 0) & 0xFFFF
     supported = 0
@@ -97,7 +97,7 @@ def _own(node: Node) -> ScannedNode:
 
 
 def _read(node: Node, index: int, subindex: int) -> int | None:
-    """An object of a node's first axis; None where it is lost, or has no such object."""
+    """Return an object of a node's first axis; None where it is lost, or has no such object."""
     try:
         payload = node.sdo.upload(index + node.settings.offset, subindex, attempts=1)
     except DriveError:

@@ -35,5 +35,5 @@ class Stopped(Exception):
 
 
 def object_text(index: int, subindex: int) -> str:
-    """An object as the standard's documents write it: ``60C2h:01``."""
+    """Return an object as the standard's documents write it: ``60C2h:01``."""
     return f"{index:04X}h:{subindex:02X}"

@@ -169,7 +169,7 @@ def interpolation_period(cycle_s: float) -> tuple[int, int]:
 
 
 def of_first_axis(index: int) -> int:
-    """The object of a node's first axis that an object of another axis stands for."""
+    """Return the object of a node's first axis that an object of another axis stands for."""
     return 0x6000 + (index - 0x6000) % AXIS_OFFSET if 0x6000 <= index < 0xA000 else index
 
 

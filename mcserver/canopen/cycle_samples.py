@@ -69,7 +69,7 @@ class Signal:
 def signals_of(
     axis: Axis, data: ProcessData, dictionary: DeviceDictionary, node_axis: int = 0
 ) -> list[Signal]:
-    """Every whole-byte object that is mapped for an axis, commands first, each once.
+    """Return every whole-byte object that is mapped for an axis, commands first, each once.
 
     Args:
         axis: of the machine, with its drive's section filled in. data: as planned for the drive.

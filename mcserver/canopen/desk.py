@@ -81,7 +81,7 @@ class Desk:
             return Reading(parameter, "bytes", decode_value("bytes", raw), raw)
 
     def read_number(self, index: int, subindex: int = 0) -> int | None:
-        """An unsigned number; None where the drive refuses it.
+        """Return an unsigned number; None where the drive refuses it.
 
         Raises:
             DriveError: MC554. RuntimeFault: MC560.

@@ -155,7 +155,7 @@ class Description:
 
 
 def generic_dictionary(node: int) -> DeviceDictionary:
-    """A dictionary of the standard's objects, with four RPDOs and four TPDOs."""
+    """Return a dictionary of the standard's objects, with four RPDOs and four TPDOs."""
     dictionary = DeviceDictionary(generic=True)
     dictionary.node_id = node
     for index, name, kind, access in _VARIABLES:

@@ -173,7 +173,7 @@ class _Reader:
         return value
 
     def _value(self, variable: ODVariable, section: Section, key: str) -> Any:
-        """A number, text or bytes as the type says; None where the key is missing or empty."""
+        """Return a number, text or bytes as the type says; None where the key is missing or empty."""
         text = section.text(key)
         kind = variable.data_type
         if not text:
@@ -210,7 +210,7 @@ class _Reader:
         return number
 
     def number(self, section: Section, key: str) -> int | None:
-        """A whole number; None where the key is missing or empty."""
+        """Return a whole number; None where the key is missing or empty."""
         text = section.text(key)
         if not text:
             return None

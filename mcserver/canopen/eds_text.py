@@ -35,12 +35,12 @@ class Section:
     entries: dict[str, tuple[str, str]] = field(default_factory=dict)
 
     def text(self, key: str) -> str:
-        """The value, empty where the key is missing or has none."""
+        """Return the value, empty where the key is missing or has none."""
         return self.entries.get(key.lower(), ("", ""))[1]
 
 
 def decode(raw: bytes) -> str:
-    """The text of a file's bytes; never fails."""
+    """Return the text of a file's bytes; never fails."""
     if raw.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
         return raw.decode("utf-16", errors="replace")
     try:
@@ -118,7 +118,7 @@ def _without_comment(key: str, value: str) -> str:
 
 
 def number_of(text: str, node: int) -> int:
-    """A whole number as CiA 306 writes it: decimal, hexadecimal, octal, or a sum with ``$NODEID``.
+    """Return a whole number as CiA 306 writes it: decimal, hexadecimal, octal, or a sum with ``$NODEID``.
 
     Raises:
         ValueError: it is not a number.

@@ -21,7 +21,7 @@ _REGISTER = (
 
 
 def register_text(register: int) -> str:
-    """The bits of 1001h: ``voltage, temperature``, or ``clear``."""
+    """Return the bits of 1001h: ``voltage, temperature``, or ``clear``."""
     return ", ".join(name for bit, name in enumerate(_REGISTER) if register >> bit & 1) or "clear"
 
 

@@ -49,6 +49,6 @@ def condition_of(desk: Desk) -> DriveCondition:
 
 
 def _entry(entry: int) -> str:
-    """The code of an entry in words, and the maker's sixteen bits behind it (CiA 301, 7.5.2.4)."""
+    """Return the code of an entry in words, and the maker's sixteen bits behind it (CiA 301, 7.5.2.4)."""
     code, own = entry & 0xFFFF, entry >> 16 & 0xFFFF
     return f"{code:04X}h {emergency_text(code)}" + (f" ({own:04X}h)" if own else "")

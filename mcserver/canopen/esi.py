@@ -107,7 +107,7 @@ def parse_esi(raw: bytes, node: int, source: str, vendor_id: int = 0, product_co
 def _chosen(
     root: Element, source: str, vendor_id: int, product_code: int
 ) -> tuple[Element, tuple[int, int, int]]:
-    """The newest revision of the one product that is meant, with vendor, product and revision."""
+    """Return the newest revision of the one product that is meant, with vendor, product and revision."""
     vendor = _number(root.findtext("Vendor/Id"))
     if vendor_id and vendor not in (None, vendor_id):
         raise _uncertain(
@@ -147,7 +147,7 @@ def _uncertain(source: str, what: str, remedy: str) -> ConfigurationError:
 
 
 def _mappable(device: Element, tag: str, usual: range) -> int | None:
-    """The first PDO whose mapping a master may write; None: all that there are are fixed."""
+    """Return the first PDO whose mapping a master may write; None: all that there are are fixed."""
     listed = device.findall(tag)
     for pdo in listed:
         index = _number(pdo.findtext("Index"))
@@ -250,7 +250,7 @@ class _Reader:
             following = first + count
 
     def _definition(self, name: str) -> Element | None:
-        """The type of the file's own, through the names that stand for it."""
+        """Return the type of the file's own, through the names that stand for it."""
         for _ in range(_MOST_NAMES):
             found = self._types.get(name)
             base = (found.findtext("BaseType") or "").strip() if found is not None else ""
@@ -260,7 +260,7 @@ class _Reader:
         return None
 
     def _basic(self, name: str) -> int:
-        """The data type of CiA 301; bytes where the name has none."""
+        """Return the data type of CiA 301; bytes where the name has none."""
         for _ in range(_MOST_NAMES):
             plain = name.split("(")[0].split("[")[0].strip().upper()
             if plain in _TYPES:
@@ -293,7 +293,7 @@ class _Reader:
         return variable
 
     def _value(self, variable: ODVariable, info: Element, which: str) -> Any:
-        """A default or a limit; None where the file has none, or one that makes no sense."""
+        """Return a default or a limit; None where the file has none, or one that makes no sense."""
         raw, plain = info.findtext(f"{which}Data"), info.findtext(f"{which}Value")
         try:
             if variable.data_type in (datatypes.VISIBLE_STRING, datatypes.UNICODE_STRING):
@@ -309,12 +309,12 @@ class _Reader:
 
 
 def _is_made_of(definition: Element) -> bool:
-    """Whether a type has members, or is an array."""
+    """Return whether a type has members, or is an array."""
     return definition.find("SubItem") is not None or definition.find("ArrayInfo") is not None
 
 
 def _of_bytes(variable: ODVariable, raw: bytes) -> int | float | None:
-    """A number that is written as its bytes, the least one first."""
+    """Return a number that is written as its bytes, the least one first."""
     kind = variable.data_type
     if kind in datatypes.FLOAT_TYPES:
         (real,) = struct.unpack("<f" if kind == datatypes.REAL32 else "<d", raw)
@@ -343,7 +343,7 @@ def _name(entry: Element, otherwise: str) -> str:
 
 
 def _number(text: str | None) -> int | None:
-    """A number as ETG.2000 writes it, ``#x1A00`` or decimal; None where it is none."""
+    """Return a number as ETG.2000 writes it, ``#x1A00`` or decimal; None where it is none."""
     plain = (text or "").strip().lower()
     found = re.fullmatch(r"(?:#x|0x)([0-9a-f]{1,16})|(-?[0-9]{1,20})", plain)
     if found is None:

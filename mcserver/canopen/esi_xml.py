@@ -41,7 +41,9 @@ class _Builder(TreeBuilder):
 
 
 def is_xml(raw: bytes) -> bool:
-    """Whether a file's bytes begin as XML does, in UTF-8 or UTF-16; an EDS file begins with a section."""
+    """Return whether a file's bytes begin as XML does, in UTF-8 or UTF-16; an EDS file begins with a
+    section.
+    """
     for mark in _MARKS:
         raw = raw.removeprefix(mark)
     return raw[:64].replace(b"\x00", b"").lstrip()[:1] == b"<"

@@ -40,7 +40,7 @@ class Listening:
 
 
 def sign_of_master(identifier: int, bus: Listening) -> str:
-    """What a frame says of another master, in words; empty: nothing."""
+    """Return what a frame says of another master, in words; empty: nothing."""
     if identifier == SYNC:
         return "" if bus.foreign_sync else "SYNC (080h)"
     if identifier == NMT:

@@ -168,14 +168,14 @@ class Node:
         return payload if payload and time.monotonic() - at <= STALE_S else None
 
     def statusword_of(self, axis: NodeAxis) -> int | None:
-        """The newest statusword of an axis, or the fault bits of a drive that streams telemetry."""
+        """Return the newest statusword of an axis, or the fault bits of a drive that streams telemetry."""
         if axis.settings.streamed is not None:
             return axis.settings.streamed.fault_bits(self.telemetry)
         raw = self.raw_of(axis, STATUSWORD + axis.settings.offset, 0, 2)
         return None if raw is None else int.from_bytes(raw, "little")
 
     def raw_of(self, axis: NodeAxis, index: int, subindex: int, length: int) -> bytes | None:
-        """The newest bytes of an object in an axis's process data."""
+        """Return the newest bytes of an object in an axis's process data."""
         for pdo in axis.planned.process_data.tpdos if axis.planned else ():
             at = pdo.offset(index, subindex)
             if at is None:
@@ -209,7 +209,7 @@ class Node:
         return max(LEAST_SILENCE_S, MISSED_HEARTBEATS * self.settings.heartbeat_ms / 1000.0)
 
     def is_silent(self, now: float) -> bool:
-        """Whether it has been silent for too long."""
+        """Return whether it has been silent for too long."""
         limit = self.silence_limit_s
         if limit is None:
             return False

@@ -83,7 +83,7 @@ class ParameterFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 def is_stored(parameter: Parameter) -> bool:
-    """Whether a file has a parameter: what the drive keeps, can be read and written, and is its own.
+    """Return whether a file has a parameter: what the drive keeps, can be read and written, and is its own.
 
     What the machine file decides at each start (process data, heartbeats, scaling, mode) is not, nor what
     commands, nor the node's number and bit rate.
@@ -99,18 +99,18 @@ def is_stored(parameter: Parameter) -> bool:
 
 
 def place_in_file(parameter: Parameter) -> Place:
-    """Where a file has a drive's parameter."""
+    """Return where a file has a drive's parameter."""
     return of_first_axis(parameter.index), parameter.subindex
 
 
 def in_drive(place: Place, node_axis: int) -> Place:
-    """The object of a node's axis that a file's place stands for."""
+    """Return the object of a node's axis that a file's place stands for."""
     index, subindex = place
     return (index + AXIS_OFFSET * node_axis if 0x6000 <= index < 0xA000 else index), subindex
 
 
 def write_parameters(file: ParameterFile) -> str:
-    """The file's text."""
+    """Return the file's text."""
     identity = msgspec.structs.asdict(file.drive)
     numbers = [f"{name} = 0x{value:08X}" for name, value in identity.items() if isinstance(value, int)]
     lines = [
@@ -175,7 +175,7 @@ def differing(left: Mapping[Place, StoredParameter], right: Mapping[Place, Store
 
 
 def stored(parameter: Parameter, kind: str, value: Value) -> StoredParameter:
-    """A parameter as a file has it."""
+    """Return a parameter as a file has it."""
     return StoredParameter(object_text(*place_in_file(parameter)), value, kind, parameter.name)
 
 

@@ -87,7 +87,7 @@ def _variables(dictionary: DeviceDictionary, index: int) -> Iterator[ODVariable]
 
 
 def search(parameters: Sequence[Parameter], words: Sequence[str]) -> list[Parameter]:
-    """The parameters whose number, name, type or access contain every word, in any case."""
+    """Return the parameters whose number, name, type or access contain every word, in any case."""
     wanted = [word.lower() for word in words]
     return [
         each
@@ -130,7 +130,7 @@ def find(parameters: Sequence[Parameter], dictionary: DeviceDictionary, text: st
 
 
 def encode(parameter: Parameter, value: Value) -> bytes:
-    """The bytes of a value that may be written, by the EDS's type, access and limits.
+    """Return the bytes of a value that may be written, by the EDS's type, access and limits.
 
     Raises:
         UsageFault: MC559 it is not to be written, or the value is none of its type or outside its limits.

@@ -310,7 +310,7 @@ class _Plan:
             yield SdoWrite(record, 5, payload, f"{name} time-out [ms]", optional=True, spare_pdo=spare)
 
     def _is_watched(self, pdo: MappedPdo) -> bool:
-        """Whether an RPDO goes out in every mode of the axis: one with speeds alone does not."""
+        """Return whether an RPDO goes out in every mode of the axis: one with speeds alone does not."""
         carried = set(pdo.objects)
         if pdo.objects[0] in (self._of_axis(TORQUE_OFFSET), self._of_axis(DIGITAL_OUTPUTS)):
             return False
@@ -327,7 +327,9 @@ class _Plan:
         required: Sequence[MappedObject],
         wanted: Sequence[_Wanted],
     ) -> list[MappedPdo]:
-        """The fewest of the drive's own PDOs that carry what is required, and most of what is wanted."""
+        """Return the fewest of the drive's own PDOs that carry what is required, and most of what is
+        wanted.
+        """
         own = [pdo for number in numbers if (pdo := self._own_pdo(direction, number)) is not None]
         usable = [pdo for pdo in own if direction is _TPDO or self._is_harmless(pdo)]
         nice = {self._of_axis(mapped) for each in wanted for mapped in each.objects}
@@ -363,7 +365,7 @@ class _Plan:
         return MappedPdo(number, cob, objects, transmission)
 
     def _is_harmless(self, pdo: MappedPdo) -> bool:
-        """Whether the server has a value for everything in a fixed RPDO."""
+        """Return whether the server has a value for everything in a fixed RPDO."""
         known = {CONTROLWORD, MODE, TARGET_POSITION, INTERPOLATED, TARGET_VELOCITY, TARGET_TORQUE}
         if self._drive.mode == Mode.PROFILE_POSITION:
             known = {CONTROLWORD, MODE, TARGET_POSITION, PROFILE_VELOCITY}
@@ -436,7 +438,7 @@ class _Plan:
     # ------------------------------------------------------------ objects
 
     def _of_axis(self, mapped: MappedObject) -> MappedObject:
-        """The same object of this axis of the node."""
+        """Return the same object of this axis of the node."""
         if not self._offset or not 0x6000 <= mapped.index < 0x6800:
             return mapped
         return MappedObject(mapped.index + self._offset, mapped.subindex, mapped.bits)

@@ -76,7 +76,7 @@ def modes_of(supported: int) -> list[str]:
 
 
 def machine_file(name: str, address: str, nodes: list[ScannedNode]) -> str:
-    """A machine file to start from: what has to be filled in is said there."""
+    """Return a machine file to start from: what has to be filled in is said there."""
     lines = [
         "# made by mcserver scan: fill in what is marked, then run `mcserver machine check` on it",
         "[machine]",

@@ -100,7 +100,7 @@ class Scope:
         return self.triggered and len(self._kept) >= self._cycles
 
     def trace(self) -> ScopeTrace:
-        """What is kept."""
+        """Return what is kept."""
         numbers = np.array(self._kept[: self._cycles]).reshape(-1, len(self._signals))
         columns = [signal.values(numbers[:, at]) for at, signal in enumerate(self._signals)]
         names = [signal.name for signal in self._signals]
@@ -133,7 +133,7 @@ class Scope:
 
 
 def read_trigger(text: str, signals: Sequence[Signal], *, edge: bool) -> Trigger:
-    """The trigger that a text such as ``following error > 0.05`` means; ``edge``: see `Trigger`.
+    """Return the trigger that a text such as ``following error > 0.05`` means; ``edge``: see `Trigger`.
 
     Raises:
         UsageFault: MC568 it makes no sense, or names nothing or several of what is on the bus.

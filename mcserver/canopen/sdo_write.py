@@ -76,11 +76,11 @@ class DriveDictionary:
         return member
 
     def has(self, index: int, subindex: int = 0) -> bool:
-        """Whether the drive has an object."""
+        """Return whether the drive has an object."""
         return self.variable(index, subindex) is not None
 
     def writable(self, index: int, subindex: int = 0) -> bool:
-        """Whether the drive has an object that can be written."""
+        """Return whether the drive has an object that can be written."""
         variable = self.variable(index, subindex)
         return variable is not None and variable.writable
 

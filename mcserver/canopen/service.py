@@ -111,7 +111,7 @@ class CanopenService:
         return sorted(every, key=lambda node: node.settings.axis)
 
     def agreed(self, machine: Machine) -> Machine:
-        """The machine with the process data that its drives have agreed to, for the cycle."""
+        """Return the machine with the process data that its drives have agreed to, for the cycle."""
         data = {
             axis.settings.axis: axis.planned.without(node.dropped & axis.planned.spare.keys())
             for node in self.nodes

@@ -141,7 +141,7 @@ class CanopenBus:
         self._network.disconnect()
 
     def node(self, number: int) -> Node | None:
-        """The node of that number."""
+        """Return the node of that number."""
         return next((node for node in self.nodes if node.settings.node == number), None)
 
     # ------------------------------------------------------------ the bus's thread

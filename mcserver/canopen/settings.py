@@ -121,7 +121,7 @@ class DriveSettings:
 
 
 def uses_can(machine: Machine) -> bool:
-    """Whether any axis has a drive on a CAN bus, or any input or output is on one."""
+    """Return whether any axis has a drive on a CAN bus, or any input or output is on one."""
     drives = any(
         isinstance(axis.drive, CanDrive) and machine.bus_of(axis).kind == "can" for axis in machine.axes
     )
@@ -129,7 +129,7 @@ def uses_can(machine: Machine) -> bool:
 
 
 def settings_of(machine: Machine) -> list[DriveSettings]:
-    """All drives on buses, by axis, and behind them the nodes with inputs and outputs."""
+    """Return all drives on buses, by axis, and behind them the nodes with inputs and outputs."""
     drives = [_of_axis(machine, axis) for axis in machine.axes if isinstance(axis.drive, CanDrive)]
     return drives + [_of_io(bus, node) for bus in machine.buses for node in nodes_on(machine, bus.name)]
 

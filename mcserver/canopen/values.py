@@ -33,12 +33,12 @@ TYPES = MappingProxyType(
 
 
 def type_name(data_type: int | None) -> str:
-    """The short name; ``bytes`` for types without one."""
+    """Return the short name; ``bytes`` for types without one."""
     return next((name for name, kind in TYPES.items() if kind == data_type), "bytes")
 
 
 def decode_value(name: str, payload: bytes) -> Value:
-    """The value that bytes stand for; ``bytes`` gives hexadecimal text.
+    """Return the value that bytes stand for; ``bytes`` gives hexadecimal text.
 
     Raises:
         ValueError: the bytes have another length than the type.
@@ -58,7 +58,7 @@ def decode_value(name: str, payload: bytes) -> Value:
 
 
 def encode_value(name: str, value: Value) -> bytes:
-    """The bytes of a value; texts of ``bytes`` are hexadecimal.
+    """Return the bytes of a value; texts of ``bytes`` are hexadecimal.
 
     Raises:
         ValueError: the value does not fit the type.
@@ -80,7 +80,7 @@ def encode_value(name: str, value: Value) -> bytes:
 
 
 def pack_number(data_type: int, value: int | float) -> bytes:
-    """The bytes of a number.
+    """Return the bytes of a number.
 
     Raises:
         ValueError: it does not fit.

@@ -50,6 +50,6 @@ def check(
 
 
 def find_faults(program: ProgramLines, machine: Machine, switches: Switches) -> list[Diagnostic]:
-    """All faults of a program on a machine, tools' paths included."""
+    """Return all faults of a program on a machine, tools' paths included."""
     kinematics = build_kinematics(machine)
     return check_lines(program.source(), machine, kinematics, at_rest=True, switches=switches)

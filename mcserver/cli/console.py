@@ -50,12 +50,12 @@ class NarrationHandler(logging.Handler):
 
 
 def narration() -> TerminalConsole:
-    """The console for people: standard error."""
+    """Return the console for people: standard error."""
     return TerminalConsole(stderr=True, soft_wrap=True)
 
 
 def results() -> TerminalConsole:
-    """The console for results: standard output."""
+    """Return the console for results: standard output."""
     console = TerminalConsole(soft_wrap=True)
     if not console.is_terminal:
         # a file or a pipe has no width: tables need not be squeezed
@@ -119,7 +119,7 @@ def show_diagnostics(diagnostics: Sequence[Diagnostic], source_lines: Sequence[s
 
 
 def as_diagnostics(error: McError) -> list[dict[str, Any]]:
-    """What a JSON answer says of an error."""
+    """Return what a JSON answer says of an error."""
     if isinstance(error, ProgramRejected | MachineFileRejected):
         return [diagnostic.as_json() for diagnostic in error.diagnostics]
     if isinstance(error, RuntimeFault):

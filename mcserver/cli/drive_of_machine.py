@@ -64,7 +64,7 @@ def check_seconds(seconds: float, longest: float) -> None:
 
 
 def at_desk_of(drive: DriveSettings) -> AbstractContextManager[Desk]:
-    """The drive's desk, on CAN or by its mailbox on EtherCAT. Raises: as these."""
+    """Return the drive's desk, on CAN or by its mailbox on EtherCAT. Raises: as these."""
     if drive.fieldbus == "ethercat":
         from mcserver.ethercat.desk import at_ethercat_desk
 
@@ -87,7 +87,7 @@ def listen(machine: Machine, bus: str) -> CanPort:
 
 
 def described(machine: str, axis: int) -> Described:
-    """An axis's drive.
+    """Return an axis's drive.
 
     Raises:
         ConfigurationError: the machine file, MC008 the EDS. UsageFault: MC559 no CiA 402 drive there.
@@ -123,7 +123,7 @@ def drives_of(machine: str) -> list[DriveSettings]:
 
 
 def as_json(parameter: Parameter) -> dict[str, object]:
-    """What JSON answers say of a parameter."""
+    """Return what JSON answers say of a parameter."""
     return {
         "index": parameter.index,
         "subindex": parameter.subindex,
@@ -136,7 +136,7 @@ def as_json(parameter: Parameter) -> dict[str, object]:
 
 
 def table(titles: Iterable[str], rows: Iterable[Sequence[str]]) -> Table:
-    """A table whose cells are text as it is."""
+    """Return a table whose cells are text as it is."""
     table = Table(box=None, pad_edge=False, header_style="bold")
     for title in titles:
         table.add_column(title)

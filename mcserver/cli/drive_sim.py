@@ -254,7 +254,7 @@ def _hub(address: tuple[str, int] | None) -> Iterator[str]:
 
 
 def _first_line(stream: IO[bytes]) -> str:
-    """What a process says first, empty where it says nothing in time."""
+    """Return what a process says first, empty where it says nothing in time."""
     with selectors.DefaultSelector() as selector:
         selector.register(stream, selectors.EVENT_READ)
         if not selector.select(HUB_START_S):

@@ -24,7 +24,7 @@ ObjectArgument = Annotated[str, typer.Argument(metavar="OBJECT", help="6065, 609
 
 
 def build_app() -> typer.Typer:
-    """The sub-commands about drives."""
+    """Return the sub-commands about drives."""
     app = typer.Typer(help="CANopen drives: their parameters by name.", no_args_is_help=True)
 
     @app.callback()

@@ -42,7 +42,7 @@ class OutOfResources(McError):
 
 
 def exit_code_of(error: McError) -> ExitCode:
-    """The exit code that tells a script what kind of error this is."""
+    """Return the exit code that tells a script what kind of error this is."""
     if isinstance(error, UsageFault):
         return ExitCode.USAGE
     if isinstance(error, NobodyAnswers):

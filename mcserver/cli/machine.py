@@ -33,7 +33,7 @@ from mcserver.units import AxisType
 
 
 def build_app() -> typer.Typer:
-    """The sub-commands about machine files."""
+    """Return the sub-commands about machine files."""
     app = typer.Typer(help="Machine files.", no_args_is_help=True)
 
     @app.callback()

@@ -14,7 +14,7 @@ from mcserver.errors import ConfigurationError, UsageFault
 
 
 def check_output(path: str, suffixes: tuple[str, ...]) -> str:
-    """The suffix of ``path``, in lower case, once it is known that a file can be written there.
+    """Return the suffix of ``path``, in lower case, once it is known that a file can be written there.
 
     Raises:
         UsageFault: MC012 another suffix, MC013 a folder, or one that is missing or not writable.
@@ -83,5 +83,5 @@ def write_atomically(path: str, write: Callable[[BinaryIO], None]) -> None:
 
 
 def _is_special(real: str) -> bool:
-    """Whether a device, a pipe or a socket is there."""
+    """Return whether a device, a pipe or a socket is there."""
     return os.path.exists(real) and not os.path.isfile(real)

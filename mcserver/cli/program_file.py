@@ -17,7 +17,7 @@ STDIN = "-"
 
 
 def read_program(file: str) -> bytes:
-    """The bytes of ``file``; ``-`` is standard input.
+    """Return the bytes of ``file``; ``-`` is standard input.
 
     Raises:
         UsageFault: MC010 it cannot be read, MC011 it holds more than 512 MiB.
@@ -74,5 +74,5 @@ def _bounded(stream: BinaryIO, name: str) -> bytes:
 
 
 def shown_name(file: str) -> str:
-    """How diagnostics call the file."""
+    """Return how diagnostics call the file."""
     return "<stdin>" if file == STDIN else file

@@ -53,7 +53,7 @@ class ProgramLines(Sequence[str]):
             position = number
 
     def has_more_than(self, count: int) -> bool:
-        """Whether there are more lines than so many; reads no further."""
+        """Return whether there are more lines than so many; reads no further."""
         return next(islice(self._lenient(), count, None), None) is not None
 
     def __len__(self) -> int:

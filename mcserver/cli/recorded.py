@@ -28,12 +28,12 @@ class OpenedRecording:
 
 
 def is_recording_name(file: str) -> bool:
-    """Whether a file is a recording by its name; what reads it is loaded only then."""
+    """Return whether a file is a recording by its name; what reads it is loaded only then."""
     return Path(file).suffix.lower() in (".mcap", ".npz")
 
 
 def open_recording(file: str, machine: str) -> OpenedRecording:
-    """A recording and its machine: the one named, or the one that the file holds.
+    """Return a recording and its machine: the one named, or the one that the file holds.
 
     Raises:
         UsageFault: MC581. ConfigurationError: the machine named cannot be used.

@@ -20,7 +20,7 @@ FileArgument = Annotated[Path, typer.Argument(metavar="FILE", help="A recording.
 
 
 def build_app() -> typer.Typer:
-    """The sub-commands about recordings."""
+    """Return the sub-commands about recordings."""
     app = typer.Typer(help="Recordings: what is in them, repair, export.", no_args_is_help=True)
 
     @app.callback()

@@ -20,7 +20,7 @@ def reject(diagnostics: Sequence[Diagnostic], lines: Sequence[str], name: str) -
 
 
 def count_faults(diagnostics: Sequence[Diagnostic], name: str) -> str:
-    """The closing line of a rejection."""
+    """Return the closing line of a rejection."""
     errors = [each for each in diagnostics if each.severity == "error"]
     lines = len({each.line for each in errors})
     return f"{name} is rejected: {_count(len(errors), 'error')} in {_count(lines, 'line')}"

@@ -105,7 +105,7 @@ def run(
 
 
 def named(machine: Machine, name: str | None) -> Machine:
-    """The machine under another name.
+    """Return the machine under another name.
 
     Raises:
         ConfigurationError: MC017 the name cannot be part of a key.
@@ -120,7 +120,7 @@ def named(machine: Machine, name: str | None) -> Machine:
 
 
 def without_recorder(machine: Machine) -> Machine:
-    """The machine with its recorder switched off."""
+    """Return the machine with its recorder switched off."""
     off = msgspec.structs.replace(machine.recorder, enabled=False)
     return msgspec.structs.replace(machine, recorder=off)
 

@@ -24,7 +24,7 @@ FolderArgument = Annotated[Path, typer.Argument(metavar="FOLDER", help="The site
 
 
 def build_app() -> typer.Typer:
-    """The sub-commands about access."""
+    """Return the sub-commands about access."""
     app = typer.Typer(help="Keys and access rules of a site.", no_args_is_help=True)
 
     @app.callback()

@@ -28,7 +28,7 @@ RAMPS_SHOWN = 1.0005
 
 
 def diagnostics_of(report: Mapping[str, Any]) -> list[Diagnostic]:
-    """The diagnostics of a report as values."""
+    """Return the diagnostics of a report as values."""
     return [
         each if isinstance(each, Diagnostic) else msgspec.convert(each, Diagnostic)
         for each in report["diagnostics"]

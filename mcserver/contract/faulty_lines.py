@@ -10,7 +10,7 @@ FAULTY = Diagnostic("MC101", "an unknown code", line=2, column=5, end_column=8, 
 
 
 def faulty_lines() -> tuple[Script, ...]:
-    """All of them, in the order in which one reads them."""
+    """Return all of them, in the order in which one reads them."""
     return (
         _faulty_line(),
         _faulty_line_again(),

@@ -77,7 +77,7 @@ def required(kind: inspect.StructType) -> Any:
 
 
 def struct_type(kind: type[msgspec.Struct]) -> inspect.StructType:
-    """A message's fields and bounds."""
+    """Return a message's fields and bounds."""
     return cast(inspect.StructType, inspect.type_info(kind))
 
 

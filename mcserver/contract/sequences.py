@@ -10,7 +10,7 @@ from mcserver.service.reports import Fault
 
 
 def sequences() -> list[dict[str, Any]]:
-    """All of them, in the order in which one reads them."""
+    """Return all of them, in the order in which one reads them."""
     made = (
         _numbering(),
         _start_line(),

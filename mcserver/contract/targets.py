@@ -27,7 +27,7 @@ Rows = Sequence[Sequence[float]]
 
 
 def target_sequences() -> list[dict[str, Any]]:
-    """All of them, in the order in which one reads them."""
+    """Return all of them, in the order in which one reads them."""
     made = (_targets(), _chunk(), _tool(), _loss(), _refused(), _refused_targets(), _end(), _silence())
     return [script.sequence() for script in made]
 

@@ -87,7 +87,7 @@ def garbage() -> list[dict[str, Any]]:
 
 
 def defaults(kind: type[msgspec.Struct]) -> dict[str, Any]:
-    """What a field holds that is left out."""
+    """Return what a field holds that is left out."""
     return {
         field.encode_name: plain(
             field.default_factory() if field.default is msgspec.NODEFAULT else field.default
@@ -98,7 +98,7 @@ def defaults(kind: type[msgspec.Struct]) -> dict[str, Any]:
 
 
 def plain(value: Any) -> Any:
-    """A value as JSON has it: every field of a message given, bytes in base64."""
+    """Return a value as JSON has it: every field of a message given, bytes in base64."""
     if isinstance(value, msgspec.Struct):
         fields = {
             encoded: plain(getattr(value, name))

@@ -68,7 +68,7 @@ def _opens_socket() -> bool:
 
 
 def _details() -> dict[str, dict[str, Any]]:
-    """What ``ip`` tells of CAN interfaces by name; empty where it is not installed."""
+    """Return what ``ip`` tells of CAN interfaces by name; empty where it is not installed."""
     command = shutil.which("ip")
     if command is None:
         return {}

@@ -6,7 +6,7 @@ from pathlib import Path
 
 
 def read_text(path: str | Path) -> str | None:
-    """The text without surrounding blanks; None where it cannot be read."""
+    """Return the text without surrounding blanks; None where it cannot be read."""
     try:
         return Path(path).read_text("utf-8", errors="replace").strip()
     except OSError:
@@ -14,7 +14,7 @@ def read_text(path: str | Path) -> str | None:
 
 
 def read_int(path: str | Path) -> int | None:
-    """The whole number in a file; None where the file holds no number."""
+    """Return the whole number in a file; None where the file holds no number."""
     text = read_text(path)
     try:
         return None if text is None else int(text)

@@ -49,6 +49,6 @@ def missing(area: str, title: str, found: str, fix: str) -> Finding:
 
 
 def worst(findings: Iterable[Finding]) -> State:
-    """The gravest state among findings."""
+    """Return the gravest state among findings."""
     order = (State.OK, State.ADVICE, State.MISSING)
     return max((finding.state for finding in findings), key=order.index, default=State.OK)

@@ -52,7 +52,7 @@ class DoorLimits(msgspec.Struct, frozen=True):
     bodies: tuple[tuple[str, BodyLimit], ...] = ()
 
     def body_of(self, path: str) -> BodyLimit:
-        """The limit of a request to this path."""
+        """Return the limit of a request to this path."""
         return next((limit for start, limit in self.bodies if path.startswith(start)), self.body)
 
 

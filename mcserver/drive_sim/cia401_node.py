@@ -93,7 +93,7 @@ class Cia401Node(CanopenNode):
 
 
 def _dictionary(node: int, inputs: Objects, outputs: Objects) -> ObjectStore:
-    """The communication part of the shipped EDS file, and the objects of a machine's node."""
+    """Return the communication part of the shipped EDS file, and the objects of a machine's node."""
     shipped = resources.files("mcserver.drive_sim").joinpath(EDS).read_text("ascii")
     text = _SECTION.sub(lambda found: found[0] if int(found[1], 16) < 0x6000 else "", shipped)
     digital = {key: "u8" for key in outputs if key[0] == DIGITAL_OUTPUTS}

@@ -129,7 +129,7 @@ class Cia402Node(CanopenNode):
         self.wake = now
 
     def describe(self) -> dict[str, object]:
-        """What a test may want to know of the node, beyond what the bus shows."""
+        """Return what a test may want to know of the node, beyond what the bus shows."""
         state = self.nmt.state
         more = {
             "sdo_abort": bool(self.sdo.refusals),
@@ -287,7 +287,7 @@ class Cia402Node(CanopenNode):
         return self._synced_at + max(UNLOCKED_PERIODS * self._period_s(), UNLOCKED_S)
 
     def _period_s(self) -> float:
-        """The interpolation time period 60C2h, within what a motor can be stepped by [s]."""
+        """Return the interpolation time period 60C2h, within what a motor can be stepped by [s]."""
         value, exponent = self._period
         period: float = value.value * 10.0**exponent.value
         return min(max(period, SHORTEST_PERIOD_S), LONGEST_PERIOD_S)

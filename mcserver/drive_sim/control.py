@@ -135,12 +135,12 @@ class Control:
         self._request({"fault": "clear"} | ({} if node is None else {"node": node}))
 
     def states(self) -> list[dict[str, Any]]:
-        """What every node does. Raises: as `fault`."""
+        """Return what every node does. Raises: as `fault`."""
         nodes: list[dict[str, Any]] = self._request({"state": True})["nodes"]
         return nodes
 
     def state(self, node: int, bus: str | None = None) -> dict[str, Any]:
-        """What one node does. Raises: as `fault`."""
+        """Return what one node does. Raises: as `fault`."""
         request = {"state": True, "node": node} | ({} if bus is None else {"bus": bus})
         found: dict[str, Any] = self._request(request)["nodes"][0]
         return found

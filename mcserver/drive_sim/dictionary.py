@@ -70,11 +70,11 @@ class ObjectStore:
         self.reset()
 
     def entry(self, index: int, subindex: int = 0) -> Entry:
-        """An entry that is known to exist."""
+        """Return an entry that is known to exist."""
         return self._entries[index, subindex]
 
     def find(self, index: int, subindex: int) -> Entry:
-        """The entry that a master asks for.
+        """Return the entry that a master asks for.
 
         Raises:
             SdoAbort: no such object or subindex.
@@ -108,7 +108,7 @@ class ObjectStore:
                 entry.written = False
 
     def read(self, index: int, subindex: int) -> bytes:
-        """A value as it is transferred.
+        """Return a value as it is transferred.
 
         Raises:
             SdoAbort: it cannot be read.

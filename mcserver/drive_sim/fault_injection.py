@@ -62,7 +62,7 @@ def values_of(
     fault: str,
     faults: Mapping[str, Mapping[str, tuple[float, float, float | None]]] = FAULTS,
 ) -> dict[str, float]:
-    """The values of a request, defaults filled in.
+    """Return the values of a request, defaults filled in.
 
     Args:
         faults: that the drive has.
@@ -128,7 +128,7 @@ class Misbehaviour:
         return True
 
     def tpdo(self, identifier: int, payload: bytes) -> bytes | None:
-        """What leaves in place of a TPDO's payload."""
+        """Return what leaves in place of a TPDO's payload."""
         if self.late_syncs:
             waiting = self.late.setdefault(identifier, deque(maxlen=MAX_SYNCS + 1))
             waiting.append(payload)

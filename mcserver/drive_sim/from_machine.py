@@ -50,7 +50,7 @@ class Choice:
 
 
 def simulated_axes(machine: Machine, choice: Choice) -> list[tuple[BusConfig, Axis]]:
-    """The axes whose drives are to be simulated, with their buses."""
+    """Return the axes whose drives are to be simulated, with their buses."""
     found = []
     for axis in machine.axes:
         if not isinstance(axis.drive, CanDrive):
@@ -64,7 +64,7 @@ def simulated_axes(machine: Machine, choice: Choice) -> list[tuple[BusConfig, Ax
 
 
 def simulated_io(machine: Machine, bus: BusConfig, choice: Choice) -> list[int]:
-    """The nodes with inputs and outputs on a bus that are to be simulated."""
+    """Return the nodes with inputs and outputs on a bus that are to be simulated."""
     if choice.buses and bus.name not in choice.buses and bus.address not in choice.buses:
         return []
     return [node for node in nodes_on(machine, bus.name) if not choice.nodes or node in choice.nodes]
@@ -170,7 +170,9 @@ def hardware_of(axis: Axis) -> Hardware:
 
 
 def start_turns(axis: Axis, chance: random.Random | None) -> float:
-    """Where the motor stands when power comes [turn]: by the machine file, or anywhere within the travel."""
+    """Return where the motor stands when power comes [turn]: by the machine file, or anywhere within the
+    travel.
+    """
     position = axis.initial_position
     if chance is not None:
         spread = RANDOM_TURNS * axis.travel_per_motor_turn

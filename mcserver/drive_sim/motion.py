@@ -113,13 +113,15 @@ class Motion:
         self.report(0.0)
 
     def _turns_of(self, target: int) -> float:
-        """The position nearest to the present demand that a wrapped number of units means [turn]."""
+        """Return the position nearest to the present demand that a wrapped number of units means [turn]."""
         present = round(self._demand * self._units_per_turn)
         change = (target - present + HALF_WRAP) % WRAP - HALF_WRAP
         return (present + change) / self._units_per_turn
 
     def _rate(self, entry: Entry, limit: float) -> float:
-        """A profile's velocity or acceleration, as unsigned units per second (squared) [turn/s, turn/s²]."""
+        """Return a profile's velocity or acceleration, as unsigned units per second (squared) [turn/s,
+        turn/s²].
+        """
         return min(entry.value / abs(self._units_per_turn), limit)
 
     # ------------------------------------------------------------------ steps
@@ -250,7 +252,7 @@ class Motion:
         return at_rest
 
     def _profile(self, dt: float) -> float:
-        """The next position on the way to the goal of mode pp: trapezoidal, by 6081h, 6083h, 6084h."""
+        """Return the next position on the way to the goal of mode pp: trapezoidal, by 6081h, 6083h, 6084h."""
         if self._goal is None:
             return self._demand
         hardware = self.motor.hardware
@@ -310,7 +312,9 @@ class Motion:
         self.reached = inside and self._settled_s * 1e3 >= self._window_time.value
 
     def follows(self, dt: float) -> bool:
-        """Whether the following error is within 6065h, or not yet outside for 6066h; of position modes."""
+        """Return whether the following error is within 6065h, or not yet outside for 6066h; of position
+        modes.
+        """
         window = self._error_window.value
         if window == NO_WINDOW or self.mode not in POSITIONED:
             self._overdue_s = 0.0

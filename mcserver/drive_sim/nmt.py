@@ -42,7 +42,7 @@ class HeartbeatConsumer:
             self._deadlines[node] = now + time_s
 
     def poll(self, now: float) -> tuple[int | None, float]:
-        """A node that has just been lost, and when to ask again."""
+        """Return a node that has just been lost, and when to ask again."""
         for node, deadline in self._deadlines.items():
             if now >= deadline:
                 del self._deadlines[node]

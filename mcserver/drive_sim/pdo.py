@@ -135,7 +135,7 @@ class Pdo:
             raise SdoAbort(Abort.PDO_LENGTH_EXCEEDED)
 
     def _object(self, mapped: int) -> Entry:
-        """The entry that a mapping parameter means.
+        """Return the entry that a mapping parameter means.
 
         Raises:
             SdoAbort: the object does not exist, cannot be mapped in this direction, or has another length.
@@ -193,7 +193,7 @@ class Rpdo(Pdo):
             entry.value = value
 
     def poll(self, now: float) -> tuple[bool, float]:
-        """Whether the event timer has just expired (once a silence), and when to ask again.
+        """Return whether the event timer has just expired (once a silence), and when to ask again.
 
         Monitoring begins with the first reception (CiA 301, 7.5.2.36).
         """
@@ -227,11 +227,11 @@ class Tpdo(Pdo):
         self._state = Outgoing()
 
     def payload(self) -> bytes:
-        """The values as they are now."""
+        """Return the values as they are now."""
         return self.packing.pack(*[entry.value for entry in self.entries])
 
     def at_sync(self) -> bytes | None:
-        """What is transmitted at this SYNC."""
+        """Return what is transmitted at this SYNC."""
         if not self.valid:
             return None
         kind = self._type.value
@@ -250,7 +250,7 @@ class Tpdo(Pdo):
         return self.payload()
 
     def poll(self, now: float) -> tuple[bytes | None, float]:
-        """What an event-driven TPDO transmits now, and when to ask again at the latest."""
+        """Return what an event-driven TPDO transmits now, and when to ask again at the latest."""
         if not self.valid or self._type.value < FIRST_EVENT_DRIVEN:
             return None, NEVER
         state, period = self._state, self.event_s
@@ -266,7 +266,7 @@ class Tpdo(Pdo):
 
 
 def _dummy(data_type: int) -> Entry:
-    """A type as an object: room in an RPDO that nothing is made of (CiA 301, 7.4.7)."""
+    """Return a type as an object: room in an RPDO that nothing is made of (CiA 301, 7.4.7)."""
     packing = FORMATS[data_type]
     bits = 8 * struct.calcsize(f"<{packing}")
     return Entry(data_type, 0, packing, bits, False, True, True, False, 0, 0, 0, b"")

@@ -54,7 +54,7 @@ class StreamedNode(ABC):
 
     @abstractmethod
     def more(self) -> Mapping[str, object]:
-        """What `describe` tells of this kind besides."""
+        """Return what `describe` tells of this kind besides."""
 
     def request(self, fault: str, request: Mapping[str, object], now: float) -> None:
         """A fault on demand.
@@ -81,7 +81,7 @@ class StreamedNode(ABC):
             self.motor.jammed = False
 
     def describe(self) -> dict[str, object]:
-        """What a test may want to know of the node, beyond what the bus shows."""
+        """Return what a test may want to know of the node, beyond what the bus shows."""
         return {
             "node": self.node,
             "kind": self.kind,

@@ -242,7 +242,7 @@ class DriveBus(Protocol):
         """One cycle, in the realtime thread: must neither wait nor raise; returns the arrays of `boot`."""
 
     def events(self) -> list[BusEvent]:
-        """What happened since the last call; bounded."""
+        """Return what happened since the last call; bounded."""
 
     def close(self) -> None:
         """Leave the drives de-energized and give the bus back."""

@@ -173,7 +173,7 @@ def _columns(objects: Sequence[IoObject | None], bus: str) -> tuple[int, ...]:
 
 
 def _bounded(value: float, kind: str) -> float:
-    """The nearest number that an object can hold."""
+    """Return the nearest number that an object can hold."""
     if kind == "f32":
         return value
     bits = int(kind[1:])

@@ -59,7 +59,7 @@ class NodeWatch:
         self.events: deque[BusEvent] = deque(maxlen=EVENTS)
 
     def handlers(self) -> dict[int, Callable[[bytes], None]]:
-        """What to call for which COB-ID."""
+        """Return what to call for which COB-ID."""
         handlers: dict[int, Callable[[bytes], None]] = {}
         for node in dict.fromkeys(self._nodes):
             # what a node says concerns all of its axes
@@ -136,5 +136,5 @@ def _for_all(handlers: Sequence[Callable[[bytes], None]]) -> Callable[[bytes], N
 
 
 def bus_back(column: int, name: str) -> BusEvent:
-    """The event of a bus that is there again."""
+    """Return the event of a bus that is there again."""
     return BusEvent(column, 0, f"bus {name} is back", BusEventKind.BUS_BACK)

@@ -263,7 +263,9 @@ class SimulatedBus:
         state[homing & ~commanded & (mode >= DriveMode.POSITION)] = DriveState.ENERGIZED
 
     def _is_simple(self) -> bool:
-        """Whether every axis either follows setpoints that are transmitted, or stands without its drive."""
+        """Return whether every axis either follows setpoints that are transmitted, or stands without its
+        drive.
+        """
         following = self._following & (self._quiet == 0)
         standing = self._free & (self._loop[1] == 0.0) & (self._mode != DriveMode.TORQUE)
         return bool((following | standing).all())

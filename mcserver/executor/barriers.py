@@ -50,7 +50,7 @@ class Barrier:
         return None
 
     def after(self, held: bool) -> bool:  # noqa: ARG002
-        """Whether it is passed, by fresh feedback.
+        """Return whether it is passed, by fresh feedback.
 
         Raises:
             BarrierFault: it will never be.

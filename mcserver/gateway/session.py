@@ -89,7 +89,7 @@ class Outbox:
         self._append(subscription if lossy else None, msgspec.msgpack.encode(frame))
 
     async def take(self) -> bytes:
-        """The next frame. Raises SlowReader once something was lost that may not be."""
+        """Return the next frame. Raises SlowReader once something was lost that may not be."""
         while not self._frames:
             if self.overrun:
                 raise SlowReader
@@ -320,7 +320,7 @@ class GatewaySession:
     async def call(
         self, machine: str, method: str, params: dict[str, Any], request: int | None = None
     ) -> bytes:
-        """A method's reply, as it came.
+        """Return a method's reply, as it came.
 
         Raises:
             MotionError: MC501 no such method, MC072 the role does not allow it; what `Caller.call` raises.
@@ -352,7 +352,7 @@ class GatewaySession:
         )
 
     async def machine_names(self) -> list[str]:
-        """The machines that are there."""
+        """Return the machines that are there."""
         return await machines(self._link, timeout_s=CONNECT_S)
 
     async def emergency_stop(self, machine: str, reason: str, number: int | None = None) -> None:
@@ -441,7 +441,7 @@ def _track(work: Coroutine[Any, Any, None], tasks: set[asyncio.Task[None]]) -> N
 
 
 def error_map(error: MotionError) -> dict[str, Any]:
-    """An error as the `ErrorReply` of the key space."""
+    """Return an error as the `ErrorReply` of the key space."""
     return {
         "code": error.code,
         "message": error.message,

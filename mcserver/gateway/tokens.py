@@ -48,7 +48,7 @@ class Tokens:
 
 
 def read_tokens(path: Path) -> Tokens:
-    """The clients of a token file.
+    """Return the clients of a token file.
 
     Raises:
         ConfigurationError: MC070 it cannot be read, or a line of it is not a client.

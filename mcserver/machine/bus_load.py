@@ -88,7 +88,7 @@ class BusLoad:
         return self.bits_at(self.cycle_hz)
 
     def bits_at(self, cycle_hz: float) -> float:
-        """The same of a cycle at another rate."""
+        """Return the same of a cycle at another rate."""
         return math.fsum(share.frames_at(cycle_hz) * share.bits for share in self.shares)
 
     @property
@@ -147,7 +147,7 @@ class BusLoad:
         return bits / self.bitrate
 
     def arithmetic(self) -> str:
-        """The sum in one line."""
+        """Return the sum in one line."""
         terms = [
             f"{share.frames_at(self.cycle_hz):.4g} × {share.bits} ({share.what})"
             for share in self.shares
@@ -161,7 +161,7 @@ class BusLoad:
 
 
 def bus_loads(machine: Machine) -> tuple[BusLoad, ...]:
-    """The load of each bus that a drive of the machine is on."""
+    """Return the load of each bus that a drive of the machine is on."""
     loads = []
     for bus in machine.buses:
         if bus.kind != "can":
@@ -184,7 +184,7 @@ def load_of(
     nodes: Sequence[ProcessData] = (),
     besides: Sequence[Share] = (),
 ) -> BusLoad:
-    """The load of one bus with these axes, all of them in velocity mode, which takes most.
+    """Return the load of one bus with these axes, all of them in velocity mode, which takes most.
 
     Args:
         nodes: the process data of its I/O nodes. besides: what its drives exchange besides motion.

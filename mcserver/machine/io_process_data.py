@@ -62,7 +62,7 @@ def objects_of(machine: Machine, bus: str, node: int) -> tuple[dict[Key, str], d
 
 
 def own_objects(objects: Iterable[IoObject | None], bus: str, node: int) -> dict[Key, str]:
-    """The objects of a node and their types, each once."""
+    """Return the objects of a node and their types, each once."""
     return {
         (each.index, each.subindex): each.type
         for each in objects

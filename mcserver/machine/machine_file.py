@@ -192,14 +192,14 @@ class Machine(msgspec.Struct, frozen=True):
         return 0.0 if self.shaping is None else self.shaping.path_deviation
 
     def axis(self, index: int) -> Axis | None:
-        """The axis of that number, or None."""
+        """Return the axis of that number, or None."""
         for axis in self.axes:
             if axis.index == index:
                 return axis
         return None
 
     def bus_of(self, axis: Axis) -> BusConfig:
-        """The bus of a drive on CAN.
+        """Return the bus of a drive on CAN.
 
         Raises:
             KeyError: the axis's drive is on none.
@@ -224,7 +224,7 @@ def axis_name(index: int) -> str:
 
 
 def load_machine(name_or_path: str) -> Machine:
-    """The machine of a built-in name or of a TOML file.
+    """Return the machine of a built-in name or of a TOML file.
 
     Raises:
         ConfigurationError: MC001 no such file, MC002 not TOML, MC003 a key or value that does not fit,
@@ -257,7 +257,7 @@ def machine_text(name_or_path: str) -> str:
 
 
 def parse_machine(text: str, *, source: str = "machine file", folder: Path | None = None) -> Machine:
-    """The machine that a TOML text describes; ``folder`` is what a relative URDF path starts from.
+    """Return the machine that a TOML text describes; ``folder`` is what a relative URDF path starts from.
 
     Raises:
         ConfigurationError: as `load_machine`.

@@ -31,5 +31,5 @@ def build_kinematics(machine: Machine) -> MachineKinematics | None:
 
 
 def as_configuration_error(error: KinematicsError) -> ConfigurationError:
-    """A model that does not fit, as a fault of the machine file."""
+    """Return a model that does not fit, as a fault of the machine file."""
     return ConfigurationError(error.code, error.message, error.hint)

@@ -15,7 +15,7 @@ def mesh_names(text: str) -> list[str]:
 
 
 def find_mesh(written: str, urdf: Path, roots: Sequence[Path]) -> Path | None:
-    """The file that a URDF's ``mesh filename`` means, None where it is not found.
+    """Return the file that a URDF's ``mesh filename`` means, None where it is not found.
 
     ``package://name/rest`` is looked for in every folder above the URDF, then in ``roots``; a folder counts
     as the package if it has its name, or holds one that has.

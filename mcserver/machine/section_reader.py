@@ -210,7 +210,7 @@ def _alternatives(kind: Any) -> tuple[Any, ...]:
 
 
 def _optional(kind: Any) -> bool:
-    """Whether the type is one type or None."""
+    """Return whether the type is one type or None."""
     alternatives = _alternatives(kind)
     return len(alternatives) == 2 and type(None) in alternatives
 

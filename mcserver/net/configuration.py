@@ -151,12 +151,12 @@ def _configuration(
 
 
 def plain(error: Exception) -> str:
-    """What an error of Zenoh says, without places in Zenoh's own sources."""
+    """Return what an error of Zenoh says, without places in Zenoh's own sources."""
     return _SOURCE_PLACE.sub("", str(error)).strip().rstrip(".")
 
 
 def has_free_port(endpoint: str) -> bool:
-    """Whether the endpoint asks for any free port."""
+    """Return whether the endpoint asks for any free port."""
     return endpoint.rpartition(":")[2].partition("#")[0].partition("?")[0] == "0"
 
 
@@ -169,7 +169,7 @@ class _Written:
         self._file = self.config()
 
     def config(self) -> zenoh.Config:
-        """A configuration with what the file says.
+        """Return a configuration with what the file says.
 
         Raises:
             ConfigurationError: MC521 it is no Zenoh configuration.

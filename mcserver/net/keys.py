@@ -19,7 +19,9 @@ _EMERGENCY_STOP = "estop"
 
 
 def is_name(text: str) -> bool:
-    """Whether ``text`` may stand as one chunk of a key: a machine, a program, a client or an instance."""
+    """Return whether ``text`` may stand as one chunk of a key: a machine, a program, a client or an
+    instance.
+    """
     return _NAME.fullmatch(text) is not None
 
 
@@ -29,7 +31,7 @@ def everything() -> str:
 
 
 def instance_of(token: str) -> str:
-    """The start of a server in the key of its liveliness token."""
+    """Return the start of a server in the key of its liveliness token."""
     return token.rpartition("/")[2].partition(".")[0]
 
 
@@ -131,7 +133,7 @@ class Keys(msgspec.Struct, frozen=True):
         return (client, program) if is_name(client) and is_name(program) else None
 
     def is_stop(self, key: str) -> bool:
-        """Whether a put with this key expression asks for an emergency stop by name.
+        """Return whether a put with this key expression asks for an emergency stop by name.
 
         ``mc/@v1/*/estop`` does, for every machine at once; ``mc/@v1/**``, which matches the key too, does
         not: nobody who writes that means to stop a site.

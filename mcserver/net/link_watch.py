@@ -77,7 +77,9 @@ class LinkWatch:
 
 
 async def accepts_connections(endpoint: str) -> bool:
-    """Whether something listens at an endpoint; of protocols without connections that is not known: yes."""
+    """Return whether something listens at an endpoint; of protocols without connections that is not known:
+    yes.
+    """
     protocol, _, address = endpoint.partition("/")
     if protocol not in _STREAMS:
         return True

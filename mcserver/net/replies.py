@@ -82,7 +82,9 @@ class ReplySender:
         self._discarder: threading.Thread | None = None
 
     def has_room(self, caller: str) -> bool:
-        """Whether another reply to this caller would be taken: asked before any work is done for it."""
+        """Return whether another reply to this caller would be taken: asked before any work is done for
+        it.
+        """
         if caller not in self._lanes:
             return True
         with self._lock:

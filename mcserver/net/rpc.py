@@ -52,7 +52,7 @@ class Asked(NamedTuple):
 
 
 def encode_error(error: BaseException) -> bytes:
-    """The payload of ``reply_err`` for any exception; what nobody foresaw becomes MC516."""
+    """Return the payload of ``reply_err`` for any exception; what nobody foresaw becomes MC516."""
     if isinstance(error, ProgramRejected):
         reply = ErrorReply(
             code=error.code,

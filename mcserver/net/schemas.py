@@ -46,7 +46,7 @@ MODULES = (
 
 
 def message_types() -> dict[str, type[msgspec.Struct]]:
-    """Every message by name."""
+    """Return every message by name."""
     named: dict[str, object] = {}
     for module in MODULES:
         named |= vars(module)

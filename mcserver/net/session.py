@@ -33,7 +33,9 @@ OnQuery = Callable[[zenoh.Query], None]
 
 
 def is_zenoh_fault(error: BaseException) -> bool:
-    """Whether Zenoh refused something, or panicked: that is no `Exception`, of a class without a module."""
+    """Return whether Zenoh refused something, or panicked: that is no `Exception`, of a class without a
+    module.
+    """
     return isinstance(error, zenoh.ZError) or type(error).__name__ == "PanicException"
 
 
@@ -135,7 +137,7 @@ class ZenohSession:
         )
 
     def matched_publisher(self, key: str, qos: Qos) -> MatchedPublication:
-        """A publisher that knows whether someone subscribes."""
+        """Return a publisher that knows whether someone subscribes."""
         matched = MatchedPublication(self.publisher(key, qos))
         self._declared.append(matched)
         return matched
@@ -154,7 +156,7 @@ class ZenohSession:
         return publisher
 
     def recoverable_publisher(self, key: str, qos: Qos) -> Publication:
-        """A publisher whose subscribers notice what they missed and get it from its cache."""
+        """Return a publisher whose subscribers notice what they missed and get it from its cache."""
         self._use_tables()
         publisher = zenoh.ext.declare_advanced_publisher(
             self._session,
@@ -180,7 +182,9 @@ class ZenohSession:
         publisher.undeclare()  # type: ignore[no-untyped-call]
 
     async def is_deaf(self) -> bool:
-        """Whether Zenoh hears nobody through this session any more; a stranger's malformed key is enough."""
+        """Return whether Zenoh hears nobody through this session any more; a stranger's malformed key is
+        enough.
+        """
         try:
             async with asyncio.timeout(LOOK_LIMIT_S):
                 await asyncio.to_thread(self._use_tables)

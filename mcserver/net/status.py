@@ -90,7 +90,7 @@ class EdgeUnits:
         return self.of([here - position[at] for here, at in zip(position, self._leaders, strict=True)])
 
     def tools(self, position: Sequence[float]) -> list[ToolPose]:
-        """Where each tool is with the axes at ``position``, length K [SI]."""
+        """Return where each tool is with the axes at ``position``, length K [SI]."""
         if not self._poses.numbers:
             return []
         row = np.array([position])
@@ -149,7 +149,7 @@ class EdgeUnits:
 
 
 def machine_status(service: MachineService, units: EdgeUnits) -> MachineStatus:
-    """The whole machine now."""
+    """Return the whole machine now."""
     snapshot = service.port.snapshot()
     if service.latch.faults:
         service.latch.refresh_faults(dict(zip(units.index, snapshot.states, strict=True)))
@@ -196,7 +196,7 @@ def _mounted(service: MachineService) -> list[MountedTool]:
 
 
 def machine_info(service: MachineService, methods: list[str]) -> Info:
-    """What does not change while the server runs."""
+    """Return what does not change while the server runs."""
     machine = service.machine
     return Info(
         machine=machine.name,

@@ -67,10 +67,10 @@ class PlannerPort(Protocol):
         """Events since the last call, in order."""
 
     def views(self, slots: Sequence[int]) -> Sequence[SlotView]:
-        """The place of each of these slots on its program's time axis, and its override."""
+        """Return the place of each of these slots on its program's time axis, and its override."""
 
     def sink(self, slot: int) -> ProgramRing:
-        """Where a program that begins in the slot puts its rows and control entries."""
+        """Return where a program that begins in the slot puts its rows and control entries."""
 
 
 class PipelineMaker(Protocol):

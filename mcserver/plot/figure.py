@@ -37,7 +37,7 @@ def draw_png(scene: Scene, stream: BinaryIO, *, axes: bool = True, limits: bool 
 
 
 def compose(scene: Scene, *, axes: bool = True, limits: bool = False) -> Figure:
-    """The figure with all its panels; see `draw_png`."""
+    """Return the figure with all its panels; see `draw_png`."""
     style: Any = dict(STYLE)
     with mpl.rc_context(style):
         return _compose(scene, scene.axes[:MAX_AXIS_ROWS] if axes else (), limits)

@@ -19,7 +19,7 @@ QUANTITIES = ("velocity", "acceleration", "jerk")
 
 
 def page_of(scene: Scene) -> str:
-    """The page: pan, zoom, turn in space, and a cursor in time that all panels share."""
+    """Return the page: pan, zoom, turn in space, and a cursor in time that all panels share."""
     template = resources.files("mcserver.plot").joinpath("page.html").read_text("utf-8")
     embedded = msgspec.json.encode(_facts(scene)).decode()
     # inside a script element only these could end it or open a comment

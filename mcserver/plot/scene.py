@@ -204,7 +204,7 @@ def _work_zeros(report: Mapping[str, Any], traces: Sequence[AxisTrace]) -> tuple
 
 
 def _name_of(index: int, kinematics: MachineKinematics | None) -> str:
-    """The joint's name where the axis is one of a tool's chain: X of a robot is no axis of its own."""
+    """Return the joint's name where the axis is one of a tool's chain: X of a robot is no axis of its own."""
     if kinematics is not None:
         for tool in kinematics.tools:
             chain = kinematics.tool(tool).chain
@@ -270,7 +270,7 @@ def _tool_paths(
 
 
 def _tips(kinematics: MachineKinematics, tool: int, positions: Array, columns: Mapping[int, int]) -> Array:
-    """Where the tool's tip is [mm], from the positions of all axes [m, rad]."""
+    """Return where the tool's tip is [mm], from the positions of all axes [m, rad]."""
     joints = positions[:, [columns[axis] for axis in kinematics.axes(tool)]]
     return tool_poses(kinematics, tool, joints)[:, :3]
 

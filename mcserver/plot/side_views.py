@@ -42,7 +42,9 @@ class SideView(msgspec.Struct, frozen=True):
 
 
 def side_views(paths: Sequence[PathTrace]) -> tuple[SideView, ...]:
-    """The planes that hold all paths in space; empty where that takes more than a few, or there are none."""
+    """Return the planes that hold all paths in space; empty where that takes more than a few, or there are
+    none.
+    """
     if not paths or len(paths[0].names) != 3:
         return ()
     points = np.concatenate([path.setpoint for path in paths])

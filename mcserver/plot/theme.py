@@ -61,7 +61,7 @@ STYLE: Mapping[str, Any] = MappingProxyType(
 
 
 def colours_of(lines: Sequence[int]) -> dict[int, str]:
-    """A colour for each line of the program, neighbours distinguishable; 0 (no line runs) is faint."""
+    """Return a colour for each line of the program, neighbours distinguishable; 0 (no line runs) is faint."""
     colours = {
         number: LINE_COLOURS[order % len(LINE_COLOURS)]
         for order, number in enumerate(sorted(set(lines) - {0}))

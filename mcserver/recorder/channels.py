@@ -155,7 +155,7 @@ def channels(machine: Machine) -> tuple[list[Schema], list[Channel]]:
 
 
 def _json_schema(message: type[msgspec.Struct]) -> bytes:
-    """A schema whose root is an object: readers do not follow a reference there."""
+    """Return a schema whose root is an object: readers do not follow a reference there."""
     (_,), definitions = msgspec.json.schema_components([message], ref_template="#/$defs/{name}")
     root = definitions.pop(message.__name__)
     return msgspec.json.encode({**root, **({"$defs": definitions} if definitions else {})})

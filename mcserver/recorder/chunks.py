@@ -40,7 +40,7 @@ class Chunk(msgspec.Struct, frozen=True):
     counts: dict[int, int]
 
     def index_at(self, offset: int) -> ChunkIndex:
-        """The chunk's entry in the summary of a file in which it stands at ``offset``."""
+        """Return the chunk's entry in the summary of a file in which it stands at ``offset``."""
         return ChunkIndex(
             chunk_length=self.record_size,
             chunk_start_offset=offset,
@@ -93,7 +93,7 @@ class ChunkBuilder:
         self.add_block(channel, np.array([log_time_ns], dtype=np.uint64), builder.end())
 
     def finish(self) -> Chunk | None:
-        """The chunk of what was gathered, None where that is nothing; the next one begins empty."""
+        """Return the chunk of what was gathered, None where that is nothing; the next one begins empty."""
         if not self._parts:
             return None
         plain = b"".join(self._parts)

@@ -132,7 +132,7 @@ class RecorderClient:
         return (await self._ask(lambda ticket: wire.SaveBlackBox(ticket, reason))).name
 
     async def status(self) -> wire.RecorderStatus | None:
-        """What it holds; None while there is no recorder."""
+        """Return what it holds; None while there is no recorder."""
         try:
             return (await self._ask(wire.AskStatus)).status
         except ServiceError:
@@ -257,7 +257,7 @@ def recorder_for(
     journal: Path,
     events: Callable[[], EventLog],
 ) -> RecorderClient | None:
-    """The recorder of a running executor; None where the machine file switches it off. In a loop."""
+    """Return the recorder of a running executor; None where the machine file switches it off. In a loop."""
     if not machine.recorder.enabled:
         return None
     asked = machine.recorder.folder

@@ -51,7 +51,7 @@ class RecordingPart(msgspec.Struct, frozen=True):
 
 
 def check_name(name: str) -> str:
-    """The name as given.
+    """Return the name as given.
 
     Raises:
         ServiceError: MC584 it cannot be a file's name.
@@ -88,11 +88,11 @@ class RecordingFolder:
         return self.path / f"{check_name(name)}{UNFINISHED}"
 
     def taken(self, name: str) -> bool:
-        """Whether there is a recording of that name."""
+        """Return whether there is a recording of that name."""
         return self.finished(name).exists() or self.unfinished(name).exists()
 
     def entries(self, writing: frozenset[str] = frozenset()) -> list[RecordingInfo]:
-        """The newest first; an unreadable folder is empty.
+        """Return the newest first; an unreadable folder is empty.
 
         Args:
             writing: names of those being written now.

@@ -39,7 +39,7 @@ class ProgramsSeen:
             self._seen.popitem(last=False)
 
     def snapshot(self) -> list[tuple[str, int]]:
-        """Each program and the line it was at, the oldest first."""
+        """Return each program and the line it was at, the oldest first."""
         return list(self._seen.items())
 
 

@@ -54,12 +54,12 @@ class RecordedRun(msgspec.Struct, frozen=True):
 
 
 def is_recording(path: str) -> bool:
-    """Whether a file's name is that of a recording."""
+    """Return whether a file's name is that of a recording."""
     return Path(path).suffix.lower() in SUFFIXES
 
 
 def read_recording(path: Path) -> RecordedRun:
-    """A recording; of a truncated MCAP file as much as is whole.
+    """Return a recording; of a truncated MCAP file as much as is whole.
 
     Raises:
         UsageFault: MC581 it cannot be read, or has no cycles in it.

@@ -311,12 +311,14 @@ class Recorder:
 
 
 def _word(reason: str) -> str:
-    """A reason as a part of a file's name."""
+    """Return a reason as a part of a file's name."""
     return "".join(each if each.isascii() and each.isalnum() else "-" for each in reason)[:40] or "asked"
 
 
 def metadata_of(machine: Machine, start: wire.RecorderStart, reason: str) -> dict[str, dict[str, str]]:
-    """The metadata of a file: text for people, and the whole machine for programs (MessagePack, base64)."""
+    """Return the metadata of a file: text for people, and the whole machine for programs (MessagePack,
+    base64).
+    """
     return {
         "mcserver": {
             "machine": machine.name,

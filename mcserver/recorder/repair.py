@@ -144,6 +144,6 @@ def repair_unfinished(folder: RecordingFolder) -> list[str]:
 
 
 def repaired_name(path: Path) -> Path:
-    """Where a repaired file goes unless something else is asked for: beside it, under a new name."""
+    """Return where a repaired file goes unless something else is asked for: beside it, under a new name."""
     stem = path.name.removesuffix(".part").removesuffix(SUFFIX)
     return path.with_name(f"{stem}-repaired{SUFFIX}")

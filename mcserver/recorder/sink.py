@@ -77,7 +77,7 @@ class FileWriter:
         self._thread.start()
 
     def begin(self, name: str, metadata: Metadata) -> Sink:
-        """A file of that name; a missing folder is made."""
+        """Return a file of that name; a missing folder is made."""
         sink = Sink(name, metadata)
         self._jobs.put(lambda: self._begin(sink))
         return sink

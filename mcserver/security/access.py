@@ -55,7 +55,7 @@ def _by_identity(site: Site) -> Iterable[tuple[str, list[Rule]]]:
 
 
 def user_rules(user: User) -> list[Rule]:
-    """What one user may."""
+    """Return what one user may."""
     roots = [f"mc/@v1/{machine}" for machine in user.machines]
     mine = f"{user.name}.$*"
     published = [f"{root}/{key}" for root in roots for key in PUBLISHED]
@@ -104,7 +104,9 @@ def user_rules(user: User) -> list[Rule]:
 
 
 def machine_rules(machine: str) -> list[Rule]:
-    """What one machine may: everything under its own name that a server does, and nothing under another."""
+    """Return what one machine may: everything under its own name that a server does, and nothing under
+    another.
+    """
     identity = machine_identity(machine)
     root = f"mc/@v1/{machine}"
     published = [f"{root}/{key}" for key in PUBLISHED]

@@ -37,7 +37,7 @@ class Credentials(msgspec.Struct, frozen=True):
 
 
 def new_authority(name: str, now: datetime.datetime) -> Credentials:
-    """A certificate authority that signs nothing but certificates of its site."""
+    """Return a certificate authority that signs nothing but certificates of its site."""
     key = ec.generate_private_key(ec.SECP256R1())
     subject = _subject(name)
     certificate = (
@@ -52,7 +52,7 @@ def new_authority(name: str, now: datetime.datetime) -> Credentials:
 def new_identity(
     authority: Credentials, name: str, now: datetime.datetime, *, hosts: tuple[str, ...] = ()
 ) -> Credentials:
-    """A certificate with this common name.
+    """Return a certificate with this common name.
 
     Args:
         hosts: names and addresses at which it may serve; empty: a client's certificate.
@@ -62,14 +62,14 @@ def new_identity(
 
 
 def new_signer(authority: Credentials, name: str, now: datetime.datetime) -> Credentials:
-    """A certificate that signs approvals of runs under this name, and opens no connection."""
+    """Return a certificate that signs approvals of runs under this name, and opens no connection."""
     return _signed(authority, name, now, [ExtendedKeyUsageOID.CODE_SIGNING], ())
 
 
 def new_application(
     authority: Credentials, name: str, now: datetime.datetime, hosts: tuple[str, ...]
 ) -> Credentials:
-    """A certificate of an OPC UA application, server or client (OPC 10000-6, 6.2.2)."""
+    """Return a certificate of an OPC UA application, server or client (OPC 10000-6, 6.2.2)."""
     key = rsa.generate_private_key(public_exponent=65537, key_size=RSA_SIZE)
     names = (x509.UniformResourceIdentifier(f"urn:mcserver:opcua:{name}"), *map(_general_name, hosts))
     purposes = [ExtendedKeyUsageOID.CLIENT_AUTH, ExtendedKeyUsageOID.SERVER_AUTH]

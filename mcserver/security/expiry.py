@@ -32,7 +32,7 @@ class Ending(NamedTuple):
     ends: datetime.datetime
 
     def is_near(self, now: datetime.datetime) -> bool:
-        """Whether it ends within `WARNED_BEFORE`, or has ended."""
+        """Return whether it ends within `WARNED_BEFORE`, or has ended."""
         return self.ends - now < WARNED_BEFORE
 
     def said(self, now: datetime.datetime) -> str:

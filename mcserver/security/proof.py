@@ -160,7 +160,9 @@ def _is_here(user: User, machine: str) -> bool:
 
 
 def _answered(session: zenoh.Session, key: str, *, allowed: bool = False) -> bool:
-    """Whether anybody answers, if with an error; Zenoh's own errors (a time-out on the way) do not count."""
+    """Return whether anybody answers, if with an error; Zenoh's own errors (a time-out on the way) do not
+    count.
+    """
 
     def once() -> bool:
         replies = session.get(
@@ -204,7 +206,7 @@ def _reaches(sender: zenoh.Session, key: str, receiver: zenoh.Session, *, allowe
 
 
 def _is_alive(session: zenoh.Session, key: str, watcher: zenoh.Session) -> bool:
-    """Whether another session sees this one's token; always False where there is no other."""
+    """Return whether another session sees this one's token; always False where there is no other."""
     if watcher is session:
         return False
     token = session.liveliness().declare_token(key)

@@ -65,7 +65,7 @@ def machine_identity(machine: str) -> str:
 
 
 def parsed_user(text: str) -> User:
-    """A user from ``NAME:ROLE`` or ``NAME:ROLE:MACHINE,MACHINE``.
+    """Return a user from ``NAME:ROLE`` or ``NAME:ROLE:MACHINE,MACHINE``.
 
     Raises:
         ConfigurationError: MC560.
@@ -85,7 +85,7 @@ def parsed_user(text: str) -> User:
 
 
 def checked(site: Site) -> Site:
-    """The site, where everything in it fits.
+    """Return the site, where everything in it fits.
 
     Raises:
         ConfigurationError: MC560 a name that cannot be one, or a user's machine that is not there.

@@ -14,7 +14,7 @@ ROUTER = "router"
 
 
 def read_site(folder: Path) -> Site:
-    """The site that a folder describes.
+    """Return the site that a folder describes.
 
     Raises:
         ConfigurationError: MC560 it describes none.

@@ -122,7 +122,7 @@ class ExecutorPort:
         self._executor.beat()
 
     def slots(self) -> list[SlotView]:
-        """Where every slot's program is now."""
+        """Return where every slot's program is now."""
         return [SlotView(u, rate) for u, rate, *_ in self._executor.history.newest_slots()]
 
     def hold(self, slot: int) -> None:
@@ -166,7 +166,7 @@ class ExecutorPort:
         self._executor.mailbox.reset(self._mask(axes))
 
     def snapshot(self) -> Snapshot:
-        """The newest cycle."""
+        """Return the newest cycle."""
         history = self._executor.history
         row = history.newest_row()
         if not row:
@@ -210,16 +210,16 @@ class ExecutorPort:
         )
 
     def ended(self, slot: int) -> bool:
-        """Whether the program that was begun last in the slot has come to its end and to rest."""
+        """Return whether the program that was begun last in the slot has come to its end and to rest."""
         shown = self._executor.feedback.slots[slot]
         return shown.state.free and shown.generation == self._executor.mailbox.slot_orders(slot).generation
 
     def ending(self) -> str:
-        """How the executor came to its end, for a message; empty while it runs."""
+        """Return how the executor came to its end, for a message; empty while it runs."""
         return self._executor.ending
 
     def alive(self) -> bool:
-        """Whether the executor runs."""
+        """Return whether the executor runs."""
         return self._executor.alive
 
     def close(self) -> None:

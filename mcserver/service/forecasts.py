@@ -52,7 +52,7 @@ class Forecasts:
                 program.clock.foresee(timeline)
 
     def knows(self, sha256: str, switches: Switches = AS_WRITTEN) -> bool:
-        """Whether the times of a text are those of its whole simulation."""
+        """Return whether the times of a text are those of its whole simulation."""
         timeline = self._timelines.get((sha256, switches))
         return timeline is not None and timeline.simulated >= 1.0
 

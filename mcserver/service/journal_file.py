@@ -166,7 +166,7 @@ class JournalBounds(msgspec.Struct, frozen=True):
 
 
 def open_journal(path: Path) -> sqlite3.Connection:
-    """A connection in WAL mode with the schema in place, for any one thread.
+    """Return a connection in WAL mode with the schema in place, for any one thread.
 
     Raises:
         ServiceError: MC520 the file is no journal of this version, or cannot be written.

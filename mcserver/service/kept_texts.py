@@ -112,7 +112,7 @@ class KeptTexts:
         return text
 
     def has(self, sha256: str | None) -> bool:
-        """Whether a text is there as a whole."""
+        """Return whether a text is there as a whole."""
         text = self._texts.get(sha256 or "")
         return text is not None and text.complete
 

@@ -104,7 +104,7 @@ class LeaseTable:
         return self._grant()
 
     def holder(self, axis: int, *, at_pause: bool = False) -> str | None:
-        """The program that has ``axis``.
+        """Return the program that has ``axis``.
 
         Args:
             at_pause: leave out one that lends it.
@@ -118,7 +118,7 @@ class LeaseTable:
         return None if at_pause else lender
 
     def borrower(self, program: str) -> str | None:
-        """The first program that has, or waits for, axes that ``program`` lends."""
+        """Return the first program that has, or waits for, axes that ``program`` lends."""
         lent = self.lent(program)
         asked = {grant.program: grant.axes for grant in self._held.values()} | self._waiting
         # in the order in which they got them, then in which they wait

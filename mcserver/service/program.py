@@ -159,7 +159,7 @@ class Program:
         return not self.closed and not self.ended and self.state != "ending"
 
     def ack(self, expected: int = 0) -> Ack:
-        """The cumulative acknowledgement; ``expected`` answers a gap."""
+        """Return the cumulative acknowledgement; ``expected`` answers a gap."""
         self.last_reported_credit = self.credit
         return Ack(
             program=self.program,

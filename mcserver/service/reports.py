@@ -68,7 +68,7 @@ class WireDiagnostic(Diagnostic, frozen=True, omit_defaults=True):
 
 
 def wire_diagnostic(diagnostic: Diagnostic) -> WireDiagnostic:
-    """The wire's form of a diagnostic."""
+    """Return the wire's form of a diagnostic."""
     return WireDiagnostic(**msgspec.structs.asdict(diagnostic))
 
 

@@ -544,7 +544,9 @@ class MachineService:
         return not homed or homed[self.machine.column_of(axis)]
 
     def holder(self, axis: int, *, at_pause: bool = False) -> Program | None:
-        """The program that has ``axis``; ``at_pause``: leave out one that stands at a pause and lends it."""
+        """Return the program that has ``axis``; ``at_pause``: leave out one that stands at a pause and lends
+        it.
+        """
         name = self._table.leases.holder(axis, at_pause=at_pause)
         return None if name is None else self._table.programs[name]
 

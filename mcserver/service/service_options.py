@@ -15,7 +15,7 @@ from mcserver.service.journal_file import open_journal
 
 
 def state_folder() -> Path:
-    """Where journals are: systemd's ``$STATE_DIRECTORY``, else in the user's state folder (XDG)."""
+    """Return where journals are: systemd's ``$STATE_DIRECTORY``, else in the user's state folder (XDG)."""
     service_folder = os.environ.get("STATE_DIRECTORY")
     if service_folder:
         return Path(service_folder.partition(":")[0])

@@ -49,7 +49,7 @@ class Recorded:
     outputs: Mapping[str, Array] = field(default_factory=dict)
 
     def with_tools(self, machine: Machine, poses: ToolPoses) -> Recorded:
-        """The same run with the poses of all the machine's tools."""
+        """Return the same run with the poses of all the machine's tools."""
         scale = np.array([axis.type.si_per_unit for axis in machine.axes])
         positions = self.setpoint * scale
         return replace(self, tools={tool: poses.of(tool, positions) for tool in poses.numbers})
@@ -130,7 +130,7 @@ class Recorder:
             done += count
 
     def recording(self) -> Recorded | None:
-        """All cycles, if they were kept."""
+        """Return all cycles, if they were kept."""
         if not self._keep:
             return None
         if not self._blocks:

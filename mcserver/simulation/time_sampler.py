@@ -23,7 +23,7 @@ LEAST_MOMENTS = 128
 
 
 def moments_for(columns: int) -> int:
-    """How many moments a path of so many columns may have."""
+    """Return how many moments a path of so many columns may have."""
     return int(np.clip(MAX_VALUES // max(1, columns), LEAST_MOMENTS, MAX_MOMENTS))
 
 
@@ -60,7 +60,7 @@ class TimeSampler:
 
 
 def path_of(sampler: TimeSampler, machine: Machine, poses: ToolPoses, axes: Sequence[int]) -> dict[str, Any]:
-    """A path as plain values, in mm and degrees.
+    """Return a path as plain values, in mm and degrees.
 
     Args:
         axes: whose positions are wanted; of tools those that any of these axes move.

@@ -98,7 +98,7 @@ class ToolPoses:
         )
 
     def axes(self, tool: int) -> tuple[int, ...]:
-        """The axis numbers of a tool's chain."""
+        """Return the axis numbers of a tool's chain."""
         return () if self._kinematics is None else tuple(self._kinematics.axes(tool))
 
     def of(self, tool: int, positions: NDArray[np.float64]) -> Array:

@@ -104,7 +104,7 @@ class VirtualExecutor(ExecutorFaces):
         )
 
     def u(self, slot: int) -> float:
-        """Where the program in a slot is on its time axis [cycles]."""
+        """Return where the program in a slot is on its time axis [cycles]."""
         return self.executor.u(slot)
 
     def step(self, cycles: int = 1) -> None:
@@ -139,7 +139,7 @@ class VirtualExecutor(ExecutorFaces):
         return [event for report in self.reports() for event in _one_by_one(report)]
 
     def reports(self) -> list[ExecutorEvent | LineEvents]:
-        """What `events` returns, with those of lines in columns where they came in blocks."""
+        """Return what `events` returns, with those of lines in columns where they came in blocks."""
         reports, self._reports = [*self._reports, *self._parts.events.take()], []
         return reports
 

@@ -14,7 +14,7 @@ MOST_BYTES = 64 * 1024 * 1024
 
 
 def load_mesh(path: Path, colour: Colour | None) -> Sequence[Solid]:
-    """The bodies in a mesh file (STL, OBJ, DAE, GLB, PLY); ``colour`` goes before their own.
+    """Return the bodies in a mesh file (STL, OBJ, DAE, GLB, PLY); ``colour`` goes before their own.
 
     Raises:
         ValueError: it is no mesh, or too large.

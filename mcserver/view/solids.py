@@ -30,7 +30,7 @@ class Solid:
     colour: Colour
 
     def moved(self, pose: Array) -> Solid:
-        """The same body elsewhere; ``pose`` of shape (4, 4)."""
+        """Return the same body elsewhere; ``pose`` of shape (4, 4)."""
         return replace(self, vertices=self.vertices @ pose[:3, :3].T + pose[:3, 3])
 
 
@@ -43,7 +43,7 @@ class Part:
 
 
 def box(size: Array, colour: Colour) -> Solid:
-    """A box about the origin; ``size`` (3,) is its whole extent."""
+    """Return a box about the origin; ``size`` (3,) is its whole extent."""
     vertices: list[Array] = []
     faces: list[tuple[int, int, int]] = []
     for axis in range(3):
@@ -60,20 +60,20 @@ def box(size: Array, colour: Colour) -> Solid:
 
 
 def cylinder(radius: float, length: float, colour: Colour) -> Solid:
-    """A cylinder about Z, its middle in the origin."""
+    """Return a cylinder about Z, its middle in the origin."""
     half = 0.5 * length
     profile = [[0.0, -half], [radius, -half], [radius, -half], [radius, half], [radius, half], [0.0, half]]
     return _revolved(np.array(profile), colour, gaps=(1, 3))
 
 
 def ball(radius: float, colour: Colour) -> Solid:
-    """A ball about the origin."""
+    """Return a ball about the origin."""
     angle = np.linspace(-0.5 * np.pi, 0.5 * np.pi, ALONG + 1)
     return _revolved(radius * np.stack([np.cos(angle), np.sin(angle)], axis=1), colour)
 
 
 def capsule(start: Array, end: Array, radius: float, colour: Colour) -> Solid:
-    """A rod with round ends from point to point, shape (3,) each."""
+    """Return a rod with round ends from point to point, shape (3,) each."""
     length = float(np.linalg.norm(end - start))
     angle = np.linspace(-0.5 * np.pi, 0.5 * np.pi, ALONG + 2)
     profile = radius * np.stack([np.cos(angle), np.sin(angle)], axis=1)
@@ -86,7 +86,7 @@ def capsule(start: Array, end: Array, radius: float, colour: Colour) -> Solid:
 
 
 def _revolved(profile: Array, colour: Colour, gaps: tuple[int, ...] = ()) -> Solid:
-    """A body of revolution about Z; ``profile`` (P, 2) is radius and height from below to above.
+    """Return a body of revolution about Z; ``profile`` (P, 2) is radius and height from below to above.
 
     ``gaps``: rows after which the next one is the same place again, for a sharp edge.
     """

@@ -60,7 +60,7 @@ class Joint:
     offset: float = 0.0
 
     def child_pose(self, values: Mapping[str, float]) -> Array:
-        """The child's frame in the parent's, shape (4, 4); ``values`` as of `Tree.poses`."""
+        """Return the child's frame in the parent's, shape (4, 4); ``values`` as of `Tree.poses`."""
         value = values.get(self.name, 0.0)
         if self.leader:
             value = self.ratio * values.get(self.leader, 0.0) + self.offset
@@ -76,7 +76,9 @@ class Tree:
     joints: tuple[Joint, ...]
 
     def poses(self, values: Mapping[str, float]) -> dict[str, Array]:
-        """Each link's frame in the root's, shape (4, 4); ``values`` by joint's name [rad or m], else 0."""
+        """Return each link's frame in the root's, shape (4, 4); ``values`` by joint's name [rad or m], else
+        0.
+        """
         placed = {self.root: np.eye(4)}
         for joint in self.joints:
             placed[joint.child] = placed[joint.parent] @ joint.child_pose(values)
@@ -84,7 +86,7 @@ class Tree:
 
 
 def read_tree(text: str) -> Tree:
-    """The tree of a URDF that `mckinematics.model.load_model` has accepted. Raises ValueError."""
+    """Return the tree of a URDF that `mckinematics.model.load_model` has accepted. Raises ValueError."""
     robot = ElementTree.fromstring(text)
     named = {
         material.get("name", ""): colour

@@ -192,23 +192,29 @@ async def test_numbers_at_the_end_of_all_numbers_are_counted_and_warn_of_nothing
     assert (status.taken + status.jumped, status.refused) == (4, 0)
 
 
-async def test_a_pose_of_a_tool_leads_the_axes_there(tmp_path: Path) -> None:
+async def test_a_twist_and_a_pose_of_a_tool_lead_the_axes_from_where_they_are(tmp_path: Path) -> None:
     arm = VirtualCell(load_machine("arm6"), tmp_path)
+    kinematics = MachineKinematics(arm.service.machine)
+
+    def reached() -> list[float]:
+        found = kinematics.pose(1, dict(enumerate(arm.service.port.snapshot().setpoint)))
+        return [*found.position, *found.angles]
+
     streamer = await opened(arm)
-    pose = [[0.4, 0.05, 0.6, 0.0, 0.0, 0.1]]
-    for seq in range(1, 60):
-        now = arm.service.port.snapshot().time
-        put_targets(
-            arm.service, streamer.program, TargetMessage(seq, now, 1.0, np.array(pose), None, None, 1)
-        )
+    start = reached()
+    twist, pose = np.array([[0.0, 0.0, 0.1, 0.0, 0.0, 0.0]]), np.array([[0.4, 0.05, 0.6, 0.0, 0.0, 0.1]])
+    for seq in range(1, 120):
+        now, targets = arm.service.port.snapshot().time, (pose, None) if seq > 60 else (None, twist)
+        put_targets(arm.service, streamer.program, TargetMessage(seq, now, 1.0, *targets, None, 1))
         await asyncio.sleep(0)
+        if seq == 60:
+            # straight up from where the arm stands, with its wrist at 90°
+            assert reached()[:2] == pytest.approx(start[:2], abs=1e-3)
+            assert reached()[2] > start[2] + 3e-3
     close_targets(arm.service, streamer.program)
     program = await arm.ended(streamer.program)
     assert (program.state, program.fault) == ("finished", None)
-    reached = MachineKinematics(arm.service.machine).pose(
-        1, dict(enumerate(arm.service.port.snapshot().setpoint))
-    )
-    assert [*reached.position, *reached.angles] == pytest.approx(pose[0], abs=1e-9)
+    assert reached() == pytest.approx(pose[0], abs=1e-9)
     status = program.status().servo
     assert status is not None
     assert (status.refused, status.slowed > 0) == (0, True)

@@ -48,7 +48,9 @@ class Caller:
         self._numbers = itertools.count(1) if numbers is None else numbers
 
     async def ask(self, kind: type[T], method: str, fields: dict[str, Any], deadline_s: float) -> T:
-        """The reply as one of `mcclient.types`; what may take long is asked for once. Raises as `call`."""
+        """Return the reply as one of `mcclient.types`; what may take long is asked for once. Raises as
+        `call`.
+        """
         attempt_s = ATTEMPT_S if deadline_s <= DEADLINE_S else deadline_s
         return decode(kind, await self.call(method, fields, deadline_s=deadline_s, attempt_s=attempt_s))
 
@@ -61,7 +63,7 @@ class Caller:
         attempt_s: float = ATTEMPT_S,
         patient: bool = False,
     ) -> bytes:
-        """The reply's payload.
+        """Return the reply's payload.
 
         Args:
             deadline_s: how long to try.

@@ -40,7 +40,7 @@ async def machines(link: Link, key: str = ALL_MACHINES, *, timeout_s: float) -> 
 
 
 async def find_machine(link: Link, name: str | None, *, timeout_s: float) -> str:
-    """The machine named, or the only one that is there.
+    """Return the machine named, or the only one that is there.
 
     Raises:
         NobodyAnswers: MC530 none comes within the time.
@@ -74,7 +74,7 @@ async def list_machines(
     timeout_s: float = CONNECT_S,
     config_file: Path | None = None,
 ) -> list[tuple[str, Info | MotionError]]:
-    """Every machine that is there, with its info or why it gave none.
+    """Return every machine that is there, with its info or why it gave none.
 
     Raises:
         NobodyAnswers: MC530 the endpoint cannot be reached.

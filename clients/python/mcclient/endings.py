@@ -27,7 +27,7 @@ class Extent(NamedTuple):
 def ending(
     state: str, extent: Extent, fault: Fault | None, diagnostics: tuple[Diagnostic, ...], reason: str = ""
 ) -> MotionError | None:
-    """The error for a program that has ended in this state; None where it has ended well."""
+    """Return the error for a program that has ended in this state; None where it has ended well."""
     if state == "finished":
         return None
     if state == "faulted":

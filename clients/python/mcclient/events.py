@@ -41,7 +41,7 @@ class EventOrder:
         return self._next
 
     def take(self, event: Event) -> list[Event]:
-        """What may be passed on now that this event has arrived."""
+        """Return what may be passed on now that this event has arrived."""
         if event.instance == self._former:
             return []
         if event.instance != self._instance:
@@ -57,7 +57,7 @@ class EventOrder:
         return self._in_order()
 
     def fill(self, page: EventsReply) -> list[Event]:
-        """What may be passed on now that the server has repeated its events."""
+        """Return what may be passed on now that the server has repeated its events."""
         if self._instance is None:
             self._instance = page.instance
         if page.instance != self._instance:
@@ -161,7 +161,7 @@ class EventReader:
 
 
 def open_events(link: Link, key: str, fetch: FetchPage, *, history: bool) -> tuple[Feed[Event], Queue[Event]]:
-    """A feed of events, and the queue to end it by; ``history``: those that the server still has come
+    """Return a feed of events, and the queue to end it by; ``history``: those that the server still has come
     first.
     """
     queue: Queue[Event] = Queue(EVENTS_LIMIT)

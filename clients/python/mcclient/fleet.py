@@ -51,7 +51,7 @@ class FleetLink:
         return cls(link, new_client_id("fleet", user_of(config_file)))
 
     async def states(self, *, timeout_s: float) -> dict[str, MachineStatus]:
-        """The state of every machine that answers within the time, by name.
+        """Return the state of every machine that answers within the time, by name.
 
         A machine's state is taken from the session of its own server alone: the one whose liveliness token
         it has.
@@ -108,7 +108,7 @@ class FleetLink:
         return decode(EventsReply, reply)
 
     async def info(self, machine: str) -> Info:
-        """What one machine is: its axes, tools, inputs and outputs.
+        """Return what one machine is: its axes, tools, inputs and outputs.
 
         Raises:
             MotionError: it does not answer, or refuses.

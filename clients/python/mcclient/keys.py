@@ -15,7 +15,7 @@ _NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]{0,62}")
 
 
 def is_name(text: str) -> bool:
-    """Whether ``text`` may stand as one chunk of a key: a machine, a program, a client."""
+    """Return whether ``text`` may stand as one chunk of a key: a machine, a program, a client."""
     return _NAME.fullmatch(text) is not None
 
 
@@ -54,7 +54,7 @@ def live_key(machine: str) -> str:
 
 
 def machine_of_call(key: str) -> str:
-    """The machine in a method's key ``mc/@v1/{machine}/@rpc/…``."""
+    """Return the machine in a method's key ``mc/@v1/{machine}/@rpc/…``."""
     return key.split("/")[2]
 
 

@@ -26,7 +26,7 @@ class _Reader:
         self._stopped = False
 
     def take(self) -> deque[str]:
-        """What has been read since the last time."""
+        """Return what has been read since the last time."""
         with self._room:
             taken, self._buffer = self._buffer, deque()
             self._room.notify()
@@ -67,7 +67,7 @@ class _Reader:
 
 
 async def from_thread(lines: Iterable[str]) -> AsyncGenerator[str, None]:
-    """The same lines, read in another thread; what reading raises is raised here."""
+    """Return the same lines, read in another thread; what reading raises is raised here."""
     reader = _Reader(lines, asyncio.get_running_loop())
     # a daemon: a read of the terminal cannot be interrupted, and must not keep the program from ending
     threading.Thread(target=reader.read, name="mcclient-lines", daemon=True).start()

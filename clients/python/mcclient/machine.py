@@ -384,7 +384,7 @@ class Machine(MachineCalls):
 
     @staticmethod
     def hash_of(text: str) -> str:
-        """The SHA-256 by which the server knows a text."""
+        """Return the SHA-256 by which the server knows a text."""
         return hashlib.sha256(text.encode("utf-8", "surrogatepass")).hexdigest()
 
     async def put_text(self, path: Path, sha256: str | None = None) -> str:
@@ -423,7 +423,7 @@ class Machine(MachineCalls):
     # ------------------------------------------------------------ what it tells
 
     def telemetry(self) -> Feed[MachineStatus]:
-        """The whole machine some 20 times a second, for dashboards: ``async for state in
+        """Return the whole machine some 20 times a second, for dashboards: ``async for state in
         machine.telemetry()``.
         """
         feed, queue = open_states(self._link, self._keys.state)
@@ -431,7 +431,7 @@ class Machine(MachineCalls):
         return feed
 
     def samples(self) -> Feed[Samples]:
-        """Every cycle of every axis, some cycles at a time, as arrays."""
+        """Return every cycle of every axis, some cycles at a time, as arrays."""
         assert self._holder is not None, "set before a machine is handed out"
         feed, queue = open_samples(self._link, self._keys.samples, self._holder)
         self._queues.add(queue)

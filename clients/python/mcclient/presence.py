@@ -37,7 +37,9 @@ class Presence:
         return next(iter(self._alive), None)
 
     def is_server(self, source: str | None) -> bool:
-        """Whether what came from this Zenoh id came from the server; nothing is believed while it is away."""
+        """Return whether what came from this Zenoh id came from the server; nothing is believed while it is
+        away.
+        """
         return self.server is not None and source == self.server.session
 
     def on_return(self, call: OnReturn) -> Callable[[], None]:
@@ -75,7 +77,7 @@ class Presence:
             return
 
     async def wait_online(self, timeout_s: float) -> bool:
-        """Whether the server is there within this time."""
+        """Return whether the server is there within this time."""
         deadline = asyncio.get_running_loop().time() + timeout_s
         while not self.online:
             remaining = deadline - asyncio.get_running_loop().time()

@@ -266,7 +266,7 @@ class Program:
         await self._caller.call("override", {"percent": percent, "program": self.id})
 
     async def status(self) -> ProgramStatus:
-        """The program as the server knows it.
+        """Return the program as the server knows it.
 
         Raises:
             RequestRefused: MC503 it knows no such program.

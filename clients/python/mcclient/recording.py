@@ -93,7 +93,7 @@ class LineTimes:
         self._ends.append(end_s)
 
     def lines_at(self, time_s: Array, *, slack_s: float = 0.0) -> Array:
-        """The line under way at each time, 0 where none is; shape as ``time_s``.
+        """Return the line under way at each time, 0 where none is; shape as ``time_s``.
 
         ``slack_s``: a line that starts so soon counts as under way: the cycle in which one line is handed
         to the next belongs to the next.

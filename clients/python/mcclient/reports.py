@@ -40,7 +40,7 @@ OpenReports = Callable[[str], Feed[Report]]
 
 
 def reports_of(event: Event) -> list[Report]:
-    """The reports that an event holds; none for events that concern no program."""
+    """Return the reports that an event holds; none for events that concern no program."""
     if event.kind == "lines.started":
         return [Report("started", event.line, event.t)]
     if event.kind == "lines.ended":
@@ -59,7 +59,9 @@ def reports_of(event: Event) -> list[Report]:
 
 
 def open_reports(link: Link, key: str, fetch: FetchPage, program: str) -> tuple[Feed[Report], Queue[Report]]:
-    """A feed of one program's reports, which ends after the program has; and the queue to end it by."""
+    """Return a feed of one program's reports, which ends after the program has; and the queue to end it
+    by.
+    """
     queue: Queue[Report] = Queue(EVENTS_LIMIT)
 
     def pass_on(event: Event) -> None:

@@ -98,7 +98,7 @@ def _views(tracks: Sequence[Track]) -> list[tuple[int, int]]:
 
 
 def _view(tracks: Sequence[Track], across: int, up: int, box: Box) -> list[str]:
-    """The paths seen along one direction, at one scale both ways."""
+    """Return the paths seen along one direction, at one scale both ways."""
     rows = [(track[across], track[up]) for track in tracks]
     low = [min(min(row[at]) for row in rows) for at in (0, 1)]
     high = [max(max(row[at]) for row in rows) for at in (0, 1)]

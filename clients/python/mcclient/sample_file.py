@@ -40,7 +40,7 @@ class SampleFile(Protocol):
 
 
 def open_sample_file(path: Path, info: Info) -> SampleFile:
-    """A file for samples, by its suffix; the path has the file once it is finished.
+    """Return a file for samples, by its suffix; the path has the file once it is finished.
 
     Raises:
         RequestRefused: MC511 the suffix is not one of these, or what writes it is not installed.
@@ -161,7 +161,7 @@ class ColumnSamples:
         return self.columns() if self._rows >= ROWS_AT_ONCE else None
 
     def columns(self) -> dict[str, Any] | None:
-        """The columns of what was kept, which is forgotten."""
+        """Return the columns of what was kept, which is forgotten."""
         blocks, self._blocks, self._rows = self._blocks, [], 0
         if not blocks:
             return None

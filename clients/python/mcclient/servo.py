@@ -125,7 +125,7 @@ class Servo:
                 raise failure
 
     async def status(self) -> ProgramStatus:
-        """The program; ``servo`` of it counts what was late, lost or dropped."""
+        """Return the program; ``servo`` of it counts what was late, lost or dropped."""
         (found,) = await self._calls.programs(program=self.id)
         return found
 

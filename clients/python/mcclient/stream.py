@@ -194,7 +194,7 @@ class LineStream:
             raise self.failure
 
     async def ask_status(self) -> ProgramStatus | None:
-        """The program as the server knows it; None: it knows no such program."""
+        """Return the program as the server knows it; None: it knows no such program."""
         try:
             payload = await self._caller.call(
                 "programs", {"program": self.program}, deadline_s=self._patience_s
@@ -207,7 +207,7 @@ class LineStream:
         return next((each for each in found if each.program == self.program), None)
 
     async def translated(self, error: RequestRefused) -> MotionError:
-        """A refusal as what it means for the program: ended, interrupted, or itself."""
+        """Return a refusal as what it means for the program: ended, interrupted, or itself."""
         if error.code in ("MC503", "MC504", "MC510"):
             await self.resynchronise()
             if error.code == "MC510" and self.state == "ending":
@@ -360,7 +360,7 @@ class LineStream:
             doubt_s = min(2 * doubt_s, LONGEST_DOUBT_S)
 
     def _in_doubt(self) -> bool:
-        """Whether something is awaited that a lost acknowledgement could have said."""
+        """Return whether something is awaited that a lost acknowledgement could have said."""
         if (
             self.ended
             or self._judging

@@ -60,7 +60,7 @@ class Samples:
 
 
 def decode_samples(payload: bytes, info: Info) -> Samples:
-    """A message of ``tele/batch``, read as ``info`` says.
+    """Return a message of ``tele/batch``, read as ``info`` says.
 
     Raises:
         ProtocolError: MC533 it is no such message.
@@ -86,7 +86,7 @@ class InfoHolder:
 
 
 def open_states(link: Link, key: str) -> tuple[Feed[MachineStatus], Queue[MachineStatus]]:
-    """A feed of the machine's states; a slow reader gets the newest ones."""
+    """Return a feed of the machine's states; a slow reader gets the newest ones."""
     queue: Queue[MachineStatus] = Queue(STATES_LIMIT)
 
     def on_sample(arrived: Arrived) -> None:
@@ -100,7 +100,7 @@ def open_states(link: Link, key: str) -> tuple[Feed[MachineStatus], Queue[Machin
 
 
 def open_samples(link: Link, key: str, holder: InfoHolder) -> tuple[Feed[Samples], Queue[Samples]]:
-    """A feed of every cycle of every axis, some cycles at a time."""
+    """Return a feed of every cycle of every axis, some cycles at a time."""
     queue: Queue[Samples] = Queue(SAMPLES_LIMIT)
 
     def on_sample(arrived: Arrived) -> None:

@@ -181,7 +181,7 @@ class Link:
         timeout_s: float,
         one: bool = False,
     ) -> list[Reply]:
-        """All replies; an empty list says nothing about whether the query arrived.
+        """Return all replies; an empty list says nothing about whether the query arrived.
 
         Args:
             one: a single server is asked: its reply is returned as it comes, and Zenoh's word that none
@@ -332,7 +332,7 @@ class Link:
         return Subscription(inbox, subscriber.undeclare)
 
     def declare_token(self, key: str) -> Callable[[], None]:
-        """A liveliness token, until the link closes or what is returned is called."""
+        """Return a liveliness token, until the link closes or what is returned is called."""
         token = self._session.liveliness().declare_token(key)
         self._declared.append(token)
 
@@ -415,7 +415,7 @@ def refused_configuration(error: Exception) -> ConfigurationError:
 
 
 def plain(error: Exception) -> str:
-    """What an error of Zenoh says, without paths of its sources."""
+    """Return what an error of Zenoh says, without paths of its sources."""
     return _SOURCE_PLACE.sub("", str(error)).strip().rstrip(".")
 
 
@@ -428,7 +428,9 @@ def _replier(reply: zenoh.Reply) -> str | None:
 
 
 def _samples(inbox: Inbox[Arrived], trust: _Trusted) -> zenoh.handlers.Callback[zenoh.Sample]:
-    """A callback for what only the server says; it holds no session, which Zenoh would keep open for it."""
+    """Return a callback for what only the server says; it holds no session, which Zenoh would keep open for
+    it.
+    """
 
     def on_sample(sample: zenoh.Sample) -> None:
         if trust.accepts(_source(sample)):

@@ -86,7 +86,7 @@ class LineWindow:
         return self._lines[index] if 0 <= index < len(self._lines) else None
 
     def next_chunk(self) -> Chunk | None:
-        """What to send now, within the credit; it counts as sent."""
+        """Return what to send now, within the credit; it counts as sent."""
         first = self._sent + 1
         through = min(self.given, self.accepted + self.credit, self._sent + self._chunk_lines)
         if through < first:

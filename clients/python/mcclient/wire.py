@@ -36,7 +36,7 @@ def encode(value: object) -> bytes:
 
 
 def decode(kind: type[T], payload: bytes) -> T:
-    """A map as one of the dataclasses of `mcclient.types`.
+    """Return a map as one of the dataclasses of `mcclient.types`.
 
     Raises:
         ProtocolError: MC533 it is no such message.

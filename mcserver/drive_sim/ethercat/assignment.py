@@ -77,7 +77,7 @@ class PdoAssignment:
         self._lists[TX_ASSIGNMENT] = _List("<H", MAX_ASSIGNED, (TX_MAPPING,))
 
     def has(self, index: int) -> bool:
-        """Whether an object is one of these."""
+        """Return whether an object is one of these."""
         return index == TYPES or index in self._lists
 
     def read(self, index: int, subindex: int) -> bytes:

@@ -26,7 +26,7 @@ _TIMESPEC = struct.Struct("qq")
 
 
 def _age_s(said: list[tuple[int, int, bytes]]) -> float:
-    """How long a frame has waited, by the kernel's stamp; 0 without one."""
+    """Return how long a frame has waited, by the kernel's stamp; 0 without one."""
     for level, kind, stamp in said:
         if level == socket.SOL_SOCKET and kind == _SO_TIMESTAMPNS:
             seconds, nanoseconds = _TIMESPEC.unpack(stamp)
@@ -71,7 +71,7 @@ class EthercatLine:
         return self._ready.fileno()
 
     def drain(self) -> list[tuple[int, bytes]]:
-        """What a master has sent since the last call, with the end at which it came: 0 or 1."""
+        """Return what a master has sent since the last call, with the end at which it came: 0 or 1."""
         frames: list[tuple[int, bytes]] = []
         for number, end in enumerate(self._ends):
             for _ in range(MAX_DRAINED):

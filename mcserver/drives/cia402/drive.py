@@ -293,7 +293,7 @@ _TARGETS = {DriveMode.VELOCITY: 0x60FF, DriveMode.TORQUE: 0x6071}
 
 
 def _exchanges(drive: Cia402Drive, mode: DriveMode) -> bool:
-    """Whether the process data that were agreed with a drive have what a mode needs."""
+    """Return whether the process data that were agreed with a drive have what a mode needs."""
     data = drive.process_data
     if data is None or mode is DriveMode.POSITION or mode < DriveMode.POSITION:
         return True

@@ -86,7 +86,9 @@ _PATTERN = re.compile(r"(?:0x)?([0-9a-fx?*]{4})h?", re.IGNORECASE)
 
 
 def is_error(code: int) -> bool:
-    """Whether an error code reports an error; the class 00xxh reports that errors are gone (CiA 301)."""
+    """Return whether an error code reports an error; the class 00xxh reports that errors are gone (CiA
+    301).
+    """
     return code & 0xFF00 != 0
 
 
@@ -125,7 +127,7 @@ class EmergencyRule:
         )
 
     def stops(self, code: int) -> bool:
-        """Whether an error code latches a fault."""
+        """Return whether an error code latches a fault."""
         if any(code & mask == value for mask, value in self.stop_on):
             return True
         warned = any(code & mask == value for mask, value in self.warn_on)
@@ -138,7 +140,7 @@ def unpack_emergency(payload: bytes) -> tuple[int, int] | None:
 
 
 def emergency_text(code: int) -> str:
-    """What an error code means, as far as the standards say."""
+    """Return what an error code means, as far as the standards say."""
     if code == NO_ERROR:
         return "no error any more"
     text = _CODES.get(code)

@@ -91,7 +91,7 @@ class AxisFrames:
 
 
 def frames_of(axis: Axis) -> AxisFrames:
-    """The PDOs of an axis, as agreed with its drive, or the usual ones."""
+    """Return the PDOs of an axis, as agreed with its drive, or the usual ones."""
     drive = cia402_drive(axis)
     data = drive.process_data or usual_process_data(drive.node, torque_offset=drive.torque_offset)
     offset = AXIS_OFFSET * drive.node_axis
@@ -109,7 +109,7 @@ def frames_of(axis: Axis) -> AxisFrames:
 
 
 def usual_process_data(node: int, *, torque_offset: bool = False) -> ProcessData:
-    """The mapping of `mcserver.can.pdo_layout`, of a node's first axis."""
+    """Return the mapping of `mcserver.can.pdo_layout`, of a node's first axis."""
     third = MappedPdo(3, Function.RPDO3 + node, (MappedObject(TORQUE_OFFSET, 0, 16),), 1)
     rpdos = _mapped(RPDO1, Function.RPDO1 + node), _mapped(RPDO2, Function.RPDO2 + node)
     return ProcessData(
@@ -124,7 +124,7 @@ def _mapped(pdo: Pdo, cob_id: int) -> MappedPdo:
 
 
 def _plain(mapped: MappedObject, offset: int) -> int:
-    """The index of the same object on a node's first axis."""
+    """Return the index of the same object on a node's first axis."""
     return mapped.index - offset if mapped.index >= 0x6000 else mapped.index
 
 

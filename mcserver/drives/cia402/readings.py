@@ -94,7 +94,7 @@ class AxisReadings:
         }
 
     def handlers(self, feedback: Feedback) -> dict[int, Callable[[bytes], None]]:
-        """What to call for the COB-IDs of the other TPDOs."""
+        """Return what to call for the COB-IDs of the other TPDOs."""
         handlers = {}
         for index, frames in enumerate(self._frames):
             essential = sum(1 << bit for bit, pdo in enumerate(frames.tpdos) if pdo.essential)
@@ -148,7 +148,7 @@ class AxisReadings:
         return age if length is None else -length - 1
 
     def begin(self) -> tuple[bytearray, bytearray]:
-        """The arena for TPDO1s, and one flag an axis for those that came, cleared."""
+        """Return the arena for TPDO1s, and one flag an axis for those that came, cleared."""
         self.came[:] = self._none_came
         self._number += 1
         for index in self.input_ages:

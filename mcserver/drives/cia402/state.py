@@ -55,7 +55,9 @@ _MASKS = (
 
 
 def power_state(statusword: int) -> PowerState:
-    """The state that a statusword tells; a pattern that the standard does not have counts as not ready."""
+    """Return the state that a statusword tells; a pattern that the standard does not have counts as not
+    ready.
+    """
     for mask, value, state in _MASKS:
         if statusword & mask == value:
             return state
@@ -79,7 +81,7 @@ _ENERGIZE = MappingProxyType(
 def next_controlword(
     state: PowerState, wanted: DriveMode, previous: int, *, in_mode: bool = True, standing: bool = False
 ) -> int:
-    """The controlword for what is wanted.
+    """Return the controlword for what is wanted.
 
     Args:
         previous: the controlword before; a fault is reset by a rising edge of bit 7.

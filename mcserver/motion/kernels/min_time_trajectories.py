@@ -104,7 +104,7 @@ def _early(time: float, a0: float, a1: float, change: float, most: float, jerk: 
 
 @compiled
 def _lasts(c: float, time: float, a0: float, a1: float, most: float, jerk: float) -> float:
-    """How long the course is on the line that falls from ``c``."""
+    """Return how long the course is on the line that falls from ``c``."""
     start = 0.5 * (c - a0) / jerk if 0.5 * (a0 + c) <= most else (c - most) / jerk
     lowest = 0.5 * (c + a1 - jerk * time)
     end = 0.5 * (c - a1 + jerk * time) / jerk if lowest >= -most else (c + most) / jerk

@@ -52,7 +52,7 @@ class OpenCurve:
     jets: Array
 
     def without(self, count: int) -> OpenCurve | None:
-        """What is left where the parts of its first lines stay; None where nothing is."""
+        """Return what is left where the parts of its first lines stay; None where nothing is."""
         if count == 0:
             return self
         if count > len(self.chords):

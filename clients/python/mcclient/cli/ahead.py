@@ -78,7 +78,7 @@ class Ahead:
         self.sha256: str | None = None
 
     async def is_sound(self, machine: Machine) -> bool:
-        """Whether the whole text has no fault; a text that cannot be known beforehand counts as sound.
+        """Return whether the whole text has no fault; a text that cannot be known beforehand counts as sound.
 
         Raises:
             RequestRefused: the text cannot be read, or the server's check fails otherwise.

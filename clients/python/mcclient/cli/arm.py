@@ -147,7 +147,7 @@ def _plain(run: RunRequestStatus) -> dict[str, Any]:
 
 
 async def shown(machine: Machine, run: dict[str, Any], folder: Path) -> dict[str, Any]:
-    """A request with its text, and with the file of its picture, drawn now."""
+    """Return a request with its text, and with the file of its picture, drawn now."""
     try:
         preview = msgspec.to_builtins(await machine.run_preview(run["sha256"]))
     except RequestRefused:
@@ -165,7 +165,7 @@ async def shown(machine: Machine, run: dict[str, Any], folder: Path) -> dict[str
 
 
 def picture_name(run: dict[str, Any]) -> str:
-    """The file of a request's picture."""
+    """Return the file of a request's picture."""
     return f"{run['sha256'][:SHOWN_HASH]}.svg"
 
 

@@ -120,7 +120,7 @@ def scan_table(found: BusScan) -> Table:
 
 
 def monitor_lines(drives: tuple[DriveInfo, ...]) -> list[Text]:
-    """What machine files show of drives, and last emergencies: one line each."""
+    """Return what machine files show of drives, and last emergencies: one line each."""
     lines = []
     for drive in drives:
         for shown in drive.monitor:
@@ -261,7 +261,7 @@ def parse_object(text: str) -> tuple[int, int]:
 
 
 def sdo_type(kind: str | None) -> SdoType | None:
-    """The type of that name. Raises RequestRefused (MC511) where there is none."""
+    """Return the type of that name. Raises RequestRefused (MC511) where there is none."""
     if kind is None or kind in list(SdoType):
         return None if kind is None else SdoType(kind)
     raise RequestRefused("MC511", f"there is no type {kind!r}", f"use one of {' '.join(SdoType)}")

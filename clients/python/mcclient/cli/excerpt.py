@@ -17,7 +17,7 @@ TextOf = Callable[[int], str | None]
 
 
 def render(diagnostic: Diagnostic, text: str | None, path: str) -> list[str]:
-    """The diagnostic's lines, without colour.
+    """Return the diagnostic's lines, without colour.
 
     Args:
         text: the line's text; None: not known, no excerpt.
@@ -54,7 +54,9 @@ def show_diagnostics(diagnostics: Sequence[Diagnostic], text_of: TextOf, path: s
 
 
 def _excerpt(line: str, column: int, end_column: int) -> tuple[str, int, int]:
-    """What is shown of a line, the columns before the mark, and the mark's width; columns are code points."""
+    """Return what is shown of a line, the columns before the mark, and the mark's width; columns are code
+    points.
+    """
     line = "".join(" " if not character.isprintable() else character for character in line)
     first = max(0, min(column - 1, len(line)))
     last = max(first + 1, end_column - 1)

@@ -99,7 +99,7 @@ class Sight:
         self._last: dict[str, MachineStatus | None] = {}
 
     async def look(self) -> list[Seen]:
-        """Every machine now, sorted by name."""
+        """Return every machine now, sorted by name."""
         states = await self._link.states(timeout_s=ANSWER_S)
         there = set(self._link.names)
         self._last |= {name: self._last.get(name) for name in there} | states

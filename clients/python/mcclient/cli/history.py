@@ -109,7 +109,7 @@ def _plain(value: object) -> str:
 
 
 def sql_of(question: str) -> str:
-    """The SQL of a ready question, or the question itself, which is SQL then."""
+    """Return the SQL of a ready question, or the question itself, which is SQL then."""
     words = " ".join(question.lower().split())
     for span, condition in SPANS.items():
         name = words.removesuffix(span).strip() if span else words

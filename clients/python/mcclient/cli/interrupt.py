@@ -92,7 +92,7 @@ class Interrupts:
         self._on_interrupt()
 
     async def _ask(self) -> bool:
-        """Whether the user leaves."""
+        """Return whether the user leaves."""
         first = "[r]esume" if await self._state() in RESUMABLE else "[h]old"
         # only what it then does: leaving would stop the program, or cut off lines that are on their way
         leave = "[l]eave, " if self._may_leave() else ""
@@ -123,7 +123,7 @@ class Interrupts:
             return self._program.state
 
     async def _answer(self) -> str:
-        """The first letter or word typed; a second Ctrl-C counts as abort."""
+        """Return the first letter or word typed; a second Ctrl-C counts as abort."""
         if self._reading is None:
             self._reading = asyncio.create_task(self._read())
         # what was typed before the question is no answer to it

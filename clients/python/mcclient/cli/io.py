@@ -23,7 +23,7 @@ _LEVELS = {"on": True, "off": False, "true": True, "false": False}
 
 
 def build_app() -> typer.Typer:
-    """The command tree below ``mcctl io``."""
+    """Return the command tree below ``mcctl io``."""
     app = typer.Typer(
         help="Inputs and outputs: a table, or set one by name.",
         invoke_without_command=True,

@@ -37,7 +37,7 @@ EMERGENCY_STOP = "MC400"
 
 
 def behind(waiting: ProgramStatus, programs: Sequence[ProgramStatus]) -> str:
-    """Which programs have axes that this one waits for, and which axes; empty: none is known."""
+    """Return which programs have axes that this one waits for, and which axes; empty: none is known."""
     before = [
         each
         for each in programs
@@ -82,7 +82,7 @@ class Job:
         )
 
     async def run(self) -> int:
-        """The exit code; errors of the program are shown here, others are raised."""
+        """Return the exit code; errors of the program are shown here, others are raised."""
         async with self._options.target.open() as machine:
             await self._refuse_under_emergency_stop(machine)
             before = self._source.take(self._options.from_line - 1)

@@ -140,7 +140,7 @@ def parse_axes(text: str | None) -> list[int] | None:
 
 
 def axis_of(text: str, info: Info) -> AxisInfo:
-    """The machine's axis named by its number or its letter (X Y Z A B C are 0 to 5).
+    """Return the machine's axis named by its number or its letter (X Y Z A B C are 0 to 5).
 
     Raises:
         RequestRefused: MC507 the machine has no such axis.

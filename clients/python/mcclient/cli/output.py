@@ -27,12 +27,12 @@ PIPE_COLUMNS = 160
 
 
 def narration() -> TerminalConsole:
-    """The console for people: standard error."""
+    """Return the console for people: standard error."""
     return TerminalConsole(stderr=True, soft_wrap=True)
 
 
 def results() -> TerminalConsole:
-    """The console for results: standard output."""
+    """Return the console for results: standard output."""
     console = TerminalConsole(soft_wrap=True)
     if not console.is_terminal:
         # nobody's window cuts what goes to a file or another program
@@ -54,7 +54,7 @@ def write_text(text: str) -> None:
 
 
 def as_plain(value: Any) -> Any:
-    """A dataclass, or a list of them, as maps and lists for JSON."""
+    """Return a dataclass, or a list of them, as maps and lists for JSON."""
     if dataclasses.is_dataclass(value) and not isinstance(value, type):
         return dataclasses.asdict(value)
     if isinstance(value, list | tuple):
@@ -79,7 +79,7 @@ def show_error(error: MotionError) -> None:
 
 
 def error_as_json(error: MotionError) -> dict[str, Any]:
-    """What ``--json`` gives of an error."""
+    """Return what ``--json`` gives of an error."""
     shown: dict[str, Any] = {"code": error.code, "message": error.message, "hint": error.hint}
     if error.details:
         shown["details"] = error.details

@@ -43,7 +43,7 @@ class Format(enum.StrEnum):
 
 
 def build_app() -> typer.Typer:
-    """The commands ``mcctl record …``."""
+    """Return the commands ``mcctl record …``."""
     app = typer.Typer(help="Record cycles: on the server, or here with --output.", no_args_is_help=False)
     app.callback(invoke_without_command=True)(with_target(record))
     app.command("start")(with_target(start))
@@ -216,7 +216,7 @@ def list_(target: Target, json: JsonOption = False) -> None:
 
 
 def recordings_table(recordings: Sequence[RecordingInfo]) -> Table:
-    """A row for each recording, the newest first."""
+    """Return a row for each recording, the newest first."""
     table = Table(box=None, pad_edge=False, header_style="bold")
     for title, justify in (("name", "left"), ("state", "left"), ("size", "right"), ("written", "left")):
         table.add_column(title, overflow="fold", justify=justify)  # type: ignore[arg-type]

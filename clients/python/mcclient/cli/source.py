@@ -78,7 +78,7 @@ class ProgramSource:
             yield text
 
     def take(self, count: int) -> list[str]:
-        """The next lines, not kept."""
+        """Return the next lines, not kept."""
         taken: list[str] = []
         lines = self.lines()
         while len(taken) < count:
@@ -90,14 +90,16 @@ class ProgramSource:
         return taken
 
     def text_of(self, number: int) -> str | None:
-        """A line that is kept."""
+        """Return a line that is kept."""
         if not self._kept:
             return None
         index = number - self._kept[0][0]
         return self._kept[index][1] if 0 <= index < len(self._kept) else None
 
     def line_at(self, number: int) -> str | None:
-        """A line of the file, wherever reading stands; None: there is no such line, or it is no text."""
+        """Return a line of the file, wherever reading stands; None: there is no such line, or it is no
+        text.
+        """
         if self.total is None or number < 1:
             return None
         with open(self.path, "rb") as file:

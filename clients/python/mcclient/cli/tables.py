@@ -40,7 +40,7 @@ def state_text(state: str) -> Text:
 def machine_view(
     name: str, info: Info, status: MachineStatus, *, online: bool = True, rows: int | None = None
 ) -> RenderableType:
-    """The whole machine; ``rows``: how many axes are shown at most."""
+    """Return the whole machine; ``rows``: how many axes are shown at most."""
     parts: list[RenderableType] = [_headline(name, status, online), _axes_table(info, status, rows)]
     if status.work_offsets:
         parts.append(_work_offsets(info, status))
@@ -128,7 +128,7 @@ def _homed_text(needed: bool, *, homed: bool) -> Text:
 
 
 def _work_offsets(info: Info, status: MachineStatus) -> Table:
-    """Where each work coordinate system reads zero."""
+    """Return where each work coordinate system reads zero."""
     units = {axis.index: axis.unit for axis in info.axes}
     table = Table(box=None, pad_edge=False, header_style="bold")
     table.add_column("system", no_wrap=True)
