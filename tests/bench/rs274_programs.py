@@ -39,8 +39,8 @@ from mcserver.units import MM
 
 # rs274 prints so many decimals [mm]
 _ROUNDING = 1.5e-4
-# refused here alone: gouges, and values that there are not, with which rs274 goes on
-_CAUTIOUS = ("MC163", "MC169")
+# refused here alone: gouges, values that there are not, and where controllers differ
+_CAUTIOUS = ("MC163", "MC169", "MC186")
 _SIGNS = re.findall(r"\S+", "+ - * / + - * ** MOD EQ NE GT GE LT LE AND OR XOR")
 _FUNCTIONS = re.findall(r"\S+", "ABS FIX FUP ROUND SIN COS TAN SQRT ATAN EXP ACOS ASIN LN EXISTS")
 Move = tuple[float, ...]
