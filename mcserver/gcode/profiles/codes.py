@@ -212,7 +212,7 @@ REFUSED: Final[Mapping[str, str]] = MappingProxyType(
         "G42": "cutter compensation is for the profile cnc; let the CAM compute the tool's own path",
         "G43.4": "the tip is led on the work piece in the profile cnc only; let the post write the axes",
         "G43.5": "the tool's direction is not read as I J K; let the post write G43.4 and the rotary axes",
-        "G50": "with words it sets coordinates or the spindle's limit on a lathe; let the post write G92",
+        "G50": "with words it sets a lathe's zero or speed limit; let the post write G92, or D beside G96",
         "G50.1": "mirrors are for the profile cnc; let the CAM mirror the part",
         "G51": "scaling is done in the profile cnc; let the CAM scale the part",
         "G51.1": "mirrors are for the profile cnc; let the CAM mirror the part",
