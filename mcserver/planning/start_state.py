@@ -200,7 +200,7 @@ def frame_changes(machine: Machine, before: Frame | None, now: Frame | None) -> 
 
 def axis_word(machine: Machine, axis: int) -> str:
     """Return the letter that programs have for an axis, ``[7]`` without one."""
-    letters = {**AXIS_LETTERS, **machine.dialect.letters}
+    letters = {**machine.dialect.letters, **AXIS_LETTERS}
     return next((letter for letter, number in letters.items() if number == axis), f"[{axis}]")
 
 

@@ -21,7 +21,7 @@ from mcp import Client, StdioServerParameters
 from mcp.types import CallToolResult, TextContent
 
 from mcserver.gcode.program_check import check_program
-from mcserver.language.agents.knowledge import TOPICS, dialect_topic, draft, fault_facts
+from mcserver.language.agents.knowledge import TOPICS, dialect_topic, draft, fault_facts, machine_facts
 from mcserver.language.agents.server import AgentTools, build_server
 from mcserver.language.rules import rules
 from mcserver.machine.machine_file import load_machine, parse_machine
@@ -86,11 +86,13 @@ async def test_every_input_is_described_and_the_server_has_a_version(connect: li
 
 def test_every_code_of_the_server_is_explained() -> None:
     codes = set()
-    for folder in ("mcserver", "kinematics/mckinematics"):
+    for folder in ("mcserver", "kinematics/mckinematics", "clients/python/mcclient"):
         for source in (Path(__file__).parents[2] / folder).rglob("*.py"):
-            codes |= set(re.findall(r'"(MC[0-9]{3})"', source.read_text("utf-8")))
+            codes |= set(re.findall(r'"(MC[0-9]{3})(?:"|: )', source.read_text("utf-8")))
     for code in codes:
-        assert len(fault_facts(code)["title"]) > 9, code
+        told = fault_facts(code)
+        assert len(told["title"]) > 9, code
+        assert told["help"], code
     assert "arm" in fault_facts("mc571")["help"]
 
 
@@ -114,6 +116,15 @@ async def test_the_codes_of_this_machines_profile_are_known() -> None:
         assert "is refused" in answer_of(await client.call_tool("dialect", {"topic": "G41"}))
         assert "no effect" in answer_of(await client.call_tool("dialect", {"topic": "M07"}))
     assert "acts" not in dialect_topic("G54", CARTESIAN)
+    overview = dialect_topic("", machine)
+    assert "G1010 (energize)" not in overview
+    assert {"G54", "G81", "M62"} <= set(overview.split())
+    cutter = "[[cutter]]\nnumber = 2\nlength_mm = 30.0\ndiameter_mm = 6.0\n"
+    printer = parse_machine(CNC.replace('"cnc"', '"printer"\nletters = { E = 3 }') + axes_text([3]))
+    assert [each["word"] for each in machine_facts(printer)["axes"]] == ["X", "Y", "Z", "E"]
+    assert machine_facts(parse_machine(CNC + cutter))["tool_table"] == [
+        {"word": "T2", "length": 30.0, "diameter": 6.0}
+    ]
 
 
 async def test_the_machine_and_the_dialect_are_described() -> None:

@@ -1,10 +1,13 @@
-"""What the server says with each code, read from its own sources: so no code is without a word."""
+"""What the server and its Python client say with each code, read from their sources: so no code is without
+a word.
+"""
 
 from __future__ import annotations
 
 import ast
+import functools
 import re
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from importlib import resources
 from importlib.resources.abc import Traversable
 
@@ -17,6 +20,7 @@ WORDED = {
     "MC008": ("an EDS, DCF or ESI file of a drive cannot be understood", "get it from the maker"),
     "MC030": ("the homing of an axis in the machine file does not fit", "see homing"),
     "MC064": ("others would reach the page without login or TLS", "give --users, --certificate and --key"),
+    "MC191": ("a twist or joint command of ROS 2 does not fit", "its finite numbers, frame and names"),
     "MC300": ("inverse kinematics failed", "see its message"),
     "MC301": (
         "the URDF or a tool of the machine file does not fit",
@@ -55,12 +59,16 @@ def messages_of(code: str) -> list[tuple[str, str]]:
     """Return messages and remedies of a code as the server words them, with ``…`` for values."""
     if code in WORDED:
         return [WORDED[code]]
-    found: dict[tuple[str, str], None] = {}
-    for source in _sources(resources.files("mcserver")):
-        text = source.read_text("utf-8")
-        if f'"{code}"' in text:
-            found.update(dict.fromkeys(_messages_in(ast.parse(text), code)))
-    return [each for each in found if each[0]][:MOST_MESSAGES]
+    told = (each for text in _texts() if f'"{code}' in text for each in _messages_in(text))
+    found = dict.fromkeys((message, hint) for one, message, hint in told if one == code and message)
+    return list(found)[:MOST_MESSAGES]
+
+
+@functools.cache
+def _texts() -> tuple[str, ...]:
+    """Return the text of every source."""
+    packages = (resources.files("mcserver"), resources.files("mcclient"))
+    return tuple(source.read_text("utf-8") for package in packages for source in _sources(package))
 
 
 def _sources(folder: Traversable) -> Iterator[Traversable]:
@@ -71,29 +79,45 @@ def _sources(folder: Traversable) -> Iterator[Traversable]:
             yield each
 
 
-def _messages_in(tree: ast.Module, code: str) -> Iterator[tuple[str, str]]:
-    for node in ast.walk(tree):
-        if isinstance(node, ast.Call):
-            named = {each.arg: each.value for each in node.keywords}
-            words = [each for each in (*node.args, *named.values()) if not isinstance(each, ast.Starred)]
-            if any(_is_code(each, code) for each in words):
-                others = [text for each in words if " " in (text := _text(each)) and not _CODE.match(text)]
-                hint = _text(named["hint"]) if "hint" in named else "; ".join(others[1:2])
-                yield "; ".join(others[:1]), hint
-        elif isinstance(node, (ast.Tuple, ast.List)) and any(_is_code(each, code) for each in node.elts):
-            others = [text for each in node.elts if " " in (text := _text(each)) and not _CODE.match(text)]
-            if others:
-                yield others[0], "; ".join(others[1:2])
-        elif isinstance(node, ast.Dict):
-            for key, value in zip(node.keys, node.values, strict=True):
-                if key is not None and _is_code(key, code) and _text(value):
-                    yield _text(value), ""
+@functools.cache
+def _messages_in(text: str) -> tuple[tuple[str, str, str], ...]:
+    """Return codes with message and remedy of a source."""
+    return tuple(each for node in ast.walk(ast.parse(text)) for each in _told_by(node))
 
 
-def _is_code(node: ast.expr, code: str) -> bool:
-    if isinstance(node, ast.IfExp):
-        return _is_code(node.body, code) or _is_code(node.orelse, code)
-    return isinstance(node, ast.Constant) and node.value == code
+def _told_by(node: ast.AST) -> Iterator[tuple[str, str, str]]:
+    if isinstance(node, ast.Constant | ast.JoinedStr):
+        # as logs have it
+        code, _, message = _text(node).partition(": ")
+        if _CODE.match(code):
+            yield code, message.replace("%s", "…").replace("%d", "…"), ""
+    elif isinstance(node, ast.Call):
+        named = {each.arg: each.value for each in node.keywords}
+        words = [each for each in (*node.args, *named.values()) if not isinstance(each, ast.Starred)]
+        others = _worded(words)
+        hint = _text(named["hint"]) if "hint" in named else "; ".join(others[1:2])
+        for code in _codes(words):
+            yield code, "; ".join(others[:1]), hint
+    elif isinstance(node, ast.Tuple | ast.List):
+        others = _worded(node.elts)
+        for code in _codes(node.elts) if others else ():
+            yield code, others[0], "; ".join(others[1:2])
+    elif isinstance(node, ast.Dict):
+        for key, value in zip(node.keys, node.values, strict=True):
+            for code in _codes([key]):
+                yield code, _text(value), ""
+
+
+def _worded(nodes: Iterable[ast.expr]) -> list[str]:
+    return [text for each in nodes if " " in (text := _text(each)) and not _CODE.match(text)]
+
+
+def _codes(nodes: Iterable[ast.expr | None]) -> Iterator[str]:
+    for node in nodes:
+        if isinstance(node, ast.IfExp):
+            yield from _codes([node.body, node.orelse])
+        elif isinstance(node, ast.Constant) and isinstance(node.value, str) and _CODE.match(node.value):
+            yield node.value
 
 
 def _text(node: ast.expr) -> str:

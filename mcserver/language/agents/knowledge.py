@@ -11,11 +11,13 @@ from mcserver.executor.fault_codes import remedy_of
 from mcserver.gcode.line_faults import TITLES
 from mcserver.gcode.text.command_table import COMMANDS
 from mcserver.gcode.text.word_table import WORDS, find_word
-from mcserver.gcode.text.words import ABSOLUTE_LETTERS
 from mcserver.language.agents.fault_messages import messages_of
 from mcserver.language.lsp.knowledge import describe_any_code, describe_word
+from mcserver.language.profile_codes import acting_codes, in_order
 from mcserver.language.rules import rules
 from mcserver.machine.machine_file import Machine
+from mcserver.planning.start_state import axis_word
+from mcserver.units import MM
 
 MAX_POINTS = 5000
 TOPICS = {
@@ -32,7 +34,6 @@ TOPICS = {
 
 def machine_facts(machine: Machine) -> dict[str, Any]:
     """Describe a machine in the units of programs: mm, degrees and seconds."""
-    letters = {axis: letter for letter, axis in ABSOLUTE_LETTERS.items()}
     axes = []
     for axis in machine.axes:
         unit = axis.type.si_per_unit
@@ -45,7 +46,7 @@ def machine_facts(machine: Machine) -> dict[str, Any]:
         }
         axes.append(
             {
-                "word": letters.get(axis.index, f"[{axis.index}]"),
+                "word": axis_word(machine, axis.index),
                 "axis": axis.index,
                 "type": axis.type.value,
                 "unit": axis.type.unit,
@@ -62,7 +63,12 @@ def machine_facts(machine: Machine) -> dict[str, Any]:
         }
         for tool in machine.tools
     ]
-    return {"machine": machine.name, "axes": axes, "tools": tools}
+    table = [
+        {"word": f"T{number}", "length": cutter.length / MM, "diameter": cutter.diameter / MM}
+        for number, cutter in sorted(machine.dialect.cutters.items())
+    ]
+    profile = machine.dialect.profile
+    return {"machine": machine.name, "profile": profile, "axes": axes, "tools": tools, "tool_table": table}
 
 
 def dialect_topic(topic: str, machine: Machine) -> str:
@@ -81,16 +87,25 @@ def dialect_topic(topic: str, machine: Machine) -> str:
     word = find_word(asked.upper())
     if word is not None:
         return describe_word(word, machine, asked.upper())
-    return overview()
+    return overview(machine)
 
 
-def overview() -> str:
-    """List every code and word on a line of its own, with an example, and the topics."""
+def overview(machine: Machine) -> str:
+    """List every code and word on a line of its own, with an example, the profile's codes, and the topics."""
     codes = "\n".join(f"{spec.name}: {spec.title}, such as {spec.example}" for spec in COMMANDS)
     words = "\n".join(f"{' '.join(spec.letters)}: {spec.title}" for spec in WORDS)
+    begin = (
+        "The first move energizes"
+        if machine.dialect.auto_capture
+        else "A program starts with G1010 (energize)"
+    )
+    own = ""
+    if machine.dialect.profile != "reference":
+        added = acting_codes(machine) - {f"{spec.letter}{spec.number}" for spec in COMMANDS}
+        own = f"Besides, by the profile {machine.dialect.profile}: {' '.join(in_order(added))}\n\n"
     return (
-        "A program starts with G1010 (energize); a feed move needs F. mm and mm/min unless G20, G93.\n\n"
-        f"{codes}\n\n{words}\n\nTopics: {', '.join(TOPICS)}; or a code, a word, a rule such as D-22."
+        f"{begin}; a feed move needs F. mm and mm/min unless G20, G93.\n\n"
+        f"{codes}\n\n{words}\n\n{own}Topics: {', '.join(TOPICS)}; or a code, a word, a rule such as D-22."
     )
 
 
@@ -116,7 +131,7 @@ def fault_facts(code: str) -> dict[str, str]:
         return {
             "code": asked,
             "title": " | ".join(titles),
-            "help": " | ".join(dict.fromkeys(each for each in hints if each)),
+            "help": " | ".join(dict.fromkeys(each for each in hints if each)) or "the fault itself says it",
         }
     raise Refused("MC511", f"{asked[:20]} is no code of this server", "codes look like MC104 or MC401")
 

@@ -9,12 +9,14 @@ import msgspec
 
 from mcserver.gcode.text.command_table import COMMANDS, CommandSpec, find_command
 from mcserver.gcode.text.word_table import WORDS, WordSpec, find_word
-from mcserver.gcode.text.words import ABSOLUTE_LETTERS, AXIS_LETTERS
+from mcserver.gcode.text.words import AXIS_LETTERS, axis_letters
 from mcserver.language.lsp.words_at import WordAt, in_comment, word_at, words_of
 from mcserver.language.profile_codes import acting_codes, describe_profile_code, in_order
 from mcserver.language.rules import rules
 from mcserver.language.tables import words_of as listed_words
 from mcserver.machine.machine_file import Machine
+from mcserver.planning.start_state import axis_word
+from mcserver.units import MM
 
 
 class Suggestion(msgspec.Struct, frozen=True):
@@ -55,7 +57,7 @@ def describe_rules(names: tuple[str, ...]) -> str:
 
 
 def _axis_of(machine: Machine, name: str) -> str:
-    number = AXIS_LETTERS.get(name)
+    number = axis_letters(machine.dialect).get(name)
     if name.startswith("["):
         digits = name.strip("[]")
         number = int(digits) if digits.isdigit() else None
@@ -77,7 +79,8 @@ def hover(line: str, position: int, machine: Machine) -> tuple[str, int, int] | 
     if word.is_code:
         shown = describe_any_code(word.name + word.number, machine)
         return (shown, word.start, word.end) if shown else None
-    known = find_word("[n]" if word.name.startswith("[") else word.name)
+    further = word.name.startswith("[") or word.name in machine.dialect.letters
+    known = find_word("[n]" if further else word.name)
     return None if known is None else (describe_word(known, machine, word.name), word.start, word.end)
 
 
@@ -125,6 +128,10 @@ def _title_of(described: str) -> str:
 
 
 def _tools(start: int, machine: Machine) -> Iterator[Suggestion]:
+    for number, cutter in sorted(machine.dialect.cutters.items()):
+        yield Suggestion(
+            f"T{number}", f"length {cutter.length / MM:g}, diameter {cutter.diameter / MM:g} mm", "", start
+        )
     for tool in machine.tools:
         axes = ", ".join(map(str, tool.axes))
         yield Suggestion(f"T{tool.number}", f"frame {tool.frame}, axes {axes}", "", start)
@@ -154,9 +161,8 @@ def _words(before: str, start: int, machine: Machine) -> Iterator[Suggestion]:
 
 
 def _axis_words(start: int, machine: Machine, taken: set[str]) -> Iterator[Suggestion]:
-    letter_of = {number: letter for letter, number in ABSOLUTE_LETTERS.items()}
     for axis in machine.axes:
-        name = letter_of.get(axis.index, f"[{axis.index}]")
+        name = axis_word(machine, axis.index)
         entry = find_word(name if name in AXIS_LETTERS else "[n]")
         if entry is not None and name not in taken:
             yield Suggestion(
