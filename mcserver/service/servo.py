@@ -27,6 +27,9 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
+# Messages are acknowledged within this time, all that came meanwhile at once: so a client hears of an end,
+# and that the server is there.
+ANSWER_S = 0.05
 # Where torques leave axes less of their accelerations, targets are not followed.
 LEAST_TORQUE_SHARE = 0.005
 _CAPTURE = list(AxisOperation).index(AxisOperation.CAPTURE)
@@ -180,7 +183,12 @@ def torque_share(
 
 def put_targets(service: MachineService, program: Program, message: TargetMessage) -> None:
     """Take a message of targets for a program in servo mode; what does not count is counted."""
-    if program.targets is None or program.slot is None or program.over:
+    if program.targets is None:
+        return
+    if not program.targets.answering:
+        program.targets.answering = True
+        asyncio.get_running_loop().call_later(ANSWER_S, _answer, service, program)
+    if program.slot is None or program.over:
         return
     snapshot = service.port.snapshot()
     now = Now(snapshot.time)
@@ -193,6 +201,12 @@ def put_targets(service: MachineService, program: Program, message: TargetMessag
     targets = program.targets.take(message, now)
     if targets is not None:
         service.port.put_targets(program.slot, targets)
+
+
+def _answer(service: MachineService, program: Program) -> None:
+    assert program.targets is not None
+    program.targets.answering = False
+    service.acks.acknowledge(program)
 
 
 def close_targets(service: MachineService, program: Program) -> None:
