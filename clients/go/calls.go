@@ -55,6 +55,7 @@ var deadlines = map[string]time.Duration{
 	"machine_file":        5 * time.Second,
 	"write_machine_file":  5 * time.Second,
 	"open_servo":          5 * time.Second,
+	"servo_armed":         5 * time.Second,
 	"home":                5 * time.Second,
 	"reference":           5 * time.Second,
 	"reset":               5 * time.Second,
@@ -217,6 +218,12 @@ func (m *Machine) WriteMachineFile(ctx context.Context, request WriteMachineFile
 // until no targets come in time.
 func (m *Machine) OpenServo(ctx context.Context, request ServoRequest) (*ServoReply, error) {
 	return callFor[ServoReply](ctx, m, "open_servo", paramsOf(request))
+}
+
+// ServoArmed: Let axes follow targets, as `open_servo`, inside of what an operator has approved for a while: `arm`
+// with `standing_s` and `servo`.
+func (m *Machine) ServoArmed(ctx context.Context, request ServoRequest) (*ServoReply, error) {
+	return callFor[ServoReply](ctx, m, "servo_armed", paramsOf(request))
 }
 
 // Home: Let axes find their references. It goes on after the reply: the events `axis.homing`, `axis.homed` and

@@ -301,6 +301,9 @@ type ArmRequest struct {
 	// StandingS: for so long whatever else the same client asks for, and stays inside of the envelope of this run,
 	// is armed as it is asked for; 0: only this run, once.
 	StandingS float64 `msgpack:"standing_s"`
+	// Servo: as long it may stream targets, too, inside of the extents, speeds and duration of this run
+	// (`servo_armed`); no simulation shows these beforehand.
+	Servo bool `msgpack:"servo"`
 }
 
 // Assertion: One bound of a run.
@@ -1401,6 +1404,8 @@ type RunRequestStatus struct {
 	Approval string `msgpack:"approval"`
 	// Beyond: what of it is outside of the one that its client has, a sentence each.
 	Beyond []string `msgpack:"beyond"`
+	// Servo: it is approved for a while, for streamed targets, too.
+	Servo bool `msgpack:"servo"`
 }
 
 // RunRequestsReply: The oldest first.

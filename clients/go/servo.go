@@ -2,11 +2,16 @@ package mcclient
 
 import (
 	"context"
+	"fmt"
 	"sync"
 	"time"
 )
 
-const targetsCount = 100 * time.Millisecond
+const (
+	targetsCount = 100 * time.Millisecond
+	// The server acknowledges targets within 50 ms; one that has not for so long beyond what they count is gone [s].
+	unansweredFor = 0.5
+)
 
 // Targets say where axes, or a tool, are to be. At least one of Positions and Velocities is given: a row for each point, in it a number for each axis.
 type Targets struct {
@@ -75,15 +80,17 @@ func (s *Servo) Failure() error { return s.program.Failure() }
 // Send sends targets, which replace those before, and waits for nothing: what a connection that is away would take is lost, for the next ones
 // are newer.
 //
-// It fails with an EndedError once the program has ended: nothing came in time, somebody stopped it, or it was closed.
+// It fails with an EndedError once the program has ended: nothing came in time, somebody stopped it, or it was closed. It fails with an
+// UnreachableError (MC530) where the server has not answered for as long as targets count, and 0.5 s.
 func (s *Servo) Send(targets Targets) error {
 	if targets.Counts == 0 {
 		targets.Counts = s.counts
 	}
 	s.mu.Lock()
 	defer s.mu.Unlock()
+	now := time.Since(s.begun).Seconds()
 	s.program.mu.Lock()
-	err := s.program.stream.open()
+	err := s.program.stream.targets(now, targets.Counts.Seconds())
 	s.program.mu.Unlock()
 	if err != nil {
 		return err
@@ -91,8 +98,23 @@ func (s *Servo) Send(targets Targets) error {
 	s.seq++
 	return s.program.machine.client.put(map[string]any{
 		"op": "targets", "machine": s.program.machine.name, "program": s.program.ID,
-		"message": targets.message(s.seq, time.Since(s.begun).Seconds()),
+		"message": targets.message(s.seq, now),
 	})
+}
+
+// targets sees whether targets can be sent at a time of the sender's clock, which count for some seconds.
+func (s *stream) targets(now, counts float64) error {
+	if err := s.open(); err != nil {
+		return err
+	}
+	if s.unanswered == nil {
+		s.unanswered = &now
+	}
+	if silent := now - *s.unanswered; silent > counts+unansweredFor {
+		return unreachable(CodeNobodyAnswers, fmt.Sprintf("the server has not answered for %.1f s", silent),
+			"where it is gone the axes have stopped: once it is there, open servo mode anew")
+	}
+	return nil
 }
 
 // message is StreamTargets.

@@ -98,7 +98,7 @@ func (p *targetPlayer) targets(value json.RawMessage) {
 		Frame      string
 	}
 	must(p.t, json.Unmarshal(value, &given))
-	if p.failed = p.stream.open(); p.failed != nil {
+	if p.failed = p.stream.targets(given.Sent, given.Counts); p.failed != nil {
 		return
 	}
 	targets := Targets{Positions: given.Positions, Velocities: given.Velocities, Counts: seconds(given.Counts), Tool: given.Tool, InToolFrame: given.Frame == "tool"}

@@ -36,6 +36,8 @@ type stream struct {
 	// lines were given up while it was not known whether they had arrived: the server's number is the right one
 	adrift     bool
 	chunkLines int
+	// when the first targets were sent since the server was heard, by the sender's clock; nil: none were
+	unanswered *float64
 }
 
 func newStream(opened *OpenReply) *stream {
@@ -147,6 +149,7 @@ func (s *stream) acknowledged(ack *Ack) {
 	if ack.Program != s.program {
 		return
 	}
+	s.unanswered = nil
 	s.report(ack)
 	if s.isOld(ack) {
 		return

@@ -28,7 +28,17 @@ Rows = Sequence[Sequence[float]]
 
 def target_sequences() -> list[dict[str, Any]]:
     """Return all of them, in the order in which one reads them."""
-    made = (_targets(), _chunk(), _tool(), _loss(), _refused(), _refused_targets(), _end(), _silence())
+    made = (
+        _targets(),
+        _chunk(),
+        _tool(),
+        _loss(),
+        _refused(),
+        _refused_targets(),
+        _end(),
+        _silence(),
+        _unanswered(),
+    )
     return [script.sequence() for script in made]
 
 
@@ -88,13 +98,17 @@ class TargetScript:
         self._given(positions)
         self._note("fails", {"code": code, "says": says})
 
+    def passes(self, seconds: float) -> None:
+        """Time passes."""
+        self._sent = round(self._sent + seconds, 3)
+
     def refuses(self, refusal: Refused) -> None:
         """The server does not let the axes follow."""
         self._steps.append(error_message(refusal))
         self._note("fails", {"code": refusal.code, "says": refusal.message})
 
     def ends(self, state: ProgramState, reason: str = "") -> None:
-        """The program ends; the acknowledgement says how."""
+        """The program ends, or is running; the acknowledgement says how."""
         self.program.reason = reason
         self.program.state = state
         self._note("ack", shown_message(self.program.ack()))
@@ -202,6 +216,26 @@ def _end() -> TargetScript:
     script.give([[2.0, 2.0]])
     script.ends("finished")
     script.give_in_vain([[3.0, 3.0]], "MC536")
+    return script
+
+
+def _unanswered() -> TargetScript:
+    script = TargetScript(
+        "unanswered",
+        "targets that no acknowledgement answers for as long as they count, and 0.5 s, fail; the next word"
+        " of the server ends that",
+    )
+    script.give([[2.0, 2.0]])
+    script.ends("running")
+    # one that was answered counts however long
+    script.passes(5.0)
+    script.give([[2.1, 2.0]], counts_s=0.3, lost=True)
+    script.passes(0.7)
+    script.give([[2.2, 2.0]], counts_s=0.3, lost=True)
+    script.passes(0.2)
+    script.give_in_vain([[2.3, 2.0]], "MC530")
+    script.ends("running")
+    script.give([[2.4, 2.0]])
     return script
 
 

@@ -29,7 +29,7 @@ from mcserver.executor.homing import Homes, Refers
 from mcserver.executor.probing import Probes
 from mcserver.executor.shm.feedback import SlotState
 from mcserver.executor.shm.mailbox import signed
-from mcserver.executor.target_follower import UNBOUNDED
+from mcserver.executor.target_follower import UNBOUNDED, Bounds
 from mcserver.executor.thread_pass import ThreadPass
 from mcserver.executor.trajectories import TrajectoryError
 from mcserver.motion.canonical import AxisOperation, SurfaceSpeed, WaitMode
@@ -398,11 +398,21 @@ def _follow(slot: ProgramSlot, control: Control, _left: float, _waited: bool) ->
         slot.cycle.fault(FaultCode.TARGETS_LOST, slot.index, 0, -1, (silence, counted))
         slot.stop(SlotState.STOPPED)
 
-    box, low = slot.ring.targets, slot.follow_from
+    low, high, guard = slot.follow_from, control.values, slot.guard
     slot.follow_from = None
-    within = None if low is None or control.values is None else (low, control.values)
+    bounds = []
+    for column in slot.cycle.bank.masks.columns(control.axes):
+        given = UNBOUNDED if low is None or high is None else Bounds(low[column], high[column])
+        bounds.append(given if guard is None else given.within(guard.bounds(column)))
     return Follows(
-        slot.cycle, control.axes, slot.index, box, lambda: slot.rapid_rate, lost, within, control.value or 1.0
+        slot.cycle,
+        control.axes,
+        slot.index,
+        slot.ring.targets,
+        lambda: slot.rapid_rate,
+        lost,
+        bounds,
+        control.value or 1.0,
     )
 
 

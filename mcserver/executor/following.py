@@ -15,7 +15,7 @@ import numpy as np
 from mcserver.executor.barriers import Barrier
 from mcserver.executor.cycle import Cycle
 from mcserver.executor.shm.target_box import TargetBox
-from mcserver.executor.target_follower import TargetFollower
+from mcserver.executor.target_follower import Bounds, TargetFollower
 from mcserver.executor.trajectories import MotionLimits
 from mcserver.machine.machine_file import Axis
 from mcserver.motion.kernels.target_tracking import POSITION, VELOCITY
@@ -28,8 +28,7 @@ class Follows(Barrier):
     Args:
         axes: mask of columns, all energized and at rest. slot: whose they are. box: the targets.
         rate: the slot's share of speed, 0 in feed hold.
-        within: shapes (K,), from where to where they go at the most, beside their travel [m or rad]; one that
-            is outside may come back. None: within their travel.
+        bounds: of each of them, beside its travel and speed; one that is outside may come back.
         share: as of `followed_axis`.
         lost: called once with the seconds since the newest targets came and those that they counted for,
             where no more have come in time; it stops the axes.
@@ -43,7 +42,7 @@ class Follows(Barrier):
         box: TargetBox,
         rate: Callable[[], float],
         lost: Callable[[float, float], None],
-        within: tuple[Sequence[float], Sequence[float]] | None = None,
+        bounds: Sequence[Bounds],
         share: float = 1.0,
     ) -> None:
         columns = cycle.bank.masks.columns(axes)
@@ -55,14 +54,18 @@ class Follows(Barrier):
         self._columns = np.array(columns, np.intp)
         self._seen = 0
         axes_led = [
-            followed_axis(_bounded(cycle.machine.axes[column], column, within), share) for column in columns
+            _bounded(followed_axis(cycle.machine.axes[column], share), each)
+            for column, each in zip(columns, bounds, strict=True)
         ]
         self._follower = TargetFollower(
             axes_led,
             cycle.row.ordered[self._columns],
             at=cycle.time,
             cycle_s=cycle.cycle_s,
-            unlimited=[within is None and bool(cycle.motions.unlimited >> column & 1) for column in columns],
+            unlimited=[
+                each.low == -np.inf and bool(cycle.motions.unlimited >> column & 1)
+                for column, each in zip(columns, bounds, strict=True)
+            ],
         )
         for state, column, axis in zip(self._follower.states, columns, axes_led, strict=True):
             cycle.motions.follow(column, slot, state, MotionLimits.of(axis))
@@ -101,11 +104,7 @@ class Follows(Barrier):
             self._follower.take(newest)
 
 
-def _bounded(axis: Axis, column: int, within: tuple[Sequence[float], Sequence[float]] | None) -> Axis:
-    """Return an axis whose travel is no more than what it may use."""
-    if within is None:
-        return axis
-    low, high = (each[column] for each in within)
-    return msgspec.structs.replace(
-        axis, min_position=max(axis.min_position, low), max_position=min(axis.max_position, high)
-    )
+def _bounded(axis: Axis, bounds: Bounds) -> Axis:
+    """Return an axis whose travel and speed are no more than what it may use."""
+    low, high, speed = bounds.within(Bounds(axis.min_position, axis.max_position, axis.max_velocity))
+    return msgspec.structs.replace(axis, min_position=low, max_position=high, max_velocity=speed)

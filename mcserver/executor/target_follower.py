@@ -114,6 +114,10 @@ class Bounds(NamedTuple):
     high: float = np.inf
     speed: float = np.inf
 
+    def within(self, other: Bounds) -> Bounds:
+        """Return what both leave."""
+        return Bounds(max(self.low, other.low), min(self.high, other.high), min(self.speed, other.speed))
+
 
 UNBOUNDED = Bounds()
 

@@ -31,7 +31,7 @@ from mcclient.transport import Arrived, Link, Subscription, endpoints_of
 from mcserver.gateway import frames
 from mcserver.gateway.tokens import Principal
 from mcserver.net.method_table import BY_NAME, PROMPT_S
-from mcserver.net.roles import MOVERS, roles_named
+from mcserver.net.roles import ASKERS, roles_named
 
 log = logging.getLogger(__name__)
 
@@ -268,7 +268,7 @@ class GatewaySession:
     async def _put_targets(self, request: frames.Targets) -> None:
         # whoever opened the program has called this machine before
         peer = self._peers.get(request.machine)
-        if peer is None or not is_name(request.program) or self.principal.role not in MOVERS:
+        if peer is None or not is_name(request.program) or self.principal.role not in ASKERS:
             return
         await self._link.put(
             peer.keys.lines_in(request.program),

@@ -85,6 +85,8 @@ class ArmRequest(Request, frozen=True, kw_only=True):
         number: of the request that was looked at: one that was made anew since is not armed; None: any.
         standing_s: for so long whatever else the same client asks for, and stays inside of the envelope of
             this run, is armed as it is asked for; 0: only this run, once.
+        servo: as long it may stream targets, too, inside of the extents, speeds and duration of this run
+            (`servo_armed`); no simulation shows these beforehand.
     """
 
     sha256: TextHash
@@ -92,6 +94,7 @@ class ArmRequest(Request, frozen=True, kw_only=True):
     override: Annotated[float, Meta(gt=0.0, le=200.0)] = 100.0
     number: Annotated[int, Meta(ge=0)] | None = None
     standing_s: Annotated[float, Meta(ge=0.0, le=MAX_STANDING_S)] = 0.0
+    servo: bool = False
 
 
 class RejectRequest(Request, frozen=True, kw_only=True):
@@ -128,6 +131,7 @@ class RunRequestStatus(msgspec.Struct, frozen=True):
         number: another one each time that the run is asked for, even with the same text.
         approval: hash of the approval for a while that has armed it, inside of whose envelope it stays.
         beyond: what of it is outside of the one that its client has, a sentence each.
+        servo: it is approved for a while, for streamed targets, too.
         block_delete, optional_stop: what the run has of them, as of `OpenRequest`.
     """
 
@@ -151,6 +155,7 @@ class RunRequestStatus(msgspec.Struct, frozen=True):
     changed: list[str] = []
     approval: str = ""
     beyond: list[str] = []
+    servo: bool = False
 
 
 class RunRequestReply(msgspec.Struct, frozen=True):

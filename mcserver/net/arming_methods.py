@@ -16,6 +16,8 @@ from mcserver.gcode.switches import AS_WRITTEN, Switches
 from mcserver.gcode.text.source import split_lines
 from mcserver.net import arming_messages as wire
 from mcserver.net.certified_runs import RECERTIFY, approval_of, refuse_other_motion, refuse_other_run
+from mcserver.net.servo_messages import ServoReply, ServoRequest
+from mcserver.net.servo_methods import bounds_asked
 from mcserver.planning.start_state import StartState, axis_word
 from mcserver.service.approval_basis import ApprovalBasis, extents_of, tools_of
 from mcserver.service.arming import (
@@ -34,6 +36,7 @@ from mcserver.service.arming import (
 from mcserver.service.reports import wire_diagnostic
 from mcserver.service.run_certificate import Certified, verified
 from mcserver.service.service import MachineService
+from mcserver.service.servo import open_servo, streamed
 from mcserver.simulation.preview import Preview
 from mcserver.simulation.program_checker import ProgramChecker
 
@@ -156,6 +159,7 @@ class ArmingMethods:
             override=request.override / 100.0,
             number=request.number,
             standing=request.standing_s,
+            servo=request.servo,
             changes=self._changes_now(),
         )
         self._publish("run.armed", client, armed)
@@ -205,14 +209,32 @@ class ArmingMethods:
                 raise Refused(
                     "MC574", f"the text has more than {program.credit} lines", "an operator runs it"
                 )
-            await service.lines.submit(client, program.program, 1, lines)
-            await service.lines.close(client, program.program, len(lines))
+            taken = service.lines.submit(client, program.program, 1, lines)
+            # at once: it takes no line behind those that were armed
+            closed = service.lines.close(client, program.program, len(lines))
+            await taken
+            await closed
         except ServiceError:
             if not program.over:
                 service.abort(program.program, "an armed program could not be started as a whole")
             raise
         self._publish("run.started", client, run, program.program)
         return wire.RunArmedReply(program.program, 100.0 * program.override)
+
+    async def servo_armed(self, client: str, request: ServoRequest) -> ServoReply:
+        service = self._service
+        self._forget_armings()
+        approval = self._arming.approved_targets(client, frozenset(request.axes or ()))
+        program = await open_servo(
+            service,
+            client,
+            approval.axes if request.axes is None else request.axes,
+            request.name,
+            bounds_asked(service.machine, request),
+            approval,
+        )
+        self._publish("run.started", client, approval, program.program)
+        return ServoReply(program.program, streamed(service.machine, program.axes))
 
     def _certified(
         self, client: str, request: wire.RunRequestRequest, axes: tuple[int, ...]
@@ -286,6 +308,7 @@ class ArmingMethods:
             digest=run.digest,
             changed=self._changes_now()(run) if rests and run.state in OPEN else [],
             approval=run.approval,
+            servo=run.servo,
             beyond=list(run.beyond),
             block_delete=run.start.switches.block_delete,
             optional_stop=run.start.switches.optional_stop,

@@ -125,7 +125,7 @@ METHODS: tuple[Method, ...] = (
         "close",
         wire.CloseRequest,
         wire.CloseReply,
-        MOVERS,
+        ASKERS,
         "Say that no more lines will come.",
         changes=True,
     ),
@@ -202,6 +202,16 @@ METHODS: tuple[Method, ...] = (
         MOVERS,
         "Let axes follow targets that this client streams. They are energized and leased until ``close``, "
         "or until no targets come in time.",
+        changes=True,
+        held=True,
+    ),
+    Method(
+        "servo_armed",
+        servo.ServoRequest,
+        servo.ServoReply,
+        ASKERS,
+        "Let axes follow targets, as ``open_servo``, inside of what an operator has approved for a while: "
+        "``arm`` with ``standing_s`` and ``servo``.",
         changes=True,
         held=True,
     ),

@@ -7,6 +7,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from mcserver.machine.machine_file import Machine
 from mcserver.net import servo_messages as wire
 from mcserver.service import servo
 from mcserver.service.axes_of_requests import positions_in_si
@@ -34,14 +35,22 @@ class ServoMethods:
         self._record = record
 
     async def open_servo(self, client: str, request: wire.ServoRequest) -> wire.ServoReply:
-        within = None
-        if request.low is not None or request.high is not None:
-            machine = self._service.machine
-            within = positions_in_si(machine, request.low or {}), positions_in_si(machine, request.high or {})
+        within = bounds_asked(self._service.machine, request)
         program = await servo.open_servo(self._service, client, request.axes, request.name, within)
         shown = " ".join(str(axis) for axis in program.axes)
         self._record(client, "open_servo", program.program, f"axis {shown}")
         return wire.ServoReply(program.program, servo.streamed(self._service.machine, program.axes))
+
+
+def bounds_asked(machine: Machine, request: wire.ServoRequest) -> servo.Sides | None:
+    """Return the bounds of axes that a request gives; None: it gives none.
+
+    Raises:
+        ServiceError: MC507 no such axis.
+    """
+    if request.low is None and request.high is None:
+        return None
+    return positions_in_si(machine, request.low or {}), positions_in_si(machine, request.high or {})
 
 
 def targets_in_si(program: Program, message: wire.StreamTargets) -> TargetMessage:

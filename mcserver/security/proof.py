@@ -18,7 +18,7 @@ import zenoh
 
 from mcserver.errors import ServiceError
 from mcserver.net.method_table import METHODS
-from mcserver.net.roles import MOVERS
+from mcserver.net.roles import ASKERS
 from mcserver.security.site import EVERY_MACHINE, Role, Site, User, machine_identity
 from mcserver.security.site_files import configuration_path
 
@@ -131,7 +131,7 @@ def _prove_user(
     key = f"{root}/@rpc/{STRANGER}.{NOBODY}/status"
     yield Finding(user.name, f"{machine}: call as another user", False, _answered(own, key))
     lines = f"{root}/in/{mine}/{NOBODY}"
-    moves = here and user.role in MOVERS
+    moves = here and user.role in ASKERS
     yield Finding(user.name, f"{machine}: send lines", moves, _reaches(own, lines, served, allowed=moves))
     lines = f"{root}/in/{STRANGER}.{NOBODY}/{NOBODY}"
     yield Finding(user.name, f"{machine}: send lines as another user", False, _reaches(own, lines, served))

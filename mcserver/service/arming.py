@@ -113,7 +113,8 @@ class RunRequest(msgspec.Struct, frozen=True):
         outputs: of each output the least and the greatest value.
         certifiable: what ``mcserver certify`` signs of it, JSON.
         warnings: of its check and simulation, `MOST_WARNINGS` at the most; unshown: how many more there were.
-        approval: hash of the approval for a while that has armed it. beyond: what of it is outside of the one
+        approval: hash of the approval for a while that has armed it. servo: such an approval is of streamed
+            targets too. beyond: what of it is outside of the one
             that its client has, in words.
     """
 
@@ -141,6 +142,7 @@ class RunRequest(msgspec.Struct, frozen=True):
     outputs: tuple[tuple[float, float], ...] = ()
     certifiable: str = ""
     approval: str = ""
+    servo: bool = False
     beyond: tuple[str, ...] = ()
     warnings: tuple[WireDiagnostic, ...] = ()
     unshown: int = 0
@@ -209,6 +211,22 @@ class Arming:
         self._requests[request.sha256] = request
         return request
 
+    def approved_targets(self, client: str, axes: AbstractSet[int]) -> RunRequest:
+        """Return the approval for a while inside of which a client may stream targets to axes.
+
+        Raises:
+            ServiceError: MC608 there is none.
+        """
+        for approval in self.approvals():
+            if approval.servo and approval.client == client and axes <= set(approval.axes):
+                return approval
+        raise Refused(
+            "MC608",
+            "no operator has approved that these axes follow targets of this client",
+            "request a run that goes as far and as fast; an operator arms it for a while, and for targets"
+            " too: mcctl arm --standing 600 --servo",
+        )
+
     def check_room(self, client: str, text: str) -> None:
         """Refuse a request that cannot be kept.
 
@@ -243,6 +261,7 @@ class Arming:
             operator="",
             reason="",
             approval="",
+            servo=False,
             beyond=(),
             number=next(self._numbers),
         )
@@ -272,6 +291,7 @@ class Arming:
         override: float,
         number: int | None = None,
         standing: float = 0.0,
+        servo: bool = False,
         changes: Changes = lambda _run: [],
     ) -> RunRequest:
         """Allow a text to be started once.
@@ -282,6 +302,7 @@ class Arming:
             override: the greatest feed override, 1 as programmed.
             number: of the request that the operator has looked at; None: whichever waits.
             standing: how long whatever else its client asks for, and stays inside of it, is armed too [s].
+            servo: as long its client may stream targets inside of it.
             changes: names what is no longer as it was when the simulation began.
 
         Raises:
@@ -308,7 +329,7 @@ class Arming:
         self._requests[request.sha256] = armed
         if standing > 0.0:
             until = self._clock() + min(standing, MAX_STANDING_S)
-            self._approvals[request.sha256] = msgspec.structs.replace(armed, until=until)
+            self._approvals[request.sha256] = msgspec.structs.replace(armed, until=until, servo=servo)
         return armed
 
     def reject(self, operator: str, sha256: str, reason: str, *, number: int | None = None) -> RunRequest:

@@ -75,7 +75,7 @@ class MachineService:
     Attributes:
         override: feed override of programs to come, 1 as programmed.
         lines: takes the lines of its programs. texts: those that clients handed over as a whole.
-        latch: its emergency stop and its faults.
+        latch: its emergency stop and its faults. acks: says how programs stand.
         when_gone: called with a client whose liveliness token went.
     """
 
@@ -102,6 +102,7 @@ class MachineService:
             on_ack=on_ack,
             on_event=on_event,
         )
+        self.acks = self._table.acks
         self._planning = planning
         self.channels = Channels(machine, port, self._table.program_in)
         self.lines = LineIntake(self._table, self._loop)

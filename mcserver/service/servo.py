@@ -7,16 +7,19 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
+import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
 from mcserver.errors import Refused
 from mcserver.executor.entries import Control, ControlKind
+from mcserver.executor.envelope_bounds import Envelope, enforced
 from mcserver.machine.machine_file import Machine
 from mcserver.machine.machine_kinematics import build_kinematics
 from mcserver.motion.canonical import AxisOperation
 from mcserver.motion.geometry.torque_limits import TorqueLimits
 from mcserver.motion.limits.torque_in_box import TorqueBox, followed_axis
+from mcserver.service.arming import RunRequest
 from mcserver.service.axes_of_requests import axes_of
 from mcserver.service.program import Program
 from mcserver.service.service import MachineService
@@ -26,7 +29,12 @@ if TYPE_CHECKING:
     from mckinematics.solver import MachineKinematics
 
 Array = NDArray[np.float64]
+# Least and greatest positions by the numbers of axes [m or rad].
+Sides = tuple[Mapping[int, float], Mapping[int, float]]
 
+# Messages are acknowledged within this time, all that came meanwhile at once: so a client hears of an end,
+# and that the server is there.
+ANSWER_S = 0.05
 # Where torques leave axes less of their accelerations, targets are not followed.
 LEAST_TORQUE_SHARE = 0.005
 _CAPTURE = list(AxisOperation).index(AxisOperation.CAPTURE)
@@ -37,7 +45,8 @@ async def open_servo(
     client: str,
     axes: Sequence[int] | None,
     name: str = "",
-    within: tuple[Mapping[int, float], Mapping[int, float]] | None = None,
+    within: Sides | None = None,
+    approved: RunRequest | None = None,
 ) -> Program:
     """Lease axes, energize them, and let them follow.
 
@@ -45,6 +54,8 @@ async def open_servo(
         within: the least and the greatest position of each axis, by its number [m or rad], which targets do
             not lead beyond; None: its travel. With bodies or zones the program ends as faulted at once, and
             nothing moves, where they would not stay clear in all of it.
+        approved: by whose extents, speeds, duration and override it is held, as by what was shown of a run;
+            None: nobody has to approve it.
 
     Raises:
         ServiceError: MC439 an axis whose drive follows no setpoints, MC507, MC512 an axis is leased, MC595
@@ -53,7 +64,7 @@ async def open_servo(
             bounds; MC508, MC509, MC515, MC519.
     """
     machine = service.machine
-    if machine.clearance is not None and within is None:
+    if machine.clearance is not None and within is None and approved is None:
         raise Refused(
             "MC595",
             f"{machine.name} has [clearance], and where targets may lead its axes is not said",
@@ -75,7 +86,9 @@ async def open_servo(
     # the second drive of a gantry pair gets its leader's setpoint: it has no targets of its own
     columns = [machine.column_of(index) for index in streamed(machine, chosen)]
     led = sum(1 << column for column in columns)
-    low, high = None, None
+    low, high, envelope = None, None, None
+    if approved is not None:
+        envelope, within = _envelope(machine, approved, within)
     if within is not None:
         low, high = _bounds(machine, columns, within)
     kinematics = build_kinematics(machine)
@@ -96,13 +109,19 @@ async def open_servo(
             *follow,
             Control(ControlKind.FINISH, 0.0, 0),
         ],
+        override_limit=math.inf if approved is None else approved.override,
+        envelope=envelope,
     )
     if program.state == "queued":
         service.abort(program.program, "its axes are in use")
         raise Refused("MC512", "the axes are in use, or 8 programs run", "wait until one has ended")
-    program.targets = TargetStream(
-        [followed_axis(machine.axes[column], share) for column in columns], machine.cycle_s, kinematics
-    )
+    axes_led = [followed_axis(machine.axes[column], share) for column in columns]
+    if envelope is not None:
+        axes_led = [
+            msgspec.structs.replace(axis, max_velocity=min(axis.max_velocity, envelope.speed[column]))
+            for axis, column in zip(axes_led, columns, strict=True)
+        ]
+    program.targets = TargetStream(axes_led, machine.cycle_s, kinematics)
     return program
 
 
@@ -111,8 +130,22 @@ def streamed(machine: Machine, axes: Sequence[int]) -> list[int]:
     return [axis for axis in axes if axis not in machine.followers]
 
 
+def _envelope(machine: Machine, approved: RunRequest, within: Sides | None) -> tuple[Envelope, Sides]:
+    """Return what a stream is held by that was approved, and from where to where it may lead each axis."""
+    shown = approved.envelope
+    assert shown is not None, "a run with faults is not approved"
+    # wherever it begins, a tip has no more room than was shown
+    held = enforced(shown, machine, min(1.0, approved.override), [0.0] * len(machine.axes))
+    low, high = within or ({}, {})
+    indices = [axis.index for axis in machine.axes]
+    return held, (
+        {axis: max(low.get(axis, least), least) for axis, least in zip(indices, shown.low, strict=True)},
+        {axis: min(high.get(axis, most), most) for axis, most in zip(indices, shown.high, strict=True)},
+    )
+
+
 def _bounds(
-    machine: Machine, columns: Sequence[int], within: tuple[Mapping[int, float], Mapping[int, float]]
+    machine: Machine, columns: Sequence[int], within: Sides
 ) -> tuple[tuple[float, ...], tuple[float, ...]]:
     """Return the least and the greatest positions of all columns within their travel, shape (K,) each.
 
@@ -180,7 +213,12 @@ def torque_share(
 
 def put_targets(service: MachineService, program: Program, message: TargetMessage) -> None:
     """Take a message of targets for a program in servo mode; what does not count is counted."""
-    if program.targets is None or program.slot is None or program.over:
+    if program.targets is None:
+        return
+    if not program.targets.answering:
+        program.targets.answering = True
+        asyncio.get_running_loop().call_later(ANSWER_S, _answer, service, program)
+    if program.slot is None or program.over:
         return
     snapshot = service.port.snapshot()
     now = Now(snapshot.time)
@@ -193,6 +231,12 @@ def put_targets(service: MachineService, program: Program, message: TargetMessag
     targets = program.targets.take(message, now)
     if targets is not None:
         service.port.put_targets(program.slot, targets)
+
+
+def _answer(service: MachineService, program: Program) -> None:
+    assert program.targets is not None
+    program.targets.answering = False
+    service.acks.acknowledge(program)
 
 
 def close_targets(service: MachineService, program: Program) -> None:

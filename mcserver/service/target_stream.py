@@ -83,7 +83,8 @@ class TargetStream:
         axes: of the program, in order. cycle_s: the executor's cycle [s]. kinematics: of the machine's tools.
 
     Attributes:
-        si_per_unit: of the axes, shape (n,). status: what has come, counted.
+        si_per_unit: of the axes, shape (n,). status: what has come, counted. answering: an acknowledgement is
+            on its way.
     """
 
     def __init__(
@@ -96,6 +97,7 @@ class TargetStream:
         self._low = np.maximum([axis.min_position for axis in axes], -FARTHEST)
         self._high = np.minimum([axis.max_position for axis in axes], FARTHEST)
         self._top = np.array([axis.max_velocity for axis in axes])
+        self.answering = False
         self._seq = 0
         # messages since then that were refused
         self._unsound = 0

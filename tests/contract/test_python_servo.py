@@ -66,7 +66,7 @@ class Player:
                 error = decode(ErrorReply, bytes.fromhex(value["bytes"]))
                 self.failure = MotionError(error.code, error.message, error.hint)
             case "targets":
-                self.now = value["sent"]
+                self.now, self.failure = value["sent"], None
                 try:
                     await self.servo.send(
                         value["positions"],

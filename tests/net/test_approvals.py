@@ -291,8 +291,8 @@ async def test_a_planner_that_plans_something_else_is_stopped_by_the_executor(
     lines = worse.split("\n")
     submit = site.cell.service.lines.submit
 
-    async def exchanged(client: str, program: str, first: int, _lines: object) -> object:
-        return await submit(client, program, first, lines)
+    def exchanged(client: str, program: str, first: int, _lines: object) -> object:
+        return submit(client, program, first, lines)
 
     monkeypatch.setattr(site.cell.service.lines, "submit", exchanged)
     program = await site.run(text)

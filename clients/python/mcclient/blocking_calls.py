@@ -30,6 +30,7 @@ class BlockingCalls(Blocking[T]):
     machine_file = waited(MachineCalls.machine_file)
     write_machine_file = waited(MachineCalls.write_machine_file)
     open_servo = waited(MachineCalls.open_servo)
+    servo_armed = waited(MachineCalls.servo_armed)
     home = waited(MachineCalls.home)
     reference = waited(MachineCalls.reference)
     reset = waited(MachineCalls.reset)

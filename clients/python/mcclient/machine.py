@@ -333,6 +333,7 @@ class Machine(MachineCalls):
         name: str = "",
         within: Mapping[int, tuple[float, float]] | None = None,
         counts_s: float = COUNTS_S,
+        armed: bool = False,
     ) -> Starting[Servo]:
         """Lets axes follow targets: ``async with machine.servo([0, 1]) as servo``, then ``servo.send``.
 
@@ -347,10 +348,11 @@ class Machine(MachineCalls):
                 would not stay clear everywhere between.
             counts_s: how long each message counts, up to 10 s: without a newer one by then the axes stop, and
                 the program ends.
+            armed: inside of what an operator has approved for a while, as it is for agents (`arm`).
 
         Raises (when awaited or entered):
             RequestRefused: MC512 an axis is leased, MC595 the machine has bodies or zones, and ``within`` is
-                not given; MC327 ``within`` does not fit the axes.
+                not given; MC327 ``within`` does not fit the axes; MC608 ``armed``, and nothing is approved.
         """
 
         async def opened() -> Servo:
@@ -358,7 +360,8 @@ class Machine(MachineCalls):
                 None if within is None else {axis: both[side] for axis, both in within.items()}
                 for side in (0, 1)
             )
-            reply = await self.open_servo(axes, name=name[:200], low=low, high=high)
+            opening = self.servo_armed if armed else self.open_servo
+            reply = await opening(axes, name=name[:200], low=low, high=high)
             return Servo(
                 reply,
                 link=self._link,

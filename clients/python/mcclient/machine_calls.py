@@ -397,6 +397,39 @@ class MachineCalls:
             deadline_s,
         )
 
+    async def servo_armed(
+        self,
+        axes: Sequence[int] | None = None,
+        *,
+        name: str = "",
+        low: Mapping[int, float] | None = None,
+        high: Mapping[int, float] | None = None,
+        deadline_s: float = 5.0,
+    ) -> wire.ServoReply:
+        """Let axes follow targets, as ``open_servo``, inside of what an operator has approved for a while:
+        ``arm`` with ``standing_s`` and ``servo``.
+
+        Args:
+            axes: the axes to lease, all free now; None: all of the machine.
+            name: for people.
+            low: by axis number as text the least position that targets lead to [mm or deg]; with ``high`` or
+                not at all. A machine with bodies or zones needs both: where these would not stay clear
+                everywhere between, the program ends as faulted and nothing moves.
+            high: by axis number as text the greatest position that targets lead to [mm or deg].
+        """
+        self._declare_token()
+        return await self._caller.ask(
+            wire.ServoReply,
+            "servo_armed",
+            {
+                "axes": None if axes is None else list(axes),
+                "name": name,
+                "low": None if low is None else {str(key): each for key, each in low.items()},
+                "high": None if high is None else {str(key): each for key, each in high.items()},
+            },
+            deadline_s,
+        )
+
     async def home(self, axes: Sequence[int] | None = None, *, deadline_s: float = 5.0) -> wire.HomeReply:
         """Let axes find their references.
 
@@ -655,6 +688,7 @@ class MachineCalls:
         override: float = 100.0,
         number: int | None = None,
         standing_s: float = 0.0,
+        servo: bool = False,
         deadline_s: float = 5.0,
     ) -> wire.RunRequestStatus:
         """Allow a requested run to be started once.
@@ -666,6 +700,8 @@ class MachineCalls:
             number: of the request that was looked at: one that was made anew since is not armed; None: any.
             standing_s: for so long whatever else the same client asks for, and stays inside of the envelope
                 of this run, is armed as it is asked for; 0: only this run, once.
+            servo: as long it may stream targets, too, inside of the extents, speeds and duration of this run
+                (`servo_armed`); no simulation shows these beforehand.
         """
         return await self._caller.ask(
             wire.RunRequestStatus,
@@ -676,6 +712,7 @@ class MachineCalls:
                 "override": override,
                 "number": number,
                 "standing_s": standing_s,
+                "servo": servo,
             },
             deadline_s,
         )

@@ -24,6 +24,8 @@ from mcclient.wire import decode, encode
 
 # How long a message counts where nothing else is said [s]: without a newer one by then the axes stop.
 COUNTS_S = 0.1
+# The server acknowledges targets within 50 ms: one that has not for so long beyond what they count is gone.
+UNANSWERED_S = 0.5
 ACKS_LIMIT = 16
 # between two looks whether it has ended, should the word of it have been lost [s]
 ASK_S = 0.25
@@ -56,6 +58,8 @@ class Servo:
         self._counts_s = counts_s
         self._clock = clock
         self._seq = 0
+        # when the first targets were sent since the server was heard
+        self._unanswered: float | None = None
         self._ended = asyncio.Event()
         self._last: Ack | ProgramStatus | None = None
         # the server has come back, perhaps another start of it, which knows nothing of these targets
@@ -91,17 +95,28 @@ class Servo:
             ProgramFaulted: a fault of the machine ended it.
             ProgramInterrupted: the server was started again.
             ProgramClosed: it was closed, and has finished.
+            NobodyAnswers: the server has not answered for as long as targets count, and 0.5 s (MC530).
         """
         if self._returned:
             await self._ask()
         self.check()
         if self.state in ENDED:
             raise endings.closed(self.state, Extent(self.id, 0, 0))
+        now, counts_s = self._clock(), self._counts_s if counts_s is None else counts_s
+        if self._unanswered is None:
+            self._unanswered = now
+        silent_s = now - self._unanswered
+        if silent_s > counts_s + UNANSWERED_S:
+            raise NobodyAnswers(
+                "MC530",
+                f"the server has not answered for {silent_s:.1f} s",
+                "where it is gone the axes have stopped: once it is there, open servo mode anew",
+            )
         self._seq += 1
         message = [
             self._seq,
-            self._clock(),
-            self._counts_s if counts_s is None else counts_s,
+            now,
+            counts_s,
             _rows(positions),
             _rows(velocities),
             None if times is None else np.atleast_1d(np.asarray(times, np.float64)).tolist(),
@@ -185,6 +200,7 @@ class Servo:
 
     def _hear(self, report: Ack | ProgramStatus) -> None:
         """Take how the program is; the first end that is heard of stays."""
+        self._unanswered = None
         if not self._ended.is_set():
             self._last = report
             if report.state in ENDED:

@@ -212,11 +212,12 @@ class Machine(BlockingCalls[asynchronous.Machine]):
         name: str = "",
         within: Mapping[int, tuple[float, float]] | None = None,
         counts_s: float = COUNTS_S,
+        armed: bool = False,
     ) -> Servo:
         """As `mcclient.Machine.servo`."""
 
         async def opened() -> asynchronous_servo.Servo:
-            return await self._inner.servo(axes, name=name, within=within, counts_s=counts_s)
+            return await self._inner.servo(axes, name=name, within=within, counts_s=counts_s, armed=armed)
 
         return Servo(self._loop, self._loop.run(opened()))
 

@@ -1527,6 +1527,7 @@ class RunRequestStatus:
         changed: what of that is no longer as it was, a sentence each; while there is any it cannot start.
         approval: hash of the approval for a while that has armed it, inside of whose envelope it stays.
         beyond: what of it is outside of the one that its client has, a sentence each.
+        servo: it is approved for a while, for streamed targets, too.
     """
 
     sha256: str
@@ -1549,6 +1550,7 @@ class RunRequestStatus:
     changed: tuple[str, ...] = ()
     approval: str = ""
     beyond: tuple[str, ...] = ()
+    servo: bool = False
 
 
 @dataclass(frozen=True, slots=True)

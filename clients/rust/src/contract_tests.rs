@@ -319,7 +319,10 @@ impl TargetPlayer {
         match what {
             "servo" => self.core = Some(servo_core(&decode(&bytes(value)).unwrap())),
             "refused" => self.failed = Some(Error::refused(decode(&bytes(value)).unwrap())),
-            "targets" => match self.core.as_mut().unwrap().check_open() {
+            "targets" => match self.core.as_mut().unwrap().check_targets(
+                value["sent"].as_f64().unwrap(),
+                value["counts_s"].as_f64().unwrap(),
+            ) {
                 Err(error) => self.failed = Some(error),
                 Ok(()) => self.targets(value),
             },

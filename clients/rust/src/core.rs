@@ -14,6 +14,8 @@ use crate::window::{Bounds, Chunk, LineWindow};
 /// Without an acknowledgement for so long the server is asked; doubled up to the longest while it says nothing new.
 pub(crate) const FIRST_DOUBT: Duration = Duration::from_millis(250);
 const LONGEST_DOUBT: Duration = Duration::from_secs(2);
+/// The server acknowledges targets within 50 ms; one that has not for so long beyond what they count is gone [s].
+const UNANSWERED_S: f64 = 0.5;
 
 /// What the driver does next.
 #[derive(Debug, PartialEq, Eq)]
@@ -56,6 +58,8 @@ pub(crate) struct Core {
     /// When the server was heard last; none: what is known may be old.
     heard_at: Option<Duration>,
     doubt: Duration,
+    /// When the first targets were sent since the server was heard, by the sender's clock [s].
+    unanswered: Option<f64>,
 }
 
 impl Core {
@@ -73,6 +77,7 @@ impl Core {
             heard: 0,
             heard_at: Some(Duration::ZERO),
             doubt: FIRST_DOUBT,
+            unanswered: None,
         }
     }
 
@@ -221,6 +226,16 @@ impl Core {
         Ok(())
     }
 
+    /// Sees whether targets can be sent now, by the sender's clock, which count for some seconds.
+    pub fn check_targets(&mut self, now: f64, counts: f64) -> Result<(), Error> {
+        self.check_open()?;
+        let silent = now - *self.unanswered.get_or_insert(now);
+        if silent > counts + UNANSWERED_S {
+            return Err(Error::unanswered(silent));
+        }
+        Ok(())
+    }
+
     // ------------------------------------------------------------ what the caller does
 
     /// Appends a line and returns its number.
@@ -282,6 +297,7 @@ impl Core {
 
     /// Takes what the server says of the program, which may be older than what is known.
     pub fn on_ack(&mut self, ack: &Ack, now: Duration) {
+        self.unanswered = None;
         if ack.rejections > self.rejections {
             self.hear_rejection(ack, now);
         }

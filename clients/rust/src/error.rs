@@ -213,6 +213,14 @@ impl Error {
         Self::RequestRefused(Box::new(problem))
     }
 
+    pub(crate) fn unanswered(silent: f64) -> Self {
+        Self::NobodyAnswers(Box::new(Problem::new(
+            "MC530",
+            format!("the server has not answered for {silent:.1} s"),
+            "where it is gone the axes have stopped: once it is there, open servo mode anew",
+        )))
+    }
+
     pub(crate) fn closed_client() -> Self {
         Self::NobodyAnswers(Box::new(Problem::new(
             "MC539",

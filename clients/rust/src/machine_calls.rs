@@ -139,6 +139,13 @@ impl Machine {
         self.ask_within("open_servo", request, 5).await
     }
 
+    /// Let axes follow targets, as `open_servo`, inside of what an operator has approved for a while: `arm`
+    /// with `standing_s` and `servo`.
+    pub async fn servo_armed(&self, request: &ServoRequest) -> Result<ServoReply> {
+        self.declare_token().await?;
+        self.ask_within("servo_armed", request, 5).await
+    }
+
     /// Let axes find their references. It goes on after the reply: the events `axis.homing`, `axis.homed` and
     /// `program.ended` say how.
     pub async fn home(&self, axes: Option<&[u64]>) -> Result<HomeReply> {

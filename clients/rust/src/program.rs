@@ -120,8 +120,8 @@ impl Program {
     }
 
     /// Refuses what comes once the program has ended or is closed.
-    pub(crate) fn check_open(&self) -> Result<()> {
-        self.stream.shared.with(|core, _| core.check_open())
+    pub(crate) fn check_targets(&self, now: f64, counts: f64) -> Result<()> {
+        self.stream.shared.with(|core, _| core.check_targets(now, counts))
     }
 
     /// Puts a message of which the next one is newer.

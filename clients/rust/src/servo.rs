@@ -148,12 +148,14 @@ impl Servo {
     ///
     /// # Errors
     /// [`Error::ProgramAborted`] nothing came in time, or somebody stopped it; [`Error::ProgramFaulted`];
-    /// [`Error::ProgramClosed`].
+    /// [`Error::ProgramClosed`]; [`Error::NobodyAnswers`] the server has not answered for as long as targets count, and
+    /// 0.5 s (MC530).
     pub fn send(&self, targets: &Targets) -> Result<()> {
         let mut seq = lock(&self.seq);
-        self.program.check_open()?;
-        *seq += 1;
         let sent = self.begun.elapsed().as_secs_f64();
+        let counts = targets.counts.unwrap_or(self.counts).as_secs_f64();
+        self.program.check_targets(sent, counts)?;
+        *seq += 1;
         self.program.put_newest(encode(&targets.message(*seq, sent, self.counts))?);
         Ok(())
     }

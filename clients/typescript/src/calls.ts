@@ -92,6 +92,7 @@ export const METHODS: Readonly<Record<string, { deadlineS: number; repeatable: b
   machine_file: { deadlineS: 5, repeatable: true },
   write_machine_file: { deadlineS: 5, repeatable: false },
   open_servo: { deadlineS: 5, repeatable: false },
+  servo_armed: { deadlineS: 5, repeatable: false },
   home: { deadlineS: 5, repeatable: false },
   reference: { deadlineS: 5, repeatable: false },
   reset: { deadlineS: 5, repeatable: false },
@@ -239,6 +240,14 @@ export abstract class MachineCalls {
    */
   openServo(request: ServoRequest = {}): Promise<ServoReply> {
     return this.call("open_servo", request);
+  }
+
+  /**
+   * Let axes follow targets, as `open_servo`, inside of what an operator has approved for a while: `arm` with
+   * `standing_s` and `servo`.
+   */
+  servoArmed(request: ServoRequest = {}): Promise<ServoReply> {
+    return this.call("servo_armed", request);
   }
 
   /**

@@ -128,6 +128,11 @@ export interface ArmRequest {
    * it is asked for; 0: only this run, once.
    */
   standing_s?: number | undefined;
+  /**
+   * as long it may stream targets, too, inside of the extents, speeds and duration of this run (`servo_armed`);
+   * no simulation shows these beforehand.
+   */
+  servo?: boolean | undefined;
 }
 
 /** One bound of a run. */
@@ -1248,6 +1253,8 @@ export interface RunRequestStatus {
   approval?: string;
   /** what of it is outside of the one that its client has, a sentence each. */
   beyond?: string[];
+  /** it is approved for a while, for streamed targets, too. */
+  servo?: boolean;
 }
 
 /** The oldest first. */

@@ -30,6 +30,8 @@ export class Program {
   #stop: (() => void) | null = null;
   #turn: Promise<void> = Promise.resolve();
   #heard = Date.now();
+  /** When the first targets were sent since the server was heard, by the sender's clock [s]; null: none were. */
+  unanswered: number | null = null;
   /** What `waitDone` has rejected with. */
   #told: MotionError | null = null;
 
@@ -266,6 +268,7 @@ export class Program {
   /** Takes what the server says. */
   #hear(apply: (window: LineWindow) => void): void {
     this.#heard = Date.now();
+    this.unanswered = null;
     this.#change(apply);
   }
 

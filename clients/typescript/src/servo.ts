@@ -1,8 +1,11 @@
 import type { Connection } from "./connection.js";
-import { type MotionError, RequestRefused } from "./errors.js";
+import { type MotionError, NobodyAnswers, RequestRefused } from "./errors.js";
 import type { OpenReply, ProgramState, ProgramStatus, ServoReply, ServoRequest } from "./messages.js";
 import { type Behind, Program } from "./program.js";
 import { understand } from "./wire.js";
+
+/** The server acknowledges targets within 50 ms; one that has not for so long beyond what they count is gone. */
+const UNANSWERED_S = 0.5;
 
 /** Where the axes, or a tool, are to be; it replaces what was sent before. At least one of `positions` and `velocities`. */
 export interface Targets {
@@ -46,13 +49,19 @@ export class Servo {
 
   /**
    * Sends targets, without waiting: what the connection cannot take now is lost, for the next ones are newer. Throws once the program has
-   * ended: ProgramEnded as of `failure`, MC536 after `close`.
+   * ended: ProgramEnded as of `failure`, MC536 after `close`; NobodyAnswers (MC530) where the server has not answered for as long as targets
+   * count, and 0.5 s.
    */
   send(targets: Targets): void {
     if (this.failure) throw this.failure;
     if (this.program.ended) throw new RequestRefused("MC536", `the program takes no more targets: it is ${this.state}`, "open another one");
+    const now = this.clock(), countsS = targets.countsS ?? this.countsS;
+    const silent = now - (this.program.unanswered ??= now);
+    if (silent > countsS + UNANSWERED_S) {
+      throw new NobodyAnswers("MC530", `the server has not answered for ${silent.toFixed(1)} s`, "where it is gone the axes have stopped: once it is there, open servo mode anew");
+    }
     const message = [
-      ++this.#seq, this.clock(), targets.countsS ?? this.countsS, rows(targets.positions), rows(targets.velocities), targets.times ?? null,
+      ++this.#seq, now, countsS, rows(targets.positions), rows(targets.velocities), targets.times ?? null,
       targets.tool ?? null, targets.frame ?? "base",
     ];
     this.gateway.put({ op: "targets", machine: this.machine.name, program: this.id, message });

@@ -49,6 +49,10 @@ def arm(
             "any text, with any block delete and optional stop.",
         ),
     ] = 0.0,
+    servo: Annotated[
+        bool,
+        typer.Option("--servo", help="With --standing: its client may stream targets inside of it, too."),
+    ] = False,
     show: Annotated[bool, typer.Option("--show", help="Print its text and extents; arm nothing.")] = False,
     reject: Annotated[
         str | None, typer.Option("--reject", metavar="REASON", help="Say no, and why; who asked reads it.")
@@ -85,7 +89,12 @@ def arm(
                 return _plain(await one.reject(sha256 or "", reject, number=number))
             return _plain(
                 await one.arm(
-                    sha256 or "", seconds=seconds, override=override, number=number, standing_s=standing
+                    sha256 or "",
+                    seconds=seconds,
+                    override=override,
+                    number=number,
+                    standing_s=standing,
+                    servo=servo,
                 )
             )
 
@@ -95,6 +104,8 @@ def arm(
 
     if (withdraw or reject is not None) and (sha256 is None or (withdraw and reject is not None)):
         raise typer.BadParameter("name one request by its hash, and either --reject or --withdraw")
+    if servo and not standing:
+        raise typer.BadParameter("--servo needs --standing: targets are approved for a while")
     name, found = carry_out(look, json)
     if withdraw:
         left = carry_out(take_back, json)
@@ -114,8 +125,9 @@ def arm(
         else:
             for each in approved:
                 left, limit = math.ceil(each["remaining_s"]), f"{each['override']:g} %"
+                what = "run, and stream targets for," if each["servo"] else "run"
                 say(
-                    f"{name}: {each['client']} may run what stays inside of {each['sha256'][:SHOWN_HASH]} "
+                    f"{name}: {each['client']} may {what} what stays inside of {each['sha256'][:SHOWN_HASH]} "
                     f"for another {left} s, up to {limit} (by {each['operator']}; --reject ends it)"
                 )
             if found:
@@ -129,7 +141,8 @@ def arm(
         print_warnings(seen[0])
     if len(seen) == 1 and reject is None and not json and asked:
         print_run(seen[0])
-        more = f" And for {standing:g} s all that stays inside of it?" if standing else ""
+        streams = ", targets that no simulation shows, too" if servo else ""
+        more = f" And for {standing:g} s all that stays inside of it{streams}?" if standing else ""
         if not typer.confirm(f"Arm it once, for {seconds:g} s, with at most {override:g} %?{more}", err=True):
             say("nothing is armed")
             raise typer.Exit(1)

@@ -176,6 +176,9 @@ pub struct ArmRequest {
     /// for so long whatever else the same client asks for, and stays inside of the envelope of this run, is
     /// armed as it is asked for; 0: only this run, once.
     pub standing_s: f64,
+    /// as long it may stream targets, too, inside of the extents, speeds and duration of this run
+    /// (`servo_armed`); no simulation shows these beforehand.
+    pub servo: bool,
 }
 
 impl ArmRequest {
@@ -188,6 +191,7 @@ impl ArmRequest {
             override_percent: 100.0,
             number: None,
             standing_s: 0.0,
+            servo: false,
         }
     }
 }
@@ -1727,6 +1731,9 @@ pub struct RunRequestStatus {
     /// what of it is outside of the one that its client has, a sentence each.
     #[serde(default)]
     pub beyond: Vec<String>,
+    /// it is approved for a while, for streamed targets, too.
+    #[serde(default)]
+    pub servo: bool,
 }
 
 /// The oldest first.

@@ -5,6 +5,7 @@ import java.util.ArrayList;
 import java.util.Deque;
 import java.util.Iterator;
 import java.util.List;
+import java.util.Locale;
 import java.util.Map;
 import java.util.Set;
 import org.mcserver.client.Messages.ProgramState;
@@ -22,6 +23,8 @@ final class LineCore {
 
     static final int BUFFER_CHARACTERS = 512 * 1024;
     static final int CHUNK_LINES = 1000;
+    /** The server acknowledges targets within 50 ms; one that has not for so long beyond what they count is gone. */
+    static final double UNANSWERED_S = 0.5;
     static final int CHUNK_CHARACTERS = 64 * 1024;
     private static final Set<ProgramState> ENDED = Set.of(
             ProgramState.FINISHED, ProgramState.ABORTED, ProgramState.REJECTED, ProgramState.FAULTED, ProgramState.INTERRUPTED);
@@ -53,6 +56,8 @@ final class LineCore {
     private boolean reported;
     /** The last one of a streamed line: it stays when the line has been corrected. */
     private MotionException rejection;
+    /** When the first targets were sent since the server was heard, by the sender's clock [s]; null: none were. */
+    private Double unanswered;
 
     LineCore(Messages.OpenReply opened) {
         this(opened, CHUNK_LINES);
@@ -179,6 +184,20 @@ final class LineCore {
         }
         if (ended() && pending()) {
             throw new MotionException.ProgramClosed(state.word(), extent());
+        }
+    }
+
+    /** Sees whether targets can be sent now, by the sender's clock, which count for some seconds. */
+    void checkTargets(double now, double countsS) {
+        checkOpen();
+        if (unanswered == null) {
+            unanswered = now;
+        }
+        double silent = now - unanswered;
+        if (silent > countsS + UNANSWERED_S) {
+            throw new MotionException.NobodyAnswers(
+                    "MC530", String.format(Locale.ROOT, "the server has not answered for %.1f s", silent),
+                    "where it is gone the axes have stopped: once it is there, open servo mode anew");
         }
     }
 
@@ -312,6 +331,7 @@ final class LineCore {
     }
 
     void onAck(Messages.Ack ack) {
+        unanswered = null;
         hearRejection(ack);
         // from before a rejection that is known; that a program has ended is never too old
         if (ack.rejections() < rejections && !ENDED.contains(ack.state())) {

@@ -42,6 +42,7 @@ public abstract class MachineCalls {
             Map.entry("machine_file", Duration.ofSeconds(5)),
             Map.entry("write_machine_file", Duration.ofSeconds(5)),
             Map.entry("open_servo", Duration.ofSeconds(5)),
+            Map.entry("servo_armed", Duration.ofSeconds(5)),
             Map.entry("home", Duration.ofSeconds(5)),
             Map.entry("reference", Duration.ofSeconds(5)),
             Map.entry("reset", Duration.ofSeconds(5)),
@@ -183,6 +184,14 @@ public abstract class MachineCalls {
      */
     public CompletableFuture<Messages.ServoReply> openServo(Messages.ServoRequest request) {
         return ask("open_servo", Wire.params(request), Messages.ServoReply.class);
+    }
+
+    /**
+     * Let axes follow targets, as `open_servo`, inside of what an operator has approved for a while: `arm` with
+     * `standing_s` and `servo`.
+     */
+    public CompletableFuture<Messages.ServoReply> servoArmed(Messages.ServoRequest request) {
+        return ask("servo_armed", Wire.params(request), Messages.ServoReply.class);
     }
 
     /**

@@ -233,27 +233,34 @@ public final class Messages {
      * @param number of the request that was looked at: one that was made anew since is not armed; null: any.
      * @param standingS for so long whatever else the same client asks for, and stays inside of the envelope of
      *     this run, is armed as it is asked for; 0: only this run, once.
+     * @param servo as long it may stream targets, too, inside of the extents, speeds and duration of this run
+     *     (`servo_armed`); no simulation shows these beforehand.
      */
-    public record ArmRequest(String sha256, double seconds, double override, Long number, double standingS) {
+    public record ArmRequest(
+            String sha256, double seconds, double override, Long number, double standingS, boolean servo) {
         /** All that may be left out as the server has it. */
         public ArmRequest(String sha256) {
-            this(sha256, 60.0, 100.0, null, 0.0);
+            this(sha256, 60.0, 100.0, null, 0.0, false);
         }
 
         public ArmRequest withSeconds(double seconds) {
-            return new ArmRequest(sha256, seconds, override, number, standingS);
+            return new ArmRequest(sha256, seconds, override, number, standingS, servo);
         }
 
         public ArmRequest withOverride(double override) {
-            return new ArmRequest(sha256, seconds, override, number, standingS);
+            return new ArmRequest(sha256, seconds, override, number, standingS, servo);
         }
 
         public ArmRequest withNumber(Long number) {
-            return new ArmRequest(sha256, seconds, override, number, standingS);
+            return new ArmRequest(sha256, seconds, override, number, standingS, servo);
         }
 
         public ArmRequest withStandingS(double standingS) {
-            return new ArmRequest(sha256, seconds, override, number, standingS);
+            return new ArmRequest(sha256, seconds, override, number, standingS, servo);
+        }
+
+        public ArmRequest withServo(boolean servo) {
+            return new ArmRequest(sha256, seconds, override, number, standingS, servo);
         }
     }
 
@@ -1315,12 +1322,14 @@ public final class Messages {
      * @param changed what of that is no longer as it was, a sentence each; while there is any it cannot start.
      * @param approval hash of the approval for a while that has armed it, inside of whose envelope it stays.
      * @param beyond what of it is outside of the one that its client has, a sentence each.
+     * @param servo it is approved for a while, for streamed targets, too.
      */
     public record RunRequestStatus(
             String sha256, String client, String name, RunState state, List<Long> axes, double durationS, List<Extent>
             extents, double remainingS, double override, String operator, boolean blockDelete, boolean optionalStop,
             @Sparse long number, @Sparse String reason, @Sparse List<String> effects, @Sparse List<ToolExtent> tools,
-            @Sparse String digest, @Sparse List<String> changed, @Sparse String approval, @Sparse List<String> beyond) {}
+            @Sparse String digest, @Sparse List<String> changed, @Sparse String approval, @Sparse List<String> beyond,
+            @Sparse boolean servo) {}
 
     /** The oldest first. */
     public record RunRequestsReply(List<RunRequestStatus> requests) {}

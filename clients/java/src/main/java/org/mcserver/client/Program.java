@@ -106,8 +106,8 @@ public final class Program implements AutoCloseable {
     }
 
     /** Throws why nothing is taken any more. */
-    void checkOpen() {
-        check(core::checkOpen);
+    void checkTargets(double now, double countsS) {
+        check(() -> core.checkTargets(now, countsS));
     }
 
     // ---------------------------------------------------------------- lines

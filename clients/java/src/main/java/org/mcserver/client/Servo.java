@@ -58,10 +58,12 @@ public final class Servo implements AutoCloseable {
      * @throws MotionException.ProgramAborted nothing came in time, or somebody stopped it
      * @throws MotionException.ProgramFaulted a fault of the machine ended it
      * @throws MotionException.ProgramClosed it has finished, or is closed
+     * @throws MotionException.NobodyAnswers the server has not answered for as long as targets count, and 0.5 s (MC530)
      */
     public synchronized void send(Targets targets) {
-        program.checkOpen();
-        connection.put(machineName, program.id(), targets.message(++seq, (System.nanoTime() - begun) / 1e9, countsS));
+        double now = (System.nanoTime() - begun) / 1e9;
+        program.checkTargets(now, targets.countsS() == null ? countsS : targets.countsS());
+        connection.put(machineName, program.id(), targets.message(++seq, now, countsS));
     }
 
     /** The program; {@code servo} of it counts what was late, lost or dropped. */

@@ -268,7 +268,7 @@ class ContractTest {
 
         private void targets(JsonObject given) {
             try {
-                core.checkOpen();
+                core.checkTargets(given.get("sent").getAsDouble(), given.get("counts_s").getAsDouble());
             } catch (MotionException error) {
                 failed = error;
                 return;
