@@ -60,7 +60,7 @@ EXACT = tuple(
     for each in ["clearance", "executor", "gcode", "machine", "motion", "planning", "simulation"]
 )
 # folders whose tests share a server: one process runs them all, where each would start its own
-TOGETHER = ("browser", "gateway", "sdks")
+TOGETHER = ("browser", "gateway", "opcua", "sdks")
 # what takes longest, and begins first: nothing long is left for the end
 LONG = (
     "browser",

@@ -8,6 +8,9 @@ import datetime
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from asyncua import Client
+from asyncua.crypto.security_policies import SecurityPolicyBasic256Sha256
+from asyncua.crypto.uacrypto import CertProperties
 from mcclient.types import (
     AxesStatus,
     Fault,
@@ -28,6 +31,8 @@ from mcserver.web.users import add_user
 from tests.wire_values import wire_value
 
 WALL = 1_800_000_000.0
+ODD = "Halle 3/Fräse: +#."
+SECRET = "a long secret"
 LOST_DRIVE = Fault("MC407", "axis 1 does not answer", axis=1)
 
 
@@ -75,7 +80,7 @@ def site_files(folder: Path) -> Files:
     for each in (site, other):
         write_site(each, Site("127.0.0.1"), now)
     for name, role in (("mes", Role.OBSERVER), ("helper", Role.AGENT), ("boss", Role.OPERATOR)):
-        add_user(folder / "users", name, role, "a long secret")
+        add_user(folder / "users", name, role, SECRET)
     return Files(
         write_application(site, "hall", ("127.0.0.1",), now),
         write_application(site, "mes", (), now),
@@ -88,7 +93,7 @@ def site_files(folder: Path) -> Files:
 class Served:
     """A server that a test may kill and start again, always at one port."""
 
-    def __init__(self, files: Files | None = None) -> None:
+    def __init__(self, files: Files) -> None:
         self._files = files
         self._stack = contextlib.AsyncExitStack()
         self.port = 0
@@ -100,11 +105,8 @@ class Served:
 
     async def start(self) -> None:
         urls: list[str] = []
-        address = Address("127.0.0.1", self.port, on_ready=urls.append)
-        options = OpcUaOptions(address)
-        if self._files is not None:
-            address = Address("127.0.0.1", self.port, *self._files.server, urls.append)
-            options = OpcUaOptions(address, self._files.users, self._files.authority)
+        address = Address("127.0.0.1", self.port, *self._files.server, urls.append)
+        options = OpcUaOptions(address, self._files.users, self._files.authority)
         self.machines = await self._stack.enter_async_context(serving(options))
         self.port = int(urls[0].rstrip("/").rpartition(":")[2])
 
@@ -118,6 +120,17 @@ class Served:
         fleet: Any = Fleet(*tools)
         self.machines.tools_due = 0.0
         await self.machines.look(fleet, states)
+
+
+async def channel(served: Served, pair: tuple[Path, Path], user: str, password: str) -> Client:
+    """A client that has not connected yet."""
+    client = Client(served.url, timeout=60.0)
+    client.application_uri = "urn:mcserver:opcua:mes"
+    client.set_user(user)
+    client.set_password(password)
+    certificate, key = (CertProperties(each, "pem") for each in pair)
+    await client.set_security(SecurityPolicyBasic256Sha256, certificate, key)
+    return client
 
 
 class GoClient:

@@ -2,59 +2,45 @@
 
 from __future__ import annotations
 
-import contextlib
 import dataclasses
-from collections.abc import AsyncIterator
 from typing import Any
 
 import pytest
 import pytest_asyncio
 from asyncua import Client, ua
-from asyncua.crypto.security_policies import SecurityPolicyBasic256Sha256
-from asyncua.crypto.uacrypto import CertProperties
 from mcclient import AxisInfo
 from mcclient.errors import NoAnswerInTime, RequestRefused
 from mcclient.types import AxesStatus, AxisKind, AxisState, AxisUnit
 
-from tests.opcua.machines import WALL, Files, Fleet, Served, program, site_files, state
+from tests.opcua.machines import SECRET, WALL, Files, Fleet, Served, channel, program, state
 from tests.wire_values import wire_value
 
-pytestmark = pytest.mark.asyncio(loop_scope="module")
+pytestmark = pytest.mark.asyncio(loop_scope="package")
 ALLOWED: dict[str, Any] = {"orders_from": ("opcua",)}
 
 
 class Site:
-    """A server with two machines, of which ``open`` takes orders."""
+    """A server and a link to two machines, of which ``open`` takes orders."""
 
-    def __init__(self, files: Files) -> None:
-        self.files, self.served, self.fleet = files, Served(files), Fleet()
+    def __init__(self, served: Served, files: Files) -> None:
+        self.served, self.files, self.fleet = served, files, Fleet()
 
     async def look(self, **states: Any) -> None:
         fleet: Any = self.fleet
         await self.served.machines.look(fleet, states)
 
 
-@pytest_asyncio.fixture(scope="module", loop_scope="module")
-async def site(tmp_path_factory: pytest.TempPathFactory) -> AsyncIterator[Site]:
-    site = Site(site_files(tmp_path_factory.mktemp("orders")))
-    await site.served.start()
+@pytest_asyncio.fixture(scope="module", loop_scope="package")
+async def site(served: Served, files: Files) -> Site:
+    site = Site(served, files)
     await site.look(closed=state())
     site.fleet.described = ALLOWED
     await site.look(closed=state(), open=state())
-    yield site
-    await site.served.stop()
+    return site
 
 
-@contextlib.asynccontextmanager
-async def client(site: Site, user: str) -> AsyncIterator[Client]:
-    found = Client(site.served.url, timeout=60.0)
-    found.application_uri = "urn:mcserver:opcua:mes"
-    found.set_user(user)
-    found.set_password("a long secret")
-    certificate, key = (CertProperties(each, "pem") for each in site.files.client)
-    await found.set_security(SecurityPolicyBasic256Sha256, certificate, key)
-    async with found:
-        yield found
+async def client(site: Site, user: str) -> Client:
+    return await channel(site.served, site.files.client, user, SECRET)
 
 
 async def order(client: Client, name: str, *arguments: Any, machine: str = "open") -> str:
@@ -87,7 +73,7 @@ async def test_an_order_asks_for_the_role_that_every_door_asks_for(
     site: Site, user: str, may: dict[str, tuple[str, dict[str, object]]]
 ) -> None:
     site.fleet.orders.clear()
-    async with client(site, user) as one:
+    async with await client(site, user) as one:
         said = {
             "Start": await order(one, "Start", ""),
             "Hold": await order(one, "Hold", "p-1"),
@@ -99,7 +85,7 @@ async def test_an_order_asks_for_the_role_that_every_door_asks_for(
 
 async def test_a_machine_whose_file_says_nothing_or_nothing_any_more_takes_no_orders(site: Site) -> None:
     site.fleet.orders.clear()
-    async with client(site, "boss") as one:
+    async with await client(site, "boss") as one:
         assert await order(one, "Hold", "", machine="closed") != "Good"
         site.fleet.described = {}
         assert await order(one, "Hold", "") == "BadNotExecutable"
@@ -109,7 +95,7 @@ async def test_a_machine_whose_file_says_nothing_or_nothing_any_more_takes_no_or
 
 async def test_an_order_that_is_none_is_refused_before_it_is_sent(site: Site) -> None:
     site.fleet.orders.clear()
-    async with client(site, "boss") as one:
+    async with await client(site, "boss") as one:
         assert await order(one, "Hold") == "BadArgumentsMissing"
         assert await order(one, "Hold", "", "") == "BadTooManyArguments"
         assert await order(one, "Hold", 3.0) == "BadInvalidArgument"
@@ -136,7 +122,7 @@ async def test_what_the_machine_refuses_is_refused(
         raise error
 
     monkeypatch.setattr(site.fleet, "order", refuse)
-    async with client(site, "boss") as one:
+    async with await client(site, "boss") as one:
         assert await order(one, "Hold", "") == status
 
 
@@ -162,7 +148,7 @@ async def test_jobs_come_with_their_programs_and_axes_with_another_start(site: S
     )
     now = dataclasses.replace(state(programs=(queued, first, jog)), instance="second", axes=columns)
     await site.look(open=now)
-    async with client(site, "mes") as one:
+    async with await client(site, "mes") as one:
         jobs = await names(one, "Production.ProductionPlan")
         assert list(jobs) == ["id-1", "id-2"]
         own = await one.get_namespace_index("urn:mcserver:machines")

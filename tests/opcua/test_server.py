@@ -5,41 +5,21 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import struct
-from collections.abc import AsyncIterator
 from pathlib import Path
 
 import pytest
-import pytest_asyncio
 from asyncua import Client, ua
-from asyncua.crypto.security_policies import SecurityPolicyBasic256Sha256
-from asyncua.crypto.uacrypto import CertProperties
 
 from mcserver.doors.listening import Address
 from mcserver.errors import ConfigurationError
 from mcserver.opcua import door
 from mcserver.opcua.site import OpcUaOptions, serving
 from tests.e2e.servers import ROOT
-from tests.opcua.machines import LOST_DRIVE, Files, GoClient, Served, program, site_files, state
+from tests.opcua.machines import LOST_DRIVE, ODD, SECRET, Files, GoClient, Served, channel, program, state
 from tests.sdks.languages import ToolMissing, build, go_tool
 
-pytestmark = pytest.mark.asyncio(loop_scope="module")
-USER = ("mes", "a long secret")
-ODD = "Halle 3/Fräse: +#."
-
-
-@pytest.fixture(scope="module")
-def files(tmp_path_factory: pytest.TempPathFactory) -> Files:
-    return site_files(tmp_path_factory.mktemp("opcua"))
-
-
-@pytest_asyncio.fixture(scope="module", loop_scope="module")
-async def served(files: Files) -> AsyncIterator[Served]:
-    """A server with users and certificates, and two machines."""
-    served = Served(files)
-    await served.start()
-    await served.look({"cell-1": state(), ODD: state()}, 1, 3)
-    yield served
-    await served.stop()
+pytestmark = pytest.mark.asyncio(loop_scope="package")
+USER = ("mes", SECRET)
 
 
 @pytest.fixture(scope="module")
@@ -52,19 +32,8 @@ def go_client() -> GoClient:
     return GoClient(made)
 
 
-async def channel(served: Served, pair: tuple[Path, Path]) -> Client:
-    """A client that has not connected yet."""
-    client = Client(served.url, timeout=60.0)
-    client.application_uri = "urn:mcserver:opcua:mes"
-    client.set_user(USER[0])
-    client.set_password(USER[1])
-    certificate, key = (CertProperties(each, "pem") for each in pair)
-    await client.set_security(SecurityPolicyBasic256Sha256, certificate, key)
-    return client
-
-
 async def connected(served: Served, files: Files) -> Client:
-    client = await channel(served, files.client)
+    client = await channel(served, files.client, *USER)
     await client.connect()
     return client
 
@@ -72,11 +41,12 @@ async def connected(served: Served, files: Files) -> Client:
 async def test_a_client_of_another_make_sees_changes_and_alerts_and_comes_back_after_a_kill(
     served: Served, files: Files, go_client: GoClient
 ) -> None:
+    await served.look({"cell-1": state(), ODD: state()}, 1, 3)
     await go_client.start(served.url, *files.client, *USER)
     try:
         said = await go_client.says("state 2 true")
-        assert said[:2] == ["machine cell-1", f"machine {ODD}"]
-        assert "StatusBadNotWritable" in said[2]
+        assert {"machine cell-1", f"machine {ODD}"} <= set(said)
+        assert any("StatusBadNotWritable" in each for each in said)
         running = program("running")
         await served.look({"cell-1": state(LOST_DRIVE, programs=(running,))})
         await go_client.says("state 0 true", "alert cell-1 MC407 true axis 1 does not answer")
@@ -96,7 +66,7 @@ async def test_a_client_of_another_make_sees_changes_and_alerts_and_comes_back_a
     ("certificate", "user", "refusal"),
     [
         ("client", ("mes", "wrong"), "StatusBadUserAccessDenied"),
-        ("client", ("nobody", "a long secret"), "StatusBadUserAccessDenied"),
+        ("client", ("nobody", SECRET), "StatusBadUserAccessDenied"),
         ("other", USER, "StatusBadCertificateUntrusted"),
         ("client", None, "StatusBadIdentityTokenRejected"),
         (None, None, "no matching endpoint"),
@@ -121,7 +91,7 @@ async def test_who_is_not_known_is_not_let_in(
 
 async def test_a_session_cannot_be_taken_over_from_another_channel(served: Served, files: Files) -> None:
     victim = await connected(served, files)
-    thief = await channel(served, files.other)
+    thief = await channel(served, files.other, *USER)
     await thief.connect_socket()
     try:
         await thief.send_hello()
