@@ -14,7 +14,7 @@ import numpy as np
 from numpy.polynomial import polynomial
 
 from mcserver.canopen.cycle_samples import Array
-from mcserver.drives.cia402.loop_gains import USUAL_CROSSOVER, USUAL_INTEGRAL, USUAL_SHARE
+from mcserver.drives.cia402.loop_gains import USUAL_CROSSOVER, USUAL_INTEGRAL, USUAL_SHARE, lateness
 from mcserver.drives.cia402.loops import DAMPING_CYCLES
 
 # Cycles over which impulses and changes of speed are compared.
@@ -108,20 +108,20 @@ def measure_load(torque: Array, angle: Array, cycle_s: float) -> MeasuredLoad | 
     return MeasuredLoad(inertia, float(abs(error / found[0])), friction, viscous, load, explained)
 
 
-def usual_gains(inertia: float, cycle_s: float) -> TorqueGains:
-    """Return the gains that a machine file gets which gives the inertia alone."""
-    crossover = USUAL_CROSSOVER / cycle_s
+def usual_gains(inertia: float, cycle_s: float, delay: int) -> TorqueGains:
+    """Return the gains that a machine file gets which gives the inertia alone; ``delay``: as `margins`."""
+    crossover = USUAL_CROSSOVER / (lateness(delay) * cycle_s)
     gain = USUAL_SHARE * crossover
     return TorqueGains(inertia * crossover, gain, USUAL_INTEGRAL / gain)
 
 
-def margins(gains: TorqueGains, inertia: float, cycle_s: float) -> Margins:
+def margins(gains: TorqueGains, inertia: float, cycle_s: float, delay: int) -> Margins:
     """Return the margins of a loop on an inertia [kg·m²].
 
-    With q a delay of one cycle, the torque of a cycle is first seen in the reading two cycles later:
-    1 + L = 0, L = K·(P + P·dt/Ti·q/(1-q) + (1-q^m)/(m·dt)) · dt²/(2·J) · q²·(1+q)/(1-q)².
+    With q a delay of one cycle, the torque of a cycle is first seen in the reading ``delay`` cycles later:
+    1 + L = 0, L = K·(P + P·dt/Ti·q/(1-q) + (1-q^m)/(m·dt)) · dt²/(2·J) · q^delay·(1+q)/(1-q)².
     """
-    opened, closing = _loop(gains, inertia, cycle_s)
+    opened, closing = _loop(gains, inertia, cycle_s, delay)
     # the greater the inertia, the smaller the gain of the loop
     stable = [
         bool((np.abs(polynomial.polyroots(_sum(opened, closing / each))) > 1.0 + 1e-9).all())
@@ -141,7 +141,7 @@ def margins(gains: TorqueGains, inertia: float, cycle_s: float) -> Margins:
     return Margins(float(TRIED[low]), float(TRIED[high]), float(np.angle(-loop[crossing])))
 
 
-def _loop(gains: TorqueGains, inertia: float, cycle_s: float) -> tuple[Array, Array]:
+def _loop(gains: TorqueGains, inertia: float, cycle_s: float, delay: int) -> tuple[Array, Array]:
     """Return denominator and numerator of L, as polynomials in q."""
     one_less, gain = np.array([1.0, -1.0]), gains.position_gain
     damping = np.zeros(DAMPING_CYCLES + 1)
@@ -149,7 +149,7 @@ def _loop(gains: TorqueGains, inertia: float, cycle_s: float) -> tuple[Array, Ar
     parts = polynomial.polymul(one_less, _sum(np.array([gain]), damping / (DAMPING_CYCLES * cycle_s)))
     if gains.integral_time_s > 0.0:
         parts = _sum(parts, np.array([0.0, gain * cycle_s / gains.integral_time_s]))
-    plant = np.array([0.0, 0.0, 1.0, 1.0]) * cycle_s**2 / (2.0 * inertia)
+    plant = np.array([*[0.0] * delay, 1.0, 1.0]) * cycle_s**2 / (2.0 * inertia)
     closing = polynomial.polymul(gains.velocity_gain * parts, plant)
     return np.asarray(polynomial.polypow(one_less, 3)), np.asarray(closing)
 

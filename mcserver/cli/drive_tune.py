@@ -1,14 +1,27 @@
-"""``mcserver drives tune``: what a motor turns, by the motion of a program, and its loop's margins."""
+"""``mcserver drives tune``: what an axis does by the motion of a program, and the margins of its loop."""
 
 from __future__ import annotations
 
 import math
-from typing import Annotated
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict, dataclass
+from types import MappingProxyType
+from typing import Annotated, TypeAlias
 
 import msgspec
 import typer
+from rich.table import Table
 
+from mcserver.canopen.cycle_samples import Array
 from mcserver.canopen.scope import Scope, ScopeTrace
+from mcserver.canopen.speed_tuning import (
+    MeasuredSpeed,
+    SpeedGains,
+    SpeedMargins,
+    measure_speed,
+    proposed_gains,
+    speed_margins,
+)
 from mcserver.canopen.torque_tuning import (
     Margins,
     MeasuredLoad,
@@ -22,17 +35,36 @@ from mcserver.cli.drive_of_machine import AxisArgument, Described, check_seconds
 from mcserver.cli.drive_scope import LONGEST_S, record_cycles
 from mcserver.cli.exit_codes import ExitCode
 from mcserver.cli.options import JsonOption, MachineOption
-from mcserver.drives.cia402.drive import cia402_drive
+from mcserver.drives.cia402.drive import Cia402Drive, cia402_drive
+from mcserver.drives.cia402.loop_gains import DELAY_CYCLES, ETHERCAT_DELAY_CYCLES
 from mcserver.errors import RuntimeFault, UsageFault
 from mcserver.machine.machine_file import load_machine
 from mcserver.units import TURN
 
 # A measurement counts where it explains so much of the torque, and is not more uncertain than this.
-LEAST_EXPLAINED, MOST_UNCERTAIN = 0.9, 0.05
-# A loop does where its inertia may be half and twice as much, with this phase left [rad].
-LEAST_INERTIA, GREATEST_INERTIA, LEAST_PHASE = 0.5, 2.0, math.radians(30.0)
-# By which the machine file's inertia may be wrong.
-INERTIA_FITS = 0.2
+LEAST_EXPLAINED, MOST_UNCERTAIN, MOST_UNCERTAIN_CYCLES = 0.9, 0.05, 0.5
+# A loop does where its inertia may be half and twice as much, or its gain twice, with this phase left [rad].
+LEAST_INERTIA, GREATEST_GAIN, LEAST_PHASE = 0.5, 2.0, math.radians(30.0)
+# By which the machine file's inertia, and its unit of speed, may be wrong.
+INERTIA_FITS, SCALE_FITS = 0.2, 0.02
+
+Loop: TypeAlias = tuple[str, TorqueGains | SpeedGains, Margins | SpeedMargins]
+
+
+@dataclass(frozen=True)
+class Judged:
+    """What a motion tells of an axis and its loop.
+
+    Attributes:
+        said: the measurement in words. loops: name, gains and margins, those of the machine file first.
+        changes: lines for the machine file; none: it fits. remedy: what to do with them.
+    """
+
+    measured: MeasuredLoad | MeasuredSpeed
+    said: str
+    loops: Sequence[Loop]
+    changes: Sequence[str]
+    remedy: str
 
 
 def tune(
@@ -41,64 +73,115 @@ def tune(
     seconds: Annotated[float, typer.Option("--seconds", help="How long the motion is looked at.")] = 10.0,
     json: JsonOption = False,
 ) -> None:
-    """Measure inertia and friction of an axis in mode cst while a program moves it, and judge its gains."""
+    """Measure what an axis in mode cst or csv does while a program moves it, and judge its gains."""
     with json_answer_on_error(json):
         check_seconds(seconds, LONGEST_S)
         drive = described(machine, axis)
-        if drive.settings.fieldbus != "can":
-            raise UsageFault(
-                "MC559",
-                f"{drive.settings.name}: is on EtherCAT, whose readings are of another time than CAN's",
-                "give inertia by the motor's data sheet and its load; the gains follow from it",
-            )
         known, loaded = cia402_drive(drive.axis), load_machine(machine)
         cycle_s = loaded.cycle_s
-        if known.mode != "cst":
+        if known.mode not in _JUDGES:
             raise UsageFault(
                 "MC095",
                 f'the loop of axis {axis} is the drive\'s own: mode = "{known.mode}"',
-                'tune it by its maker\'s tool; mode = "cst" closes it here',
+                'tune it by its maker\'s tool; mode = "cst" or "csv" closes it here',
             )
         scope = Scope(drive.signals, cycle_s, max(2, round(seconds / cycle_s)), 0, None)
         record_cycles(loaded, drive, scope, 60.0, seconds)
-        load = _load(drive, scope.trace(), cycle_s)
-    now = TorqueGains(known.velocity_gain, known.position_gain, known.integral_time_s or 0.0)
-    usual = usual_gains(load.inertia, cycle_s)
-    rows = [
-        (name, gains, margins(gains, load.inertia, cycle_s))
-        for name, gains in (("machine file", now), ("by this inertia", usual))
-    ]
-    fits = abs(known.inertia / load.inertia - 1.0) <= INERTIA_FITS and _holds(rows[0][2])
+        delay = ETHERCAT_DELAY_CYCLES if drive.settings.fieldbus == "ethercat" else DELAY_CYCLES
+        found = _JUDGES[known.mode](drive, known, scope.trace(), cycle_s, delay)
     if json:
-        answer = {"ok": True, "fits": fits, **msgspec.to_builtins(load)}
         loops = [
             {"gains": name, **msgspec.to_builtins(gains), **msgspec.to_builtins(margin)}
-            for name, gains, margin in rows
+            for name, gains, margin in found.loops
         ]
-        write_json({**answer, "loops": loops})
+        fits = {"ok": True, "fits": not found.changes}
+        write_json({**fits, **msgspec.to_builtins(found.measured), "loops": loops})
     else:
-        _show(load, rows)
-        if not fits:
-            write_text(f"inertia = {load.inertia:.4g}   # in [axis.drive]: the file has {known.inertia:g}\n")
-    narration().print(
-        "the machine file fits"
-        if fits
-        else "the machine file does not fit: give this inertia, and leave velocity_gain, position_gain and "
-        "integral_time_s out"
-    )
-    if not fits:
+        results().print(found.said)
+        results().print(_table(found.loops))
+        for change in found.changes:
+            write_text(f"{change}\n")
+    narration().print(found.remedy if found.changes else "the machine file fits")
+    if found.changes:
         raise typer.Exit(int(ExitCode.CONFIGURATION))
 
 
-def _holds(margin: Margins) -> bool:
-    within = margin.least <= LEAST_INERTIA and margin.greatest >= GREATEST_INERTIA
-    return within and margin.phase >= LEAST_PHASE
+def _judge_torque(
+    drive: Described, known: Cia402Drive, trace: ScopeTrace, cycle_s: float, delay: int
+) -> Judged:
+    load = _load(drive, trace, cycle_s)
+    now = TorqueGains(known.velocity_gain, known.position_gain, known.integral_time_s or 0.0)
+    loops = [
+        (name, gains, margins(gains, load.inertia, cycle_s, delay))
+        for name, gains in (
+            ("machine file", now),
+            ("by this inertia", usual_gains(load.inertia, cycle_s, delay)),
+        )
+    ]
+    margin = loops[0][2]
+    holds = margin.least <= LEAST_INERTIA and margin.greatest >= GREATEST_GAIN and margin.phase >= LEAST_PHASE
+    changes = []
+    if not holds or abs(known.inertia / load.inertia - 1.0) > INERTIA_FITS:
+        changes.append(f"inertia = {load.inertia:.4g}   # in [axis.drive]: the file has {known.inertia:g}")
+    return Judged(
+        load,
+        f"inertia {load.inertia:.4g} kg·m² (± {100 * load.uncertainty:.1f} %), friction {load.friction:.3g} "
+        f"N·m and {load.viscous:.3g} N·m·s/rad, load {load.load:.3g} N·m; "
+        f"{100 * load.explained:.1f} % explained",
+        loops,
+        changes,
+        "the machine file does not fit: give this inertia, and leave velocity_gain, position_gain and "
+        "integral_time_s out",
+    )
+
+
+def _judge_speed(
+    drive: Described, known: Cia402Drive, trace: ScopeTrace, cycle_s: float, delay: int
+) -> Judged:
+    speed, place = _columns(trace, "60FFh:00", "6064h:00")
+    measured = measure_speed(speed, place, cycle_s)
+    if measured is None or not measured.uncertainty <= MOST_UNCERTAIN_CYCLES * cycle_s:
+        what = "its speed changed too little, or its place has little to do with it"
+        raise _untold(drive, "how it follows speeds", what)
+    if measured.scale <= 0.0:
+        raise _untold(drive, "how it follows speeds", "its speed and its position have opposite signs")
+    now = SpeedGains(known.position_gain, known.integral_time_s or 0.0)
+    best = proposed_gains(measured, now, cycle_s, delay)
+    loops = [
+        (name, gains, speed_margins(gains, measured, cycle_s, delay))
+        for name, gains in (("machine file", now), ("by this drive", best))
+    ]
+    margin = loops[0][2]
+    changes = []
+    if abs(measured.scale - 1.0) > SCALE_FITS:
+        assert known.encoder is not None
+        counts = known.velocity_counts_per_motor_rev or known.encoder[0] / known.encoder[1]
+        changes.append(
+            f"velocity_counts_per_motor_rev = {counts / measured.scale:.6g}   # in [axis.drive]: 60FFh"
+        )
+    if margin.greatest < GREATEST_GAIN or margin.phase < LEAST_PHASE:
+        changes.append(
+            f"position_gain = {best.position_gain:.4g}   # in [axis.drive]: it has {now.position_gain:g}"
+        )
+    return Judged(
+        measured,
+        f"goes {100 * measured.scale:.1f} % of the speed that it is told, {1e3 * measured.lag:.2f} ms "
+        f"(± {1e3 * measured.uncertainty:.2f}) late besides the bus",
+        loops,
+        changes,
+        "the machine file does not fit: change it so",
+    )
+
+
+_JUDGES: Mapping[str, Callable[[Described, Cia402Drive, ScopeTrace, float, int], Judged]] = MappingProxyType(
+    {"cst": _judge_torque, "csv": _judge_speed}
+)
 
 
 def _load(drive: Described, trace: ScopeTrace, cycle_s: float) -> MeasuredLoad:
     """Return what a trace says of an axis's load; RuntimeFault: MC095 it says too little."""
     turn = drive.axis.travel_per_motor_turn / drive.axis.type.si_per_unit
-    torque, place = (trace.values[:, trace.objects.index(name)] for name in ("6071h:00", "6064h:00"))
+    torque, place = _columns(trace, "6071h:00", "6064h:00")
     load = measure_load(torque, place * (TURN / turn), cycle_s)
     if load is None:
         what = "it moved too little, or one way only"
@@ -111,37 +194,30 @@ def _load(drive: Described, trace: ScopeTrace, cycle_s: float) -> MeasuredLoad:
         )
     else:
         return load
-    raise RuntimeFault(
+    raise _untold(drive, "what its motor turns", what)
+
+
+def _columns(trace: ScopeTrace, *objects: str) -> list[Array]:
+    return [trace.values[:, trace.objects.index(name)] for name in objects]
+
+
+def _untold(drive: Described, wanted: str, what: str) -> RuntimeFault:
+    return RuntimeFault(
         "MC095",
-        f"the motion of axis {drive.settings.axis} does not tell what its motor turns: {what}",
+        f"the motion of axis {drive.settings.axis} does not tell {wanted}: {what}",
         "run a program that moves it to and fro by many lengths, quickly and slowly, for all of --seconds",
         axis=drive.settings.axis,
     )
 
 
-def _show(load: MeasuredLoad, rows: list[tuple[str, TorqueGains, Margins]]) -> None:
-    results().print(
-        f"inertia {load.inertia:.4g} kg·m² (± {100 * load.uncertainty:.1f} %), friction {load.friction:.3g} "
-        f"N·m and {load.viscous:.3g} N·m·s/rad, load {load.load:.3g} N·m; "
-        f"{100 * load.explained:.1f} % explained"
-    )
-    cells = [
-        (
-            name,
-            f"{gains.velocity_gain:.4g}",
-            f"{gains.position_gain:.4g}",
-            f"{gains.integral_time_s:.4g}",
-            f"{margin.least:.2f} to {margin.greatest:.1f}" if margin.greatest else "not stable",
-            f"{math.degrees(margin.phase):.0f}",
-        )
-        for name, gains, margin in rows
-    ]
-    titles = (
-        "gains",
-        "velocity_gain",
-        "position_gain",
-        "integral_time_s",
-        "stable for inertia ×",
-        "phase left °",
-    )
-    results().print(table(titles, cells))
+def _table(loops: Sequence[Loop]) -> Table:
+    rows = []
+    for name, gains, margin in loops:
+        numbers = {"gains": name, **{key: f"{each:.4g}" for key, each in asdict(gains).items()}}
+        if isinstance(margin, Margins):
+            within = f"{margin.least:.2f} to {margin.greatest:.1f}" if margin.greatest else "not stable"
+            numbers["stable for inertia ×"] = within
+        else:
+            numbers["stable up to gain ×"] = f"{margin.greatest:.1f}"
+        rows.append({**numbers, "phase left °": f"{math.degrees(margin.phase):.0f}"})
+    return table(rows[0], [list(row.values()) for row in rows])

@@ -2,7 +2,8 @@
 
 The shaped position is a mean of past setpoints with weights that are not negative: velocity, acceleration,
 jerk and travel hold for it as they hold for what comes in. Impulses are those of Singer and Seering (ZV),
-Singhose, Seering and Singer (EI and two-hump EI, for 5 % of residual vibration) and of Klipper (MZV).
+Singhose, Seering and Singer (EI and two-hump EI, for 5 % of residual vibration) and of Klipper (MZV). The
+smooth one is a mean of a mean: a trapezoid.
 """
 
 from __future__ import annotations
@@ -30,7 +31,11 @@ ACCELERATION_SLACK = 1.01
 # A shaper is at most so many cycles long: what the executor keeps of each axis.
 MAX_CYCLES = 1000
 
-ShaperType = Literal["zv", "mzv", "ei", "2hei"]
+# Periods over which the smooth one takes its two means: the shortest that leave `RESIDUAL` at ±10 % of the
+# frequency with any damping. So many parts that it is smooth in cycles, too.
+SMOOTH_LONG, SMOOTH_SHORT, SMOOTH_PARTS = 1.03, 0.59, 1000
+
+ShaperType = Literal["zv", "mzv", "ei", "2hei", "smooth"]
 
 
 class Shaper(msgspec.Struct, frozen=True):
@@ -60,6 +65,12 @@ class Shaper(msgspec.Struct, frozen=True):
             parts = [(0.0, end), (0.375, math.sqrt(2.0) - 1.0), (0.75, end)]
         elif self.type == "ei":
             parts = [(0.0, 1.0 + RESIDUAL), (0.5, 2.0 * (1.0 - RESIDUAL)), (1.0, 1.0 + RESIDUAL)]
+        elif self.type == "smooth":
+            step = (SMOOTH_LONG + SMOOTH_SHORT) / SMOOTH_PARTS
+            parts = [
+                (step * at, min(step * min(at + 1, SMOOTH_PARTS - at), SMOOTH_SHORT))
+                for at in range(SMOOTH_PARTS)
+            ]
         else:
             square = RESIDUAL**2
             x = (square * (math.sqrt(1.0 - square) + 1.0)) ** (1.0 / 3.0)

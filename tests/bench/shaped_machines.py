@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from typing import get_args
+
 import msgspec
 import numpy as np
 
 from mcserver.machine.machine_file import Machine
-from mcserver.machine.shaper_section import ACCELERATION_SLACK, Shaper, Shaping
+from mcserver.machine.shaper_section import ACCELERATION_SLACK, Shaper, ShaperType, Shaping
 from tests.executor.rig import Rig
 
 # What rounding may add [m or rad].
@@ -18,7 +20,7 @@ def shaped(machine: Machine, seed: int) -> Machine:
     rng = np.random.default_rng((seed, 7))
     axes = []
     for number, axis in enumerate(machine.axes):
-        kind = str(rng.choice(["zv", "mzv", "ei", "2hei"]))
+        kind = str(rng.choice(get_args(ShaperType)))
         shaper = Shaper(kind, float(rng.uniform(8.0, 150.0)), float(rng.uniform(0.0, 0.3)))
         kept = shaper if not number or rng.random() < 0.6 else None
         axes.append(msgspec.structs.replace(axis, shaper=kept))

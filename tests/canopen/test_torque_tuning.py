@@ -9,12 +9,13 @@ import pytest
 
 from mcserver.canopen.torque_tuning import margins, measure_load, usual_gains
 from mcserver.drives.bus import Array, DriveMode, DriveState
+from mcserver.drives.cia402.loop_gains import DELAY_CYCLES
 from tests.canopen.rig import Desk
 from tests.drives.can_rig import COUNTS, Bench
 from tests.drives.torque_drive import INERTIA, RATED, TorqueDrive, torque_bench
 
 CYCLE_S = 1e-3
-GAINS = usual_gains(INERTIA, CYCLE_S)
+GAINS = usual_gains(INERTIA, CYCLE_S, DELAY_CYCLES)
 
 
 def held(inertia: float, *, friction: float = 0.0, load: float = 0.0) -> tuple[Bench, TorqueDrive]:
@@ -87,7 +88,7 @@ def test_what_does_not_move_or_moves_evenly_tells_nothing() -> None:
 
 @pytest.mark.parametrize(("beside", "stable"), [(1.15, True), (0.85, False)])
 def test_the_loop_is_stable_down_to_the_inertia_that_its_margin_says(beside: float, stable: bool) -> None:
-    margin = margins(GAINS, INERTIA, CYCLE_S)
+    margin = margins(GAINS, INERTIA, CYCLE_S, DELAY_CYCLES)
     assert margin.least < 0.5
     assert margin.greatest > 4.0
     assert margin.phase > math.radians(45.0)
@@ -103,7 +104,7 @@ def test_the_loop_is_stable_down_to_the_inertia_that_its_margin_says(beside: flo
 
 
 def test_a_loop_that_is_not_stable_has_no_margins() -> None:
-    margin = margins(GAINS, 0.1 * INERTIA, CYCLE_S)
+    margin = margins(GAINS, 0.1 * INERTIA, CYCLE_S, DELAY_CYCLES)
     assert (margin.least, margin.greatest, margin.phase) == (0.0, 0.0, 0.0)
 
 

@@ -5,13 +5,14 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from mcserver.canopen.torque_tuning import margins, usual_gains
 from mcserver.drives.cia402.drive import cia402_drive
 from mcserver.drives.cia402.loop_gains import ETHERCAT_DELAY_CYCLES
 from mcserver.errors import ConfigurationError
 from mcserver.executor.fault_codes import FaultCode
 from mcserver.machine.machine_file import Machine, parse_machine
 from tests.drives.fake_can import DISABLED
-from tests.ethercat.moving_slave import CST, CSV, INERTIA, rig_of
+from tests.ethercat.moving_slave import CST, CSV, CYCLE_S, INERTIA, MovingSlave, rig_of
 from tests.ethercat.rig import line_of
 
 
@@ -28,14 +29,24 @@ def test_an_axis_follows_its_setpoints_and_stands_where_they_end(drive: str) -> 
     assert rig.actuals[-1] == pytest.approx([0.4, 0.2], abs=5e-6)
 
 
-@pytest.mark.parametrize("share", [1.0 / 3.0, 4.0])
-def test_the_torque_loop_is_as_stable_as_on_can_with_other_inertias(share: float) -> None:
-    rig = rig_of(CST, inertia=share * INERTIA)
-    rig.set_off()
-    rig.run()
-    rig.step(3000)
-    tail = np.array(rig.actuals[-200:])
-    assert np.ptp(tail, axis=0).max() < 5e-6
+@pytest.mark.parametrize(("beside", "stable"), [(1.15, True), (0.85, False)])
+def test_the_torque_loop_is_stable_down_to_the_inertia_that_its_margin_says(
+    beside: float, stable: bool
+) -> None:
+    gains = usual_gains(INERTIA, CYCLE_S, ETHERCAT_DELAY_CYCLES)
+    margin = margins(gains, INERTIA, CYCLE_S, ETHERCAT_DELAY_CYCLES)
+    assert margin.least < 1.0 / 3.0
+    assert margin.greatest > 4.0
+    rig = rig_of(CST, inertia=beside * margin.least * INERTIA)
+    rig.program.capture()
+    rig.step(40)
+    (motor, _) = rig.drives
+    assert isinstance(motor, MovingSlave)
+    # a knock
+    motor.rate += 1.0
+    rig.step(250)
+    swing = np.abs(np.array(rig.actuals[40:])[:, 0] - rig.actuals[39][0])
+    assert bool(swing[-50:].max() < 0.5 * swing[:50].max()) is stable
 
 
 def test_torque_that_pulls_the_wrong_way_ends_in_a_few_cycles() -> None:

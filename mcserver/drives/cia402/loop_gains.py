@@ -43,6 +43,11 @@ GREATEST_SHARE_OF_RATED = 32.767
 D = TypeVar("D", bound="Cia402Drive")
 
 
+def lateness(delay: int) -> float:
+    """Return by how much a loop with readings `delay` cycles late has to be slower than one on CAN [1]."""
+    return (delay + 1) / (DELAY_CYCLES + 1)
+
+
 def complete_loop(drive: D, axis: AxisSection, cycle_s: float, bad: Refusal, delay: int = DELAY_CYCLES) -> D:
     """Fill in gains, inertia and greatest torque of a drive on a bus, and refuse what is not stable.
 
@@ -51,7 +56,7 @@ def complete_loop(drive: D, axis: AxisSection, cycle_s: float, bad: Refusal, del
     """
     replace = msgspec.structs.replace
     inertia = drive.inertia or SIMULATED_INERTIA
-    late = (delay + 1) / (DELAY_CYCLES + 1)
+    late = lateness(delay)
     if drive.mode == "cst":
         return _complete_torque_loop(drive, axis, cycle_s, late, bad)
     gain = drive.position_gain or min(20.0, USUAL_GAIN / (late * cycle_s))
