@@ -122,6 +122,7 @@ TITLES: Mapping[str, str] = MappingProxyType(
         "MC205": "the machine judges no bodies",
         "MC206": "a program brings no files",
         "MC207": "the program brings too many bodies",
+        "MC208": "the state cannot be saved, or not be brought back",
         "MC310": "there is no such tool",
         "MC311": "the tool takes no orientation",
         "MC312": "axes cannot be named while a tool is in force",

@@ -196,3 +196,19 @@ def test_a_check_says_what_it_assumes() -> None:
     text = "M66 P0 L3 Q5\no1 if [#5399 EQ 1]\nG1 X1 F100\no1 else\nG1 X1 Q5\no1 endif"
     (warning,) = check_program(text, machine("cnc", CHANNELS))
     assert (warning.code, warning.severity, warning.line) == ("MC166", "warning", 2)
+
+
+def test_a_state_is_brought_back_by_m72_and_at_the_end_of_a_call_that_has_saved_it() -> None:
+    inner = "o2 sub\nM73\nG90 G20\nX3\no2 return [4]\no2 endsub"
+    outer = "o1 sub\nM73\nG91 G55 F5\no2 call\nX1 Y#<_value>\no1 endsub"
+    moved = places(f"F100\n{inner}\n{outer}\nG10 L2 P2 X100\nG1 X1\no1 call\nX7")
+    assert moved == pytest.approx([1.0, 176.2, 177.2, 7.0])
+    assert places("F100\nM70\nG91 G20\nG1 X1\nM72\nX5\nG91\nM72\nX6") == pytest.approx([25.4, 5.0, 6.0])
+
+
+@pytest.mark.parametrize(
+    "text",
+    ["M72", "M73", "M70\nM71\nM72", "M70\nG68 X0 Y0 R30\nM72", "F9\nM70\nG41.1 D3\nG1 X9\nM72"],
+)
+def test_a_state_that_is_not_there_or_hangs_on_more_is_refused(text: str) -> None:
+    assert [each.code for each in check_program(text, MACHINE)] == ["MC208"]

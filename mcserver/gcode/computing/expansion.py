@@ -25,9 +25,11 @@ from mcserver.gcode.computing.o_words import (
     line_routine,
     may_be_statement,
     read_statement,
+    saves,
     shown_name,
 )
 from mcserver.gcode.computing.parameters import Kept, ParameterTable, check_own
+from mcserver.gcode.computing.saved_state import restoring_line, state_of
 from mcserver.gcode.line_faults import Origin, Span, in_file
 from mcserver.gcode.semantics.interpreter import Interpreter
 from mcserver.gcode.text.parser import ParsedLine
@@ -213,7 +215,7 @@ class Expansion:
         elif statement is not None:
             self._start(call_routine(statement))
             self.head = number
-        elif ("#" in text or "[" in text) and not text.lstrip().startswith("%"):
+        elif saves(text) or (("#" in text or "[" in text) and not text.lstrip().startswith("%")):
             self._start(line_routine(text, number))
             self._line = number
         else:
@@ -355,13 +357,45 @@ class Expansion:
             frame.at = step.target if frame.left[step.target - 1] > 0 else frame.at + 1
         elif step.kind == "call":
             self._call(frame, step)
+        elif step.kind == "state":
+            frame.at += 1
+            return self._save_or_restore(frame, step)
         else:
             returned = bool(step.values)
             value = step.values[0](self) if returned else 0.0
             self._parameters.set_named("_value", value)
             self._parameters.set_named("_value_returned", float(returned))
             frame.at = len(frame.routine.code)
+            if self._parameters.scopes[-1].returns:
+                return self._restore_state(frame, step)
         return None
+
+    def _save_or_restore(self, frame: Frame, step: Instruction) -> ParsedLine | None:
+        """Carry out one of M70 to M73, each for the call that it stands in (D-138)."""
+        scope = self._parameters.scopes[-1]
+        if step.name == "M71":
+            scope.saved, scope.returns = None, False
+        elif step.name == "M72":
+            return self._restore_state(frame, step)
+        elif step.name == "M73" and len(self._parameters.scopes) == 1:
+            raise ComputingError(
+                "MC208", "M73 stands outside of a subprogram", step.span, "write M70 and M72"
+            )
+        else:
+            scope.saved, scope.returns = state_of(self._interpreter, step.span), step.name == "M73"
+        return None
+
+    def _restore_state(self, frame: Frame, step: Instruction) -> ParsedLine | None:
+        saved = self._parameters.scopes[-1].saved
+        if saved is None:
+            hint = "write M70 ahead of it, in the same subprogram; a start behind M70 does not know it"
+            raise ComputingError("MC208", "no state is saved here", step.span, hint)
+        codes = restoring_line(saved, self._interpreter, step.span)
+        if not codes:
+            return None
+        parsed = self._interpreter.parse(codes, self._counted)
+        parsed.origin = Origin(step.line, lambda _: step.span, frame.routine.file)
+        return parsed
 
     def _give(self, frame: Frame, step: Instruction) -> ParsedLine | None:
         """Evaluate a line; what it sets is set when it has been interpreted."""

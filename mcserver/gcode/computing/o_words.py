@@ -40,6 +40,8 @@ _O_WORD = re.compile(
 # longer words first; blanks may stand anywhere: "else if" is elseif (LinuxCNC)
 _SPACED = "|".join(r"[ \t]*".join(word) for word in sorted(_WORDS, key=len, reverse=True))
 _KEYWORD = re.compile(rf"[ \t]*({_SPACED})(?![A-Z])", re.IGNORECASE)
+# M70 to M73 act between two lines (D-138)
+_SAVING = re.compile(r"[ \t]*(?:N[0-9]+[ \t]*)?(M[ \t]*0*7[0-3])[ \t\r]*", re.IGNORECASE)
 _COMMENT = re.compile(r"\([^()]*\)|;.*")
 # words with one value, and those that may have one
 _ASKS = frozenset({"while", "if", "elseif", "repeat"})
@@ -131,8 +133,9 @@ class Instruction:
     """A step of a routine.
 
     Attributes:
-        kind: ``line``, or an O-word's; ``test`` goes on at ``target`` where its value is 0, ``jump`` always,
-            ``again`` where the repetitions that began at ``target`` - 1 are not through.
+        kind: ``line``, ``state`` (M70 to M73, its name), or an O-word's; ``test`` goes on at ``target`` where
+            its value is 0, ``jump`` always, ``again`` where the repetitions that began at ``target`` - 1 are
+            not through.
         span: what is blamed.
     """
 
@@ -218,9 +221,7 @@ class BlockCompiler:
                 (1, len(text) + 1),
                 "let the main part of the program stand outside of O-words",
             )
-        step = Instruction("line", line)
-        step.template = LineTemplate(text)
-        self.routine.code.append(step)
+        self.routine.code.append(_line_step(text, line))
 
     def add_statement(self, statement: Statement) -> None:
         """Take an O-word."""
@@ -365,10 +366,25 @@ def line_routine(text: str, line: int) -> Routine:
         ComputingError: MC140, MC160.
     """
     routine = Routine("", line)
+    routine.code.append(_line_step(text, line))
+    return routine
+
+
+def saves(text: str) -> bool:
+    """Return whether a line is one of M70 to M73."""
+    return _SAVING.match(text) is not None and _SAVING.fullmatch(_COMMENT.sub("", text)) is not None
+
+
+def _line_step(text: str, line: int) -> Instruction:
+    if saves(text):
+        found = _SAVING.match(text)
+        assert found is not None
+        step = Instruction("state", line, (found.start(1) + 1, found.end(1) + 1))
+        step.name = f"M{found[1][-2:]}"
+        return step
     step = Instruction("line", line)
     step.template = LineTemplate(text)
-    routine.code.append(step)
-    return routine
+    return step
 
 
 def file_routine(name: str, text: str) -> Routine:

@@ -3,11 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from typing import TYPE_CHECKING
 
 import msgspec
 
 from mcserver.gcode.computing.expressions import ComputingError
 from mcserver.gcode.line_faults import Span
+
+if TYPE_CHECKING:
+    from mcserver.gcode.computing.saved_state import SavedState
 
 # these belong to a subprogram, with its named ones
 LOCAL = 30
@@ -20,11 +24,14 @@ _OF_THE_MACHINE = range(5061, 5603)
 class Scope:
     """The parameters of one call: #1 to #30, or as many as it has, and the names without underscore."""
 
-    __slots__ = ("named", "numbered")
+    __slots__ = ("named", "numbered", "returns", "saved")
 
     def __init__(self, arguments: tuple[float, ...] = (), local: int = LOCAL, unset: float = 0.0) -> None:
         self.numbered = [unset, *arguments, *[unset] * (local - len(arguments))]
         self.named: dict[str, float] = {}
+        # by M70 and M73 (D-138); brought back as the call returns
+        self.saved: SavedState | None = None
+        self.returns = False
 
 
 class Kept(msgspec.Struct, frozen=True):

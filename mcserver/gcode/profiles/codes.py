@@ -247,7 +247,7 @@ REFUSED: Final[Mapping[str, str]] = MappingProxyType(
             )
         },
         **{
-            f"M{number}": "modal state is not saved and restored here; let the post write it out"
+            f"M{number}": "state is saved in the profile cnc, by a line of its own; let the post write codes"
             for number in range(70, 74)
         },
         **dict.fromkeys(
