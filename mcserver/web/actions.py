@@ -13,7 +13,7 @@ from mcserver.errors import McError
 from mcserver.net.method_table import BY_NAME
 from mcserver.net.roles import roles_named
 from mcserver.web.control import Driver, needs_control
-from mcserver.web.delays import MAX_ORDER_DELAY_S, DelayGate
+from mcserver.web.delays import MAX_ORDER_DELAY_S, DelayGate, late_text
 from mcserver.web.formatting import page_hint
 from mcserver.web.link import MachineLink
 from mcserver.web.translation import mark, t
@@ -46,10 +46,7 @@ def was_late(gate: DelayGate) -> bool:
     """Whether what was pressed is too old to be done; says so where it is (MC604)."""
     if gate.delay_s <= MAX_ORDER_DELAY_S:
         return False
-    show_refusal(
-        t("This was pressed {seconds:.0f} s ago: the link was held up [MC604]", seconds=gate.delay_s),
-        t("look at the machine, then press it again"),
-    )
+    show_refusal(late_text(gate.delay_s), t("look at the machine, then press it again"))
     return True
 
 

@@ -10,11 +10,18 @@ from collections.abc import Callable
 
 from nicegui import ui
 
+from mcserver.web.translation import Message, mark
+
 # for so long at least the quickest message is the measure of the others [s]: longer than a link may be silent
 # before it is given up, shorter than it takes two clocks to drift apart
 MEASURED_S = 60.0
 # what was pressed may be so late [s]: then the page says that nothing comes, too (SILENT_MS in page.js)
 MAX_ORDER_DELAY_S = 3.0
+
+
+def late_text(delay_s: float) -> Message:
+    """Return that something was pressed too long ago to be done (MC604)."""
+    return mark("This was pressed {seconds:.1f} s ago: the link was held up [MC604]", seconds=delay_s)
 
 
 class DelayGate:

@@ -16,7 +16,7 @@ from typing import Protocol
 
 from mcclient.errors import MotionError
 
-from mcserver.web.delays import DelayGate
+from mcserver.web.delays import DelayGate, late_text
 
 log = logging.getLogger(__name__)
 
@@ -57,7 +57,11 @@ class HeldJog:
 
     async def press(self, press: int, move: Move, sent_s: float) -> None:
         """Start a move; ``press`` numbers the touch."""
-        if self._gate.observe(sent_s) > MAX_DELAY_S or (self._press is not None and press <= self._press):
+        delay_s = self._gate.observe(sent_s)
+        if delay_s > MAX_DELAY_S:
+            self._on_error(late_text(delay_s))
+            return
+        if self._press is not None and press <= self._press:
             return
         self._press, self._move, self._program = press, move, None
         async with self._busy:

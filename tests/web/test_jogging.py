@@ -68,6 +68,7 @@ async def test_what_was_under_way_for_too_long_starts_and_keeps_nothing() -> Non
     clock.now += 10.0
     await held.press(1, partial(machine.jog, 0, 20.0), 5.0 + 10.0 - MAX_DELAY_S - 0.1)
     assert machine.calls == []
+    assert said == ["This was pressed 0.4 s ago: the link was held up [MC604]"]
     await held.press(2, partial(machine.jog, 0, 20.0), 15.0)
     clock.now += 5.0
     await held.keep(2, 15.2)

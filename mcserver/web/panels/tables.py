@@ -158,9 +158,9 @@ class TablesPanel:
             length = ui.number(t("Length [mm]"), format="%.4f")
             diameter = ui.number(t("Diameter [mm]"), min=0.0, format="%.4f")
             name = ui.input(t("Name")).props("maxlength=60")
-            life = ui.number(t("Life [min], 0: no limit"), min=0.0, format="%.1f")
+            life = ui.number(t("Life [min], 0: no limit"), min=0.0, format="%g")
             with ui.row().classes("items-center"):
-                used = ui.number(t("Has cut [min]"), min=0.0, format="%.1f")
+                used = ui.number(t("Has cut [min]"), min=0.0, format="%g")
                 ui.button(t("A new one is fitted"), on_click=lambda: used.set_value(0.0)).props(
                     "outline dense"
                 )
