@@ -30,6 +30,8 @@ from typing import Any, Literal
 import msgspec
 
 Severity = Literal["error", "warning"]
+# remedy of MC025
+NEEDS_LINUX = "run it on Linux; check, simulate, plot, lsp, mcp and mcctl run here"
 
 
 class Edit(msgspec.Struct, frozen=True):

@@ -22,7 +22,7 @@ from mckinematics.errors import KinematicsError
 from mcserver.cli.console import narration, show_error
 from mcserver.cli.exit_codes import ExitCode, OutOfResources, OutputFault, exit_code_of
 from mcserver.cli.terminal_console import run_app
-from mcserver.errors import McError
+from mcserver.errors import NEEDS_LINUX, ConfigurationError, McError
 from mcserver.machine.machine_kinematics import as_configuration_error
 from mcserver.terminal import LogFormatter
 
@@ -147,8 +147,9 @@ def run_command_line(arguments: list[str] | None = None, app: typer.Typer | None
         show_error(_out_of_resources(error) or _from_os_error(error))
         return int(ExitCode.FAILED)
     except Exception as error:
-        show_error(_out_of_resources(error) or _internal(error))
-        return int(ExitCode.FAILED)
+        fault = _out_of_resources(error) or _internal(error)
+        show_error(fault)
+        return int(exit_code_of(fault))
 
 
 def _run(arguments: list[str] | None, app: typer.Typer | None) -> int:
@@ -233,6 +234,10 @@ def _internal(error: Exception) -> McError:
     if os.environ.get("MCSERVER_TRACEBACK"):
         for line in traceback.format_exc().splitlines():
             narration().print(line)
+    if isinstance(error, ModuleNotFoundError) and error.name in sys.stdlib_module_names:
+        return ConfigurationError(
+            "MC025", f"this command needs the module {error.name}, which Python has on Linux", NEEDS_LINUX
+        )
     frames = traceback.extract_tb(error.__traceback__)
     place = f" at {os.path.basename(frames[-1].filename)}:{frames[-1].lineno}" if frames else ""
     return McError(

@@ -14,7 +14,7 @@ import typer
 from mcserver.clearance.scene import Scene
 from mcserver.cli.console import NarrationHandler, narration
 from mcserver.cli.options import DEFAULT_MACHINE, MachineOption
-from mcserver.errors import ConfigurationError
+from mcserver.errors import NEEDS_LINUX, ConfigurationError
 from mcserver.machine.machine_file import BUILT_IN, Machine, load_machine
 from mcserver.machine.machine_kinematics import build_kinematics
 from mcserver.net.keys import is_name
@@ -67,7 +67,7 @@ def run(
         raise ConfigurationError(
             "MC025",
             f"a server's realtime cycle needs Linux, and this is {sys.platform}",
-            "run it on Linux; check, simulate, plot, lsp and mcctl run here",
+            NEEDS_LINUX,
         )
     described = named(load_machine(machine), name)
     build_kinematics(described)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 import platform
-import resource
 import subprocess
 import sys
 from collections import Counter
@@ -49,6 +48,8 @@ class RealtimeFacts(msgspec.Struct, frozen=True):
 
 def probe_realtime() -> RealtimeFacts:
     """Read limits and kernel files, and try SCHED_FIFO in a child."""
+    import resource  # of Unix alone; `--help` and `--version` import this module elsewhere, too
+
     soft, _ = resource.getrlimit(resource.RLIMIT_MEMLOCK)
     governors = Counter(
         governor

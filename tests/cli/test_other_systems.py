@@ -10,6 +10,7 @@ from pathlib import Path
 import pytest
 
 from mcserver.cli.run import run
+from mcserver.doctor import State, examine, worst
 from mcserver.errors import ConfigurationError
 
 ROOT = Path(__file__).parents[2]
@@ -45,7 +46,7 @@ import json
 from mcclient.cli import main
 from mcserver.cli.app import run_command_line
 for words in json.loads(sys.argv[1]):
-    assert run_command_line(words) == 0, words
+    assert run_command_line(words) == (3 if words[0] == "history" else 0), words
 sys.argv = ["mcctl", "--help"]
 main()
 """
@@ -59,6 +60,9 @@ def test_what_needs_no_cycle_checks_simulates_draws_serves_editors_and_operates(
         ["simulate", square],
         ["plot", square, "--output", str(tmp_path / "square.png")],
         *([name, "--help"] for name in ("lsp", "mcp", "grammar", "machine")),
+        ["--version"],
+        ["--help"],
+        ["history", str(tmp_path / "history")],
     ]
     done = subprocess.run(
         [sys.executable, "-c", COMMANDS, json.dumps(commands)],
@@ -72,7 +76,8 @@ def test_what_needs_no_cycle_checks_simulates_draws_serves_editors_and_operates(
     assert done.returncode == 0, told
     assert "no faults" in told
     assert "8.361 s" in told
-    assert told.count("Usage") == 5
+    assert told.count("Usage") == 6
+    assert "error[MC025]" in told
     assert "jog" in told
     assert (tmp_path / "square.png").stat().st_size > 10_000
 
@@ -82,3 +87,4 @@ def test_a_server_names_what_it_needs(monkeypatch: pytest.MonkeyPatch) -> None:
     with pytest.raises(ConfigurationError, match="needs Linux") as refused:
         run()
     assert refused.value.code == "MC025"
+    assert worst(examine()) is State.MISSING
