@@ -117,9 +117,8 @@ def _obstacle(tool: ToolModel, error: KinematicsError, path: JointPath) -> str:
     if isinstance(error, JointLimit) and error.axis is not None:
         column = chain.axes.index(error.axis)
         return f"axis {error.axis} (joint {chain.joint_names[column]!r}) is at its limit"
-    last = path.coefficients[:, -1]
-    width = path.knots[-1] - path.knots[-2]
-    slope = 3.0 * last[0] * width**2 + 2.0 * last[1] * width + last[2]
+    # where the last piece of the path begins, which is next to its end
+    slope = path.coefficients[2, -1]
     column = int(np.argmax(np.abs(slope) / tool.unit))
     joint = f"axis {chain.axes[column]} (joint {chain.joint_names[column]!r})"
     if isinstance(error, Unreachable):

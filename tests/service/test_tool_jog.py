@@ -75,10 +75,14 @@ def test_ways_in_all_directions_can_be_solved_or_name_a_joint() -> None:
         ("base", "A"),
         ("tool", "B"),
     )
+    obstacles = {}
     for (frame, word), way in itertools.product(ways, (-4.0, 4.0)):
         found = reachable_move(KINEMATICS, 1, BENT, word, frame, way)
         assert found.words.endswith(" T1")
         assert re.search(r"axis \d \(joint '|^-?170 deg are turned", found.obstacle), (frame, word, way)
+        obstacles[frame, word, way] = found.obstacle
+    assert obstacles["base", "Z", 4.0] == "axis 2 (joint 'joint_3') ends the reach"
+    assert obstacles["base", "Z", -4.0] == "axis 1 (joint 'joint_2') is at its limit"
 
 
 def test_a_tool_whose_joint_is_at_its_limit_is_refused_to_go_on_and_may_go_back() -> None:
