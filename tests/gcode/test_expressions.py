@@ -70,7 +70,7 @@ def test_no_bit_of_a_value_is_lost_on_its_way_into_a_word() -> None:
 
 def test_positions_and_offsets_are_read_as_they_are_before_the_line() -> None:
     text = "G21 F100\nG10 L2 P2 X5 Y-3\nG1 X4 Y2\nG55\nG1 X#5420 Y#<_y>\n"
-    text += "G1 Z[#5241+#5242+#5220]\nG20\nG1 X#<_abs_x>"
+    text += "G1 Z[#5241+#5242+#5220]\nG20\nG1 X#5021"
     moves, fault = moves_here(text)
     assert not fault
     assert moves[1] == pytest.approx((4.0, 2.0, 0.0))

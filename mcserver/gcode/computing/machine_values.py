@@ -27,6 +27,7 @@ _G92_ON = 5210
 _SYSTEM = 5220
 _OFFSETS_OF_TOOL = 5401
 _POSITIONS = 5420
+_MACHINE_POSITIONS = 5021
 _PROBE = 5061
 # numbered ones: the first of nine, and what of the frame they show
 _STORED = {5161: 28, 5181: 30}
@@ -141,6 +142,8 @@ class MachineValues:
             return angle / DEGREE
         if _POSITIONS <= number < _POSITIONS + 9:
             return self.position(number - _POSITIONS, span, absolute=False)
+        if _MACHINE_POSITIONS <= number < _MACHINE_POSITIONS + 9:
+            return self.position(number - _MACHINE_POSITIONS, span, absolute=True)
         single = {
             _G92_ON: float(frame.g92_on and bool(frame.g92)),
             _SYSTEM: float(frame.system),

@@ -18,7 +18,7 @@ LOCAL = 30
 # names that one program may give
 MOST_NAMES = 10_000
 # those of LinuxCNC that the machine has or measures: programs read them
-_OF_THE_MACHINE = range(5061, 5603)
+_OF_THE_MACHINE = frozenset({*range(5021, 5030), *range(5061, 5603)})
 
 
 class Scope:
