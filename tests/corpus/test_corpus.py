@@ -90,6 +90,8 @@ def test_g92_makes_the_position_read_its_words() -> None:
     assert ends("G0 X30\nG92 X0\nG92.2\nG92.3\nG0 X5") == [35.0, 0.0, 0.0]
     assert ends("G0 X30\nG92 X0\nG92.1\nG92.3\nG0 X5") == [5.0, 0.0, 0.0]
     assert ends("G52 X7\nG0 X1\nG52 X0\nG0 Y1") == [8.0, 1.0, 0.0]
+    for text in ("G52 X7\nG92 X0", "G92 X5\nG52 X0", "G52 X7\nG92.1"):
+        assert [each.code for each in errors(text, "cnc")] == ["MC186"]
 
 
 def test_g43_adds_the_tools_length_and_g49_takes_it_out() -> None:

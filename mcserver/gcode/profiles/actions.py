@@ -160,6 +160,7 @@ def act_before(block: BlockState, actions: tuple[Action, ...], effects: Effects)
             # no motion code is in force behind it, nor is a cycle
             block.end_motion_code()
         elif code in ("G92.1", "G92.2", "G92.3"):
+            _one_offset(block, action, frame.local, "write G52 with words of 0 ahead of it")
             kept: Offsets = {} if code == "G92.1" else frame.g92
             block.frame = msgspec.structs.replace(frame, g92=kept, g92_on=code != "G92.2")
     if spindle:
@@ -172,6 +173,7 @@ def act_after(block: BlockState, actions: tuple[Action, ...], effects: Effects) 
         if action.code == "G92":
             _set_g92(block, action)
         elif action.code == "G52":
+            _one_offset(block, action, block.frame.g92, "write G92.1 ahead of it")
             local = dict(block.frame.local)
             for axis, value in _axis_values(block, action):
                 local[axis] = value
@@ -273,7 +275,15 @@ def _axis_values(block: BlockState, action: Action) -> list[tuple[int, float]]:
     return list(found.items())
 
 
+def _one_offset(block: BlockState, action: Action, other: Offsets, hint: str) -> None:
+    """Refuse G52 beside G92: LinuxCNC has one offset for both, Fanuc's controllers have two."""
+    if any(other.values()) and block.setup.machine.dialect.macros != "fanuc":
+        shown = "G52 and G92 are one offset on LinuxCNC's controllers and two on Fanuc's"
+        block.faults.add("MC186", shown, action.span, hint)
+
+
 def _set_g92(block: BlockState, action: Action) -> None:
+    _one_offset(block, action, block.frame.local, "write G52 with words of 0 ahead of it")
     offsets = {} if not action.axes else dict(block.frame.g92)
     values = _axis_values(block, action)
     if not action.axes and block.setup.machine.dialect.profile == "printer":
