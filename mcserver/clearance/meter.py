@@ -89,6 +89,8 @@ class ClearanceMeter:
         # by names of the body and the slow zone the first time and line at which it was too fast
         self._too_fast: dict[tuple[str, str], tuple[float, Diagnostic]] = {}
         self._last: Array = np.array(start, dtype=np.float64)
+        # the bodies are there; None: they may be elsewhere
+        self._placed: Array | None = None
         self._block: list[tuple[Array, NDArray[np.int64], Array]] = []
         self._waiting = 0
         self._time = 0.0
@@ -233,11 +235,14 @@ class ClearanceMeter:
             if total[-1, pair] >= self._spare(pair) and not self._nearest[pair].contact
         ]
         heapq.heapify(due)
+        here, self._placed = -1, None
         while due and due[0][0] < len(rows):
             at, pair = due[0]
-            before = self._last if at == 0 else rows[at - 1]
+            if at != here:
+                here, before, after = at, self._last if at == 0 else rows[at - 1], rows[at]
             low = float(self._distance[pair] + base[pair] - total[at, pair] + moved[at, pair])
-            end, least = self._between(pair, before, rows[at], low, float(moved[at, pair]))
+            end = self._distance_at(pair, after)
+            least = self._between(pair, before, after, low, end, float(moved[at, pair]))
             if least < min(self._nearest[pair].distance, self._margin + FAR):
                 contact = least < self._margin
                 certain = self._scene.certain(pair)
@@ -270,26 +275,28 @@ class ClearanceMeter:
         spare = float(self._distance[pair]) - max(self._margin, nearer - max(RESOLUTION, SHARE * nearer))
         return max(spare, LEAST)
 
-    def _between(
-        self, pair: int, before: Array, after: Array, low: float, moved: float
-    ) -> tuple[float, float]:
-        """Return the distance at ``after`` and the least one found on the straight way there.
+    def _between(self, pair: int, before: Array, after: Array, low: float, end: float, moved: float) -> float:
+        """Return the least distance found on the straight way between two places.
 
         Args:
-            low: bound of the distance at ``before`` from below. moved: the most that the way changes it.
+            low: bound of the distance at ``before`` from below. end: the distance at ``after``.
+            moved: the most that the way changes it.
         """
-        self._scene.place(after)
-        end = self._scene.distance(pair)
         if end < self._margin or moved < FINEST or 0.5 * (low + end - moved) >= self._margin:
-            return end, end
-        self._scene.place(before)
-        start = self._scene.distance(pair)
+            return end
+        start = self._distance_at(pair, before)
         if 0.5 * (start + end - moved) >= self._margin:
-            return end, end
+            return end
         middle = 0.5 * (before + after)
-        halfway, least = self._between(pair, before, middle, start, 0.5 * moved)
-        rest = self._between(pair, middle, after, halfway, 0.5 * moved)
-        return end, min(least, *rest)
+        halfway = self._distance_at(pair, middle)
+        first = self._between(pair, before, middle, start, halfway, 0.5 * moved)
+        return min(first, self._between(pair, middle, after, halfway, end, 0.5 * moved))
+
+    def _distance_at(self, pair: int, positions: Array) -> float:
+        if positions is not self._placed:
+            self._scene.place(positions)
+            self._placed = positions
+        return self._scene.distance(pair)
 
 
 def held_there(fault: Diagnostic) -> Diagnostic:

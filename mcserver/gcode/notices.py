@@ -11,9 +11,10 @@ LONGEST = 200  # characters
 MESSAGE = re.compile(r"\([ \t]*(?:MSG|DEBUG|PRINT)[ \t]*,([^()]*)\)", re.IGNORECASE)
 # comments that would write a file of LinuxCNC's
 _LOGGING = re.compile(r"\([ \t]*((?:PROBE|LOG)(?:OPEN|CLOSE|APPEND)|LOG(?=[ \t]*,))", re.IGNORECASE)
-# what it brings with it, also where the comment lacks its end (D-131)
-_BODY = re.compile(r"\([ \t]*BODY[ \t]*,([^()]*)\)?|\([^()]*\)|;.*", re.IGNORECASE)
-_BRINGS = re.compile(r"\([ \t]*BODY[ \t]*,", re.IGNORECASE)
+# what it brings with it, also where the comment lacks its end, or the comma behind its first word (D-131)
+_HEAD = r"\([ \t]*BODY\b(?:[ \t]*,|(?=[^()]*,[ \t]*(?:box|cylinder|capsule|sphere|mesh)[ \t]*,))"
+_BODY = re.compile(rf"{_HEAD}([^()]*)\)?|\([^()]*\)|;.*", re.IGNORECASE)
+_BRINGS = re.compile(_HEAD, re.IGNORECASE)
 _COMMENT = re.compile(r"\(([^()]*)\)|;(.*)")
 # M117, and M0 or M1 with a text behind it, of printers
 DISPLAY = re.compile(

@@ -1,13 +1,16 @@
 """What clearance costs a cycle, and planted obstacles: found, or moved clear and not reported.
 
 ``python -m tests.bench.clearance --count 1000`` plants obstacles in the way of random motions of an arm, a
-dog, a mill and two arms, and moves each clear by a millimetre. With ``--stops 4`` it stops random programs
-of a mill beside obstacles that are just clear of what ``simulate --stops`` judges.
+dog, a mill and two arms, and moves each clear by a millimetre. With ``--stops`` it stops random programs of a
+mill in every cycle, beside obstacles that are just clear of what ``simulate --stops`` judges.
 """
 
 from __future__ import annotations
 
 import argparse
+import math
+import os
+import struct
 import tempfile
 import time
 from collections.abc import Callable, Sequence
@@ -23,8 +26,8 @@ from mcserver.clearance.sweep import FINEST, Sweep
 from mcserver.machine.machine_file import Machine, builtin_text, parse_machine
 from mcserver.units import MM
 from tests.bench.figures import Figure
-from tests.clearance.machines import block, middle_of, mill, two_arms
-from tests.clearance.stopping import brute_force
+from tests.clearance.machines import VISE, block, middle_of, mill, two_arms
+from tests.clearance.stopping import ORDERS, Running, clear_by_a_hair, least_of, random_program
 
 Array = NDArray[np.float64]
 
@@ -41,40 +44,52 @@ BETWEEN = 8
 MOST_A_CYCLE = 20e-3
 # of a margin of 1 mm as it is held [mm]
 JUST_CLEAR = 0.98
+# of programs that are stopped in every cycle: share of the usual way, and lines
+SHORT, SHORT_LINES = 0.05, 3
 MARGIN_ZERO = "[clearance]\nmargin_mm = 0.0\n"
 
 
 def measure() -> list[Figure]:
     """Microseconds a cycle beside the machine's time."""
+    with tempfile.TemporaryDirectory() as folder:
+        machines = {
+            "arm6": _robot("arm6"),
+            "robot-dog": _robot("robot-dog"),
+            "two arms": two_arms(Path(folder), "[clearance]\n"),
+            "mill": mill(VISE),
+        }
+        return [figure for name, machine in machines.items() for figure in _figures(name, machine)]
+
+
+def _figures(name: str, machine: Machine) -> list[Figure]:
     found = []
-    for name, machine in (("arm6, 36 pairs", _robot("arm6")), ("robot-dog, 256 pairs", _robot("robot-dog"))):
-        rows = random_motion(machine, 1, CYCLES // 250)
-        meter = ClearanceMeter(machine, rows[0])
-        times, lines = np.arange(len(rows)) * machine.cycle_s, np.ones(len(rows), np.int64)
-        begin = time.process_time()
-        meter.take(times, lines, rows)
-        meter.contacts()
-        simulated = (time.process_time() - begin) / len(rows)
-        # as they are handed over, with nothing that would end them
-        assert machine.clearance is not None
-        sweep = Sweep(Scene(machine), machine.clearance.margin)
-        moved, still = np.ones(len(machine.axes), np.bool_), np.zeros(len(machine.axes))
-        # what touches in random motion comes nearly so near
-        margin = np.full(len(sweep.scene.pairs), machine.clearance.margin)
-        floors = np.minimum(margin, _least_distances(sweep.scene, rows[::5]) - NEARLY)
-        begin = time.process_time()
-        for at in range(0, len(rows) - HANDED_OVER, HANDED_OVER):
-            sweep.first_contact(rows[at : at + HANDED_OVER + 1], still, moved, floors)
-        judged = (time.process_time() - begin) / len(rows)
-        for what, spent in (("simulated", simulated), ("judged as it is handed over", judged)):
-            found.append(
-                Figure(
-                    f"{name}, {what}: the machine's time",
-                    machine.cycle_s / spent,
-                    "× of the processor's",
-                    goal="≥ 30 ×",
-                )
+    rows = random_motion(machine, 1, CYCLES // 250)
+    meter = ClearanceMeter(machine, rows[0])
+    times, lines = np.arange(len(rows)) * machine.cycle_s, np.ones(len(rows), np.int64)
+    begin = time.process_time()
+    meter.take(times, lines, rows)
+    meter.contacts()
+    simulated = (time.process_time() - begin) / len(rows)
+    # as they are handed over, with nothing that would end them
+    assert machine.clearance is not None
+    sweep = Sweep(Scene(machine), machine.clearance.margin)
+    moved, still = np.ones(len(machine.axes), np.bool_), np.zeros(len(machine.axes))
+    # what touches in random motion comes nearly so near
+    margin = np.full(len(sweep.scene.pairs), machine.clearance.margin)
+    floors = np.minimum(margin, _least_distances(sweep.scene, rows[::5]) - NEARLY)
+    begin = time.process_time()
+    for at in range(0, len(rows) - HANDED_OVER, HANDED_OVER):
+        sweep.first_contact(rows[at : at + HANDED_OVER + 1], still, moved, floors)
+    judged = (time.process_time() - begin) / len(rows)
+    for what, spent in (("simulated", simulated), ("judged as it is handed over", judged)):
+        found.append(
+            Figure(
+                f"{name}, {len(sweep.scene.pairs)} pairs, {what}: the machine's time",
+                machine.cycle_s / spent,
+                "× of the processor's",
+                goal="≥ 30 ×",
             )
+        )
     return found
 
 
@@ -172,16 +187,40 @@ def _least(machine: Machine, rows: Array) -> float:
     return least
 
 
-def _stop_anywhere(seeds: Sequence[int], stops: int) -> int:
-    """Stop programs beside obstacles that they just stay clear of, and say how near they came."""
-    nearest = {seed: brute_force(seed, stops) for seed in seeds}
-    touched = [seed for seed, least in nearest.items() if least < JUST_CLEAR]
-    print(f"{len(seeds)} programs, {stops} stops each: {len(touched)} too near {touched[:9]}")
-    middle = np.median(list(nearest.values()))
-    print(
-        f"least distance {min(nearest.values()):.3f} mm, half of them below {middle:.3f} mm; 1 mm is wanted"
-    )
+def _stop_anywhere(seeds: Sequence[int]) -> int:
+    """Stop programs in every cycle, beside obstacles that they just stay clear of: how near do they come."""
+    found = []
+    for seed in seeds:
+        lines = random_program(seed, SHORT)[:SHORT_LINES]
+        found.append(_every_stop(lines, clear_by_a_hair(seed, lines)))
+        stops, nearest = sum(count for count, _ in found), min(least for _, least in found)
+        print(f"{len(found)} programs, {stops} stops: nearest {nearest:.3f} mm, 1 mm is wanted", flush=True)
+    touched = [seed for seed, (_, least) in zip(seeds, found, strict=True) if least < JUST_CLEAR]
+    print(f"{len(touched)} came too near {touched[:9]}")
     return 1 if touched else 0
+
+
+def _every_stop(lines: Sequence[str], machine: Machine) -> tuple[int, float]:
+    """Return how often a program was stopped, in every cycle by the orders in turn, and how near bodies came
+    [mm].
+    """
+    run, scene = Running(lines, machine), Scene(machine)
+    stops, least = 0, math.inf
+    while not run.over:
+        run.cycle()
+        # in a copy of this process
+        reading, writing = os.pipe()
+        child = os.fork()
+        if not child:
+            run.stop(ORDERS[stops % len(ORDERS)])
+            os.write(writing, struct.pack("d", least_of(scene, run.rows[stops:])))
+            os._exit(0)
+        os.close(writing)
+        least = min(least, *struct.unpack("d", os.read(reading, 8)))
+        os.close(reading)
+        os.waitpid(child, 0)
+        stops += 1
+    return stops, least
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -189,11 +228,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser = argparse.ArgumentParser()
     parser.add_argument("--first", type=int, default=0)
     parser.add_argument("--count", type=int, default=1000)
-    parser.add_argument("--stops", type=int, default=0, help="stop so many times in each program instead")
+    parser.add_argument("--stops", action="store_true", help="stop programs in every cycle instead")
     asked = parser.parse_args(arguments)
     seeds = range(asked.first, asked.first + asked.count)
     if asked.stops:
-        return _stop_anywhere(seeds, asked.stops)
+        return _stop_anywhere(seeds)
     missed, alarms = [], []
     with tempfile.TemporaryDirectory() as folder:
         for seed in seeds:

@@ -28,72 +28,104 @@ NO_NEARER = 0.05
 FAR_AWAY = 250.0
 # So many cycles before the nearest place a stop may begin that ends there.
 BEFORE = 120
+# What has not moved for so many cycles is at rest; and how many times as long that may take.
+AT_REST = 50
+MOST_WAITS = 60
 
 
 def judged(lines: Sequence[str], machine: Machine) -> Simulation:
     return simulate_lines(lambda: iter(lines), machine, stops=True, kinematics=build_kinematics(machine))
 
 
+class Running:
+    """A program that runs, cycle by cycle, and is stopped in one.
+
+    Attributes:
+        rows: where axes are in every cycle so far, each of shape (K,) [m, rad].
+    """
+
+    def __init__(self, lines: Sequence[str], machine: Machine) -> None:
+        self._executor = executor = VirtualExecutor(machine)
+        executor.open_slot(0, (1 << len(machine.axes)) - 1)
+        self.rows: list[NDArray[np.float64]] = []
+        executor.recorder = lambda _t, _line, _setpoint, actual: self.rows.append(actual.copy())
+        kinematics = build_kinematics(machine)
+        start = StartState.of(machine)
+        self._pipeline = Pipeline(machine, executor.sink(0), start=start, kinematics=kinematics)
+        self._pipeline.lines.put(1, list(lines))
+        self._pipeline.lines.closed = True
+
+    def cycle(self) -> None:
+        while self._pipeline.pump():
+            pass
+        self._executor.step(1)
+        for event in self._executor.events():
+            self._pipeline.on_event(event)
+
+    @property
+    def over(self) -> bool:
+        """Whether the program has ended and nothing moves any more."""
+        return self._executor.at_rest and bool(self.rows)
+
+    def stop(self, order: str, column: int = 0) -> None:
+        """Give an order, or lose the drive of a column, and wait until nothing moves."""
+        mailbox = self._executor.mailbox
+        if order == "hold":
+            mailbox.set_hold(True, 0)
+        elif order == "abort":
+            mailbox.abort(0)
+        elif order in LOSSES:
+            [bus] = self._executor.buses
+            assert isinstance(bus, SimulatedBus)
+            bus.trip(column) if order == "trip" else bus.silence(column)
+        else:
+            mailbox.emergency_stop()
+        for _ in range(MOST_WAITS):
+            self._executor.step(AT_REST)
+            if not np.ptp(self.rows[-AT_REST:], axis=0).any():
+                return
+        raise AssertionError("it does not come to rest")
+
+
 def stopped(
     lines: Sequence[str], machine: Machine, cycle: int, order: str, column: int = 0
-) -> tuple[NDArray[np.float64], bool]:
-    """Where axes are in every cycle (n, K) [m, rad] of a run that is stopped in one, or loses the drive of a
-    column, and whether it was over.
-    """
-    executor = VirtualExecutor(machine)
-    executor.open_slot(0, (1 << len(machine.axes)) - 1)
-    rows: list[NDArray[np.float64]] = []
-    executor.recorder = lambda _t, _line, _setpoint, actual: rows.append(actual.copy())
-    kinematics = build_kinematics(machine)
-    pipeline = Pipeline(machine, executor.sink(0), start=StartState.of(machine), kinematics=kinematics)
-    pipeline.lines.put(1, list(lines))
-    pipeline.lines.closed = True
-    while len(rows) < cycle:
-        while pipeline.pump():
-            pass
-        executor.step(1)
-        for event in executor.events():
-            pipeline.on_event(event)
-    ended = executor.at_rest
-    if order == "hold":
-        executor.mailbox.set_hold(True, 0)
-    elif order == "abort":
-        executor.mailbox.abort(0)
-    elif order in LOSSES:
-        [bus] = executor.buses
-        assert isinstance(bus, SimulatedBus)
-        bus.trip(column) if order == "trip" else bus.silence(column)
-    else:
-        executor.mailbox.emergency_stop()
-    # longer than any stop takes, and running on by friction
-    executor.step(600 if order in ORDERS else 1500)
-    return np.array(rows), ended
+) -> NDArray[np.float64]:
+    """Where axes are in every cycle (n, K) [m, rad] of a run that is stopped in one, or loses a drive."""
+    run = Running(lines, machine)
+    while len(run.rows) < cycle:
+        run.cycle()
+    run.stop(order, column)
+    return np.array(run.rows)
 
 
-def least_of(machine: Machine, rows: NDArray[np.float64]) -> float:
+def least_of(scene: Scene, rows: Sequence[NDArray[np.float64]]) -> float:
     """The least distance of any pair in any cycle [mm]."""
-    scene = Scene(machine)
     least = np.inf
-    for row in rows[np.append(True, np.diff(rows, axis=0).any(axis=1))]:
-        scene.place(row)
-        least = min(least, *(scene.distance(pair) for pair in range(len(scene.pairs))))
+    for number, row in enumerate(rows):
+        if not number or (row != rows[number - 1]).any():
+            scene.place(row)
+            least = min(least, *(scene.distance(pair) for pair in range(len(scene.pairs))))
     return float(least) / MM
 
 
-def random_program(seed: int) -> list[str]:
+def random_program(seed: int, scale: float = 1.0) -> list[str]:
+    """A program of the mill, about where its tip begins; ``scale``: of its way."""
     draw = random.Random(seed)
     lines = ["G1010"]
     for _ in range(draw.randint(2, 5)):
         letters = draw.sample("XYZ", draw.randint(1, 3))
-        low = {"X": 0.0, "Y": -80.0, "Z": 20.0}
-        words = [f"{letter}{draw.uniform(low[letter], 200.0):.2f}" for letter in letters]
+        start, low = {"X": 0.0, "Y": 0.0, "Z": 100.0}, {"X": 0.0, "Y": -80.0, "Z": 20.0}
+        words = []
+        for each in letters:
+            place = start[each] + scale * (draw.uniform(low[each], 200.0) - start[each])
+            words.append(f"{each}{place:.2f}")
         lines.append(f"{draw.choice(('G0', 'G0', 'G1020', 'G1 F12000', 'G1 F3000'))} {' '.join(words)}")
     return lines
 
 
-def clear_by_a_hair(seed: int, made: Callable[..., Machine] = mill) -> tuple[Machine, list[str]]:
-    """A random program, and a mill with an obstacle that is moved up to it until it would be refused."""
-    draw, lines = random.Random(seed), random_program(seed)
+def clear_by_a_hair(seed: int, lines: Sequence[str], made: Callable[..., Machine] = mill) -> Machine:
+    """A mill with an obstacle that is moved up to a program until it would be refused."""
+    draw = random.Random(seed)
     free = made(block("post", (0.0, 0.0, 9000.0), 1.0))
     found = simulate_lines(lambda: iter(lines), free, record=True)
     assert found.recording is not None
@@ -113,14 +145,15 @@ def clear_by_a_hair(seed: int, made: Callable[..., Machine] = mill) -> tuple[Mac
         middle = 0.5 * (near + far)
         clear = judged(lines, at(middle)).report["ok"]
         near, far = (near, middle) if clear else (middle, far)
-    return at(far), lines
+    return at(far)
 
 
 def brute_force(seed: int, stops: int, made: Callable[..., Machine] = mill) -> float:
     """The least distance of a random program from an obstacle that is just clear of it, where it is stopped
     in some cycles [mm].
     """
-    machine, lines = clear_by_a_hair(seed, made)
+    lines = random_program(seed)
+    machine = clear_by_a_hair(seed, lines, made)
     draw, found = random.Random(seed), judged(lines, machine)
     if not found.report["ok"]:
         return np.inf
@@ -131,7 +164,7 @@ def brute_force(seed: int, stops: int, made: Callable[..., Machine] = mill) -> f
         last = nearest[0] if nearest and number % 2 == 0 else cycles
         first = max(5, last - BEFORE) if last != cycles else 5
         cycle = draw.randint(first, max(first + 1, last))
-        least = min(least, least_of(machine, stopped(lines, machine, cycle, draw.choice(ORDERS))[0]))
+        least = min(least, least_of(Scene(machine), [*stopped(lines, machine, cycle, draw.choice(ORDERS))]))
     return least
 
 
@@ -160,7 +193,7 @@ def planted_loss(
     scene = Scene(free)
     column = draw.randrange(len(free.axes))
     at = draw.randint(5, cycles)
-    rows, _ = stopped(lines, free, at, draw.choice(LOSSES), column)
+    rows = stopped(lines, free, at, draw.choice(LOSSES), column)
     # at the end of its run the bound is tight
     place = middle_of(scene, body, rows[-1])
     before = middle_of(scene, body, rows[at - 1])

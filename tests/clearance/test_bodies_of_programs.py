@@ -129,6 +129,7 @@ GARBAGE = [
     ("(BODY, a, box, 1 1 1, 0 0 0, turned 1 2 3, turned 1 2 3)", "MC204", 44),
     ("(BODY, a, stl, /etc/passwd, 0 0 0)", "MC206", 11),
     ("(BODY, a, mesh, vise.stl, 0 0 0)", "MC206", 11),
+    ("G1 X1 F100 (BODY a, box, 1 1 1, 0 0 0)", "MC204", 12),
     ("(BODY, a, box, 1 1 1, 0 0 0)(BODY, a, box, 2 2 2, 0 0 0)", "MC204", 29),
     ("G1 X1 F100 ( body , a, box, 1)", "MC204", 12),
 ]

@@ -64,6 +64,8 @@ def read_bodies(block: BlockState) -> None:
         whole = (found.start() + 1, found.end() + 1)
         try:
             clearance = block.setup.machine.clearance
+            if block.parsed.text[found.start(1) - 1] != ",":
+                raise _Faulty("MC204", "a comma is missing behind BODY", whole)
             if clearance is None:
                 message = "this machine judges no bodies, so that nothing would stay clear of this one"
                 hint = "name what moves by [[body]] in the machine file, or [clearance] for a URDF"
