@@ -277,7 +277,7 @@ def test_a_chunk_is_played_at_its_times_and_the_next_one_takes_over_anywhere() -
     assert_limits(rig)
 
 
-@pytest.mark.parametrize("seed", [0, 5, 6, 10, 15, 27, 171])
+@pytest.mark.parametrize("seed", [0, 5, 15, 31, 171])
 def test_a_hostile_stream_keeps_every_limit(seed: int) -> None:
     assert broken_laws_of_streams(seed)[0] == []
 

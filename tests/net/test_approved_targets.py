@@ -66,19 +66,19 @@ async def refused(site: Site, client: str = BOT, **request: object) -> str:
 async def test_targets_lead_no_axis_further_faster_or_longer_than_the_run_that_was_looked_at(
     site: Site,
 ) -> None:
-    await approved(site, override=50.0)
+    await approved(site)
     program = await opened(site)
     site.cell.service.set_override(2.0, program.program)
-    assert program.override == 0.5
-    await stream(site, program, 1.2, [0.3])
-    await stream(site, program, 1.2, [-9.0], by_velocity=True)
+    assert program.override == 1.0
+    await stream(site, program, 0.7, [0.3])
+    await stream(site, program, 0.7, [-9.0], by_velocity=True)
     await stream(site, program, 9.0, [0.2], [0.2], [-0.2], [-0.2])
     await site.cell.ended(program)
     assert program.fault is not None
     assert program.fault.code == "MC463"
     assert site.extent() == pytest.approx((0.0, 50.0), abs=1e-6)
     speed = np.abs(np.diff(np.array(site.rows)[:, 0])).max() / site.machine.cycle_s
-    assert speed == pytest.approx(0.5 * 0.1, rel=0.11)
+    assert speed == pytest.approx(0.1, rel=0.11)
 
 
 async def test_without_an_approval_of_targets_for_this_client_and_these_axes_nothing_is_energized(
@@ -114,7 +114,7 @@ async def test_an_axis_that_stands_outside_is_not_led(site: Site) -> None:
 async def test_a_tip_that_leaves_its_box_stops_the_stream(tmp_path: Path) -> None:
     arm = Site(load_machine("arm6"), tmp_path)
     # one joint after the other: the tip is in no place where both are far
-    await approved(arm, "G1010\nG91\nG94 F1200\nG01 [1]10\nG01 [1]-10\nG01 [2]10\nG01 [2]-10")
+    await approved(arm, "G1010\nG91\nG94 F6000\nG01 [1]10\nG01 [1]-10\nG01 [2]10\nG01 [2]-10")
     program = await opened(arm)
     far = [math.radians(10.0) + arm.machine.axes[axis].initial_position for axis in (1, 2)]
     await stream(arm, program, 6.0, far)

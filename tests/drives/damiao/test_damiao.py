@@ -172,7 +172,7 @@ def test_a_motor_that_was_switched_off_and_on_between_two_cycles_is_disabled_and
     assert Order.ENABLE.payload not in bench.said
 
 
-@given(st.lists(st.binary(max_size=9), max_size=30))
+@given(st.lists(st.binary(max_size=9), max_size=12))
 def test_no_answer_breaks_an_axis(answers: list[bytes]) -> None:
     bench = Bench().boot()
     for answer in answers:
@@ -181,7 +181,7 @@ def test_no_answer_breaks_an_axis(answers: list[bytes]) -> None:
     assert all(identifier in (3, REGISTERS) for identifier, _ in bench.port.sent)
 
 
-@given(st.lists(st.tuples(st.sampled_from([3, REGISTERS]), st.binary(max_size=9)), max_size=30))
+@given(st.lists(st.tuples(st.sampled_from([3, REGISTERS]), st.binary(max_size=9)), max_size=12))
 def test_no_frame_breaks_a_motor(frames: list[tuple[int, bytes]]) -> None:
     sent: list[int] = []
     motor = DamiaoNode(3, 0x13, lambda identifier, _payload: sent.append(identifier), RANGES)

@@ -196,7 +196,7 @@ def test_a_fault_of_the_motor_is_latched_and_reset(bits: int, fault: DriveFault)
 
 
 @given(
-    st.lists(st.tuples(st.sampled_from(sorted(feedback_identifiers(3))), st.binary(max_size=9)), max_size=30)
+    st.lists(st.tuples(st.sampled_from(sorted(feedback_identifiers(3))), st.binary(max_size=9)), max_size=12)
 )
 def test_no_answer_breaks_an_axis(answers: list[tuple[int, bytes]]) -> None:
     bench = Bench().boot()
@@ -206,7 +206,7 @@ def test_no_answer_breaks_an_axis(answers: list[tuple[int, bytes]]) -> None:
     assert all(identifier & (EXTENDED | 0xFF) == EXTENDED | 3 for identifier, _ in bench.port.sent)
 
 
-@given(st.lists(st.tuples(st.integers(0, 31), st.integers(0, 0xFFFF), st.binary(max_size=9)), max_size=30))
+@given(st.lists(st.tuples(st.integers(0, 31), st.integers(0, 0xFFFF), st.binary(max_size=9)), max_size=12))
 def test_no_frame_breaks_a_motor(frames: list[tuple[int, int, bytes]]) -> None:
     sent: list[int] = []
     motor = RobstrideNode(3, lambda identifier, _payload: sent.append(identifier), RANGES)
