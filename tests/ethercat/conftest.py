@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import os
+import tempfile
 from collections.abc import Callable, Iterator
+from contextlib import closing, contextmanager
 from pathlib import Path
 
 import pytest
@@ -13,14 +15,42 @@ from tests.ethercat.rig import Cycle, Namespace, SimulatedLine, line_of, missing
 Start = Callable[..., tuple[SimulatedLine, Cycle]]
 
 
-@pytest.fixture
-def namespace() -> Iterator[Namespace]:
+@contextmanager
+def a_namespace(name: str) -> Iterator[Namespace]:
     lacking = missing_means()
     if lacking:
         pytest.skip(lacking)
-    made = Namespace(f"mc-ec-{os.getpid()}")
-    yield made
-    made.close()
+    made = Namespace(f"{name}-{os.getpid()}")
+    try:
+        yield made
+    finally:
+        made.close()
+
+
+@pytest.fixture
+def namespace() -> Iterator[Namespace]:
+    with a_namespace("mc-ec") as made:
+        yield made
+
+
+@pytest.fixture(scope="module")
+def lasting() -> Iterator[tuple[SimulatedLine, Cycle]]:
+    """Three drives for the tests of a module: a process takes longer to start than a fault to be seen."""
+    with a_namespace("mc-ecl") as made, tempfile.TemporaryDirectory() as folder:
+        file = Path(folder) / "line.toml"
+        file.write_text(line_of(3))
+        with closing(SimulatedLine(made, file)) as line, closing(Cycle(made, line_of(3))) as cycle:
+            yield line, cycle
+
+
+@pytest.fixture
+def energized(lasting: tuple[SimulatedLine, Cycle]) -> tuple[SimulatedLine, Cycle]:
+    """The three drives without faults, energized where they stand."""
+    line, cycle = lasting
+    line.control.clear()
+    cycle.until(lambda: {state["al"] for state in line.control.states()} == {"OP"}, "in OP")
+    cycle.energize()
+    return lasting
 
 
 @pytest.fixture

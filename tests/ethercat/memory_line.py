@@ -34,6 +34,7 @@ class MemorySlave:
         self.input = bytes(data.tpdos[0].length)
         self.word = DISABLED
         self.jumps: list[int] = []
+        self.jammed = False
         self._sample()
         self._next = self.input
 
@@ -77,7 +78,8 @@ class MemorySlave:
             self._follow()
 
     def _follow(self) -> None:
-        self.objects[0x6064, 0] = self.objects[0x607A, 0]
+        if not self.jammed:
+            self.objects[0x6064, 0] = self.objects[0x607A, 0]
 
     def _sample(self) -> None:
         self.input = self._sampled()

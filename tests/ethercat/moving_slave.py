@@ -26,10 +26,11 @@ class MovingSlave(MemorySlave):
         if self.exact is None:
             self.exact = float(self.objects[0x6064, 0])
         before = self.rate
-        if self.word == ENABLED and self.objects[0x6060, 0] == 10:
+        mode = self.objects[0x6060, 0] if self.word == ENABLED and not self.jammed else 0
+        if mode == 10:
             torque = self.sign * self.objects[0x6071, 0] * RATED / 1000.0
             self.rate += torque / self.inertia * CYCLE_S
-        elif self.word == ENABLED and self.objects[0x6060, 0] == 9:
+        elif mode == 9:
             self.rate = before = self.objects[0x60FF, 0] * 2.0 * math.pi / COUNTS
         else:
             self.rate = before = 0.0

@@ -80,6 +80,7 @@ class SimulatedLine:
     """`mcserver drive-sim` at the end ec1; of a ring at ec3, too."""
 
     def __init__(self, namespace: Namespace, file: Path) -> None:
+        self.namespace = namespace
         command = [sys.executable, "-m", "mcserver", "drive-sim", "--machine", str(file)]
         command += ["--interface", "ec1"]
         command += ["--interface", "ec3"] if "redundant_interface" in file.read_text() else []
@@ -155,6 +156,11 @@ class Cycle:
         chosen = list(columns) or list(range(len(self.machine.axes)))
         self.setpoints.mode[chosen] = mode
         self.until(lambda: bool((self.feedback.state[chosen] == state).all()), state.name)
+
+    def energize(self) -> None:
+        """G1000 and G1010 on all axes."""
+        self.command(DriveMode.RESET, DriveState.OFF)
+        self.command(DriveMode.POSITION, DriveState.ENERGIZED)
 
     def close(self) -> None:
         self.bus.close()

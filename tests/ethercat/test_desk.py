@@ -142,8 +142,3 @@ def test_a_line_without_a_master_says_what_its_slaves_have_counted(
     for axis in ("0", "1"):
         assert bus["drives"][axis]["status"] == "switch on disabled"
         assert bus["drives"][axis]["line_errors"]["lost links"] == [0, 0, 0, 0]
-
-
-def test_a_motor_is_not_measured_over_a_line(file: str, capsys: Capture) -> None:
-    assert run_command_line(["drives", "tune", "0", "-m", file]) == 2
-    assert "MC559" in capsys.readouterr().err

@@ -8,12 +8,9 @@ import pytest
 from mcserver.drives.bus import DriveFault, DriveMode, DriveState
 from mcserver.errors import McError
 from tests.ethercat.conftest import Start
-from tests.ethercat.rig import Cycle, Namespace, line_of
+from tests.ethercat.rig import Cycle, SimulatedLine, line_of
 
-
-def energized(cycle: Cycle) -> None:
-    cycle.command(DriveMode.RESET, DriveState.OFF)
-    cycle.command(DriveMode.POSITION, DriveState.ENERGIZED)
+On = tuple[SimulatedLine, Cycle]
 
 
 @pytest.mark.parametrize("mode", ["csp", "csv"])
@@ -41,36 +38,33 @@ def test_drives_are_captured_in_torque_mode(start: Start) -> None:
     assert {state["al"] for state in line.control.states()} == {"OP"}
 
 
-def test_a_lost_frame_is_ridden_through(start: Start) -> None:
-    line, cycle = start(2)
-    energized(cycle)
+def test_a_lost_frame_is_ridden_through(energized: On) -> None:
+    line, cycle = energized
     line.control.fault(1, "frame_loss", frames=2)
     cycle.run(30)
-    assert cycle.feedback.state.tolist() == [DriveState.ENERGIZED] * 2
+    assert cycle.feedback.state.tolist() == [DriveState.ENERGIZED] * 3
 
 
 def test_frames_that_stay_out_are_a_bus_that_is_away(start: Start) -> None:
     line, cycle = start(2, silence_cycles=3)
-    energized(cycle)
+    cycle.energize()
     line.control.fault(1, "frame_loss", frames=300)
     cycle.until(lambda: bool(cycle.feedback.fault.all()), "a fault")
     assert set(cycle.feedback.fault.tolist()) <= {DriveFault.BUS_DOWN, DriveFault.COMMUNICATION}
     assert cycle.feedback.state.tolist() == [DriveState.FAULT] * 2
 
 
-def test_a_slave_that_exchanges_nothing_is_a_fault_by_the_working_counter(start: Start) -> None:
-    line, cycle = start(2)
-    energized(cycle)
+def test_a_slave_that_exchanges_nothing_is_a_fault_by_the_working_counter(energized: On) -> None:
+    line, cycle = energized
     line.control.fault(2, "mute")
     cycle.until(lambda: bool(cycle.feedback.fault.any()), "a fault")
     assert set(cycle.feedback.fault.tolist()) <= {DriveFault.NONE, DriveFault.COMMUNICATION}
     line.control.clear()
-    energized(cycle)
+    cycle.energize()
 
 
-def test_a_drive_that_leaves_op_is_named_brought_back_and_not_energized(start: Start) -> None:
-    line, cycle = start(3)
-    energized(cycle)
+def test_a_drive_that_leaves_op_is_named_brought_back_and_not_energized(energized: On) -> None:
+    line, cycle = energized
     line.control.fault(2, "safe_op", code=0x1B)
     cycle.until(lambda: bool(cycle.feedback.fault.any()), "a fault")
     assert cycle.feedback.fault.tolist() == [0, DriveFault.NOT_OPERATIONAL, 0]
@@ -82,9 +76,8 @@ def test_a_drive_that_leaves_op_is_named_brought_back_and_not_energized(start: S
     cycle.command(DriveMode.POSITION, DriveState.ENERGIZED, 1)
 
 
-def test_a_drive_that_is_unplugged_and_plugged_in_is_configured_again(start: Start) -> None:
-    line, cycle = start(3)
-    energized(cycle)
+def test_a_drive_that_is_unplugged_and_plugged_in_is_configured_again(energized: On) -> None:
+    line, cycle = energized
     line.control.fault(3, "unplug")
     cycle.until(lambda: bool(cycle.feedback.fault[2]), "a fault")
     cycle.run(50)
@@ -105,7 +98,7 @@ def test_a_ring_that_is_cut_goes_on_and_is_closed_again(
     start: Start, caplog: pytest.LogCaptureFixture, cable: int
 ) -> None:
     line, cycle = start(3, bus='redundant_interface = "ec2"')
-    energized(cycle)
+    cycle.energize()
     for change, said in (
         (lambda: line.control.fault(cable, "cut"), "open at axis 0"),
         (line.control.clear, "closed"),
@@ -120,19 +113,19 @@ def test_a_ring_that_is_cut_goes_on_and_is_closed_again(
 
 def test_a_ring_goes_on_without_its_last_drive_and_has_it_back(start: Start) -> None:
     line, cycle = start(3, bus='redundant_interface = "ec2"')
-    energized(cycle)
+    cycle.energize()
     line.control.fault(3, "unplug")
     cycle.until(lambda: bool(cycle.feedback.fault.any()), "a fault")
     cycle.run(50)
     assert cycle.feedback.state.tolist() == [DriveState.ENERGIZED, DriveState.ENERGIZED, DriveState.FAULT]
     line.control.clear(3)
     cycle.until(lambda: line.control.state(3)["al"] == "OP", "OP again")
-    energized(cycle)
+    cycle.energize()
 
 
 def test_drives_that_reboot_or_whose_process_ends_are_latched_and_found_again(start: Start) -> None:
     line, cycle = start(2)
-    energized(cycle)
+    cycle.energize()
     line.control.fault(2, "sdo_abort", index=0x6060, code=0x06090030)
     line.control.fault(2, "reboot")
     cycle.until(lambda: bool(cycle.feedback.fault[1]), "a fault")
@@ -141,50 +134,47 @@ def test_drives_that_reboot_or_whose_process_ends_are_latched_and_found_again(st
     assert line.control.state(2)["al"] == "PREOP"
     line.control.clear()
     cycle.until(lambda: line.control.state(2)["al"] == "OP", "OP again")
-    energized(cycle)
+    cycle.energize()
     line.kill()
     cycle.until(lambda: bool(cycle.feedback.fault.all()), "a fault")
     assert set(cycle.feedback.fault.tolist()) <= {DriveFault.BUS_DOWN, DriveFault.COMMUNICATION}
 
 
-def test_an_error_of_the_drive_stops_it_with_its_code(start: Start) -> None:
-    line, cycle = start(2)
-    energized(cycle)
+def test_an_error_of_the_drive_stops_it_with_its_code(energized: On) -> None:
+    line, cycle = energized
     line.control.fault(1, "emcy", code=0x2310)
     cycle.until(lambda: bool(cycle.feedback.fault[0]), "a fault")
-    assert cycle.feedback.fault.tolist() == [DriveFault.EMERGENCY, 0]
+    assert cycle.feedback.fault.tolist() == [DriveFault.EMERGENCY, 0, 0]
     assert cycle.feedback.detail[0] == 0x2310
     cycle.command(DriveMode.RESET, DriveState.OFF, 0)
     cycle.command(DriveMode.POSITION, DriveState.ENERGIZED, 0)
 
 
-def test_a_released_drive_gets_no_energy(start: Start) -> None:
-    line, cycle = start(2, drive="")
-    energized(cycle)
+def test_a_released_drive_gets_no_energy(energized: On) -> None:
+    line, cycle = energized
     cycle.setpoints.mode[0] = DriveMode.SILENT
     cycle.until(lambda: line.control.state(1)["power"] != "OPERATION_ENABLED", "off")
     assert cycle.feedback.state[1] == DriveState.ENERGIZED
 
 
-def test_a_second_master_is_refused_before_it_resets_anything(start: Start, namespace: Namespace) -> None:
-    _, cycle = start(2)
-    energized(cycle)
+def test_a_second_master_is_refused_before_it_resets_anything(energized: On) -> None:
+    line, cycle = energized
     refused: list[str] = []
 
     def second() -> int:
         with pytest.raises(McError) as error:
-            Cycle(namespace, line_of(2))
+            Cycle(line.namespace, line_of(3))
         refused.append(error.value.code)
         return 0
 
     cycle.run_beside(second, wanted=0)
     assert refused == ["MC560"]
-    assert cycle.feedback.state.tolist() == [DriveState.ENERGIZED] * 2
+    assert cycle.feedback.state.tolist() == [DriveState.ENERGIZED] * 3
 
 
 def test_a_drive_with_profiles_of_its_own_goes_to_points(start: Start) -> None:
     line, cycle = start(1, drive='mode = "pp"')
-    energized(cycle)
+    cycle.energize()
     cycle.setpoints.goal[:] = 0.005
     cycle.setpoints.goal_speed[:] = 0.05
     cycle.until(lambda: abs(cycle.feedback.position[0] - 0.005) < 2e-5, "at its goal")
@@ -193,7 +183,7 @@ def test_a_drive_with_profiles_of_its_own_goes_to_points(start: Start) -> None:
 
 def test_a_mode_is_changed_under_way(start: Start) -> None:
     line, cycle = start(1, drive="rated_torque = 1.0")
-    energized(cycle)
+    cycle.energize()
     cycle.setpoints.velocity[:] = 0.02
     cycle.command(DriveMode.VELOCITY, DriveState.ENERGIZED)
     cycle.until(lambda: abs(cycle.feedback.velocity[0] - 0.02) < 2e-3, "at speed")

@@ -52,6 +52,10 @@ def tripped(rig: LineRig) -> None:
     rig.drives[1].fail(0x2310)
 
 
+def jammed(rig: LineRig) -> None:
+    rig.drives[1].jammed = True
+
+
 FAULTS: list[tuple[Cause, FaultCode, int]] = [
     (frames_lost, FaultCode.BUS_DOWN, 0),
     (silent, FaultCode.DRIVE_SILENT, 0),
@@ -59,13 +63,17 @@ FAULTS: list[tuple[Cause, FaultCode, int]] = [
     (left_op, FaultCode.NOT_OPERATIONAL, 1),
     (switched_off, FaultCode.DRIVE_REBOOTED, 1),
     (tripped, FaultCode.EMERGENCY_MESSAGE, 1),
+    (jammed, FaultCode.FOLLOWING_ERROR, 1),
 ]
+# to `max_following_error` at 0.2 m/s
+JAMMED_CYCLES = 25
 
 
 def mend(rig: LineRig) -> None:
     rig.master.silent = set()
     rig.master.lost = 0
     rig.say(AlState.OP, AlState.OP)
+    rig.drives[1].jammed = False
 
 
 @pytest.mark.parametrize("drive", ["", CSV, CST], ids=["csp", "csv", "cst"])
@@ -81,7 +89,7 @@ def test_a_fault_stops_its_group_within_three_cycles_and_is_recovered_without_a_
         lambda: mend(rig),
         code=code,
         axis=axis,
-        within=3 + 1,
+        within=3 + 1 + JAMMED_CYCLES * (cause is jammed),
         off_m=5e-5 if drive is CST else 1e-6,
     )
     assert [jump for drive in rig.drives for jump in drive.jumps] == [0] * 4
