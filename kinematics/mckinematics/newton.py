@@ -15,6 +15,7 @@ DAMPED_BELOW = 1e-3
 LARGEST_GAIN = 1e4
 # inverse Jacobians are kept as long as each step brings the residual below this share
 CHORD_GAIN = 0.1
+ITERATIONS = 10
 
 
 def joint_step(tool: ToolModel, jacobians: Array, rates: Array) -> Array:
@@ -70,10 +71,8 @@ def joint_slope(tool: ToolModel, joints: Array, jacobians: Array, rates: Array, 
     return joint_step(tool, jacobians, rates - (jacobians @ spare[..., None])[..., 0]) + spare
 
 
-def newton(
-    tool: ToolModel, joints: Array, targets: Targets, *, iterations: int = 10
-) -> tuple[Array, BoolArray]:
-    """Joint positions for poses, from guesses near by; joint limits are not looked at.
+def newton(tool: ToolModel, joints: Array, targets: Targets) -> tuple[Array, BoolArray]:
+    """Return joint positions for poses, from guesses near by; joint limits are not looked at.
 
     The inverse Jacobians are kept while they do well (the chord method): forward kinematics alone is far
     quicker, and guesses this near lose little by it.
@@ -87,7 +86,7 @@ def newton(
     residual, jacobians = tool.linearise(joints, targets)
     inverse = _inverse(tool, jacobians)
     size = np.abs(residual).max()
-    for _ in range(iterations):
+    for _ in range(ITERATIONS):
         if size < RESIDUAL_FLOOR:
             return joints.copy(), np.ones(len(joints), dtype=bool)
         step = joint_step(tool, jacobians, residual) if inverse is None else _apply(inverse, residual)

@@ -42,10 +42,10 @@ class MonotonicClock:
             pass
 
 
-def take_realtime_priority(priority: int = PRIORITY) -> bool:
+def take_realtime_priority() -> bool:
     """Put this thread under SCHED_FIFO; False without the right to."""
     try:
-        os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(priority))
+        os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(PRIORITY))
     except OSError:
         return False
     return True

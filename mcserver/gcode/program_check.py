@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Iterable, Mapping
 
 import msgspec
 from mckinematics.pose import Kinematics
@@ -37,44 +37,21 @@ from mcserver.motion.canonical import (
 CHANGES_OF_A_BEAM = 5
 # codes and macros that are not done here: each is said once, with the count of its lines
 _OF_CODES = frozenset({"MC110", "MC141", "MC145"})
-Progress = Callable[[int, int], None]
-PROGRESS_STEP = 1000  # lines between two reports
 MOST_FAULTS = 20_000  # a file with more is not one for this machine, and its faults must not fill the memory
 _COMMENTS = re.compile(r"\([^()]*\)?|;.*|%.*")
 
 
 def check_program(
-    text: str,
-    machine: Machine,
-    kinematics: Kinematics | None = None,
-    progress: Progress | None = None,
-    *,
-    positions: Mapping[int, float] | None = None,
-    lease: frozenset[int] | None = None,
-    at_rest: bool = False,
+    text: str, machine: Machine, kinematics: Kinematics | None = None, *, at_rest: bool = False
 ) -> list[Diagnostic]:
-    """Find every fault of a program, in reading order; tools' paths are solved too.
-
-    After a faulty line the check goes on from a best guess: a motion's endpoint counts as reached if it is
-    known, and a feed or tool that could not be read causes no further faults in the lines that use it.
-
-    Args:
-        text: the whole program.
-        progress: called with (lines read, lines in all) about every `PROGRESS_STEP` lines.
-        positions: where the axes start [m or rad]; the drives' initial positions by default.
-        lease: axes that the program may use; all by default.
-        at_rest: no axis is energized at the start, so warn of a first move on such axes (MC144).
-    """
-    lines = split_lines(text)
-    checked = None if progress is None else lambda done: progress(done, len(lines))
-    return check_lines(lines, machine, kinematics, checked, positions=positions, lease=lease, at_rest=at_rest)
+    """Find every fault of a whole text as `check_lines` does."""
+    return check_lines(split_lines(text), machine, kinematics, at_rest=at_rest)
 
 
 def check_lines(
     lines: Iterable[str],
     machine: Machine,
     kinematics: Kinematics | None = None,
-    progress: Callable[[int], None] | None = None,
     *,
     positions: Mapping[int, float] | None = None,
     lease: frozenset[int] | None = None,
@@ -82,12 +59,17 @@ def check_lines(
     frame: Frame | None = None,
     switches: Switches = AS_WRITTEN,
 ) -> list[Diagnostic]:
-    """Find the faults of a program as `check_program` does, however long it is: it is read line by line.
+    """Find every fault of a program, read line by line however long it is; tools' paths are solved too.
+
+    After a faulty line the check goes on from a best guess: a motion's endpoint counts as reached if it is
+    known, and a feed or tool that could not be read causes no further faults in the lines that use it.
 
     Args:
-        lines: without their ends. progress: called with the lines read about every `PROGRESS_STEP` lines,
-            and at the end. frame: work offsets at the start; None: the machine file's. switches: of the
-            operator. The others as in `check_program`.
+        lines: without their ends.
+        positions: where the axes start [m or rad]; the drives' initial positions by default.
+        lease: axes that the program may use; all by default.
+        at_rest: no axis is energized at the start, so warn of a first move on such axes (MC144).
+        frame: work offsets at the start; None: the machine file's. switches: of the operator.
 
     Returns:
         The faults in reading order; behind `MOST_FAULTS` of them the check ends (MC158).
@@ -101,10 +83,7 @@ def check_lines(
         survey.empty = len(window.first) < BLOCK and not any(map(_code, window.first))
         expansion = expansion_of(interpreter, Source.ASSUMED)
         while not window.ended and not interpreter.ended and survey.room:
-            before = window.done
             _check_next(interpreter, expansion, window, survey)
-            if progress is not None and window.done // PROGRESS_STEP > before // PROGRESS_STEP:
-                progress(window.done)
     except ProgramRejected as rejected:
         # bytes that are no text, or a line that no machine takes: what the others say would be guesses
         return list(rejected.diagnostics)
@@ -121,8 +100,6 @@ def check_lines(
     for value in interpreter.finish():
         survey.value(value)
     survey.faults(_warnings_of(expansion.assumed))
-    if progress is not None:
-        progress(window.done)
     return survey.diagnostics(window.done)
 
 

@@ -60,12 +60,6 @@ def test_what_follows_the_end_is_not_read() -> None:
     assert check("M30", "GO1 X--1") == []
 
 
-def test_progress_is_reported_up_to_the_last_line() -> None:
-    seen: list[tuple[int, int]] = []
-    check_program("F100\nG01 X1\n" * 1500, CARTESIAN, progress=lambda done, total: seen.append((done, total)))
-    assert seen == [(1000, 3000), (2000, 3000), (3000, 3000), (3000, 3000)]
-
-
 @pytest.mark.parametrize("text", ["", "\n\n", "%\n%", "\ufeffG20"])
 def test_empty_programs_and_a_byte_order_mark_are_fine(text: str) -> None:
     assert check_program(text, CARTESIAN) == []
