@@ -114,7 +114,7 @@ class MachineService:
         self.forecasts = Forecasts(port, machine.cycle_s)
         self.texts = KeptTexts(options.journal.with_suffix(".texts"))
         self.when_gone: list[Callable[[str], None]] = []
-        self.recovery = Recovering(machine, planning, self._table, self._journal_written)
+        self.recovery = Recovering(machine, planning, self._table, self.journal_written)
         self._absences = Absences(self._loop, self._forsake)
         self.on_program_ended.append(lambda program: self._absences.forget(program.program))
         self._counter = 0
@@ -587,7 +587,7 @@ class MachineService:
         mine = {key: program for key, program in self._table.programs.items() if program_id in (None, key)}
         found = [program.status() for program in reversed(mine.values()) if ended or not program.ended]
         if ended and len(found) < limit:
-            await self._journal_written()
+            await self.journal_written()
             older = await asyncio.to_thread(
                 read_programs, self.options.journal, limit=limit + len(mine), program=program_id
             )
@@ -664,7 +664,7 @@ class MachineService:
         for program in reversed(open_programs(self._table.programs, None)):
             self._table.stop(program, "faulted", fault.message, fault)
 
-    async def _journal_written(self) -> None:
+    async def journal_written(self) -> None:
         """Wait until what was journaled so far can be read; not for ever, should it not be written."""
         written: asyncio.Future[None] = self._loop.create_future()
         self._table.journal.after(lambda: None if written.done() else written.set_result(None))

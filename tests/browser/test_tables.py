@@ -125,7 +125,7 @@ def test_a_tool_is_measured_named_and_used_and_is_asked_for_when_its_life_is_use
             expect(page.get_by_text("tool 3 has cut", exact=False).last).to_contain_text("[MC602]")
             press(page.get_by_role("button", name="Change a tool …"))
             press(dialog.get_by_role("button", name="A new one is fitted"))
-            expect(dialog.get_by_label("Has cut [min]")).to_have_value("0.0")
+            expect(dialog.get_by_label("Has cut [min]")).to_have_value("0")
             press(dialog.get_by_role("button", name="Set", exact=True))
             expect(rows.get_by_text("T3: used 60", exact=False).first).to_be_visible()
             page.get_by_role("button", name="Resume").first.click()

@@ -97,7 +97,7 @@ def test_every_code_of_the_server_is_explained() -> None:
 
 
 CLAMP = '[[output]]\nnumber = 0\nname = "clamp"\n'
-CNC = f'[machine]\nname = "mill"\n[dialect]\nprofile = "cnc"\n{axes_text()}{CLAMP}'
+CNC = f'[machine]\nname = "mill"\n[dialect]\nprofile = "cnc"\n{axes_text(range(3))}{CLAMP}'
 
 
 async def test_the_codes_of_this_machines_profile_are_known() -> None:
