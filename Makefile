@@ -23,7 +23,7 @@ export PIP_NO_INPUT := 1
 # each process of a test would read every source anew
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: sdks build-sdks help demo dog test test-clients test-all test-computing test-computing-beside test-clocked test-clocked-alone socketcan socketcan-long faults soak ros-peer fire fuzz schedules laws lint format docs bench pictures clean
+.PHONY: race sdks build-sdks help demo dog test test-clients test-all test-computing test-computing-beside test-clocked test-clocked-alone socketcan socketcan-long faults soak ros-peer fire fuzz schedules laws lint format docs bench pictures clean
 
 help:  ## this list
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*##/\t/' | expand -t 16
@@ -99,6 +99,9 @@ build-sdks: $(VENV)/.for-development
 
 sdks: $(VENV)/.for-development build-sdks  ## build the SDKs of other languages and drive them against a real server
 	$(BIN)/python -m pytest tests/sdks $(ARGS)
+
+race:  ## the tests of the Go SDK under the race detector, which needs a C compiler
+	cd clients/go && go test -race -timeout 300s ./...
 
 faults: $(VENV)/.for-development  ## each fault of a CAN drive in a moving group: what happened, in cycles
 	@$(BIN)/python -m tests.e2e_can.faults $(ARGS)

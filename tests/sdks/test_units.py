@@ -2,18 +2,16 @@
 
 from __future__ import annotations
 
-import shutil
 
 from tests.e2e.servers import ROOT
 from tests.sdks.conftest import go_tool, needed, typescript
 from tests.sdks.languages import build
 
 
-def test_the_go_sdk_passes_its_tests_under_the_race_detector() -> None:
+def test_the_go_sdk_passes_its_tests() -> None:
     go, folder = go_tool(), ROOT / "clients" / "go"
     build([go, "vet", "./..."], folder)
-    # the race detector needs a C compiler
-    build([go, "test", *(["-race"] if shutil.which("gcc") else []), "-timeout", "100s", "./..."], folder)
+    build([go, "test", "-timeout", "100s", "./..."], folder)
 
 
 def test_the_go_sdk_is_formatted() -> None:
