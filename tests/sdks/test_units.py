@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-
 from tests.e2e.servers import ROOT
 from tests.sdks.conftest import go_tool, needed, typescript
 from tests.sdks.languages import build
