@@ -56,6 +56,11 @@ class Nearest:
     contact: bool = False
     certain: bool = True
 
+    def told_mm(self, digits: int) -> float:
+        """Return the distance [mm]; of a contact rounded down, so that none is told as the margin itself."""
+        distance = self.distance / MM
+        return math.floor(distance * 10**digits) / 10**digits if self.contact else round(distance, digits)
+
 
 class ClearanceMeter:
     """Looks at every cycle of a simulated run.
@@ -165,6 +170,9 @@ class ClearanceMeter:
     def report(self) -> dict[str, Any]:
         """Return ``margin_mm``, ``least_mm`` (None: all stayed far apart), ``pairs``, the nearest first, and
         ``assumed_on``, the zones that an input switches.
+
+        Of a pair that comes nearer than the margin it is the distance of the first contact: what the run would
+        do behind it is not measured.
         """
         self._look()
         least: dict[tuple[str, str], Nearest] = {}
@@ -174,7 +182,7 @@ class ClearanceMeter:
         rows = [
             {
                 "bodies": list(names),
-                "least_mm": round(nearest.distance / MM, 3),
+                "least_mm": nearest.told_mm(3),
                 "time_s": round(nearest.time, 6),
                 "line": nearest.line,
             }
@@ -193,7 +201,7 @@ class ClearanceMeter:
 
     def _diagnostic(self, pair: Pair, nearest: Nearest) -> Diagnostic:
         one, other = pair.names
-        away = f"{max(0.0, nearest.distance) / MM:.2f} mm, {self._margin / MM:g} wanted"
+        away = f"{max(0.0, nearest.told_mm(2)):.2f} mm, {self._margin / MM:g} wanted"
         where = f"at {nearest.time:.3f} s" if nearest.line else "before the program begins"
         if pair.zone:
             message, hint = (

@@ -127,16 +127,24 @@ def check_assertions(
         else:
             coordinates.of(each.of, row)
         if each.what == "clearance":
-            _check_clearance(max(bounds), machine)
+            _check_clearance(bounds, machine)
 
 
-def _check_clearance(bound: float, machine: Machine) -> None:
+def _check_clearance(bounds: Sequence[float], machine: Machine) -> None:
     if machine.clearance is None:
         raise Refused("MC331", f"{machine.name} names no bodies, so nothing is clear", "add [clearance]")
-    reported = REPORTED_MM + machine.clearance.margin * 1e3
-    if bound > reported:
+    margin = machine.clearance.margin * 1e3
+    if min(bounds) < margin:
+        # of a pair in contact the distance of the first contact is known, not its least
         raise Refused(
-            "MC331", f"a clearance of {bound:g} mm: distances up to {reported:g} mm are told", "ask for less"
+            "MC331",
+            f"a clearance of {min(bounds):g} mm: what is nearer than the margin, {margin:g} mm, is a contact",
+            "ask for the margin or more, or make `margin_mm` of [clearance] less",
+        )
+    reported = REPORTED_MM + margin
+    if max(bounds) > reported:
+        raise Refused(
+            "MC331", f"a clearance of {max(bounds):g} mm: distances up to {reported:g} mm are told", "ask for less"
         )
 
 

@@ -72,7 +72,7 @@ def test_coordinates_and_the_speed_of_a_tool_are_bounded() -> None:
 
 def test_the_least_clearance_is_bounded() -> None:
     text = "G1010\nG0 T3 X460 Y0 Z500\nG1 X420 Y-150 Z400 F6000\n"
-    least = judged("clearance least=0", text, POST)
+    least = judged("clearance least=5", text, POST)
     assert least["holds"]
     assert least["value"] is not None
     found = judged(f"clearance least={least['value'] + 1}", text, POST)
@@ -115,6 +115,12 @@ def test_times_of_a_program_that_does_not_keep_to_them_are_its_times() -> None:
 def test_what_cannot_be_judged_is_refused(asked: Assertion) -> None:
     with pytest.raises(Refused, match="MC331"):
         simulate(PROGRAM, load_machine("cartesian"), assertions=[asked])
+
+
+def test_a_clearance_below_the_margin_is_refused_as_only_first_contacts_are_measured() -> None:
+    for asked in (Assertion("clearance", least=4.9), Assertion("clearance", least=1.0, most=9.0)):
+        with pytest.raises(Refused, match="nearer than the margin, 5 mm, is a contact"):
+            simulate("G1010", load_machine(POST), assertions=[asked])
 
 
 def test_a_clearance_that_is_not_measured_is_refused() -> None:
