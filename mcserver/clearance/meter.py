@@ -171,8 +171,8 @@ class ClearanceMeter:
         """Return ``margin_mm``, ``least_mm`` (None: all stayed far apart), ``pairs``, the nearest first, and
         ``assumed_on``, the zones that an input switches.
 
-        Of a pair that comes nearer than the margin it is the distance of the first contact: what the run would
-        do behind it is not measured.
+        Of a pair that comes nearer than the margin it is the distance of the first contact: what the run
+        would do behind it is not measured.
         """
         self._look()
         least: dict[tuple[str, str], Nearest] = {}

@@ -144,7 +144,9 @@ def _check_clearance(bounds: Sequence[float], machine: Machine) -> None:
     reported = REPORTED_MM + margin
     if max(bounds) > reported:
         raise Refused(
-            "MC331", f"a clearance of {max(bounds):g} mm: distances up to {reported:g} mm are told", "ask for less"
+            "MC331",
+            f"a clearance of {max(bounds):g} mm: distances up to {reported:g} mm are told",
+            "ask for less",
         )
 
 
