@@ -136,6 +136,8 @@ def test_an_executor_that_was_stopped_at_speed_stays_where_it_was(process: Execu
     os.kill(process.pid, signal.SIGSTOP)
     threading.Event().wait(1.0)
     before = process.feedback.setpoint[0]
+    # it may have been stopped within a cycle, which it brings to its end
+    under_way = process.feedback.velocity[0] * machine().cycle_s
     os.kill(process.pid, signal.SIGCONT)
     events: list[ExecutorEvent] = []
 
@@ -146,7 +148,7 @@ def test_an_executor_that_was_stopped_at_speed_stays_where_it_was(process: Execu
     eventually(stopped)
     beating.stop()
     assert [event.code for event in events if event.kind is EventKind.FAULT] == [459, 459]
-    assert process.feedback.setpoint[0] == before
+    assert 0.0 <= process.feedback.setpoint[0] - before <= 1.1 * under_way
     assert process.feedback.velocity[0] == 0.0
 
 
