@@ -56,8 +56,8 @@ class Nearest:
     contact: bool = False
     certain: bool = True
 
-    def told_mm(self, digits: int) -> float:
-        """Return the distance [mm]; of a contact rounded down, so that none is told as the margin itself."""
+    def distance_mm(self, digits: int) -> float:
+        """Return the distance [mm]; of a contact rounded down, so that none reads as the margin itself."""
         distance = self.distance / MM
         return math.floor(distance * 10**digits) / 10**digits if self.contact else round(distance, digits)
 
@@ -182,7 +182,7 @@ class ClearanceMeter:
         rows = [
             {
                 "bodies": list(names),
-                "least_mm": nearest.told_mm(3),
+                "least_mm": nearest.distance_mm(3),
                 "time_s": round(nearest.time, 6),
                 "line": nearest.line,
             }
@@ -201,7 +201,7 @@ class ClearanceMeter:
 
     def _diagnostic(self, pair: Pair, nearest: Nearest) -> Diagnostic:
         one, other = pair.names
-        away = f"{max(0.0, nearest.told_mm(2)):.2f} mm, {self._margin / MM:g} wanted"
+        away = f"{max(0.0, nearest.distance_mm(2)):.2f} mm, {self._margin / MM:g} wanted"
         where = f"at {nearest.time:.3f} s" if nearest.line else "before the program begins"
         if pair.zone:
             message, hint = (

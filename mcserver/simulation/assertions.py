@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from mcserver.errors import Diagnostic, Refused, UsageFault
 from mcserver.machine.machine_file import Machine
 from mcserver.simulation.coordinates import Array, Coordinates
+from mcserver.units import MM
 
 if TYPE_CHECKING:
     from mckinematics.solver import MachineKinematics
@@ -133,7 +134,7 @@ def check_assertions(
 def _check_clearance(bounds: Sequence[float], machine: Machine) -> None:
     if machine.clearance is None:
         raise Refused("MC331", f"{machine.name} names no bodies, so nothing is clear", "add [clearance]")
-    margin = machine.clearance.margin * 1e3
+    margin = machine.clearance.margin / MM
     if min(bounds) < margin:
         # of a pair in contact the distance of the first contact is known, not its least
         raise Refused(

@@ -123,6 +123,14 @@ def test_a_clearance_below_the_margin_is_refused_as_only_first_contacts_are_meas
             simulate("G1010", load_machine(POST), assertions=[asked])
 
 
+def test_a_clearance_of_the_margin_itself_is_judged_whatever_its_digits(tmp_path: Path) -> None:
+    # 1.3e-3 * 1e3 is more than 1.3
+    file = tmp_path / "machine.toml"
+    file.write_text(Path(POST).read_text("utf-8").replace("margin_mm = 5.0", "margin_mm = 1.3"), "utf-8")
+    asked = [Assertion("clearance", least=1.3)]
+    assert simulate("G1010", load_machine(str(file)), assertions=asked).report["assertions"][0]["holds"]
+
+
 def test_a_clearance_that_is_not_measured_is_refused() -> None:
     with pytest.raises(Refused, match="distances up to 55 mm are told"):
         simulate("G1010", load_machine(POST), assertions=[Assertion("clearance", least=56.0)])
