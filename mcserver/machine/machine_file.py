@@ -54,6 +54,7 @@ from mcserver.machine.sections import (
     MachineSection,
     MotionSection,
     RecorderSection,
+    Rollover,
 )
 from mcserver.machine.shaper_section import Shaper, Shaping, check_shapers
 from mcserver.machine.toml_positions import Path as TomlPath
@@ -78,6 +79,7 @@ class Axis(msgspec.Struct, frozen=True):
     ``gantry``: it is the second drive of another axis; None: programs move it.
     ``follow``: the gear or cam by which it follows another axis once it is coupled; None: it cannot.
     ``compensation``: of its mechanics; with it, limits are what is left of the file's for programs.
+    ``rollover``: how absolute words of ``cnc`` turn it within one turn (D-139); None: as written.
     """
 
     index: int
@@ -98,6 +100,7 @@ class Axis(msgspec.Struct, frozen=True):
     compensation: Compensation | None = None
     gantry: Gantry | None = None
     follow: Follow | None = None
+    rollover: Rollover | None = None
 
     @property
     def profiled(self) -> bool:
@@ -317,6 +320,7 @@ def _read_machine(raw: dict[str, Any], folder: Path | None, mistakes: Mistakes) 
         inputs=inputs,
         folder=folder,
     )
+    _check_rollover(file["axis"], dialect, mistakes)
     letters = {**LETTERS, **dialect.letters}
     probe = read_probe(file.get("probe"), letters, scales, mistakes) if sound else None
     if probe is not None:
@@ -486,6 +490,9 @@ def _axis_to_si(
         if drive.profiled:
             what = "its drive makes the profiles itself"
             mistakes.add((*path, "compensation"), what, 'use csp or ip there: mode = "pp" goes to points')
+    if axis.rollover is not None and (axis_type is AxisType.LINEAR or low > -math.inf or high < math.inf):
+        what = "is for rotary axes that turn without end"
+        mistakes.add((*path, "rollover"), what, "leave it out, or min_position and max_position")
     homing = read_homing(axis.homing, reach, scale, (*path, "homing"), mistakes)
     default_turn = 10.0 * MM if axis_type is AxisType.LINEAR else TURN
     return Axis(
@@ -507,8 +514,18 @@ def _axis_to_si(
         max_torque=_torque_of(axis),
         shaper=axis.shaper,
         compensation=compensation,
+        rollover=axis.rollover,
         gantry=None if axis.gantry is None else Gantry(axis.gantry.leader, axis.gantry.max_skew * scale),
     )
+
+
+def _check_rollover(sections: list[AxisSection | None] | None, dialect: Dialect, mistakes: Mistakes) -> None:
+    """Refuse ``rollover`` where programs do not know it."""
+    for position, each in enumerate(sections or ()):
+        if each is not None and each.rollover is not None and dialect.profile != "cnc":
+            what = f"programs of the profile {dialect.profile} turn axes as written"
+            hint = 'use [dialect] profile = "cnc", or leave it out'
+            mistakes.add(("axis", position, "rollover"), what, hint)
 
 
 def _check_torques(axes: list[AxisSection], tools: tuple[Tool, ...], mistakes: Mistakes) -> None:

@@ -30,6 +30,7 @@ Torque = Annotated[
     Annotated[float, Meta(gt=0.0)] | Literal["urdf"],
     Meta(description='give N·m above 0, or "urdf" for the effort of its joint; leave it out without a limit'),
 ]
+Rollover = Literal["shortest", "sign"]
 AxisNumber = Annotated[int, Meta(ge=0, lt=MAX_AXES, description="number axes from 0 to 63")]
 
 
@@ -53,6 +54,7 @@ class AxisSection(msgspec.Struct, frozen=True):
     compensation: CompensationSection | None = None
     gantry: GantrySection | None = None
     follow: FollowSection | None = None
+    rollover: Rollover | None = None
 
 
 class MachineSection(msgspec.Struct, frozen=True):

@@ -25,7 +25,7 @@ class AxisRow(NamedTuple):
 
 
 def axis_rows(setup: Setup) -> dict[int, AxisRow]:
-    """Build a row for each axis that the program may use."""
+    """Build a row for each axis that the program may use, and whose words say where it goes by themselves."""
     return {
         index: AxisRow(
             metric=axis_scale(axis.type, inch=False),
@@ -35,7 +35,7 @@ def axis_rows(setup: Setup) -> dict[int, AxisRow]:
             linear=axis.type is AxisType.LINEAR,
         )
         for index, axis in setup.axes.items()
-        if index in setup.leased and not axis.profiled
+        if index in setup.leased and not axis.profiled and axis.rollover is None
     }
 
 

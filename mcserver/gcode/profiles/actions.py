@@ -39,7 +39,7 @@ from mcserver.gcode.semantics.arc_plane import PLANES
 from mcserver.gcode.semantics.block_state import BlockState
 from mcserver.gcode.semantics.compensation_state import Compensation
 from mcserver.gcode.semantics.modal import apply_setting
-from mcserver.gcode.semantics.program_places import ends_of, given_by
+from mcserver.gcode.semantics.program_places import ends_of, given_by, stored_end
 from mcserver.gcode.semantics.program_units import (
     axis_scale,
     motor_rpm,
@@ -646,7 +646,7 @@ def _go_home(block: BlockState, action: Action, effects: Effects) -> None:
     # a printer's words name axes and no point on the way
     if block.setup.machine.dialect.profile != "printer":
         _rapid(block, action, through, effects)
-    _rapid(block, action, {axis: home.get(axis, 0.0) for axis in axes}, effects)
+    _rapid(block, action, {axis: stored_end(block, axis, home.get(axis, 0.0)) for axis in axes}, effects)
     block.transformation = transformation.without(axes)
     retracted = block.frame.retracted
     if retracted is not None and LENGTH_AXIS in axes:

@@ -68,6 +68,7 @@ class ModalState(msgspec.Struct, frozen=True):
         coupled: axes that follow others (G1060), each with the line since which it does.
         computed: parameters and subprograms of the lines before, where a program starts in its middle.
         bodies: that the program has brought so far (D-131).
+        rollover: absolute words turn axes with `Axis.rollover` within one turn (D-139).
         carried: tools chosen so far, each once, the last one last: their payloads stay after G1050 (D-55).
     """
 
@@ -93,6 +94,7 @@ class ModalState(msgspec.Struct, frozen=True):
     carried: tuple[int, ...] = ()
     coupled: tuple[tuple[int, int], ...] = ()
     bodies: tuple[GivenBody, ...] = ()
+    rollover: bool = False
     computed: Kept | None = None
 
     @property
@@ -125,6 +127,8 @@ def initial_modal(machine: Machine, frame: Frame | None = None) -> ModalState:
     if profile == "printer":
         # slicers leave F out of the first moves: Marlin and Klipper start with 25 mm/s
         start = ModalState(plane=17, feed=Feed(PRINTER_FEED, path_speed(PRINTER_FEED, inch=False)))
+    if profile == "cnc" and any(axis.rollover is not None for axis in machine.axes):
+        start = msgspec.structs.replace(start, rollover=True)
     if frame is None and machine.dialect.systems:
         frame = Frame(systems=machine.dialect.systems)
     if frame is None or profile not in ("cnc", "robot"):

@@ -11,6 +11,7 @@ from mcserver.gcode.profiles.directions import cosine_and_sine
 from mcserver.gcode.profiles.transformation import Transformation
 from mcserver.gcode.semantics.block_state import BlockState
 from mcserver.gcode.semantics.program_units import axis_scale, length_scale
+from mcserver.gcode.semantics.rollover import rolled_over
 from mcserver.gcode.text.profile_words import Action, ProfileWord
 from mcserver.gcode.text.words import INCREMENTAL_LETTERS, Word
 
@@ -37,6 +38,23 @@ def given_by(block: BlockState, words: Mapping[int, ProfileWord]) -> dict[int, G
     }
 
 
+def absolute_end(block: BlockState, axis: int, written: float) -> float:
+    """Return where an absolute word takes an axis, by the zero in force [m or rad]."""
+    shift = block.modal.shift
+    rollover = block.setup.axes[axis].rollover if block.modal.rollover else None
+    if rollover is None:
+        return written if shift is None else written + shift.get(axis, 0.0)
+    zero = 0.0 if shift is None else shift.get(axis, 0.0)
+    return rolled_over(rollover, written, zero, block.commanded.positions[axis])
+
+
+def stored_end(block: BlockState, axis: int, stored: float) -> float:
+    """Return where a stored position of the machine takes an axis: no whole turns are undone [m or rad]."""
+    if block.modal.rollover and block.setup.axes[axis].rollover is not None:
+        return rolled_over("shortest", stored, 0.0, block.commanded.positions[axis])
+    return stored
+
+
 def ends_of(block: BlockState, given: Mapping[int, Given], source: Word | Action) -> dict[int, float] | None:
     """Return where the words of a move take axes [m or rad], those that it turns along behind the named ones.
 
@@ -49,8 +67,8 @@ def ends_of(block: BlockState, given: Mapping[int, Given], source: Word | Action
         ends[axis] = each.value * axis_scale(block.setup.axes[axis].type, each.inch)
         if each.incremental:
             ends[axis] += at[axis]
-        elif shift is not None:
-            ends[axis] += shift.get(axis, 0.0)
+        else:
+            ends[axis] = absolute_end(block, axis, ends[axis])
     if found is None:
         return ends
     zero = shift or {}

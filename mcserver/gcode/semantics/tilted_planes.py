@@ -144,8 +144,9 @@ def _chosen(chain: Chain, pairs: Sequence[tuple[float, float]], near: Array) -> 
     order = (1, 0) if all(column < chain.carried for column in turning) else (0, 1)
     lower, upper = chain.lower[turning], chain.upper[turning]
     found = [
-        (pair[0] + a * TURN, pair[1] + b * TURN)
+        (pair[0] + (first + a) * TURN, pair[1] + (second + b) * TURN)
         for pair in pairs
+        for first, second in [np.rint((near - pair) / TURN).tolist()]
         for a, b in itertools.product((0, -1, 1), repeat=2)
     ]
     slack = 1e-9

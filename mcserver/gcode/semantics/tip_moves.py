@@ -21,6 +21,7 @@ from mcserver.gcode.semantics.arcs import find_plane
 from mcserver.gcode.semantics.axis_words import Words
 from mcserver.gcode.semantics.block_state import BlockState, Setup
 from mcserver.gcode.semantics.feed_time import FeedBasis, FeedMove
+from mcserver.gcode.semantics.program_places import absolute_end
 from mcserver.gcode.semantics.program_units import axis_scale
 from mcserver.gcode.semantics.rapids import NO_TIME
 from mcserver.gcode.semantics.tool_moves import NO_TRAVEL, report_unsolved, tool_curve
@@ -305,7 +306,6 @@ def _targets(
         base, place: what increments count from: the commanded joints, shape (K,), the tip's coordinates [m].
     """
     chain = frame.control.tool.chain
-    zero = block.modal.shift or {}
     found: dict[int, float] = {}
     usable = True
     for entry in words.axes:
@@ -326,7 +326,7 @@ def _targets(
         end = word.value * axis_scale(axis.type, entry.inch)
         column = chain.axes.index(word.axis)
         start = place[word.axis] if word.axis in _COORDINATES else float(base[column])
-        end += start if entry.incremental else zero.get(word.axis, 0.0)
+        end = end + start if entry.incremental else absolute_end(block, word.axis, end)
         if word.axis not in _COORDINATES:
             known = len(block.faults.found)
             check_travel(block, axis, start, min(start, end), max(start, end), end, word)
