@@ -8,7 +8,7 @@ from random import Random
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from mcserver.errors import ProgramRejected
@@ -94,6 +94,8 @@ def test_curves_are_those_of_de_casteljau(seed: int) -> None:
             leaving = -last * unit
         expected.append(points @ across)
         place = place + unit * way
+    # one that all but turns back is refused, and seldom drawn
+    assume("MC189" not in [code for code, _ in faults(*lines)])
     found = curves(*lines)
     assert len(found) == len(expected)
     for curve, points in zip(found, expected, strict=True):

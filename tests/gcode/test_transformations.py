@@ -180,7 +180,8 @@ class Writer:
         if self._random.random() < 0.3:
             place[third] += 3.0
             middle[third] += 1.5
-        if self._random.random() < 0.5:
+        # by R the centre of half a circle hangs on the last digits that are written
+        if self._random.random() < 0.5 and abs(abs(sweep) - math.pi) > 0.05:
             size = radius / 25.4 if self._inch else radius
             words = f"R{'-' if abs(sweep) > math.pi else ''}{size:.9f}"
         else:
