@@ -1,6 +1,7 @@
 """A trajectory on its way: axes of one servo mode, led along it chunk by chunk.
 
-Each chunk reaches a little ahead and replaces the one before. Where no more come (this process dies, the
+Each chunk reaches a second ahead and replaces the one before: this process, the network and the server may be
+late by that, and the axes go on along a way that is known anyway. Where no more come (this process dies, the
 network is cut), the server stops the axes on their limits: they are never led further than the last chunk.
 """
 
@@ -46,7 +47,7 @@ Array = NDArray[np.float64]
 Feed = Callable[[Goal, Any], None]
 
 # A chunk is sent so often, has points so far apart, and reaches so far [s].
-TICK_S, STEP_S, REACH_S = 0.025, 0.02, 0.24
+TICK_S, STEP_S, REACH_S = 0.025, 0.02, 1.0
 # behind its last point
 COUNTS_S = 0.1
 FEEDBACK_TICKS = 2
@@ -131,6 +132,8 @@ class Lane:
         self._bounded = False
         # time on the trajectory, and when that was
         self._at = self._then = 0.0
+        # until when the newest chunk counts
+        self._counts_until = 0.0
 
     def offer(self, job: Job) -> bool:
         """Take another job over at the next tick; False: the lane is at its end, wait for that."""
@@ -274,13 +277,25 @@ class Lane:
         if rate > 0.0:
             # the end is a point of its own: no curve between others goes beyond it
             end = (motion.end_s - self._at) / rate
-            if 0.0 < end < REACH_S:
+            if end <= 0.0:
+                # the axes are to stand there: what ends them waits for their last point
+                ahead = ahead[:1]
+            elif end < REACH_S:
                 ahead = np.union1d(ahead[np.abs(ahead - end) > 1e-3], [end])
         positions, velocities = motion.at(self._at + ahead * rate)
         column = {joint.axis: at for at, joint in enumerate(motion.trajectory.joints)}
         order = [column[axis] for axis in servo.axes]
         units = units_of(motion.trajectory.joints)
-        await servo.send((positions / units)[:, order], (velocities * rate / units)[:, order], times=ahead)
+        try:
+            await servo.send(
+                (positions / units)[:, order], (velocities * rate / units)[:, order], times=ahead
+            )
+        except NobodyAnswers:
+            # the chunk before leads on; where this process was late, the answers are about to be read
+            if time.monotonic() > self._counts_until:
+                raise
+        else:
+            self._counts_until = self._then + float(ahead[-1]) + COUNTS_S
 
     def _check_there(self, servo: Servo) -> None:
         servo.check()

@@ -382,10 +382,16 @@ class MachineService:
         Args:
             controls: all of it; the last one is its end. It may have axes of a program at a pause.
 
+        Returns:
+            It, once the journal has it: nothing of it is acknowledged by line.
+
         Raises:
             ServiceError: as `open`.
         """
-        return await self.open(client, name=name, axes=axes, controls=controls, by_hand=True, at_pause=True)
+        program = await self.open(
+            client, name=name, axes=axes, controls=controls, by_hand=True, at_pause=True
+        )
+        return await self.recorded(program)
 
     def step(self, client: str, program_id: str) -> Program:
         """Let the next line of a program in single line mode start."""

@@ -122,9 +122,8 @@ async def open_servo(
             for axis, column in zip(axes_led, columns, strict=True)
         ]
     program.targets = TargetStream(axes_led, machine.cycle_s, kinematics)
-    # nothing of it is acknowledged by line: a server that is started again has to know it
-    await service.journal_written()
-    return program
+    # nothing of it is acknowledged by line
+    return await service.recorded(program)
 
 
 def streamed(machine: Machine, axes: Sequence[int]) -> list[int]:

@@ -1,9 +1,9 @@
 """Messages of targets as they come from a client: which of them count, and the curve that they ask for.
 
-A message counts once and in order; one that comes later than it counts for, by the sender's own clock, does
-not. A single point further off than its axis could have come since the last one counts once the next point
-confirms it. What is dropped is counted. The limits are kept elsewhere, whatever passes here
-(`mcserver.executor.following`).
+A message counts once and in order; one that comes later than it counts for (a chunk so long behind its last
+point), by the sender's own clock, does not. A single point further off than its axis could have come since
+the last one counts once the next point confirms it. What is dropped is counted. The limits are kept
+elsewhere, whatever passes here (`mcserver.executor.following`).
 """
 
 from __future__ import annotations
@@ -132,7 +132,8 @@ class TargetStream:
         self._heard = now
         age = now - message.sent - self._offset
         status = msgspec.structs.replace(status, lost=status.lost + missing, age_s=age)
-        if age > message.counts_s:
+        reach = 0.0 if message.times is None else float(message.times[-1])
+        if age > reach + message.counts_s:
             self.status = _more(status, "late")
             return None
         interval = min(max(interval, self._cycle_s), message.counts_s)

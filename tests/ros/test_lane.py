@@ -3,17 +3,18 @@
 from __future__ import annotations
 
 import math
+import time
 from typing import Any, cast
 
 import numpy as np
 import pytest
-from mcclient import MotionError, RequestRefused
+from mcclient import MotionError, NobodyAnswers, RequestRefused
 
 from mcserver.ros.goals import Goal
 from mcserver.ros.joints import Joint
 from mcserver.ros.lane import IN_BOUNDS, Job, Lane, Surroundings
 from mcserver.ros.tolerances import Tolerances
-from mcserver.ros.trajectory import read_trajectory
+from mcserver.ros.trajectory import Motion, read_trajectory
 from tests.ros.wire import trajectory
 
 KNOWN = {
@@ -78,3 +79,44 @@ async def test_what_would_take_over_within_bounds_of_another_way_waits_for_its_e
     # it came before the bounds were known: it begins anew behind them
     assert await made.run() is early
     assert not made.offer(job())
+
+
+class Silent:
+    """Servo mode that takes chunks until the server answers no more."""
+
+    axes = (1, 4)
+
+    def __init__(self) -> None:
+        self.answers = True
+        self.times: list[float] = []
+
+    async def send(self, positions: Any, velocities: Any, *, times: Any) -> None:  # noqa: ARG002
+        if not self.answers:
+            raise NobodyAnswers("MC530", "the server has not answered for 0.7 s", "")
+        self.times = times.tolist()
+
+
+def under_way() -> Lane:
+    made = lane(Guarded(MotionError("MC512", "leased")))
+    read = made._job.trajectory
+    made._motion = Motion(read, 0.0, np.array([0.2, 0.1]), np.zeros(2), looked_at=True)
+    made._then = time.monotonic()
+    return made
+
+
+async def test_a_chunk_reaches_a_second_ahead_and_leads_on_while_no_answer_is_heard() -> None:
+    made, servo = under_way(), Silent()
+    await made._send(cast("Any", servo))
+    assert servo.times[-1] == pytest.approx(1.0, abs=0.03)
+    servo.answers = False
+    await made._send(cast("Any", servo))
+    made._counts_until = time.monotonic() - 1e-3
+    with pytest.raises(NobodyAnswers):
+        await made._send(cast("Any", servo))
+
+
+async def test_behind_the_end_the_axes_are_led_to_their_last_point_at_once() -> None:
+    made, servo = under_way(), Silent()
+    made._at = made._motion.end_s
+    await made._send(cast("Any", servo))
+    assert len(servo.times) == 1

@@ -6,7 +6,7 @@ import asyncio
 import contextlib
 import sqlite3
 import threading
-from collections.abc import AsyncIterator, Callable, Iterable
+from collections.abc import AsyncIterator, Awaitable, Callable, Iterable
 from pathlib import Path
 from typing import Any
 
@@ -20,9 +20,11 @@ from mcserver.service.kept_file import replace_file
 from mcserver.service.line_queue import LineQueue
 from mcserver.service.program import Program
 from mcserver.service.progress_reports import LINES, ProgressReports
+from mcserver.service.servo import open_servo
 from mcserver.service.work_offsets import WorkOffsets
 from tests.machine_text import axes_text
 from tests.service.test_done import machine
+from tests.service.test_homing import machine as machine_with_homing
 from tests.service.virtual_cell import VirtualCell
 
 MILL = '[machine]\nname = "mill"\n[dialect]\nprofile = "cnc"\n' + axes_text()
@@ -355,3 +357,31 @@ def test_one_record_is_on_its_way_and_the_next_has_all_that_came_meanwhile() -> 
     reported.journal.commit()
     assert reported.program.done == LINES
     assert [done for done, _ in reported.journal.waiting] == [10 * LINES]
+
+
+BEGINNINGS: dict[str, Callable[[VirtualCell], Awaitable[Program]]] = {
+    "jog": lambda cell: cell.jog(4, 1.0),
+    "home": lambda cell: cell.homing.home("test", [1]),
+    "servo": lambda cell: open_servo(cell.service, "test", [4]),
+}
+
+
+@pytest.mark.parametrize("what", BEGINNINGS)
+async def test_what_has_no_lines_of_a_client_is_said_to_have_begun_once_it_can_be_found_after_a_kill(
+    tmp_path: Path, disk: StallingDisk, what: str
+) -> None:
+    cell = VirtualCell(machine_with_homing(), tmp_path, connect=disk.connect)
+    try:
+        disk.goes_on.clear()
+        said = asyncio.ensure_future(BEGINNINGS[what](cell))
+        turns = iter(range(50))
+        await cell.until(lambda: next(turns, None) is None)
+        assert not said.done()
+        disk.goes_on.set()
+        await cell.until(said.done)
+        begun = said.result().program
+        (kept,) = read_programs(cell.service.options.journal, limit=1, program=begun)
+        assert kept.program == begun
+    finally:
+        disk.goes_on.set()
+        await cell.stop()

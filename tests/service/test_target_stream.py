@@ -100,6 +100,18 @@ def test_one_that_comes_later_than_it_counts_for_does_not_count() -> None:
     assert counted(sender) == {"late": 1}
 
 
+def test_a_chunk_counts_as_long_as_its_last_point_does_however_late_it_comes() -> None:
+    sender = Sender()
+    sender.ramp(3)
+    chunk = [[0.002, 0.0], [0.003, 0.0]]
+    came = sender.send(chunk, sent=0.03, times=[0.1, 0.5], arrives=0.6)
+    assert knots_of(came)[:, 0] == pytest.approx([0.13, 0.53], abs=1e-3)
+    assert came is not None
+    assert came.until == pytest.approx(0.63, abs=1e-3)
+    assert sender.send(chunk, sent=0.04, times=[0.1, 0.5], arrives=0.7) is None
+    assert counted(sender) == {"late": 1}
+
+
 def test_after_hours_of_a_stream_one_that_comes_later_than_it_counts_for_does_not_count() -> None:
     sender = Sender()
     hours = 3 * 3600.0
