@@ -8,7 +8,7 @@ import tempfile
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from itertools import islice
-from typing import BinaryIO, overload
+from typing import IO, overload
 
 from mcserver.cli.console import MAX_SHOWN_DIAGNOSTICS
 from mcserver.cli.program_file import MAX_PROGRAM_BYTES, STDIN, open_program, shown_name
@@ -26,7 +26,7 @@ class ProgramLines(Sequence[str]):
         file: can be read at any place. name: what diagnostics call it.
     """
 
-    def __init__(self, file: BinaryIO, name: str) -> None:
+    def __init__(self, file: IO[bytes], name: str) -> None:
         self.name = name
         self._file = file
         self._count: int | None = None
@@ -116,7 +116,7 @@ def program_lines(file: str) -> Iterator[ProgramLines]:
             yield ProgramLines(copy, shown_name(file))
 
 
-def _copy(stream: BinaryIO, copy: BinaryIO, name: str) -> None:
+def _copy(stream: IO[bytes], copy: IO[bytes], name: str) -> None:
     size = 0
     while block := stream.read(BLOCK_BYTES):
         size += len(block)

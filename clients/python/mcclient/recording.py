@@ -13,7 +13,7 @@ import zipfile
 from array import array
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import BinaryIO
+from typing import IO
 
 import numpy as np
 from numpy.typing import NDArray
@@ -42,7 +42,7 @@ class Spool:
         filled: how many of them were lost on the way, and are interpolated.
     """
 
-    def __init__(self, stream: BinaryIO, axes: tuple[int, ...]) -> None:
+    def __init__(self, stream: IO[bytes], axes: tuple[int, ...]) -> None:
         self.axes = axes
         self.rows = 0
         self.filled = 0
