@@ -1,4 +1,4 @@
-"""The example dashboard and the alerts name metrics that there are."""
+"""The example dashboards and the alerts ask for what there is."""
 
 from __future__ import annotations
 
@@ -6,15 +6,18 @@ import json
 import re
 from pathlib import Path
 
+import duckdb
 import yaml
 from mcclient.types import AxesStatus, MachineStatus, ProgramStatus
 
 from mcserver.web.fleet import Fleet, Seen
 from mcserver.web.metrics import metrics_text
+from tests.web.test_history import filled
 from tests.wire_values import wire_value
 
 DEPLOY = Path(__file__).parents[2] / "deploy"
 DASHBOARD = DEPLOY / "grafana" / "machines.json"
+HISTORY = DEPLOY / "grafana" / "history.json"
 ALERTS = DEPLOY / "prometheus" / "alerts.yml"
 
 
@@ -81,3 +84,49 @@ def test_every_metric_and_label_of_the_alerts_exists(tmp_path: Path) -> None:
         named = re.findall(r"\$labels\.(\w+)", rule["annotations"]["summary"])
         assert set(named) <= {"machine"}
         assert rule["annotations"]["remedy"]
+
+
+def asked_of(query: str, folder: Path) -> str:
+    """The SQL that Grafana sends, for a day of one machine."""
+    values = {
+        "history:raw": str(folder),
+        "machine:sqlstring": "'cell-1','cell-2'",
+        "__from:date:iso": "2026-03-14T06:00:00.000Z",
+        "__to:date:iso": "2026-03-15T06:00:00.000Z",
+        "__interval_ms:raw": "60000",
+    }
+    return re.sub(r"\$\{([^}]+)\}", lambda found: values[found[1]], query)
+
+
+def test_every_question_of_the_dashboard_of_the_history_has_an_answer(tmp_path: Path) -> None:
+    filled(tmp_path)
+    # a collector that starts anew reads an event again
+    filled(tmp_path)
+    dashboard = json.loads(HISTORY.read_text("utf-8"))
+    (machines,) = (each["query"] for each in dashboard["templating"]["list"] if each["name"] == "machine")
+    assert duckdb.sql(asked_of(machines, tmp_path)).fetchall() == [("cell-1",)]
+    answers = {}
+    for panel in dashboard["panels"]:
+        (target,) = panel["targets"]
+        answer = duckdb.sql(asked_of(target["rawSql"], tmp_path))
+        answers[panel["title"]] = rows = answer.fetchall()
+        assert rows, panel["title"]
+        if panel["type"] == "timeseries":
+            # a time, what tells the curves apart, a number
+            assert target["format"] == 0
+            assert [str(kind) for kind in answer.types[:2]] == ["TIMESTAMP", "VARCHAR"]
+            assert [row[0] for row in rows] == sorted(row[0] for row in rows)
+            assert len(answer.columns) == 3
+        else:
+            assert target["format"] == 1
+    assert answers["Faults by code"][0][:3] == ("MC407", 1, 1)
+    assert [row[1] for row in answers["Positions [mm, deg]"]] == ["cell-1 0", "cell-1 3"]
+
+
+def test_a_question_of_the_dashboard_opens_no_file_of_another_day(tmp_path: Path) -> None:
+    filled(tmp_path)
+    broken = tmp_path / "states" / "day=2026-03-16" / "broken.parquet"
+    broken.parent.mkdir()
+    broken.write_bytes(b"PAR1 nothing")
+    for panel in json.loads(HISTORY.read_text("utf-8"))["panels"]:
+        duckdb.sql(asked_of(panel["targets"][0]["rawSql"], tmp_path)).fetchall()
