@@ -19,8 +19,8 @@ from tests.bench.recorder import late_cycles
 from tests.bench.server import end, free_port, server
 from tests.bench.telemetry import cpu_share
 
-# until a process has imported all, reached the machine and is read [s]
-SETTLE_S = 20.0
+# until a process has imported all and reached the machine, and how long until it is read at most [s]
+SETTLE_S, SERVED_S = 20.0, 180.0
 
 # reads an address while the function that it is given says so
 Reader = Callable[[str, Callable[[], bool]], None]
@@ -50,7 +50,9 @@ def measure() -> list[Figure]:
                 command = [sys.executable, "-m", "mcserver", *words, "--connect", reached.endpoint]
                 process = stack.enter_context(running(command))
                 if read is not None:
-                    stack.callback(Reading(read, url).close)
+                    reading = Reading(read, url)
+                    stack.callback(reading.close)
+                    reading.until_served(SERVED_S)
                 time.sleep(SETTLE_S)
                 share = cpu_share(process.pid)
                 beside = late_cycles(reached.endpoint)
@@ -76,21 +78,24 @@ class Reading:
 
     def __init__(self, read: Reader, url: str) -> None:
         self._ended = threading.Event()
+        self._served = threading.Event()
         self._read, self._url = read, url
-        self._arrived = 0
         self._thread = threading.Thread(target=self._again, daemon=True)
         self._thread.start()
 
     def goes_on(self) -> bool:
-        """Count what has arrived; return whether more is wanted."""
-        self._arrived += 1
+        """Note that something has arrived; return whether more is wanted."""
+        self._served.set()
         return not self._ended.is_set()
 
-    def close(self) -> None:
-        """End it. Raises NotAvailable where nothing has arrived."""
-        self._ended.set()
-        if not self._arrived:
+    def until_served(self, limit_s: float) -> None:
+        """Return once something has arrived. Raises NotAvailable where nothing does."""
+        if not self._served.wait(limit_s):
             raise NotAvailable(f"{self._url} was not served")
+
+    def close(self) -> None:
+        """End it."""
+        self._ended.set()
 
     def _again(self) -> None:
         while not self._ended.wait(0.2):
