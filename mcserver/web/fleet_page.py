@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+import json
 import logging
 from collections.abc import Mapping
 from functools import partial
-from typing import Any
+from typing import Any, NamedTuple
 
 from nicegui import events, ui
 
 from mcserver.web.actions import show_refusal, show_role_refusal, was_late
+from mcserver.web.choice import Choice
 from mcserver.web.control import needs_control
 from mcserver.web.delays import DelayGate
 from mcserver.web.dialogs import answer_to, ask, named_dialog
@@ -24,6 +26,8 @@ from mcserver.web.translation import mark, t
 log = logging.getLogger(__name__)
 
 REFRESH_S = 1.0
+# of each part of an address
+MOST_CHARACTERS = 200
 # a link for the keyboard and the finger; text alone, whatever a machine is called
 LINK = """(params) => {
   const link = document.createElement("a");
@@ -114,6 +118,13 @@ GRID_TEXTS = {
     "andCondition": mark("and"),
     "orCondition": mark("or"),
 }
+# What is looked for goes into the address as it is chosen, in the browser: a page that is built anew, after a
+# cut link or a restart of this process, is made from it, and nothing chosen meanwhile is lost on the way.
+KEPT_FILTER = "(value) => mcKeepFilter({name}, {value})"
+# The machines that are ticked come with the click itself: a browser that is asked for them afterwards may
+# answer too late, and a stop would be lost.
+SELECTED = """() => emit(
+  getElement(document.querySelector(".mc-fleet")).api.getSelectedRows().map((row) => row.machine))"""
 # given to those that are selected, after a question: the verb, and how the button looks
 ORDERS = {
     "hold": (mark("Hold"), "color=warning"),
@@ -122,10 +133,28 @@ ORDERS = {
 }
 
 
+class FleetFilter(NamedTuple):
+    """What of the fleet is looked for; empty: all.
+
+    Attributes:
+        search: a text anywhere in the row. group: a group's name. state: one of ``STATES``.
+    """
+
+    search: str = ""
+    group: str = ""
+    state: str = ""
+
+    @classmethod
+    def of(cls, query: Mapping[str, str]) -> FleetFilter:
+        """Return what an address asks for; a state that there is not is none."""
+        search, group, state = (query.get(name, "")[:MOST_CHARACTERS] for name in cls._fields)
+        return cls(search, group, state if state in STATES else "")
+
+
 class FleetPage:
     """One browser's view of the fleet; only rows that have changed are sent."""
 
-    def __init__(self, visitor: Visitor, fleet: Fleet) -> None:
+    def __init__(self, visitor: Visitor, fleet: Fleet, chosen: FleetFilter) -> None:
         self._visitor = visitor
         self._fleet = fleet
         self._gate = DelayGate()
@@ -133,7 +162,7 @@ class FleetPage:
         self._sent: dict[str, dict[str, Any]] = {}
         with ui.header(elevated=True).classes("items-center justify-between no-wrap py-1 px-2 bg-slate-900"):
             ui.label(t("Machines")).classes("font-bold text-lg")
-            self._summary = ui.label("").props("role=status")
+            self._summary = ui.label("").props("role=status").classes("mc-summary")
             with ui.row().classes("items-center no-wrap gap-0"):
                 add_menu(visitor)
                 ui.button(t("E-STOP all"), on_click=self._stop_all).props(
@@ -142,29 +171,38 @@ class FleetPage:
         with ui.element("div").classes("w-full p-2"):
             ui.html(f"<h1 class='sr-only'>{t('Machines')}</h1>", sanitize=False)
             with ui.row().classes("items-center w-full"):
-                self._search = (
-                    ui.input(t("Search"), on_change=self._filter).props("dense clearable").classes("grow")
-                )
-                self._group = ui.select(
-                    {"": t("all groups")}, value="", label=t("Group"), on_change=self._filter_group
+                self._search = ui.input(t("Search"), value=chosen.search, on_change=self._filter)
+                self._search.props("dense clearable").classes("grow")
+                self._search.on("update:value", js_handler=_kept_filter("search", "value"))
+                self._group = Choice(
+                    _groups({chosen.group}),
+                    value=chosen.group,
+                    label=t("Group"),
+                    on_change=self._filter_columns,
                 ).classes("min-w-32")
-                self._state = ui.select(
-                    {"": t("all states"), **{t(each): t(each) for each in STATES}},
-                    value="",
-                    label=t("State"),
-                    on_change=self._filter_group,
+                self._group.on(
+                    "update:model-value", js_handler=_kept_filter("group", 'value.value ? value.label : ""')
                 )
-                self._state.classes("min-w-32")
+                self._state = ui.select(
+                    {"": t("all states"), **{each: t(each) for each in STATES}},
+                    value=chosen.state,
+                    label=t("State"),
+                    on_change=self._filter_columns,
+                )
+                self._state.classes("min-w-32").on(
+                    "update:model-value",
+                    js_handler=_kept_filter("state", f"{json.dumps(['', *STATES])}[value.value]"),
+                )
             with ui.element("div").classes("mc-buttons mt-2"):
                 for order, (verb, looks) in ORDERS.items():
-                    ui.button(t("{verb} selected", verb=t(verb)), on_click=partial(self._ask, order)).props(
-                        looks
-                    )
-                ui.button(t("Run on selected …"), on_click=self._ask_run).props("outline")
+                    button = ui.button(t("{verb} selected", verb=t(verb))).props(looks)
+                    button.on("click", partial(self._ask, order), js_handler=SELECTED)
+                button = ui.button(t("Run on selected …")).props("outline")
+                button.on("click", self._ask_run, js_handler=SELECTED)
                 # apart from the others, and without a question
-                ui.button(t("E-STOP selected"), on_click=self._stop_selected).props(
-                    f'color=negative aria-label="{t("Emergency stop of the selected")}"'
-                ).classes("ml-6")
+                button = ui.button(t("E-STOP selected")).classes("ml-6")
+                button.props(f'color=negative aria-label="{t("Emergency stop of the selected")}"')
+                button.on("click", self._stop_selected, js_handler=SELECTED)
             self._grid = ui.aggrid(
                 {
                     "columnDefs": [_in_words(column) for column in COLUMNS],
@@ -175,23 +213,26 @@ class FleetPage:
                     "suppressRowClickSelection": True,
                     "animateRows": False,
                     ":getRowId": "(params) => params.data.machine",
+                    "quickFilterText": chosen.search,
+                    "initialState": {"filter": {"filterModel": self._column_filters()}},
                 },
             ).classes("w-full mt-2 mc-fleet")
             self._grid.on(
                 "cellDoubleClicked", lambda event: ui.navigate.to(f"/machine/{event.args['data']['machine']}")
             )
             with ui.row().classes("items-center"):
-                self._open = ui.select(
-                    [], label=t("Open machine"), with_input=True, on_change=self._go
-                ).classes("min-w-48")
+                self._open = Choice([], label=t("Open machine"), with_input=True, on_change=self._go).classes(
+                    "min-w-48"
+                )
         ui.on("mc_key", self._on_key)
         ui.timer(REFRESH_S, self.update)
         ui.timer(0.1, self.update, once=True)
 
     def update(self) -> None:
-        """Send the rows that have changed."""
+        """Send the rows that have changed, and a sign of life: a page that gets none says so."""
+        ui.run_javascript("mcAlive()")
         if not self._visitor.is_known():
-            ui.navigate.to("/login")
+            ui.navigate.reload()
             return
         rows = {
             name: _row(seen, self._fleet.running_today, self._fleet.jobs_of(name))
@@ -207,12 +248,10 @@ class FleetPage:
         if added or removed:
             self._open.set_options(sorted(rows))
         if added or changed or removed:
-            groups = sorted({str(row["group"]) for row in rows.values()} - {""})
-            kept = self._group.value if self._group.value in groups else ""
-            if list(self._group.options) != ["", *groups]:
-                self._group.set_options(
-                    {"": t("all groups"), **{group: group for group in groups}}, value=kept
-                )
+            # the one that is chosen stays, whichever machines are there at this moment
+            groups = _groups({str(row["group"]) for row in rows.values()} | {str(self._group.value)})
+            if self._group.options != groups:
+                self._group.set_options(groups)
         self._sent = rows
         online = sum(seen.online for seen in self._fleet.machines.values())
         faults = sum(row["kind"] in ("fault", "estop") for row in rows.values())
@@ -229,14 +268,17 @@ class FleetPage:
     def _filter(self) -> None:
         self._grid.run_grid_method("setGridOption", "quickFilterText", self._search.value or "")
 
-    def _filter_group(self) -> None:
-        chosen = {"group": self._group.value, "state": self._state.value}
-        wanted = {
+    def _filter_columns(self) -> None:
+        self._grid.run_grid_method("setFilterModel", self._column_filters())
+
+    def _column_filters(self) -> dict[str, Any]:
+        """Return the filters of the columns, which have the words that are shown."""
+        chosen = {"group": str(self._group.value), "state": t(str(self._state.value))}
+        return {
             column: {"filterType": "text", "type": "equals", "filter": value}
             for column, value in chosen.items()
             if value
         }
-        self._grid.run_grid_method("setFilterModel", wanted or None)
 
     def _go(self) -> None:
         if self._open.value:
@@ -250,8 +292,8 @@ class FleetPage:
         """Every visitor may stop; those that do not answer are asked, too."""
         await self._emergency_stop(list(self._fleet.machines))
 
-    async def _stop_selected(self) -> None:
-        names = await self._selected()
+    async def _stop_selected(self, event: events.GenericEventArguments) -> None:
+        names = self._selected(event)
         if names:
             await self._emergency_stop(names)
 
@@ -270,8 +312,9 @@ class FleetPage:
             position="bottom",
         )
 
-    async def _selected(self) -> list[str]:
-        names = [row["machine"] for row in await self._grid.get_selected_rows()]
+    def _selected(self, event: events.GenericEventArguments) -> list[str]:
+        """Return the machines that were ticked when a button was pressed; says so where there are none."""
+        names = [name for name in event.args if name in self._fleet.machines]
         if not names:
             show_refusal(t("No machine is selected"), t("tick the machines first"))
         return names
@@ -282,10 +325,10 @@ class FleetPage:
             return False
         return not needs_control(method) or not was_late(self._gate)
 
-    async def _ask(self, order: str) -> None:
+    async def _ask(self, order: str, event: events.GenericEventArguments) -> None:
         if not self._allowed(order):
             return
-        names = await self._selected()
+        names = self._selected(event)
         if not names:
             return
         verb = t(ORDERS[order][0])
@@ -297,10 +340,10 @@ class FleetPage:
         ) and self._allowed(order):
             self._tell(ORDERS[order][0], names, await self._fleet.order(order, names))
 
-    async def _ask_run(self) -> None:
+    async def _ask_run(self, event: events.GenericEventArguments) -> None:
         if not self._allowed("open"):
             return
-        names = await self._selected()
+        names = self._selected(event)
         if len(names) > VISITOR_LINKS:
             show_refusal(
                 t("{count} machines are selected", count=len(names)),
@@ -352,6 +395,16 @@ async def _take(into: list[tuple[str, bytes]], text: ui.textarea, event: events.
     """Keep an uploaded file, which goes in the place of what is typed."""
     into.append((event.file.name, await event.file.read()))
     text.set_visibility(False)
+
+
+def _groups(names: set[str]) -> dict[str, str]:
+    """Return the options of the list of groups."""
+    return {"": t("all groups"), **{name: name for name in sorted(names - {""})}}
+
+
+def _kept_filter(name: str, value: str) -> str:
+    """Return the handler in the browser that keeps an expression of what was chosen in the address."""
+    return KEPT_FILTER.format(name=json.dumps(name), value=value)
 
 
 def _listed(names: list[str]) -> str:

@@ -18,6 +18,7 @@ from nicegui import events, ui
 
 from mcserver.errors import McError
 from mcserver.web.actions import Actions, show_refusal
+from mcserver.web.choice import Choice
 from mcserver.web.dialogs import ask
 from mcserver.web.formatting import (
     clock_text,
@@ -110,10 +111,10 @@ class ProgramPanel:
             )
             self._uploader.props('accept=".gcode,.nc,.ngc,.tap,.txt,.g,text/plain" flat bordered')
             self._uploader.classes("w-full")
-            self._folder = ui.select([], label=t("Folder"), new_value_mode="add-unique", clearable=True)
+            self._folder = Choice([], label=t("Folder"), new_value_mode="add-unique", clearable=True)
             self._folder.classes("w-full")
             with ui.row().classes("items-center w-full"):
-                self._choice = ui.select([], label=t("Program"), with_input=True).classes("grow min-w-40")
+                self._choice = Choice([], label=t("Program"), with_input=True).classes("grow min-w-40")
                 self._from_line = ui.number(t("From line"), value=1, min=1, format="%d").classes("w-24")
             self._choice.add_slot("option", OPTION % json.dumps(f"{self._address}/programs/"))
             self._chosen = Picture()
