@@ -8,16 +8,17 @@ from collections.abc import Mapping
 from functools import partial
 from typing import Any, NamedTuple
 
+from mcclient import MotionError
 from nicegui import events, ui
 
+from mcserver.errors import McError
 from mcserver.web.actions import show_refusal, show_role_refusal, was_late
 from mcserver.web.choice import Choice
 from mcserver.web.control import needs_control
 from mcserver.web.delays import DelayGate
 from mcserver.web.dialogs import answer_to, ask, named_dialog
-from mcserver.web.fleet import VISITOR_LINKS, Fleet, Seen
-from mcserver.web.formatting import banner, current_program, is_live, remaining_text
-from mcserver.web.jobs import JobQueue
+from mcserver.web.fleet import VISITOR_LINKS, Fleet
+from mcserver.web.fleet_table import STATES, grid_options, machine_row
 from mcserver.web.menu import add_menu
 from mcserver.web.sessions import Visitor
 from mcserver.web.store import MAX_PROGRAM_BYTES
@@ -28,96 +29,6 @@ log = logging.getLogger(__name__)
 REFRESH_S = 1.0
 # of each part of an address
 MOST_CHARACTERS = 200
-# a link for the keyboard and the finger; text alone, whatever a machine is called
-LINK = """(params) => {
-  const link = document.createElement("a");
-  link.href = "/machine/" + encodeURIComponent(params.value);
-  link.textContent = params.value;
-  return link;
-}"""
-# what runs, with the picture that its slicer has put into it
-PROGRAM = """(params) => {
-  const shown = document.createElement("span"), job = params.data.job;
-  if (job !== null) {
-    const picture = document.createElement("img");
-    picture.className = "mc-icon";
-    picture.alt = "";
-    picture.src = "/machine/" + encodeURIComponent(params.data.machine) + "/jobs/" + job + "/picture";
-    shown.append(picture, " ");
-  }
-  shown.append(params.value ?? "");
-  return shown;
-}"""
-# what an operator looks for first comes first: a phone shows three columns without scrolling
-COLUMNS: list[dict[str, Any]] = [
-    # what is wrong comes first; rows do not move for what comes and goes
-    {"field": "rank", "hide": True, "sort": "asc", "sortIndex": 0},
-    {
-        "field": "machine",
-        "headerName": mark("Machine"),
-        "pinned": "left",
-        "checkboxSelection": True,
-        ":cellRenderer": LINK,
-        "sort": "asc",
-        "sortIndex": 1,
-        "minWidth": 140,
-        "maxWidth": 320,
-    },
-    {
-        "field": "state",
-        "headerName": mark("State"),
-        "filter": True,
-        "minWidth": 110,
-        ":cellClass": "(params) => 'mc-cell-' + (params.data.kind ?? 'offline')",
-    },
-    {"field": "percent", "headerName": "%", "minWidth": 70},
-    {"field": "remaining", "headerName": mark("Time left"), "minWidth": 105},
-    {
-        "field": "program",
-        "headerName": mark("Program"),
-        "minWidth": 160,
-        "flex": 2,
-        ":cellRenderer": PROGRAM,
-        # the picture may come behind the name
-        ":equals": "() => false",
-    },
-    {"field": "waiting", "headerName": mark("Waiting"), "minWidth": 95},
-    {"field": "faults", "headerName": mark("Faults"), "minWidth": 200, "flex": 3},
-    {"field": "today", "headerName": mark("Today %"), "minWidth": 100},
-    {"field": "late", "headerName": mark("Late cycles"), "minWidth": 115},
-    {"field": "group", "headerName": mark("Group"), "filter": True, "minWidth": 110},
-    {"field": "tags", "headerName": mark("Tags"), "filter": True, "minWidth": 110},
-]
-
-
-# of the kinds of states that are wrong; all others are alike
-RANKS = {"estop": 0, "fault": 1, "offline": 2}
-STATES = (
-    mark("ready"),
-    mark("moving"),
-    mark("running"),
-    mark("held"),
-    mark("paused"),
-    mark("fault"),
-    mark("EMERGENCY STOP"),
-    mark("offline"),
-)
-# what the table itself says
-GRID_TEXTS = {
-    "noRowsToShow": mark("no machines"),
-    "noMatchingRows": mark("no machine matches"),
-    "filterOoo": mark("Search"),
-    "contains": mark("contains"),
-    "notContains": mark("does not contain"),
-    "equals": mark("is"),
-    "notEqual": mark("is not"),
-    "startsWith": mark("begins with"),
-    "endsWith": mark("ends with"),
-    "blank": mark("is empty"),
-    "notBlank": mark("is not empty"),
-    "andCondition": mark("and"),
-    "orCondition": mark("or"),
-}
 # What is looked for goes into the address as it is chosen, in the browser: a page that is built anew, after a
 # cut link or a restart of this process, is made from it, and nothing chosen meanwhile is lost on the way.
 KEPT_FILTER = "(value) => mcKeepFilter({name}, {value})"
@@ -203,20 +114,8 @@ class FleetPage:
                 button = ui.button(t("E-STOP selected")).classes("ml-6")
                 button.props(f'color=negative aria-label="{t("Emergency stop of the selected")}"')
                 button.on("click", self._stop_selected, js_handler=SELECTED)
-            self._grid = ui.aggrid(
-                {
-                    "columnDefs": [_in_words(column) for column in COLUMNS],
-                    "localeText": {key: t(text) for key, text in GRID_TEXTS.items()},
-                    "defaultColDef": {"sortable": True, "flex": 1},
-                    "rowData": [],
-                    "rowSelection": "multiple",
-                    "suppressRowClickSelection": True,
-                    "animateRows": False,
-                    ":getRowId": "(params) => params.data.machine",
-                    "quickFilterText": chosen.search,
-                    "initialState": {"filter": {"filterModel": self._column_filters()}},
-                },
-            ).classes("w-full mt-2 mc-fleet")
+            self._grid = ui.aggrid(grid_options(self._column_filters(), chosen.search))
+            self._grid.classes("w-full mt-2 mc-fleet")
             self._grid.on(
                 "cellDoubleClicked", lambda event: ui.navigate.to(f"/machine/{event.args['data']['machine']}")
             )
@@ -235,7 +134,7 @@ class FleetPage:
             ui.navigate.reload()
             return
         rows = {
-            name: _row(seen, self._fleet.running_today, self._fleet.jobs_of(name))
+            name: machine_row(seen, self._fleet.running_today, self._fleet.jobs_of(name))
             for name, seen in self._fleet.machines.items()
         }
         added = [row for name, row in rows.items() if name not in self._sent]
@@ -367,7 +266,9 @@ class FleetPage:
                     max_file_size=MAX_PROGRAM_BYTES,
                     on_upload=partial(_take, file, text),
                 ).classes("w-full").props("flat bordered")
-                ui.label(t("It is checked at each machine, and waits where a program of this page runs."))
+                ui.label(
+                    t("It is checked at each machine, and waits where programs of this page run or wait.")
+                )
                 with ui.element("div").classes("mc-buttons"):
                     ui.button(t("Run"), on_click=lambda: dialog.submit(text.value)).props("color=positive")
                     ui.button(t("Cancel"), on_click=lambda: dialog.submit(None)).props("flat")
@@ -376,10 +277,13 @@ class FleetPage:
                 failures = await self._fleet.run(names, chosen, self._visitor.name, file[0] if file else None)
                 self._tell(mark("queued"), names, failures)
 
-    def _tell(self, what: str, names: list[str], failures: dict[str, str]) -> None:
+    def _tell(self, what: str, names: list[str], failures: dict[str, BaseException]) -> None:
         log.info("%s: %d machines by %s", what, len(names), self._visitor.name)
-        for name, message in failures.items():
-            show_refusal(f"{name}: {t(message)}")
+        alike: dict[tuple[str, str], list[str]] = {}
+        for name, error in failures.items():
+            alike.setdefault(_said(error), []).append(name)
+        for (message, hint), refused in alike.items():
+            show_refusal(f"{_listed(refused)}: {message}", hint)
         ui.notify(
             t(
                 "{done} of {count} machines: {what}",
@@ -407,43 +311,12 @@ def _kept_filter(name: str, value: str) -> str:
     return KEPT_FILTER.format(name=json.dumps(name), value=value)
 
 
+def _said(error: BaseException) -> tuple[str, str]:
+    """Return what an error says, and its remedy."""
+    if isinstance(error, MotionError | McError):
+        return f"{t(error.message)} [{error.code}]", error.hint
+    return str(error) or type(error).__name__, ""
+
+
 def _listed(names: list[str]) -> str:
     return ", ".join(names[:8]) + (" …" if len(names) > 8 else "")
-
-
-def _in_words(column: dict[str, Any]) -> dict[str, Any]:
-    return {**column, "headerName": t(column["headerName"])} if "headerName" in column else column
-
-
-def group_of(name: str) -> str:
-    """Return a machine's group: its name before the last ``-`` or ``.``, as ``hall-2`` of ``hall-2-07``."""
-    cut = max(name.rfind("-"), name.rfind("."))
-    return name[:cut] if cut > 0 else ""
-
-
-def _row(seen: Seen, running_today: Mapping[str, float], jobs: JobQueue | None) -> dict[str, Any]:
-    status = seen.status
-    word, kind = banner(status, seen.online)
-    program = current_program(status) if seen.online else None
-    live = program is not None and is_live(program)
-    # of what runs, where it is a program of this page; the programs of others have no pictures
-    job = None if jobs is None or program is None else jobs.running
-    pictured = live and job is not None and program is not None and job.program == program.program
-    return {
-        "machine": seen.name,
-        "rank": RANKS.get(kind, len(RANKS)),
-        "group": seen.group or group_of(seen.name),
-        "tags": " ".join(seen.tags),
-        "state": t(word),
-        "kind": kind,
-        "program": (program.name or program.program) if program is not None and live else "",
-        "job": job.number if job is not None and pictured and job.thumbnail is not None else None,
-        "waiting": len(jobs.waiting) or None if jobs is not None else None,
-        "percent": round(100 * program.progress) if program is not None and live else None,
-        "remaining": remaining_text(program) if program is not None and live else "",
-        "faults": "; ".join(f"{fault.code} {t(fault.message)}" for fault in status.faults)
-        if status is not None
-        else "",
-        "today": running_today.get(seen.name),
-        "late": status.late_cycles if status is not None else None,
-    }

@@ -33,6 +33,15 @@ SAYS = {"notify", "notification", "named_dialog", "show_refusal", "set_text", "t
 KEYWORDS = {"label", "placeholder", "close_button"}
 # whose strings are for the browser alone
 MACHINERY = {"classes", "props", "style", "run_javascript", "add_head_html", "compile", "warning", "Field"}
+# what commands say in a terminal, services in their logs, and scripts are answered
+READ_ELSEWHERE = {
+    "credential_file.py",
+    "history.py",
+    "history_store.py",
+    "robot_model.py",
+    "users.py",
+    "webhooks.py",
+}
 # the notation of programs, the same in every language
 NOTATION = {"G01 X10 F600"}
 
@@ -118,6 +127,14 @@ def test_no_words_of_a_panel_pass_by_the_catalogues() -> None:
                 shown = re.sub(r"<[^>]*>?", " ", node.value)
                 assert "=>" in shown or not re.search(r"[A-Za-z]{3} [a-z]{2}", shown), node.value
                 assert not re.search(r">\s*[A-Za-z]{3}", node.value.replace("=>", "")), node.value
+
+
+def test_what_errors_of_the_page_say_passes_by_the_catalogues() -> None:
+    for place, call in calls():
+        if place.partition(":")[0] in READ_ELSEWHERE or not name_of(call).endswith("Error"):
+            continue
+        for each in call.args[1:]:
+            assert not isinstance(each, ast.Constant | ast.JoinedStr), f"{place}: {ast.unparse(each)}"
 
 
 def test_texts_of_scripts_are_given_to_them() -> None:

@@ -11,7 +11,7 @@ from functools import partial
 from types import MappingProxyType
 from urllib.parse import quote
 
-from mcclient import MotionError, ProgramStatus
+from mcclient import MotionError
 from mcclient.switches import switches_said
 from mcclient.types import SimulateReply
 from nicegui import events, ui
@@ -160,7 +160,7 @@ class ProgramPanel:
             self._show_picture(running)
             self._title.set_text(f"{running.name} · {t(running.state.value)}")
             return
-        failed = self._failed(program)
+        failed = self._actions.link.jobs.failed(program)
         if failed is not None:
             self._show_picture(failed)
             self._show_ended(failed)
@@ -253,15 +253,6 @@ class ProgramPanel:
         done = 0 if stepping is None else stepping[1]
         self._next.set_enabled(False)
         await self._actions.do("step", mark("next line"), lambda _: self._actions.link.jobs.step(done))
-
-    def _failed(self, program: ProgramStatus | None) -> Job | None:
-        """Return the job that has failed, unless a program runs or has run since."""
-        ended = self._actions.link.jobs.ended
-        if not ended or ended[0].state is not JobState.FAILED or is_live(program):
-            return None
-        job = ended[0]
-        since = program is not None and program.program != job.program
-        return None if since and program is not None and program.opened_at > (job.started_at or 0.0) else job
 
     def _show_ended(self, job: Job) -> None:
         broken = self._recovery.program
