@@ -62,7 +62,8 @@ async def fetch_picture(address: str, transport: httpx.AsyncBaseTransport | None
             content = await _read(answer)
     except TimeoutError as error:
         raise _refusal(mark("it takes longer than {limit:g} s", limit=LIMIT_S)) from error
-    except (httpx.HTTPError, httpx.InvalidURL, ValueError) as error:
+    # the last one is of a port beyond 65535
+    except (httpx.HTTPError, httpx.InvalidURL, ValueError, ExceptionGroup) as error:
         raise _refusal(type(error).__name__) from error
     kind = next((kind for first, kind in KINDS.items() if content.startswith(first)), None)
     if kind is None:

@@ -8,6 +8,7 @@ from typing import Any
 from mcserver.web.fleet import Seen
 from mcserver.web.formatting import banner, current_program, is_live, remaining_text
 from mcserver.web.jobs import JobQueue
+from mcserver.web.machine_words import program_name
 from mcserver.web.translation import mark, t
 
 # a link for the keyboard and the finger; text alone, whatever a machine is called
@@ -147,7 +148,7 @@ def machine_row(seen: Seen, running_today: Mapping[str, float], jobs: JobQueue |
     faults = [] if status is None else [f"{fault.code} {t(fault.message)}" for fault in status.faults]
     failed = None if jobs is None or not seen.online else jobs.failed(program)
     if failed is not None:
-        faults.append(f"{failed.name}: {t(failed.message)}")
+        faults.append(f"{program_name(failed.name)}: {t(failed.message)}")
     if jobs is not None and jobs.stopped and jobs.waiting:
         faults.append(t("the queue is stopped"))
     # of what runs, where it is a program of this page; the programs of others have no pictures
@@ -160,7 +161,7 @@ def machine_row(seen: Seen, running_today: Mapping[str, float], jobs: JobQueue |
         "tags": " ".join(seen.tags),
         "state": t(word),
         "kind": kind,
-        "program": (program.name or program.program) if program is not None and live else "",
+        "program": program_name(program.name or program.program) if program is not None and live else "",
         "job": job.number if job is not None and pictured and job.thumbnail is not None else None,
         "waiting": len(jobs.waiting) or None if jobs is not None else None,
         "percent": round(100 * program.progress) if program is not None and live else None,
