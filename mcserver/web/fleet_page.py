@@ -108,8 +108,10 @@ class FleetPage:
                 for order, (verb, looks) in ORDERS.items():
                     button = ui.button(t("{verb} selected", verb=t(verb))).props(looks)
                     button.on("click", partial(self._ask, order), js_handler=SELECTED)
+                    button.set_enabled(visitor.may(order))
                 button = ui.button(t("Run on selected …")).props("outline")
                 button.on("click", self._ask_run, js_handler=SELECTED)
+                button.set_enabled(visitor.may("open"))
                 # apart from the others, and without a question
                 button = ui.button(t("E-STOP selected")).classes("ml-6")
                 button.props(f'color=negative aria-label="{t("Emergency stop of the selected")}"')

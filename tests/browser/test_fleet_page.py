@@ -148,6 +148,8 @@ def test_a_wrong_password_is_refused_and_an_observer_may_look_but_not_hold(
     expect(page.get_by_role("alert")).to_contain_text("Wrong name or password")
     log_in(page, fleet_site, "bob", "bob's battery staple")
     expect(page.get_by_role("status")).to_contain_text(f"{MACHINES} of {MACHINES}")
+    for refused in ("Reset selected", "Run on selected …"):
+        expect(page.get_by_role("button", name=refused)).to_be_disabled()
     page.get_by_role("link", name="cell-07").click()
     expect(page.get_by_role("button", name="Hold", exact=True)).to_be_disabled()
     assert fleet.holds == held

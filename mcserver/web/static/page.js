@@ -34,7 +34,7 @@
   }, true);
   for (const name of ["pointerup", "pointercancel"]) document.addEventListener(name, release, true);
   document.addEventListener("pointermove", (event) => {
-    if (!held || event.pointerType === "touch") return;
+    if (!held) return;
     const box = held.button.getBoundingClientRect();
     if (event.clientX < box.left || event.clientX > box.right || event.clientY < box.top || event.clientY > box.bottom) release();
   });
