@@ -63,7 +63,7 @@ def middle_of(page: Page, button: str) -> tuple[float, float]:
 
 
 def hold_until_it_moves(page: Page, finger: Finger, machine: sync.Machine, axis: int, button: str) -> None:
-    """Put a finger down until the axis has gone 2 mm; again where a busy computer's dead man ended the move."""
+    """Keep a finger down until the axis has gone 2 mm; again where the dead man of a busy computer let go."""
     start = machine.status().axes.position[axis]
     for _ in range(TRIES):
         finger.down(*middle_of(page, button))
