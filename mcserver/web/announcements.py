@@ -8,6 +8,7 @@ from typing import Literal, NamedTuple
 from mcclient import MachineStatus, ProgramStatus
 
 from mcserver.web.formatting import clock_text, is_live
+from mcserver.web.machine_words import program_name
 from mcserver.web.translation import t
 
 # What another client ran for a shorter time is no job, but a jog, a line or a search [s].
@@ -62,7 +63,7 @@ class Announcer:
         return found
 
     def _change(self, program: ProgramStatus, is_job: bool) -> list[Announcement]:
-        name = program.name or program.program
+        name = program_name(program.name or program.program)
         if program.state == "paused":
             return [
                 Announcement(

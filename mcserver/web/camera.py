@@ -11,6 +11,7 @@ import httpx
 from mcclient import MotionError
 
 from mcserver.web.link import MachineLink
+from mcserver.web.translation import mark
 
 MAX_BYTES = 4 << 20
 LIMIT_S = 5.0
@@ -46,7 +47,7 @@ async def fetch_picture(address: str, transport: httpx.AsyncBaseTransport | None
             redirects are not followed.
     """
     if not address:
-        raise MotionError("MC055", "the machine file names no camera", "give [machine] camera")
+        raise MotionError("MC055", mark("the machine file names no camera"), mark("give [machine] camera"))
     try:
         async with (
             asyncio.timeout(LIMIT_S),
@@ -54,19 +55,20 @@ async def fetch_picture(address: str, transport: httpx.AsyncBaseTransport | None
             client.stream("GET", address, headers={"Accept-Encoding": "identity"}) as answer,
         ):
             if answer.status_code != 200:
-                raise _refusal(f"it answers {answer.status_code}")
+                raise _refusal(mark("it answers {status}", status=answer.status_code))
             # a few packed bytes may become gigabytes
             if answer.headers.get("content-encoding", "identity") != "identity":
-                raise _refusal("what it answers is packed")
+                raise _refusal(mark("what it answers is packed"))
             content = await _read(answer)
     except TimeoutError as error:
-        raise _refusal(f"it takes longer than {LIMIT_S:g} s") from error
-    except (httpx.HTTPError, httpx.InvalidURL, ValueError) as error:
+        raise _refusal(mark("it takes longer than {limit:g} s", limit=LIMIT_S)) from error
+    # the last one is of a port beyond 65535
+    except (httpx.HTTPError, httpx.InvalidURL, ValueError, ExceptionGroup) as error:
         raise _refusal(type(error).__name__) from error
     kind = next((kind for first, kind in KINDS.items() if content.startswith(first)), None)
     if kind is None:
         said = answer.headers.get("content-type", "")
-        raise _refusal(f"what it answers ({said[:60]}) is no JPEG, PNG or WebP")
+        raise _refusal(mark("what it answers ({kind}) is no JPEG, PNG or WebP", kind=said[:60]))
     return kind, content
 
 
@@ -77,7 +79,7 @@ async def _read(answer: httpx.Response) -> bytes:
     async for piece in answer.aiter_bytes():
         content += piece
         if len(content) > MAX_BYTES:
-            raise _refusal(f"its picture has more than {MAX_BYTES >> 20} MiB")
+            raise _refusal(mark("its picture has more than {size} MiB", size=MAX_BYTES >> 20))
         if stream:
             part, end, _ = content.partition(HEAD_END)[2].partition(PART_END)
             if end:
@@ -86,4 +88,6 @@ async def _read(answer: httpx.Response) -> bytes:
 
 
 def _refusal(what: str) -> MotionError:
-    return MotionError("MC055", f"the camera gives no picture: {what}", "look at [machine] camera")
+    return MotionError(
+        "MC055", mark("the camera gives no picture: {why}", why=what), mark("look at [machine] camera")
+    )

@@ -155,7 +155,7 @@ class Fleet:
     def links(self) -> list[MachineLink]:
         return list(self._links.values())
 
-    async def order(self, method: str, names: list[str]) -> dict[str, str]:
+    async def order(self, method: str, names: list[str]) -> dict[str, BaseException]:
         """Give ``hold``, ``abort`` or ``reset`` to several machines at once; what failed, by machine."""
 
         async def give(link: FleetLink, name: str) -> None:
@@ -165,7 +165,7 @@ class Fleet:
 
         return await self._each(names, give)
 
-    async def emergency_stop(self, names: list[str], reason: str) -> dict[str, str]:
+    async def emergency_stop(self, names: list[str], reason: str) -> dict[str, BaseException]:
         """Stop several machines, whoever drives them, and empty their queues; what failed, by machine."""
         for name in names:
             if name in self._links:
@@ -174,7 +174,7 @@ class Fleet:
 
     async def run(
         self, names: list[str], text: str, visitor: str, file: tuple[str, bytes] | None = None
-    ) -> dict[str, str]:
+    ) -> dict[str, BaseException]:
         """Queue a text on several machines; what failed, by machine.
 
         Args:
@@ -215,13 +215,14 @@ class Fleet:
 
     async def _each(
         self, names: list[str], act: Callable[[FleetLink, str], Awaitable[None]]
-    ) -> dict[str, str]:
+    ) -> dict[str, BaseException]:
         """Do something to several machines at once; what failed, by machine."""
         if self._link is None:
-            return dict.fromkeys(names, self.failure or mark("not connected"))
+            failure = MotionError("MC530", self.failure or mark("not connected"))
+            return dict.fromkeys(names, failure)
         link = self._link
         answers = await asyncio.gather(*(act(link, name) for name in names), return_exceptions=True)
-        return {name: str(answer) for name, answer in zip(names, answers, strict=True) if answer is not None}
+        return {name: answer for name, answer in zip(names, answers, strict=True) if answer is not None}
 
     async def close(self) -> None:
         """End all connections; programs under way stop along their paths."""

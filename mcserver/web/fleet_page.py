@@ -2,20 +2,23 @@
 
 from __future__ import annotations
 
+import json
 import logging
 from collections.abc import Mapping
 from functools import partial
-from typing import Any
+from typing import Any, NamedTuple
 
+from mcclient import MotionError
 from nicegui import events, ui
 
+from mcserver.errors import McError
 from mcserver.web.actions import show_refusal, show_role_refusal, was_late
+from mcserver.web.choice import Choice
 from mcserver.web.control import needs_control
 from mcserver.web.delays import DelayGate
 from mcserver.web.dialogs import answer_to, ask, named_dialog
-from mcserver.web.fleet import VISITOR_LINKS, Fleet, Seen
-from mcserver.web.formatting import banner, current_program, is_live, remaining_text
-from mcserver.web.jobs import JobQueue
+from mcserver.web.fleet import VISITOR_LINKS, Fleet
+from mcserver.web.fleet_table import STATES, grid_options, machine_row
 from mcserver.web.menu import add_menu
 from mcserver.web.sessions import Visitor
 from mcserver.web.store import MAX_PROGRAM_BYTES
@@ -24,96 +27,15 @@ from mcserver.web.translation import mark, t
 log = logging.getLogger(__name__)
 
 REFRESH_S = 1.0
-# a link for the keyboard and the finger; text alone, whatever a machine is called
-LINK = """(params) => {
-  const link = document.createElement("a");
-  link.href = "/machine/" + encodeURIComponent(params.value);
-  link.textContent = params.value;
-  return link;
-}"""
-# what runs, with the picture that its slicer has put into it
-PROGRAM = """(params) => {
-  const shown = document.createElement("span"), job = params.data.job;
-  if (job !== null) {
-    const picture = document.createElement("img");
-    picture.className = "mc-icon";
-    picture.alt = "";
-    picture.src = "/machine/" + encodeURIComponent(params.data.machine) + "/jobs/" + job + "/picture";
-    shown.append(picture, " ");
-  }
-  shown.append(params.value ?? "");
-  return shown;
-}"""
-# what an operator looks for first comes first: a phone shows three columns without scrolling
-COLUMNS: list[dict[str, Any]] = [
-    # what is wrong comes first; rows do not move for what comes and goes
-    {"field": "rank", "hide": True, "sort": "asc", "sortIndex": 0},
-    {
-        "field": "machine",
-        "headerName": mark("Machine"),
-        "pinned": "left",
-        "checkboxSelection": True,
-        ":cellRenderer": LINK,
-        "sort": "asc",
-        "sortIndex": 1,
-        "minWidth": 140,
-        "maxWidth": 320,
-    },
-    {
-        "field": "state",
-        "headerName": mark("State"),
-        "filter": True,
-        "minWidth": 110,
-        ":cellClass": "(params) => 'mc-cell-' + (params.data.kind ?? 'offline')",
-    },
-    {"field": "percent", "headerName": "%", "minWidth": 70},
-    {"field": "remaining", "headerName": mark("Time left"), "minWidth": 105},
-    {
-        "field": "program",
-        "headerName": mark("Program"),
-        "minWidth": 160,
-        "flex": 2,
-        ":cellRenderer": PROGRAM,
-        # the picture may come behind the name
-        ":equals": "() => false",
-    },
-    {"field": "waiting", "headerName": mark("Waiting"), "minWidth": 95},
-    {"field": "faults", "headerName": mark("Faults"), "minWidth": 200, "flex": 3},
-    {"field": "today", "headerName": mark("Today %"), "minWidth": 100},
-    {"field": "late", "headerName": mark("Late cycles"), "minWidth": 115},
-    {"field": "group", "headerName": mark("Group"), "filter": True, "minWidth": 110},
-    {"field": "tags", "headerName": mark("Tags"), "filter": True, "minWidth": 110},
-]
-
-
-# of the kinds of states that are wrong; all others are alike
-RANKS = {"estop": 0, "fault": 1, "offline": 2}
-STATES = (
-    mark("ready"),
-    mark("moving"),
-    mark("running"),
-    mark("held"),
-    mark("paused"),
-    mark("fault"),
-    mark("EMERGENCY STOP"),
-    mark("offline"),
-)
-# what the table itself says
-GRID_TEXTS = {
-    "noRowsToShow": mark("no machines"),
-    "noMatchingRows": mark("no machine matches"),
-    "filterOoo": mark("Search"),
-    "contains": mark("contains"),
-    "notContains": mark("does not contain"),
-    "equals": mark("is"),
-    "notEqual": mark("is not"),
-    "startsWith": mark("begins with"),
-    "endsWith": mark("ends with"),
-    "blank": mark("is empty"),
-    "notBlank": mark("is not empty"),
-    "andCondition": mark("and"),
-    "orCondition": mark("or"),
-}
+# of each part of an address
+MOST_CHARACTERS = 200
+# What is looked for goes into the address as it is chosen, in the browser: a page that is built anew, after a
+# cut link or a restart of this process, is made from it, and nothing chosen meanwhile is lost on the way.
+KEPT_FILTER = "(value) => mcKeepFilter({name}, {value})"
+# The machines that are ticked come with the click itself: a browser that is asked for them afterwards may
+# answer too late, and a stop would be lost.
+SELECTED = """() => emit(
+  getElement(document.querySelector(".mc-fleet")).api.getSelectedRows().map((row) => row.machine))"""
 # given to those that are selected, after a question: the verb, and how the button looks
 ORDERS = {
     "hold": (mark("Hold"), "color=warning"),
@@ -122,10 +44,28 @@ ORDERS = {
 }
 
 
+class FleetFilter(NamedTuple):
+    """What of the fleet is looked for; empty: all.
+
+    Attributes:
+        search: a text anywhere in the row. group: a group's name. state: one of ``STATES``.
+    """
+
+    search: str = ""
+    group: str = ""
+    state: str = ""
+
+    @classmethod
+    def of(cls, query: Mapping[str, str]) -> FleetFilter:
+        """Return what an address asks for; a state that there is not is none."""
+        search, group, state = (query.get(name, "")[:MOST_CHARACTERS] for name in cls._fields)
+        return cls(search, group, state if state in STATES else "")
+
+
 class FleetPage:
     """One browser's view of the fleet; only rows that have changed are sent."""
 
-    def __init__(self, visitor: Visitor, fleet: Fleet) -> None:
+    def __init__(self, visitor: Visitor, fleet: Fleet, chosen: FleetFilter) -> None:
         self._visitor = visitor
         self._fleet = fleet
         self._gate = DelayGate()
@@ -133,7 +73,7 @@ class FleetPage:
         self._sent: dict[str, dict[str, Any]] = {}
         with ui.header(elevated=True).classes("items-center justify-between no-wrap py-1 px-2 bg-slate-900"):
             ui.label(t("Machines")).classes("font-bold text-lg")
-            self._summary = ui.label("").props("role=status")
+            self._summary = ui.label("").props("role=status").classes("mc-summary")
             with ui.row().classes("items-center no-wrap gap-0"):
                 add_menu(visitor)
                 ui.button(t("E-STOP all"), on_click=self._stop_all).props(
@@ -142,59 +82,61 @@ class FleetPage:
         with ui.element("div").classes("w-full p-2"):
             ui.html(f"<h1 class='sr-only'>{t('Machines')}</h1>", sanitize=False)
             with ui.row().classes("items-center w-full"):
-                self._search = (
-                    ui.input(t("Search"), on_change=self._filter).props("dense clearable").classes("grow")
-                )
-                self._group = ui.select(
-                    {"": t("all groups")}, value="", label=t("Group"), on_change=self._filter_group
+                self._search = ui.input(t("Search"), value=chosen.search, on_change=self._filter)
+                self._search.props("dense clearable").classes("grow")
+                self._search.on("update:value", js_handler=_kept_filter("search", "value"))
+                self._group = Choice(
+                    _groups({chosen.group}),
+                    value=chosen.group,
+                    label=t("Group"),
+                    on_change=self._filter_columns,
                 ).classes("min-w-32")
-                self._state = ui.select(
-                    {"": t("all states"), **{t(each): t(each) for each in STATES}},
-                    value="",
-                    label=t("State"),
-                    on_change=self._filter_group,
+                self._group.on(
+                    "update:model-value", js_handler=_kept_filter("group", 'value.value ? value.label : ""')
                 )
-                self._state.classes("min-w-32")
+                self._state = ui.select(
+                    {"": t("all states"), **{each: t(each) for each in STATES}},
+                    value=chosen.state,
+                    label=t("State"),
+                    on_change=self._filter_columns,
+                )
+                self._state.classes("min-w-32").on(
+                    "update:model-value",
+                    js_handler=_kept_filter("state", f"{json.dumps(['', *STATES])}[value.value]"),
+                )
             with ui.element("div").classes("mc-buttons mt-2"):
                 for order, (verb, looks) in ORDERS.items():
-                    ui.button(t("{verb} selected", verb=t(verb)), on_click=partial(self._ask, order)).props(
-                        looks
-                    )
-                ui.button(t("Run on selected …"), on_click=self._ask_run).props("outline")
+                    button = ui.button(t("{verb} selected", verb=t(verb))).props(looks)
+                    button.on("click", partial(self._ask, order), js_handler=SELECTED)
+                    button.set_enabled(visitor.may(order))
+                button = ui.button(t("Run on selected …")).props("outline")
+                button.on("click", self._ask_run, js_handler=SELECTED)
+                button.set_enabled(visitor.may("open"))
                 # apart from the others, and without a question
-                ui.button(t("E-STOP selected"), on_click=self._stop_selected).props(
-                    f'color=negative aria-label="{t("Emergency stop of the selected")}"'
-                ).classes("ml-6")
-            self._grid = ui.aggrid(
-                {
-                    "columnDefs": [_in_words(column) for column in COLUMNS],
-                    "localeText": {key: t(text) for key, text in GRID_TEXTS.items()},
-                    "defaultColDef": {"sortable": True, "flex": 1},
-                    "rowData": [],
-                    "rowSelection": "multiple",
-                    "suppressRowClickSelection": True,
-                    "animateRows": False,
-                    ":getRowId": "(params) => params.data.machine",
-                },
-            ).classes("w-full mt-2 mc-fleet")
+                button = ui.button(t("E-STOP selected")).classes("ml-6")
+                button.props(f'color=negative aria-label="{t("Emergency stop of the selected")}"')
+                button.on("click", self._stop_selected, js_handler=SELECTED)
+            self._grid = ui.aggrid(grid_options(self._column_filters(), chosen.search))
+            self._grid.classes("w-full mt-2 mc-fleet")
             self._grid.on(
                 "cellDoubleClicked", lambda event: ui.navigate.to(f"/machine/{event.args['data']['machine']}")
             )
             with ui.row().classes("items-center"):
-                self._open = ui.select(
-                    [], label=t("Open machine"), with_input=True, on_change=self._go
-                ).classes("min-w-48")
+                self._open = Choice([], label=t("Open machine"), with_input=True, on_change=self._go).classes(
+                    "min-w-48"
+                )
         ui.on("mc_key", self._on_key)
         ui.timer(REFRESH_S, self.update)
         ui.timer(0.1, self.update, once=True)
 
     def update(self) -> None:
-        """Send the rows that have changed."""
+        """Send the rows that have changed, and a sign of life: a page that gets none says so."""
+        ui.run_javascript("mcAlive()")
         if not self._visitor.is_known():
-            ui.navigate.to("/login")
+            ui.navigate.reload()
             return
         rows = {
-            name: _row(seen, self._fleet.running_today, self._fleet.jobs_of(name))
+            name: machine_row(seen, self._fleet.running_today, self._fleet.jobs_of(name))
             for name, seen in self._fleet.machines.items()
         }
         added = [row for name, row in rows.items() if name not in self._sent]
@@ -207,12 +149,10 @@ class FleetPage:
         if added or removed:
             self._open.set_options(sorted(rows))
         if added or changed or removed:
-            groups = sorted({str(row["group"]) for row in rows.values()} - {""})
-            kept = self._group.value if self._group.value in groups else ""
-            if list(self._group.options) != ["", *groups]:
-                self._group.set_options(
-                    {"": t("all groups"), **{group: group for group in groups}}, value=kept
-                )
+            # the one that is chosen stays, whichever machines are there at this moment
+            groups = _groups({str(row["group"]) for row in rows.values()} | {str(self._group.value)})
+            if self._group.options != groups:
+                self._group.set_options(groups)
         self._sent = rows
         online = sum(seen.online for seen in self._fleet.machines.values())
         faults = sum(row["kind"] in ("fault", "estop") for row in rows.values())
@@ -229,14 +169,17 @@ class FleetPage:
     def _filter(self) -> None:
         self._grid.run_grid_method("setGridOption", "quickFilterText", self._search.value or "")
 
-    def _filter_group(self) -> None:
-        chosen = {"group": self._group.value, "state": self._state.value}
-        wanted = {
+    def _filter_columns(self) -> None:
+        self._grid.run_grid_method("setFilterModel", self._column_filters())
+
+    def _column_filters(self) -> dict[str, Any]:
+        """Return the filters of the columns, which have the words that are shown."""
+        chosen = {"group": str(self._group.value), "state": t(str(self._state.value))}
+        return {
             column: {"filterType": "text", "type": "equals", "filter": value}
             for column, value in chosen.items()
             if value
         }
-        self._grid.run_grid_method("setFilterModel", wanted or None)
 
     def _go(self) -> None:
         if self._open.value:
@@ -250,8 +193,8 @@ class FleetPage:
         """Every visitor may stop; those that do not answer are asked, too."""
         await self._emergency_stop(list(self._fleet.machines))
 
-    async def _stop_selected(self) -> None:
-        names = await self._selected()
+    async def _stop_selected(self, event: events.GenericEventArguments) -> None:
+        names = self._selected(event)
         if names:
             await self._emergency_stop(names)
 
@@ -270,8 +213,9 @@ class FleetPage:
             position="bottom",
         )
 
-    async def _selected(self) -> list[str]:
-        names = [row["machine"] for row in await self._grid.get_selected_rows()]
+    def _selected(self, event: events.GenericEventArguments) -> list[str]:
+        """Return the machines that were ticked when a button was pressed; says so where there are none."""
+        names = [name for name in event.args if name in self._fleet.machines]
         if not names:
             show_refusal(t("No machine is selected"), t("tick the machines first"))
         return names
@@ -282,10 +226,10 @@ class FleetPage:
             return False
         return not needs_control(method) or not was_late(self._gate)
 
-    async def _ask(self, order: str) -> None:
+    async def _ask(self, order: str, event: events.GenericEventArguments) -> None:
         if not self._allowed(order):
             return
-        names = await self._selected()
+        names = self._selected(event)
         if not names:
             return
         verb = t(ORDERS[order][0])
@@ -297,10 +241,10 @@ class FleetPage:
         ) and self._allowed(order):
             self._tell(ORDERS[order][0], names, await self._fleet.order(order, names))
 
-    async def _ask_run(self) -> None:
+    async def _ask_run(self, event: events.GenericEventArguments) -> None:
         if not self._allowed("open"):
             return
-        names = await self._selected()
+        names = self._selected(event)
         if len(names) > VISITOR_LINKS:
             show_refusal(
                 t("{count} machines are selected", count=len(names)),
@@ -324,7 +268,9 @@ class FleetPage:
                     max_file_size=MAX_PROGRAM_BYTES,
                     on_upload=partial(_take, file, text),
                 ).classes("w-full").props("flat bordered")
-                ui.label(t("It is checked at each machine, and waits where a program of this page runs."))
+                ui.label(
+                    t("It is checked at each machine, and waits where programs of this page run or wait.")
+                )
                 with ui.element("div").classes("mc-buttons"):
                     ui.button(t("Run"), on_click=lambda: dialog.submit(text.value)).props("color=positive")
                     ui.button(t("Cancel"), on_click=lambda: dialog.submit(None)).props("flat")
@@ -333,10 +279,13 @@ class FleetPage:
                 failures = await self._fleet.run(names, chosen, self._visitor.name, file[0] if file else None)
                 self._tell(mark("queued"), names, failures)
 
-    def _tell(self, what: str, names: list[str], failures: dict[str, str]) -> None:
+    def _tell(self, what: str, names: list[str], failures: dict[str, BaseException]) -> None:
         log.info("%s: %d machines by %s", what, len(names), self._visitor.name)
-        for name, message in failures.items():
-            show_refusal(f"{name}: {t(message)}")
+        alike: dict[tuple[str, str], list[str]] = {}
+        for name, error in failures.items():
+            alike.setdefault(_said(error), []).append(name)
+        for (message, hint), refused in alike.items():
+            show_refusal(f"{_listed(refused)}: {message}", hint)
         ui.notify(
             t(
                 "{done} of {count} machines: {what}",
@@ -354,43 +303,22 @@ async def _take(into: list[tuple[str, bytes]], text: ui.textarea, event: events.
     text.set_visibility(False)
 
 
+def _groups(names: set[str]) -> dict[str, str]:
+    """Return the options of the list of groups."""
+    return {"": t("all groups"), **{name: name for name in sorted(names - {""})}}
+
+
+def _kept_filter(name: str, value: str) -> str:
+    """Return the handler in the browser that keeps an expression of what was chosen in the address."""
+    return KEPT_FILTER.format(name=json.dumps(name), value=value)
+
+
+def _said(error: BaseException) -> tuple[str, str]:
+    """Return what an error says, and its remedy."""
+    if isinstance(error, MotionError | McError):
+        return f"{t(error.message)} [{error.code}]", error.hint
+    return str(error) or type(error).__name__, ""
+
+
 def _listed(names: list[str]) -> str:
     return ", ".join(names[:8]) + (" …" if len(names) > 8 else "")
-
-
-def _in_words(column: dict[str, Any]) -> dict[str, Any]:
-    return {**column, "headerName": t(column["headerName"])} if "headerName" in column else column
-
-
-def group_of(name: str) -> str:
-    """Return a machine's group: its name before the last ``-`` or ``.``, as ``hall-2`` of ``hall-2-07``."""
-    cut = max(name.rfind("-"), name.rfind("."))
-    return name[:cut] if cut > 0 else ""
-
-
-def _row(seen: Seen, running_today: Mapping[str, float], jobs: JobQueue | None) -> dict[str, Any]:
-    status = seen.status
-    word, kind = banner(status, seen.online)
-    program = current_program(status) if seen.online else None
-    live = program is not None and is_live(program)
-    # of what runs, where it is a program of this page; the programs of others have no pictures
-    job = None if jobs is None or program is None else jobs.running
-    pictured = live and job is not None and program is not None and job.program == program.program
-    return {
-        "machine": seen.name,
-        "rank": RANKS.get(kind, len(RANKS)),
-        "group": seen.group or group_of(seen.name),
-        "tags": " ".join(seen.tags),
-        "state": t(word),
-        "kind": kind,
-        "program": (program.name or program.program) if program is not None and live else "",
-        "job": job.number if job is not None and pictured and job.thumbnail is not None else None,
-        "waiting": len(jobs.waiting) or None if jobs is not None else None,
-        "percent": round(100 * program.progress) if program is not None and live else None,
-        "remaining": remaining_text(program) if program is not None and live else "",
-        "faults": "; ".join(f"{fault.code} {t(fault.message)}" for fault in status.faults)
-        if status is not None
-        else "",
-        "today": running_today.get(seen.name),
-        "late": status.late_cycles if status is not None else None,
-    }

@@ -14,6 +14,8 @@ from mcserver.web.translation import mark, t
 LETTERS = "XYZABC"
 CONTEXT_LINES = 6
 DIAGNOSTICS_SHOWN = 50
+# Of a number that is typed in [mm, deg, min]: a finger that has slipped, not a machine of a kilometre.
+MOST = 1e6
 # Characters of a program's line.
 LINE_SHOWN = 200
 

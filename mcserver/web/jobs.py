@@ -9,10 +9,11 @@ import time
 from collections import deque
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
-from mcclient import Diagnostic, Machine, MotionError, Program, RequestRefused
+from mcclient import Diagnostic, Machine, MotionError, Program, ProgramStatus, RequestRefused
 from mcclient.types import Continuation, SimulatedPath, SimulateReply
 
 from mcserver.errors import McError
+from mcserver.web.formatting import is_live
 from mcserver.web.last_runs import LastRun
 from mcserver.web.store import ProgramStore
 from mcserver.web.thumbnails import find_thumbnail
@@ -303,6 +304,18 @@ class JobQueue:
     def begun(self) -> list[Job]:
         """The jobs that have begun: what runs, then those that have ended, the newest first."""
         return [*([] if self.running is None else [self.running]), *self.ended]
+
+    def failed(self, program: ProgramStatus | None) -> Job | None:
+        """Return the job that has failed, unless a program runs or has run since.
+
+        Args:
+            program: the machine's current one.
+        """
+        if not self.ended or self.ended[0].state is not JobState.FAILED or is_live(program):
+            return None
+        job = self.ended[0]
+        since = program is not None and program.program != job.program
+        return None if since and program is not None and program.opened_at > (job.started_at or 0.0) else job
 
     def programs(self) -> set[str]:
         """Ids of the programs that were jobs of this queue."""

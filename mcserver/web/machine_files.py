@@ -12,10 +12,12 @@ from mcclient import MotionError
 from mcserver.errors import ServiceError
 from mcserver.web.camera import camera_picture
 from mcserver.web.fleet import Fleet
+from mcserver.web.frame import language_of
 from mcserver.web.link import MachineLink
 from mcserver.web.robot_model import fetch_model
 from mcserver.web.sessions import COOKIE, Sessions
 from mcserver.web.thumbnails import Thumbnail
+from mcserver.web.translation import t_in
 
 # A plot is a page of its own with scripts of its own; it must not act for who is logged in.
 PLOT_HEADERS = {"Content-Security-Policy": "sandbox allow-scripts allow-downloads"}
@@ -44,7 +46,7 @@ def add_machine_files(site: FastAPI, sessions: Sessions, fleet: Fleet) -> None:
             async with fetching:
                 content = await fetch_model(link.connected(), link.store.folder / ".model")
         except MotionError as error:
-            return _refusal(error)
+            return _refusal(request, error)
         return Response(content, media_type="application/json", headers={"Cache-Control": "no-store"})
 
     @site.get("/machine/{name}/camera")
@@ -53,7 +55,7 @@ def add_machine_files(site: FastAPI, sessions: Sessions, fleet: Fleet) -> None:
         try:
             kind, content = await camera_picture(link)
         except MotionError as error:
-            return _refusal(error)
+            return _refusal(request, error)
         return Response(content, media_type=kind, headers={"Cache-Control": "no-store"})
 
     @site.get("/machine/{name}/programs/{program:path}/picture")
@@ -62,7 +64,7 @@ def add_machine_files(site: FastAPI, sessions: Sessions, fleet: Fleet) -> None:
         try:
             return _picture(await asyncio.to_thread(link.store.thumbnail, program))
         except ServiceError as error:
-            return Response(f"{error.message} [{error.code}]\n", 404, media_type="text/plain")
+            return _refusal(request, error, 404)
 
     @site.get("/machine/{name}/jobs/{number}/picture")
     async def picture_of_job(request: Request, name: str, number: int) -> Response:
@@ -78,7 +80,7 @@ def add_machine_files(site: FastAPI, sessions: Sessions, fleet: Fleet) -> None:
             # so that a recording that is not there is an answer of its own, not half of a file
             first = await anext(pieces, b"")
         except MotionError as error:
-            return _refusal(error)
+            return _refusal(request, error)
 
         async def whole() -> AsyncIterator[bytes]:
             yield first
@@ -94,7 +96,7 @@ def add_machine_files(site: FastAPI, sessions: Sessions, fleet: Fleet) -> None:
         try:
             path = await link.recorded.plot(link.connected(), recording)
         except MotionError as error:
-            return _refusal(error)
+            return _refusal(request, error)
         return FileResponse(path, media_type="text/html", headers=PLOT_HEADERS)
 
 
@@ -106,5 +108,7 @@ def _picture(found: Thumbnail | None) -> Response:
     return Response(found.content, media_type=found.kind, headers=headers)
 
 
-def _refusal(error: MotionError) -> Response:
-    return Response(f"{error.message} [{error.code}]\n= {error.hint}\n", 503, media_type="text/plain")
+def _refusal(request: Request, error: MotionError | ServiceError, status: int = 503) -> Response:
+    language = language_of(request)
+    said = f"{t_in(language, error.message)} [{error.code}]\n= {t_in(language, error.hint)}\n"
+    return Response(said, status, media_type="text/plain")

@@ -249,7 +249,7 @@ class MachinePage:
         if self._beat % BEAT_EVERY == 0:
             ui.run_javascript("mcAlive()")
             if not self._visitor.is_known():
-                ui.navigate.to("/login")
+                ui.navigate.reload()
                 return
         self._beat += 1
         status, machine = self._link.status, self._link.machine

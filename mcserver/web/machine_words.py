@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from types import MappingProxyType
 
-from mcserver.web.translation import mark
+from mcserver.web.translation import mark, t
 
 # how an axis finds its reference
 HOMING_METHODS: Mapping[str, str] = MappingProxyType(
@@ -59,3 +59,20 @@ PROBING_NUMBERS = (
     mark("thickness"),
     mark("setter"),
 )
+# what the page and the server call programs that are no files
+PROGRAM_NAMES = (
+    mark("energize"),
+    mark("manual input"),
+    mark("work offset"),
+    mark("text of the fleet's page"),
+)
+
+
+def program_name(name: str) -> str:
+    """Return what a program is called in the language of the page, where it is no file's or person's name."""
+    if name in PROGRAM_NAMES:
+        return t(name)
+    what, _, user = name.rpartition(" by ")
+    if what in PROGRAM_NAMES or what in PROBING_CYCLES:
+        return f"{t(what)} {t('by {name}', name=user)}"
+    return name

@@ -20,7 +20,7 @@ from nicegui import ui
 from mcserver.doors.limits import BodyLimit, DoorLimits
 from mcserver.doors.listening import LOOPBACK, Address, Protection, listen, serve_until_stopped
 from mcserver.web.fleet import Fleet
-from mcserver.web.fleet_page import FleetPage
+from mcserver.web.fleet_page import FleetFilter, FleetPage
 from mcserver.web.frame import MAX_FRAME_BYTES, STATIC, add_head, language_of, new_site, run_pages
 from mcserver.web.machine_files import add_machine_files
 from mcserver.web.machine_page import MachinePage
@@ -145,16 +145,16 @@ def build_site(sessions: Sessions, fleet: Fleet, *, secure: bool, host: str) -> 
     def fleet_page(request: Request) -> Response | None:
         visitor = _visitor(sessions, request)
         if visitor is None:
-            return RedirectResponse(f"/login?then={quote(request.url.path)}", 303)
+            return _to_login(request)
         add_head()
-        FleetPage(visitor, fleet)
+        FleetPage(visitor, fleet, FleetFilter.of(request.query_params))
         return None
 
     @ui.page("/machine/{name}", title="Machine")
     def machine_page(request: Request, name: str) -> Response | None:
         visitor = _visitor(sessions, request)
         if visitor is None:
-            return RedirectResponse(f"/login?then={quote(request.url.path)}", 303)
+            return _to_login(request)
         add_head()
         ui.page_title(name)
         try:
@@ -178,6 +178,12 @@ def _visitor(sessions: Sessions, request: Request) -> Visitor | None:
     return sessions.visitor(request.cookies.get(COOKIE, ""))
 
 
+def _to_login(request: Request) -> Response:
+    """Return the way to the login, and from there to what was asked for."""
+    wanted = request.url.path + (f"?{request.url.query}" if request.url.query else "")
+    return RedirectResponse(f"/login?then={quote(wanted)}", 303)
+
+
 def _from_here(request: Request) -> bool:
     """Whether a request comes from this computer itself: not by a proxy, nor by a page of another site."""
     near = request.client is not None and request.client.host in LOOPBACK
@@ -187,7 +193,7 @@ def _from_here(request: Request) -> bool:
 
 def _inside(path: str) -> str:
     """Return a path of this site; ``/`` for anything else."""
-    return path if re.fullmatch(r"/[A-Za-z0-9_./%~-]*", path) and not path.startswith("//") else "/"
+    return path if re.fullmatch(r"/[A-Za-z0-9_./%~?=&+-]*", path) and not path.startswith("//") else "/"
 
 
 def _login_page(request: Request, message: str, then: str) -> str:

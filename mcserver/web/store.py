@@ -25,6 +25,11 @@ _NAME = re.compile(
 )
 
 
+def is_folder(name: str) -> bool:
+    """Whether programs can lie in a folder of this name, with ``/`` between it and those about it."""
+    return _NAME.fullmatch(f"{name}/x") is not None
+
+
 def text_of(name: str, content: bytes) -> str:
     """Return a program's text (`text_of_bytes`).
 

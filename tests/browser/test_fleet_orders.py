@@ -52,7 +52,23 @@ def test_a_text_is_run_on_the_selected_stopped_by_the_key_and_the_machine_is_res
     wait_for(machine, fleet_page, lambda status: status.state == "ready")
 
 
-def test_the_selected_are_stopped_without_a_question(fleet_page: Page, machine: sync.Machine) -> None:
+@pytest.mark.usefixtures("machine")
+def test_a_text_that_is_faulty_stands_in_the_row_until_another_program_has_run(fleet_page: Page) -> None:
+    faults = fleet_page.locator(".ag-center-cols-container [role=row] [col-id=faults]")
+    run_on_selected(fleet_page, "G02 X100 Y0 R30\n")
+    expect(faults).to_contain_text("text of the fleet's page: line 1: ")
+    run_on_selected(fleet_page, "G04 P0\n")
+    expect(faults).to_have_text("")
+
+
+def test_the_selected_are_stopped_without_a_question_and_without_an_answer_of_the_browser(
+    fleet_page: Page, machine: sync.Machine
+) -> None:
+    # one that is busy, or whose link is held up, answers nothing in time
+    fleet_page.evaluate("""() => {
+      const emit = window.socket.emit.bind(window.socket);
+      window.socket.emit = (kind, ...rest) => kind === "javascript_response" ? null : emit(kind, ...rest);
+    }""")
     fleet_page.get_by_role("button", name="Emergency stop of the selected").click()
     wait_for(machine, fleet_page, lambda status: status.state == "estop")
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import re
 from collections.abc import Iterator
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import msgspec
@@ -147,6 +148,8 @@ def test_a_wrong_password_is_refused_and_an_observer_may_look_but_not_hold(
     expect(page.get_by_role("alert")).to_contain_text("Wrong name or password")
     log_in(page, fleet_site, "bob", "bob's battery staple")
     expect(page.get_by_role("status")).to_contain_text(f"{MACHINES} of {MACHINES}")
+    for refused in ("Reset selected", "Run on selected …"):
+        expect(page.get_by_role("button", name=refused)).to_be_disabled()
     page.get_by_role("link", name="cell-07").click()
     expect(page.get_by_role("button", name="Hold", exact=True)).to_be_disabled()
     assert fleet.holds == held
@@ -185,3 +188,38 @@ def test_what_is_asked_first_is_in_view_on_a_narrow_and_on_a_wide_screen(
         ):
             expect(page.get_by_role("button", name=name)).to_be_in_viewport(ratio=0.9)
         expect_no_overflow(page, width)
+
+
+def test_what_is_looked_for_outlasts_a_lost_link_also_where_it_was_chosen_while_there_was_none(
+    page: Page, fleet_site: PageProcess
+) -> None:
+    log_in(page, fleet_site, "bob", "bob's battery staple")
+    row = page.locator(".ag-center-cols-container [role=row]")
+    for label, option, count in (("Group", "cell", MACHINES - 5), ("State", "fault", 1)):
+        page.get_by_label(label).click()
+        page.get_by_role("option", name=option, exact=True).click()
+        expect(row).to_have_count(count)
+    # as NiceGUI does it when a link is back that has lost something
+    page.reload()
+    for label, option in (("Group", "cell"), ("State", "fault")):
+        expect(page.get_by_label(label)).to_have_value(option)
+    expect(row).to_have_count(1)
+    page.get_by_label("State").click()
+    page.get_by_role("option", name="all states").click()
+    expect(row).to_have_count(MACHINES - 5)
+    # from here on nothing reaches the page's process
+    page.evaluate("window.socket.emit = () => {}")
+    page.get_by_label("Search").fill("-1")
+    page.reload()
+    expect(page.get_by_label("Search")).to_have_value("-1")
+    expect(row).to_have_count(10)
+
+
+def test_a_page_whose_process_is_gone_says_that_what_it_shows_is_old(
+    page: Page, fleet: Answering, tmp_path: Path
+) -> None:
+    with page_of(fleet.endpoint, tmp_path) as mortal:
+        page.goto(mortal.url)
+        expect(page.get_by_role("status")).to_contain_text(f"{MACHINES} of {MACHINES}")
+        mortal.process.kill()
+        expect(page.locator("body")).to_have_class(re.compile("mc-silent"))

@@ -124,7 +124,7 @@ def test_the_picture_marks_where_the_tool_can_be_and_the_robot_stays_where_it_is
     page.wait_for_function(f"() => ({PLACES})().places.length === 0")
 
 
-def test_poses_are_taught_edited_replayed_and_kept(
+def test_poses_are_taught_edited_replayed_and_kept_also_where_the_page_is_loaded_anew(
     page: Page, arm_site: PageProcess, robot: sync.Machine
 ) -> None:
     opened(page, arm_site, "arm")
@@ -140,7 +140,11 @@ def test_poses_are_taught_edited_replayed_and_kept(
     expect(text).to_have_value(re.compile(r"(G01 X.* T1 F600\n){2}$"))
     # the last line leads back to the first pose, quickly
     first = next(line for line in text.input_value().splitlines() if line.startswith("G01"))
-    text.fill(text.input_value() + first.replace("F600", "F6000") + "\n")
+    taught = text.input_value() + first.replace("F600", "F6000") + "\n"
+    text.fill(taught)
+    # as a cut link does it
+    page.reload()
+    expect(text).to_have_value(taught)
     page.get_by_role("button", name="Replay").click()
     expect(page.get_by_text(re.compile("^taught.gcode is finished after"))).to_be_visible()
     stepped(page, robot, [x, y, z, a, b, c])

@@ -95,6 +95,30 @@ def test_an_offset_is_set_named_and_taken_back_at_every_width(
         wait_for(machine, page, lambda status: all(not each.origin.get("0") for each in status.work_offsets))
 
 
+def test_an_offset_is_shifted_from_where_it_is(
+    page: Page, mill: ServerProcess, mill_site: PageProcess
+) -> None:
+    opened(page, mill_site, "mill")
+    with sync.Machine.connect("mill", mill.endpoint) as machine:
+        with machine.program("offset") as program:
+            program.send("G10 L2 P6 X10")
+        rows = page.get_by_role("region", name="Offsets and tools")
+        expect(rows.get_by_role("row", name="G59 10.000 0.000 0.000")).to_be_visible()
+        page.get_by_role("button", name="Change an offset …").click()
+        dialog = page.get_by_role("dialog", name="Change a work offset")
+        choose(page, dialog.get_by_label("System"), "G59")
+        choose(page, dialog.get_by_label("How"), "shift by")
+        dialog.get_by_label("X [mm]").fill("2.5")
+        expect(dialog.get_by_label("line to be sent")).to_have_text("G21 G90 G10 L2 P6 X12.5")
+        # more than any machine has
+        dialog.get_by_label("Y [mm]").fill("1e300")
+        dialog.get_by_label("X [mm]").focus()
+        expect(dialog.get_by_label("line to be sent")).to_have_text("G21 G90 G10 L2 P6 X12.5 Y1000000")
+        dialog.get_by_label("Y [mm]").fill("0")
+        dialog.get_by_role("button", name="Set", exact=True).click()
+        expect(rows.get_by_role("row", name="G59 12.500 0.000 0.000")).to_be_visible()
+
+
 def test_a_tool_is_measured_named_and_used_and_is_asked_for_when_its_life_is_used_up(
     page: Page, mill: ServerProcess, mill_site: PageProcess
 ) -> None:

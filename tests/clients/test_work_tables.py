@@ -11,10 +11,10 @@ def change(row: str, before: dict[str, float], after: dict[str, float]) -> Table
     return TableChange(wall=1.0, client="hmi", program="p1", name="", row=row, before=before, after=after)
 
 
-def test_an_offset_is_set_or_shifted_by_a_line() -> None:
+def test_an_offset_is_set_by_a_line() -> None:
     assert offset_line("G54", {"0": 12.5, "6": -1e-9}) == "G21 G90 G10 L2 P1 X12.5 [6]0"
     assert offset_line("G54", {"0": 12.5, "R": 30.0}) == "G21 G90 G10 L2 P1 X12.5 R30"
-    assert offset_line("G59.3", {"2": -0.1}, shift=True) == "G21 G91 G10 L2 P9 Z-0.1"
+    assert offset_line("G59.3", {"2": -0.1}) == "G21 G90 G10 L2 P9 Z-0.1"
 
 
 def test_a_tool_is_set_by_a_line() -> None:

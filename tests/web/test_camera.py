@@ -56,6 +56,11 @@ async def test_what_is_no_picture_is_refused(answer: httpx.Response) -> None:
         await fetched(answer, httpx.Response(200, headers=JPEG, content=b"of another site"))
 
 
+async def test_a_port_that_there_is_not_is_refused() -> None:
+    with pytest.raises(MotionError, match="gives no picture"):
+        await fetch_picture("http://127.0.0.1:99999/")
+
+
 async def test_without_a_camera_nothing_is_asked() -> None:
     with pytest.raises(MotionError, match="names no camera"):
         await fetch_picture("")

@@ -11,16 +11,26 @@ from typing import get_args
 
 import pytest
 from mcclient import MotionError
+from mcclient.broken_off import ENERGIZE, MANUAL_INPUT, WORK_OFFSET
 from mcclient.types import AxisState, MachineState, ProgramState, RecordingState, RunState
+from nicegui import Client, ui
 
 from mcserver.errors import ServiceError
 from mcserver.machine.homing_section import Method
 from mcserver.machine.machine_file import load_machine
 from mcserver.machine.probing_cycles import probing_cycles
 from mcserver.service.axis_reports import PHASES
+from mcserver.web.fleet import FLEET_TEXT
 from mcserver.web.frame import BROWSER_TEXTS
 from mcserver.web.jobs import JobState
-from mcserver.web.machine_words import HOMING_METHODS, HOMING_PHASES, PROBING_CYCLES, PROBING_NUMBERS
+from mcserver.web.machine_words import (
+    HOMING_METHODS,
+    HOMING_PHASES,
+    PROBING_CYCLES,
+    PROBING_NUMBERS,
+    PROGRAM_NAMES,
+    program_name,
+)
 from mcserver.web.past import WHATS, WHENS
 from mcserver.web.translation import ENGLISH, LANGUAGES, catalogue, language_for, mark, t_in, texts_of
 
@@ -33,6 +43,15 @@ SAYS = {"notify", "notification", "named_dialog", "show_refusal", "set_text", "t
 KEYWORDS = {"label", "placeholder", "close_button"}
 # whose strings are for the browser alone
 MACHINERY = {"classes", "props", "style", "run_javascript", "add_head_html", "compile", "warning", "Field"}
+# what commands say in a terminal, services in their logs, and scripts are answered
+READ_ELSEWHERE = {
+    "credential_file.py",
+    "history.py",
+    "history_store.py",
+    "robot_model.py",
+    "users.py",
+    "webhooks.py",
+}
 # the notation of programs, the same in every language
 NOTATION = {"G01 X10 F600"}
 
@@ -120,6 +139,14 @@ def test_no_words_of_a_panel_pass_by_the_catalogues() -> None:
                 assert not re.search(r">\s*[A-Za-z]{3}", node.value.replace("=>", "")), node.value
 
 
+def test_what_errors_of_the_page_say_passes_by_the_catalogues() -> None:
+    for place, call in calls():
+        if place.partition(":")[0] in READ_ELSEWHERE or not name_of(call).endswith("Error"):
+            continue
+        for each in call.args[1:]:
+            assert not isinstance(each, ast.Constant | ast.JoinedStr), f"{place}: {ast.unparse(each)}"
+
+
 def test_texts_of_scripts_are_given_to_them() -> None:
     scripts = "".join(file.read_text("utf-8") for file in (WEB / "static").glob("*.js"))
     assert set(re.findall(r'mcTexts\["([^"]+)"\]', scripts)) == set(BROWSER_TEXTS)
@@ -177,3 +204,14 @@ def test_words_of_the_motion_server_that_the_page_says_are_those_that_it_has() -
     assert {number.name for each in cycles for number in each.argument} == set(PROBING_NUMBERS)
     assert set(PHASES.values()) == set(HOMING_PHASES)
     assert set(get_args(Method)) == HOMING_METHODS.keys()
+    assert {ENERGIZE, MANUAL_INPUT, WORK_OFFSET, FLEET_TEXT} == set(PROGRAM_NAMES)
+
+
+def test_programs_that_are_no_files_are_called_in_the_language_of_the_page() -> None:
+    page = ui.page("/names")
+    page.language = "de"
+    with Client(page):
+        assert program_name("manual input") == "Handeingabe"
+        assert program_name("Top by ada by the window") == "Top by ada by the window"
+        assert program_name("Top by ada") == "Oberseite von ada"
+        assert program_name("part by ada.nc") == "part by ada.nc"

@@ -28,16 +28,15 @@ def work_places(
     return reads
 
 
-def offset_line(system: str, origin: Mapping[str, float], *, shift: bool = False) -> str:
+def offset_line(system: str, origin: Mapping[str, float]) -> str:
     """Return the line that sets where a system reads zero.
 
     Args:
         system: such as ``G54``.
         origin: by axis number [mm, deg], and ``R``, its rotation [deg]; what is left out stays.
-        shift: by how much instead of where.
     """
     words = [f"{_axis(axis)}{_number(value)}" for axis, value in origin.items()]
-    return f"G21 G{91 if shift else 90} G10 L2 P{SYSTEMS.index(system) + 1} {' '.join(words)}"
+    return f"G21 G90 G10 L2 P{SYSTEMS.index(system) + 1} {' '.join(words)}"
 
 
 def tool_line(number: int, length: float, diameter: float) -> str:

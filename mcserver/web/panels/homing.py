@@ -9,7 +9,7 @@ from nicegui import ui
 
 from mcserver.web.actions import Actions
 from mcserver.web.dialogs import answer_to, named_dialog
-from mcserver.web.formatting import axis_name
+from mcserver.web.formatting import MOST, axis_name
 from mcserver.web.link import MachineLink
 from mcserver.web.machine_words import HOMING_METHODS
 from mcserver.web.translation import mark, t
@@ -77,7 +77,7 @@ class HomingPanel:
         name = axis_name(axis.index)
         with named_dialog(t("Reference of axis {name}", name=name)) as dialog, ui.card():
             ui.label(t("Where is axis {name} now? Its limits count from this number on.", name=name))
-            number = ui.number(f"{name} [{axis.unit}]", format="%.4f").props("autofocus")
+            number = ui.number(f"{name} [{axis.unit}]", min=-MOST, max=MOST, format="%.4f").props("autofocus")
             with ui.row():
                 ui.button(t("Set the reference"), on_click=lambda: dialog.submit(number.value)).props(
                     "color=warning"

@@ -9,6 +9,7 @@ from nicegui import ui
 
 from mcserver.web.formatting import is_live
 from mcserver.web.link import MachineLink
+from mcserver.web.machine_words import program_name
 from mcserver.web.translation import t
 
 
@@ -49,7 +50,7 @@ def notices_of(status: MachineStatus | None, *, online: bool, failure: str) -> t
     for program in status.programs:
         if not is_live(program):
             continue
-        name = program.name or program.program
+        name = program_name(program.name or program.program)
         if program.state == "paused":
             what = program.notice or t("it has come to a stop that it asks for")
             found.append(

@@ -10,6 +10,7 @@ from nicegui import ui
 
 from mcserver.web.formatting import axis_name, is_live
 from mcserver.web.link import MachineLink
+from mcserver.web.machine_words import program_name
 from mcserver.web.translation import mark, t
 
 COMMANDS = 8
@@ -41,7 +42,7 @@ def people_html(link: MachineLink, status: MachineStatus) -> str:
             text = (
                 mark("{name} waits for {axes}") if program.state == "queued" else mark("{name} holds {axes}")
             )
-            said = t(text, name=program.name or program.program, axes=axes)
+            said = t(text, name=program_name(program.name or program.program), axes=axes)
             holding.setdefault(program.client, []).append(f"{said} ({t(program.state)})")
     own = None if link.machine is None else link.machine.client
     clients = sorted({*link.clients, *holding, *([own] if own else [])})

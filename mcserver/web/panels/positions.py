@@ -14,7 +14,7 @@ from nicegui import ui
 
 from mcserver.web.actions import Actions
 from mcserver.web.dialogs import answer_to, named_dialog
-from mcserver.web.formatting import axis_name, position_text, velocity_text
+from mcserver.web.formatting import MOST, axis_name, position_text, velocity_text
 from mcserver.web.open_programs import refusal_of
 from mcserver.web.translation import mark, t
 
@@ -108,7 +108,7 @@ class PositionsPanel:
         with named_dialog(t("Set a work offset")) as dialog, ui.card():
             ui.label(t("What an axis reads where it is now:"))
             axis = ui.select(names, value=names[0], label=t("Axis")).classes("min-w-24")
-            number = ui.number(t("reads [mm, deg]"), value=0.0, format="%.4f")
+            number = ui.number(t("reads [mm, deg]"), value=0.0, min=-MOST, max=MOST, format="%.4f")
             system = ui.select(
                 {each: system_name(each) for each in range(1, 10)}, value=1, label=t("System")
             ).classes("min-w-24")

@@ -11,13 +11,14 @@ from functools import partial
 from types import MappingProxyType
 from urllib.parse import quote
 
-from mcclient import MotionError, ProgramStatus
+from mcclient import MotionError
 from mcclient.switches import switches_said
 from mcclient.types import SimulateReply
 from nicegui import events, ui
 
 from mcserver.errors import McError
 from mcserver.web.actions import Actions, show_refusal
+from mcserver.web.choice import Choice
 from mcserver.web.dialogs import ask
 from mcserver.web.formatting import (
     clock_text,
@@ -30,10 +31,11 @@ from mcserver.web.formatting import (
 )
 from mcserver.web.jobs import WHOLE, Job, JobState, Middle, Switches
 from mcserver.web.last_runs import LastRun
+from mcserver.web.machine_words import program_name
 from mcserver.web.panels.dry_run import show_dry_run
 from mcserver.web.panels.queue import QueuePanel
 from mcserver.web.panels.run_from import RecoveryPanel, ask_run_from
-from mcserver.web.store import MAX_PROGRAM_BYTES
+from mcserver.web.store import MAX_PROGRAM_BYTES, is_folder
 from mcserver.web.thumbnails import Thumbnail
 from mcserver.web.translation import mark, t
 
@@ -110,10 +112,15 @@ class ProgramPanel:
             )
             self._uploader.props('accept=".gcode,.nc,.ngc,.tap,.txt,.g,text/plain" flat bordered')
             self._uploader.classes("w-full")
-            self._folder = ui.select([], label=t("Folder"), new_value_mode="add-unique", clearable=True)
-            self._folder.classes("w-full")
+            self._folder = Choice(
+                [],
+                label=t("Folder"),
+                new_value_mode="add-unique",
+                clearable=True,
+                on_change=self._look_into,
+            ).classes("w-full")
             with ui.row().classes("items-center w-full"):
-                self._choice = ui.select([], label=t("Program"), with_input=True).classes("grow min-w-40")
+                self._choice = Choice([], label=t("Program"), with_input=True).classes("grow min-w-40")
                 self._from_line = ui.number(t("From line"), value=1, min=1, format="%d").classes("w-24")
             self._choice.add_slot("option", OPTION % json.dumps(f"{self._address}/programs/"))
             self._chosen = Picture()
@@ -157,9 +164,9 @@ class ProgramPanel:
         running = self._actions.link.jobs.running
         if running is not None and running.state is JobState.CHECKING:
             self._show_picture(running)
-            self._title.set_text(f"{running.name} · {t(running.state.value)}")
+            self._title.set_text(f"{program_name(running.name)} · {t(running.state.value)}")
             return
-        failed = self._failed(program)
+        failed = self._actions.link.jobs.failed(program)
         if failed is not None:
             self._show_picture(failed)
             self._show_ended(failed)
@@ -172,7 +179,7 @@ class ProgramPanel:
         if program.duration_s is not None:
             share = program.progress
         self._title.set_text(
-            f"{program.name or program.program} · {t(program.state)} · "
+            f"{program_name(program.name or program.program)} · {t(program.state)} · "
             + t("by {name}", name=job.user if job else program.client)
             + (f" · {t('Single step')}" if job is not None and job.single_step else "")
             + "".join(f" · {t(each)}" for each in switches_said(program.block_delete, program.optional_stop))
@@ -253,22 +260,13 @@ class ProgramPanel:
         self._next.set_enabled(False)
         await self._actions.do("step", mark("next line"), lambda _: self._actions.link.jobs.step(done))
 
-    def _failed(self, program: ProgramStatus | None) -> Job | None:
-        """Return the job that has failed, unless a program runs or has run since."""
-        ended = self._actions.link.jobs.ended
-        if not ended or ended[0].state is not JobState.FAILED or is_live(program):
-            return None
-        job = ended[0]
-        since = program is not None and program.program != job.program
-        return None if since and program is not None and program.opened_at > (job.started_at or 0.0) else job
-
     def _show_ended(self, job: Job) -> None:
         broken = self._recovery.program
         at = broken.done + 1 if broken is not None and broken.program == job.program else None
         if self._shown == ("ended", job.number, at):
             return
         self._shown = ("ended", job.number, at)
-        self._title.set_text(f"{job.name} · {t(job.state.value)}")
+        self._title.set_text(f"{program_name(job.name)} · {t(job.state.value)}")
         self._bar.set_value(0.0)
         self._times.set_text("")
         faulty = {each.line: each.message for each in job.diagnostics if each.severity == "error"}
@@ -307,6 +305,19 @@ class ProgramPanel:
         self._choice.set_options(
             list(names), value=self._choice.value if self._choice.value in names else None
         )
+
+    def _look_into(self) -> None:
+        folder = self._in_folder()
+        if folder and not is_folder(folder):
+            show_refusal(
+                t("{name!r} cannot be a folder's name", name=folder),
+                t("four folders in each other at most, and no name that begins with a dot"),
+            )
+            self._folder.set_value(None)
+            # the browser's value has not changed, what is typed there stays
+            self._folder.run_method("updateInputValue", "", True)
+        elif folder != (self._folder.value or ""):
+            self._folder.set_options(sorted({*self._folder.options, folder}), value=folder)
 
     def _in_folder(self) -> str:
         """Return the folder that is looked at, and uploaded to; empty: all, and the outermost."""

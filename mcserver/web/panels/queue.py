@@ -9,6 +9,7 @@ from nicegui import ui
 from mcserver.web.actions import Actions
 from mcserver.web.formatting import clock_text, current_program, is_live
 from mcserver.web.jobs import Job
+from mcserver.web.machine_words import program_name
 from mcserver.web.panels.kept_rows import KeptRows
 from mcserver.web.translation import t
 
@@ -41,7 +42,7 @@ class QueuePanel:
             text = ui.label("").classes("grow break-words min-w-0")
             ui.button(t("Remove"), on_click=partial(self._remove, number)).props("flat dense no-caps").props[
                 "aria-label"
-            ] = t("remove {name} from the queue", name=job.name)
+            ] = t("remove {name} from the queue", name=program_name(job.name))
         return text
 
     def _total_text(self) -> str:
@@ -68,12 +69,14 @@ class QueuePanel:
 
 def waiting_text(job: Job) -> str:
     """Return what waits, for how long it will run, and for whom."""
-    name = job.name
+    name = program_name(job.name)
     if job.from_line > 1:
-        name = t("{name} from line {line}", name=job.name, line=job.from_line)
+        name = t("{name} from line {line}", name=name, line=job.from_line)
     return f"{name} · {clock_text(job.duration_s)} · " + t("by {name}", name=job.user)
 
 
 def ended_text(job: Job) -> str:
     """Return how a job went."""
-    return f"{job.name} · {t(job.state.value)}" + (f" · {t(job.message)}" if job.message else "")
+    return f"{program_name(job.name)} · {t(job.state.value)}" + (
+        f" · {t(job.message)}" if job.message else ""
+    )

@@ -16,6 +16,7 @@ from mcserver.web.actions import Actions, show_refusal
 from mcserver.web.dialogs import answer_to, named_dialog
 from mcserver.web.formatting import axis_name, page_hint, position_text, program_excerpt
 from mcserver.web.jobs import Middle, Switches
+from mcserver.web.machine_words import program_name
 from mcserver.web.translation import language, t
 
 
@@ -53,7 +54,7 @@ async def ask_to_go_on(actions: Actions, program: ProgramStatus) -> tuple[Contin
     except (MotionError, McError) as error:
         show_refusal(f"{t(error.message)} [{error.code}]", error.hint)
         return None
-    name = shown.name or shown.program
+    name = program_name(shown.name or shown.program)
     rows = [
         f'<span class="{"now" if number == shown.line else "mark"}">'
         f"{html.escape(f'{number:>6}  {text[:200]}')}</span>"
@@ -180,7 +181,7 @@ class RecoveryPanel:
         shown, self.program = self.program, program
         if program is None or program == shown:
             return
-        name = program.name or program.program
+        name = program_name(program.name or program.program)
         self._said.set_text(
             t("{name} was {state} at line {line}", name=name, state=t(program.state), line=program.done + 1)
         )

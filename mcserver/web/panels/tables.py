@@ -22,7 +22,8 @@ from nicegui import ui
 
 from mcserver.web.actions import Actions, show_refusal
 from mcserver.web.dialogs import answer_to, ask, named_dialog
-from mcserver.web.formatting import axis_name, position_text
+from mcserver.web.formatting import MOST, axis_name, position_text
+from mcserver.web.machine_words import program_name
 from mcserver.web.open_programs import refusal_of
 from mcserver.web.translation import mark, t
 
@@ -111,11 +112,13 @@ class TablesPanel:
             with ui.element("div").classes("mc-buttons"):
                 fields = {
                     str(axis.index): ui.number(
-                        f"{axis_name(axis.index)} [{axis.unit}]", format="%.4f"
+                        f"{axis_name(axis.index)} [{axis.unit}]", min=-MOST, max=MOST, format="%.4f"
                     ).classes("w-28")
                     for axis in self._info.axes
                 }
-                fields[ANGLE] = ui.number(t("Angle R [deg]"), format="%.4f").classes("w-28")
+                fields[ANGLE] = ui.number(t("Angle R [deg]"), min=-360.0, max=360.0, format="%.4f").classes(
+                    "w-28"
+                )
             name = ui.input(t("Name"), value=names.get("G54", "")).props("maxlength=60")
             line = ui.label("").classes("font-mono break-all").props(f'aria-label="{t("line to be sent")}"')
 
@@ -130,14 +133,16 @@ class TablesPanel:
 
             def write() -> None:
                 origin = origins.get(system.value, {})
-                changed = {
-                    axis: float(field.value)
+                # where it would be: what G10 L2 does under G91 depends on the controller, and is refused
+                places = {
+                    axis: field.value + (origin.get(axis, 0.0) if way.value else 0.0)
                     for axis, field in fields.items()
-                    if field.value is not None
-                    and not (way.value and axis == ANGLE)
-                    and abs(field.value - (0.0 if way.value else origin.get(axis, 0.0))) > 5e-7
+                    if field.value is not None and not (way.value and axis == ANGLE)
                 }
-                line.set_text(offset_line(system.value, changed, shift=way.value) if changed else "")
+                changed = {
+                    axis: place for axis, place in places.items() if abs(place - origin.get(axis, 0.0)) > 5e-7
+                }
+                line.set_text(offset_line(system.value, changed) if changed else "")
 
             for field in (system, way):
                 field.on_value_change(fill)
@@ -155,12 +160,12 @@ class TablesPanel:
         with named_dialog(t("Change a tool")) as dialog, ui.card().classes("mc-ask"):
             ui.label(t("Length for G43 and diameter. A G43 before does not see the change."))
             number = ui.number(t("Tool"), value=min(tools, default=1), min=1, max=99999, format="%d")
-            length = ui.number(t("Length [mm]"), format="%.4f")
-            diameter = ui.number(t("Diameter [mm]"), min=0.0, format="%.4f")
+            length = ui.number(t("Length [mm]"), min=-MOST, max=MOST, format="%.4f")
+            diameter = ui.number(t("Diameter [mm]"), min=0.0, max=MOST, format="%.4f")
             name = ui.input(t("Name")).props("maxlength=60")
-            life = ui.number(t("Life [min], 0: no limit"), min=0.0, format="%g")
+            life = ui.number(t("Life [min], 0: no limit"), min=0.0, max=MOST, format="%g")
             with ui.row().classes("items-center"):
-                used = ui.number(t("Has cut [min]"), min=0.0, format="%g")
+                used = ui.number(t("Has cut [min]"), min=0.0, max=MOST, format="%g")
                 ui.button(t("A new one is fitted"), on_click=lambda: used.set_value(0.0)).props(
                     "outline dense"
                 )
@@ -307,7 +312,8 @@ def tables_html(tables: Tables, info: Info) -> str:
     if tables.changes:
         lines = "".join(
             f"<div>{time.strftime('%d.%m. %H:%M:%S', time.localtime(each.wall))} "
-            f"<b>{html.escape(each.name or each.client)}</b> {html.escape(change_text(each))}</div>"
+            f"<b>{html.escape(program_name(each.name or each.client))}</b>"
+            f" {html.escape(change_text(each))}</div>"
             for each in tables.changes[:CHANGES_SHOWN]
         )
         parts.append(f'<p>{t("Changes:")}</p><div class="text-sm">{lines}</div>')

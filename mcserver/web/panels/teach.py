@@ -31,7 +31,7 @@ class TeachPanel:
         with ui.card().classes("mc-card") as self._card:
             ui.html(f"<h2>{t('Teach')}</h2>", sanitize=False)
             self._text = ui.textarea(label=t("Taught program")).classes("w-full font-mono")
-            self._text.props(f"autogrow maxlength={MOST_CHARACTERS} spellcheck=false")
+            self._text.props(f"autogrow maxlength={MOST_CHARACTERS} spellcheck=false data-kept=taught")
             with ui.element("div").classes("mc-buttons"):
                 ui.button(t("Take pose"), on_click=self._take).props("color=primary")
                 ui.button(t("Replay"), on_click=self._replay).props("color=positive")

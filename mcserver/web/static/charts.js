@@ -13,7 +13,8 @@
     const chart = getElement(id)?.chart;
     if (!chart) return;
     const grids = [...new Set(units)];
-    const height = 100 / Math.max(grids.length, 1);
+    // below the last one stand the times
+    const high = chart.getHeight(), height = (high - 14) / Math.max(grids.length, 1);
     const dark = document.body.classList.contains("body--dark");
     const text = { color: dark ? "#cbd5e1" : "#334155" };
     const splitLine = { lineStyle: { color: dark ? "#334155" : "#e2e8f0" } };
@@ -23,7 +24,7 @@
       tooltip: { trigger: "axis" },
       axisPointer: { link: [{ xAxisIndex: "all" }] },
       legend: { top: 0, right: 8, left: 80, type: "scroll", textStyle: text },
-      grid: grids.map((_, row) => ({ left: 56, right: 12, top: `${row * height + 12}%`, height: `${height - 16}%` })),
+      grid: grids.map((_, row) => ({ left: 56, right: 12, top: row * height + 0.12 * high, height: height - 0.16 * high })),
       xAxis: grids.map((_, row) => ({ type: "value", splitLine, gridIndex: row, min: -span, max: 0, splitNumber: chart.getWidth() < 420 ? 3 : 6, axisLabel: { ...text, show: row === grids.length - 1, formatter: "{value} s", hideOverlap: true } })),
       yAxis: grids.map((unit, row) => ({ type: "value", splitLine, gridIndex: row, scale: true, axisLine: { onZero: false }, name: unit, nameTextStyle: { ...text, align: "right" }, axisLabel: text })),
       series: names.map((name, column) => ({

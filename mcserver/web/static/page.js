@@ -34,7 +34,7 @@
   }, true);
   for (const name of ["pointerup", "pointercancel"]) document.addEventListener(name, release, true);
   document.addEventListener("pointermove", (event) => {
-    if (!held || event.pointerType === "touch") return;
+    if (!held) return;
     const box = held.button.getBoundingClientRect();
     if (event.clientX < box.left || event.clientX > box.right || event.clientY < box.top || event.clientY > box.bottom) release();
   });
@@ -76,10 +76,38 @@
   // what a page shows when nothing comes any more is old, and looks like the truth: say so
   const SILENT_MS = 3000;
   let alive = null;
-  window.mcAlive = () => { alive = performance.now(); document.body.classList.remove("mc-silent"); };
+  window.mcAlive = () => {
+    if (alive === null) bringBack();
+    alive = performance.now();
+    document.body.classList.remove("mc-silent");
+  };
   setInterval(() => {
     if (alive !== null && performance.now() - alive > SILENT_MS) document.body.classList.add("mc-silent");
   }, 500);
+
+  // what is looked for stays in the address, from which a page that is loaded anew is made
+  window.mcKeepFilter = (name, value) => {
+    const address = new URL(location.href);
+    if (value) address.searchParams.set(name, value);
+    else address.searchParams.delete(name);
+    history.replaceState(history.state, "", address);
+  };
+
+  // A text that is an hour's work outlasts a page that is loaded anew, which a cut link is enough for: the tab keeps
+  // it, whatever has become of the page's process.
+  const keptAs = (field) => `${location.pathname} ${field.dataset.kept}`;
+  window.addEventListener("pagehide", () => {
+    // one that never had a link has not brought it back yet
+    if (alive === null) return;
+    for (const field of document.querySelectorAll("[data-kept]")) sessionStorage.setItem(keptAs(field), field.value);
+  });
+  const bringBack = () => {
+    for (const field of document.querySelectorAll("[data-kept]")) {
+      if (field.value) continue;
+      field.value = sessionStorage.getItem(keptAs(field)) ?? "";
+      field.dispatchEvent(new Event("input", { bubbles: true }));
+    }
+  };
 
   // who only looks: buttons that would be refused are disabled, whatever is drawn anew; data-look has the others
   window.mcWatchOnly = () => {
