@@ -36,7 +36,7 @@ def check(
 ) -> None:
     """Say every fault of a program; nothing is run. Exit code 4 where there is one.
 
-    Of a machine with [clearance] the setpoints are computed, as `mcserver simulate` does, for what they touch.
+    With [clearance] the setpoints are computed too, as `mcserver simulate` does, for what they touch.
     """
     with ExitStack() as stack:
         with json_answer_on_error(json):
