@@ -1,4 +1,4 @@
-"""Meshes as their convex hulls, or polytopes around them where they are too fine, and those that are refused."""
+"""Meshes as convex hulls, or polytopes around them where they are too fine, and those that are refused."""
 
 from __future__ import annotations
 
