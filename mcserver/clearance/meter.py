@@ -18,6 +18,7 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
+from mcserver.clearance.distances import contact_mm, too_near
 from mcserver.clearance.mounted import NOT_KNOWN, Exchange, Mounted
 from mcserver.clearance.scene import Pair, Scene
 from mcserver.clearance.slow_zones import SLOWER, SlowZones
@@ -58,8 +59,7 @@ class Nearest:
 
     def distance_mm(self, digits: int) -> float:
         """Return the distance [mm]; of a contact rounded down, so that none reads as the margin itself."""
-        distance = self.distance / MM
-        return math.floor(distance * 10**digits) / 10**digits if self.contact else round(distance, digits)
+        return contact_mm(self.distance, digits) if self.contact else round(self.distance / MM, digits)
 
 
 class ClearanceMeter:
@@ -201,7 +201,6 @@ class ClearanceMeter:
 
     def _diagnostic(self, pair: Pair, nearest: Nearest) -> Diagnostic:
         one, other = pair.names
-        away = f"{max(0.0, nearest.distance_mm(2)):.2f} mm, {self._margin / MM:g} wanted"
         where = f"at {nearest.time:.3f} s" if nearest.line else "before the program begins"
         if pair.zone:
             message, hint = (
@@ -210,7 +209,7 @@ class ClearanceMeter:
             )
         else:
             message, hint = (
-                f"{one!r} comes too near to {other!r} {where}: {away}",
+                f"{one!r} comes too near to {other!r} {where}: {too_near(nearest.distance, self._margin)}",
                 "take another way; bodies that may touch are named in allowed of [clearance]",
             )
         if not nearest.certain:

@@ -1,8 +1,10 @@
-"""``mcserver check``: every fault of a program, nothing run."""
+"""``mcserver check``: every fault of a program, nothing run; where a machine has bodies what it hits, too."""
 
 from __future__ import annotations
 
 from contextlib import ExitStack
+
+import msgspec
 
 from mcserver.cli.console import json_answer_on_error, results, show_diagnostics, write_json
 from mcserver.cli.options import (
@@ -32,12 +34,19 @@ def check(
     optional_stop: OptionalStopOption = True,
     json: JsonOption = False,
 ) -> None:
-    """Say every fault of a program; nothing is run. Exit code 4 where there is one."""
+    """Say every fault of a program; nothing is run. Exit code 4 where there is one.
+
+    With [clearance] the setpoints are computed too, as `mcserver simulate` does, for what they touch.
+    """
     with ExitStack() as stack:
         with json_answer_on_error(json):
             described = with_zeros(load_machine(machine), zero or ())
             program = stack.enter_context(program_lines(file))
-            diagnostics = find_faults(program, described, Switches(block_delete, optional_stop))
+            switches = Switches(block_delete, optional_stop)
+            diagnostics = find_faults(program, described, switches)
+            rejected = any(each.severity == "error" for each in diagnostics)
+            if described.clearance is not None and not rejected:
+                diagnostics += find_contacts(program, described, switches)
         rejected = any(each.severity == "error" for each in diagnostics)
         if json:
             write_json({"ok": not rejected, "diagnostics": [each.as_json() for each in diagnostics]})
@@ -46,10 +55,53 @@ def check(
             reject(diagnostics, program, program.name)
         show_diagnostics(diagnostics, program, program.name)
     if not json:
-        results().print(f"{program.name}: no faults on machine {described.name}")
+        found = "no faults" if described.clearance is None else "no faults and no contacts"
+        results().print(f"{program.name}: {found} on machine {described.name}")
 
 
 def find_faults(program: ProgramLines, machine: Machine, switches: Switches) -> list[Diagnostic]:
     """Return all faults of a program on a machine, tools' paths included."""
     kinematics = build_kinematics(machine)
     return check_lines(program.source(), machine, kinematics, at_rest=True, switches=switches)
+
+
+def find_contacts(program: ProgramLines, machine: Machine, switches: Switches) -> list[Diagnostic]:
+    """Return what a program without faults touches, on the setpoints that would be played.
+
+    Where its run ends earlier, as at an input that nobody sets, a warning says at which line and why.
+    """
+    from mcserver.cli.planner_warm_up import prepare_planner
+    from mcserver.cli.simulate import live_progress
+    from mcserver.cli.simulation_report import diagnostics_of
+    from mcserver.motion.compiling import SHORT_LINES
+    from mcserver.planning.start_state import StartState
+    from mcserver.processes import collect_seldom
+    from mcserver.simulation.simulation import simulate_lines
+
+    prepare_planner(SHORT_LINES + 1 if program.has_more_than(SHORT_LINES) else 0)
+    collect_seldom()
+    with live_progress() as progress:
+        found = simulate_lines(
+            program.source,
+            machine,
+            checked=True,
+            start=StartState.of(machine, switches=switches),
+            kinematics=build_kinematics(machine),
+            progress=progress,
+        )
+    return [each if each.code in _CONTACTS else _up_to(each) for each in diagnostics_of(found.report)]
+
+
+_CONTACTS = frozenset({"MC320", "MC321", "MC322"})
+
+
+def _up_to(fault: Diagnostic) -> Diagnostic:
+    """Return what ended the run as a warning."""
+    if fault.severity != "error":
+        return fault
+    return msgspec.structs.replace(
+        fault,
+        severity="warning",
+        message=f"contacts were looked for up to here alone: {fault.message}",
+        hint="give what it waits for: mcserver simulate --input",
+    )

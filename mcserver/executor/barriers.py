@@ -212,8 +212,8 @@ class InStep(Barrier):
     def after(self, held: bool) -> bool:
         self._waited += 0.0 if held else self._cycle.cycle_s
         if self._waited > STEP_TIMEOUT_S:
-            coupling = self._coupling
-            raise BarrierFault(FaultCode.OUT_OF_STEP, coupling.column, (coupling.error, coupling.tolerance))
+            code, values = self._coupling.out_of_step()
+            raise BarrierFault(code, self._coupling.column, values)
         return False
 
 

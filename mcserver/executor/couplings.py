@@ -22,9 +22,9 @@ from mcserver.executor.fault_codes import FaultCode
 from mcserver.executor.independent import IndependentMotions
 from mcserver.executor.leading_curves import Gear, curve_of
 from mcserver.executor.spindle_following import MeasuredPlace
-from mcserver.executor.target_follower import Bounds, tracking_limits
+from mcserver.executor.target_follower import UNBOUNDED, Bounds, tracking_limits
 from mcserver.machine.machine_file import Machine
-from mcserver.motion.kernels.target_tracking import VELOCITY, follow_targets
+from mcserver.motion.kernels.target_tracking import MAX_ACCELERATION, MAX_JERK, VELOCITY, follow_targets
 
 if TYPE_CHECKING:
     from mcserver.executor.slot import ProgramSlot
@@ -68,9 +68,13 @@ class Coupling:
         self._bank, self._row, self._cycle_s = bank, bank.row, machine.cycle_s
         self._curve = curve_of(follow)
         place = float(self._row.ordered[column])
-        self.state: Array = np.array([place, 0.0, 0.0])
-        self._limits = np.array([tracking_limits(axis, place, free=free, within=within)])
-        self._target = np.zeros((1, 3))
+        self._within = within
+        # beside it where it would be by its own limits alone
+        bounds = (within,) if within == UNBOUNDED else (within, UNBOUNDED)
+        self._limits = np.array([tracking_limits(axis, place, free=free, within=each) for each in bounds])
+        self._states: Array = np.array([[place, 0.0, 0.0]] * len(bounds))
+        self.state: Array = self._states[0]
+        self._target, self._targets = np.zeros(3), np.zeros_like(self._states)
         self._encoder = MeasuredPlace(machine.cycle_s)
         # from the reading of the cycle before to this cycle's setpoint
         late = bank.delay_cycles if bank.delayed[self.leader] else 0
@@ -90,8 +94,9 @@ class Coupling:
         """Let a column's positions read ``distance`` more from now on."""
         if column == self.column:
             self._ahead += distance
-            self.state[0] += distance
-            self._limits[0, 3:] += distance
+            self._states[:, 0] += distance
+            self._limits[:, 3:] += distance
+            self._within = self._within.shifted(distance)
         if column == self.leader:
             self._shifted += distance
             self._encoder.place += distance
@@ -106,18 +111,32 @@ class Coupling:
 
     def step(self) -> None:
         """Let a cycle pass, behind which the follower's setpoint is set."""
-        target, column = self._target[0], self.column
+        target, column = self._target, self.column
         place, speed, acceleration = self._of_leader()
         value, slope, curvature = self._curve.at(place - self._shifted)
         target[:] = value + self._ahead, slope * speed, curvature * speed**2 + slope * acceleration
-        wanted, wanted_speed = float(target[0]), float(target[1])
-        follow_targets(self.state[None], self._target, self._limits, 1.0, self._cycle_s, False)
-        self.error = abs(float(self.state[0]) - wanted)
-        drifts = abs(float(self.state[VELOCITY]) - wanted_speed) * STEADY_S
+        # a target that cannot be followed is bounded in place
+        self._targets[:] = target
+        follow_targets(self._states, self._targets, self._limits, 1.0, self._cycle_s, False)
+        self.error = abs(float(self.state[0] - target[0]))
+        drifts = abs(float(self.state[VELOCITY] - target[1])) * STEADY_S
         known = not self.measured or self._encoder.count > KNOWN_CYCLES
         self.in_step |= known and self.error + drifts <= self.tolerance
         self._row.ordered[column] = self.state[0]
         self._row.ordered_velocity[column] = self.state[VELOCITY]
+
+    def out_of_step(self) -> tuple[FaultCode, tuple[float, float]]:
+        """Return code and values of the fault: what bounds it besides, where by its own limits it kept up."""
+        place, speed, _ = self._states[-1].tolist()
+        if len(self._states) == 1 or not abs(place - float(self._target[0])) <= self.tolerance:
+            return FaultCode.OUT_OF_STEP, (self.error, self.tolerance)
+        most, jerk = self._limits[-1, MAX_ACCELERATION], self._limits[-1, MAX_JERK]
+        # it brakes before an end that is not passed yet
+        rest = place + 0.5 * speed * (abs(speed) / most + most / jerk)
+        low, high = self._within.low, self._within.high
+        if not low <= rest <= high:
+            return FaultCode.ENVELOPE_POSITION, (rest, low if rest < low else high)
+        return FaultCode.ENVELOPE_SPEED, (abs(float(self._target[1])), self._within.speed)
 
     @property
     def rests(self) -> bool:
@@ -202,8 +221,8 @@ class Couplings:
             elif not (coupling.rests or registered):
                 self._motions.follow(coupling.column, coupling.slot, coupling.state)
             if coupling.in_step and slot.goes_on and not coupling.error <= coupling.tolerance:
-                values = (coupling.error, coupling.tolerance)
-                slot.fault(FaultCode.OUT_OF_STEP, slot.shown_line, coupling.column, values)
+                code, values = coupling.out_of_step()
+                slot.fault(code, slot.shown_line, coupling.column, values)
 
     def _stops(self, coupling: Coupling, slot: ProgramSlot) -> bool:
         """Return whether a stop of the program ends a coupling now."""

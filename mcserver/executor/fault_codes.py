@@ -131,7 +131,7 @@ def code_of_drive_fault(fault: int) -> FaultCode:
 
 def remedy_of(
     code: int,
-    axis: int,
+    axis: int | str,
     values: Sequence[float] = (),
     inputs: Sequence[str] = (),
     outputs: Sequence[str] = (),
@@ -139,7 +139,7 @@ def remedy_of(
     """Return a sentence and a hint for a FAULT event, from its code, axis number and values.
 
     Args:
-        inputs, outputs: names of the machine's.
+        axis: its number, or what stands for any. inputs, outputs: names of the machine's.
     """
     message, hint = _TEXT.get(code, ("the executor reports a fault", "see docs/executor.md"))
     detail = int(values[1]) if len(values) > 1 and code in _DETAILED else 0

@@ -118,6 +118,10 @@ class Bounds(NamedTuple):
         """Return what both leave."""
         return Bounds(max(self.low, other.low), min(self.high, other.high), min(self.speed, other.speed))
 
+    def shifted(self, distance: float) -> Bounds:
+        """Return the same where positions read ``distance`` more."""
+        return Bounds(self.low + distance, self.high + distance, self.speed)
+
 
 UNBOUNDED = Bounds()
 

@@ -185,6 +185,10 @@ class CanDrive(Drive, frozen=True, tag="can"):
         """The number beside its node's whose COB-IDs it takes; 0: none."""
         return 0
 
+    def answer_cycles(self, cycle_s: float) -> int:  # noqa: ARG002
+        """Return how many cycles pass from one of its answers to the next, at the most."""
+        return 1
+
     @classmethod
     def shares(cls, axes: Sequence[Axis], cycle_hz: float) -> list[Share]:
         """Return what these axes of its kind take of their bus, SYNC and the server's heartbeat apart."""

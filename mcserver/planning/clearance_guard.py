@@ -19,6 +19,7 @@ from collections.abc import Callable, Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from mcserver.clearance.distances import too_near
 from mcserver.clearance.meter import held_there
 from mcserver.clearance.mounted import NOT_KNOWN, Exchange
 from mcserver.clearance.ordered_speeds import slow_zones
@@ -530,9 +531,7 @@ class ClearanceGuard:
         pair = scene.pairs[contact.pair]
         one, other = pair.names
         other_program = self._space.mover(scene.levers[:, contact.pair] > 0.0, self._tenant)
-        clearance = self._machine.clearance
-        margin = 0.0 if clearance is None else clearance.margin / MM
-        distance = f"{max(0.0, contact.distance) / MM:.2f} mm, {margin:g} wanted"
+        assert self._machine.clearance is not None
         slow = pair.max_speed
         if slow < math.inf:
             message = f"{one!r} may go faster than {slow / MM:g} mm/s in the slow zone {other!r}"
@@ -542,7 +541,8 @@ class ClearanceGuard:
         elif pair.zone:
             message = f"{one!r} would leave what the zone {other!r} leaves free"
         else:
-            message = f"{one!r} would come too near to {other!r}: {distance}"
+            away = too_near(contact.distance, self._machine.clearance.margin)
+            message = f"{one!r} would come too near to {other!r}: {away}"
         if other_program is not None:
             message += f", where {other_program} runs beside it"
             hint = "let one wait until the other has ended or left, such as by M66"

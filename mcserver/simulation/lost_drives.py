@@ -17,12 +17,12 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from mcserver.clearance.distances import contact_mm, too_near
 from mcserver.clearance.meter import MOST_SHOWN
 from mcserver.clearance.mounted import Exchange, Mounted
 from mcserver.clearance.scene import Scene
 from mcserver.clearance.sweep import Contact, Sweep
 from mcserver.drives.servo_model import ServoModel
-from mcserver.drives.servosila.drive import ServosilaDrive
 from mcserver.errors import Diagnostic
 from mcserver.executor.stopping import SPARE_ROWS, StopTimes, stopping_rows
 from mcserver.executor.supervision import patience_cycles
@@ -67,6 +67,10 @@ class Lost(NamedTuple):
     time: float
     line: int
     shown: bool
+
+    def distance_mm(self, margin: float) -> float:
+        """Return the distance [mm], not negative; below the margin [m] rounded down."""
+        return contact_mm(self.distance, 1) if self.distance < margin else round(self.distance / MM, 1)
 
 
 class RunOn(NamedTuple):
@@ -189,7 +193,7 @@ class LostDrives:
                 {
                     "axis": axes[column].index,
                     "bodies": list(names),
-                    "least_mm": round(max(0.0, lost.distance) / MM, 1),
+                    "least_mm": lost.distance_mm(self._margin),
                     "time_s": round(lost.time, 6),
                     "line": lost.line,
                 }
@@ -339,8 +343,7 @@ class LostDrives:
 
     def _contact(self, axis: Axis, lost: Lost, pair: int) -> Diagnostic:
         one, other = self._sweep.scene.pairs[pair].names
-        away = f"{max(0.0, lost.distance) / MM:.1f} mm, {self._margin / MM:g} wanted"
-        come = f"may come too near to {other!r}: {away}"
+        come = f"may come too near to {other!r}: {too_near(lost.distance, self._margin, 1)}"
         if not lost.shown:
             come = f"cannot be shown to stay clear of {other!r}"
         return _warning(
@@ -371,8 +374,8 @@ def _warning(code: str, message: str, line: int, hint: str) -> Diagnostic:
 def _unnoticed_cycles(machine: Machine) -> int:
     """Return the most cycles from a drive's loss to the program's stop."""
     buses = (each.silence_cycles for each in machine.buses)
-    rates = (axis.drive.telemetry_hz for axis in machine.axes if isinstance(axis.drive, ServosilaDrive))
-    seldom = (math.ceil(machine.cycle_hz / rate) for rate in rates if rate > 0.0)
+    drives = (axis.drive for axis in machine.axes)
+    seldom = (each.answer_cycles(machine.cycle_s) - 1 for each in drives if isinstance(each, CanDrive))
     return max((patience_cycles(machine), *buses)) + max((0, *seldom)) + OLDEST
 
 

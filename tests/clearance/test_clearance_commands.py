@@ -46,6 +46,38 @@ def test_a_picture_is_drawn_of_a_run_with_a_contact(tmp_path: Path, capfd: Captu
     assert "MC320" in capfd.readouterr().err
 
 
+def test_a_check_finds_what_a_simulation_finds(capfd: Capture) -> None:
+    assert run_command_line(["check", PROGRAM, "--machine", ARM, "--json"]) == 4
+    checked = json.loads(capfd.readouterr().out)["diagnostics"]
+    assert run_command_line(["simulate", PROGRAM, "--machine", ARM, "--json"]) == 1
+    assert checked == json.loads(capfd.readouterr().out)["diagnostics"]
+
+
+def test_a_check_says_that_there_are_no_contacts_where_a_machine_has_bodies(
+    tmp_path: Path, capfd: Capture
+) -> None:
+    machine, program = tmp_path / "mill.toml", tmp_path / "a.gcode"
+    machine.write_text("\n".join((MILL, TOOL, VISE)))
+    program.write_text("G1010\nG1 Z60 F6000\nG1 X150\n")
+    assert run_command_line(["check", str(program), "--machine", str(machine)]) == 0
+    assert "no faults and no contacts" in capfd.readouterr().out
+    # what is rejected is not run
+    program.write_text("G1010\nG1 Z20 F6000\nG1 X150\nG77\n")
+    assert run_command_line(["check", str(program), "--machine", str(machine)]) == 4
+    assert "MC320" not in capfd.readouterr().err
+
+
+def test_a_check_says_where_a_run_ends_that_waits_for_an_input(tmp_path: Path, capfd: Capture) -> None:
+    machine, program = tmp_path / "mill.toml", tmp_path / "a.gcode"
+    door = '[[input]]\nname = "door"\nkind = "digital"\nnumber = 0\n'
+    machine.write_text("\n".join((MILL, TOOL, VISE, door)))
+    program.write_text("G1010\nM66 P0 L3 Q1\nG1 Z20 F6000\nG1 X150\n")
+    assert run_command_line(["check", str(program), "--machine", str(machine), "--json"]) == 0
+    [early] = json.loads(capfd.readouterr().out)["diagnostics"]
+    assert (early["severity"], early["line"]) == ("warning", 2)
+    assert "up to here alone" in early["message"]
+
+
 @pytest.mark.parametrize(
     ("section", "code", "severity", "exit_code"),
     [

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 from mckinematics.model import read_urdf
+from scipy.spatial import ConvexHull
 
 from mcserver.clearance import meshes
 from mcserver.clearance.meter import FAR, MOST_SHOWN, RESOLUTION, SHARE, ClearanceMeter
@@ -278,20 +279,52 @@ def test_a_mesh_without_a_hull_is_refused(triangles: Any, message: str, tmp_path
     assert "\n" not in raised.value.message
 
 
-def test_a_mesh_that_is_too_fine_is_refused_before_it_is_read(
+@pytest.mark.parametrize("stretch", [(1.0, 1.0, 1.0), (1.0, 0.02, 0.02), (1.0, 1.0, 1e-4)])
+@pytest.mark.parametrize("seed", range(4))
+def test_what_encloses_a_mesh_has_every_corner_inside_and_is_little_larger(
+    seed: int, stretch: tuple[float, ...]
+) -> None:
+    draw = np.random.default_rng(seed)
+    kinds = (
+        draw.normal(size=(3000, 3)),
+        draw.uniform(-1.0, 1.0, (3000, 3)),
+        np.vstack([0.1 * draw.normal(size=(3000, 3)), np.eye(3)]),
+        draw.normal(size=(8, 3)),
+    )
+    turned = np.linalg.qr(draw.normal(size=(3, 3)))[0]
+    corners = 0.2 * kinds[seed] * np.array(stretch) @ turned + draw.normal(size=3)
+    main = np.linalg.svd(corners - corners.mean(axis=0), full_matrices=False)[2]
+    around = ConvexHull(meshes.enclosing_corners(corners, main))
+    beyond = around.equations[:, :3] @ corners.T + around.equations[:, 3:]
+    assert beyond.max() <= 1e-12
+    own = ConvexHull(corners)
+    further = own.equations[:, :3] @ around.points.T + own.equations[:, 3:]
+    assert further.max() <= 0.15 * np.linalg.norm(np.ptp(corners, axis=0))
+
+
+def test_a_ball_of_too_many_corners_is_enclosed_to_a_hundredth() -> None:
+    ball = np.random.default_rng(0).normal(size=(20_000, 3))
+    ball /= np.linalg.norm(ball, axis=1)[:, None]
+    around = np.linalg.norm(meshes.enclosing_corners(ball, np.eye(3)), axis=1)
+    assert around.min() >= 1.0
+    assert around.max() <= 1.01
+
+
+def test_a_mesh_that_is_too_fine_is_enclosed_and_its_file_refused_before_it_is_read(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    body = mesh_of(tmp_path / "lump.stl", SOLID)
-    Scene(mill(body))
-    monkeypatch.setattr(meshes, "MOST_CORNERS", 3)
-    with pytest.raises(ConfigurationError, match="has 4 corners"):
-        Scene(mill(body))
+    body = mesh_of(tmp_path / "lump.stl", SOLID) + "at_mm = [100.0, 0.0, 0.0]\n"
+    near = "G1010\nG1 X114 F6000\nG1 Z{}\n"
+    for corners in (meshes.MOST_CORNERS, 3):
+        monkeypatch.setattr(meshes, "MOST_CORNERS", corners)
+        assert run(near.format(10.1), mill(body)).report["ok"]
+        assert not run(near.format(0.0).replace("114", "104"), mill(body)).report["ok"]
     monkeypatch.setattr(meshes, "MOST_BYTES", 100)
     with pytest.raises(ConfigurationError, match="MiB"):
         Scene(mill(body))
 
 
-def test_a_mesh_of_the_urdf_that_is_too_fine_is_refused_before_it_is_read(
+def test_a_mesh_of_the_urdf_that_is_too_large_is_refused_before_it_is_read(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     mesh_of(tmp_path / "base.stl", SOLID)
@@ -305,9 +338,6 @@ def test_a_mesh_of_the_urdf_that_is_too_fine_is_refused_before_it_is_read(
         text = builtin_text("arm6").replace("arm6.urdf", str(tmp_path / "arm.urdf")) + "[clearance]\n"
         with monkeypatch.context() as patch:
             Scene(parse_machine(text))
-            patch.setattr(meshes, "MOST_CORNERS", 3)
-            with pytest.raises(ConfigurationError, match="'base' has 4 corners"):
-                Scene(parse_machine(text))
             patch.setattr(meshes, "MOST_BYTES", 100)
             with pytest.raises(ConfigurationError, match="of the URDF has more than"):
                 Scene(parse_machine(text))

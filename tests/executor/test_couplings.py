@@ -360,9 +360,13 @@ def test_what_cannot_follow_is_refused(gear: str, cam: str) -> None:
     assert "MC094" in [each.code for each in caught.value.diagnostics]
 
 
-@pytest.mark.parametrize(("speed", "high"), [(1.0, 0.02), (0.04, 1.0)], ids=["travel", "speed"])
-def test_an_approved_run_holds_a_follower_within_its_envelope_whatever_leads_it(
-    speed: float, high: float
+@pytest.mark.parametrize(
+    ("speed", "high", "bound"),
+    [(1.0, 0.02, FaultCode.ENVELOPE_POSITION), (0.04, 1.0, FaultCode.ENVELOPE_SPEED)],
+    ids=["travel", "speed"],
+)
+def test_an_approved_run_holds_a_follower_within_its_envelope_whatever_leads_it_and_names_the_approval(
+    speed: float, high: float, bound: FaultCode
 ) -> None:
     wide, count = 10.0, len(MACHINE.axes)
     column = MACHINE.column_of(6)
@@ -373,7 +377,15 @@ def test_an_approved_run_holds_a_follower_within_its_envelope_whatever_leads_it(
     # a belt at 50 mm/s
     program = "G1010 P5 G1010 P6\nG1030 [5]300\nG04 P0.5\nG1060 P6\nG04 P1\nG1061\nM2"
     cell = Coupled(MACHINE, program, envelope=envelope).play()
-    assert cell.faults == [FaultCode.OUT_OF_STEP]
+    assert cell.faults == [bound]
     assert cell.broken() == []
     assert cell.setpoints(6).max() <= high + 1e-9
     assert np.abs(np.diff(cell.setpoints(6))).max() <= speed * 1e-3 + 1e-9
+
+
+def test_an_approved_run_whose_follower_cannot_keep_up_by_its_own_limits_does_not_name_the_approval() -> None:
+    machine = parse_machine(text(gear=GEAR.replace("10.0", "100.0")))
+    count = len(machine.axes)
+    envelope = Envelope((-10.0,) * count, (10.0,) * count, (100.0,) * count, 60.0, 0)
+    cell = Coupled(machine, MOVES.format("G1 X300 F12000"), envelope=envelope).play()
+    assert cell.faults == [FaultCode.OUT_OF_STEP]

@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 import pytest
+from mcbenchmark.families import machine_file
 
 from mcserver.gcode.text.command_table import COMMANDS
+from mcserver.language.agents.knowledge import dialect_topic, fault_facts
 from mcserver.language.lsp.knowledge import complete, hover
 from mcserver.language.lsp.outline import folding_ranges
 from mcserver.language.lsp.words_at import words_of
-from mcserver.machine.machine_file import load_machine
+from mcserver.machine.machine_file import Machine, load_machine
 
 CARTESIAN = load_machine("cartesian")
 DOG = load_machine("robot-dog")
+MILL = load_machine(machine_file("mill"))
 
 
 def labels(line: str, machine: object = CARTESIAN) -> list[str]:
@@ -84,3 +87,41 @@ def test_comment_blocks_and_what_stands_under_them_fold() -> None:
     assert sorted(folding_ranges(lines)) == [(0, 1, True), (0, 3, False), (5, 7, False)]
     assert folding_ranges([]) == []
     assert folding_ranges(["; only"]) == []
+
+
+@pytest.mark.parametrize(
+    ("line", "own", "others"),
+    [
+        ("G81 ", "RLKXYZF", "PQIJ"),
+        ("G98 G083 Z-5 Q1 ", "RLPIJK", "QZ"),
+        ("G82 ", "RPLK", "QIJ"),
+        ("G84 ", "RQLK", "PIJ"),
+    ],
+)
+def test_behind_a_canned_cycle_its_own_words_are_offered(line: str, own: str, others: str) -> None:
+    offered = labels(line, MILL)
+    assert set(own) <= set(offered)
+    assert not set(others) & set(offered)
+    assert len(offered) == len(set(offered))
+    assert "R" not in labels(line)
+
+
+def test_a_word_of_a_canned_cycle_is_explained_as_that() -> None:
+    def shown(line: str, letter: str, machine: Machine) -> str:
+        found = hover(line, line.index(letter) + 1, machine)
+        return "" if found is None else found[0]
+
+    assert "drills from" in shown("G81 Z-5 R2", "R", MILL)
+    assert "peck" in shown("G83 Z-5 R2 Q1", "Q", MILL)
+    assert "radius" in shown("G2 X1 Y1 R2", "R", MILL)
+    assert "radius" in shown("G2 X1 Y1 R2", "R", CARTESIAN)
+
+
+def test_agents_are_told_every_meaning_of_a_word() -> None:
+    assert "peck" in dialect_topic("Q", MILL)
+    assert "peck" not in dialect_topic("Q", CARTESIAN)
+    assert all(each in dialect_topic("R", MILL) for each in ("radius", "drills from"))
+
+
+def test_a_fault_of_some_axis_is_not_said_of_axis_0() -> None:
+    assert fault_facts("MC472")["title"].startswith("axis … is further")

@@ -45,7 +45,7 @@ class ServosilaAxis(StreamedAxis):
     """State of one axis."""
 
     def __init__(self, axis: Axis, drive: ServosilaDrive, cycle_s: float, silence_cycles: int) -> None:
-        every = 1 if drive.telemetry_hz <= 0.0 else math.ceil(1.0 / (drive.telemetry_hz * cycle_s) - 1e-9)
+        every = drive.answer_cycles(cycle_s)
         super().__init__(axis, every - 1 + silence_cycles)
         self._allowed = every - 1
         scaling = Scaling.of(axis)

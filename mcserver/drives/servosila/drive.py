@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Annotated, Self
@@ -57,6 +58,9 @@ class ServosilaDrive(StreamedDrive, frozen=True, tag="servosila"):
         if mode == DriveMode.TORQUE:
             return "torque" in self.codes
         return mode != DriveMode.VELOCITY or self.pole_pairs > 0 or "rpm" in self.codes
+
+    def answer_cycles(self, cycle_s: float) -> int:
+        return 1 if self.telemetry_hz <= 0.0 else math.ceil(1.0 / (self.telemetry_hz * cycle_s) - 1e-9)
 
     def complete(self, axis: AxisSection, cycle_s: float, bad: Refusal) -> tuple[Self, float | None]:
         _check_codes(self, bad)

@@ -30,6 +30,16 @@ TAPPING: Final = frozenset({"G74", "G84"})
 # rigid taps of Fanuc's older mills, right and left: here every tap is rigid
 RIGID_TAPS: Final[Mapping[str, float]] = MappingProxyType({"G84.2": 84.0, "G84.3": 74.0})
 DRILLING: Final = frozenset({"G73", "G81", "G82", "G83", "G85", "G86", "G89"}) | TAPPING
+PECKING: Final = frozenset({"G73", "G83"})
+# of each the words beside R, L, F and axis words that are more than 0
+CYCLE_WORDS: Final[Mapping[str, str]] = MappingProxyType(
+    {
+        **dict.fromkeys(PECKING, "PQIJK"),
+        **dict.fromkeys(("G81", "G85"), "K"),
+        **dict.fromkeys(("G82", "G86", "G89"), "PK"),
+        **dict.fromkeys(TAPPING, "PQK"),
+    }
+)
 # motion by the turns of the spindle (D-89, D-90)
 THREADING: Final = frozenset({"G33", "G33.1", "G76"})
 # rotation, scaling, mirrors and polar coordinates (D-94 to D-96)

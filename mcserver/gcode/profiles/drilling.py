@@ -9,7 +9,7 @@ from typing import Final
 
 import msgspec
 
-from mcserver.gcode.profiles.codes import SPINDLE, TAPPING
+from mcserver.gcode.profiles.codes import CYCLE_WORDS, PECKING, SPINDLE, TAPPING
 from mcserver.gcode.profiles.cycle_motion import CycleMotion, check_travel, height
 from mcserver.gcode.profiles.frame import DrillCycle, Level, Pecks
 from mcserver.gcode.profiles.threading import Spindle, find_spindle, read_pass
@@ -37,18 +37,8 @@ LONG_DWELL = 20.0
 LEAST_PITCH = 0.05 * MM
 MOST_REPEATS = 1_000
 
-_PECKING: Final = frozenset({"G73", "G83"})
 _DWELLING: Final = frozenset({"G82", "G89"})
 _FEEDING_OUT: Final = frozenset({"G85", "G89"})
-# words beside R, L, F and axis words that are more than 0
-_TAKES: Final[Mapping[str, str]] = MappingProxyType(
-    {
-        **dict.fromkeys(_PECKING, "PQIJK"),
-        **dict.fromkeys(("G81", "G85"), "K"),
-        **dict.fromkeys(("G82", "G86", "G89"), "PK"),
-        **dict.fromkeys(TAPPING, "PQK"),
-    }
-)
 
 
 class _Hole(msgspec.Struct, frozen=True):
@@ -201,7 +191,7 @@ def _cycle(block: BlockState, action: Action, before: DrillCycle | None) -> Dril
     deep = next((word for word in action.axes if word.axis == axis), None)
     code = action.code if before is None or action.code != "REPEAT" else before.code
     for word in words.values():
-        if word.letter in "PQIJK" and word.letter not in _TAKES[code] and word.value != 0.0:
+        if word.letter in "PQIJK" and word.letter not in CYCLE_WORDS[code] and word.value != 0.0:
             block.faults.add("MC112", f"{code} does not take {word.letter}", word.span, "take it out")
     bottom = _level(block, deep) or (None if before is None else before.bottom)
     clear = _level(block, words.get("R")) or (None if before is None else before.clear)
@@ -209,7 +199,7 @@ def _cycle(block: BlockState, action: Action, before: DrillCycle | None) -> Dril
     dwell = None
     if before is not None:
         same = before.code == code
-        pecks = before.pecks if pecks is None and (same or code in _PECKING) else pecks
+        pecks = before.pecks if pecks is None and (same or code in PECKING) else pecks
         dwell = before.dwell if same or code in _DWELLING else None
     if "P" in words:
         dwell = words["P"].value * block.setup.machine.dialect.dwell_unit
@@ -223,7 +213,7 @@ def _cycle(block: BlockState, action: Action, before: DrillCycle | None) -> Dril
             (
                 "Q",
                 "the depth of a peck, above 0",
-                code not in _PECKING or pecks is not None or {"Q", "I"} & words.keys(),
+                code not in PECKING or pecks is not None or {"Q", "I"} & words.keys(),
             ),
             ("P", "the dwell at the bottom", code not in _DWELLING or dwell is not None),
         )
@@ -243,7 +233,7 @@ def _pecks(block: BlockState, action: Action, code: str) -> Pecks | None:
     depth after which the hole is cleared. Faults are reported (MC112, MC116, MC118).
     """
     found = {letter: word for letter, word in action.words.items() if letter in "QIJK" and word.value != 0.0}
-    if code not in _PECKING:
+    if code not in PECKING:
         found = {letter: word for letter, word in found.items() if letter == "Q" and code in TAPPING}
     scale = length_scale(block.modal.inch)
     for letter, word in found.items():
@@ -294,7 +284,7 @@ def _repeats(block: BlockState, action: Action, cycle: DrillCycle) -> int | None
     words = [
         word
         for letter, word in action.words.items()
-        if letter == "L" or (letter == "K" and (cycle.code not in _PECKING or word.value == 0.0))
+        if letter == "L" or (letter == "K" and (cycle.code not in PECKING or word.value == 0.0))
     ]
     if not words:
         return 1

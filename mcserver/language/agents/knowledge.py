@@ -10,9 +10,9 @@ from mcserver.errors import Refused
 from mcserver.executor.fault_codes import remedy_of
 from mcserver.gcode.line_faults import TITLES
 from mcserver.gcode.text.command_table import COMMANDS
-from mcserver.gcode.text.word_table import WORDS, find_word
+from mcserver.gcode.text.word_table import WORDS
 from mcserver.language.agents.fault_messages import messages_of
-from mcserver.language.lsp.knowledge import describe_any_code, describe_word
+from mcserver.language.lsp.knowledge import describe_any_code, describe_letter
 from mcserver.language.profile_codes import acting_codes, in_order
 from mcserver.language.rules import rules
 from mcserver.machine.machine_file import Machine
@@ -84,9 +84,9 @@ def dialect_topic(topic: str, machine: Machine) -> str:
     described = describe_any_code(asked, machine)
     if described:
         return described
-    word = find_word(asked.upper())
-    if word is not None:
-        return describe_word(word, machine, asked.upper())
+    word = describe_letter(asked.upper(), machine)
+    if word:
+        return word
     return overview(machine)
 
 
@@ -123,7 +123,7 @@ def fault_facts(code: str) -> dict[str, str]:
             "help": "`check` gives line, columns, values and a hint",
         }
     if re.fullmatch(r"MC4[0-9]{2}", asked):
-        message, hint = remedy_of(int(asked[2:]), 0)
+        message, hint = remedy_of(int(asked[2:]), "…")
         if hint:
             return {"code": asked, "title": message, "help": hint}
     if re.fullmatch(r"MC[0-9]{3}", asked) and (found := messages_of(asked)):

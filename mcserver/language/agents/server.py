@@ -120,7 +120,9 @@ class AgentTools:
         return dialect_topic(topic, self.machine)
 
     async def check(self, text: Text) -> dict[str, Any]:
-        """Every fault of a program, with line, column, hint and, where one remedy is certain, an edit."""
+        """Every fault of a program's text, with line, column, hint and, where one remedy is certain, an edit.
+        No motion is planned: what it touches is found by simulate.
+        """
         refused = _too_long(text)
         if refused is not None:
             return refused

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 import msgspec
 
+from mcserver.gcode.profiles.codes import CYCLE_WORDS, TAPPING
 from mcserver.gcode.text.command_table import COMMANDS, CommandSpec, find_command
 from mcserver.gcode.text.word_table import WORDS, WordSpec, find_word
 from mcserver.gcode.text.words import AXIS_LETTERS, axis_letters
@@ -17,6 +18,18 @@ from mcserver.language.tables import words_of as listed_words
 from mcserver.machine.machine_file import Machine
 from mcserver.planning.start_state import axis_word
 from mcserver.units import MM
+
+# What the words of a canned cycle are (D-75, D-89); where nothing is said, as elsewhere.
+CYCLE: tuple[WordSpec, ...] = (
+    WordSpec(("R",), "the height that a canned cycle drills from and goes out to", "mm or inches", ("D-75",)),
+    WordSpec(("P",), "the dwell of a canned cycle at the bottom", "by the profile", ("D-75",)),
+    WordSpec(("Q",), "the depth of each peck of a canned cycle", "mm or inches", ("D-75", "D-89")),
+    WordSpec(("I",), "the first peck of G73 and G83", "mm or inches", ("D-75",)),
+    WordSpec(("J",), "by which each further peck is less", "mm or inches", ("D-75",)),
+    WordSpec(("K",), "the least peck, or how often a canned cycle is repeated", "", ("D-75",)),
+    WordSpec(("L",), "how often a canned cycle is repeated, for G91", "", ("D-75",)),
+)
+_NUMBER = re.compile(r"[0-9]+(?:\.[0-9]+)?")
 
 
 class Suggestion(msgspec.Struct, frozen=True):
@@ -80,8 +93,30 @@ def hover(line: str, position: int, machine: Machine) -> tuple[str, int, int] | 
         shown = describe_any_code(word.name + word.number, machine)
         return (shown, word.start, word.end) if shown else None
     further = word.name.startswith("[") or word.name in machine.dialect.letters
-    known = find_word("[n]" if further else word.name)
+    known = find_word("[n]") if further else _meaning(word.name, _cycle_of(words_of(line), machine))
     return None if known is None else (describe_word(known, machine, word.name), word.start, word.end)
+
+
+def _cycle_of(words: Sequence[WordAt], machine: Machine) -> str:
+    """Return the canned cycle that a line has, such as G81; empty: none."""
+    acting = acting_codes(machine)
+    codes = (
+        f"G{float(each.number):g}" for each in words if each.name == "G" and _NUMBER.fullmatch(each.number)
+    )
+    return next((each for each in codes if each in CYCLE_WORDS and each in acting), "")
+
+
+def _meaning(letter: str, cycle: str) -> WordSpec | None:
+    """Return what a word is in a line with a canned cycle, or in one without; None: nothing."""
+    own = next((each for each in CYCLE if letter in each.letters), None)
+    return own if cycle and own is not None else find_word(letter)
+
+
+def describe_letter(letter: str, machine: Machine) -> str:
+    """Describe a word in Markdown by all its meanings on a machine; empty: it has none."""
+    cycles = [""] if CYCLE_WORDS.keys().isdisjoint(acting_codes(machine)) else ["", "G81"]
+    found = dict.fromkeys(_meaning(letter, cycle) for cycle in cycles)
+    return "\n\n".join(describe_word(each, machine, letter) for each in found if each is not None)
 
 
 def complete(line: str, position: int, machine: Machine) -> list[Suggestion]:
@@ -150,6 +185,14 @@ def _words(before: str, start: int, machine: Machine) -> Iterator[Suggestion]:
     )
     taken = {each.name for each in written}
     letters = spec.words if spec is not None else "F"
+    cycle = _cycle_of(written, machine)
+    if cycle:
+        # a tap does not dwell
+        own = CYCLE_WORDS[cycle].replace("P", "") if cycle in TAPPING else CYCLE_WORDS[cycle]
+        for entry in CYCLE:
+            if entry.letters[0] in f"RL{own}" and entry.letters[0] not in taken:
+                letter = entry.letters[0]
+                yield Suggestion(letter, entry.title, describe_word(entry, machine, letter), start)
     if (spec is None or "T" in spec.words) and machine.tools and "T" not in taken:
         yield from _tools(start, machine)
     if spec is None or spec.takes_axes:
