@@ -215,7 +215,7 @@ class FleetPage:
 
     def _selected(self, event: events.GenericEventArguments) -> list[str]:
         """Return the machines that were ticked when a button was pressed; says so where there are none."""
-        names = [name for name in event.args if name in self._fleet.machines]
+        names = sorted(name for name in event.args if name in self._fleet.machines)
         if not names:
             show_refusal(t("No machine is selected"), t("tick the machines first"))
         return names

@@ -40,6 +40,9 @@ COLUMNS: list[dict[str, Any]] = [
         "headerName": mark("Machine"),
         "pinned": "left",
         "checkboxSelection": True,
+        # all that are looked for
+        "headerCheckboxSelection": True,
+        "headerCheckboxSelectionFilteredOnly": True,
         ":cellRenderer": LINK,
         "sort": "asc",
         "sortIndex": 1,
@@ -102,6 +105,18 @@ GRID_TEXTS = {
     "notBlank": mark("is not empty"),
     "andCondition": mark("and"),
     "orCondition": mark("or"),
+    # to who cannot see it
+    "ariaRowToggleSelection": mark("tick with Space"),
+    "ariaRowSelectAll": mark("tick all that match with Space"),
+    "ariaHeaderSelection": mark("column with a box for all"),
+    "ariaChecked": mark("ticked"),
+    "ariaUnchecked": mark("not ticked"),
+    "ariaIndeterminate": mark("some ticked"),
+    "ariaSortableColumn": mark("Enter sorts"),
+    "ariaFilterColumn": mark("Ctrl+Enter filters"),
+    "ariaLabelColumnFilter": mark("filter of the column"),
+    "ariaFilteringOperator": mark("how to compare"),
+    "ariaFilterValue": mark("what to look for"),
 }
 
 

@@ -147,6 +147,7 @@ def build_site(sessions: Sessions, fleet: Fleet, *, secure: bool, host: str) -> 
         if visitor is None:
             return _to_login(request)
         add_head()
+        ui.page_title(t("Machines"))
         FleetPage(visitor, fleet, FleetFilter.of(request.query_params))
         return None
 

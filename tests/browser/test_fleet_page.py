@@ -127,6 +127,14 @@ def test_all_machines_are_shown_searched_and_several_held_after_a_question(
     page.get_by_label("Group").click()
     page.get_by_role("option", name="hall").click()
     expect(row).to_have_count(5)
+    every, ticked = (
+        page.locator(".ag-header-select-all input"),
+        page.locator(".ag-pinned-left-cols-container input:checked"),
+    )
+    every.check()
+    expect(ticked).to_have_count(5)
+    every.uncheck()
+    expect(ticked).to_have_count(0)
     page.get_by_label("Group").click()
     page.get_by_role("option", name="all groups").click()
     page.get_by_label("Search").fill("cell-07")
