@@ -16,6 +16,7 @@ import math
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 
+import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
@@ -36,11 +37,15 @@ from mcserver.machine.machine_file import Axis, Machine
 from mcserver.motion.canonical import AxisOperation
 from mcserver.motion.pieces import Rows
 from mcserver.motion.thread_cam import MOST_SPEED
-from mcserver.planning.shared_space import Claim, Extent, Mask, SharedSpace, Tenant
+from mcserver.planning.shared_space import Claim, Extent, Mask, SharedSpace, Tenant, Wait
 from mcserver.units import MM
 
 Array = NDArray[np.float64]
 
+# How often it is looked whether another program has left, and from when on those that wait for each other do
+# so for good: the motion of each has been looked at since [s].
+LOOK_S = 0.1
+LOCKED_S = 0.3
 # Rows whose places are noted together.
 NOTED_ROWS = 50
 _STRAIGHT = (ControlKind.PROBE, ControlKind.THREAD)
@@ -88,6 +93,7 @@ class ClearanceGuard:
 
     Attributes:
         contact: where it would touch; nothing from there on is handed over. None: it stays clear.
+        waiting: where it would touch what another program moves, which is waited for; None: for none.
         held: what would come into zones that an input switches, the first of each pair.
     """
 
@@ -139,6 +145,13 @@ class ClearanceGuard:
         self._claims = 0
         self._marks: deque[int] = deque()
         self.contact: Diagnostic | None = None
+        self.waiting: Diagnostic | None = None
+        self._look_at = -math.inf
+
+    @property
+    def looks_again(self) -> bool:
+        """Whether it is time to look whether what is waited for has left."""
+        return self._space.time >= self._look_at
 
     def _count_pairs(self) -> None:
         """Take the pairs that the scene has now: another program may have brought bodies, or has ended."""
@@ -161,7 +174,8 @@ class ClearanceGuard:
         return [self._slow, *(each.slow for each in self._switched.values())]
 
     def admit_rows(self, rows: Rows) -> int:
-        """Return how many of some rows may be handed over."""
+        """Return how many of some rows may be handed over; behind these it touches, or waits."""
+        self.waiting = None
         extent = self._extent()
         bits = np.arange(len(self._known), dtype=np.uint64)
         driven = (rows.axes[:, None] >> bits & np.uint64(1)).astype(np.bool_)
@@ -178,7 +192,9 @@ class ClearanceGuard:
             count = fast.step
             self.contact = self._too_fast(fast, int(rows.line[count]))
         elif contact is not None:
-            self.contact = self._touching(contact, int(rows.line[count]), "take another way")
+            self._stop_before(contact, int(rows.line[count]), "take another way", waits=True)
+        else:
+            self._tenant.wait = None
         ahead = []
         for zones in self._switched.values():
             entered = self._entered(zones, way[: count + 1], half, moved, rows.line)
@@ -198,7 +214,8 @@ class ClearanceGuard:
         return count
 
     def admit_control(self, control: Control) -> bool:
-        """Return whether an entry may be handed over."""
+        """Return whether an entry may be handed over; it touches, or waits, where not."""
+        self.waiting = None
         kind = control.kind
         columns = self._columns(control.axes)
         # others wait until shaped setpoints have arrived: a motion at rest, or all that moves
@@ -330,8 +347,9 @@ class ClearanceGuard:
                 hint = "home the axis that lifts the tool first, by a lower order, or jog clear of it"
             elif control.kind is ControlKind.FOLLOW:
                 hint = "let the axes go less far: a narrower low and high of open_servo"
-            self.contact = self._touching(contact, control.line, hint)
+            self._stop_before(contact, control.line, hint, waits=control.kind is ControlKind.RAPID)
             return False
+        self._tenant.wait = None
         line = np.array([control.line])
         ahead = [
             zones
@@ -525,6 +543,28 @@ class ClearanceGuard:
     def _too_fast(self, fast: TooFast, line: int) -> Diagnostic:
         names = self._sweep.scene.pairs[fast.pair].names
         return Diagnostic(code="MC322", message=fast.message(names), line=line, hint=SLOWER)
+
+    def _stop_before(self, contact: Contact, line: int, hint: str, *, waits: bool) -> None:
+        """Note a contact, or that another program is waited for, which moves one of both bodies.
+
+        Two programs that wait for each other both stand where they are: the one that came to it last ends.
+        """
+        tenant, space = self._tenant, self._space
+        levers = self._sweep.scene.levers[:, contact.pair]
+        other = space.mover(levers > 0.0, tenant) if waits and not self._by_hand else None
+        if other is None:
+            tenant.wait = None
+            self.contact = self._touching(contact, line, hint)
+            return
+        now = space.time
+        if tenant.wait is None or tenant.wait.program != other:
+            tenant.wait = Wait(other, now)
+        fault = self._touching(contact, line, hint)
+        if now - tenant.wait.since >= LOCKED_S and space.locked(tenant):
+            message = f"{fault.message}, and both wait for each other"
+            self.contact = msgspec.structs.replace(fault, message=message)
+            return
+        self.waiting, self._look_at = fault, now + LOOK_S
 
     def _touching(self, contact: Contact, line: int, hint: str) -> Diagnostic:
         scene = self._sweep.scene

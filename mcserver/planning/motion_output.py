@@ -30,7 +30,8 @@ class Output:
 
     Args:
         guard: says how much may be handed over; None: all. Behind a contact nothing is taken any more, and
-            the executor reports `LAST_TOKEN` once it stands there.
+            the executor reports `LAST_TOKEN` once it stands there. What comes while another program is waited
+            for is kept: the executor comes to rest on the rows that it has.
     """
 
     def __init__(self, sink: ProgramRing, guard: ClearanceGuard | None = None) -> None:
@@ -41,23 +42,44 @@ class Output:
         self._controls: deque[Control | LineEdges] = deque()
         self._waiting = 0
         self._rows: deque[Rows] = deque()
+        # what waits for another program, and all behind it
+        self._kept: deque[Control | LineEdges | Rows] = deque()
         self.last_u = 0.0
 
     def put(self, entry: Control | LineEdges | Rows) -> None:
         guard = self._guard
+        if self._kept:
+            self._kept.append(entry)
+            return
         if guard is not None:
             if guard.contact is not None:
                 return
             if isinstance(entry, Rows):
                 count = guard.admit_rows(entry)
-                if count < len(entry):
+                if guard.waiting is not None:
+                    self._kept.append(entry.part(count, len(entry)))
+                    entry = entry.part(0, count)
+                elif count < len(entry):
                     self._end_before(entry, count)
                     return
-                self._row_u = entry.first + len(entry) - 1
+                if not count:
+                    return
+                self._row_u = entry.first + count - 1
             elif isinstance(entry, Control) and not guard.admit_control(entry):
+                if guard.waiting is not None:
+                    self._kept.append(entry)
+                    return
                 self._queue(Control(ControlKind.SETTLE, entry.u, entry.line, token=LAST_TOKEN))
                 return
         self._queue(entry)
+
+    def _put_kept(self) -> None:
+        """Take what waits for another program, as far as that has left."""
+        if not self._kept or self._guard is None or not self._guard.looks_again:
+            return
+        kept, self._kept = self._kept, deque()
+        for entry in kept:
+            self.put(entry)
 
     def _end_before(self, rows: Rows, count: int) -> None:
         """Take the first of some rows, and nothing of what comes behind them."""
@@ -90,17 +112,19 @@ class Output:
     @property
     def blocked(self) -> bool:
         """Whether something still waits for room."""
-        return bool(self._rows or self._controls)
+        return bool(self._rows or self._controls or self._kept)
 
     def drop(self) -> None:
         """Forget what waits: the program was aborted."""
         self._controls.clear()
         self._waiting = 0
         self._rows.clear()
+        self._kept.clear()
 
     def flush(self) -> bool:
         """Hand over what fits; True if anything moved."""
         moved = False
+        self._put_kept()
         while self._rows:
             rows = self._rows[0]
             count = min(self._sink.row_room(), len(rows))
@@ -124,7 +148,10 @@ class Output:
                 return moved
             self._rows.popleft()
         if not self._rows:
-            moved |= self._put_controls(min(self._waiting, self._sink.control_room()), 0)
+            kept = self._kept[0] if self._kept else None
+            # entries come before the rows that they lie between
+            ready = self._entries_before(kept.first) if isinstance(kept, Rows) else self._waiting
+            moved |= self._put_controls(min(ready, self._sink.control_room()), 0)
         return moved
 
     def _entries_before(self, u: float) -> int:

@@ -138,6 +138,8 @@ class Pipeline:
             self._plan.output.put(control)
         # a faulty line has ended the program
         self._broken = False
+        # the line at which another program was waited for last
+        self._waited: int | None = None
 
     # ------------------------------------------------------------------ state
 
@@ -280,6 +282,7 @@ class Pipeline:
             self._guard.refresh()
         plan.motion.feed_scale = max(1.0, override)
         worked = plan.output.flush()
+        self._say_wait()
         if plan.output.blocked or self._phase is Phase.ABORTED:
             return worked
         if self._guard is not None and self._guard.contact is not None:
@@ -319,6 +322,13 @@ class Pipeline:
                 )
             )
             return True
+
+    def _say_wait(self) -> None:
+        """Say once a line for what this program waits."""
+        waiting = None if self._guard is None else self._guard.waiting
+        if waiting is not None and waiting.line != self._waited:
+            self._plan.reports.append(Report(ReportKind.WAITING, waiting.line, diagnostics=(waiting,)))
+            self._waited = waiting.line
 
     @property
     def _more(self) -> bool:

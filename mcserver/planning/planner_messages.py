@@ -128,6 +128,7 @@ class ReportKind(enum.Enum):
     REJECTED = "rejected"  # a fault in the line; nothing of it moves, nothing after it is read
     FRAME = "frame"  # the line has set work offsets: `frame`
     CONTACT = "contact"  # the executor stands before what would touch: the program has to be stopped
+    WAITING = "waiting"  # what comes next would touch what another program moves, and waits until it has left
     EXCHANGED = "exchanged"  # tools that have bodies are others from here on: `exchange`
     MESSAGE = "message"  # the line says something to the operator: `message`, and asks for `tool`
     FINISHED = "finished"  # all that was submitted has been handed over, the end of the program included
@@ -212,10 +213,13 @@ class LineRejected(msgspec.Struct, frozen=True, tag=True):
 
 
 class ContactAhead(msgspec.Struct, frozen=True, tag=True):
-    """What comes next would touch, as ``diagnostic`` says: the program stands there and has to be stopped."""
+    """What comes next would touch, as ``diagnostic`` says: the program stands there and has to be stopped, or
+    waits until another one has left.
+    """
 
     program: str
     diagnostic: Diagnostic
+    waits: bool = False
 
 
 class ToolsExchanged(msgspec.Struct, frozen=True, tag=True):

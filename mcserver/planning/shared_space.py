@@ -56,6 +56,13 @@ class Claim(NamedTuple):
     over: float = math.inf
 
 
+class Wait(NamedTuple):
+    """A program that another one waits for, and since when by the executor's time [s]."""
+
+    program: str
+    since: float
+
+
 @dataclass(eq=False)
 class Tenant:
     """A program that moves axes.
@@ -65,6 +72,7 @@ class Tenant:
             others may still be under way from before. claims: of its motion, in order.
         tell: takes the switched zones that lie ahead of it, a bit each; None: nobody asks.
         ended: executor time of its end [s]; None: it runs.
+        wait: for which program it stands before a contact, and since when; None: it does not.
     """
 
     program: str
@@ -73,6 +81,7 @@ class Tenant:
     tell: Callable[[int], None] | None = None
     claims: list[Claim] = field(default_factory=list)
     ended: float | None = None
+    wait: Wait | None = None
     moved: Mask = field(init=False)
 
     def __post_init__(self) -> None:
@@ -150,6 +159,33 @@ class SharedSpace:
         for column in np.flatnonzero(np.isin(newest.condition, MOVES) & ~known).tolist():
             low[column], high[column] = self.anywhere(column, float(newest.setpoint[column]))
         return Extent(low, high), newest.setpoint
+
+    @property
+    def time(self) -> float:
+        """Time of the executor now [s]."""
+        newest = self._feedback()
+        assert newest is not None
+        return float(newest.time)
+
+    def locked(self, asking: Tenant) -> bool:
+        """Return whether all that a program waits for waits for itself, and it has come to that last."""
+        newest = self._feedback()
+        assert newest is not None
+        moving = newest.velocity != 0.0
+        this, since = asking, -math.inf
+        for _ in self._tenants:
+            wait = this.wait
+            # who still moves may leave
+            if wait is None or (moving & this.lease).any():
+                return False
+            since = max(since, wait.since)
+            found = [each for each in self._tenants if each.program == wait.program and each.ended is None]
+            if not found:
+                return False
+            this = found[0]
+            if this is asking:
+                return asking.wait is not None and asking.wait.since == since
+        return False
 
     @property
     def inputs(self) -> Array:

@@ -433,6 +433,10 @@ class ProgramTable:
                     self._validated(program, event)
                 case LineRejected():
                     self._line_rejected(program, event)
+                case ContactAhead(waits=True):
+                    found = event.diagnostic
+                    message = f"waits: {found.message}"
+                    self.publish("program.message", program, line=found.line, message=message)
                 case ContactAhead():
                     self._fail(program, event.diagnostic)
 

@@ -231,6 +231,12 @@ class Watch:
         return float(least) / MM
 
 
+def said_of(cell: VirtualCell, program: Program) -> list[str]:
+    """What a program has said to the operator."""
+    said = [event for event in cell.events if event.kind == "program.message"]
+    return [event.message for event in said if event.program == program.program]
+
+
 async def test_a_program_stops_before_the_axis_that_another_one_has_left_in_its_way(start: Start) -> None:
     cell = start(shared())
     assert (await cell.run("G1010 P1", "G1 Y100 F6000", axes=[1])).state == "finished"
@@ -239,18 +245,60 @@ async def test_a_program_stops_before_the_axis_that_another_one_has_left_in_its_
     assert place(cell, 0) == pytest.approx(79.0, abs=0.3)
 
 
-async def test_the_later_of_two_programs_stops_before_the_other_and_names_it(start: Start) -> None:
+@pytest.mark.parametrize("word", ["G1 X200 F6000", "G0 X200"])
+async def test_the_later_of_two_programs_waits_before_the_other_and_names_it(start: Start, word: str) -> None:
     cell = start(shared())
     watch = Watch(cell)
     # comes by for four seconds
     other = await cell.begin("G1010 P1", "G1 Y85 F12000", "G1 Y115 F300", "G1 Y200 F12000", axes=[1])
     await cell.until(lambda: place(cell, 1) > 86.0)
-    program = await cell.run("G1010 P0", "G1 X200 F6000", axes=[0])
-    assert fault_of(program) == ("MC320", 2)
-    assert program.fault is not None
-    assert other.program in program.fault.message
+    program = await cell.begin("G1010 P0", word, "G1 X10 F6000", axes=[0])
+    await cell.until(lambda: any(other.program in each for each in said_of(cell, program)))
+    assert place(cell, 0) < 79.1
+    assert (await cell.ended(program)).state == "finished"
     assert (await cell.ended(other)).state == "finished"
+    assert place(cell, 0) == pytest.approx(10.0)
+    [said] = said_of(cell, program)
+    assert all(each in said for each in ("waits", "'ram'", "'shuttle'", other.program))
     assert await watch.least(shared()) >= 0.98
+
+
+async def test_a_program_that_waits_is_aborted_where_it_stands(start: Start) -> None:
+    cell = start(shared())
+    other = await cell.begin("G1010 P1", "G1 Y100 F12000", "G4 P600", axes=[1])
+    await cell.until(lambda: place(cell, 1) > 99.0)
+    program = await cell.begin("G1010 P0", "G1 X200 F6000", axes=[0])
+    await cell.until(lambda: bool(said_of(cell, program)) and not any(cell.executor.feedback.velocity))
+    cell.service.abort(program.program)
+    assert (await cell.ended(program)).state == "aborted"
+    assert 78.0 < place(cell, 0) < 79.1
+    # a jog does not wait: nothing moves by itself behind a button
+    step = await cell.ended(await cell.jog(0, 30.0, 50.0))
+    assert fault_of(step)[0] == "MC320"
+    assert other.state == "running"
+
+
+async def test_of_two_programs_that_wait_for_each_other_the_later_ends_and_says_so(start: Start) -> None:
+    arm_of_the_ram = """
+[[body]]
+name = "arm"
+shape = "box"
+size_mm = [20.0, 20.0, 20.0]
+at_mm = [21.0, 30.0, 0.0]
+carried_by = [0]
+"""
+    machine = parse_machine("\n".join((MILL, SHARED, arm_of_the_ram)))
+    cell = start(machine)
+    watch = Watch(cell)
+    below = await cell.begin("G1010 P1", "G1 Y85 F12000", "G1 Y95 F300", "G1 Y200 F12000", axes=[1])
+    across = await cell.begin("G1010 P0", "G1 X200 F6000", axes=[0])
+    assert fault_of(await cell.ended(below)) == ("MC320", 4)
+    assert below.fault is not None
+    assert across.program in below.fault.message
+    assert "wait for each other" in below.fault.message
+    # what the other waited for stands there now
+    assert fault_of(await cell.ended(across)) == ("MC320", 2)
+    assert await watch.least(machine) >= 0.98
 
 
 @pytest.mark.parametrize("seed", range(4))
