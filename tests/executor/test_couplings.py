@@ -346,6 +346,7 @@ def test_a_cam_passes_its_points_never_leaves_their_span_and_has_no_step_of_acce
         (GEAR.replace("leader = 0", "leader = 4"), CAM),
         (GEAR.replace("ratio = 10.0, ", ""), CAM),
         (GEAR.replace("ratio = 10.0", "ratio = 10.0, repeats = true"), CAM),
+        (GEAR.replace("ratio = 10.0", "ratio = 0.0"), CAM),
         (GEAR, CAM.replace("[50.0, 20.0]", "[150.0, 20.0]")),
         (GEAR, CAM.replace("[50.0, 20.0]", "[0.0001, 20.0]")),
         (GEAR, CAM.replace("[0.0, 0.0]", "[0.0, 0.0, 1.0]").replace("0.0]]", "0.0, 2.0]]")),
@@ -358,6 +359,14 @@ def test_what_cannot_follow_is_refused(gear: str, cam: str) -> None:
     with pytest.raises(MachineFileRejected) as caught:
         parse_machine(text(gear, cam))
     assert "MC094" in [each.code for each in caught.value.diagnostics]
+
+
+@pytest.mark.parametrize(
+    "cam", ["[[-1e308, 0.0], [1e308, 5.0]]", "[[0.0, 0.0], [9.0, 1.0, 1e300], [20.0, 0.0]]"]
+)
+def test_numbers_whose_squares_are_none_are_refused(cam: str) -> None:
+    with pytest.raises(MachineFileRejected, match="does not fit: expected float"):
+        parse_machine(text(GEAR, f"[axis.follow]\nleader = 0\ntolerance = 0.1\ncam = {cam}\n"))
 
 
 @pytest.mark.parametrize(
