@@ -577,7 +577,7 @@ class ProgramTable:
                 self.on_machine_stop(fault)
             return
         if event.code == FaultCode.EMERGENCY_STOP:
-            # latched and reported by whoever asked for it; what is opened while it comes to rest ends by it, too
+            # latched and reported by whoever asked for it; what came while axes still come to rest ends by it
             if program is not None:
                 self.stop(program, "faulted", fault.message, fault)
             return
