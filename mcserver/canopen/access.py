@@ -15,11 +15,13 @@ from mcserver.canopen.bus_scan import scan_bus
 from mcserver.canopen.canopen_errors import DriveError, object_text
 from mcserver.canopen.configuration import PDO_OBJECTS, of_first_axis
 from mcserver.canopen.node import Node, NodeAxis, Phase
+from mcserver.canopen.parameters import encode, parameter_of
 from mcserver.canopen.service import CanopenService
 from mcserver.canopen.settings import NO_AXIS, DriveSettings
 from mcserver.canopen.values import TYPES, Value, decode_value, encode_value, type_name
 from mcserver.canopen.views import BusScan, DriveInfo, MonitoredValue, SdoReply, SdoTarget, SdoType
 from mcserver.drives.cia402.state import power_state
+from mcserver.errors import UsageFault
 
 T = TypeVar("T")
 
@@ -30,6 +32,7 @@ MAX_WAITING = 16
 
 # What the cycle, the supervision and the scaling of positions rest on (CiA 301, CiA 402).
 _CYCLIC = frozenset({0x6040, 0x6060, 0x6071, 0x607A, 0x60C1, 0x60FF})
+_OUTPUTS = 0x60FE
 _WATCHING = frozenset({0x1016, 0x1017})
 _SCALING = frozenset({0x607C, 0x607E, 0x608F, 0x6091, 0x6092, 0x60C2})
 
@@ -40,7 +43,7 @@ _BY_FILE = "what it holds follows from the machine file; change it there and sta
 
 def moves_by_sdo(index: int) -> bool:
     """Return whether an object, of any axis of a node, commands motion, energy or, by 60FEh, a brake."""
-    return of_first_axis(index) in _CYCLIC | {0x60FE}
+    return of_first_axis(index) in _CYCLIC | {_OUTPUTS}
 
 
 def refusal_of_write(index: int, node: Node) -> tuple[str, str] | None:
@@ -52,6 +55,8 @@ def refusal_of_write(index: int, node: Node) -> tuple[str, str] | None:
     index = of_first_axis(index)
     if index in _CYCLIC:
         return "the executor sends it in every cycle", _BY_PROGRAM
+    if index == _OUTPUTS:
+        return "it switches outputs, one of which may hold a brake", "switch outputs by programs"
     if index in PDO_OBJECTS:
         return "it is the mapping of the process data in which the executor and the drive agree", _BY_FILE
     if index in _WATCHING:
@@ -99,7 +104,8 @@ class OperatorAccess:
             DriveError: MC553 refused, MC554 no answer, MC559 no such drive, or not to be read as that type.
         """
         node, settings = self._find(target)
-        name = kind or self._type(settings, target)
+        variable = self._variable(settings, target)
+        name = kind or (None if variable is None else type_name(variable.data_type))
         raw = await self._in_thread(lambda: node.sdo.upload(target.index, target.subindex))
         if name is None:
             name = {1: "u8", 2: "u16", 4: "u32"}.get(len(raw), "bytes")
@@ -115,8 +121,12 @@ class OperatorAccess:
     async def sdo_write(self, target: SdoTarget, kind: str | None, value: Value) -> SdoReply:
         """Write an object, unless that would fight the cycle.
 
+        Args:
+            kind: None: by the drive's dictionary, also its access and limits.
+
         Raises:
-            DriveError: MC553, MC554, MC559 also: it would fight it, or its type is not known.
+            DriveError: MC553, MC554, MC559 also: it would fight it, its type is not known, or the dictionary
+                does not allow it.
         """
         node, settings = self._find(target)
         refusal = refusal_of_write(target.index, node)
@@ -126,17 +136,15 @@ class OperatorAccess:
                 f"{object_text(target.index, target.subindex)} is not written: {refusal[0]}",
                 refusal[1],
             )
-        name = kind or self._type(settings, target)
-        if name is None:
-            raise self._unfit(
-                settings, target, "its type is not known: the drive's dictionary does not have it"
-            )
-        try:
-            raw = encode_value(name, value)
-        except (ValueError, OverflowError) as error:
-            raise self._unfit(settings, target, f"{value!r} is no {name}: {error}") from error
-        if not raw:
-            raise self._unfit(settings, target, "an empty value cannot be written")
+        variable = self._variable(settings, target)
+        if kind is None and variable is not None:
+            name = type_name(variable.data_type)
+            try:
+                raw = encode(parameter_of(variable), value)
+            except UsageFault as error:
+                raise settings.fault("MC559", error.message, error.hint) from error
+        else:
+            name, raw = kind or "", self._encoded(settings, target, kind, value)
         await self._in_thread(lambda: node.sdo.download(target.index, target.subindex, raw))
         return _value(settings, target, name, value, raw)
 
@@ -165,11 +173,25 @@ class OperatorAccess:
             raise DriveError("MC559", named, "`mcctl drives` lists axes with their nodes")
         return found[0]
 
-    def _type(self, settings: DriveSettings, target: SdoTarget) -> str | None:
-        """By the dictionary; None where it does not have the object."""
+    def _variable(self, settings: DriveSettings, target: SdoTarget) -> ODVariable | None:
+        """Return an object of the drive's dictionary; None: it does not have it."""
         dictionary = self._service.dictionary(settings.axis)
         variable = None if dictionary is None else dictionary.get_variable(target.index, target.subindex)
-        return type_name(variable.data_type) if isinstance(variable, ODVariable) else None
+        return variable if isinstance(variable, ODVariable) else None
+
+    def _encoded(self, settings: DriveSettings, target: SdoTarget, kind: str | None, value: Value) -> bytes:
+        """Return the bytes of a value of a type that the caller gives."""
+        if kind is None:
+            raise self._unfit(
+                settings, target, "its type is not known: the drive's dictionary does not have it"
+            )
+        try:
+            raw = encode_value(kind, value)
+        except (ValueError, OverflowError) as error:
+            raise self._unfit(settings, target, f"{value!r} is no {kind}: {error}") from error
+        if not raw:
+            raise self._unfit(settings, target, "an empty value cannot be written")
+        return raw
 
     async def _in_thread(self, work: Callable[[], T]) -> T:
         if self._waiting >= MAX_WAITING:

@@ -63,19 +63,24 @@ def parameters_of(dictionary: DeviceDictionary, node_axis: int = 0) -> list[Para
     """
     own = range(0x6000 + AXIS_OFFSET * node_axis, 0x6000 + AXIS_OFFSET * (node_axis + 1))
     return [
-        Parameter(
-            each.index,
-            each.subindex,
-            " ".join(each.qualname.split()),
-            type_name(each.data_type),
-            each.access_type,
-            each.min,
-            each.max,
-        )
+        parameter_of(each)
         for index in sorted(dictionary)
         if index >= 0x1000 and (index in own or not 0x6000 <= index < 0xA000)
         for each in _variables(dictionary, index)
     ]
+
+
+def parameter_of(variable: ODVariable) -> Parameter:
+    """Return an object of an EDS as a parameter."""
+    return Parameter(
+        variable.index,
+        variable.subindex,
+        " ".join(variable.qualname.split()),
+        type_name(variable.data_type),
+        variable.access_type,
+        variable.min,
+        variable.max,
+    )
 
 
 def _variables(dictionary: DeviceDictionary, index: int) -> Iterator[ODVariable]:

@@ -69,7 +69,7 @@ def check_machine(
         )
         raise typer.Exit(int(ExitCode.CONFIGURATION))
     if findings and not json:
-        narration().print(f"warnings: {len(findings)}; the machine can be run", style="yellow")
+        narration().print(f"warnings: {len(findings)}; no errors", style="yellow")
 
 
 def show_machine(

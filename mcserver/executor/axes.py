@@ -416,7 +416,14 @@ class AxisBank:
         if done:
             self.resetting &= ~done
             self.stopping &= ~done
-            self._tell(done, DriveMode.OFF)
+            self._tell(done & ~self.starting, DriveMode.OFF)
+            for mode, mask in (
+                (DriveMode.POSITION, self.positioned),
+                (DriveMode.VELOCITY, self.speed),
+                (DriveMode.TORQUE, self.torque_mode),
+                (DriveMode.HOMING, self.homing),
+            ):
+                self._tell(done & self.starting & mask, mode)
 
     def reported_fault(self, column: int) -> tuple[int, int]:
         """Return the fault that a drive reports now (`DriveFault`, 0: none), and its number."""
@@ -472,7 +479,6 @@ class AxisBank:
         self.used[mode] |= mask
         self.released &= ~mask
         self.stopping &= ~mask
-        self.resetting &= ~mask
         self.positioned &= ~mask
         self.speed &= ~mask
         self.torque_mode &= ~mask
@@ -487,7 +493,8 @@ class AxisBank:
             self.torque_mode |= mask
         self.starting |= new & ~self.exact
         self.energized |= new & self.exact
-        self._tell(mask, mode)
+        # a drive that is still clearing its fault would show it: it is told once it has
+        self._tell(mask & ~self.resetting, mode)
         if mode is not DriveMode.TORQUE:
             self.torque[self.masks.bools(mask)] = 0.0
         self._refresh()

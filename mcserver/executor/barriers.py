@@ -234,6 +234,13 @@ class DriveWait(Barrier):
         """Return the fault of the first of them when their time is over."""
         raise NotImplementedError
 
+    def _not_cleared(self, column: int) -> BarrierFault:
+        fault, detail = self._cycle.bank.reported_fault(column)
+        if fault:
+            # such as a node that was stopped: it hears no reset
+            return BarrierFault(code_of_drive_fault(fault), column, (float(fault), float(detail)))
+        return BarrierFault(FaultCode.NO_RESET, column, (self._waited, DRIVE_TIMEOUT_S))
+
     def before(self, left: float, held: bool) -> float | None:  # noqa: ARG002
         return None if self._missing else left
 
@@ -254,8 +261,11 @@ class Energized(DriveWait):
         return self._axes & ~self._cycle.bank.energized
 
     def _late(self, column: int) -> BarrierFault:
+        clearing = bool(self._cycle.bank.resetting >> column & 1)
         # nobody waits for them any more: none must begin to hold by itself later
         self._cycle.bank.latch(self._missing)
+        if clearing:
+            return self._not_cleared(column)
         return BarrierFault(FaultCode.NO_ENERGIZE, column, (self._waited, DRIVE_TIMEOUT_S))
 
 
@@ -267,11 +277,7 @@ class DrivesDone(DriveWait):
         return self._axes & (self._cycle.bank.resetting | self._cycle.bank.stopping)
 
     def _late(self, column: int) -> BarrierFault:
-        fault, detail = self._cycle.bank.reported_fault(column)
-        if fault:
-            # such as a node that was stopped: it hears no reset
-            return BarrierFault(code_of_drive_fault(fault), column, (float(fault), float(detail)))
-        return BarrierFault(FaultCode.NO_RESET, column, (self._waited, DRIVE_TIMEOUT_S))
+        return self._not_cleared(column)
 
 
 class InputWait(Barrier):

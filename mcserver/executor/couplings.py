@@ -80,6 +80,7 @@ class Coupling:
         late = bank.delay_cycles if bank.delayed[self.leader] else 0
         self._late_s = machine.cycle_s * (1 + late)
         self._speed = float(self._row.ordered_velocity[self.leader])
+        self._place = float(self._row.ordered[self.leader])
         # of the follower's and of the leader's positions, against those of the curve
         self._ahead = self._shifted = 0.0
         self.error, self.in_step, self.ending = 0.0, False, False
@@ -99,6 +100,7 @@ class Coupling:
             self._within = self._within.shifted(distance)
         if column == self.leader:
             self._shifted += distance
+            self._place += distance
             self._encoder.place += distance
 
     def lost(self, silent: int) -> bool:
@@ -153,7 +155,10 @@ class Coupling:
             encoder.take(float(row.actual[leader]) if fresh else encoder.ahead(self._cycle_s)[0])
             return encoder.ahead(self._late_s)
         before, self._speed = self._speed, float(row.ordered_velocity[leader])
-        return float(row.ordered[leader]), self._speed, (self._speed - before) / self._cycle_s
+        start, self._place = self._place, float(row.ordered[leader])
+        # at the end of a cycle of constant jerk
+        mean = (self._place - start) / self._cycle_s
+        return self._place, self._speed, (4.0 * self._speed + 2.0 * before - 6.0 * mean) / self._cycle_s
 
 
 class Couplings:

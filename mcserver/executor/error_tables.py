@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import Protocol
+from collections.abc import Sequence
+from typing import Any, Protocol
 
 import numpy as np
 
@@ -49,22 +50,30 @@ class SquareErrors:
 
 
 class MeshErrors:
-    """Over two other axes; beyond the mesh they stay what they are at its edge."""
+    """Over two or three axes; beyond the mesh they stay what they are at its edge."""
 
     def __init__(self, column: int, sources: list[int], mesh: Mesh) -> None:
         self.column, self.sources = column, sources
-        self._first, self._second = np.array(mesh.first), np.array(mesh.second)
-        self._errors = np.array(mesh.errors)
+        self._places = [np.array(each) for each in mesh.places]
+        self._errors = mesh.heights
 
     def at(self, position: Array, velocity: Array) -> tuple[float, float]:
-        first, second = self.sources
-        i, u, du = step(float(position[first]), self._first)
-        j, v, dv = step(float(position[second]), self._second)
-        (a, b), (c, d) = self._errors[j : j + 2, i : i + 2].tolist()
-        low, high = a + u * (b - a), c + u * (d - c)
-        along = (1.0 - v) * (b - a) + v * (d - c)
-        rate = du * along * float(velocity[first]) + dv * (high - low) * float(velocity[second])
-        return low + v * (high - low), rate
+        cells, steps = [], []
+        for source, places in zip(self.sources, self._places, strict=True):
+            cell, share, slope = step(float(position[source]), places)
+            cells.append(slice(cell, cell + 2))
+            steps.append((share, slope * float(velocity[source])))
+        return _between(self._errors[tuple(cells)].tolist(), steps)
+
+
+def _between(corners: Any, steps: Sequence[tuple[float, float]]) -> tuple[float, float]:
+    """Return value and rate in a cell: nested pairs, one for each direction; of that its share and rate."""
+    if not steps:
+        return corners, 0.0
+    (share, rate), rest = steps[0], steps[1:]
+    low, low_rate = _between(corners[0], rest)
+    high, high_rate = _between(corners[1], rest)
+    return low + share * (high - low), low_rate + share * (high_rate - low_rate) + rate * (high - low)
 
 
 def step(place: float, places: Array) -> tuple[int, float, float]:

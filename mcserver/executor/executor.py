@@ -358,6 +358,12 @@ class Executor:
             return
         self._changes = changes
         machine = mailbox.machine_orders()
+        if machine.reset != self._reset_seen:
+            self._reset_seen = machine.reset
+            self._reset_wanted |= machine.reset_mask & self.bank.all | _RESET_ASKED
+            self._reset_estop = machine.reset_estop
+            # programs and outputs of this cycle were ordered behind it
+            self._care_for_latches()
         if self._has_io:
             self._io.obey(mailbox, locked=self._cycle.estop)
         self._hold, self._override = machine.hold, machine.override
@@ -379,10 +385,6 @@ class Executor:
         if machine.stop != self._stop_seen:
             self._stop_seen = machine.stop
             self._stop(SlotState.STOPPED)
-        if machine.reset != self._reset_seen:
-            self._reset_seen = machine.reset
-            self._reset_wanted |= machine.reset_mask & self.bank.all | _RESET_ASKED
-            self._reset_estop = machine.reset_estop
 
     def _stop(self, state: SlotState) -> None:
         self._io.make_safe()

@@ -12,8 +12,8 @@ from typing import Annotated, NamedTuple
 import msgspec
 from msgspec import Meta
 
-from mcserver.machine.constraints import NotNegative
-from mcserver.machine.coupled_errors import CURVATURE, SLOPE, THIRD, Mesh, square_errors_in_si
+from mcserver.machine.constraints import LEAST_STEP, ascending
+from mcserver.machine.coupled_errors import CURVATURE, SLOPE, THIRD, Error, Mesh, square_errors_in_si
 from mcserver.machine.section_reader import Mistakes
 from mcserver.machine.toml_positions import Path
 
@@ -33,13 +33,13 @@ class CompensationSection(msgspec.Struct, frozen=True):
         reserve: share of velocity, acceleration and jerk that is kept from programs for corrections.
     """
 
-    backlash: NotNegative = 0.0
-    pitch_errors: list[
-        Annotated[list[float], Meta(min_length=2, max_length=2, description="[position, error]")]
+    backlash: Annotated[
+        float, Meta(ge=0.0, le=10.0, description="0 to 10; leave the key out if it is not known")
+    ] = 0.0
+    pitch_errors: Annotated[
+        list[tuple[float, Error]], Meta(description="points [position, error], of 10 mm or deg at most")
     ] = []
-    square_errors: list[
-        Annotated[list[float], Meta(min_length=2, max_length=2, description="[axis, error for 1000 mm]")]
-    ] = []
+    square_errors: Annotated[list[tuple[int, float]], Meta(description="[axis, error for 1000 mm]")] = []
     mesh: Mesh | None = None
     reserve: Annotated[float, Meta(ge=0.02, le=0.5, description="0.1 is usual")] = 0.1
 
@@ -80,11 +80,18 @@ def read_compensation(
     """
     if section is None:
         return None
-    errors = [(at * scale, error * scale) for at, error in section.pitch_errors]
-    places = [at for at, _ in errors]
-    if places != sorted(set(places)):
-        mistakes.add((*path, "pitch_errors"), "the positions do not ascend", "sort them, each once")
+    if not ascending([at for at, _ in section.pitch_errors]):
+        what = f"the positions do not ascend by {LEAST_STEP} or more"
+        mistakes.add((*path, "pitch_errors"), what, "sort them, each once")
         return None
+    if section.mesh is not None and section.mesh.wrong:
+        hint = "one position for each column and each row"
+        mistakes.add((*path, "mesh"), section.mesh.wrong, hint, "MC092")
+        return None
+    if len({axis for axis, _ in section.square_errors}) < len(section.square_errors):
+        mistakes.add((*path, "square_errors"), "an axis is there twice", "add its errors up", "MC092")
+        return None
+    errors = [(at * scale, error * scale) for at, error in section.pitch_errors]
     needed = max((_need(errors[n], errors[n + 1], limits) for n in range(len(errors) - 1)), default=0.0)
     left = section.reserve - needed
     if left < (LEAST_FOR_BACKLASH if section.backlash > 0.0 else 0.0):

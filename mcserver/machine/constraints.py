@@ -2,9 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from itertools import pairwise
 from typing import Annotated
 
 from msgspec import Meta
+
+# By which places of a table differ at the least [mm, deg].
+LEAST_STEP = 0.001
 
 Limit = Annotated[float, Meta(gt=0.0, description="leave the key out where there is no limit")]
 Positive = Annotated[float, Meta(gt=0.0, description="give a number above 0")]
@@ -13,3 +18,8 @@ Damping = Annotated[float, Meta(ge=0.0, le=0.5, description="0.05 to 0.1 is usua
 Milliseconds = Annotated[int, Meta(ge=0, le=0xFFFF, description="100 is usual")]
 Unsigned32 = Annotated[int, Meta(ge=0, le=0xFFFFFFFF, description="see 1018h of the drive")]
 Count = Annotated[int, Meta(ge=1, le=0xFFFFFFFF)]
+
+
+def ascending(places: Sequence[float]) -> bool:
+    """Return whether the places of a table ascend, each by `LEAST_STEP` or more [mm, deg]."""
+    return all(after - before >= LEAST_STEP for before, after in pairwise(places))

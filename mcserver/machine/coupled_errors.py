@@ -1,19 +1,20 @@
-"""Errors of an axis that depend on where others are: squareness, and a mesh over two of them.
+"""Errors of an axis that depend on where others are: squareness, a mesh over two of them, a grid over three.
 
-Between the points of a mesh the error goes by quintic steps in both directions, so that its third derivative
+Between the points of a mesh the error goes by quintic steps in each direction, so that its third derivative
 is bounded, as that of a table of pitch errors is.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Annotated
 
 import msgspec
 import numpy as np
 from msgspec import Meta
 
+from mcserver.machine.constraints import LEAST_STEP, ascending
 from mcserver.machine.section_reader import Mistakes
 from mcserver.machine.toml_positions import Path
 from mcserver.units import MM, AxisType
@@ -24,6 +25,8 @@ if TYPE_CHECKING:
 # The greatest slope, curvature and third derivative of the quintic step 6u⁵ - 15u⁴ + 10u³ on 0 … 1.
 SLOPE, CURVATURE, THIRD = 1.875, 10.0 / math.sqrt(3.0), 60.0
 
+# More is no mechanics but a mistake of units [mm, deg].
+Error = Annotated[float, Meta(ge=-10.0, le=10.0)]
 _Numbers = Annotated[list[float], Meta(min_length=2, max_length=200, description="2 to 200 numbers")]
 
 
@@ -31,32 +34,47 @@ class Mesh(msgspec.Struct, frozen=True):
     """``mesh``: as written in mm, or in SI.
 
     Attributes:
-        axes: the two that it lies over. first, second: where its points are on them, ascending.
+        axes: the two or three that it lies over. first, second, third: where its points are on them,
+            ascending; ``third`` is empty over two.
         errors: how much further than programmed the load is there: of each point on the second axis a row
-            over the first.
+            over the first, and all these again for each point on the third.
     """
 
-    axes: Annotated[list[int], Meta(min_length=2, max_length=2, description="two axes, such as [0, 1]")]
+    axes: Annotated[
+        list[int], Meta(min_length=2, max_length=3, description="two or three axes, such as [0, 1]")
+    ]
     first: _Numbers
     second: _Numbers
-    errors: list[list[float]]
+    errors: Annotated[list[list[Error]], Meta(description="rows of errors, of 10 mm at most")]
+    third: Annotated[list[float], Meta(max_length=200, description="2 to 200 numbers")] = []
 
     def scaled(self, factor: float) -> Mesh:
         """Return the mesh in another unit."""
-        return Mesh(
-            self.axes,
-            [factor * each for each in self.first],
-            [factor * each for each in self.second],
-            [[factor * each for each in row] for row in self.errors],
+        first, second, third = (
+            [factor * each for each in along] for along in (self.first, self.second, self.third)
         )
+        return Mesh(self.axes, first, second, [[factor * each for each in row] for row in self.errors], third)
+
+    @property
+    def places(self) -> list[list[float]]:
+        """Where the points are, by axis."""
+        return [self.first, self.second, self.third][: len(self.axes)]
+
+    @property
+    def heights(self) -> np.ndarray:
+        """The errors by their points on the first axis, the second, and the third."""
+        return np.array(self.errors).reshape([len(each) for each in reversed(self.places)]).T
 
     @property
     def wrong(self) -> str:
-        """What does not fit in it; empty: nothing."""
-        if any(values != sorted(set(values)) for values in (self.first, self.second)):
-            return "the positions do not ascend"
-        if [len(row) for row in self.errors] != [len(self.first)] * len(self.second):
-            return f"it needs {len(self.second)} rows of {len(self.first)} errors"
+        """What does not fit in it, as it is written in mm; empty: nothing."""
+        if len(self.third) == 1 or bool(self.third) is not (len(self.axes) == 3):
+            return "third is for a mesh over three axes, and has two points or more"
+        if not all(map(ascending, self.places)):
+            return f"the positions do not ascend by {LEAST_STEP} or more"
+        rows = len(self.second) * max(1, len(self.third))
+        if [len(row) for row in self.errors] != [len(self.first)] * rows:
+            return f"it needs {rows} rows of {len(self.first)} errors"
         return ""
 
 
@@ -73,29 +91,47 @@ def square_need(slope: float, source: Motion) -> Motion:
     return Motion(*(abs(slope) * each for each in msgspec.structs.astuple(source)))
 
 
-def mesh_need(mesh: Mesh, x: Motion, y: Motion) -> Motion:
-    """Return what a mesh in SI needs of its axis at the greatest motion of the two that it lies over."""
-    heights = np.array(mesh.errors)
-    wide, deep = np.diff(mesh.first), np.diff(mesh.second)[:, None]
-    along, across = np.abs(np.diff(heights, axis=1)), np.abs(np.diff(heights, axis=0))
-    twist = np.abs(np.diff(np.diff(heights, axis=0), axis=1))
+def mesh_need(mesh: Mesh, motions: Sequence[Motion]) -> Motion:
+    """Return what a mesh in SI needs of its axis at the greatest motion of those that it lies over.
 
-    def greatest(values: np.ndarray) -> float:
-        return float(values.max())
+    By the chain rule: the error is linear in the quintic step of each direction, so its derivatives by time
+    are sums of those of one step, of products of two, and of three.
+    """
+    heights = mesh.heights
+    # of each direction the greatest first, second and third derivative of the step by time, by its cells
+    steps = []
+    for along, (places, motion) in enumerate(zip(mesh.places, motions, strict=True)):
+        width = np.diff(places).reshape([-1 if each == along else 1 for each in range(heights.ndim)])
+        v, a, j = motion.velocity, motion.acceleration, motion.jerk
+        curvature = CURVATURE / width**2
+        steps.append(
+            (
+                SLOPE * v / width,
+                curvature * v**2 + SLOPE * a / width,
+                THIRD * v**3 / width**3 + 3.0 * curvature * v * a + SLOPE * j / width,
+            )
+        )
 
-    zx, zxx, zxxx = (greatest(c * along / wide**n) for n, c in ((1, SLOPE), (2, CURVATURE), (3, THIRD)))
-    zy, zyy, zyyy = (greatest(c * across / deep**n) for n, c in ((1, SLOPE), (2, CURVATURE), (3, THIRD)))
-    zxy = greatest(SLOPE * SLOPE * twist / (wide * deep))
-    zxxy = greatest(CURVATURE * SLOPE * twist / (wide**2 * deep))
-    zxyy = greatest(SLOPE * CURVATURE * twist / (wide * deep**2))
-    vx, vy, ax, ay = x.velocity, y.velocity, x.acceleration, y.acceleration
-    bends = zxxx * vx**3 + 3.0 * (zxxy * vx**2 * vy + zxyy * vx * vy**2) + zyyy * vy**3
-    turns = 3.0 * (zxx * vx * ax + zxy * (vx * ay + vy * ax) + zyy * vy * ay)
-    return Motion(
-        zx * vx + zy * vy,
-        zxx * vx**2 + 2.0 * zxy * vx * vy + zyy * vy**2 + zx * ax + zy * ay,
-        bends + turns + (zx * x.jerk if zx else 0.0) + (zy * y.jerk if zy else 0.0),
-    )
+    def greatest(directions: tuple[int, ...], *factors: np.ndarray) -> float:
+        """Return the greatest difference in these directions, times factors."""
+        product = heights
+        for along in directions:
+            product = np.diff(product, axis=along)
+        # what is flat needs nothing, also over an axis without a limit
+        return float(np.abs(math.prod(factors, start=product)).max()) if product.any() else 0.0
+
+    velocity = acceleration = jerk = 0.0
+    for i, (first, second, third) in enumerate(steps):
+        velocity += greatest((i,), first)
+        acceleration += greatest((i,), second)
+        jerk += greatest((i,), third)
+        for k, (other, _, _) in enumerate(steps):
+            if k != i:
+                acceleration += greatest((i, k), first, other)
+                jerk += 3.0 * greatest((i, k), second, other)
+    if heights.ndim == 3:
+        jerk += 6.0 * greatest((0, 1, 2), *(first for first, _, _ in steps))
+    return Motion(velocity, acceleration, jerk)
 
 
 def check_coupled(axes: Mapping[Path, Axis], mistakes: Mistakes, least: float) -> dict[int, float]:
@@ -115,13 +151,13 @@ def check_coupled(axes: Mapping[Path, Axis], mistakes: Mistakes, least: float) -
             continue
         key = (*path, "compensation")
         sources = [each for each, _ in found.square_errors] + (found.mesh.axes if found.mesh else [])
-        wrong = found.mesh.wrong if found.mesh else ""
-        if wrong:
-            mistakes.add((*key, "mesh"), wrong, "one position for each column and each row", "MC092")
-            continue
         named = [numbers.get(each) for each in sources]
         linear = all(each is not None and each.type is AxisType.LINEAR for each in (axis, *named))
-        if not linear or axis.index in sources or len(set(found.mesh.axes if found.mesh else ())) == 1:
+        over = [] if found.mesh is None else found.mesh.axes
+        square = {each for each, _ in found.square_errors}
+        # over three axes one may be its own: the errors of its pitch are then others at each place
+        own = axis.index in square or (len(over) < 3 and axis.index in over)
+        if not linear or own or len(set(over)) < len(over):
             mistakes.add(
                 key, "square_errors and mesh are of linear axes over others", "name these by number", "MC092"
             )
@@ -133,7 +169,7 @@ def check_coupled(axes: Mapping[Path, Axis], mistakes: Mistakes, least: float) -
         }
         needs = [square_need(slope, motions[each]) for each, slope in found.square_errors]
         if found.mesh is not None:
-            needs.append(mesh_need(found.mesh, *(motions[each] for each in found.mesh.axes)))
+            needs.append(mesh_need(found.mesh, [motions[each] for each in found.mesh.axes]))
         kept = 1.0 - found.reserve
         shares = (
             math.fsum(need.velocity for need in needs) * kept / axis.max_velocity,
@@ -157,6 +193,6 @@ def check_coupled(axes: Mapping[Path, Axis], mistakes: Mistakes, least: float) -
     return left
 
 
-def square_errors_in_si(rows: list[list[float]]) -> tuple[tuple[int, float], ...]:
+def square_errors_in_si(rows: list[tuple[int, float]]) -> tuple[tuple[int, float], ...]:
     """Return axis numbers and slopes [m/m] of ``[axis, error for 1000 mm]``."""
-    return tuple((int(axis), error * MM) for axis, error in rows)
+    return tuple((axis, error * MM) for axis, error in rows)

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import msgspec
 from msgspec import Meta
 
-from mcserver.machine.constraints import Positive
+from mcserver.machine.constraints import LEAST_STEP, Positive, ascending
 from mcserver.machine.section_reader import Mistakes
 from mcserver.machine.toml_positions import Path
 
@@ -18,11 +18,14 @@ if TYPE_CHECKING:
     from mcserver.machine.machine_file import Axis
     from mcserver.machine.tool_section import Tool
 
-# By which places of the leader in a cam differ at the least [mm, deg].
-LEAST_STEP = 0.001
+# Numbers beyond this are no places, and squares of them might be no numbers at all.
+MOST_NUMBER = 1e9
 
+_Number = Annotated[
+    float, Meta(ge=-MOST_NUMBER, le=MOST_NUMBER, description="numbers are a thousand million at most")
+]
 _CamPoint = Annotated[
-    list[float],
+    list[_Number],
     Meta(min_length=2, max_length=3, description="[leader, this axis] or [leader, this axis, slope]"),
 ]
 
@@ -41,7 +44,7 @@ class FollowSection(msgspec.Struct, frozen=True):
 
     leader: int
     tolerance: Positive
-    ratio: float | None = None
+    ratio: _Number | None = None
     cam: Annotated[list[_CamPoint], Meta(max_length=2000, description="2 to 2000 points")] | None = None
     repeats: bool = False
     source: Literal["setpoint", "encoder"] = "setpoint"
@@ -130,10 +133,12 @@ def _wrong_table(section: FollowSection) -> tuple[str, str] | None:
     cam = section.cam
     if (section.ratio is None) is (cam is None):
         return "it has a ratio and a cam, or neither", "give ratio for a gear, cam for a cam"
+    if section.ratio == 0.0:
+        return "a gear of ratio 0 stands still", "give another ratio, or leave follow out"
     if cam is None:
         return ("a gear repeats by itself", "leave repeats out") if section.repeats else None
     places = [point[0] for point in cam]
-    if len(cam) < 2 or any(after - before < LEAST_STEP for before, after in pairwise(places)):
+    if len(cam) < 2 or not ascending(places):
         what = (
             f"the cam needs two points or more, with places of the leader that ascend by {LEAST_STEP} or more"
         )

@@ -13,6 +13,9 @@ from mcserver.errors import Diagnostic
 from mcserver.machine.drive import CanDrive
 from mcserver.machine.machine_file import Axis, Machine, axis_name
 
+# What limits a follower needs for each that its leader takes, to be in step by a micrometre.
+GEAR_SPARE = 1.3
+
 
 def find_doubts(machine: Machine) -> list[Diagnostic]:
     """Warnings about a machine; what cannot be meant at all is refused when the file is read.
@@ -24,6 +27,7 @@ def find_doubts(machine: Machine) -> list[Diagnostic]:
         MC022  a drive on a bus that lacks a part
         MC023  a tolerance wider than the allowed following error
         MC024  feed-forward of a torque that no model gives
+        MC094  a gear whose axis has nothing to spare beside its leader
     """
     doubts: list[Diagnostic] = []
     for axis in machine.axes:
@@ -31,7 +35,31 @@ def find_doubts(machine: Machine) -> list[Diagnostic]:
         doubts += _doubts_of_tolerance(axis)
         doubts += _doubts_of_bus(machine, axis)
         doubts += _doubts_of_torque(machine, axis)
+        doubts += _doubts_of_gear(machine, axis)
     return doubts
+
+
+def _doubts_of_gear(machine: Machine, axis: Axis) -> list[Diagnostic]:
+    follow = axis.follow
+    if follow is None or follow.ratio is None or follow.measured:
+        return []
+    leader = machine.axes[machine.column_of(follow.leader)]
+    ratio = abs(follow.ratio)
+    # a feed may be lower than the leader's greatest velocity, but acceleration and jerk are used up
+    limits = {"max_acceleration": axis.max_acceleration, "max_jerk": axis.max_jerk}
+    short = [key for key, own in limits.items() if own < GEAR_SPARE * ratio * getattr(leader, key)]
+    if not short:
+        return []
+    return [
+        _warning(
+            "MC094",
+            axis,
+            f"by its gear axis {axis_name(leader.index)} takes too much of its {' and '.join(short)}: it may "
+            "fall out of step",
+            f"lower them of axis {axis_name(leader.index)}, or raise these: a follower needs "
+            f"{GEAR_SPARE:g} times what its leader takes",
+        )
+    ]
 
 
 def _doubts_of_torque(machine: Machine, axis: Axis) -> list[Diagnostic]:

@@ -581,7 +581,9 @@ class ProgramTable:
                 self.on_machine_stop(fault)
             return
         if event.code == FaultCode.EMERGENCY_STOP:
-            # latched and reported by whoever asked for it
+            # latched and reported by whoever asked for it; what came while axes still come to rest ends by it
+            if program is not None:
+                self.stop(program, "faulted", fault.message, fault)
             return
         # the executor ends those whose motion a stall has interrupted, each by a fault of its own
         stalled_machine = event.code == FaultCode.CYCLE_STALLED and program is None

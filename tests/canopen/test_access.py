@@ -99,6 +99,7 @@ async def test_a_long_value_that_is_refused_is_reported_and_leaves_nothing_behin
         (0x1017, "watching"),
         (0x6091, "scaling"),
         (0x607C, "scaling"),
+        (0x60FE, "brake"),
     ],
 )
 async def test_writes_that_fight_the_cycle_are_refused_with_the_reason(
@@ -123,6 +124,7 @@ async def test_such_objects_may_be_read(access: OperatorAccess) -> None:
         (SdoTarget(0x2345, axis=0), None, 1, "its type is not known"),
         (SdoTarget(0x6065, axis=0), None, -1, "outside 0"),
         (SdoTarget(0x6065, axis=0), "str", "", "empty"),
+        (SdoTarget(0x6064, axis=0), None, 1, "6064h:00 .* is ro"),
     ],
 )
 async def test_what_cannot_be_written_is_refused(
@@ -130,6 +132,22 @@ async def test_what_cannot_be_written_is_refused(
 ) -> None:
     with pytest.raises(DriveError, match=f"MC559.*{why}"):
         await access.sdo_write(target, kind, value)
+
+
+async def test_limits_of_the_drive_s_dictionary_hold_unless_a_type_is_given(
+    access: OperatorAccess, drives: FakeDrives
+) -> None:
+    dictionary = access._service.dictionary(0)
+    assert dictionary is not None
+    window = dictionary.get_variable(0x6065)
+    assert window is not None
+    window.min, window.max = 1, 9000
+    with pytest.raises(DriveError, match=r"MC559.*9001 is outside 1 to 9000 of the EDS"):
+        await access.sdo_write(SdoTarget(0x6065, axis=0), None, 9001)
+    assert (await access.sdo_write(SdoTarget(0x6065, axis=0), None, 9000)).value == 9000
+    # whoever knows the drive better than its EDS says the type
+    await access.sdo_write(SdoTarget(0x6065, axis=0), "u32", 9001)
+    assert drives[1].value(0x6065) == 9001
 
 
 async def test_an_abort_carries_its_code(access: OperatorAccess) -> None:

@@ -117,6 +117,25 @@ def test_a_table_that_takes_too_much_of_the_limits_is_refused_with_the_share() -
         machine("compensation = { pitch_errors = [[1.0, 0.0], [1.0, 0.05]] }")
 
 
+@pytest.mark.parametrize(
+    ("key", "says"),
+    [
+        ("pitch_errors = [[0.0, 0.0], [1e-300, 0.0]]", "do not ascend by 0.001"),
+        ("pitch_errors = [[0.0, 20.0]]", "10 mm or deg at most"),
+        ("pitch_errors = [[0.0, 0.0], [10.0, nan]]", "finite"),
+        ("square_errors = [[1.5, 0.1]]", "[axis, error for 1000 mm]"),
+        # half of it would be further than corrections go, and no exact stop would ever be over
+        ("backlash = 3000.0", "expected float <= 10"),
+    ],
+)
+def test_errors_that_no_mechanics_have_are_refused(key: str, says: str) -> None:
+    with pytest.raises(MachineFileRejected) as refused:
+        machine(f"compensation = {{ {key} }}")
+    first = refused.value.diagnostics[0]
+    assert first.code == "MC004"
+    assert says in f"{first.message} {first.hint}"
+
+
 def test_an_axis_without_compensation_is_told_its_setpoint_beside_one_with_it() -> None:
     one = machine("").axes[0]
     both = machine("compensation = { backlash = 0.02 }")

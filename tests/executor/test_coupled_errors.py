@@ -41,6 +41,22 @@ second = [0.0, 70.0, 140.0]
 errors = [[0.0, 0.5, 0.2], [0.3, -0.2, 0.4], [0.6, 0.1, 0.0]]
 """
 
+# over all three axes, its own one among them, as much as half of the limits lets through
+CUBE = """
+[axis.compensation]
+backlash = 0.01
+reserve = 0.5
+[axis.compensation.mesh]
+axes = [0, 1, 2]
+first = [0.0, 70.0, 140.0]
+second = [0.0, 80.0, 150.0]
+third = [-20.0, 20.0]
+errors = [
+    [0.0, 0.05, -0.1], [0.04, -0.07, 0.0], [-0.05, 0.0, 0.1],
+    [0.1, 0.0, -0.05], [-0.1, 0.07, 0.05], [0.1, -0.05, 0.0],
+]
+"""
+
 
 def bed(
     x: str = SQUARE, z: str = BED, drive: str = "ideal", homing: tuple[str, str, str] = ("", "", "")
@@ -59,7 +75,7 @@ def mesh_of(machine: Machine) -> MeshErrors:
     compensation = machine.axes[2].compensation
     assert compensation is not None
     assert compensation.mesh is not None
-    return MeshErrors(2, [0, 1], compensation.mesh)
+    return MeshErrors(2, compensation.mesh.axes, compensation.mesh)
 
 
 def error_of(machine: Machine, at: Array) -> Array:
@@ -78,13 +94,13 @@ def test_what_is_measured_is_taken_away_wherever_the_axes_are() -> None:
     assert np.array_equal(run.told[:, 1], rows[:, 1])
 
 
-@pytest.mark.parametrize("z", [BED, STEEP])
-def test_drives_are_told_what_keeps_the_limits_of_the_file_at_any_override(z: str) -> None:
+@pytest.mark.parametrize(("x", "z"), [(SQUARE, BED), (SQUARE, STEEP), (CUBE, CUBE)])
+def test_drives_are_told_what_keeps_the_limits_of_the_file_at_any_override(x: str, z: str) -> None:
     rng = np.random.default_rng(7)
     places = rng.uniform([-20.0, -20.0, -20.0], [150.0, 160.0, 20.0], (12, 3))
-    lines = [f"G0{n % 2} X{x:.3f} Y{y:.3f} Z{z:.3f}" for n, (x, y, z) in enumerate(places.tolist())]
+    lines = ["G0{} X{:.3f} Y{:.3f} Z{:.3f}".format(n % 2, *place) for n, place in enumerate(places.tolist())]
     orders = {int(at): float(rng.choice([0.2, 0.6, 1.0, 1.7])) for at in np.arange(200, 6000, 170)}
-    run = Told("F12000\n" + "\n".join(lines), "", made=bed(z=z)).play(orders)
+    run = Told("F12000\n" + "\n".join(lines), "", made=bed(x, z)).play(orders)
     for order in range(1, 4):
         most = np.abs(np.diff(run.told, order, axis=0)).max(axis=0) / CYCLE_S**order
         assert (most <= 1.01 * LIMITS[:, order - 1]).all(), order
@@ -106,6 +122,22 @@ def test_a_mesh_meets_its_points_and_its_rate_is_that_of_its_value() -> None:
         at, ahead = np.array([x, y, 0.0]) * MM, 1e-6
         slope = (mesh.at(at + ahead * speed, still)[0] - mesh.at(at - ahead * speed, still)[0]) / (2 * ahead)
         assert mesh.at(at, speed)[1] == pytest.approx(slope, abs=1e-6)
+
+
+def test_a_grid_meets_its_points_and_its_rate_is_that_of_its_value() -> None:
+    grid = mesh_of(bed("", CUBE))
+    still, speed = np.zeros(3), np.array([0.1, -0.07, 0.03])
+    points = (((70.0, 80.0, -20.0), -0.07), ((0.0, 150.0, 20.0), 0.1), ((140.0, 0.0, 99.0), -0.05))
+    for place, height in points:
+        assert grid.at(np.array(place) * MM, still)[0] == pytest.approx(height * MM, abs=1e-15)
+    # in the middle of a cell, the mean of its corners
+    middle = np.mean([0.0, 0.05, 0.04, -0.07, 0.1, 0.0, -0.1, 0.07])
+    assert grid.at(np.array([35.0, 40.0, 0.0]) * MM, still)[0] == pytest.approx(middle * MM, abs=1e-12)
+    low, high = [-10.0, -10.0, -30.0], [150.0, 160.0, 30.0]
+    for place in np.random.default_rng(3).uniform(low, high, (50, 3)):
+        at, ahead = place * MM, 1e-6
+        slope = (grid.at(at + ahead * speed, still)[0] - grid.at(at - ahead * speed, still)[0]) / (2 * ahead)
+        assert grid.at(at, speed)[1] == pytest.approx(slope, abs=1e-6)
 
 
 def test_nothing_jumps_where_an_axis_gets_its_reference() -> None:
@@ -139,8 +171,17 @@ def test_nothing_jumps_where_an_axis_gets_its_reference() -> None:
         ("compensation = { square_errors = [[0, 0.4]] }", "", "of linear axes over others"),
         ("compensation = { square_errors = [[7, 0.4]] }", "", "of linear axes over others"),
         ("compensation = { square_errors = [[1, 100.0]] }", "", "10.0 % of this one's"),
+        ("compensation = { square_errors = [[1, 0.1], [1, 0.1]] }", "", "there twice"),
         ("", BED.replace("60.0, 130.0", "60.0, 60.0"), "do not ascend"),
+        ("", BED.replace("60.0, 130.0", "60.0, 60.0001"), "do not ascend"),
         ("", BED.replace(", [0.06, 0.01, 0.0]", ""), "3 rows of 3"),
+        ("", BED.replace("[0, 1]", "[0, 2]"), "of linear axes over others"),
+        ("", BED.replace("[0, 1]", "[0, 1, 2]"), "third is for a mesh over three"),
+        ("", CUBE.replace("[-20.0, 20.0]", "[-20.0]"), "third is for a mesh over three"),
+        ("", CUBE.replace("[0, 1, 2]", "[0, 1]"), "third is for a mesh over three"),
+        ("", CUBE.replace("[0, 1, 2]", "[0, 1, 1]"), "of linear axes over others"),
+        ("", CUBE.replace("[-20.0, 20.0]", "[-20.0, 0.0, 20.0]"), "9 rows of 3"),
+        ("", CUBE.replace("[-20.0, 20.0]", "[-20.0, -19.0]"), "% of this one's"),
         ("", BED.replace("first = [0.0, 60.0, 130.0]", "first = [0.0, 1.0, 2.0]"), "% of this one's"),
     ],
 )

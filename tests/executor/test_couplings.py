@@ -18,6 +18,7 @@ from mcserver.executor.leading_curves import Cam, curve_of
 from mcserver.executor.shm.feedback import SlotState
 from mcserver.machine.follow_section import cam_points
 from mcserver.machine.machine_file import parse_machine
+from mcserver.machine.plausibility import find_doubts
 from mcserver.machine.section_reader import MachineFileRejected
 from mcserver.motion.canonical import AxisOperation
 from mcserver.units import DEGREE, MM
@@ -122,6 +123,26 @@ def test_followers_are_in_step_through_lines_arcs_rapids_and_overrides() -> None
     assert np.ptp(cell.setpoints(0)) > 0.39
     assert cell.beside(3).max() < 1e-3 * DEGREE
     assert cell.beside(4).max() < 1e-4 * MM
+    assert cell.broken() == []
+
+
+@pytest.mark.parametrize(("spare", "beside"), [(1.3, 1e-4 * MM), (1.0, 2.0 * MM)])
+def test_how_far_a_follower_is_beside_its_leader_follows_from_what_its_limits_spare(
+    spare: float, beside: float
+) -> None:
+    jerk = 50_000.0
+    axes = axes_text((0, 1), keys=f"max_jerk = {jerk}") + axes_text(
+        (3,),
+        velocity=spare * 200.0,
+        acceleration=spare * 2000.0,
+        keys=f"max_jerk = {spare * jerk}\nfollow = {{ leader = 0, ratio = 1.0, tolerance = 5.0 }}",
+    )
+    machine = parse_machine(f'[machine]\nname = "twins"\n{axes}')
+    assert [each.code for each in find_doubts(machine)] == (["MC094"] if spare == 1.0 else [])
+    way = "G1 X100 F9000\nG2 X150 Y50 I50 J0\nG0 X20\nG1 X30 F3000\nX10"
+    cell = Coupled(machine, f"G1010\nG90 G94\nG1060 P3\n{way}\nM2").play()
+    assert cell.faults == []
+    assert cell.beside(3).max() < beside
     assert cell.broken() == []
 
 
@@ -346,6 +367,7 @@ def test_a_cam_passes_its_points_never_leaves_their_span_and_has_no_step_of_acce
         (GEAR.replace("leader = 0", "leader = 4"), CAM),
         (GEAR.replace("ratio = 10.0, ", ""), CAM),
         (GEAR.replace("ratio = 10.0", "ratio = 10.0, repeats = true"), CAM),
+        (GEAR.replace("ratio = 10.0", "ratio = 0.0"), CAM),
         (GEAR, CAM.replace("[50.0, 20.0]", "[150.0, 20.0]")),
         (GEAR, CAM.replace("[50.0, 20.0]", "[0.0001, 20.0]")),
         (GEAR, CAM.replace("[0.0, 0.0]", "[0.0, 0.0, 1.0]").replace("0.0]]", "0.0, 2.0]]")),
@@ -358,6 +380,14 @@ def test_what_cannot_follow_is_refused(gear: str, cam: str) -> None:
     with pytest.raises(MachineFileRejected) as caught:
         parse_machine(text(gear, cam))
     assert "MC094" in [each.code for each in caught.value.diagnostics]
+
+
+@pytest.mark.parametrize(
+    "cam", ["[[-1e308, 0.0], [1e308, 5.0]]", "[[0.0, 0.0], [9.0, 1.0, 1e300], [20.0, 0.0]]"]
+)
+def test_numbers_whose_squares_are_none_are_refused(cam: str) -> None:
+    with pytest.raises(MachineFileRejected, match="does not fit: expected float"):
+        parse_machine(text(GEAR, f"[axis.follow]\nleader = 0\ntolerance = 0.1\ncam = {cam}\n"))
 
 
 @pytest.mark.parametrize(

@@ -300,6 +300,21 @@ def test_a_reset_that_waits_for_rest_does_not_clear_a_later_emergency_stop() -> 
     assert not rig.executor.feedback.estop
 
 
+def test_a_program_that_is_opened_behind_a_reset_runs_though_both_come_in_one_cycle() -> None:
+    rig, _bus = moving()
+    rig.executor.mailbox.emergency_stop()
+    rig.run()
+    rig.step(5)
+    reported = len(rig.of(EventKind.FAULT))
+    rig.executor.mailbox.reset()
+    program = rig.open(0)
+    program.capture()
+    program.finish()
+    rig.run_until(EventKind.FINISHED)
+    assert len(rig.of(EventKind.FAULT)) == reported
+    assert rig.executor.executor.bank.energized == 7
+
+
 def test_of_a_reset_and_a_stop_in_one_cycle_the_later_one_holds() -> None:
     for stop_last in (True, False):
         rig, _bus = moving()

@@ -325,6 +325,18 @@ async def test_reset_waits_for_motion_to_come_to_rest(bench: Bench) -> None:
     bench.service.reset(None)
 
 
+async def test_a_program_that_the_executor_still_stops_after_a_reset_says_so(bench: Bench) -> None:
+    bench.service.latch.emergency_stop("hmi", "door")
+    bench.service.reset(None)
+    program = await bench.service.open("hmi")
+    # what outlives programs still comes to rest
+    bench.port.happen(EventKind.FAULT, 0, code=400)
+    await bench.until_acked(program.program, state="faulted")
+    assert program.fault is not None
+    assert program.fault.code == "MC400"
+    assert bench.service.latch.state == "ready"
+
+
 async def test_single_line_mode_starts_one_line_a_step(bench: Bench) -> None:
     program = await bench.service.open("hmi", step=True)
     await bench.service.lines.submit("hmi", program.program, 1, ["move", "move"])

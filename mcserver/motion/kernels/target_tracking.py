@@ -314,9 +314,10 @@ def follow_targets(
         if top <= 0.0:
             _stop_step(state, most, jerk, cycle_s)
             continue
-        if abs(target[VELOCITY]) > top or abs(target[ACCELERATION]) > most:
+        if abs(target[VELOCITY]) > top:
             target[VELOCITY] = min(max(target[VELOCITY], -top), top)
             target[ACCELERATION] = 0.0
+        target[ACCELERATION] = min(max(target[ACCELERATION], -most), most)
         if not limit[LOWEST] <= target[POSITION] <= limit[HIGHEST] and not by_velocity:
             target[POSITION] = min(max(target[POSITION], limit[LOWEST]), limit[HIGHEST])
             target[VELOCITY] = 0.0

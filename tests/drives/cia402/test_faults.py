@@ -97,6 +97,38 @@ def test_a_fault_stops_its_group_within_three_cycles_and_is_recovered_without_a_
     assert [jump for drive in rig.drives for jump in drive.jumps] == [0] * 4
 
 
+@pytest.mark.parametrize("between", [0, 1, 2, 5])
+def test_an_axis_that_is_energized_while_its_drive_still_clears_a_fault_waits_for_it(between: int) -> None:
+    rig = moving()
+    tripped(rig)
+    rig.fault_within(4)
+    rig.run()
+    rig.executor.mailbox.reset()
+    rig.step(between)
+    program = rig.open(0)
+    program.capture()
+    program.finish()
+    rig.run()
+    assert rig.executor.feedback.condition.tolist() == [AxisCondition.HOLDING] * 2
+    assert [FaultCode(event.code) for event in rig.of(EventKind.FAULT)] == [FaultCode.EMERGENCY_MESSAGE]
+    assert [jump for drive in rig.drives for jump in drive.jumps] == [0] * 3
+
+
+def test_a_drive_that_does_not_clear_its_fault_names_it_where_it_is_energized() -> None:
+    rig = moving()
+    tripped(rig)
+    rig.fault_within(4)
+    rig.run()
+    rig.drives[1].stuck = True
+    rig.executor.mailbox.reset()
+    program = rig.open(0)
+    program.capture()
+    program.finish()
+    rig.run()
+    assert [FaultCode(event.code) for event in rig.of(EventKind.FAULT)][1:] == [FaultCode.NO_RESET]
+    assert rig.executor.feedback.condition.tolist() == [AxisCondition.HOLDING, AxisCondition.FAULT]
+
+
 def test_a_jammed_axis_is_a_following_error() -> None:
     rig = moving()
     rig.drives[1].jammed = True
