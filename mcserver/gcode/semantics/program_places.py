@@ -21,7 +21,7 @@ _SAME_PLACE = 1e-12
 _ORIGIN = 1e-9
 
 
-class Given(NamedTuple):
+class WordValue(NamedTuple):
     """The number of an axis word, with the units and the distance mode that it is read in."""
 
     value: float
@@ -29,11 +29,11 @@ class Given(NamedTuple):
     incremental: bool
 
 
-def given_by(block: BlockState, words: Mapping[int, ProfileWord]) -> dict[int, Given]:
+def given_by(block: BlockState, words: Mapping[int, ProfileWord]) -> dict[int, WordValue]:
     """Return words of an action by axis, read in the modes in force."""
     modal = block.modal
     return {
-        axis: Given(word.value, modal.inch, modal.incremental or word.letter in INCREMENTAL_LETTERS)
+        axis: WordValue(word.value, modal.inch, modal.incremental or word.letter in INCREMENTAL_LETTERS)
         for axis, word in words.items()
     }
 
@@ -55,7 +55,9 @@ def stored_end(block: BlockState, axis: int, stored: float) -> float:
     return stored
 
 
-def ends_of(block: BlockState, given: Mapping[int, Given], source: Word | Action) -> dict[int, float] | None:
+def ends_of(
+    block: BlockState, given: Mapping[int, WordValue], source: Word | Action
+) -> dict[int, float] | None:
     """Return where the words of a move take axes [m or rad], those that it turns along behind the named ones.
 
     Reports MC186 and MC188, and returns None then. Behind it the ends count as programmed ones.
@@ -98,7 +100,7 @@ def ends_of(block: BlockState, given: Mapping[int, Given], source: Word | Action
 
 
 def _settled(
-    block: BlockState, found: Transformation, given: Mapping[int, Given], source: Word | Action
+    block: BlockState, found: Transformation, given: Mapping[int, WordValue], source: Word | Action
 ) -> Transformation | None:
     """Return the transformation behind the words; None where controllers would go to different places."""
     needed = found.coupled(frozenset(given))
@@ -118,7 +120,7 @@ def _settled(
 
 
 def _polar(
-    block: BlockState, found: Transformation, words: Mapping[int, Given], source: Word | Action
+    block: BlockState, found: Transformation, words: Mapping[int, WordValue], source: Word | Action
 ) -> dict[int, float] | None:
     """Return the coordinates of radius and angle [m], and keep both for words that leave one out."""
     polar = found.polar
