@@ -55,6 +55,22 @@ def stored_end(block: BlockState, axis: int, stored: float) -> float:
     return stored
 
 
+def axis_values(block: BlockState, action: Action) -> dict[int, float]:
+    """Return an action's axis words by axis [m or rad]; a faulty one is reported and left out."""
+    found: dict[int, float] = {}
+    for word in action.axes:
+        axis = block.setup.axes.get(word.axis)
+        if axis is None:
+            block.faults.add("MC108", f"the machine has no axis {word.axis}", word.span, "", axis=word.axis)
+        elif word.axis in found:
+            block.faults.add(
+                "MC111", f"{word.letter} stands twice in one command", word.span, "keep one of them"
+            )
+        else:
+            found[word.axis] = word.value * axis_scale(axis.type, block.modal.inch)
+    return found
+
+
 def ends_of(
     block: BlockState, given: Mapping[int, WordValue], source: Word | Action
 ) -> dict[int, float] | None:
