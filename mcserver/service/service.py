@@ -104,7 +104,6 @@ class MachineService:
             on_event=on_event,
         )
         self.acks = self._table.acks
-        self._planning = planning
         self.channels = Channels(machine, port, self._table.program_in)
         self.lines = LineIntake(self._table, self._loop)
         self.latch = StopLatch(self._table, port, self._loop, self._journal_stop)

@@ -319,8 +319,8 @@ def _go_home(block: BlockState, action: Action, effects: Effects) -> None:
     home = block.frame.stored.get(int(action.code[1:3]), {})
     transformation = block.transformation
     uncertain = transformation.changed | (transformation.unsettled if modal.incremental else frozenset())
-    going = {axis for axis, value in named if value or not modal.incremental}
-    through = {axis: block.commanded.positions[axis] for axis, _ in named}
+    going = {axis for axis, value in named.items() if value or not modal.incremental}
+    through = {axis: block.commanded.positions[axis] for axis in named}
     together = coupled(transformation.directions, frozenset(through))
     if not together <= through.keys():
         block.faults.add(
@@ -340,7 +340,7 @@ def _go_home(block: BlockState, action: Action, effects: Effects) -> None:
             action.span,
             f"write G91 {action.code} with words of 0, which goes straight to the stored position",
         )
-    axes = [axis for axis, _ in named] or sorted(block.setup.machine.dialect.homed & block.setup.leased)
+    axes = list(named) or sorted(block.setup.machine.dialect.homed & block.setup.leased)
     # a printer's words name axes and no point on the way
     if block.setup.machine.dialect.profile != "printer":
         _rapid(block, action, through, effects)
