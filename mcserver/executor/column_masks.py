@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from functools import lru_cache
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -10,32 +13,22 @@ _MASKS_KEPT = 4096
 
 
 class ColumnMasks:
-    """Boolean arrays and column lists of bit masks, made once for each mask."""
+    """Boolean arrays and column lists of bit masks, made once for each mask.
+
+    Attributes:
+        bools: gives which columns a mask has, shape (K,); not to be changed.
+        columns: gives the columns in a mask, ascending.
+    """
 
     def __init__(self, count: int) -> None:
-        self._count = count
-        self._bools: dict[int, NDArray[np.bool_]] = {}
-        self._columns: dict[int, tuple[int, ...]] = {}
+        def bools(mask: int) -> NDArray[np.bool_]:
+            return np.array([mask >> column & 1 for column in range(count)], np.bool_)
 
-    def bools(self, mask: int) -> NDArray[np.bool_]:
-        """Return which columns a mask has, shape (K,); not to be changed."""
-        array = self._bools.get(mask)
-        if array is None:
-            if len(self._bools) >= _MASKS_KEPT:
-                self._bools.clear()
-            array = np.array([mask >> column & 1 for column in range(self._count)], np.bool_)
-            self._bools[mask] = array
-        return array
+        def columns(mask: int) -> tuple[int, ...]:
+            return tuple(column for column in range(count) if mask >> column & 1)
 
-    def columns(self, mask: int) -> tuple[int, ...]:
-        """Return the columns in the mask, ascending."""
-        columns = self._columns.get(mask)
-        if columns is None:
-            if len(self._columns) >= _MASKS_KEPT:
-                self._columns.clear()
-            columns = tuple(column for column in range(self._count) if mask >> column & 1)
-            self._columns[mask] = columns
-        return columns
+        self.bools: Callable[[int], NDArray[np.bool_]] = lru_cache(_MASKS_KEPT)(bools)
+        self.columns: Callable[[int], tuple[int, ...]] = lru_cache(_MASKS_KEPT)(columns)
 
 
 def mask_of(flags: NDArray[np.bool_]) -> int:
