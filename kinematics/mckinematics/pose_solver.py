@@ -8,7 +8,7 @@ from mckinematics import refusal
 from mckinematics.errors import KinematicsError
 from mckinematics.newton import newton
 from mckinematics.pose import Array
-from mckinematics.search import ITERATIONS, Found, search, unwind, within_limits
+from mckinematics.search import ITERATIONS, SearchResult, search, unwind, within_limits
 from mckinematics.tool import RANK_THRESHOLD, Targets, ToolModel
 
 # a solution from the joints' own place that goes no further than this is taken at once [rad]
@@ -124,10 +124,10 @@ def _best(
     limited: bool = False,
     point_weight: float = 1.0,
     turn_weight: float = 1.0,
-) -> Found:
+) -> SearchResult:
     """As `search`, but only those that have come nearest after some iterations go on to their end."""
 
-    def go_on(places: Array, iterations: int) -> Found:
+    def go_on(places: Array, iterations: int) -> SearchResult:
         return search(
             tool,
             target,
@@ -145,13 +145,13 @@ def _best(
     return go_on(found.joints[order[:FINALISTS]], ITERATIONS)
 
 
-def _costs(found: Found, point_weight: float, turn_weight: float) -> Array:
+def _costs(found: SearchResult, point_weight: float, turn_weight: float) -> Array:
     point = np.linalg.norm(found.residuals[:, :3], axis=1)
     turn = np.linalg.norm(found.residuals[:, 3:], axis=1)
     return np.asarray(np.hypot(point_weight * point, turn_weight * turn), dtype=np.float64)
 
 
-def _least(found: Found, *, point_weight: float = 1.0, turn_weight: float = 1.0) -> Array:
+def _least(found: SearchResult, *, point_weight: float = 1.0, turn_weight: float = 1.0) -> Array:
     least: Array = found.residuals[int(np.argmin(_costs(found, point_weight, turn_weight)))]
     return least
 
@@ -160,7 +160,7 @@ def _travel(tool: ToolModel, joints: Array, start: Array) -> float:
     return float(np.linalg.norm((joints - start) / tool.unit))
 
 
-def _nearest(tool: ToolModel, found: Found, joints: Array) -> Array | None:
+def _nearest(tool: ToolModel, found: SearchResult, joints: Array) -> Array | None:
     if not found.reached.any():
         return None
     solutions = unwind(tool, found.joints[found.reached], joints)
@@ -171,7 +171,9 @@ def _nearest(tool: ToolModel, found: Found, joints: Array) -> Array | None:
     return nearest
 
 
-def _refusal(tool: ToolModel, target: Targets, free: Found, bounded: Found, joints: Array) -> KinematicsError:
+def _refusal(
+    tool: ToolModel, target: Targets, free: SearchResult, bounded: SearchResult, joints: Array
+) -> KinematicsError:
     place = target.positions[0]
     if not free.reached.any():
         return refusal.unreachable(tool, missing(tool, target, joints), place, None)

@@ -25,7 +25,7 @@ LEAST_DAMPING = 1e-12
 
 
 @dataclass(frozen=True)
-class Found:
+class SearchResult:
     """Ends of a search: joints (n, K), residuals (n, rows), and which of them reach the pose (n,)."""
 
     joints: Array
@@ -42,7 +42,7 @@ def search(
     point_weight: float = 1.0,
     turn_weight: float = 1.0,
     iterations: int = ITERATIONS,
-) -> Found:
+) -> SearchResult:
     """Solutions or nearest positions for one pose from each of ``starts`` (n, K).
 
     Args:
@@ -109,7 +109,7 @@ def search(
             keep &= within_limits(tool, polished)
         joints[np.flatnonzero(close)[keep]] = polished[keep]
     residual = tool.residual(joints, targets)
-    return Found(joints, residual, tool.reached(residual))
+    return SearchResult(joints, residual, tool.reached(residual))
 
 
 def within_limits(tool: ToolModel, joints: Array) -> BoolArray:

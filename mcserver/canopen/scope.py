@@ -77,7 +77,6 @@ class Scope:
         self._kept: list[list[float]] = []
         self._zero = 0
         self._last = math.nan
-        self._error = _has_error(signals)
 
     @property
     def rows(self) -> int:

@@ -19,6 +19,7 @@ from mcserver.net.rpc import encode_error
 from mcserver.service.line_intake import numbers_of, take_lines
 from mcserver.service.line_queue import LineQueue
 from mcserver.service.program import Program
+from mcserver.service.program_options import ProgramOptions
 from mcserver.service.reports import Ack, Fault, ProgramState, wire_diagnostic
 
 PROGRAM = "b4c1-1"
@@ -269,13 +270,9 @@ def program_of(name: str, start_line: int, room: int) -> Program:
     """Return a program of the contract's client that runs, with room for lines."""
     program = Program(
         name,
-        client=CLIENT,
-        name="contract",
-        axes=(0, 1, 2),
-        on_disconnect="stop",
-        start_line=start_line,
-        step=False,
-        resume_of=None,
+        CLIENT,
+        (0, 1, 2),
+        ProgramOptions(name="contract", start_line=start_line),
         opened_at=0.0,
         queue=LineQueue(start_line, limit_lines=room),
     )

@@ -128,7 +128,7 @@ class Motion:
 
     def start(self) -> None:
         """Operation is enabled: the demand begins where the shaft is."""
-        self._demand = self._last = self.motor.position
+        self._demand = self.motor.position
         self._velocity = 0.0
         self._torque = 0.0
         self._targets: list[float] = []

@@ -42,7 +42,6 @@ class IdealBus:
         self._feedback.position[:] = [axis.initial_position for axis in axes]
         self._mode = b""
         self._following = np.zeros(len(axes), np.bool_)
-        self._standing = np.ones(len(axes), np.bool_)
         self._torque = np.zeros(len(axes), np.bool_)
         self._any = False
         self._marks = SimulatedMarks(axes)

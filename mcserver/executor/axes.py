@@ -23,52 +23,17 @@ from mcserver.drives.bus import (
     Setpoints,
     UnclockedBus,
 )
+from mcserver.executor.column_masks import ColumnMasks, mask_of
 from mcserver.executor.compensation import Compensator
 from mcserver.executor.entries import Array
 from mcserver.executor.shaping import Shaper
 from mcserver.executor.shm.feedback import AxisCondition, FeedbackRow
 from mcserver.machine.machine_file import Machine
 
-_MASKS_KEPT = 4096
-
-
-class ColumnMasks:
-    """Boolean arrays and column lists of bit masks, made once for each mask."""
-
-    def __init__(self, count: int) -> None:
-        self._count = count
-        self._bools: dict[int, NDArray[np.bool_]] = {}
-        self._columns: dict[int, tuple[int, ...]] = {}
-
-    def bools(self, mask: int) -> NDArray[np.bool_]:
-        """Return which columns a mask has, shape (K,); not to be changed."""
-        array = self._bools.get(mask)
-        if array is None:
-            if len(self._bools) >= _MASKS_KEPT:
-                self._bools.clear()
-            array = np.array([mask >> column & 1 for column in range(self._count)], np.bool_)
-            self._bools[mask] = array
-        return array
-
-    def columns(self, mask: int) -> tuple[int, ...]:
-        """Return the columns in the mask, ascending."""
-        columns = self._columns.get(mask)
-        if columns is None:
-            if len(self._columns) >= _MASKS_KEPT:
-                self._columns.clear()
-            columns = tuple(column for column in range(self._count) if mask >> column & 1)
-            self._columns[mask] = columns
-        return columns
-
 
 def machine_shifts(machine: Machine) -> bool:
     """Return True if positions and encoder readings of an axis may differ, by its reference."""
     return any(axis.homing is not None for axis in machine.axes)
-
-
-def mask_of(flags: NDArray[np.bool_]) -> int:
-    """Return the bit mask of a boolean array."""
-    return int.from_bytes(np.packbits(flags, bitorder="little").tobytes(), "little")
 
 
 @dataclass

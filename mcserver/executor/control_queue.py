@@ -45,7 +45,7 @@ _OUTPUT = int(ControlKind.OUTPUT)
 
 
 @dataclass(frozen=True, eq=False)
-class Taken:
+class EntryBatch:
     """Entries that were taken, in order.
 
     Attributes:
@@ -169,7 +169,7 @@ class ControlQueue:
             limit = min(limit, max(0, math.ceil(last - u) - 1))
         return limit
 
-    def take_until(self, u: float) -> Taken:
+    def take_until(self, u: float) -> EntryBatch:
         """Take the entries up to u, as `edges_until` has found them: where lines begin and end and where
         outputs change.
         """
@@ -183,7 +183,7 @@ class ControlQueue:
         self._next += len(places)
         kind = ring.entry_kind[places]
         (outputs,) = np.nonzero(kind == _OUTPUT)
-        taken = Taken(
+        taken = EntryBatch(
             at[: len(places)].copy(),
             ring.entry_line[places],
             kind,

@@ -6,7 +6,8 @@ from collections.abc import Callable
 
 import numpy as np
 
-from mcserver.executor.axes import AxisBank, mask_of
+from mcserver.executor.axes import AxisBank
+from mcserver.executor.column_masks import mask_of
 from mcserver.executor.couplings import Couplings
 from mcserver.executor.entries import Array, EventKind, ExecutorEvent
 from mcserver.executor.fault_codes import FaultCode

@@ -35,8 +35,7 @@ class IndependentMotions:
         goals: by column, target and greatest speed of the latest position motion, also once it has ended;
             none after any other motion, and while it is held.
         pending: columns whose motion does not end before their drives have ended theirs.
-        ended: columns that came to rest in this cycle. limited: columns that a soft limit stops since this
-            cycle.
+        limited: columns that a soft limit stops since this cycle.
         greatest_speeds: by column, that has been commanded so far [m/s or rad/s].
     """
 
@@ -55,7 +54,6 @@ class IndependentMotions:
         self.mask = 0
         self.speeding = 0
         self.halting = 0
-        self.ended = 0
         self.limited: list[int] = []
         self.greatest_speeds = [0.0] * len(machine.axes)
 
@@ -208,9 +206,7 @@ class IndependentMotions:
 
     def end_left(self, mask: int) -> float:
         """Return how much of this cycle was left when the last of these axes came to rest [cycles]."""
-        if not mask & self.ended:
-            return 1.0
-        return min(left for column, left in self._left.items() if mask & self.ended & 1 << column)
+        return min((left for column, left in self._left.items() if mask >> column & 1), default=1.0)
 
     def turning(self) -> int:
         """Return the mask of the axes that a speed other than 0 is commanded to."""
@@ -277,7 +273,6 @@ class IndependentMotions:
 
     def skip(self, count: int) -> None:
         """Let cycles pass, some of the `idle_cycles`."""
-        self.ended = 0
         self._left.clear()
         self.limited.clear()
         for motion in self._motions.values():
@@ -294,7 +289,6 @@ class IndependentMotions:
 
     def advance(self, rates: Mapping[int, float]) -> None:
         """Step one cycle; ``rates``: of position motions, up to 1, by slot."""
-        self.ended = 0
         self._left.clear()
         self.limited.clear()
         for motion in tuple(self._motions.values()):
@@ -351,7 +345,6 @@ class IndependentMotions:
                 return
             over = (motion.elapsed - motion.duration) / self._cycle
             del self._motions[column]
-            self.ended |= motion.columns
             for each in (column, *motion.followers):
                 self._left[each] = min(over, share)
             self._remask()
@@ -388,7 +381,6 @@ class IndependentMotions:
             motion.follow(before)
         self.goals.pop(column, None)
         self._motions[column] = motion
-        self.ended &= ~(1 << column)
         self._remask()
 
     def _remask(self) -> None:

@@ -8,8 +8,8 @@ from types import MappingProxyType
 import numpy as np
 
 from mcserver.drives.bus import BusEventKind, DriveState
-from mcserver.executor.axes import mask_of
 from mcserver.executor.barriers import DRIVE_TIMEOUT_S
+from mcserver.executor.column_masks import mask_of
 from mcserver.executor.cycle import Cycle
 from mcserver.executor.entries import Array, EventKind
 from mcserver.executor.fault_codes import FaultCode, code_of_drive_fault
@@ -72,7 +72,6 @@ class Supervision:
         counts = self._cycle.bank.masks.bools(homed.mask)
         self._low = np.where(counts, self._lowest, -np.inf)
         self._high = np.where(counts, self._highest, np.inf)
-        self._limited = bool(np.isfinite(self._low).any() or np.isfinite(self._high).any())
         self._cycle.motions.unlimited = homed.missing
 
     def shift(self, column: int, distance: float) -> None:
@@ -84,7 +83,7 @@ class Supervision:
         """Refuse setpoints that leave the axis's travel."""
         if self._cycle.homed.mask != self._homed:
             self._count_limits()
-        if not (self._limited and self._cycle.bank.energized):
+        if not self._cycle.bank.energized:
             return
         setpoint = self._cycle.row.ordered
         np.less_equal(setpoint, self._high, out=self._within)

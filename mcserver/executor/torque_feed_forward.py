@@ -49,7 +49,6 @@ class TorqueFeedForward:
         self._chosen: dict[int, int] = {}
         self._torques: Callable[[Array, Array, Array], Array] = dynamics.live(())
         self._before: Array = np.zeros(len(axes))
-        self._q: Array = np.zeros(len(axes))
 
     @classmethod
     def of(cls, machine: Machine, bank: AxisBank) -> TorqueFeedForward | None:

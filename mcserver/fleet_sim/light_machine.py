@@ -20,6 +20,7 @@ from mcserver.service.line_intake import check_last, take_lines
 from mcserver.service.line_queue import LineQueue
 from mcserver.service.program import Program
 from mcserver.service.program_access import find_program, owned_program
+from mcserver.service.program_options import ProgramOptions
 from mcserver.service.reports import Ack, Event, Fault, MachineState, ProgramState
 from mcserver.service.timebase import Timebase
 
@@ -45,13 +46,9 @@ class LightProgram(Program):
     ) -> None:
         super().__init__(
             program,
-            client=client,
-            name=name,
-            axes=axes,
-            on_disconnect="stop",
-            start_line=1,
-            step=False,
-            resume_of=None,
+            client,
+            axes,
+            ProgramOptions(name=name),
             opened_at=opened_at,
             queue=LineQueue(),
         )

@@ -87,7 +87,7 @@ class OutputSection(ChannelSection, frozen=True):
 # ---------------------------------------------------------------- the model
 
 
-class Scripted(msgspec.Struct, frozen=True):
+class ScriptedValue(msgspec.Struct, frozen=True):
     """A simulated input has ``value`` from ``at_s`` on, seconds of the executor's time."""
 
     at_s: float
@@ -124,7 +124,7 @@ class Input(Channel, frozen=True):
 
     debounce: float = 0.0
     initial: float = 0.0
-    script: tuple[Scripted, ...] = ()
+    script: tuple[ScriptedValue, ...] = ()
     source: IoObject | None = None
     hold_below: float = -math.inf
     hold_above: float = math.inf
@@ -199,7 +199,7 @@ def read_inputs(
         script = tuple(
             sorted(
                 (
-                    Scripted(
+                    ScriptedValue(
                         each.at_s, _level(each.value, digital, (*path, "simulated", at, "value"), mistakes)
                     )
                     for at, each in enumerate(section.simulated)

@@ -33,8 +33,9 @@ from mcserver.service.arming import (
     refuse_changed,
     user_of,
 )
+from mcserver.service.program_options import ProgramOptions
 from mcserver.service.reports import wire_diagnostic
-from mcserver.service.run_certificate import Certified, verified
+from mcserver.service.run_certificate import CertifiedRun, verified
 from mcserver.service.service import MachineService
 from mcserver.service.servo import open_servo, streamed
 from mcserver.simulation.preview import Preview
@@ -192,13 +193,15 @@ class ArmingMethods:
         envelope = self._basis.envelope(run, now)
         program = await service.open(
             client,
-            name=run.name,
-            axes=run.axes,
-            grace_s=request.grace_s,
-            sha256=run.sha256,
-            switches=run.start.switches,
-            override_limit=run.override,
-            envelope=envelope,
+            ProgramOptions(
+                name=run.name,
+                axes=run.axes,
+                grace_s=request.grace_s,
+                sha256=run.sha256,
+                switches=run.start.switches,
+                override_limit=run.override,
+                envelope=envelope,
+            ),
         )
         lines = split_lines(run.text)
         try:
@@ -238,7 +241,7 @@ class ArmingMethods:
 
     def _certified(
         self, client: str, request: wire.RunRequestRequest, axes: tuple[int, ...]
-    ) -> Certified | None:
+    ) -> CertifiedRun | None:
         """Return what the certificate of a request approves, so far as it is of this very run."""
         if request.certificate is None:
             return None
@@ -250,7 +253,7 @@ class ArmingMethods:
         refuse_other_run(self._basis, certified.approval, request.text, axes)
         return certified
 
-    def _refuse_uncertified(self, certified: Certified, seen: Preview, wanted: RunRequest) -> None:
+    def _refuse_uncertified(self, certified: CertifiedRun, seen: Preview, wanted: RunRequest) -> None:
         """Refuse a run that this computer plans otherwise, or whose machine stands otherwise."""
         refuse_other_motion(certified.approval, seen)
         refuse_changed(self._changes_now()(wanted))

@@ -28,11 +28,12 @@ from mcserver.net.table_messages import SetTableRowRequest, Tables, TablesReques
 from mcserver.net.text_forecast import TextForecast
 from mcserver.net.text_methods import TextMethods
 from mcserver.recorder.client import RecorderClient
-from mcserver.service.approach import Confirmed
+from mcserver.service.approach import Confirmation
 from mcserver.service.axes_of_requests import positions_in_si
 from mcserver.service.homing import HomingService
 from mcserver.service.jog import Jogging
 from mcserver.service.program import Program
+from mcserver.service.program_options import ProgramOptions
 from mcserver.service.service import MachineService
 from mcserver.service.servo import close_targets
 from mcserver.simulation.program_checker import ProgramChecker
@@ -97,19 +98,21 @@ class ProgramMethods:
     async def open(self, client: str, request: wire.OpenRequest) -> wire.OpenReply:
         program = await self._service.open(
             client,
-            name=request.name,
-            axes=request.axes,
-            on_disconnect=request.on_disconnect,
-            grace_s=request.grace_s,
-            start_line=request.start_line,
-            before=request.before,
-            resume_of=request.resume_of,
-            step=request.step,
-            switches=Switches.of(request.block_delete, request.optional_stop),
-            hold=request.hold,
-            sha256=request.sha256,
-            at_pause=request.at_pause,
-            confirmed=Confirmed(request.way, request.outputs),
+            ProgramOptions(
+                name=request.name,
+                axes=request.axes,
+                on_disconnect=request.on_disconnect,
+                grace_s=request.grace_s,
+                start_line=request.start_line,
+                before=request.before,
+                resume_of=request.resume_of,
+                step=request.step,
+                switches=Switches.of(request.block_delete, request.optional_stop),
+                hold=request.hold,
+                sha256=request.sha256,
+                at_pause=request.at_pause,
+                confirmed=Confirmation(request.way, request.outputs),
+            ),
         )
         if request.at_pause and program.state == "queued":
             self._service.abort(program.program, "8 programs run")

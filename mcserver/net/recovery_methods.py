@@ -8,7 +8,7 @@ from mcserver.errors import Refused
 from mcserver.gcode.modal_codes import modal_codes
 from mcserver.gcode.switches import Switches
 from mcserver.net import recovery_messages as wire
-from mcserver.service.approach import Confirmed
+from mcserver.service.approach import Confirmation
 from mcserver.service.axes_of_requests import axes_of
 from mcserver.service.journal_reader import RecordedProgram
 from mcserver.service.recovering import Start
@@ -53,7 +53,7 @@ class RecoveryMethods:
             client,
             request.program,
             request.line,
-            confirmed=Confirmed(request.way, request.outputs),
+            confirmed=Confirmation(request.way, request.outputs),
             on_disconnect=request.on_disconnect,
             grace_s=request.grace_s,
             hold=request.hold,

@@ -35,7 +35,7 @@ Settle = Callable[[object, BaseException | None], None]
 Handler = Callable[[str, Any], Any]
 
 
-class Asked(NamedTuple):
+class KeyedQuery(NamedTuple):
     """A query and what its key means.
 
     Attributes:
@@ -120,7 +120,7 @@ class RpcServer:
             task.cancel()
         await asyncio.gather(*self._tasks, return_exceptions=True)
 
-    def _asked(self, query: zenoh.Query) -> Asked:
+    def _asked(self, query: zenoh.Query) -> KeyedQuery:
         key = str(query.key_expr)
         call = self._info if _RPC_CHUNK not in key else self._keys.call_of(key)
         if call is None or call is self._info:
@@ -130,9 +130,9 @@ class RpcServer:
         else:
             lane, reply_key = call.client, self._keys.rpc(call.client, call.method)
         method = None if call is None or call.method not in self._handlers else BY_NAME[call.method]
-        return Asked(query, key, reply_key, lane, call, method)
+        return KeyedQuery(query, key, reply_key, lane, call, method)
 
-    def _callable(self, asked: Asked) -> tuple[Call, Method]:
+    def _callable(self, asked: KeyedQuery) -> tuple[Call, Method]:
         """Return what a query may call.
 
         Raises:
@@ -162,7 +162,7 @@ class RpcServer:
             )
         return call, method
 
-    def _carry_out(self, asked: Asked, call: Call, method: Method) -> None:
+    def _carry_out(self, asked: KeyedQuery, call: Call, method: Method) -> None:
         request = self._decode(asked.query, call.method)
         if self._under_way >= IN_FLIGHT:
             raise Refused(
@@ -198,7 +198,7 @@ class RpcServer:
         else:
             settle(reply, None)
 
-    def _finish(self, asked: Asked, number: int | None, answer: Answer) -> None:
+    def _finish(self, asked: KeyedQuery, number: int | None, answer: Answer) -> None:
         """Answer a call, and all that wait for the same answer."""
         call, method = asked.call, asked.method
         if method is not None and method.changes and call is not None and number is not None:
@@ -227,12 +227,12 @@ class RpcServer:
             self._defects.add(f"method {name} failed: {error}", error)
         return Answer(False, encode_error(error))
 
-    def _send(self, asked: Asked, answer: Answer) -> None:
+    def _send(self, asked: KeyedQuery, answer: Answer) -> None:
         reply = Outgoing(len(answer.payload), partial(_reply, asked, answer), asked.query.drop)
         self._replies.push(asked.lane, reply)
 
 
-def _reply(asked: Asked, answer: Answer) -> None:
+def _reply(asked: KeyedQuery, answer: Answer) -> None:
     query = asked.query
     try:
         with query:

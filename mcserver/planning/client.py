@@ -82,6 +82,12 @@ class PlannerChild:
         poller.register(self.pipe, select.POLLIN)
         if not poller.poll(1000.0 * START_TIMEOUT_S):
             self.kill()
+            self.pipe.close()
+            raise RuntimeFault(
+                "MC436",
+                f"the planner's process was not ready within {START_TIMEOUT_S:g} s, and the server ended it",
+                "see what it wrote to standard error; on a computer that is busy, start the server again",
+            )
         try:
             self.pipe.receive()
         except EOFError:

@@ -188,7 +188,7 @@ class RecorderClient:
             self._lost += len(events)
             return
         lost, self._lost = self._lost, 0
-        self._send(self._encode(wire.Happened(events, lost)))
+        self._send(self._encode(wire.ServiceEvents(events, lost)))
 
     def _send(self, payload: bytes) -> None:
         if self._watched is not None:

@@ -28,7 +28,7 @@ class RecorderStart(msgspec.Struct, frozen=True):
     journal: str
 
 
-class Happened(msgspec.Struct, frozen=True, tag="events"):
+class ServiceEvents(msgspec.Struct, frozen=True, tag="events"):
     """Events of the service; ``lost`` of them found no room since the last message."""
 
     events: list[Event]
@@ -67,7 +67,7 @@ class Quit(msgspec.Struct, frozen=True, tag="quit"):
     """Finish the files and end."""
 
 
-Command = Happened | StartRecording | StopRecording | SaveBlackBox | AskStatus | Quit
+Command = ServiceEvents | StartRecording | StopRecording | SaveBlackBox | AskStatus | Quit
 
 
 class RecorderStatus(msgspec.Struct, frozen=True):

@@ -111,7 +111,7 @@ class Recorder:
         """Carry out a command; its answer comes with the reports."""
         # what has passed by now lies before it
         self._catch_up()
-        if isinstance(command, wire.Happened):
+        if isinstance(command, wire.ServiceEvents):
             if command.lost:
                 self._note("events_lost", count=command.lost)
             for event in command.events:

@@ -24,7 +24,7 @@ DAMAGE = (McapError, struct.error, zstandard.ZstdError, ValueError, EOFError, Ov
 MAX_RECORD_BYTES = 256 << 20
 
 
-class Repaired(msgspec.Struct, frozen=True):
+class RepairReport(msgspec.Struct, frozen=True):
     """What was kept of a file.
 
     Attributes:
@@ -63,7 +63,7 @@ def whole_records(stream: BinaryIO) -> Iterator[McapRecord]:
             yield from opened
 
 
-def repair(source: Path, target: Path) -> Repaired:
+def repair(source: Path, target: Path) -> RepairReport:
     """Copy what is whole of ``source``, which may be ``target`` too, into a file with a summary.
 
     Raises:
@@ -90,7 +90,7 @@ def new_writer(output: BinaryIO) -> Writer:
     return writer
 
 
-def copy_whole(stream: BinaryIO, writer: Writer) -> Repaired:
+def copy_whole(stream: BinaryIO, writer: Writer) -> RepairReport:
     """Copy what is whole of a file, and say what that was.
 
     Raises:
@@ -121,7 +121,7 @@ def copy_whole(stream: BinaryIO, writer: Writer) -> Repaired:
             count += 1
         elif type(record).__name__ == "Footer":
             whole = True
-    return Repaired(count, start, end, whole)
+    return RepairReport(count, start, end, whole)
 
 
 def repair_unfinished(folder: RecordingFolder) -> list[str]:

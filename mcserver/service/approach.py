@@ -21,7 +21,7 @@ SAME = 1e-9
 Outputs = Literal["set", "leave"]
 
 
-class Confirmed(msgspec.Struct, frozen=True):
+class Confirmation(msgspec.Struct, frozen=True):
     """What a person has agreed to.
 
     Attributes:
@@ -33,7 +33,7 @@ class Confirmed(msgspec.Struct, frozen=True):
     outputs: Outputs | None = None
 
 
-NOTHING_CONFIRMED = Confirmed()
+NO_CONFIRMATION = Confirmation()
 
 
 class WayStep(msgspec.Struct, frozen=True):

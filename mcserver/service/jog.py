@@ -18,6 +18,7 @@ from mcserver.errors import Refused
 from mcserver.machine.machine_file import Axis
 from mcserver.service.axes_of_requests import axes_of, axis_of
 from mcserver.service.program import Program
+from mcserver.service.program_options import ProgramOptions
 from mcserver.service.service import MachineService
 from mcserver.service.tool_reach import ToolDirection, ToolFrame, reachable_move
 from mcserver.units import DEGREE, MM
@@ -161,11 +162,13 @@ class Jogging:
         """Run one move, watched where there is a dead man's time."""
         program = await self._service.open(
             client,
-            name=f"jog {what}" + (f" by {by}" if by else ""),
-            axes=axes,
-            unhomed=unhomed,
-            by_hand=True,
-            at_pause=True,
+            ProgramOptions(
+                name=f"jog {what}" + (f" by {by}" if by else ""),
+                axes=axes,
+                unhomed=unhomed,
+                by_hand=True,
+                at_pause=True,
+            ),
         )
         self._open[program.program] = axes, by
         captures = [f"G1010 P{axis}" for axis in axes]

@@ -57,7 +57,7 @@ class Sum(NamedTuple):
         return Sum(self.rows + 1, self.total + checksum)
 
 
-class Found(NamedTuple):
+class JournalRow(NamedTuple):
     """A row: its id, its values, and whether it is as it was written."""
 
     id: int
@@ -84,7 +84,7 @@ class JournalContent:
         self.names = NAMES if version == SCHEMA_VERSION else _NAMES_3 if self.summed else _OLD_NAMES
         self.broken: set[str] = set()
 
-    def rows(self, table: str) -> Iterator[Found]:
+    def rows(self, table: str) -> Iterator[JournalRow]:
         """Each row that can be read; in no certain order."""
         names = self.names[table]
         if not names or not self._has(table):
@@ -95,7 +95,7 @@ class JournalContent:
             row = dict(zip(names, values, strict=True))
             unknown = written is None and not self.summed
             sound = unknown or written == _checksum(row[name] for name in checked)
-            yield Found(int(str(number)), row, sound)
+            yield JournalRow(int(str(number)), row, sound)
 
     def programs_of_indexes(self) -> set[str]:
         """Ids of programs that any index has."""

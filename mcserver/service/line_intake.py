@@ -7,7 +7,7 @@ from collections.abc import Callable, Coroutine, Sequence
 from typing import Any
 
 from mcserver.errors import Refused, RejectedLines, ServiceError
-from mcserver.service.line_queue import Gap, Taken
+from mcserver.service.line_queue import Gap, LineBatch
 from mcserver.service.program import Program, Verdict, give
 from mcserver.service.program_access import owned_program
 from mcserver.service.program_table import ProgramTable
@@ -153,7 +153,7 @@ def take_lines(
     lines: Sequence[str],
     rejections: int | None,
     check: Callable[[], None] = lambda: None,
-) -> Taken | None:
+) -> LineBatch | None:
     """Take lines into a program's queue.
 
     Args:

@@ -15,7 +15,7 @@ QUEUE_LINES = 100_000
 QUEUE_BYTES = 32 * 1024 * 1024
 
 
-class Taken(msgspec.Struct, frozen=True):
+class LineBatch(msgspec.Struct, frozen=True):
     """Lines taken into the queue: ``first`` and the lines (none where all were repeats or none fits)."""
 
     first: int
@@ -63,7 +63,7 @@ class LineQueue:
     def limit(self) -> int:
         return self._limit_lines
 
-    def take(self, first: int, lines: Sequence[str]) -> Taken | Gap:
+    def take(self, first: int, lines: Sequence[str]) -> LineBatch | Gap:
         """Take what is new and fits of lines ``first``, ``first + 1``, …"""
         expected = self.accepted + 1
         if first > expected:
@@ -74,13 +74,13 @@ class LineQueue:
         if len(lines) > credit:
             lines = lines[:credit]
         if not lines:
-            return Taken(expected, ())
+            return LineBatch(expected, ())
         # code points, a good enough measure of memory; the message's size bounds what one step can add
         size = sum(map(len, lines))
         self.accepted += len(lines)
         self._waiting_bytes += size
         self._chunks.append((self.accepted, size))
-        return Taken(expected, lines)
+        return LineBatch(expected, lines)
 
     def consume(self, through: int) -> None:
         """Note that the planner has taken lines through this number."""

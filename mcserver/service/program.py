@@ -7,20 +7,18 @@ from collections import deque
 from collections.abc import Sequence
 from enum import IntEnum
 
-from mcserver.executor.entries import Control
-from mcserver.executor.envelope_bounds import Envelope
 from mcserver.gcode.profiles.frame import Frame
 from mcserver.gcode.semantics.modal import ModalState
-from mcserver.gcode.switches import AS_WRITTEN, Switches
+from mcserver.gcode.switches import AS_WRITTEN
 from mcserver.planning.planner_messages import ProgramMessage
 from mcserver.planning.start_state import StartState
 from mcserver.service.line_queue import LineQueue
+from mcserver.service.program_options import ProgramOptions
 from mcserver.service.progress import LineProgress
 from mcserver.service.reports import (
     ENDED,
     Ack,
     Fault,
-    OnDisconnect,
     ProgramState,
     ProgramStatus,
     WireDiagnostic,
@@ -47,33 +45,27 @@ class Program:
     def __init__(
         self,
         program: str,
-        *,
         client: str,
-        name: str,
         axes: Sequence[int],
-        on_disconnect: OnDisconnect,
-        start_line: int,
-        step: bool,
-        resume_of: str | None,
+        options: ProgramOptions,
+        *,
         opened_at: float,
         queue: LineQueue,
-        sha256: str | None = None,
-        switches: Switches = AS_WRITTEN,
     ) -> None:
+        start_line = options.start_line
         self.program = program
         self.client = client
-        self.name = name
+        self.name = options.name
         self.axes = tuple(axes)
-        self.on_disconnect = on_disconnect
+        self.on_disconnect = options.on_disconnect
         self.start_line = start_line
-        self.step = step
-        self.switches = switches
-        self.resume_of = resume_of
+        self.step = options.step
+        self.switches = options.switches or AS_WRITTEN
+        self.resume_of = options.resume_of
         self.opened_at = opened_at
-        # how long its client may be away before it ends as `on_disconnect` says [s]
-        self.grace_s = 0.0
+        self.grace_s = options.grace_s
         # of the whole text, if the client said it: what was simulated of it tells its time
-        self.sha256 = sha256
+        self.sha256 = options.sha256
         self.clock = RunClock(start_line)
         self.queue = queue
         self.state: ProgramState = "queued"
@@ -83,17 +75,17 @@ class Program:
         # work offsets and tools as it had them last: what differs from them it has changed itself
         self.frame = Frame()
         # all of a program that needs no planner; and whether it may move axes that are not homed
-        self.controls: Sequence[Control] = ()
-        self.unhomed = False
+        self.controls = tuple(options.controls)
+        self.unhomed = options.unhomed
         # what its client streams, in servo mode
         self.targets: TargetStream | None = None
         # the machine as it began, or as the one did that it goes on with, and what others changed at its
         # pauses; None: it has not begun
         self.origin: StartState | None = None
         # it may have axes of a program that stands at a pause
-        self.at_pause = False
+        self.at_pause = options.at_pause
         # moved by hand: a jog, homing; in machine coordinates, at its own speed whatever the override
-        self.by_hand = False
+        self.by_hand = options.by_hand
         # lines in machine coordinates that bring the axes to where its first line starts
         self.approach: Sequence[str] = ()
         # executor time of the newest cycle before it began [s]
@@ -117,8 +109,8 @@ class Program:
         self.asks_for: int | None = None
         # the input that it waits for; empty: for none
         self.waits_for = ""
-        self.closed = False
-        self.held = False
+        self.closed = bool(options.controls)
+        self.held = options.hold
         # the place in `Clearance.switches` of what has switched on a zone before it; None: nothing has since
         self.zone_switch: int | None = None
         # it waits at M00, M01 or a tool change, held or not, of this line
@@ -126,9 +118,9 @@ class Program:
         self.paused_at = 0
         self.override = 1.0
         # what an approved run has to stay within
-        self.envelope: Envelope | None = None
+        self.envelope = options.envelope
         # the greatest override that whoever armed the program allows
-        self.override_limit = float("inf")
+        self.override_limit = options.override_limit
         self.rejected = 0
         self.diagnostics: list[WireDiagnostic] = []
         self.fault: Fault | None = None

@@ -56,7 +56,7 @@ from mcserver.service.heartbeat import Heartbeat
 from mcserver.service.journal import Journal
 from mcserver.service.journal_repair import JournalLock, prepare_journal
 from mcserver.service.leases import Grant, LeaseTable
-from mcserver.service.line_queue import Taken
+from mcserver.service.line_queue import LineBatch
 from mcserver.service.pauses import Pauses
 from mcserver.service.program import Program, Verdict, give
 from mcserver.service.progress_reports import ProgressReports
@@ -187,7 +187,7 @@ class ProgramTable:
         self.publish("program.opened", program, message=program.name)
         for at in range(0, len(known), KNOWN_LINES):
             taken = program.queue.take(program.start_line + at, known[at : at + KNOWN_LINES])
-            assert isinstance(taken, Taken)
+            assert isinstance(taken, LineBatch)
             command = Lines(program.program, program.epoch, taken.first, taken.lines)
             self.journal.after(partial(self._lines_committed, program, command))
         self._start(self.leases.request(program.program, program.axes, at_pause=program.at_pause))

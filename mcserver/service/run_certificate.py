@@ -52,7 +52,7 @@ class Approval(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     until: float
 
 
-class Certified(msgspec.Struct, frozen=True):
+class CertifiedRun(msgspec.Struct, frozen=True):
     """An approval whose signature was verified, and the name of who signed."""
 
     approval: Approval
@@ -81,7 +81,7 @@ def sign(approval: Approval, certificate: bytes, key: bytes) -> bytes:
     return msgspec.json.encode(_File(msgspec.Raw(signed), signature, certificate.decode())) + b"\n"
 
 
-def verified(file: str, authority: bytes | None, now: datetime.datetime) -> Certified:
+def verified(file: str, authority: bytes | None, now: datetime.datetime) -> CertifiedRun:
     """Return what a file certifies.
 
     Args:
@@ -118,7 +118,7 @@ def verified(file: str, authority: bytes | None, now: datetime.datetime) -> Cert
     if now.timestamp() >= approval.until:
         ended = datetime.datetime.fromtimestamp(approval.until, datetime.UTC)
         raise _refused(f"it expired at {ended:%Y-%m-%d %H:%M:%S} UTC")
-    return Certified(approval, _name_of(certificate))
+    return CertifiedRun(approval, _name_of(certificate))
 
 
 def _check_signer(certificate: x509.Certificate, site: x509.Certificate, now: datetime.datetime) -> None:

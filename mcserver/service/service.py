@@ -10,11 +10,11 @@ import contextlib
 import logging
 import math
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 
 from mcserver.clearance.mounted import Mounted
 from mcserver.errors import Refused
 from mcserver.executor.entries import Control
-from mcserver.executor.envelope_bounds import Envelope
 from mcserver.gcode.semantics.modal import ModalState
 from mcserver.gcode.switches import AS_WRITTEN, Switches
 from mcserver.machine.machine_file import Machine
@@ -23,7 +23,7 @@ from mcserver.planning.line_marks import LineMarks
 from mcserver.planning.planner_messages import StepLine
 from mcserver.planning.start_state import StartState
 from mcserver.service.absences import Absences
-from mcserver.service.approach import NOTHING_CONFIRMED, Approach, Confirmed, refuse_needs
+from mcserver.service.approach import NO_CONFIRMATION, Approach, Confirmation, refuse_needs
 from mcserver.service.axes_of_requests import axes_of
 from mcserver.service.channels import Channels
 from mcserver.service.event_log import EventLog
@@ -35,6 +35,7 @@ from mcserver.service.line_intake import LineIntake
 from mcserver.service.line_queue import QUEUE_LINES, LineQueue
 from mcserver.service.program import Program
 from mcserver.service.program_access import find_program, open_programs, owned_program
+from mcserver.service.program_options import BY_DEFAULT, ProgramOptions
 from mcserver.service.program_table import ProgramTable
 from mcserver.service.progress_reports import TICK_S
 from mcserver.service.recovering import Recovering
@@ -103,7 +104,6 @@ class MachineService:
             on_event=on_event,
         )
         self.acks = self._table.acks
-        self._planning = planning
         self.channels = Channels(machine, port, self._table.program_in)
         self.lines = LineIntake(self._table, self._loop)
         self.latch = StopLatch(self._table, port, self._loop, self._journal_stop)
@@ -209,43 +209,8 @@ class MachineService:
 
     # ------------------------------------------------------------ a client and its programs
 
-    async def open(
-        self,
-        client: str,
-        *,
-        name: str = "",
-        axes: Sequence[int] | None = None,
-        on_disconnect: OnDisconnect = "stop",
-        grace_s: float = 0.0,
-        start_line: int = 1,
-        before: Sequence[str] = (),
-        resume_of: str | None = None,
-        step: bool = False,
-        switches: Switches | None = None,
-        hold: bool = False,
-        unhomed: bool = False,
-        controls: Sequence[Control] = (),
-        sha256: str | None = None,
-        by_hand: bool = False,
-        at_pause: bool = False,
-        override_limit: float = math.inf,
-        envelope: Envelope | None = None,
-        confirmed: Confirmed = NOTHING_CONFIRMED,
-        known: Sequence[str] = (),
-    ) -> Program:
+    async def open(self, client: str, options: ProgramOptions = BY_DEFAULT) -> Program:
         """Open a program and queue it for its axes.
-
-        Args:
-            grace_s: how long the client may be away before ``on_disconnect`` applies.
-            switches: of the operator; None: those of ``resume_of``, which none but the same may replace.
-            unhomed: it may move axes that are not homed. controls: all of a program that needs no planner.
-            sha256: of its whole text, so that a simulation of the text tells how long it takes.
-            by_hand: a jog or a search: in machine coordinates, and no override applies.
-            at_pause: it may have axes of a program that stands at a pause; without ``axes`` all but those
-                that such a program keeps.
-            override_limit: the greatest override. envelope: what an approved run has to stay within.
-            confirmed: what a person has agreed to of the way to ``start_line``.
-            known: lines from ``start_line`` on that are taken as if the client had sent them.
 
         Raises:
             ServiceError: MC503 no program ``resume_of``, MC507 no such axis, MC508 too many programs, MC509 a
@@ -255,20 +220,25 @@ class MachineService:
         self._ready()
         if self._table.journal_failure:
             raise self.lines.unjournaled()
-        wanted = axes_of(self.machine, axes)
-        if at_pause and axes is None:
+        wanted = axes_of(self.machine, options.axes)
+        if options.at_pause and options.axes is None:
             wanted = self._table.pauses.without_kept(wanted)
-        for axis in wanted if at_pause and not by_hand else ():
+        for axis in wanted if options.at_pause and not options.by_hand else ():
             self.refuse_leased(axis, at_pause=True)
         self._check_limits(client)
+        confirmed, before = options.confirmed, options.before
         approach: Approach | None = None
         modal: ModalState | None = None
-        if resume_of is not None or before:
+        if options.resume_of is not None or before:
             start = await self.recovery.start_of(
-                wanted, start_line, before=before, program=resume_of, switches=switches
+                wanted,
+                options.start_line,
+                before=before,
+                program=options.resume_of,
+                switches=options.switches,
             )
-            before, switches = start.before, start.switches
-            if start_line > 1 and before:
+            before, options = start.before, replace(options, switches=start.switches)
+            if options.start_line > 1 and before:
                 approach = self.recovery.plan(start, wanted)
                 refuse_needs(approach, way=confirmed.way, outputs=confirmed.outputs)
                 modal = self.recovery.modal_from(start)
@@ -280,35 +250,21 @@ class MachineService:
         self._counter += 1
         program = Program(
             f"{self.options.instance}-{self._counter}",
-            client=client,
-            name=name,
-            axes=wanted,
-            on_disconnect=on_disconnect,
-            start_line=start_line,
-            step=step,
-            switches=switches or AS_WRITTEN,
-            resume_of=resume_of,
+            client,
+            wanted,
+            options,
             opened_at=self.options.clock(),
-            queue=LineQueue(start_line, limit_lines=max(QUEUE_LINES, len(known))),
-            sha256=sha256,
+            queue=LineQueue(options.start_line, limit_lines=max(QUEUE_LINES, len(options.known))),
         )
         self.forecasts.begin(program)
         program.modal = modal
-        program.grace_s = grace_s
-        program.held = hold
-        program.unhomed = unhomed
-        program.controls = tuple(controls)
-        program.closed = bool(controls)
-        program.by_hand = by_hand
-        program.at_pause = at_pause
-        program.envelope, program.override_limit = envelope, override_limit
-        program.override = 1.0 if by_hand else min(self.override, override_limit)
+        program.override = 1.0 if program.by_hand else min(self.override, program.override_limit)
         if approach is not None:
             program.approach = approach.lines_with_outputs if confirmed.outputs == "set" else approach.lines
-            program.notice = f"on the way to line {start_line}" if approach.way else ""
+            program.notice = f"on the way to line {options.start_line}" if approach.way else ""
             # its lines from 1 on are those of the program that it goes on with
             program.origin = start.origin
-        self._table.add(program, before, known)
+        self._table.add(program, before, options.known)
         if approach is not None and program.state == "queued":
             self.abort(program.program, "the axes are in use")
             raise Refused("MC512", "the axes are in use", "wait until they are free")
@@ -320,7 +276,7 @@ class MachineService:
         program_id: str,
         line: int | None = None,
         *,
-        confirmed: Confirmed = NOTHING_CONFIRMED,
+        confirmed: Confirmation = NO_CONFIRMATION,
         on_disconnect: OnDisconnect = "stop",
         grace_s: float = 0.0,
         hold: bool = False,
@@ -343,8 +299,7 @@ class MachineService:
             raise Refused("MC517", f"{status.program} is done", "choose a line", state=status.state)
         # what a person has approved bounds the rest of it too; it is not known after a restart
         former = self._table.programs.get(status.program)
-        program = await self.open(
-            client,
+        options = ProgramOptions(
             name=status.name,
             axes=status.axes,
             envelope=None if former is None else former.envelope,
@@ -358,6 +313,7 @@ class MachineService:
             confirmed=confirmed,
             known=await self.recovery.lines(status.program, start, status.accepted),
         )
+        program = await self.open(client, options)
         if found.whole:
             self._table.close(program)
         return program
@@ -389,7 +345,8 @@ class MachineService:
             ServiceError: as `open`.
         """
         program = await self.open(
-            client, name=name, axes=axes, controls=controls, by_hand=True, at_pause=True
+            client,
+            ProgramOptions(name=name, axes=axes, controls=controls, by_hand=True, at_pause=True),
         )
         return await self.recorded(program)
 

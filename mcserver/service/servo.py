@@ -22,6 +22,7 @@ from mcserver.motion.limits.torque_in_box import TorqueBox, followed_axis
 from mcserver.service.arming import RunRequest
 from mcserver.service.axes_of_requests import axes_of
 from mcserver.service.program import Program
+from mcserver.service.program_options import ProgramOptions
 from mcserver.service.service import MachineService
 from mcserver.service.target_stream import Now, TargetMessage, TargetStream
 
@@ -100,17 +101,19 @@ async def open_servo(
         follow.insert(0, Control(ControlKind.FOLLOW_FROM, 0.0, 0, axes=led, values=low))
     program = await service.open(
         client,
-        name=name or "servo mode",
-        axes=chosen,
-        controls=[
-            Control(ControlKind.AXIS, 0.0, 0, axes=mask, operation=_CAPTURE),
-            # one that coasts, or on which an ended program has left a speed, comes to rest first
-            Control(ControlKind.HALT_AXES, 0.0, 0, axes=mask),
-            *follow,
-            Control(ControlKind.FINISH, 0.0, 0),
-        ],
-        override_limit=math.inf if approved is None else approved.override,
-        envelope=envelope,
+        ProgramOptions(
+            name=name or "servo mode",
+            axes=chosen,
+            controls=[
+                Control(ControlKind.AXIS, 0.0, 0, axes=mask, operation=_CAPTURE),
+                # one that coasts, or on which an ended program has left a speed, comes to rest first
+                Control(ControlKind.HALT_AXES, 0.0, 0, axes=mask),
+                *follow,
+                Control(ControlKind.FINISH, 0.0, 0),
+            ],
+            override_limit=math.inf if approved is None else approved.override,
+            envelope=envelope,
+        ),
     )
     if program.state == "queued":
         service.abort(program.program, "its axes are in use")

@@ -8,7 +8,7 @@ from collections.abc import Iterable
 import msgspec
 
 from mcserver.errors import UsageFault
-from mcserver.machine.io_section import Input, Scripted
+from mcserver.machine.io_section import Input, ScriptedValue
 from mcserver.machine.machine_file import Machine
 
 _ENTRY = re.compile(r"(?P<name>[^=@]+)=(?P<value>[^=@]+?)(?:@(?P<time>[^=@]+))?")
@@ -35,7 +35,7 @@ def with_inputs(machine: Machine, entries: Iterable[str]) -> Machine:
     return msgspec.structs.replace(machine, inputs=tuple(inputs))
 
 
-def _read(machine: Machine, entry: str) -> tuple[int, Scripted]:
+def _read(machine: Machine, entry: str) -> tuple[int, ScriptedValue]:
     match = _ENTRY.fullmatch(entry.strip())
     if match is None:
         raise UsageFault("MC029", f"{entry!r} is no input with a value", "write it as door=on@2.5")
@@ -51,7 +51,7 @@ def _read(machine: Machine, entry: str) -> tuple[int, Scripted]:
     at_s = 0.0 if match["time"] is None else _number(match["time"].strip().removesuffix("s"), entry)
     if at_s < 0.0:
         raise UsageFault("MC029", f"{entry!r}: the time is negative", "give seconds from the start")
-    return column, Scripted(at_s, value)
+    return column, ScriptedValue(at_s, value)
 
 
 def _column(inputs: tuple[Input, ...], name: str) -> int | None:

@@ -28,7 +28,6 @@ class PathSampler:
     def __init__(self, machine: Machine, poses: ToolPoses, most: int) -> None:
         self._poses = poses
         self._most = most
-        self._scale = np.array([axis.type.si_per_unit for axis in machine.axes])
         numbers = [axis.index for axis in machine.axes]
         carrying = {axis for tool in machine.tools for axis in tool.axes}
         self._portal = [

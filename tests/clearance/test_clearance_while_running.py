@@ -20,6 +20,7 @@ from mcserver.motion.pieces import Rows
 from mcserver.planning.clearance_guard import ClearanceGuards
 from mcserver.planning.shared_space import Claim, Extent, SharedSpace, Tenant
 from mcserver.service.program import Program
+from mcserver.service.program_options import ProgramOptions
 from mcserver.simulation.simulation import simulate
 from mcserver.simulation.virtual_executor import VirtualExecutor
 from mcserver.units import MM
@@ -423,7 +424,7 @@ async def test_whatever_a_program_and_its_operator_do_nothing_touches(make: Make
 @pytest.mark.parametrize("last", ["G0 Y20", "G1 Y20 F12000", "G1020 Y20"])
 async def test_a_program_that_has_nothing_more_for_now_is_where_it_stands(start: Start, last: str) -> None:
     cell = start(shared())
-    open_still = await cell.service.open("test", axes=[1])
+    open_still = await cell.service.open("test", ProgramOptions(axes=[1]))
     await cell.service.lines.submit("test", open_still.program, 1, ["G1010 P1", "G0 Y200", last])
     await cell.until(lambda: open_still.done == 3 and not any(cell.executor.feedback.velocity))
     assert (await cell.run("G1010 P0", "G1 X200 F6000", axes=[0])).state == "finished"

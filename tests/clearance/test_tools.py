@@ -14,6 +14,7 @@ from mcserver.machine.section_reader import MachineFileRejected
 from mcserver.net.messages import MountedTool
 from mcserver.net.status import EdgeUnits, machine_status
 from mcserver.service.program import Program
+from mcserver.service.program_options import ProgramOptions
 from mcserver.simulation.simulation import Simulation, simulate
 from mcserver.units import DEGREE, MM
 from tests.clearance.cells import Start, fault_of, place
@@ -284,7 +285,7 @@ async def test_a_length_that_a_program_beside_has_measured_counts(start: Start) 
     # T1 of 30 mm passes over the sledge, with 80 mm it does not
     cell = start(spindle(SLEDGE))
     assert (await cell.run("T1 M6", axes=[2])).state == "finished"
-    sledge = await cell.service.open("test", axes=[0])
+    sledge = await cell.service.open("test", ProgramOptions(axes=[0]))
     await cell.service.lines.submit("test", sledge.program, 1, ["G1 X10 F6000"])
     await cell.until(lambda: sledge.done == 1)
     assert (await cell.run("G10 L1 P1 Z80", axes=[1])).state == "finished"

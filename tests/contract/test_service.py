@@ -10,6 +10,7 @@ from typing import Any
 import pytest
 
 from mcserver.errors import Refused
+from mcserver.service.program_options import ProgramOptions
 from mcserver.service.reports import Ack
 from mcserver.service.service import MachineService
 from mcserver.service.service_options import ServiceOptions
@@ -65,7 +66,7 @@ async def test_the_service_answers_as_the_sequence_says(exchange: Exchange, name
     steps = read(f"sequences/{name}.json")["steps"]
     start = steps[0]["open"]["value"]["expected"]
     program = await exchange.service.open(
-        CLIENT, start_line=start, before=["G90"] * (start - 1) if start > 1 else ()
+        CLIENT, ProgramOptions(start_line=start, before=["G90"] * (start - 1) if start > 1 else ())
     )
     assert program.queue.expected == start
     under_way: list[dict[str, Any]] = []

@@ -15,15 +15,17 @@ MM = 1e-3
 SWITCH = 'method = "switch"\nvelocity = 50.0\nlatch_velocity = 2.0\nback_off = 3.0\n'
 
 
-def machine(*axes: tuple[str, str], travel: float | None = 100.0, jerk: str = "") -> Machine:
-    """Linear axes [mm], each with the lines of its drive and of its homing (none: no section)."""
+def machine(*axes: tuple[str, str], travel: float | None = 100.0, jerk: str = "", more: str = "") -> Machine:
+    """Linear axes [mm], each with the lines of its drive and of its homing (none: no section); ``more``
+    sections of the machine file.
+    """
     keys = f"units_per_motor_rev = 5.0\n{jerk}"
     keys += "" if travel is None else f"min_position = {-travel}\nmax_position = {travel}\n"
     text = '[machine]\nname = "rig"\n'
     for index, (drive, homing) in enumerate(axes):
         section = f"[axis.homing]\n{homing}" if homing else ""
         text += axes_text([index], keys=keys + section, drive="simulated", drive_keys=drive)
-    return parse_machine(text)
+    return parse_machine(text + more)
 
 
 class Cell:

@@ -81,6 +81,29 @@ def test_a_switch_without_a_latch_is_taken_between_two_readings() -> None:
     assert cell.offset[0] == pytest.approx(37.125, abs=1.001e-3)
 
 
+AT_INPUT = '[[input]]\nnumber = 3\nname = "home"\n[[input]]\nnumber = 1\nname = "door"\n'
+
+
+def test_a_switch_at_an_input_is_found_where_the_input_changes() -> None:
+    cell = Cell(machine(("", SWITCH + "input = 3"), more=AT_INPUT))
+    column = [each.number for each in cell.machine.inputs].index(3)
+    cell.home(0)
+    for _ in range(60000):
+        cell.executor.mailbox.set_input(column, float(cell.executor.executor.row.actual[0] < -20 * MM))
+        cell.step()
+        if cell.homed:
+            break
+    assert cell.faults == []
+    # the input is seen in the cycle after: 4 µs at 2 mm/s
+    assert cell.offset[0] == pytest.approx(20.0, abs=0.01)
+
+
+def test_a_simulated_axis_with_a_switch_needs_nobody_who_sets_the_input() -> None:
+    cell = Cell(machine(("home_switch = [-1000.0, -20.0]", SWITCH + "input = 3"), more=AT_INPUT))
+    cell.find_home(0)
+    assert cell.offset[0] == pytest.approx(20.0, abs=1e-9)
+
+
 def test_the_index_behind_the_switch_counts() -> None:
     homing = SWITCH + "index = true\nposition = 0.0"
     cell = Cell(machine(("home_switch = [-1000.0, -37.0]\nindex_at = 1.25", homing)))

@@ -7,7 +7,7 @@ import pytest
 
 from mcserver.executor.entries import ControlKind, EventKind
 from mcserver.motion.pieces import Rows
-from tests.executor.rig import CYCLE_S, Rig, machine
+from tests.executor.rig import CYCLE_S, Rig, machine, s_curve
 
 
 def test_the_first_cycle_plays_u_0_and_rows_are_played_exactly() -> None:
@@ -80,6 +80,22 @@ def test_a_program_goes_on_where_it_waited_for_more_entries() -> None:
     duration = rig.time_of(EventKind.LINE_END, 3) - rig.time_of(EventKind.LINE_START, 3)
     assert duration == pytest.approx(0.05, abs=1e-9)
     assert not rig.of(EventKind.STARVED)
+
+
+def test_a_dwell_in_the_midst_of_a_motion_stops_it_there_and_it_goes_on_within_the_limits() -> None:
+    rig = Rig(machine())
+    position, velocity = (np.stack((column, 0.0 * column), 1) for column in s_curve(0.4, 0.4))
+    middle = len(position) // 2
+    rig.program.first_rows(position[:middle], velocity[:middle], mask=1)
+    rig.program.dwell(0.05)
+    rig.program.last_rows(position[middle:], velocity[middle:], mask=1)
+    rig.run()
+    steps = np.diff(rig.setpoint[:, 0])
+    (standing,) = np.nonzero(steps[:-1] == 0.0)
+    assert len(standing) == 50
+    assert set(rig.setpoint[standing, 0]) == {position[middle - 1, 0]}
+    assert rig.setpoint[-1, 0] == pytest.approx(0.4)
+    assert np.abs(rig.acceleration()).max() <= 10.0 * 1.001
 
 
 def test_a_fractional_phase_interpolates_between_rows() -> None:

@@ -12,7 +12,7 @@ import pytest
 from mcap.reader import make_reader
 
 from mcserver.cli.app import run_command_line
-from mcserver.recorder.messages import Happened, StartRecording, StopRecording
+from mcserver.recorder.messages import ServiceEvents, StartRecording, StopRecording
 from mcserver.recorder.reading import read_recording
 from mcserver.service.reports import Event, Fault, LineReport
 from mcserver.simulation.recorder import Recorded
@@ -32,7 +32,7 @@ def source(tmp_path_factory: pytest.TempPathFactory) -> Path:
     ended = Event(1, 0.6, "inst", "lines.ended", program="p", lines=[line], wall=EPOCH + 0.6)
     fault = Fault("MC407", "axis 2 lags", axis=2, line=7)
     failed = Event(2, 0.7, "inst", "fault", program="p", line=7, fault=fault, wall=EPOCH + 0.7)
-    rig.give(Happened([ended, failed]))
+    rig.give(ServiceEvents([ended, failed]))
     rig.give(StopRecording(2))
     rig.settle()
     return rig.folder.finished("one")

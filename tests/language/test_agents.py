@@ -25,7 +25,7 @@ from mcserver.language.agents.knowledge import TOPICS, dialect_topic, draft, fau
 from mcserver.language.agents.server import AgentTools, build_server
 from mcserver.language.rules import rules
 from mcserver.machine.machine_file import load_machine, parse_machine
-from mcserver.recorder.messages import Happened, StartRecording, StopRecording
+from mcserver.recorder.messages import ServiceEvents, StartRecording, StopRecording
 from mcserver.service.approval_basis import server_version
 from mcserver.service.reports import Event, LineReport
 from tests.machine_text import axes_text
@@ -238,7 +238,7 @@ async def test_a_recording_of_the_recorder_says_its_machine_lines_and_extents(tm
     rig.give(StartRecording(1, "one"))
     rig.cycles(500)
     line = LineReport(7, 0.2, 0.4, 0.2, 1.0)
-    rig.give(Happened([Event(1, 0.5, "inst", "lines.ended", program="p", lines=[line])]))
+    rig.give(ServiceEvents([Event(1, 0.5, "inst", "lines.ended", program="p", lines=[line])]))
     rig.give(StopRecording(2))
     rig.settle()
     tools = AgentTools(CARTESIAN, "cartesian", recordings=rig.folder.path)

@@ -17,8 +17,9 @@ from mcserver.errors import ServiceError
 from mcserver.machine.machine_file import parse_machine
 from mcserver.net import arming_messages as wire
 from mcserver.planning.start_state import StartState
-from mcserver.service.approach import Confirmed
+from mcserver.service.approach import Confirmation
 from mcserver.service.homing import HomingService
+from mcserver.service.program_options import ProgramOptions
 from mcserver.simulation.preview import Preview
 from tests.net.approval_site import ANNA, BOT, MILL, SHIFT, TEXT, Site
 
@@ -233,7 +234,7 @@ async def test_an_armed_program_that_is_gone_on_with_keeps_its_envelope_and_its_
     service = site.cell.service
     service.abort(program.program)
     await site.cell.ended(program)
-    rest = await service.continue_program(ANNA, program.program, confirmed=Confirmed(way=True))
+    rest = await service.continue_program(ANNA, program.program, confirmed=Confirmation(way=True))
     service.set_override(1.2, rest.program)
     assert rest.envelope == program.envelope is not None
     assert rest.override == 0.5
@@ -241,7 +242,7 @@ async def test_an_armed_program_that_is_gone_on_with_keeps_its_envelope_and_its_
     await site.cell.until(lambda: rest.state == "running")
     service.abort(rest.program)
     await site.cell.ended(rest)
-    last = await service.continue_program(ANNA, program.program, confirmed=Confirmed(way=True))
+    last = await service.continue_program(ANNA, program.program, confirmed=Confirmation(way=True))
     assert last.envelope == program.envelope
     await site.cell.ended(last)
     assert last.state == "finished", last.fault
@@ -256,7 +257,7 @@ async def test_an_armed_run_waits_for_its_client_as_long_as_it_was_asked_to(site
 
 async def test_a_program_that_is_put_in_front_moves_nothing_that_was_approved(site: Site) -> None:
     await site.arm()
-    ahead = await site.cell.service.open(ANNA, axes=[0])
+    ahead = await site.cell.service.open(ANNA, ProgramOptions(axes=[0]))
     with pytest.raises(ServiceError, match="MC572: "):
         await site.start()
     site.cell.service.abort(ahead.program)

@@ -235,6 +235,19 @@ async def test_garbage_is_refused(site: Site, text: str) -> None:
     assert (await refusal(site, text))[0] == "MC578"
 
 
+class LaterApproval(Approval, frozen=True):
+    """What a later version might certify besides."""
+
+    room: str
+
+
+async def test_an_approval_that_says_more_than_this_server_knows_is_refused(site: Site) -> None:
+    later = LaterApproval(**msgspec.structs.asdict(await approved(site)), room="hall 2")
+    code, message = await refusal(site, sign(later, SIGNER.certificate, SIGNER.key).decode())
+    assert code == "MC578"
+    assert "another version has made it" in message
+
+
 async def test_what_can_be_certified_reads_back_to_the_bit(site: Site) -> None:
     await site.by_hand(SHIFT, "G1 X-123.456789 F6000")
     approval = await approved(site)

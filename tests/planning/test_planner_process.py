@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+import os
+import signal
 from collections.abc import Iterator
 
 import msgspec
@@ -13,6 +15,7 @@ from mcserver.executor.client import ExecutorProcess
 from mcserver.executor.entries import EventKind, ExecutorEvent
 from mcserver.gcode.profiles.frame import Frame
 from mcserver.gcode.semantics.modal import ModalState
+from mcserver.planning import client
 from mcserver.planning.client import PlannerChild, ProcessPlanning
 from mcserver.planning.planner_messages import (
     Begin,
@@ -109,6 +112,19 @@ def test_a_planner_that_ends_at_its_start_is_refused(executor: ExecutorProcess) 
         child.wait()
     assert refused.value.code == "MC436"
     assert "ended by signal 9" in refused.value.message
+
+
+def test_a_planner_that_the_server_ends_as_it_never_gets_ready_is_said_to_be_that(
+    executor: ExecutorProcess, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    child = PlannerChild(executor.machine, executor)
+    # it cannot get ready
+    os.kill(child.process.pid, signal.SIGSTOP)
+    monkeypatch.setattr(client, "START_TIMEOUT_S", 0.0)
+    with pytest.raises(RuntimeFault, match="not ready within 0 s, and the server ended it") as refused:
+        child.wait()
+    assert refused.value.code == "MC436"
+    assert child.process.poll() == -signal.SIGKILL
 
 
 def test_modal_state_before_a_line_is_read_without_the_process(executor: ExecutorProcess) -> None:

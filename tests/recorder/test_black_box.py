@@ -10,9 +10,9 @@ from mcserver.executor.shm.feedback import AxisCondition
 from mcserver.recorder.messages import (
     Answer,
     AskStatus,
-    Happened,
     SaveBlackBox,
     Saved,
+    ServiceEvents,
     StartRecording,
     StopRecording,
     Trouble,
@@ -47,7 +47,7 @@ def test_the_name_has_the_code_of_the_fault_that_was_reported(tmp_path: Path) ->
     rig.cycles(1000)
     rig.condition(1, AxisCondition.FAULT)
     rig.cycles(100)
-    rig.give(Happened([Event(1, 1.0, "inst", "fault", fault=Fault("MC407", "following error"))]))
+    rig.give(ServiceEvents([Event(1, 1.0, "inst", "fault", fault=Fault("MC407", "following error"))]))
     rig.cycles(1000)
     (path,) = boxes(rig)
     assert path.name.endswith("-MC407.mcap")
@@ -196,7 +196,7 @@ def test_the_program_text_is_in_the_box(tmp_path: Path) -> None:
     journal.lines("p-1", 1, [f"G01 X{number} F100" for number in range(1, 20_001)])
     journal.write_pending()
     rig.cycles(100)
-    rig.give(Happened([Event(1, 0.05, "inst", "lines.started", program="p-1", line=12_000)]))
+    rig.give(ServiceEvents([Event(1, 0.05, "inst", "lines.started", program="p-1", line=12_000)]))
     rig.give(SaveBlackBox(1))
     (path,) = boxes(rig)
     journal.close()

@@ -10,7 +10,7 @@ import pytest
 
 from mcserver.errors import UsageFault
 from mcserver.machine.machine_file import load_machine
-from mcserver.recorder.messages import Happened, StartRecording, StopRecording
+from mcserver.recorder.messages import ServiceEvents, StartRecording, StopRecording
 from mcserver.recorder.reading import read_recording
 from mcserver.service.reports import Event, LineReport
 from mcserver.simulation.recorder import Recorded
@@ -25,7 +25,7 @@ def file(tmp_path_factory: pytest.TempPathFactory) -> Path:
     rig.give(StartRecording(1, "one"))
     rig.cycles(700)
     line = LineReport(7, 1.1, 1.5, 0.4, 1.0)
-    rig.give(Happened([Event(1, 1.6, "inst", "lines.ended", program="p", lines=[line])]))
+    rig.give(ServiceEvents([Event(1, 1.6, "inst", "lines.ended", program="p", lines=[line])]))
     rig.give(StopRecording(2))
     rig.settle()
     return rig.folder.finished("one")

@@ -10,7 +10,7 @@ import pytest
 from mcap.reader import make_reader
 
 from mcserver.machine.machine_file import builtin_text
-from mcserver.recorder.messages import Happened, Saved, StartRecording, StopRecording
+from mcserver.recorder.messages import Saved, ServiceEvents, StartRecording, StopRecording
 from mcserver.service.reports import Event, Fault, LineReport
 from tests.recorder.rig import EPOCH, Rig, column, decoded
 
@@ -84,7 +84,7 @@ def test_events_and_lines_stand_at_their_own_times(tmp_path: Path) -> None:
     rig.cycles(300)
     lines = [LineReport(4, 0.1, 0.2, 0.1, 1.0), LineReport(5, 0.2, 0.25)]
     rig.give(
-        Happened(
+        ServiceEvents(
             [
                 Event(1, 0.01, "inst", "program.opened", program="p-1", message="square.gcode"),
                 Event(2, 0.26, "inst", "lines.ended", program="p-1", lines=lines),
@@ -172,7 +172,7 @@ def test_a_fault_report_is_kept_whole(tmp_path: Path) -> None:
     rig.give(StartRecording(1, "one"))
     rig.cycles(10)
     fault = Fault("MC407", "following error", axis=2, line=9)
-    rig.give(Happened([Event(1, 0.005, "inst", "fault", fault=fault)], lost=3))
+    rig.give(ServiceEvents([Event(1, 0.005, "inst", "fault", fault=fault)], lost=3))
     rig.give(StopRecording(2))
     rig.settle()
     path = rig.folder.finished("one")

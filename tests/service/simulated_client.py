@@ -7,6 +7,7 @@ from functools import partial
 from typing import TYPE_CHECKING
 
 from mcserver.errors import Refused, RejectedLines, ServiceError
+from mcserver.service.program_options import ProgramOptions
 from mcserver.service.reports import ENDED, Ack
 from tests.service.simulated_laws import require
 
@@ -70,7 +71,9 @@ class SimulatedClient:
 
     async def _open(self) -> None:
         try:
-            program = await self._cell.service.open(self.name, axes=self._axes, on_disconnect="finish")
+            program = await self._cell.service.open(
+                self.name, ProgramOptions(axes=self._axes, on_disconnect="finish")
+            )
             self.forget()
             self._program = program.program
         except ServiceError:

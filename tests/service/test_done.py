@@ -6,6 +6,7 @@ import pytest
 
 from mcserver.machine.machine_file import Machine, parse_machine
 from mcserver.service.program import Program
+from mcserver.service.program_options import ProgramOptions
 from tests.machine_text import axes_text
 from tests.service.virtual_cell import VirtualCell
 
@@ -51,7 +52,7 @@ async def test_a_program_that_starts_in_its_middle_is_done_before_the_line_that_
     cell: VirtualCell,
 ) -> None:
     text = ["G90", *MOVES]
-    program = await cell.service.open("test", start_line=231, before=text[:230])
+    program = await cell.service.open("test", ProgramOptions(start_line=231, before=text[:230]))
     cell.service.lines.submit("test", program.program, 231, text[230:])
     await cell.ended(program)
     assert program.fault is not None

@@ -13,6 +13,7 @@ from mcserver.machine.machine_file import builtin_text, parse_machine
 from mcserver.planning.line_marks import LineMarks
 from mcserver.service import forecasts
 from mcserver.service.arming import hash_of
+from mcserver.service.program_options import ProgramOptions
 from mcserver.service.timeline import RunClock, Timeline
 from mcserver.simulation.line_times import LineTimes
 from mcserver.simulation.simulation import simulate
@@ -143,8 +144,8 @@ async def test_a_simulation_of_the_text_tells_the_time_of_its_program(bench: Ben
     service = bench.service
     if early:
         service.foresee(hash_of("move"), marks_of(TIMES))
-    program = await service.open("hmi", sha256=hash_of("move"))
-    other = await service.open("hmi", sha256=hash_of("another text"))
+    program = await service.open("hmi", ProgramOptions(sha256=hash_of("move")))
+    other = await service.open("hmi", ProgramOptions(sha256=hash_of("another text")))
     if not early:
         assert program.status().duration_s is None
         service.foresee(hash_of("move"), marks_of(TIMES))
@@ -158,7 +159,7 @@ async def test_a_simulation_of_the_text_tells_the_time_of_its_program(bench: Ben
 async def test_the_times_of_a_text_are_those_with_the_switches_of_its_program(bench: Bench) -> None:
     service, sha256, skipping = bench.service, hash_of("move"), Switches(block_delete=True)
     service.foresee(sha256, marks_of(TIMES))
-    program = await service.open("hmi", sha256=sha256, switches=skipping)
+    program = await service.open("hmi", ProgramOptions(sha256=sha256, switches=skipping))
     assert program.status().duration_s is None
     service.foresee(sha256, marks_of({**TIMES, "duration_s": 13.0}), switches=skipping)
     assert program.status().duration_s == 13.0
@@ -166,7 +167,7 @@ async def test_the_times_of_a_text_are_those_with_the_switches_of_its_program(be
 
 async def test_a_simulation_under_way_gives_an_estimate_that_says_so(bench: Bench) -> None:
     sha256 = hash_of("long")
-    program = await bench.service.open("hmi", sha256=sha256)
+    program = await bench.service.open("hmi", ProgramOptions(sha256=sha256))
     part = LineMarks([0, 25], [0.0, 5.0], 5.0, 25, complete=False, pauses=(7, 20))
     bench.service.foresee(sha256, part, total=100)
     status = program.status()
@@ -181,5 +182,7 @@ async def test_a_simulation_under_way_gives_an_estimate_that_says_so(bench: Benc
 async def test_of_many_simulations_the_newest_are_kept(bench: Bench) -> None:
     for number in range(forecasts.TEXTS + 1):
         bench.service.foresee(hash_of(f"text {number}"), marks_of(TIMES))
-    first, second = [await bench.service.open("hmi", sha256=hash_of(f"text {n}")) for n in (0, 1)]
+    first, second = [
+        await bench.service.open("hmi", ProgramOptions(sha256=hash_of(f"text {n}"))) for n in (0, 1)
+    ]
     assert (first.status().duration_s, second.status().duration_s) == (None, 12.0)

@@ -8,6 +8,7 @@ import pytest
 from mcserver.drives.simulated import SimulatedBus
 from mcserver.machine.machine_file import Machine
 from mcserver.net.status import EdgeUnits, machine_status
+from mcserver.service.program_options import ProgramOptions
 from mcserver.service.servo import close_targets, open_servo, put_targets, streamed
 from mcserver.service.target_stream import TargetMessage
 from tests.executor.test_gantry import switched
@@ -24,7 +25,7 @@ async def test_whoever_names_one_drive_has_both(cell: VirtualCell) -> None:
     program = await cell.ended(await cell.homing.home("test", [3]))
     assert (program.state, program.axes) == ("finished", (1, 3))
     assert cell.homed() == [True] * 3
-    program = await cell.service.open("test", axes=[1])
+    program = await cell.service.open("test", ProgramOptions(axes=[1]))
     assert program.axes == (1, 3)
     await cell.service.lines.submit("test", program.program, 1, ["G1010", "G1 Y60 F6000", "G0 Y40"])
     cell.service.lines.close("test", program.program)

@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 
 from mcserver.machine.machine_file import Machine, parse_machine
+from mcserver.service.program_options import ProgramOptions
 from tests.machine_text import axes_text
 from tests.service.virtual_cell import VirtualCell, refused
 
@@ -112,7 +113,7 @@ async def test_what_cannot_be_homed_or_referred_is_refused(cell: VirtualCell) ->
 
 
 async def test_an_axis_in_use_is_neither_homed_nor_referred(cell: VirtualCell) -> None:
-    await cell.service.open("other", axes=[1, 2])
+    await cell.service.open("other", ProgramOptions(axes=[1, 2]))
     assert await refused(cell, lambda each: each.homing.home("test", [1])) == "MC512"
     assert await refused(cell, lambda each: each.homing.reference("test", {2: 0.0})) == "MC512"
 

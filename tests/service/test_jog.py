@@ -6,6 +6,7 @@ import pytest
 
 from mcserver.errors import Refused
 from mcserver.machine.machine_file import Machine, parse_machine
+from mcserver.service.program_options import ProgramOptions
 from tests.machine_text import axes_text
 from tests.service.virtual_cell import VirtualCell
 
@@ -87,7 +88,7 @@ async def test_another_person_is_told_who_jogs_the_axis(cell: VirtualCell) -> No
 
 
 async def test_a_jog_of_an_axis_that_a_program_moves_names_the_program(cell: VirtualCell) -> None:
-    program = await cell.service.open("cam", name="part.nc", axes=[0])
+    program = await cell.service.open("cam", ProgramOptions(name="part.nc", axes=[0]))
     with pytest.raises(Refused) as refused:
         await jog(cell, 0, 1.0)
     assert "part.nc (running) of cam" in refused.value.message
@@ -111,8 +112,8 @@ async def test_a_jog_has_its_own_speed_whatever_the_override_is(cell: VirtualCel
 
 
 async def test_an_override_ends_with_the_last_program_that_it_was_set_for(cell: VirtualCell) -> None:
-    first = await cell.service.open("cam", axes=[0])
-    second = await cell.service.open("cam", axes=[1])
+    first = await cell.service.open("cam", ProgramOptions(axes=[0]))
+    second = await cell.service.open("cam", ProgramOptions(axes=[1]))
     cell.service.set_override(2.0, None)
     for program, move in ((first, "G1 X1 F6000"), (second, "G1 Y1 F6000")):
         assert cell.service.override == 2.0
@@ -141,7 +142,7 @@ async def test_two_programs_that_set_zeros_side_by_side_keep_both(cell: VirtualC
     service = cell.service
     programs = []
     for axis, word in enumerate("XY"):
-        program = await service.open("test", axes=[axis])
+        program = await service.open("test", ProgramOptions(axes=[axis]))
         lines = [f"G10 L2 P1 {word}{number}" for number in range(1, 6)]
         await service.lines.submit("test", program.program, 1, lines, judge=False)
         programs.append(program)

@@ -13,8 +13,9 @@ import pytest
 from mcserver.errors import Refused, ServiceError
 from mcserver.executor.envelope_bounds import Envelope
 from mcserver.machine.machine_file import Machine, load_machine, parse_machine
-from mcserver.service.approach import Confirmed
+from mcserver.service.approach import Confirmation
 from mcserver.service.program import Program
+from mcserver.service.program_options import ProgramOptions
 from tests.executor.rig import Array
 from tests.machine_text import axes_text
 from tests.service.virtual_cell import VirtualCell
@@ -52,7 +53,7 @@ class Shop(VirtualCell):
     async def begin_part(
         self, lines: Sequence[str], *, close: bool = True, envelope: Envelope | None = None
     ) -> Program:
-        program = await self.service.open("cam", name="part.nc", envelope=envelope)
+        program = await self.service.open("cam", ProgramOptions(name="part.nc", envelope=envelope))
         self.service.lines.submit("cam", program.program, 1, lines)
         if close:
             self.service.lines.close("cam", program.program)
@@ -68,7 +69,7 @@ class Shop(VirtualCell):
         await self.until(lambda: program.state == "paused")
 
     async def by_hand(self, *lines: str, axes: list[int] | None = None) -> Program:
-        program = await self.service.open("page", axes=axes, at_pause=True)
+        program = await self.service.open("page", ProgramOptions(axes=axes, at_pause=True))
         self.service.lines.submit("page", program.program, 1, lines)
         self.service.lines.close("page", program.program)
         return await self.ended(program)
@@ -229,7 +230,7 @@ async def test_two_at_the_pause_do_not_share_an_axis(shop: Shop) -> None:
     with pytest.raises(Refused):
         await shop.jog(0, 1.0, 10.0, client="other")
     with pytest.raises(Refused):
-        await shop.service.open("other", axes=[0], at_pause=True)
+        await shop.service.open("other", ProgramOptions(axes=[0], at_pause=True))
     shop.service.abort(jog.program)
     await shop.ended(jog)
     assert (await shop.resumed(program)).state == "finished"
@@ -388,7 +389,7 @@ async def test_a_program_whose_server_is_killed_at_the_pause_pauses_there_again(
     program = await shop.at_pause(CHANGE)
     await shop.by_hand("G10 L20 P1 X0 Z0")
     shop = await restarts.killed(shop, program, 3)
-    again = await shop.service.continue_program("page", program.program, confirmed=Confirmed(way=True))
+    again = await shop.service.continue_program("page", program.program, confirmed=Confirmation(way=True))
     await shop.paused(again)
     assert (again.start_line, again.notice) == (4, "fit tool 2, then resume")
     await shop.resumed(again)
@@ -404,12 +405,12 @@ async def test_a_program_that_is_gone_on_with_has_the_zero_and_place_of_its_paus
     shop.service.resume(None)
     await shop.until(lambda: program.state == "paused" and program.progress.done >= 6)
     shop = await restarts.killed(shop, program, 6)
-    again = await shop.service.continue_program("page", program.program, confirmed=Confirmed(way=True))
+    again = await shop.service.continue_program("page", program.program, confirmed=Confirmation(way=True))
     await shop.paused(again)
     assert shop.at()[:2] == pytest.approx((10.0, 72.0))
     # once more, from the one that went on
     shop = await restarts.killed(shop, again, 6)
-    again = await shop.service.continue_program("page", again.program, confirmed=Confirmed(way=True))
+    again = await shop.service.continue_program("page", again.program, confirmed=Confirmation(way=True))
     await shop.paused(again)
     assert shop.at()[:2] == pytest.approx((10.0, 72.0))
     await shop.resumed(again)
@@ -420,12 +421,12 @@ async def test_increments_gone_on_with_twice_start_from_where_the_program_began(
     shop = restarts.start()
     program = await shop.at_pause(["G91", "G0 X10", "G0 X10", "M0", "G0 X10", "M0", "G0 X10"])
     shop = await restarts.killed(shop, program, 3)
-    again = await shop.service.continue_program("page", program.program, confirmed=Confirmed(way=True))
+    again = await shop.service.continue_program("page", program.program, confirmed=Confirmation(way=True))
     await shop.paused(again)
     shop.service.resume(None)
     await shop.until(lambda: again.state == "paused" and again.progress.done >= 5)
     shop = await restarts.killed(shop, again, 5)
-    again = await shop.service.continue_program("page", again.program, confirmed=Confirmed(way=True))
+    again = await shop.service.continue_program("page", again.program, confirmed=Confirmation(way=True))
     await shop.paused(again)
     assert shop.at()[0] == pytest.approx(30.0)
     await shop.resumed(again)
@@ -438,7 +439,7 @@ async def test_zero_that_is_changed_elsewhere_still_refuses_to_go_on(restarts: R
     shop = await restarts.killed(shop, program, 3)
     await shop.run("G10 L2 P1 X3")
     with pytest.raises(ServiceError, match="MC594: "):
-        await shop.service.continue_program("page", program.program, confirmed=Confirmed(way=True))
+        await shop.service.continue_program("page", program.program, confirmed=Confirmation(way=True))
     await asyncio.sleep(0)
 
 

@@ -13,8 +13,9 @@ from mcserver.gcode.switches import AS_WRITTEN, Switches
 from mcserver.machine.machine_file import Machine, parse_machine
 from mcserver.planning.start_state import StartState
 from mcserver.planning.state_before import state_before
-from mcserver.service.approach import Approach, Confirmed, plan_approach
+from mcserver.service.approach import Approach, Confirmation, plan_approach
 from mcserver.service.program import Program
+from mcserver.service.program_options import ProgramOptions
 from mcserver.service.reports import Event
 from mcserver.service.servo import open_servo
 from tests.machine_text import axes_text
@@ -77,7 +78,7 @@ class Rig:
     ) -> str:
         """Run a program until a line of it moves, and kill the server."""
         cell = await self.started(machine)
-        program = await cell.service.open("cam", name="part.nc", switches=switches)
+        program = await cell.service.open("cam", ProgramOptions(name="part.nc", switches=switches))
         cell.service.lines.submit("cam", program.program, 1, lines)
         if close:
             cell.service.lines.close("cam", program.program)
@@ -158,7 +159,7 @@ async def test_without_a_safe_height_the_way_has_to_be_confirmed_and_is_no_diago
     assert refused.value.code == "MC592"
     assert "[recovery]" in refused.value.hint
     assert cell.position(0) == 0.0
-    program = await cell.service.continue_program("page", name, confirmed=Confirmed(way=True))
+    program = await cell.service.continue_program("page", name, confirmed=Confirmation(way=True))
     await rig.until_ended(program)
     assert program.state == "finished"
     for x, y, z in rig.path:
@@ -212,7 +213,7 @@ async def test_a_program_goes_on_with_the_operators_switches_that_it_had(rig: Ri
     cell = await rig.started(machine(RECOVERY))
     for other in (AS_WRITTEN, Switches(block_delete=True)):
         with pytest.raises(Refused) as refused:
-            await cell.service.open("page", start_line=5, resume_of=name, switches=other)
+            await cell.service.open("page", ProgramOptions(start_line=5, resume_of=name, switches=other))
         assert (refused.value.code, "block delete on" in refused.value.message) == ("MC483", True)
     program = await rig.until_ended(await cell.service.continue_program("page", name))
     assert (program.state, program.done, program.switches) == ("finished", len(SWITCHED), SKIPPING)
@@ -221,7 +222,7 @@ async def test_a_program_goes_on_with_the_operators_switches_that_it_had(rig: Ri
 
 async def test_a_program_that_begins_with_a_pause_is_not_on_the_way_any_more(rig: Rig) -> None:
     cell = await rig.started(machine(RECOVERY))
-    program = await cell.service.open("page", start_line=6, before=SWITCHED[:5])
+    program = await cell.service.open("page", ProgramOptions(start_line=6, before=SWITCHED[:5]))
     cell.service.lines.submit("page", program.program, 6, SWITCHED[5:])
     assert program.notice == "on the way to line 6"
     await cell.until(lambda: program.state == "paused")
@@ -231,7 +232,7 @@ async def test_a_program_that_begins_with_a_pause_is_not_on_the_way_any_more(rig
 async def test_a_program_that_never_began_keeps_its_switches(rig: Rig) -> None:
     cell = await rig.started(machine(RECOVERY))
     before = await cell.service.open("cam")
-    waiting = await cell.service.open("cam", switches=SKIPPING)
+    waiting = await cell.service.open("cam", ProgramOptions(switches=SKIPPING))
     cell.service.lines.submit("cam", waiting.program, 1, SWITCHED)
     cell.service.lines.close("cam", waiting.program)
     await cell.until(lambda: waiting.journaled == len(SWITCHED))
@@ -252,7 +253,7 @@ async def test_a_start_from_a_line_is_behind_the_lines_that_the_switches_leave(r
 
 async def test_a_skipped_line_is_done_and_takes_a_step_of_single_line_mode(rig: Rig) -> None:
     cell = await rig.started(machine())
-    program = await cell.service.open("cam", step=True, switches=SKIPPING)
+    program = await cell.service.open("cam", ProgramOptions(step=True, switches=SKIPPING))
     cell.service.lines.submit("cam", program.program, 1, SWITCHED)
     cell.service.lines.close("cam", program.program)
     for line in range(1, len(SWITCHED) + 1):
@@ -292,14 +293,14 @@ async def test_what_was_switched_on_is_named_and_set_only_where_somebody_says_so
     with pytest.raises(ServiceError, match="MC593: "):
         await cell.service.continue_program("page", name)
     left = await rig.until_ended(
-        await cell.service.continue_program("page", name, 5, confirmed=Confirmed(outputs="leave"))
+        await cell.service.continue_program("page", name, 5, confirmed=Confirmation(outputs="leave"))
     )
     assert left.state == "finished"
     assert cell.service.port.snapshot().outputs == [0.0]
 
     name = await rig.killed_in(mill, lines, 5)
     cell = await rig.started(mill)
-    program = await cell.service.continue_program("page", name, confirmed=Confirmed(outputs="set"))
+    program = await cell.service.continue_program("page", name, confirmed=Confirmation(outputs="set"))
     await rig.until_ended(program)
     assert program.state == "finished"
     snapshot = cell.service.port.snapshot()
@@ -371,10 +372,10 @@ async def test_a_tool_that_may_stand_in_a_thread_is_not_moved_unasked(rig: Rig, 
     for at in (4, 6):
         with pytest.raises(ServiceError) as refused:
             await cell.service.continue_program(
-                "page", program.program, at, confirmed=Confirmed(outputs="leave")
+                "page", program.program, at, confirmed=Confirmation(outputs="leave")
             )
         assert (refused.value.code, "may stand in its thread" in refused.value.message) == ("MC592", True)
-    confirmed = Confirmed(way=True, outputs="set")
+    confirmed = Confirmation(way=True, outputs="set")
     again = await cell.ended(
         await cell.service.continue_program("page", program.program, confirmed=confirmed)
     )
@@ -385,8 +386,10 @@ async def test_a_start_that_waits_in_vain_does_not_reach_the_work(rig: Rig) -> N
     heated = machine(HEATER + RECOVERY)
     lines = ["G0 Z10", "M109 S210", "G1 X50 F6000", "G1 X150"]
     cell = await rig.started(heated)
-    confirmed = Confirmed(outputs="set")
-    program = await cell.service.open("cam", start_line=4, before=lines[:3], confirmed=confirmed)
+    confirmed = Confirmation(outputs="set")
+    program = await cell.service.open(
+        "cam", ProgramOptions(start_line=4, before=lines[:3], confirmed=confirmed)
+    )
     cell.service.lines.submit("cam", program.program, 4, lines[3:])
     await rig.until_ended(program)
     assert program.fault is not None
@@ -425,7 +428,7 @@ async def test_axes_without_their_reference_are_refused_with_the_remedy(rig: Rig
 
 async def test_a_start_from_a_line_takes_the_same_way(rig: Rig) -> None:
     cell = await rig.started(machine(RECOVERY))
-    program = await cell.service.open("cam", start_line=7, before=PART[:6])
+    program = await cell.service.open("cam", ProgramOptions(start_line=7, before=PART[:6]))
     cell.service.lines.submit("cam", program.program, 7, PART[6:])
     cell.service.lines.close("cam", program.program)
     await rig.until_ended(program)
@@ -433,7 +436,7 @@ async def test_a_start_from_a_line_takes_the_same_way(rig: Rig) -> None:
     assert max(z for _, _, z in rig.path) == pytest.approx(50.0, abs=1e-3)
     cell = await rig.started(machine())
     with pytest.raises(ServiceError, match="MC592: "):
-        await cell.service.open("cam", start_line=7, before=PART[:6])
+        await cell.service.open("cam", ProgramOptions(start_line=7, before=PART[:6]))
 
 
 async def test_a_hold_and_an_abort_count_on_the_way_too(rig: Rig) -> None:
@@ -456,7 +459,7 @@ async def test_a_hold_and_an_abort_count_on_the_way_too(rig: Rig) -> None:
 async def test_the_way_is_not_taken_while_another_program_has_an_axis(rig: Rig) -> None:
     name = await rig.killed_in(machine(RECOVERY), PART, 7)
     cell = await rig.started(machine(RECOVERY))
-    await cell.service.open("other", axes=[1])
+    await cell.service.open("other", ProgramOptions(axes=[1]))
     with pytest.raises(Refused, match=r"MC512: axis 1 is moved by .* of other"):
         await cell.service.continue_program("page", name)
 

@@ -13,6 +13,7 @@ from mcserver.executor.entries import EventKind
 from mcserver.executor.fault_codes import FaultCode
 from mcserver.gcode.semantics.modal import ModalState
 from mcserver.service.program import Program
+from mcserver.service.program_options import ProgramOptions
 from mcserver.service.reports import Fault
 from mcserver.service.service import CLIENT_PROGRAMS
 from mcserver.service.stop_latch import CONFIRM_PERIOD_S
@@ -124,9 +125,9 @@ async def test_another_client_may_not_submit(bench: Bench) -> None:
 
 
 async def test_disjoint_programs_run_side_by_side_and_others_wait(bench: Bench) -> None:
-    first = await bench.service.open("a", axes=[0])
-    second = await bench.service.open("b", axes=[1])
-    third = await bench.service.open("c", axes=[0, 1])
+    first = await bench.service.open("a", ProgramOptions(axes=[0]))
+    second = await bench.service.open("b", ProgramOptions(axes=[1]))
+    third = await bench.service.open("c", ProgramOptions(axes=[0, 1]))
     assert [first.state, second.state, third.state] == ["running", "running", "queued"]
     bench.service.lines.close("a", first.program)
     await bench.until_acked(first.program, state="finished")
@@ -146,13 +147,13 @@ async def test_lines_of_a_queued_program_are_taken_and_run_later(bench: Bench) -
 
 async def test_an_axis_that_the_machine_lacks_is_refused(bench: Bench) -> None:
     with pytest.raises(ServiceError, match="no axis 7") as refused:
-        await bench.service.open("hmi", axes=[0, 7])
+        await bench.service.open("hmi", ProgramOptions(axes=[0, 7]))
     assert refused.value.code == "MC507"
 
 
 async def test_a_client_that_goes_takes_its_own_stopping_programs_along(bench: Bench) -> None:
-    other = await bench.service.open("other", axes=[1])
-    program = await bench.service.open("hmi", axes=[0])
+    other = await bench.service.open("other", ProgramOptions(axes=[1]))
+    program = await bench.service.open("hmi", ProgramOptions(axes=[0]))
     await bench.service.lines.submit("hmi", program.program, 1, ["wait", "move"])
     bench.service.client_gone("hmi")
     await bench.until_acked(program.program, state="aborted")
@@ -161,7 +162,7 @@ async def test_a_client_that_goes_takes_its_own_stopping_programs_along(bench: B
 
 
 async def test_a_program_waits_for_its_client_for_its_grace(bench: Bench) -> None:
-    program = await bench.service.open("hmi", grace_s=60.0)
+    program = await bench.service.open("hmi", ProgramOptions(grace_s=60.0))
     await bench.service.lines.submit("hmi", program.program, 1, ["wait", "move"])
     bench.service.client_gone("hmi")
     bench.service.client_back("hmi")
@@ -172,15 +173,15 @@ async def test_a_program_waits_for_its_client_for_its_grace(bench: Bench) -> Non
 
 
 async def test_a_program_whose_grace_is_over_ends_as_it_chose(bench: Bench) -> None:
-    program = await bench.service.open("hmi", grace_s=0.01)
+    program = await bench.service.open("hmi", ProgramOptions(grace_s=0.01))
     await bench.service.lines.submit("hmi", program.program, 1, ["wait", "move"])
     bench.service.client_gone("hmi")
     await bench.until_acked(program.program, state="aborted")
 
 
 async def test_a_client_that_is_back_in_time_goes_on(bench: Bench) -> None:
-    gone = await bench.service.open("other", axes=[1], grace_s=0.02)
-    program = await bench.service.open("hmi", axes=[0], grace_s=0.01)
+    gone = await bench.service.open("other", ProgramOptions(axes=[1], grace_s=0.02))
+    program = await bench.service.open("hmi", ProgramOptions(axes=[0], grace_s=0.01))
     await bench.service.lines.submit("hmi", program.program, 1, ["wait", "move"])
     for client in ("hmi", "other"):
         bench.service.client_gone(client)
@@ -191,7 +192,7 @@ async def test_a_client_that_is_back_in_time_goes_on(bench: Bench) -> None:
 
 
 async def test_a_client_that_goes_lets_its_finishing_programs_end(bench: Bench) -> None:
-    program = await bench.service.open("hmi", on_disconnect="finish")
+    program = await bench.service.open("hmi", ProgramOptions(on_disconnect="finish"))
     await bench.service.lines.submit("hmi", program.program, 1, ["wait", "move"])
     bench.service.client_gone("hmi")
     bench.pipelines.gate.set()
@@ -238,8 +239,8 @@ async def test_a_fault_of_an_idle_axis_ends_no_program_and_one_of_the_machine_al
 
 
 async def test_a_stall_of_the_cycle_ends_only_the_programs_that_the_executor_names(bench: Bench) -> None:
-    held = await bench.service.open("hmi", axes=[0])
-    moving = await bench.service.open("hmi", axes=[1])
+    held = await bench.service.open("hmi", ProgramOptions(axes=[0]))
+    moving = await bench.service.open("hmi", ProgramOptions(axes=[1]))
     for program in (held, moving):
         await bench.service.lines.submit("hmi", program.program, 1, ["wait"])
     stalled = int(FaultCode.CYCLE_STALLED)
@@ -338,7 +339,7 @@ async def test_a_program_that_the_executor_still_stops_after_a_reset_says_so(ben
 
 
 async def test_single_line_mode_starts_one_line_a_step(bench: Bench) -> None:
-    program = await bench.service.open("hmi", step=True)
+    program = await bench.service.open("hmi", ProgramOptions(step=True))
     await bench.service.lines.submit("hmi", program.program, 1, ["move", "move"])
     assert program.done == 0
     bench.service.step("hmi", program.program)
@@ -398,7 +399,7 @@ async def test_events_are_numbered_without_a_gap(bench: Bench) -> None:
 
 
 async def test_lines_before_the_start_line_reach_the_pipeline_as_modal_text(bench: Bench) -> None:
-    program = await bench.service.open("hmi", start_line=3, before=["G20", "G91"])
+    program = await bench.service.open("hmi", ProgramOptions(start_line=3, before=["G20", "G91"]))
     await bench.service.lines.submit("hmi", program.program, 3, ["move"])
     await bench.until_acked(program.program, done=3)
     assert bench.pipelines.made[program.program].request.start.modal == ModalState(
@@ -489,4 +490,6 @@ async def test_a_resumption_of_a_program_that_never_was_is_refused(
 ) -> None:
     lines = ["G90"] * (start_line - 1) if before else []
     with pytest.raises(ServiceError, match="MC503: "):
-        await bench.service.open("hmi", resume_of="nobody-1", start_line=start_line, before=lines)
+        await bench.service.open(
+            "hmi", ProgramOptions(resume_of="nobody-1", start_line=start_line, before=lines)
+        )

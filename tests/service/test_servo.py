@@ -15,6 +15,7 @@ from mcserver.errors import Refused
 from mcserver.executor.entries import Control, ControlKind
 from mcserver.machine.machine_file import Machine, load_machine, parse_machine
 from mcserver.service.program import Program
+from mcserver.service.program_options import ProgramOptions
 from mcserver.service.servo import close_targets, open_servo, put_targets
 from mcserver.service.target_stream import TargetMessage
 from tests.kinematics import arm7
@@ -89,7 +90,7 @@ async def test_silence_aborts_the_program_says_why_and_needs_no_reset(cell: Virt
 
 
 async def test_a_program_s_axes_are_not_to_be_had_and_who_has_them_is_named(cell: VirtualCell) -> None:
-    await cell.service.open("mill", name="part 7", axes=[1])
+    await cell.service.open("mill", ProgramOptions(name="part 7", axes=[1]))
     with pytest.raises(Refused, match="part 7") as refusal:
         await opened(cell, [0, 1])
     assert (refusal.value.code, refusal.value.details["client"]) == ("MC512", "mill")
@@ -103,7 +104,7 @@ async def test_axes_in_servo_mode_are_refused_to_a_jog_and_a_program_waits_for_t
     with pytest.raises(Refused, match="servo mode") as refusal:
         await cell.jog(0, 1.0, 1.0)
     assert refusal.value.code == "MC512"
-    program = await cell.service.open("mill", axes=[0])
+    program = await cell.service.open("mill", ProgramOptions(axes=[0]))
     assert program.state == "queued"
     close_targets(cell.service, streamer.program)
     await cell.until(lambda: program.state == "running")
@@ -159,7 +160,7 @@ async def test_an_axis_that_holds_a_speed_comes_to_rest_before_it_follows(cell: 
         Control(ControlKind.SPEED, 0.0, 0, axes=1, values=(0.1, 0.0, 0.0)),
         Control(ControlKind.FINISH, 0.0, 0),
     ]
-    spinning = await cell.service.open("mill", axes=[0], controls=speed)
+    spinning = await cell.service.open("mill", ProgramOptions(axes=[0], controls=speed))
     await cell.ended(spinning)
     await cell.until(lambda: cell.position(0) > 0.02)
     streamer = await opened(cell, [0])
@@ -175,7 +176,7 @@ async def test_a_program_moves_an_axis_from_where_servo_mode_left_it(cell: Virtu
     await streamer.stream([0.0501234], 1.0)
     close_targets(cell.service, streamer.program)
     await cell.ended(streamer.program)
-    program = await cell.service.open("mill", axes=[0])
+    program = await cell.service.open("mill", ProgramOptions(axes=[0]))
     await cell.service.lines.submit("mill", program.program, 1, ["G90", "G01 X60 F3000", "M02"])
     ended = await cell.ended(program)
     assert (ended.state, ended.fault) == ("finished", None)
@@ -317,7 +318,7 @@ async def test_bounds_in_which_bodies_do_not_stay_clear_end_it_before_anything_m
 
 async def test_a_program_beside_bounded_targets_counts_all_places_between_them(guarded: VirtualCell) -> None:
     async def passed() -> str:
-        beside = await guarded.service.open("mill", axes=[1])
+        beside = await guarded.service.open("mill", ProgramOptions(axes=[1]))
         await guarded.service.lines.submit("mill", beside.program, 1, ["G1010", "G1 Y120 F6000", "G1 Y0"])
         guarded.service.lines.close("mill", beside.program)
         program = await guarded.ended(beside)

@@ -19,6 +19,7 @@ from mcserver.service.journal_reader import read_programs, read_recorded
 from mcserver.service.kept_file import replace_file
 from mcserver.service.line_queue import LineQueue
 from mcserver.service.program import Program
+from mcserver.service.program_options import ProgramOptions
 from mcserver.service.progress_reports import LINES, ProgressReports
 from mcserver.service.servo import open_servo
 from mcserver.service.work_offsets import WorkOffsets
@@ -75,8 +76,8 @@ async def test_a_program_runs_on_and_gives_its_axes_away_while_the_disk_stalls(
     cell: VirtualCell, disk: StallingDisk
 ) -> None:
     service = cell.service
-    first = await service.open("test", axes=[0], hold=True)
-    second = await service.open("test", axes=[0])
+    first = await service.open("test", ProgramOptions(axes=[0], hold=True))
+    second = await service.open("test", ProgramOptions(axes=[0]))
     await service.lines.submit("test", first.program, 1, ["G1010 P0", "G01 X20 F600"], judge=False)
     await service.lines.submit("test", second.program, 1, ["G01 X40 F600"], judge=False)
     await service.lines.close("test", first.program)
@@ -101,7 +102,7 @@ async def test_a_program_runs_on_and_gives_its_axes_away_while_the_disk_stalls(
 
 async def test_a_hold_and_a_stop_wait_for_no_disk(cell: VirtualCell, disk: StallingDisk) -> None:
     service = cell.service
-    program = await service.open("test", axes=[0])
+    program = await service.open("test", ProgramOptions(axes=[0]))
     await service.lines.submit("test", program.program, 1, ["G1010 P0", "G01 X900 F600"], judge=False)
     await cell.until(lambda: program.progress.started == 2)
     disk.goes_on.clear()
@@ -121,7 +122,7 @@ async def test_a_program_is_said_to_be_open_once_it_can_be_found_after_a_kill(
     cell: VirtualCell, disk: StallingDisk
 ) -> None:
     disk.goes_on.clear()
-    program = await cell.service.open("test", axes=[0])
+    program = await cell.service.open("test", ProgramOptions(axes=[0]))
     said = asyncio.ensure_future(cell.service.recorded(program))
     await cell.until(lambda: program.state == "running")
     assert not said.done()
@@ -136,7 +137,7 @@ async def test_of_a_program_whose_opening_is_said_ahead_of_the_journal_no_line_r
 ) -> None:
     await cell.run("G1010 P0", axes=[0])
     disk.goes_on.clear()
-    program = await cell.service.open("test", axes=[0])
+    program = await cell.service.open("test", ProgramOptions(axes=[0]))
     taken = cell.service.lines.submit("test", program.program, 1, ["G1010 P0", "G01 X20 F600"], judge=False)
     kinds = {"program.opened", "program.started"}
     await cell.until(lambda: kinds <= {each.kind for each in cell.events if each.program == program.program})
@@ -153,7 +154,7 @@ async def test_of_a_program_whose_opening_is_said_ahead_of_the_journal_no_line_r
 async def test_a_text_is_said_to_be_whole_once_the_journal_has_it(
     cell: VirtualCell, disk: StallingDisk
 ) -> None:
-    program = await cell.service.open("test", axes=[0])
+    program = await cell.service.open("test", ProgramOptions(axes=[0]))
     await cell.service.lines.submit("test", program.program, 1, ["G04 P9"], judge=False)
     disk.goes_on.clear()
     closed = cell.service.lines.close("test", program.program, 1)
@@ -176,7 +177,7 @@ async def test_lines_are_taken_while_a_sync_lasts(cell: VirtualCell, monkeypatch
     with contextlib.ExitStack() as stack:
         stack.callback(synced.set)
         monkeypatch.setattr("os.fdatasync", slow)
-        program = await cell.service.open("test", axes=[0])
+        program = await cell.service.open("test", ProgramOptions(axes=[0]))
         await cell.until(syncing.is_set)
         taken = await cell.service.lines.submit("test", program.program, 1, ["G04 P0"])
         assert taken.journaled == 1
@@ -196,7 +197,7 @@ async def test_a_disk_that_stalls_under_the_tables_stalls_nothing_else_and_their
 
     monkeypatch.setattr("os.fsync", slow)
     lines = ["G10 L2 P1 X5", "G04 P0.01", "G04 P0.01"]
-    program = await cell.service.open("test", axes=[0])
+    program = await cell.service.open("test", ProgramOptions(axes=[0]))
     await cell.service.lines.submit("test", program.program, 1, lines, judge=False)
     await cell.until(syncing.is_set)
     await cell.until(lambda: program.progress.done == 3)
@@ -231,12 +232,12 @@ async def test_an_axis_moves_once_the_disk_has_it_that_its_reading_holds_no_long
 ) -> None:
     cell = VirtualCell(parse_machine(REFERENCED), tmp_path)
     service = cell.service
-    other = await service.open("test", axes=[1])
+    other = await service.open("test", ProgramOptions(axes=[1]))
     await service.lines.submit("test", other.program, 1, ["G1010 P1", "G01 Y900 F600"], judge=False)
     await cell.homing.reference("test", {0: 0.0})
     await cell.until(lambda: cell.position(1) > 0.0)
     disk = StallingSync(monkeypatch)
-    program = await service.open("test", axes=[0])
+    program = await service.open("test", ProgramOptions(axes=[0]))
     await cell.until(disk.waits.is_set)
     assert program.state == "running"
     taken = service.lines.submit("test", program.program, 1, ["G1010 P0", "G01 X20 F600"], judge=False)
@@ -278,14 +279,14 @@ async def test_on_a_full_disk_a_line_that_changes_the_tables_is_not_done_and_no_
         replace_file(path, content)
 
     monkeypatch.setattr("mcserver.service.kept_file.replace_file", write)
-    program = await cell.service.open("test", axes=[0])
+    program = await cell.service.open("test", ProgramOptions(axes=[0]))
     await cell.service.lines.submit("test", program.program, 1, ["G10 L2 P1 X5", "G04 P0.01"], judge=False)
     await cell.until(lambda: program.progress.done == 2)
     await cell.until(lambda: any(event.reason == "MC519" for event in cell.events))
     assert program.done == 0
     assert journaled_done(cell, program.program) == 0
     with pytest.raises(ServiceError, match=r"MC519.*No space left"):
-        await cell.service.open("test", axes=[0])
+        await cell.service.open("test", ProgramOptions(axes=[0]))
     full = False
     await cell.until(lambda: program.done == 2)
     again = WorkOffsets(tmp_path / "journal.db.offsets.json")
@@ -312,18 +313,7 @@ class Reported:
     def __init__(self) -> None:
         self.journal = WaitingJournal()
         self.ticks: list[Callable[[], None]] = []
-        self.program = Program(
-            "p",
-            client="hmi",
-            name="",
-            axes=[0],
-            on_disconnect="stop",
-            start_line=1,
-            step=False,
-            resume_of=None,
-            opened_at=0.0,
-            queue=LineQueue(),
-        )
+        self.program = Program("p", "hmi", [0], ProgramOptions(), opened_at=0.0, queue=LineQueue())
         loop: Any = self
         journal: Any = self.journal
         self._reports = ProgressReports(loop, journal, lambda *_, **__: None, lambda _program: None)

@@ -209,6 +209,12 @@ def test_a_chunk_keeps_its_times_and_its_own_slopes_and_ends_at_rest() -> None:
     assert targets.until == pytest.approx(1.1)
 
 
+@pytest.mark.parametrize(("longest", "counts"), [(60.0, True), (60.001, False)])
+def test_a_chunk_lasts_a_minute_at_the_most(longest: float, counts: bool) -> None:
+    targets = Sender().send([[0.0, 0.0], [0.1, 0.0]], sent=0.0, times=[0.1, longest])
+    assert (targets is not None) == counts
+
+
 def test_velocities_alone_are_followed_as_such() -> None:
     targets = Sender().send(None, [[0.1, 0.2]], sent=0.0)
     assert targets is not None

@@ -28,6 +28,7 @@ from mcserver.service.homing import HomingService
 from mcserver.service.jog import Jogging
 from mcserver.service.journal_file import open_journal
 from mcserver.service.program import Program
+from mcserver.service.program_options import ProgramOptions
 from mcserver.service.references import References, references_file
 from mcserver.service.reports import Event
 from mcserver.service.service import MachineService
@@ -172,7 +173,7 @@ class VirtualCell:
 
     async def begin(self, *lines: str, client: str = "test", **opened: Any) -> Program:
         """A program that has all of its lines."""
-        program = await self.service.open(client, **opened)
+        program = await self.service.open(client, ProgramOptions(**opened))
         self.service.lines.submit(client, program.program, 1, list(lines))
         self.service.lines.close(client, program.program)
         return program

@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mcserver.errors import UsageFault
-from mcserver.machine.io_section import Scripted
+from mcserver.machine.io_section import ScriptedValue
 from mcserver.machine.machine_file import Machine, parse_machine
 from mcserver.simulation.input_script import with_inputs
 
@@ -28,8 +28,8 @@ def machine() -> Machine:
 
 def test_entries_join_the_script_of_the_file_in_order_of_time() -> None:
     door, real, air = with_inputs(machine(), ["front door=off@0.5", "3=on@2s", "air=-4.5"]).inputs
-    assert door.script == (Scripted(0.5, 0.0), Scripted(1.0, 1.0), Scripted(2.0, 1.0))
-    assert air.script == (Scripted(0.0, -4.5),)
+    assert door.script == (ScriptedValue(0.5, 0.0), ScriptedValue(1.0, 1.0), ScriptedValue(2.0, 1.0))
+    assert air.script == (ScriptedValue(0.0, -4.5),)
     assert real.source is not None
 
 

@@ -42,7 +42,7 @@ class Scalar(NamedTuple):
     name: str
 
 
-class Named(NamedTuple):
+class NamedType(NamedTuple):
     """A message, or the words of a `Words`."""
 
     name: str
@@ -67,7 +67,7 @@ class Maybe(NamedTuple):
     inner: Type
 
 
-Type = Scalar | Named | ListOf | MapOf | Maybe
+Type = Scalar | NamedType | ListOf | MapOf | Maybe
 
 
 class Words(NamedTuple):
@@ -152,10 +152,10 @@ def constant(text: str) -> str:
     return "_".join(parts(text)).upper()
 
 
-def named(kind: Type) -> list[Named]:
+def named(kind: Type) -> list[NamedType]:
     """Return the message, or the words, that a type is made of; none where it is of scalars."""
     match kind:
-        case Named():
+        case NamedType():
             return [kind]
         case ListOf(inner) | MapOf(inner) | Maybe(inner):
             return named(inner)
@@ -227,9 +227,9 @@ def _type(kind: inspect.Type, names: dict[frozenset[str], Words]) -> Type:
         case inspect.DictType():
             return MapOf(_type(kind.value_type, names))
         case inspect.StructType():
-            return Named(TYPE_NAMES.get(kind.cls.__name__, kind.cls.__name__), words=False)
+            return NamedType(TYPE_NAMES.get(kind.cls.__name__, kind.cls.__name__), words=False)
         case inspect.LiteralType():
-            return Named(names[frozenset(map(str, kind.values))].name, words=True)
+            return NamedType(names[frozenset(map(str, kind.values))].name, words=True)
         case inspect.UnionType():
             return _union(kind, names)
         case _:

@@ -15,7 +15,7 @@ from mcserver.contract.sdk.model import (
     Maybe,
     Message,
     Model,
-    Named,
+    NamedType,
     Scalar,
     Words,
     constant,
@@ -154,7 +154,7 @@ def _words(words: Words, model: Model) -> str:
     members = "\n".join(f"    {constant(each)} = {each!r}" for each in words.words)
     made = f'class {words.name}(Word):\n    """One of the words of the wire."""\n\n{members}\n\n'
     sent = [field.type for each in model.messages if each.sent for field in each.fields]
-    if not {Named(words.name, words=True), Maybe(Named(words.name, words=True))} & set(sent):
+    if not {NamedType(words.name, words=True), Maybe(NamedType(words.name, words=True))} & set(sent):
         return made
     # an argument may be given as a plain text
     return f"{made}\n{words.name}Word = {words.name} | Literal[{', '.join(map(repr, words.words))}]\n\n"

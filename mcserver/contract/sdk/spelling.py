@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 
-from mcserver.contract.sdk.model import Field, ListOf, MapOf, Maybe, Named, Scalar, Type
+from mcserver.contract.sdk.model import Field, ListOf, MapOf, Maybe, NamedType, Scalar, Type
 
 
 @dataclass(frozen=True)
@@ -42,7 +42,7 @@ class Spelling:
         match kind:
             case Scalar(name):
                 return (inside and self.boxed.get(name)) or self.scalars[name]
-            case Named(name, words):
+            case NamedType(name, words):
                 return ((not words and self.message) or self.named).format(self.name(name))
             case ListOf(inner):
                 return self.list_of.format(self.type(inner, inside=True))
@@ -64,7 +64,7 @@ class Spelling:
                 return self.empty_list
             case MapOf(), _:
                 return self.empty_map
-            case Named(name, words=True), str(word):
+            case NamedType(name, words=True), str(word):
                 return self.word(name, word)
             case _, bool(flag):
                 return self.flags[flag]

@@ -8,7 +8,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from mcserver.executor.axes import ColumnMasks
+from mcserver.executor.column_masks import ColumnMasks
 from mcserver.executor.entries import Array
 from mcserver.executor.shm.feedback import FeedbackRow
 from mcserver.executor.shm.rings import ProgramRing, scalar_view

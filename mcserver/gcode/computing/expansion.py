@@ -28,7 +28,7 @@ from mcserver.gcode.computing.o_words import (
     saves,
     shown_name,
 )
-from mcserver.gcode.computing.parameters import Kept, ParameterTable, check_own
+from mcserver.gcode.computing.parameters import ComputedState, ParameterTable, check_own
 from mcserver.gcode.computing.saved_state import restoring_line, state_of
 from mcserver.gcode.line_faults import Origin, Span, in_file
 from mcserver.gcode.semantics.interpreter import Interpreter
@@ -78,7 +78,7 @@ class Expansion:
     def __init__(self, interpreter: Interpreter, source: Source = Source.MACHINE) -> None:
         self._interpreter = interpreter
         self._tolerant = source is Source.ASSUMED
-        self._parameters = self._table(Kept())
+        self._parameters = self._table(ComputedState())
         self._subprograms: dict[str, Routine] = {}
         self._texts: dict[int, str] = {}
         self._gathered: dict[int, str] = {}
@@ -101,14 +101,14 @@ class Expansion:
         if kept is not None:
             self._restore(kept)
 
-    def _restore(self, kept: Kept) -> None:
+    def _restore(self, kept: ComputedState) -> None:
         """Go on as `kept` was."""
         for number, text in sorted(kept.subprograms.items()):
             self._compute(text, number)
         self._parameters = self._table(kept)
         self.through = 0
 
-    def _table(self, kept: Kept) -> ParameterTable:
+    def _table(self, kept: ComputedState) -> ParameterTable:
         return ParameterTable(kept)
 
     # ------------------------------------------------------------ state
@@ -128,7 +128,7 @@ class Expansion:
         """Whether a block runs: what it has done cannot be taken back."""
         return bool(self._frames) and self.head > 0
 
-    def kept(self) -> Kept | None:
+    def kept(self) -> ComputedState | None:
         """Return the parameters and subprograms between two lines of the main program; None: there are none.
 
         Raises:
@@ -146,7 +146,7 @@ class Expansion:
             )
         found = self._parameters.kept()
         found = msgspec.structs.replace(found, subprograms=dict(self._texts))
-        return None if found == Kept() else found
+        return None if found == ComputedState() else found
 
     # ------------------------------------------------------------ text
 

@@ -24,7 +24,7 @@ from mcserver.gcode.computing.macro_lines import (
     program_number,
 )
 from mcserver.gcode.computing.o_words import MOST_CHARACTERS, MOST_LINES, Instruction, Routine
-from mcserver.gcode.computing.parameters import Kept, ParameterTable
+from mcserver.gcode.computing.parameters import ComputedState, ParameterTable
 from mcserver.gcode.line_faults import Origin, Span
 from mcserver.gcode.semantics.interpreter import Interpreter
 from mcserver.gcode.text.parser import ParsedLine
@@ -101,10 +101,10 @@ class MacroExpansion(Expansion):
         self._calls[0].at = len(self._main.code)
         self._note()
 
-    def _table(self, kept: Kept) -> ParameterTable:
+    def _table(self, kept: ComputedState) -> ParameterTable:
         return ParameterTable(kept, LOCALS, NULL)
 
-    def _restore(self, kept: Kept) -> None:
+    def _restore(self, kept: ComputedState) -> None:
         for number, text in sorted(kept.subprograms.items()):
             self._append(text, number)
         self._reached = self._last
@@ -130,7 +130,7 @@ class MacroExpansion(Expansion):
         """Whether what has run cannot be taken back."""
         return self.head > 0 and self._met is None
 
-    def kept(self) -> Kept | None:
+    def kept(self) -> ComputedState | None:
         """Return parameters and text between two lines of the main program; None: there are none.
 
         Raises:

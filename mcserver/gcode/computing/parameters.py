@@ -34,7 +34,7 @@ class Scope:
         self.returns = False
 
 
-class Kept(msgspec.Struct, frozen=True):
+class ComputedState(msgspec.Struct, frozen=True):
     """Parameters and subprograms of a program at one of its lines, from which it can go on.
 
     Attributes:
@@ -58,7 +58,7 @@ class ParameterTable:
         scopes: of the main program and of the calls under way.
     """
 
-    def __init__(self, kept: Kept, local: int = LOCAL, unset: float = 0.0) -> None:
+    def __init__(self, kept: ComputedState, local: int = LOCAL, unset: float = 0.0) -> None:
         self._local = local
         self._unset = unset
         self.scopes = [self.scope()]
@@ -77,12 +77,12 @@ class ParameterTable:
         """Return whether a parameter of the whole program was set."""
         return number in self._numbered
 
-    def kept(self) -> Kept:
+    def kept(self) -> ComputedState:
         """Return what the main program has."""
         main = self.scopes[0]
         unset = (type(self._unset), self._unset)
         local = {each: value for each, value in enumerate(main.numbered) if (type(value), value) != unset}
-        return Kept({**self._numbered, **local}, dict(main.named), dict(self._named))
+        return ComputedState({**self._numbered, **local}, dict(main.named), dict(self._named))
 
     def numbered(self, number: int) -> float:
         """Return a numbered parameter; one that was never set is `unset`."""

@@ -10,7 +10,7 @@ from mcserver.gcode.profiles.codes import LARGEST_FEED_PER_TURN
 from mcserver.gcode.semantics.arc_plane import PLANES
 from mcserver.gcode.semantics.block_state import ASSUMED_FEED, ASSUMED_TOOL, BlockState
 from mcserver.gcode.semantics.modal import SMALLEST_FEED, apply_setting, read_feed, smallest_feed
-from mcserver.gcode.semantics.program_places import Given, ends_of
+from mcserver.gcode.semantics.program_places import WordValue, ends_of
 from mcserver.gcode.semantics.program_units import length_scale
 from mcserver.gcode.text.syntax import Command, Setting
 from mcserver.gcode.text.words import INCREMENTAL_LETTERS, Word
@@ -175,7 +175,7 @@ def apply_tool_word(block: BlockState, word: Word) -> None:
 
 def resolve_targets(block: BlockState, words: tuple[ModalWord, ...]) -> list[Target]:
     """Compute the ends of directly named axes; after a faulty word the axis's position counts as a guess."""
-    given: dict[int, Given] = {}
+    given: dict[int, WordValue] = {}
     named: dict[int, Word] = {}
     for entry in words:
         word = entry.word
@@ -184,7 +184,7 @@ def resolve_targets(block: BlockState, words: tuple[ModalWord, ...]) -> list[Tar
         if word.value != word.value or (entry.incremental and word.axis in block.commanded.guessed):
             block.commanded.mark_guessed(word.axis)
             continue
-        given[word.axis] = Given(word.value, entry.inch, entry.incremental)
+        given[word.axis] = WordValue(word.value, entry.inch, entry.incremental)
         named[word.axis] = word
     if block.modal.transformation is not None:
         given = _whole(block, words, given)
@@ -204,7 +204,9 @@ def resolve_targets(block: BlockState, words: tuple[ModalWord, ...]) -> list[Tar
     ]
 
 
-def _whole(block: BlockState, words: tuple[ModalWord, ...], given: dict[int, Given]) -> dict[int, Given]:
+def _whole(
+    block: BlockState, words: tuple[ModalWord, ...], given: dict[int, WordValue]
+) -> dict[int, WordValue]:
     """Leave out words of coupled axes one of which has no known place; these places count as guesses."""
     lost = {entry.word.axis for entry in words if entry.word.axis >= 0} - given.keys()
     known = dict(given)

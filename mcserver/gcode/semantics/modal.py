@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import msgspec
 
-from mcserver.gcode.computing.parameters import Kept
+from mcserver.gcode.computing.parameters import ComputedState
 from mcserver.gcode.profiles.codes import LEAST_FEED_UNDER_G99
 from mcserver.gcode.profiles.frame import Frame
 from mcserver.gcode.profiles.transformation import Transformation
@@ -95,7 +95,7 @@ class ModalState(msgspec.Struct, frozen=True):
     coupled: tuple[tuple[int, int], ...] = ()
     bodies: tuple[GivenBody, ...] = ()
     rollover: bool = False
-    computed: Kept | None = None
+    computed: ComputedState | None = None
 
     @property
     def builds_on_places(self) -> bool:

@@ -21,7 +21,7 @@ _SAME_PLACE = 1e-12
 _ORIGIN = 1e-9
 
 
-class Given(NamedTuple):
+class WordValue(NamedTuple):
     """The number of an axis word, with the units and the distance mode that it is read in."""
 
     value: float
@@ -29,11 +29,11 @@ class Given(NamedTuple):
     incremental: bool
 
 
-def given_by(block: BlockState, words: Mapping[int, ProfileWord]) -> dict[int, Given]:
+def given_by(block: BlockState, words: Mapping[int, ProfileWord]) -> dict[int, WordValue]:
     """Return words of an action by axis, read in the modes in force."""
     modal = block.modal
     return {
-        axis: Given(word.value, modal.inch, modal.incremental or word.letter in INCREMENTAL_LETTERS)
+        axis: WordValue(word.value, modal.inch, modal.incremental or word.letter in INCREMENTAL_LETTERS)
         for axis, word in words.items()
     }
 
@@ -55,7 +55,25 @@ def stored_end(block: BlockState, axis: int, stored: float) -> float:
     return stored
 
 
-def ends_of(block: BlockState, given: Mapping[int, Given], source: Word | Action) -> dict[int, float] | None:
+def axis_values(block: BlockState, action: Action) -> dict[int, float]:
+    """Return an action's axis words by axis [m or rad]; a faulty one is reported and left out."""
+    found: dict[int, float] = {}
+    for word in action.axes:
+        axis = block.setup.axes.get(word.axis)
+        if axis is None:
+            block.faults.add("MC108", f"the machine has no axis {word.axis}", word.span, "", axis=word.axis)
+        elif word.axis in found:
+            block.faults.add(
+                "MC111", f"{word.letter} stands twice in one command", word.span, "keep one of them"
+            )
+        else:
+            found[word.axis] = word.value * axis_scale(axis.type, block.modal.inch)
+    return found
+
+
+def ends_of(
+    block: BlockState, given: Mapping[int, WordValue], source: Word | Action
+) -> dict[int, float] | None:
     """Return where the words of a move take axes [m or rad], those that it turns along behind the named ones.
 
     Reports MC186 and MC188, and returns None then. Behind it the ends count as programmed ones.
@@ -98,7 +116,7 @@ def ends_of(block: BlockState, given: Mapping[int, Given], source: Word | Action
 
 
 def _settled(
-    block: BlockState, found: Transformation, given: Mapping[int, Given], source: Word | Action
+    block: BlockState, found: Transformation, given: Mapping[int, WordValue], source: Word | Action
 ) -> Transformation | None:
     """Return the transformation behind the words; None where controllers would go to different places."""
     needed = found.coupled(frozenset(given))
@@ -118,7 +136,7 @@ def _settled(
 
 
 def _polar(
-    block: BlockState, found: Transformation, words: Mapping[int, Given], source: Word | Action
+    block: BlockState, found: Transformation, words: Mapping[int, WordValue], source: Word | Action
 ) -> dict[int, float] | None:
     """Return the coordinates of radius and angle [m], and keep both for words that leave one out."""
     polar = found.polar

@@ -26,7 +26,7 @@ MORE_TIME, TRIES = 1.05, 6
 
 
 @dataclass(frozen=True)
-class Unfinished:
+class LineShortfall:
     """A line that would end before its companions, and by how much [s]."""
 
     line: int
@@ -109,7 +109,7 @@ class CompanionMotions:
         self._leading = self._beside = 0
         self._before, self._set_time = None, False
 
-    def unfinished(self, plan: PlannedRun, origin: float) -> Unfinished | None:
+    def unfinished(self, plan: PlannedRun, origin: float) -> LineShortfall | None:
         """Return a line that a plan would end before its companions, or None.
 
         Args:
@@ -125,7 +125,7 @@ class CompanionMotions:
             if segment.closes and segment.line in starts:
                 missing = self._of(segment.line).duration - (times[index + 1] - starts[segment.line])
                 if missing > ROUNDING_S:
-                    return Unfinished(segment.line, missing)
+                    return LineShortfall(segment.line, missing)
         return None
 
     def last_to_end(self, window: Lookahead, plan: PlannedRun, origin: float) -> PlannedRun:
