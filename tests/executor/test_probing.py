@@ -68,6 +68,17 @@ def test_the_move_stays_on_its_line_while_it_stops() -> None:
     assert path[:, 1] == pytest.approx(path[:, 2] * 0.25, abs=1e-12)
 
 
+def test_a_move_from_elsewhere_than_zero_stays_on_its_line_too() -> None:
+    cell = Cell(machine(PLANE), "G21 G90 G94\nG1 X2 Y1 Z4 F3000\nG38.2 X4 Y0 Z-8 F3000\nM2")
+    cell.run()
+    path = np.array(cell.rows) / MM
+    probing = path[np.argmax(path[:, 2]) :]
+    below = 4.0 - probing[:, 2]
+    assert below.max() > 7.2
+    assert probing[:, 0] == pytest.approx(2.0 + below / 6.0, abs=1e-9)
+    assert probing[:, 1] == pytest.approx(1.0 - below / 12.0, abs=1e-9)
+
+
 def test_the_next_line_starts_where_the_probe_stopped() -> None:
     cell = Cell(machine(PLANE), "G21 G90 G94\nG38.2 Z-8 F600\nG91 G1 Z1 F600\nG90 G1 X5 Z0\nM2")
     cell.run()
