@@ -1,4 +1,4 @@
-"""Feedback of a bus is some cycles old: an axis is late only where it is not on its way of that time either."""
+"""Feedback of a bus is some cycles old: an axis is late by what it is off its way, not by that age."""
 
 from __future__ import annotations
 

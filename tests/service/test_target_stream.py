@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 
+import msgspec
 import numpy as np
 import pytest
 from numpy.typing import NDArray
@@ -61,6 +62,10 @@ def counted(sender: Sender) -> dict[str, float]:
 def knots_of(targets: Targets | None) -> Array:
     assert targets is not None
     return targets.knots
+
+
+def test_a_stream_of_which_nothing_has_come_has_counted_nothing() -> None:
+    assert set(msgspec.structs.astuple(Sender().stream.status)) == {0}
 
 
 def test_positions_lead_through_the_middles_and_come_to_rest_on_the_last() -> None:
