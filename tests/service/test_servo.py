@@ -316,22 +316,27 @@ async def test_bounds_in_which_bodies_do_not_stay_clear_end_it_before_anything_m
     assert "narrower low and high" in program.fault.hint
 
 
-async def test_a_program_beside_bounded_targets_counts_all_places_between_them(guarded: VirtualCell) -> None:
-    async def passed() -> str:
+async def test_a_program_waits_for_bounded_targets_before_all_places_between_them(
+    guarded: VirtualCell,
+) -> None:
+    async def begun() -> Program:
         beside = await guarded.service.open("mill", ProgramOptions(axes=[1]))
         await guarded.service.lines.submit("mill", beside.program, 1, ["G1010", "G1 Y120 F6000", "G1 Y0"])
         guarded.service.lines.close("mill", beside.program)
-        program = await guarded.ended(beside)
-        return program.state if program.fault is None else program.fault.code
+        return beside
 
     # the head passes the gate at X60 where it stands at X0, and not where it may come there
-    assert await passed() == "finished"
+    assert (await guarded.ended(await begun())).state == "finished"
     streamer = await bounded(guarded, 0.0, 0.08)
-    await streamer.stream([0.0], 0.2, counts_s=9.0)
-    assert await passed() == "MC321"
+    await streamer.stream([0.0], 0.2, counts_s=600.0)
+    beside = await begun()
+    said = [streamer.program.program, "waits"]
+    await guarded.until(lambda: any(all(each in event.message for each in said) for event in guarded.events))
+    assert guarded.position(1) < 0.12
+    assert not beside.over
     close_targets(guarded.service, streamer.program)
     await guarded.ended(streamer.program)
-    assert await passed() == "finished"
+    assert (await guarded.ended(beside)).state == "finished"
 
 
 @pytest.mark.parametrize(
