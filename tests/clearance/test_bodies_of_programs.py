@@ -214,7 +214,10 @@ async def test_a_body_that_another_program_is_about_to_pass_is_not_taken(start: 
     await cell.run("G1010", "G1 Z20 F6000")
     under_way = await cell.begin("G0 X300", axes=[0])
     await cell.until(lambda: place(cell, 0) > 20.0)
+    # it is still about to, however long the other one takes to come
+    cell.service.hold(under_way.program)
     bringing = await cell.run(BROUGHT, "G4 P1", axes=[1])
     assert (bringing.state, fault_of(bringing)) == ("faulted", ("MC320", 1))
+    cell.service.resume(under_way.program)
     await cell.ended(under_way)
     assert under_way.state == "finished"

@@ -256,22 +256,6 @@ async def test_requests_that_are_none_get_an_error(client: FollowClient, peer: W
     assert (await client.result(make("unique_identifier_msgs/msg/UUID"))).status == Status.UNKNOWN
 
 
-async def test_a_bridge_that_is_late_leaves_the_axes_on_their_way(
-    cell: Cell, client: FollowClient, machine: Machine
-) -> None:
-    goal = await moving(client)
-    cell.bridge.send_signal(signal.SIGSTOP)
-    try:
-        stopped_at = (await machine.status()).axes.position[0]
-        async with asyncio.timeout(10.0):
-            # for half a second
-            while (await machine.status()).axes.position[0] < stopped_at + math.degrees(0.15):
-                await asyncio.sleep(0.01)
-    finally:
-        cell.bridge.send_signal(signal.SIGCONT)
-    await ends(client, goal, Status.SUCCEEDED, SUCCESSFUL)
-
-
 async def test_a_bridge_that_stands_still_is_late_and_the_axes_have_stopped(
     cell: Cell, client: FollowClient, machine: Machine
 ) -> None:
