@@ -5,6 +5,7 @@ from __future__ import annotations
 from contextlib import ExitStack
 
 import msgspec
+from mckinematics.pose import Kinematics
 
 from mcserver.cli.console import json_answer_on_error, results, show_diagnostics, write_json
 from mcserver.cli.options import (
@@ -43,10 +44,16 @@ def check(
             described = with_zeros(load_machine(machine), zero or ())
             program = stack.enter_context(program_lines(file))
             switches = Switches(block_delete, optional_stop)
-            diagnostics = find_faults(program, described, switches)
-            rejected = any(each.severity == "error" for each in diagnostics)
-            if described.clearance is not None and not rejected:
-                diagnostics += find_contacts(program, described, switches)
+            kinematics = build_kinematics(described)
+            diagnostics = check_lines(
+                program.source(), described, kinematics, at_rest=True, switches=switches
+            )
+            said = "no faults"
+            if described.clearance is not None and all(each.severity != "error" for each in diagnostics):
+                contacts = find_contacts(program, described, kinematics, switches)
+                diagnostics += contacts
+                # what has ended early may touch further on
+                said += "" if contacts else " and no contacts"
         rejected = any(each.severity == "error" for each in diagnostics)
         if json:
             write_json({"ok": not rejected, "diagnostics": [each.as_json() for each in diagnostics]})
@@ -55,30 +62,24 @@ def check(
             reject(diagnostics, program, program.name)
         show_diagnostics(diagnostics, program, program.name)
     if not json:
-        found = "no faults" if described.clearance is None else "no faults and no contacts"
-        results().print(f"{program.name}: {found} on machine {described.name}")
+        results().print(f"{program.name}: {said} on machine {described.name}")
 
 
-def find_faults(program: ProgramLines, machine: Machine, switches: Switches) -> list[Diagnostic]:
-    """Return all faults of a program on a machine, tools' paths included."""
-    kinematics = build_kinematics(machine)
-    return check_lines(program.source(), machine, kinematics, at_rest=True, switches=switches)
-
-
-def find_contacts(program: ProgramLines, machine: Machine, switches: Switches) -> list[Diagnostic]:
+def find_contacts(
+    program: ProgramLines, machine: Machine, kinematics: Kinematics | None, switches: Switches
+) -> list[Diagnostic]:
     """Return what a program without faults touches, on the setpoints that would be played.
 
     Where its run ends earlier, as at an input that nobody sets, a warning says at which line and why.
     """
-    from mcserver.cli.planner_warm_up import prepare_planner
+    from mcserver.cli.planner_warm_up import prepare_planner_for
     from mcserver.cli.simulate import live_progress
     from mcserver.cli.simulation_report import diagnostics_of
-    from mcserver.motion.compiling import SHORT_LINES
     from mcserver.planning.start_state import StartState
     from mcserver.processes import collect_seldom
     from mcserver.simulation.simulation import simulate_lines
 
-    prepare_planner(SHORT_LINES + 1 if program.has_more_than(SHORT_LINES) else 0)
+    prepare_planner_for(program)
     collect_seldom()
     with live_progress() as progress:
         found = simulate_lines(
@@ -86,7 +87,7 @@ def find_contacts(program: ProgramLines, machine: Machine, switches: Switches) -
             machine,
             checked=True,
             start=StartState.of(machine, switches=switches),
-            kinematics=build_kinematics(machine),
+            kinematics=kinematics,
             progress=progress,
         )
     return [each if each.code in _CONTACTS else _up_to(each) for each in diagnostics_of(found.report)]

@@ -5,6 +5,7 @@ from __future__ import annotations
 import threading
 
 from mcserver.cli.console import narration
+from mcserver.cli.program_lines import ProgramLines
 from mcserver.motion.compiling import (
     COMPILING,
     PATIENCE_S,
@@ -39,3 +40,8 @@ def prepare_planner(lines: int) -> None:
         warm_up()
     finally:
         notice.cancel()
+
+
+def prepare_planner_for(program: ProgramLines) -> None:
+    """Get the planner ready for a program, which is read no further than it takes to know that it is long."""
+    prepare_planner(SHORT_LINES + 1 if program.has_more_than(SHORT_LINES) else 0)

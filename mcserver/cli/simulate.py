@@ -21,7 +21,7 @@ from mcserver.cli.options import (
     ZeroOption,
 )
 from mcserver.cli.output_file import check_output, write_atomically
-from mcserver.cli.planner_warm_up import prepare_planner
+from mcserver.cli.planner_warm_up import prepare_planner_for
 from mcserver.cli.program_file import read_program
 from mcserver.cli.program_lines import keep_shown, program_lines
 from mcserver.cli.rejection import reject
@@ -37,7 +37,6 @@ from mcserver.gcode.text.source import decode
 from mcserver.machine.clearance_section import RunRole
 from mcserver.machine.machine_file import load_machine
 from mcserver.machine.machine_kinematics import build_kinematics
-from mcserver.motion.compiling import SHORT_LINES
 from mcserver.planning.start_state import StartState
 from mcserver.processes import collect_seldom
 from mcserver.simulation.assertions import read_assertion
@@ -127,7 +126,7 @@ def simulate_program(
                 check_output(output, (".csv", ".npz"))
             described = with_zeros(with_inputs(load_machine(machine), inputs or ()), zero or ())
             program = stack.enter_context(program_lines(file))
-            prepare_planner(SHORT_LINES + 1 if program.has_more_than(SHORT_LINES) else 0)
+            prepare_planner_for(program)
             from mcserver.simulation.simulation import simulate_lines
 
             kinematics = build_kinematics(described)

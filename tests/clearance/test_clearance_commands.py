@@ -76,6 +76,10 @@ def test_a_check_says_where_a_run_ends_that_waits_for_an_input(tmp_path: Path, c
     [early] = json.loads(capfd.readouterr().out)["diagnostics"]
     assert (early["severity"], early["line"]) == ("warning", 2)
     assert "up to here alone" in early["message"]
+    assert run_command_line(["check", str(program), "--machine", str(machine)]) == 0
+    shown = capfd.readouterr().out
+    assert "no faults" in shown
+    assert "no contacts" not in shown
 
 
 @pytest.mark.parametrize(
