@@ -551,15 +551,15 @@ class ClearanceGuard:
         """
         tenant, space = self._tenant, self._space
         levers = self._sweep.scene.levers[:, contact.pair]
+        fault = self._touching(contact, line, hint)
         other = space.mover(levers > 0.0, tenant) if waits and not self._by_hand else None
         if other is None:
             tenant.wait = None
-            self.contact = self._touching(contact, line, hint)
+            self.contact = fault
             return
         now = space.time
         if tenant.wait is None or tenant.wait.program != other:
             tenant.wait = Wait(other, now)
-        fault = self._touching(contact, line, hint)
         if now - tenant.wait.since >= LOCKED_S and space.locked(tenant):
             message = f"{fault.message}, and both wait for each other"
             self.contact = msgspec.structs.replace(fault, message=message)

@@ -57,8 +57,8 @@ def test_a_lost_drive_is_reported_as_it_is_said() -> None:
     assert Lost(5.04 * MM, 0.0, 1, shown=True).distance_mm(5.0 * MM) == 5.0
     post = block("post", (208.0, 0.0, 130.0), 20.0)
     found = judged(["G1010", "G1 X100 F12000", "G1 X0"], parse_machine("\n".join((MILL, TOOL, MARGIN, post))))
-    [told] = found.report["diagnostics"]
-    shown, wanted = said(told)
+    [diagnostic] = found.report["diagnostics"]
+    shown, wanted = said(diagnostic)
     assert shown < wanted == 5.0
     lost = found.report["clearance"]["lost_drives"]
     assert [each["least_mm"] for each in lost["pairs"]] == [shown]

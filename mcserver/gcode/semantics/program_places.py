@@ -14,6 +14,7 @@ from mcserver.gcode.semantics.program_units import axis_scale, length_scale
 from mcserver.gcode.semantics.rollover import rolled_over
 from mcserver.gcode.text.profile_words import Action, ProfileWord
 from mcserver.gcode.text.words import INCREMENTAL_LETTERS, Word
+from mcserver.machine.sections import Rollover
 
 # what turning there and back leaves of an axis that stands [m]
 _SAME_PLACE = 1e-12
@@ -40,9 +41,9 @@ def given_by(block: BlockState, words: Mapping[int, ProfileWord]) -> dict[int, W
 
 def absolute_end(block: BlockState, axis: int, written: float) -> float:
     """Return where an absolute word takes an axis, by the zero in force [m or rad]."""
-    shift = block.modal.shift
-    rollover = block.setup.axes[axis].rollover if block.modal.rollover else None
+    shift, rollover = block.modal.shift, _rollover(block, axis)
     if rollover is None:
+        # -0 stays what it is
         return written if shift is None else written + shift.get(axis, 0.0)
     zero = 0.0 if shift is None else shift.get(axis, 0.0)
     return rolled_over(rollover, written, zero, block.commanded.positions[axis])
@@ -50,7 +51,7 @@ def absolute_end(block: BlockState, axis: int, written: float) -> float:
 
 def stored_end(block: BlockState, axis: int, stored: float) -> float:
     """Return where a stored position of the machine takes an axis: no whole turns are undone [m or rad]."""
-    if block.modal.rollover and block.setup.axes[axis].rollover is not None:
+    if _rollover(block, axis) is not None:
         return rolled_over("shortest", stored, 0.0, block.commanded.positions[axis])
     return stored
 
@@ -69,6 +70,10 @@ def axis_values(block: BlockState, action: Action) -> dict[int, float]:
         else:
             found[word.axis] = word.value * axis_scale(axis.type, block.modal.inch)
     return found
+
+
+def _rollover(block: BlockState, axis: int) -> Rollover | None:
+    return block.setup.axes[axis].rollover if block.modal.rollover else None
 
 
 def ends_of(
