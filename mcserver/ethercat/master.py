@@ -14,7 +14,7 @@ from mcserver.canopen.coe import configure_coe
 from mcserver.canopen.node import NodeAxis
 from mcserver.canopen.node_configuration import configure_node
 from mcserver.canopen.settings import DriveSettings
-from mcserver.errors import ConfigurationError, RuntimeFault
+from mcserver.errors import ConfigurationError, McError, RuntimeFault
 from mcserver.ethercat.slave import (
     AL_STATUS,
     FMMUS,
@@ -28,6 +28,8 @@ from mcserver.machine.bus_section import BusConfig
 # Slaves that are switched on together appear one after the other [s].
 ROUND_S = 0.2
 STATE_LIMIT_S = 5.0
+# SOEM reads the mapping back and takes an answer that is lost for no process data: once more from the start.
+MAPPINGS = 2
 # A frame that has not come back in this time is sent again; while drives boot nothing is in a hurry [µs].
 BOOT_ANSWER_US, ANSWER_US = 50_000, 2000
 # SYNC0 comes this share of a cycle behind the frame.
@@ -128,15 +130,35 @@ class EthercatMaster:
             self._await(slave, AlState.PREOP)
         self.slaves = tuple(slaves)
 
-    def configure(self) -> None:
-        """Write each drive's configuration, map process data, set clocks, and go to SAFEOP.
+    def boot(self) -> None:
+        """Find all drives, write their configuration, map process data, set clocks, and go to SAFEOP.
 
         Raises:
-            DriveError: MC551 another device, or a slave that nobody knows, MC553, MC554, MC555.
+            DriveError: as `find`, and MC551 another device, or a slave that nobody knows, MC553, MC554.
         """
+        for left in reversed(range(MAPPINGS)):
+            self.find()
+            for slave in self.slaves:
+                configure_node(slave, slave.sdo, slave.writes, lambda: None)
+                slave.set_watchdog()
+            try:
+                self._map()
+                break
+            except McError:
+                if not left:
+                    raise
+        if self._bus.distributed_clocks and self.soem.config_dc():
+            for slave in self.slaves:
+                slave.clocked = slave.can_be_clocked
+                self.start_clock(slave)
+            self.clocked = any(slave.clocked for slave in self.slaves)
         for slave in self.slaves:
-            configure_node(slave, slave.sdo, slave.writes, lambda: None)
-            slave.set_watchdog()
+            self._await(slave, AlState.SAFEOP)
+            for address, length in (FMMUS, SYNC_MANAGERS):
+                slave.registers[address] = slave.read_register(address, length)
+        self._timeouts.ret = ANSWER_US
+
+    def _map(self) -> None:
         try:
             self.soem.config_map()
         except Exception as error:
@@ -149,16 +171,6 @@ class EthercatMaster:
                 "see each drive's 1C12h and 1C13h",
             ) from error
         self._check_sizes()
-        if self._bus.distributed_clocks and self.soem.config_dc():
-            for slave in self.slaves:
-                slave.clocked = slave.can_be_clocked
-                self.start_clock(slave)
-            self.clocked = any(slave.clocked for slave in self.slaves)
-        for slave in self.slaves:
-            self._await(slave, AlState.SAFEOP)
-            for address, length in (FMMUS, SYNC_MANAGERS):
-                slave.registers[address] = slave.read_register(address, length)
-        self._timeouts.ret = ANSWER_US
 
     def start_clock(self, slave: EthercatSlave) -> None:
         """Let a slave with a distributed clock make SYNC0 in every cycle."""

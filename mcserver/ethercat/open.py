@@ -25,8 +25,7 @@ def open_ethercat(machine: Machine, bus: BusConfig) -> EthercatPort:
     refuse_other_master(bus.address, f"bus {bus.name}", bus.listen_ms / 1e3)
     master = EthercatMaster(bus, drives, machine.cycle_s)
     try:
-        master.find()
-        master.configure()
+        master.boot()
     except BaseException:
         master.close()
         raise

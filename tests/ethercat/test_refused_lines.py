@@ -3,10 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import closing
 
 import pytest
 
+from mcserver.canopen.coe import agreed_on_ethercat
+from mcserver.canopen.settings import settings_of
 from mcserver.errors import McError
+from mcserver.ethercat.master import EthercatMaster
+from mcserver.machine.machine_file import parse_machine
 from tests.ethercat.rig import Cycle, Namespace, SimulatedLine, line_of
 
 Simulate = Callable[[str], SimulatedLine]
@@ -72,3 +77,35 @@ def test_after_a_refusal_the_line_can_be_opened_again(namespace: Namespace, simu
     refusal(namespace, line_of(1))
     line.control.clear()
     Cycle(namespace, line_of(1)).close()
+
+
+class DeafWhileMapped:
+    """pysoem's master on a line whose drive is silent while SOEM reads its mapping for the first time."""
+
+    def __init__(self, soem: object, line: SimulatedLine) -> None:
+        self._soem = soem
+        self._line = line
+        self.mappings = 0
+
+    def __getattr__(self, name: str) -> object:
+        return getattr(self._soem, name)
+
+    def config_map(self) -> None:
+        self.mappings += 1
+        if self.mappings == 1:
+            self._line.control.fault(1, "sdo_delay")
+        try:
+            self._soem.config_map()  # type: ignore[attr-defined]
+        finally:
+            self._line.control.clear()
+
+
+def test_a_mapping_whose_answer_was_lost_is_read_once_more(namespace: Namespace, simulate: Simulate) -> None:
+    line = simulate(line_of(1))
+    machine = agreed_on_ethercat(parse_machine(line_of(1)))
+    with namespace.entered():
+        master = EthercatMaster(machine.buses[0], settings_of(machine), machine.cycle_s)
+    with closing(master):
+        master.soem = deaf = DeafWhileMapped(master.soem, line)
+        master.boot()
+    assert deaf.mappings == 2
