@@ -36,6 +36,7 @@ GROUPS = {
         "drives/test_executor_process_on_can.py",
         "e2e",
         "e2e_can",
+        "ethercat",
         "executor/test_process.py",
         "fire",
         "gateway",

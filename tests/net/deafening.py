@@ -67,16 +67,16 @@ def _malforming(endpoint: str, tls: ssl.SSLContext | None) -> Iterator[str]:
     changed: list[bytes] = []
 
     async def carry(source: asyncio.StreamReader, sink: asyncio.StreamWriter) -> None:
-        with contextlib.suppress(OSError):
+        with contextlib.suppress(OSError), contextlib.closing(sink):
             while piece := await source.read(65536):
                 if KEY_END in piece:
                     changed.append(piece)
                 sink.write(piece.replace(KEY_END, MALFORMED))
-        sink.close()
 
     async def pass_on(source: asyncio.StreamReader, sink: asyncio.StreamWriter) -> None:
-        theirs, ours = await asyncio.open_connection(host, int(port), ssl=tls)
-        await asyncio.gather(carry(source, ours), carry(theirs, sink))
+        with contextlib.closing(sink):
+            theirs, ours = await asyncio.open_connection(host, int(port), ssl=tls)
+            await asyncio.gather(carry(source, ours), carry(theirs, sink))
 
     async def relay() -> None:
         async with await asyncio.start_server(pass_on, "127.0.0.1", 0) as listener:
