@@ -62,7 +62,7 @@ class ControlQueue:
     """Entries of a program's ring that u has not come to, in order.
 
     Attributes:
-        last_u: u of the last entry known.
+        noted: number behind the last entry known. last_u: u of that one.
     """
 
     def __init__(self, ring: ProgramRing, playback: Playback) -> None:
@@ -74,7 +74,7 @@ class ControlQueue:
     def open(self, base: int) -> None:
         """Begin with entry number ``base``."""
         self._stops.clear()
-        self._next = self._noted = base
+        self._next = self.noted = base
         self._head: Control | None = None
         self._open = 0
         self._end = -1.0
@@ -83,12 +83,12 @@ class ControlQueue:
     def drop(self) -> None:
         """Free all entries: nothing more of this program is done."""
         self.open(self._ring.controls_written)
-        self._ring.free_controls(self._noted)
+        self._ring.free_controls(self.noted)
 
     @property
     def head(self) -> Control | None:
         """The next entry."""
-        if self._head is None and self._next < self._noted:
+        if self._head is None and self._next < self.noted:
             self._head = self._ring.control(self._next)
         return self._head
 
@@ -109,7 +109,7 @@ class ControlQueue:
         ring, playback = self._ring, self._playback
         playback.look()
         written, rows = ring.controls_written, playback.written
-        number, limit = self._noted, self._noted + NOTED_A_CYCLE
+        number, limit = self.noted, self.noted + NOTED_A_CYCLE
         while number < written and (number < limit or self.last_u <= u + NOTED_AHEAD):
             comes_with, kind, at = ring.glance(number)
             if comes_with > rows:
@@ -118,7 +118,7 @@ class ControlQueue:
                 self._note(ring.control(number))
             self.last_u = at
             number += 1
-        self._noted = number
+        self.noted = number
 
     def note_all(self) -> None:
         """Let all entries that have come count, as `note` does; on a virtual clock, where time does not
@@ -126,16 +126,16 @@ class ControlQueue:
         """
         ring, playback = self._ring, self._playback
         playback.look()
-        places = np.arange(self._noted, ring.controls_written) % ring.controls
+        places = np.arange(self.noted, ring.controls_written) % ring.controls
         early = ring.entry_rows[places] > playback.written
         if early.any():
             places = places[: int(np.argmax(early))]
         if not len(places):
             return
         for index in np.flatnonzero(ring.entry_kind[places] > _LAST_EDGE).tolist():
-            self._note(ring.control(self._noted + index))
+            self._note(ring.control(self.noted + index))
         self.last_u = float(ring.entry_u[places[-1]])
-        self._noted += len(places)
+        self.noted += len(places)
 
     def _note(self, control: Control) -> None:
         if control.kind is ControlKind.BEGIN:
@@ -151,7 +151,7 @@ class ControlQueue:
         end and outputs change.
         """
         ring = self._ring
-        known = min(self._noted, self._next + LOOKED_AT)
+        known = min(self.noted, self._next + LOOKED_AT)
         places = np.arange(self._next, known) % ring.controls
         at = ring.entry_u[places]
         far = at > u + limit
@@ -174,7 +174,7 @@ class ControlQueue:
         outputs change.
         """
         ring, first = self._ring, self._next
-        places = np.arange(first, min(self._noted, first + LOOKED_AT)) % ring.controls
+        places = np.arange(first, min(self.noted, first + LOOKED_AT)) % ring.controls
         at = ring.entry_u[places]
         behind = at > u
         if behind.any():

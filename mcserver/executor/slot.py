@@ -83,7 +83,8 @@ class ProgramSlot:
         # columns that an entry under way energizes; whether it has acted on the drives
         self.captured = 0
         self.acted = False
-        self._starved = False
+        # entries known as the ring ran dry; None: it has not
+        self._starved: int | None = None
         self._held = False
         self._stop_state = SlotState.STOPPED
         self._stop_line = 0
@@ -339,7 +340,7 @@ class ProgramSlot:
 
         They pass no entry but where lines begin and end and where outputs change.
         """
-        if self._state is not SlotState.RUNNING or not self._started or self._starved:
+        if self._state is not SlotState.RUNNING or not self._started or self._starved is not None:
             return 0
         if self.held or self._override != 1.0:
             return 0
@@ -577,10 +578,13 @@ class ProgramSlot:
         return mean
 
     def _note_starved(self, dry: bool, ordered: float) -> None:
+        """Report once that rows are missing, and again once entries have come that u cannot go to with so few
+        rows: whoever has put them waits for them.
+        """
         if self.ramp.rate > STANDSTILL:
-            self._starved = False
-        elif ordered > 0.0 and dry and not self._starved:
-            self._starved = True
+            self._starved = None
+        elif ordered > 0.0 and dry and self._starved != self._queue.noted:
+            self._starved = self._queue.noted
             self.cycle.emit(EventKind.STARVED, self.index, self.line)
 
     def _reach(self, goal: float) -> float:
@@ -605,7 +609,7 @@ class ProgramSlot:
             self.state = SlotState.PAUSED
         elif self._held and self.cycle.motions.stands(self.index) and not self._settling:
             self.state = SlotState.HELD
-        elif self._starved:
+        elif self._starved is not None:
             self.state = SlotState.STARVED
         else:
             self.state = SlotState.RUNNING

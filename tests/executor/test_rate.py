@@ -99,6 +99,32 @@ def test_a_ring_that_runs_dry_holds_on_the_path_and_goes_on_by_itself() -> None:
     assert len(rig.of(EventKind.STARVED)) == 1
 
 
+@pytest.mark.parametrize("left", [5, 14])
+def test_a_motion_that_stands_before_its_last_rows_says_so_again_of_what_comes_there(left: int) -> None:
+    rig = Rig(machine())
+    points, slopes = line(0.8, 0.05)
+    rig.program.start_line(1)
+    rig.program.first_rows(points[:400], slopes[:400])
+    # so slow that a hold stands where it is ordered
+    rig.executor.mailbox.set_override(0.001, 0)
+    rig.step(400)
+    rig.executor.mailbox.set_override(1.0, 0)
+    slot = rig.executor.executor._slots[0]
+    while slot.playback.last_u - slot.u > left:
+        rig.step()
+    rig.executor.mailbox.set_hold(True, 0)
+    rig.step(400)
+    rig.executor.mailbox.resume(0)
+    rig.step(1500)
+    starved = len(rig.of(EventKind.STARVED))
+    assert starved == 1
+    rig.program.control(ControlKind.SETTLE, token=7)
+    rig.step(1500)
+    assert rig.executor.feedback.slots[0].u < 400.0
+    assert not rig.of(EventKind.SETTLED)
+    assert len(rig.of(EventKind.STARVED)) == starved + 1
+
+
 # a change back to 100 % that ended right before the last row, with no room left for the stop
 @example(bites=[(47, 22), (74, 111)])
 # no stop at full rate ended on the last known row, before which the rows brake with all of the acceleration
