@@ -37,7 +37,7 @@ def turns_towards(chain: Chain, direction: Array, near: Array) -> list[tuple[flo
     axes = chain.directions[turning]
     if len(turning) != 2 or np.linalg.norm(np.cross(axes[0], axes[1])) < SAME_DIRECTION:
         raise ModelError(
-            f"a tilted plane needs two rotary axes that are not parallel, and the tool has {len(turning)}",
+            f"a direction needs two rotary axes that are not parallel, and the tool has {len(turning)}",
             "let the CAM write the moves out for the axes of this machine",
         )
     first, second = axes

@@ -97,7 +97,7 @@ TITLES: Mapping[str, str] = MappingProxyType(
         "MC173": "the pitch is that of no thread",
         "MC174": "an offset counts while its system is to be turned",
         "MC175": "this does not go with a tilted plane",
-        "MC176": "the tool cannot be turned to the tilted plane",
+        "MC176": "the tool cannot be turned there",
         "MC177": "the machine has no spindle that a thread can follow",
         "MC178": "the spindle does not turn for the thread",
         "MC179": "the thread is too fast for the axes",

@@ -26,7 +26,7 @@ def modal_codes(modal: ModalState) -> list[str]:
         if frame.plane is not None:
             codes.append("G68.2")
         if frame.tip_tool is not None:
-            codes.append("G43.4")
+            codes.append(frame.tip_code)
         elif frame.tool_length:
             codes.append("G43")
         if frame.tool:

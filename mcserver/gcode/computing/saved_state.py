@@ -38,7 +38,8 @@ def state_of(interpreter: Interpreter, span: Span) -> SavedState:
     modal, compensation = interpreter.modal, interpreter.compensation
     frame = modal.frame or Frame()
     side = 0 if compensation is None else compensation.side
-    lasting = (modal.transformation, modal.control_points, modal.per_turn, frame.plane, frame.tip_tool)
+    tip = None if frame.tip_tool is None else frame.tip_code
+    lasting = (modal.transformation, modal.control_points, modal.per_turn, frame.plane, tip)
     return SavedState(_codes(modal, frame), (*lasting, frame.surface, side))
 
 
@@ -52,7 +53,7 @@ def restoring_line(saved: SavedState, interpreter: Interpreter, span: Span) -> s
     if now.lasting != saved.lasting:
         raise ComputingError(
             "MC208",
-            "G41, G43.4, G95, G96, and turned, scaled, polar and tilted coordinates are not brought back",
+            "G41, G43.4, G43.5, G95, G96, turned, scaled, polar and tilted coordinates are not brought back",
             span,
             "end what has begun since the state was saved, such as by G40, G94 or G69",
         )

@@ -23,7 +23,9 @@ SYSTEM_NUMBERS: Final[Mapping[str, int]] = MappingProxyType(
 _FRAME = {"G10", "G28", "G28.1", "G30", "G30.1", "G52", "G53", "G92", "G92.1", "G92.2", "G92.3", *_SYSTEMS}
 # cutter compensation: its side, left of the path is 1 (D-85)
 COMPENSATING: Final[Mapping[str, int]] = MappingProxyType({"G41": 1, "G41.1": 1, "G42": -1, "G42.1": -1})
-TOOL_LENGTHS: Final = frozenset({"G43", "G43.1", "G43.4", "G49"})
+# the tip led on the work piece, with rotary axes as written, or by the tool's direction (D-86, D-140)
+TIP_CONTROL: Final = frozenset({"G43.4", "G43.5"})
+TOOL_LENGTHS: Final = frozenset({"G43", "G43.1", "G49"}) | TIP_CONTROL
 _MACHINING = {"G4", *TOOL_LENGTHS, "M3", "M4", "M5", "M6", "M61"}
 # canned cycles, and what goes with them (D-75)
 TAPPING: Final = frozenset({"G74", "G84"})
@@ -177,7 +179,7 @@ OWN_WORDS: Final[Mapping[str, str]] = MappingProxyType(
         "G4": "P",
         "G10": "LP",
         "G43": "H",
-        "G43.4": "H",
+        **dict.fromkeys(TIP_CONTROL, "H"),
         "G49": "H",
         "G64": "Q",
         **dict.fromkeys((*COMPENSATING, "G40"), "D"),
@@ -220,8 +222,9 @@ REFUSED: Final[Mapping[str, str]] = MappingProxyType(
         "G33": "threads are cut in the profile cnc; let the CAM mill the thread",
         "G41": "cutter compensation is for the profile cnc; let the CAM compute the tool's own path",
         "G42": "cutter compensation is for the profile cnc; let the CAM compute the tool's own path",
-        "G43.4": "the tip is led on the work piece in the profile cnc only; let the post write the axes",
-        "G43.5": "the tool's direction is not read as I J K; let the post write G43.4 and the rotary axes",
+        **dict.fromkeys(
+            TIP_CONTROL, "the tip is led on the work piece in the profile cnc; let the post write the axes"
+        ),
         "G50": "with words it sets a lathe's zero or speed limit; let the post write G92, or D beside G96",
         "G50.1": "mirrors are for the profile cnc; let the CAM mirror the part",
         "G51": "scaling is done in the profile cnc; let the CAM scale the part",

@@ -107,8 +107,9 @@ class Frame(msgspec.Struct, frozen=True):
         cutters: of the tool table, by number, as G10 L1 set them; they go before the machine file's.
         worn: numbers of the tools whose life is used up, as the program began or went on behind a pause.
         g92: offsets of G92. g92_on: they count (G92.2 takes them out, G92.3 in). local: of G52.
-        tool_length: of G43 or G43.4 [m]. tool: number of the last T. changed: number of the last M6.
-        tip_tool: number of the ``[[tool]]`` whose tip X Y Z lead (G43.4); None: they are the axes.
+        tool_length: of G43, G43.4 or G43.5 [m]. tool: number of the last T. changed: number of the last M6.
+        tip_tool: number of the ``[[tool]]`` whose tip X Y Z lead (G43.4, G43.5); None: they are the axes.
+        by_direction: I J K are where that tool points (G43.5).
         plane: of G68.2; None: there is none.
         stored: positions of G28.1 (28) and G30.1 (30).
         cycle: the last canned cycle; it is in force as long as no motion code is.
@@ -130,6 +131,7 @@ class Frame(msgspec.Struct, frozen=True):
     tool: int = 0
     changed: int | None = None
     tip_tool: int | None = None
+    by_direction: bool = False
     plane: TiltedPlane | None = None
     stored: Mapping[int, Offsets] = {}
     cycle: DrillCycle | None = None
@@ -143,7 +145,7 @@ class Frame(msgspec.Struct, frozen=True):
     def shift(self) -> dict[int, float] | None:
         """Return the program's zero by axis [m or rad]; None where it is the machine's zero.
 
-        Under G43.4 the tip is led to where the words say, so that the tool's length is no part of it.
+        Under G43.4 and G43.5 the tip is led to where the words say: the tool's length is no part of it.
         """
         plane, facing = self.plane, self._facing
         inner = self.inner
@@ -164,6 +166,11 @@ class Frame(msgspec.Struct, frozen=True):
     def fitted(self) -> int:
         """Number of the tool in the spindle: of the last M6, before any of the last T."""
         return self.tool if self.changed is None else self.changed
+
+    @property
+    def tip_code(self) -> str:
+        """The code by which the tip is led."""
+        return "G43.5" if self.by_direction else "G43.4"
 
     @property
     def inner(self) -> dict[int, float]:

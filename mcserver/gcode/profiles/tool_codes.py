@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import msgspec
 
+from mcserver.gcode.profiles.codes import TIP_CONTROL
 from mcserver.gcode.profiles.frame import LENGTH_AXIS, tool_table
 from mcserver.gcode.semantics.block_state import BlockState
 from mcserver.gcode.semantics.program_places import axis_values
@@ -62,10 +63,10 @@ def set_cutter(block: BlockState, action: Action) -> None:
 
 
 def choose_length(block: BlockState, action: Action) -> None:
-    """Take the length of a tool of the table (G43, G43.4), or none (G49)."""
+    """Take the length of a tool of the table (G43, G43.4, G43.5), or none (G49)."""
     frame = block.frame
     if action.code == "G49":
-        block.frame = msgspec.structs.replace(frame, tool_length=0.0, tip_tool=None)
+        block.frame = msgspec.structs.replace(frame, tool_length=0.0, tip_tool=None, by_direction=False)
         return
     cutters = tool_table(block.setup.machine, block.frame)
     word = action.words.get("H")
@@ -73,8 +74,8 @@ def choose_length(block: BlockState, action: Action) -> None:
     if number and number not in cutters:
         refuse_unknown_tool(block, number, action if word is None else word)
     length = cutters[number].length if number is not None and number in cutters else 0.0
-    block.frame = msgspec.structs.replace(frame, tool_length=length, tip_tool=None)
-    if action.code == "G43.4":
+    block.frame = msgspec.structs.replace(frame, tool_length=length, tip_tool=None, by_direction=False)
+    if action.code in TIP_CONTROL:
         lead_by_tip(block, action)
 
 
@@ -87,7 +88,7 @@ def set_length(block: BlockState, action: Action) -> None:
         )
         return
     length = values[LENGTH_AXIS]
-    block.frame = msgspec.structs.replace(block.frame, tool_length=length, tip_tool=None)
+    block.frame = msgspec.structs.replace(block.frame, tool_length=length, tip_tool=None, by_direction=False)
 
 
 def choose_tool(block: BlockState, word: ProfileWord) -> None:

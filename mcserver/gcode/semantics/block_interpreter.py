@@ -204,13 +204,15 @@ class BlockInterpreter:
             )
             self.after += drill(block, again)
             return
-        if command.spec is None and not self._repeats(command, words):
+        if command.spec is None and not self._repeats(words):
             return
         number = command_number(block, command)
         if block.modal.motion != number:
             block.change(motion=number)
         if not words.any:
             return
+        if number < 2:
+            self._refuse_arc_words(command, number)
         self._exact_stop(always=number == 0)
         self._feed_commands += number != 0
         tool = block.modal.tool
@@ -244,8 +246,8 @@ class BlockInterpreter:
         if move is not None:
             feed_moves.append(move)
 
-    def _repeats(self, command: Command, words: Words) -> bool:
-        """Return True if a motion code is in force to repeat (D-03); report words that it does not take."""
+    def _repeats(self, words: Words) -> bool:
+        """Return True if a motion code is in force to repeat (D-03); report that there is none."""
         block = self.block
         motion = block.modal.motion
         if motion is None:
@@ -260,16 +262,18 @@ class BlockInterpreter:
                 "write the code, such as G01",
             )
             block.change(motion=0)
-        elif motion < 2:
-            for word in command.items:
-                if isinstance(word, Word) and word.letter in "IJKRP" and word.axis < 0:
-                    block.faults.add(
-                        "MC112",
-                        f"G0{motion}, which this line repeats, does not take {word.name}",
-                        block.span(word),
-                        "write G02 or G03 if an arc is meant",
-                    )
         return motion is not None
+
+    def _refuse_arc_words(self, command: Command, number: int) -> None:
+        """Report what G00 and G01 do not take; I J K are the tool's direction under G43.5."""
+        block = self.block
+        by_direction = block.frame.tip_tool is not None and block.frame.by_direction
+        shown = f"G0{number}" + (", which this line repeats," if command.spec is None else "")
+        for word in command.items:
+            if not isinstance(word, Word) or word.letter not in ("RP" if by_direction else "IJKRP"):
+                continue
+            hint = "write G02 or G03 if an arc is meant"
+            block.faults.add("MC112", f"{shown} does not take {word.name}", block.span(word), hint)
 
     def _exact_stop(self, *, always: bool) -> None:
         """Set the line's exact stop and path tolerance; the first motion command uses up G09 (D-15)."""
@@ -307,7 +311,7 @@ class BlockInterpreter:
         if block.frame.tip_tool is not None:
             block.faults.add(
                 "MC172",
-                f"{name} does not go together with G43.4",
+                f"{name} does not go together with {block.frame.tip_code}",
                 block.span(command),
                 "write it behind G49",
             )

@@ -133,7 +133,7 @@ def initial_modal(machine: Machine, frame: Frame | None = None) -> ModalState:
         frame = Frame(systems=machine.dialect.systems)
     if frame is None or profile not in ("cnc", "robot"):
         return start
-    return with_frame(start, msgspec.structs.replace(frame, tip_tool=None, plane=None))
+    return with_frame(start, msgspec.structs.replace(frame, tip_tool=None, by_direction=False, plane=None))
 
 
 def with_tables(modal: ModalState, machine: Machine, frame: Frame) -> ModalState:

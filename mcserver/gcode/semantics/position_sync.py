@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from mcserver.gcode.profiles.codes import DRILLING, SPLINES, THREADING
+from mcserver.gcode.profiles.codes import DRILLING, SPLINES, THREADING, TIP_CONTROL
 from mcserver.gcode.profiles.frame import LENGTH_AXIS
 from mcserver.gcode.semantics.block_state import Setup
 from mcserver.gcode.semantics.commanded_state import CommandedState
@@ -63,7 +63,7 @@ def find_axes_to_sync(
         needed |= set() if facing is None else set(facing.turns)
     actions = () if parsed.profile is None else parsed.profile.actions
     codes = {action.code for action in actions}
-    if led or codes & {"G43.4", "G53.1"}:
+    if led or codes & (TIP_CONTROL | {"G53.1"}):
         # the tip's place follows from all axes of its tool
         needed |= {axis for chain in setup.chains.values() for axis in chain}
     # what the encoder reads decides offsets and where G28 goes from

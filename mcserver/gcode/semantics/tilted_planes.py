@@ -2,21 +2,19 @@
 
 from __future__ import annotations
 
-import itertools
 from collections.abc import Iterable, Sequence
 
 import msgspec
 import numpy as np
-from mckinematics.chain import Chain
-from mckinematics.errors import KinematicsError, ModelError
+from mckinematics.errors import KinematicsError
 from mckinematics.pose import Array
-from mckinematics.tool_direction import turns_towards
 
 from mcserver.gcode.profiles.directions import UNTURNED, Directions, by_euler_angles, product
 from mcserver.gcode.profiles.frame import Facing, Frame, TiltedPlane
 from mcserver.gcode.semantics.block_state import BlockState
 from mcserver.gcode.semantics.program_units import length_scale
 from mcserver.gcode.semantics.tip_moves import leading_tool, tip_frame
+from mcserver.gcode.semantics.tool_directions import turns_along
 from mcserver.gcode.text.profile_words import Action
 from mcserver.motion.canonical import (
     Canonical,
@@ -27,11 +25,8 @@ from mcserver.motion.canonical import (
     RapidGroup,
     ThreadLine,
 )
-from mcserver.units import DEGREE, TURN
 
 _WORDS = "XYZIJK"
-# ways that differ by less are equally far [rad]
-_EQUAL = 1e-9
 
 
 def tilt(block: BlockState, action: Action) -> None:
@@ -77,24 +72,17 @@ def face(block: BlockState, action: Action) -> dict[int, float]:
     flat = msgspec.structs.replace(frame, plane=None, tip_tool=plane.tool, tool_length=0.0)
     try:
         upright = tip_frame(setup, flat)
-        chain = upright.control.tool.chain
-        axes = [chain.axes[column] for column in upright.control.turning]
+        axes = upright.turning
         near = np.array([block.commanded.positions[axis] for axis in axes])
         directions = np.array(product(flat.directions, plane.directions))
-        normal = upright.across @ directions[:, 2]
-        pairs = turns_towards(chain, normal / np.linalg.norm(normal), near)
-        turns = _chosen(chain, pairs, near)
-        tilted = None if turns is None else tip_frame(setup, flat, turns=np.array(turns))
-    except (KinematicsError, ModelError) as error:
-        block.faults.add("MC176", f"G53.1: {error.message}", action.span, error.hint)
-        return {}
-    if turns is None or tilted is None:
-        hint = "clamp the work piece otherwise, or mill it from another side"
-        block.faults.add("MC176", _unreached(axes, pairs), action.span, hint)
+        turns = turns_along(upright.control, upright.across @ directions[:, 2], near)
+        tilted = tip_frame(setup, flat, turns=turns)
+    except KinematicsError as error:
+        block.faults.add("MC176", f"G53.1: {error.message}", action.span, error.hint, axis=error.axis)
         return {}
     back = tilted.across.T
     x, y, z = (back @ (upright.base - tilted.base)).tolist()
-    found = dict(zip(axes, turns, strict=True))
+    found = dict(zip(axes, turns.tolist(), strict=True))
     facing = Facing(found, _directions(back @ upright.across), (x, y, z))
     _put(block, msgspec.structs.replace(plane, facing=facing))
     return found
@@ -132,46 +120,6 @@ def _put(block: BlockState, plane: TiltedPlane | None) -> None:
     block.frame = msgspec.structs.replace(block.frame, plane=plane)
     found = block.transformation
     block.transformation = msgspec.structs.replace(found, unsettled=found.unsettled | {0, 1, 2})
-
-
-def _chosen(chain: Chain, pairs: Sequence[tuple[float, float]], near: Array) -> tuple[float, float] | None:
-    """Return the pair that Fanuc's controllers choose, of those within the travel; None: there is none.
-
-    The least way counts, of the axis that carries the other first, and of the table ahead of the head; then
-    how near to whole turns they are, in the same order; then the one turned further.
-    """
-    turning = [int(column) for column in np.flatnonzero(chain.revolute)]
-    order = (1, 0) if all(column < chain.carried for column in turning) else (0, 1)
-    lower, upper = chain.lower[turning], chain.upper[turning]
-    found = [
-        (pair[0] + (first + a) * TURN, pair[1] + (second + b) * TURN)
-        for pair in pairs
-        for first, second in [np.rint((near - pair) / TURN).tolist()]
-        for a, b in itertools.product((0, -1, 1), repeat=2)
-    ]
-    slack = 1e-9
-    inside = [
-        pair
-        for pair in found
-        if all(lower[at] - slack <= each <= upper[at] + slack for at, each in enumerate(pair))
-    ]
-
-    def rank(pair: tuple[float, float]) -> tuple[int, ...]:
-        ways = [abs(pair[at] - near[at]) for at in order]
-        angles = [abs(pair[at] - TURN * round(pair[at] / TURN)) for at in order]
-        return tuple(round(each / _EQUAL) for each in (*ways, *angles, *(-pair[at] for at in order)))
-
-    return min(inside, key=rank) if inside else None
-
-
-def _unreached(axes: Sequence[int], pairs: Sequence[tuple[float, float]]) -> str:
-    if not pairs:
-        return "no position of the rotary axes has the tool stand on the tilted plane"
-    places = " or ".join(
-        " and ".join(f"{turn / DEGREE:.3f}° of axis {axis}" for axis, turn in zip(axes, pair, strict=True))
-        for pair in pairs
-    )
-    return f"the tool stands on the tilted plane at {places}, beyond their travel"
 
 
 def _directions(matrix: Array) -> Directions:

@@ -1,7 +1,8 @@
-"""Interpret moves under tool centre point control, G43.4: X Y Z are the tip's place on the work piece (D-86).
+"""Interpret moves under tool centre point control: X Y Z are the tip's place on the work piece (D-86, D-140).
 
 X Y Z are coordinates of the work piece's frame, which turns with its rotary axes. They read as the axes X Y Z
-do under G43 where the rotary axes stand at the program's zero.
+do under G43 where the rotary axes stand at the program's zero. Where the rotary axes go is in their own words
+under G43.4, and in I J K under G43.5, the tool's direction in the same frame.
 """
 
 from __future__ import annotations
@@ -18,12 +19,13 @@ from mckinematics.tip_control import Lead, TipControl
 from mcserver.gcode.profiles.codes import COMPENSATING, TAKES_AXES
 from mcserver.gcode.profiles.frame import Frame
 from mcserver.gcode.semantics.arcs import find_plane
-from mcserver.gcode.semantics.axis_words import Words
+from mcserver.gcode.semantics.axis_words import ModalWord, Words
 from mcserver.gcode.semantics.block_state import BlockState, Setup
 from mcserver.gcode.semantics.feed_time import FeedBasis, FeedMove
 from mcserver.gcode.semantics.program_places import absolute_end
 from mcserver.gcode.semantics.program_units import axis_scale
 from mcserver.gcode.semantics.rapids import NO_TIME
+from mcserver.gcode.semantics.tool_directions import turns_along
 from mcserver.gcode.semantics.tool_moves import NO_TRAVEL, report_unsolved, tool_curve
 from mcserver.gcode.semantics.travel_limits import check_travel
 from mcserver.gcode.text.profile_words import Action, ProfileWords
@@ -36,6 +38,8 @@ from mcserver.units import MM, AxisType
 # the path tolerance. By what share rates may be more beside and between the places where they are looked at.
 OWN_SHARE, BEND_SHARE = 0.8, 0.2
 LEVER_CHANGE, FASTER_BETWEEN = 1.02, 1.0005
+# a vector that is shorter is none [1]
+NO_DIRECTION = 1e-9
 # axes X, Y and Z
 _COORDINATES = (0, 1, 2)
 # what reads or sets places of axes, not of the tip
@@ -43,7 +47,7 @@ _REFUSED = TAKES_AXES | COMPENSATING.keys() | {"M6", "G16", "G92.1", "G92.2", "G
 
 
 class TipFrame(msgspec.Struct, frozen=True):
-    """The coordinates that X Y Z are under G43.4: the tip is at base + across·(x, y, z) on the work piece.
+    """The coordinates that X Y Z are as the tip is led: it is at base + across·(x, y, z) on the work piece.
 
     Attributes:
         control: leads the tip. across: shape (3, 3), base: shape (3,) [m].
@@ -54,6 +58,11 @@ class TipFrame(msgspec.Struct, frozen=True):
     across: Array
     base: Array
     columns: tuple[int, ...]
+
+    @property
+    def turning(self) -> tuple[int, ...]:
+        """Numbers of the rotary axes, in the chain's order."""
+        return tuple(self.control.tool.chain.axes[column] for column in self.control.turning)
 
     def coordinates(self, joints: Array) -> Triple:
         """Return where the tip is [m], with the chain's joints (K,), in coordinates of the axes."""
@@ -66,7 +75,7 @@ class TipFrame(msgspec.Struct, frozen=True):
 
 
 def tip_frame(setup: Setup, frame: Frame, *, turns: Array | None = None) -> TipFrame:
-    """Return the coordinates of a frame with G43.4 in force.
+    """Return the coordinates of a frame with G43.4 or G43.5 in force.
 
     Args:
         turns: positions of the rotary axes at which they are those of the axes, shape (T,) [rad]; None: the
@@ -109,7 +118,7 @@ def lead_by_tip(block: BlockState, action: Action) -> None:
         return
     tool = leading_tool(block, action)
     if tool is not None:
-        block.frame = msgspec.structs.replace(block.frame, tip_tool=tool)
+        block.frame = msgspec.structs.replace(block.frame, tip_tool=tool, by_direction=action.code == "G43.5")
 
 
 def leading_tool(block: BlockState, action: Action) -> int | None:
@@ -160,7 +169,7 @@ def refuse_beside_tip(block: BlockState, profile: ProfileWords) -> None:
         shown = "a canned cycle" if what == "REPEAT" else what
         block.faults.add(
             "MC172",
-            f"{shown} does not go together with G43.4",
+            f"{shown} does not go together with {block.frame.tip_code}",
             (1, len(block.parsed.text) + 1),
             "write it behind G49",
         )
@@ -239,6 +248,10 @@ def _way(block: BlockState, command: Command, words: Words, number: int) -> _Way
     Raises:
         KinematicsError: the tool cannot be led by its tip.
     """
+    pointing: Mapping[int, ModalWord] = {}
+    if block.frame.by_direction:
+        # so an arc has its centre by R
+        words, pointing = msgspec.structs.replace(words, offsets={}), words.offsets
     plane = find_plane(block, command, words) if number > 1 else None
     frame = tip_frame(block.setup, block.frame)
     control = frame.control
@@ -247,9 +260,11 @@ def _way(block: BlockState, command: Command, words: Words, number: int) -> _Way
     start = np.array([block.commanded.start(axis) for axis in axes])
     place = frame.coordinates(base)
     targets = _targets(block, words, frame, base, place)
+    near = base[control.turning]
+    turned = _turned(block, frame, pointing, near) if pointing else near
     usable = [block.usable_axis(axis, command) is not None for axis in axes]
     block.claim(axes, command, {})
-    if targets is None or not all(usable) or (plane is None and number > 1):
+    if targets is None or turned is None or not all(usable) or (plane is None and number > 1):
         return None
     if not block.commanded.guessed.isdisjoint(axes):
         return None
@@ -257,7 +272,7 @@ def _way(block: BlockState, command: Command, words: Words, number: int) -> _Way
     # an arc's endpoint word left out stays where the path starts (D-22)
     stays = first if number > 1 else place
     x, y, z = (targets.get(index, stays[index]) for index in _COORDINATES)
-    turns = np.array([targets.get(axes[column], base[column]) for column in control.turning])
+    turns = np.array([targets.get(axis, turn) for axis, turn in zip(frame.turning, turned, strict=True)])
     path = tool_curve(block, command, words, plane, Pose(first), Pose((x, y, z)))
     if path is None:
         return None
@@ -311,12 +326,24 @@ def _targets(
     for entry in words.axes:
         word = entry.word
         axis = block.setup.axes.get(word.axis)
-        if axis is None or word.axis not in chain.axes or (word.letter == "[" and word.axis in _COORDINATES):
+        by_index = word.letter == "[" and word.axis in _COORDINATES
+        if axis is None or word.axis not in chain.axes or by_index:
             block.faults.add(
                 "MC172",
                 f"{word.name} does not name a coordinate of the tip, nor a rotary axis of its tool",
                 block.span(word),
-                "under G43.4 X Y Z and the tool's rotary axes move; write the others behind G49",
+                f"under {block.frame.tip_code} X Y Z and the tool's rotary axes move; write the others "
+                "behind G49",
+            )
+            usable = False
+            continue
+        if block.frame.by_direction and word.axis not in _COORDINATES:
+            block.faults.add(
+                "MC172",
+                f"{word.name} moves a rotary axis, which follows the tool's direction under G43.5",
+                block.span(word),
+                "give the direction by I J K, or write rotary axes under G43.4",
+                axis=word.axis,
             )
             usable = False
             continue
@@ -333,3 +360,28 @@ def _targets(
             usable = usable and len(block.faults.found) == known
         found[word.axis] = end
     return found if usable else None
+
+
+def _turned(block: BlockState, frame: TipFrame, given: Mapping[int, ModalWord], near: Array) -> Array | None:
+    """Return where I J K turn the rotary axes, shape (T,) [rad]; None after a fault (MC176).
+
+    They are the tool's direction at the end of the move, along X Y Z of the work piece's frame and of any
+    length; one that is left out is 0 (Fanuc).
+
+    Args:
+        near: where the rotary axes are, shape (T,) [rad].
+    """
+    words = [given[index].word for index in sorted(given)]
+    values = np.array([given[index].word.value if index in given else 0.0 for index in _COORDINATES])
+    span = block.parsed.span(min(word.index for word in words), max(word.index for word in words))
+    if np.isnan(values).any():
+        return None
+    if not np.linalg.norm(values) > NO_DIRECTION:
+        shown = " ".join(word.shown for word in words)
+        block.faults.add("MC176", f"{shown} is no direction", span, "give one, such as I0 J0 K1")
+        return None
+    try:
+        return turns_along(frame.control, frame.across @ values, near)
+    except KinematicsError as error:
+        block.faults.add("MC176", f"G43.5: {error.message}", span, error.hint, axis=error.axis)
+        return None

@@ -52,7 +52,8 @@ def group_commands(
     Args:
         groups: words of each group, in reading order.
         span: gives the columns of a token, or from one token to another.
-        offsets_move: I J K without a code repeat G02 or G03 as axis words do: the profiles (D-61).
+        offsets_move: I J K without a code repeat a motion as axis words do, and what they are to G00 and G01
+            depends on the state: the profiles (D-61, D-140).
     """
     moving = _OFFSETS if offsets_move else ""
     found = tuple(_group(words, faults, span, moving) for words in groups if words)
@@ -84,7 +85,7 @@ def _group(words: list[Word], faults: FaultList, span: SpanOf, moving: str) -> G
         if word.axis >= 0 or word.letter == "[" or (word.letter in moving and current.spec is None):
             current.moves = True
     commands = tuple(command.finish() for command in opened)
-    _check_group(commands, faults, span)
+    _check_group(commands, faults, span, moving)
     return commands
 
 
@@ -122,7 +123,7 @@ def _give_to_g64(command: _OpenCommand, word: Word) -> bool:
     return True
 
 
-def _check_group(commands: Group, faults: FaultList, span: SpanOf) -> None:
+def _check_group(commands: Group, faults: FaultList, span: SpanOf, moving: str) -> None:
     acting = [command for command in commands if command.spec is not None and command.spec.kind in _ACTING]
     unknown = any(command.spec is UNKNOWN for command in commands)
     implied: Command | None = None
@@ -132,7 +133,7 @@ def _check_group(commands: Group, faults: FaultList, span: SpanOf) -> None:
                 implied = command
             elif not unknown:
                 _report_orphan_axes(command, acting[0] if acting else implied, faults, span)
-        _check_words(command, command is implied, faults, span)
+        _check_words(command, command is implied, faults, span, moving)
     for command in acting:
         spec = command.spec
         assert spec is not None
@@ -175,7 +176,7 @@ def _is_axis(word: Word) -> bool:
     return word.axis >= 0 or word.letter == "["
 
 
-def _check_words(command: Command, implied: bool, faults: FaultList, span: SpanOf) -> None:
+def _check_words(command: Command, implied: bool, faults: FaultList, span: SpanOf, moving: str) -> None:
     """Report words that the command does not take and words that stand twice."""
     spec = command.spec
     if spec is UNKNOWN:
@@ -209,7 +210,7 @@ def _check_words(command: Command, implied: bool, faults: FaultList, span: SpanO
             if spec is not None and not spec.takes_axes:
                 _report_not_taken(spec, item, faults, span)
         elif spec is not None:
-            if item.letter not in spec.words:
+            if item.letter not in spec.words and not (item.letter in moving and spec.kind is Kind.MOVE):
                 _report_not_taken(spec, item, faults, span)
         elif implied:
             if item.letter not in _LOOSE_MOVE:
