@@ -7,6 +7,7 @@
 from __future__ import annotations
 
 import cmath
+import itertools
 import math
 import os
 import re
@@ -14,7 +15,7 @@ import shutil
 import subprocess
 import sys
 import tempfile
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from random import Random
 from typing import Protocol
@@ -404,7 +405,7 @@ def compare(
         if fault and error:
             # rs274 gives moves out before it refuses what comes behind them
             what = differences(here, there[: len(here)], within)
-        elif fault.startswith(_CAUTIOUS) and not differences(here, there[: len(here)], within):
+        elif fault.startswith(_CAUTIOUS) and not (what and differences(here, there[: len(here)], within)):
             cautious += 1
             continue
         elif bool(fault) != bool(error):
@@ -423,21 +424,22 @@ def compare(
 
 def _hangs_on_rounding(text: str, here: list[Move], fault: str, machine: Machine) -> bool:
     """Return whether other last bits of what is computed give other moves here, too."""
-    for share in (1e-13, -1e-13):
-        with patch.object(expressions, "_checked", _nudged(share)):
+    for shares in ((1e-13,), (-1e-13,), (1e-13, -1e-13)):
+        with patch.object(expressions, "_checked", _nudged(shares)):
             moves, other = moves_here(text, machine)
         if differences(here, moves) or bool(other) != bool(fault):
             return True
     return False
 
 
-def _nudged(share: float) -> Callable[[Callable[[], float], str, Span], float]:
+def _nudged(shares: Sequence[float]) -> Callable[[Callable[[], float], str, Span], float]:
     computed = expressions._checked
+    turns = itertools.cycle(shares)
 
     def nudged(compute: Callable[[], float], shown: str, span: Span) -> float:
         value = computed(compute, shown, span)
         # what is true or false stays so
-        return value if value in (0.0, 1.0) else value + share * (1.0 + abs(value))
+        return value if value in (0.0, 1.0) else value + next(turns) * (1.0 + abs(value))
 
     return nudged
 

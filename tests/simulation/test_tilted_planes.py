@@ -33,6 +33,8 @@ ZERO = (5.0, -7.0, -200.0)
 BEGIN = ("G10 L2 P1 X5 Y-7 Z-200", "G54 G64 F1000")
 ORIGIN, ANGLES = np.array([4.0, -3.0, 12.0]), (25.0, 35.0, -70.0)
 PLANE = "G68.2 X4 Y-3 Z12 I25 J35 K-70"
+POINTS = ("G68.2 P2 Q1 X0 Y0 Z0", "G68.2 P2 Q2 X5 Y0 Z5", "G68.2 P2 Q3 X0 Y5 Z0")
+VECTORS = ("G68.2 P3 Q1 X1 Y2 Z3 I1 J0 K1", "G68.2 P3 Q2 I-1 J0 K1")
 
 
 def turned(angles: Sequence[float]) -> Array:
@@ -42,6 +44,12 @@ def turned(angles: Sequence[float]) -> Array:
     about_x = np.array([[1.0, 0.0, 0.0], [0.0, c, -d], [0.0, d, c]])
     found: Array = about_z @ about_x @ np.array([[e, -f, 0.0], [f, e, 0.0], [0.0, 0.0, 1.0]])
     return found
+
+
+def about(axis: int, degrees: float) -> Array:
+    c, s = math.cos(math.radians(degrees)), math.sin(math.radians(degrees))
+    found = np.array([[1.0, 0.0, 0.0], [0.0, c, -s], [0.0, s, c]])
+    return np.roll(np.roll(found, axis, axis=0), axis, axis=1)
 
 
 def on_plane(mill: FiveAxes, rows: Array, origin: Array, angles: Sequence[float]) -> Array:
@@ -174,6 +182,72 @@ def test_the_tip_does_on_the_plane_what_the_program_does_without_one(name: str, 
         np.testing.assert_allclose(places[2:], expected[1:], atol=1e-6, err_msg="\n".join([words, *lines]))
 
 
+@pytest.mark.parametrize("name", MILLS)
+def test_turns_points_and_vectors_give_the_plane_that_euler_angles_give(name: str, tmp_path: Path) -> None:
+    machine = MILLS[name].machine(tmp_path)
+    random = Random(3)
+    for _ in range(8):
+        angles = [round(random.uniform(*each), 3) for each in ((-180, 180), (-60, 60), (-180, 180))]
+        origin = np.round([random.uniform(-15, 15) for _ in range(3)], 3)
+        matrix = turned(angles)
+        x, y, z = matrix.T
+        tilt = math.asin(-matrix[2, 0])
+        turns = (math.atan2(matrix[2, 1], matrix[2, 2]), tilt, math.atan2(matrix[1, 0], matrix[0, 0]))
+        first = origin - matrix @ np.array([2.0, -3.0, 1.0])
+        ways = [
+            ["G68.2 P0 " + words("XYZ", origin) + words("IJK", angles)],
+            ["G68.2 P1 " + words("XYZ", origin) + words("IJK", np.degrees(turns))],
+            [
+                f"G68.2 P2 Q{q} " + words("XYZ", p)
+                for q, p in ((1, origin), (2, origin + 9 * x), (3, origin + y - 4 * x))
+            ],
+            [
+                "G68.2 P2 Q0 X2 Y-3 Z1 R30",
+                "G68.2 P2 Q1 " + words("XYZ", first),
+                "G68.2 P2 Q2 " + words("XYZ", first + 20 * (matrix @ about(2, -30.0))[:, 0]),
+                "G68.2 P2 Q3 " + words("XYZ", first + 30 * (matrix @ about(2, -30.0))[:, 1] + x),
+            ],
+            [
+                "G68.2 P3 Q1 " + words("XYZ", origin) + words("IJK", 3 * x),
+                "G68.2 P3 Q2 " + words("IJK", z + 0.05 * x),
+            ],
+        ]
+        found = [read(reader(machine), *BEGIN, *way, "G53.1", "G1 X3 Y4 Z5", "X-8 Y2")[-3:] for way in ways]
+        for way, rows in zip(ways[1:], found[1:], strict=True):
+            np.testing.assert_allclose(rows, found[0], atol=1e-6, err_msg="\n".join(way))
+
+
+def words(letters: str, values: Sequence[float] | Array) -> str:
+    return " ".join(f"{letter}{value:.9f}" for letter, value in zip(letters, values, strict=True)) + " "
+
+
+@pytest.mark.parametrize("order", ["123", "132", "213", "231", "312", "321"])
+def test_turns_of_p1_are_about_axes_that_stay_in_the_order_of_q(trunnion: Machine, order: str) -> None:
+    """I is about X, J about Y and K about Z, whatever the order."""
+    angles = (20.0, -35.0, 50.0)
+    expected = np.eye(3)
+    for digit in order:
+        expected = about(int(digit) - 1, angles[int(digit) - 1]) @ expected
+    found = reader(trunnion)
+    read(found, f"G68.2 P1 Q{order} X1 Y2 Z3 I20 J-35 K50")
+    assert found.modal.frame is not None
+    assert found.modal.frame.plane is not None
+    np.testing.assert_allclose(found.modal.frame.plane.directions, expected, atol=1e-12)
+
+
+def test_right_angles_of_planes_are_exact(trunnion: Machine) -> None:
+    """So that arcs on them are those of two axes."""
+    for lines in (
+        ["G68.2 P1 X0 Y0 Z0 I90 J0 K-180"],
+        (POINTS[0], "G68.2 P2 Q2 X0 Y7 Z0", "G68.2 P2 Q3 X0 Y3 Z8"),
+    ):
+        found = reader(trunnion)
+        read(found, *lines)
+        assert found.modal.frame is not None
+        assert found.modal.frame.plane is not None
+        assert {abs(each) for row in found.modal.frame.plane.directions for each in row} == {0.0, 1.0}
+
+
 @pytest.fixture(scope="module", params=MILLS)
 def mill(
     request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory
@@ -262,7 +336,30 @@ def test_a_position_beyond_the_travel_is_not_taken_and_none_is_refused(tmp_path:
     ("lines", "code"),
     [
         (["G53.1"], "MC175"),
-        (["G68.2 P1 X0 Y0 Z0 I0 J0 K0"], "MC175"),
+        (["G68.2 P4 X0 Y0 Z0 I10 J20 K0"], "MC175"),
+        (["G68.2 P1.5 X0 Y0 Z0 I10 J20 K0"], "MC175"),
+        (["G68.2 P0 Q313 X0 Y0 Z0 I10 J20 K0"], "MC175"),
+        (["G68.2 P1 Q122 X0 Y0 Z0 I10 J20 K0"], "MC175"),
+        (["G68.2 P1 X0 Y0 Z0 I10 J20 K0 R5"], "MC175"),
+        (["G68.2 X0 Y0 Z0 I10 I20 J0 K0"], "MC111"),
+        # points and vectors come in their order, all of them, and give a plane
+        (["G68.2 P2 X0 Y0 Z0"], "MC175"),
+        (["G68.2 P2 Q2 X0 Y0 Z0"], "MC175"),
+        (["G68.2 P2 Q1 X0 Y0 Z0 I3"], "MC175"),
+        ([POINTS[0], POINTS[2]], "MC175"),
+        ([POINTS[0], "G53.1"], "MC175"),
+        ([POINTS[0], "G0 X5"], "MC175"),
+        ([POINTS[0], PLANE], "MC175"),
+        ([POINTS[0], VECTORS[1]], "MC175"),
+        ([POINTS[0], "G55"], "MC185"),
+        ([*POINTS, *POINTS[:1]], "MC185"),
+        ([f"{POINTS[0]} R3", f"{POINTS[1]} R4"], "MC175"),
+        ([*POINTS[:2], "G68.2 P2 Q3 X10 Y0 Z10"], "MC175"),
+        ([POINTS[0], POINTS[0].replace("Q1", "Q2"), POINTS[2]], "MC175"),
+        (["G68.2 P3 Q2 I0 J0 K1"], "MC175"),
+        ([VECTORS[0], "G68.2 P3 Q2 X0 Y0 Z0 I0 J0 K1"], "MC175"),
+        ([VECTORS[0], "G68.2 P3 Q2 I0 J0 K0"], "MC175"),
+        ([VECTORS[0], "G68.2 P3 Q2 I-1 J0 K1.2"], "MC175"),
         (["G68.2 X0 Y0 Z0 I0 J30"], "MC175"),
         (["G68.2 X0 Y0 I0 J30 K0"], "MC175"),
         (["G68.2 X0 Y0 Z0 A3 I0 J30 K0"], "MC175"),

@@ -189,7 +189,7 @@ OWN_WORDS: Final[Mapping[str, str]] = MappingProxyType(
         "REPEAT": "PQL",
         **dict.fromkeys(DRILLING, "PQL"),
         "G51": "P",
-        "G68.2": "P",
+        "G68.2": "PQ",
         "G5": "PQ",
         "G5.2": "PL",
         "G76": "PQHEL",

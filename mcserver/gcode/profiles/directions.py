@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 
 Vector = tuple[float, float, float]
 # rows: the axes X, Y, Z; columns: where the program's X, Y and Z point
@@ -11,6 +11,10 @@ Directions = tuple[Vector, Vector, Vector]
 UNTURNED: Directions = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
 # what rounding leaves of a right angle
 _NOTHING = 1e-13
+# how far two vectors are off a right angle where they give no plane (Fanuc) [deg]
+OFF_SQUARE = 5.0
+# sine of an angle at the first of three points below which they give none
+_ON_ONE_LINE = 1e-4
 
 
 def about_z(angle: float) -> Directions:
@@ -19,12 +23,76 @@ def about_z(angle: float) -> Directions:
     return (cosine, -sine, 0.0), (sine, cosine, 0.0), (0.0, 0.0, 1.0)
 
 
+def about(axis: int, degrees: float) -> Directions:
+    """Return directions turned counter-clockwise about X, Y or Z [deg], exact at quarter turns."""
+    cosine, sine = cosine_and_sine(degrees)
+    rows = [[float(row == column) for column in range(3)] for row in range(3)]
+    first, second = (axis + 1) % 3, (axis + 2) % 3
+    rows[first][first] = rows[second][second] = cosine
+    rows[first][second], rows[second][first] = -sine, sine
+    x, y, z = ((row[0], row[1], row[2]) for row in rows)
+    return x, y, z
+
+
 def by_euler_angles(first: float, second: float, third: float) -> Directions:
     """Return directions turned about Z, about the X that results, and about the Z that results [deg]."""
-    cosine, sine = cosine_and_sine(second)
-    about_x = (1.0, 0.0, 0.0), (0.0, cosine, -sine), (0.0, sine, cosine)
-    turned = (about_z(math.radians(each)) for each in (first, third))
-    return product(product(next(turned), about_x), next(turned)) or UNTURNED
+    return product(product(about(2, first), about(0, second)), about(2, third)) or UNTURNED
+
+
+def by_roll_pitch_yaw(angles: Vector, order: Sequence[int]) -> Directions:
+    """Return directions turned about X, Y and Z that stay where they are, in an order of these axes [deg]."""
+    found = UNTURNED
+    for axis in order:
+        found = product(about(axis, angles[axis]), found) or UNTURNED
+    return found
+
+
+def by_three_points(first: Vector, second: Vector, third: Vector) -> Directions | None:
+    """Return directions with X from the first point to the second, and the third where Y is above 0.
+
+    Returns:
+        None: they lie on one line.
+    """
+    x, other = (_unit(_less(each, first)) for each in (second, third))
+    normal = None if x is None or other is None else _cross(x, other)
+    if x is None or normal is None or math.hypot(*normal) < _ON_ONE_LINE:
+        return None
+    return _by_x_and_z(x, normal)
+
+
+def by_two_vectors(x: Vector, z: Vector) -> Directions | None:
+    """Return directions with X along one vector, and Z as near to the other one as that allows (Fanuc).
+
+    Returns:
+        None: one of them is 0, or they are `OFF_SQUARE` or more off a right angle.
+    """
+    first, second = _unit(x), _unit(z)
+    if first is None or second is None:
+        return None
+    askew = abs(math.fsum(a * b for a, b in zip(first, second, strict=True)))
+    return None if askew >= math.sin(math.radians(OFF_SQUARE)) else _by_x_and_z(first, second)
+
+
+def _by_x_and_z(x: Vector, near_z: Vector) -> Directions:
+    """Return directions with this X, and Z in the plane of X and a vector that is askew to it."""
+    y = _unit(_cross(near_z, x))
+    assert y is not None
+    rows = tuple(zip(x, y, _cross(x, y), strict=True))
+    return product(UNTURNED, (rows[0], rows[1], rows[2])) or UNTURNED
+
+
+def _less(end: Vector, start: Vector) -> Vector:
+    return end[0] - start[0], end[1] - start[1], end[2] - start[2]
+
+
+def _cross(a: Vector, b: Vector) -> Vector:
+    return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
+
+
+def _unit(vector: Vector) -> Vector | None:
+    """Return a vector of length 1; None for one of length 0."""
+    length = math.hypot(*vector)
+    return None if length == 0.0 else (vector[0] / length, vector[1] / length, vector[2] / length)
 
 
 def product(outer: Directions | None, inner: Directions | None) -> Directions | None:

@@ -69,6 +69,21 @@ class Facing(msgspec.Struct, frozen=True):
     zero: Vector
 
 
+class PlaneLine(msgspec.Struct, frozen=True):
+    """One of the lines of G68.2 that give a plane by points (P2) or vectors (P3).
+
+    Attributes:
+        form: P. number: Q. point: X Y Z [m]. vector: I J K.
+        turn: R, about the plane's Z [deg]; None: it is not given.
+    """
+
+    form: int
+    number: int
+    point: Vector
+    vector: Vector
+    turn: float | None
+
+
 class TiltedPlane(msgspec.Struct, frozen=True):
     """A plane on the work piece, as G68.2 gives it (D-111).
 
@@ -76,12 +91,14 @@ class TiltedPlane(msgspec.Struct, frozen=True):
         tool: number of the ``[[tool]]`` that is turned towards it.
         origin: in the work system [m]. directions: where its X, Y and Z point there.
         facing: None until G53.1.
+        lines: those of P2 or P3 until the last one, which gives origin and directions.
     """
 
     tool: int
     origin: Vector
     directions: Directions
     facing: Facing | None = None
+    lines: tuple[PlaneLine, ...] = ()
 
 
 class Surface(msgspec.Struct, frozen=True):

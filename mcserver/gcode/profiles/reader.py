@@ -438,7 +438,13 @@ class ProfileReader:
                 continue
             if name in TAKES_AXES:
                 axes = tuple(each for each in loose if each.axis >= 0)
-                taken.update({each.letter: each for each in loose if each.axis < 0})
+                letters = [each for each in loose if each.axis < 0]
+                first = {each.letter: each for each in reversed(letters)}
+                for each in letters:
+                    if each is not first[each.letter]:
+                        shown = f"{each.letter} stands twice in one command"
+                        faults.add("MC111", shown, each.span, "keep one of them")
+                taken.update(first)
                 loose.clear()
             # G4 X2.5 is a dwell; beside P or a motion X is where the axis goes
             if name == "G4" and "P" not in words and not others:
