@@ -373,9 +373,16 @@ def _travelling(moves: list[Move], within: float) -> list[Move]:
     return found
 
 
-def differences(here: list[Move], there: list[Move], within: float = _ROUNDING) -> str:
-    """Name the first difference of moves that go anywhere [mm]; empty: there is none."""
+def differences(
+    here: list[Move], there: list[Move], within: float = _ROUNDING, *, ended: bool = False
+) -> str:
+    """Name the first difference of moves that go anywhere [mm]; empty: there is none.
+
+    Args:
+        ended: a line was refused here; what rs274 makes behind it is left out.
+    """
     here, there = _travelling(here, within), _travelling(there, within)
+    there = there[: len(here)] if ended else there
     for index, (mine, theirs) in enumerate(zip(here, there, strict=False)):
         if len(mine) != len(theirs) or any(abs(a - b) > within for a, b in zip(mine, theirs, strict=True)):
             return f"move {index + 1}: {mine} here, {theirs} of rs274"
@@ -404,8 +411,8 @@ def compare(
         what = differences(here, there, within)
         if fault and error:
             # rs274 gives moves out before it refuses what comes behind them
-            what = differences(here, there[: len(here)], within)
-        elif fault.startswith(_CAUTIOUS) and not (what and differences(here, there[: len(here)], within)):
+            what = differences(here, there, within, ended=True)
+        elif fault.startswith(_CAUTIOUS) and not differences(here, there, within, ended=True):
             cautious += 1
             continue
         elif bool(fault) != bool(error):
