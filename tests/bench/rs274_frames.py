@@ -107,7 +107,8 @@ class FrameWriter:
 
     def _read(self) -> list[str]:
         number = self._random.choice([5420, 5421, 5422, 5220, 5230])
-        return [f"G1 X[#{number} MOD 50] Y[#<_abs_y> MOD 40]"]
+        # places of 0 are 0 or a whole step of MOD less, by their last bits
+        return [f"G1 X[[#{number} + 0.3] MOD 50] Y[[#<_abs_y> + 0.3] MOD 40]"]
 
 
 if __name__ == "__main__":
