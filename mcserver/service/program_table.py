@@ -44,6 +44,7 @@ from mcserver.planning.planner_messages import (
     ProgramMessage,
     ToolsExchanged,
     Validated,
+    WaitChanged,
 )
 from mcserver.planning.start_state import StartState
 from mcserver.service.acknowledgements import AckSender
@@ -433,10 +434,12 @@ class ProgramTable:
                     self._validated(program, event)
                 case LineRejected():
                     self._line_rejected(program, event)
-                case ContactAhead(waits=True):
+                case WaitChanged():
+                    program.waits_before = event.waits_for
                     found = event.diagnostic
-                    message = f"waits: {found.message}"
-                    self.publish("program.message", program, line=found.line, message=message)
+                    if found is not None:
+                        message = f"waits: {found.message}"
+                        self.publish("program.message", program, line=found.line, message=message)
                 case ContactAhead():
                     self._fail(program, event.diagnostic)
 
