@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mcserver.clearance.meter import held_there
-from mcserver.clearance.mounted import Exchange
+from mcserver.clearance.mounted import Exchange, Mounted
 from mcserver.clearance.ordered_speeds import slow_zones
 from mcserver.clearance.scene import Scene
 from mcserver.clearance.slow_zones import ROUNDING, SLOWER, SlowZones, TooFast
@@ -30,7 +30,6 @@ from mcserver.executor.entries import Control, ControlKind, EventKind, ExecutorE
 from mcserver.executor.fault_codes import FaultCode
 from mcserver.executor.shaped_entries import AT_THEIR_PLACE, GOING_ON
 from mcserver.machine.clearance_section import GivenBody
-from mcserver.machine.dialect_section import Cutter
 from mcserver.machine.machine_file import Machine
 from mcserver.motion.canonical import AxisOperation
 from mcserver.motion.pieces import Rows
@@ -206,8 +205,8 @@ class ClearanceGuard:
         return True
 
     def exchange(self, exchange: Exchange) -> None:
-        """Take bodies of other tools, or that the program brings, from here on; the motion before it has been
-        played.
+        """Take bodies of other tools, or that the program brings, and zones where a work system is now, from
+        here on; the motion before it has been played.
         """
         sweep = self._sweep
         sweep.mount(sweep.scene.mounted.behind(exchange, self._tenant.program))
@@ -215,7 +214,7 @@ class ClearanceGuard:
         way = np.vstack([0.5 * (extent.low + extent.high)] * 2)
         # programs beside may be on their way to where it is now
         half = 0.5 * (extent.high - extent.low)
-        pairs = sweep.scene.given if exchange.bodies else sweep.scene.with_tools
+        pairs = sweep.scene.given if exchange.bodies else sweep.scene.exchanged
         contact = self._judge(way, half, np.ones(len(half), np.bool_), pairs)
         if contact is not None:
             self._end(self._touching(contact, exchange.line, "take another way"))
@@ -371,7 +370,7 @@ class ClearanceGuard:
         self._count_pairs()
         if self._floors is not None and self._mounted != scene.mounted:
             # what is mounted since may be nearer than what was there before
-            self._floors[scene.with_tools] = -np.inf
+            self._floors[scene.exchanged] = -np.inf
         self._mounted = scene.mounted
         self._floors = self._sweep.floors(self._now, self._floors)
         judged = self._counted if pairs is None else self._counted & pairs
@@ -495,7 +494,7 @@ class ClearanceGuards:
         program: str,
         slot: int,
         axes: frozenset[int],
-        cutters: Mapping[int, Cutter] | None = None,
+        begins: Mounted | None = None,
         *,
         tell: Callable[[int], None] | None = None,
         role: str | None = None,
@@ -504,13 +503,16 @@ class ClearanceGuards:
         """Return the guard of a program that begins now.
 
         Args:
-            axes: its lease. cutters: the tool table; None: as it was.
+            axes: its lease. begins: the tool table and the work systems that it begins with; None: as they
+                were.
             tell: takes which switched zones lie ahead of it, a bit each; None: nobody holds it.
             role, by_hand: as `ClearanceGuard`.
         """
         mounted = self._sweep.scene.mounted
-        if cutters is not None and mounted.cutters != cutters:
-            self._sweep.mount(mounted.with_table(cutters, beside_others=bool(self._space.running)))
+        if begins is not None:
+            now = mounted.at_begin(begins, beside_others=bool(self._space.running))
+            if now != mounted:
+                self._sweep.mount(now)
         lease = np.array([axis.index in axes for axis in self._machine.axes], np.bool_)
         tenant = Tenant(program, slot, lease, tell)
         guard = ClearanceGuard(self._machine, self._sweep, self._space, tenant, role=role, by_hand=by_hand)
