@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import heapq
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Any
 
@@ -24,7 +24,6 @@ from mcserver.clearance.scene import Pair, Scene
 from mcserver.clearance.slow_zones import SLOWER, SlowZones
 from mcserver.errors import ConfigurationError, Diagnostic
 from mcserver.machine.clearance_section import GivenBody
-from mcserver.machine.dialect_section import Cutter
 from mcserver.machine.machine_file import Machine
 from mcserver.units import MM
 
@@ -67,7 +66,7 @@ class ClearanceMeter:
 
     Args:
         machine: has a clearance. start: positions of its axes before the first cycle, shape (K,) [SI].
-        cutters: the tool table; None: that of the machine file.
+        mounted: the tool table and work systems; None: those of the machine file.
         role: whose run it is; None: whoever's, so that all zones count.
 
     Zones that an input switches count as on; what enters them is a warning, for a server holds it there.
@@ -80,7 +79,7 @@ class ClearanceMeter:
         self,
         machine: Machine,
         start: Array,
-        cutters: Mapping[int, Cutter] | None = None,
+        mounted: Mounted | None = None,
         role: str | None = None,
     ) -> None:
         assert machine.clearance is not None
@@ -103,8 +102,8 @@ class ClearanceMeter:
         self._distance: Array = np.zeros(len(self._scene.pairs))
         self._spent: Array = np.zeros(len(self._scene.pairs))
         self._nearest = [Nearest(math.inf, 0.0, 0) for _ in self._scene.pairs]
-        if cutters is not None:
-            self._scene.mount(Mounted(cutters=cutters))
+        if mounted is not None:
+            self._scene.mount(mounted)
         self._begin(range(len(self._nearest)), 0)
 
     def _begin(self, pairs: Iterable[int], line: int) -> None:
@@ -128,7 +127,7 @@ class ClearanceMeter:
         self._look()
         known = len(self._scene.pairs)
         self._scene.mount(self._scene.mounted.behind(exchange))
-        changed = np.flatnonzero(self._scene.with_tools).tolist()
+        changed = np.flatnonzero(self._scene.exchanged).tolist()
         if exchange.bodies:
             changed = self._take_brought(known)
         self._begin([pair for pair in changed if not self._nearest[pair].contact], exchange.line)

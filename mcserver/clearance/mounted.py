@@ -1,4 +1,4 @@
-"""Which tools may be mounted, and which bodies programs have brought: what they have said of it.
+"""Which tools may be mounted, which bodies programs have brought and where work systems are, as they said.
 
 Tools that exclude each other share a place: all cutters the spindle, tools of a robot the axis that their
 chains end at. Of a place of which nothing is known any of its tools may be there, and each counts.
@@ -16,6 +16,8 @@ from mcserver.machine.machine_file import Machine
 
 # The place of cutters; those of robots' tools are numbers of axes.
 SPINDLE = -1
+# In place of an axis of a work system: the angle about Z by which it is turned [rad].
+ANGLE = -1
 # The remedy for a contact of a tool of which it is not known that it is there.
 NOT_KNOWN = "which tool is mounted is not known yet, and any may be: say it before with T, of a mill T and M6"
 
@@ -28,6 +30,7 @@ class Exchange(msgspec.Struct, frozen=True):
         certain: it is; else it may be, as from when somebody is asked to change it.
         cutters: lines of the tool table that it sets, by number.
         bodies: all that its program has brought up to there; empty: it brings none more.
+        work: work systems with zones that it has moved, by number, as of `Mounted`.
     """
 
     line: int
@@ -35,20 +38,24 @@ class Exchange(msgspec.Struct, frozen=True):
     certain: bool
     cutters: Mapping[int, Cutter]
     bodies: tuple[GivenBody, ...] = ()
+    work: Mapping[int, Mapping[int, float]] = {}
 
 
 class Mounted(msgspec.Struct, frozen=True):
-    """Tools that may be mounted.
+    """Tools that may be mounted, and where work systems are.
 
     Attributes:
         at: by place those of which one is there; any may be at a place that is left out.
         cutters: the tool table, by number.
         given: by program the bodies that it has brought.
+        work: by number of work systems with zones the offset of each axis [m], and by `ANGLE` the angle about
+            Z [rad].
     """
 
     at: Mapping[int, frozenset[int]] = {}
     cutters: Mapping[int, Cutter] = {}
     given: Mapping[str, tuple[GivenBody, ...]] = {}
+    work: Mapping[int, Mapping[int, float]] = {}
 
     def behind(self, exchange: Exchange, program: str = "") -> Mounted:
         """Return what may be mounted behind a program's exchange."""
@@ -59,20 +66,22 @@ class Mounted(msgspec.Struct, frozen=True):
             elif place in at:
                 at[place] |= {tool}
         given = {**self.given, program: exchange.bodies} if exchange.bodies else self.given
-        return Mounted(at, {**self.cutters, **exchange.cutters}, given)
+        return Mounted(at, {**self.cutters, **exchange.cutters}, given, {**self.work, **exchange.work})
 
     def of_running(self, programs: Container[str]) -> Mounted:
         """Return it with bodies that these programs have brought, and no others."""
         given = {name: bodies for name, bodies in self.given.items() if name in programs}
-        return self if len(given) == len(self.given) else Mounted(self.at, self.cutters, given)
+        return self if len(given) == len(self.given) else msgspec.structs.replace(self, given=given)
 
-    def with_table(self, table: Mapping[int, Cutter], *, beside_others: bool) -> Mounted:
-        """Return what may be mounted where a program begins with a tool table.
+    def at_begin(self, begins: Mounted, *, beside_others: bool) -> Mounted:
+        """Return what may be mounted where a program begins.
 
         Args:
+            begins: the tool table and the work systems that it begins with.
             beside_others: programs run that may have set a line of it meanwhile: the larger size counts.
         """
-        if beside_others:
+        table = begins.cutters
+        if beside_others and table != self.cutters:
             kept = {number: self.cutters.get(number, each) for number, each in table.items()}
             table = {
                 number: Cutter(
@@ -80,7 +89,8 @@ class Mounted(msgspec.Struct, frozen=True):
                 )
                 for number, each in table.items()
             }
-        return Mounted(self.at, {**self.cutters, **table}, self.given)
+        cutters = {**self.cutters, **table}
+        return msgspec.structs.replace(self, cutters=cutters, work={**self.work, **begins.work})
 
     def may_be(self, tool: int, place: int) -> bool:
         """Return whether a tool may be mounted at its place."""
@@ -109,6 +119,12 @@ def _measured(cutter: Cutter) -> bool:
 def place_of(machine: Machine, tool: int) -> int:
     """Return the place at which a tool is mounted."""
     return next((each.axes[-1] for each in machine.tools if each.number == tool), SPINDLE)
+
+
+def systems_with_zones(machine: Machine) -> frozenset[int]:
+    """Return the numbers of the work systems that zones are in."""
+    zones = () if machine.clearance is None else machine.clearance.zones
+    return frozenset(each.system for each in zones if each.system is not None)
 
 
 def places_with_bodies(machine: Machine) -> frozenset[int]:

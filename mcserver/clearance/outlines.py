@@ -33,9 +33,9 @@ class Outline(NamedTuple):
 
 
 def standing_outlines(clearance: Clearance) -> list[Outline]:
-    """Return the boxes of zones, and of bodies that nothing carries; meshes have none."""
+    """Return the boxes of zones and bodies that stand where the machine file says; meshes have none."""
     found = []
-    for each in (*clearance.bodies, *clearance.zones):
+    for each in (*clearance.bodies, *(zone for zone in clearance.zones if zone.fixed)):
         if isinstance(each, Zone):
             edges: Place | None = each.size_mm
         else:

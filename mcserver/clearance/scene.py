@@ -9,7 +9,7 @@ from __future__ import annotations
 import importlib
 import math
 import xml.etree.ElementTree as ElementTree
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -17,10 +17,11 @@ from typing import Any
 import numpy as np
 from mckinematics.errors import ModelError
 from mckinematics.model import import_pinocchio, load_model, read_urdf
+from mckinematics.rotation import euler_to_matrix
 from numpy.typing import NDArray
 
 from mcserver.clearance.meshes import hull_of, load_hull, refuse_large_meshes
-from mcserver.clearance.mounted import SPINDLE, Mounted, place_of
+from mcserver.clearance.mounted import ANGLE, SPINDLE, Mounted, place_of
 from mcserver.clearance.outlines import turned
 from mcserver.errors import ConfigurationError
 from mcserver.machine.clearance_section import (
@@ -55,7 +56,7 @@ class Pair:
         tools: that they come with, each as its number and its place; the cutter's is 0, whatever it is.
         max_speed: of a slow zone [m/s]; inf: the zone is no slow one.
         switch: what switches the zone, by its place in `Clearance.switches`; -1: it is always on.
-        given: a program has brought one of both.
+        given: a program has brought one of both. work: the zone is in a work system.
     """
 
     names: tuple[str, str]
@@ -64,6 +65,7 @@ class Pair:
     max_speed: float = math.inf
     switch: int = -1
     given: bool = False
+    work: bool = False
 
 
 class Scene:
@@ -78,8 +80,9 @@ class Scene:
         speeds: how fast the first body of each pair may be in its second one, a slow zone, shape (P,)
             [m/s]; inf for all others, which must not touch.
         switches: of each pair what switches its zone, as `Pair`, shape (P,).
-        with_tools: of each pair whether one of both comes with a tool, shape (P,). mounted: the tools that
-            may be there; any at first. active: pairs that may be there by that, shape (P,).
+        exchanged: of each pair whether one of both comes with a tool, or is a zone in a work system, shape
+            (P,). mounted: the tools that may be there, any at first, and where work systems are, at first at
+            the base. active: pairs that may be there by that, shape (P,).
         given: of each pair whether a program has brought one of both, shape (P,): the last ones.
 
     Raises:
@@ -133,7 +136,9 @@ class Scene:
         self.mount(Mounted(cutters=machine.dialect.cutters))
 
     def mount(self, mounted: Mounted) -> None:
-        """Take bodies of tools that may be mounted and those that programs have brought, and no others."""
+        """Take bodies of tools that may be mounted and those that programs have brought, and no others, and
+        zones where their work systems are.
+        """
         if mounted.given != self.mounted.given:
             self._bring([each for bodies in mounted.given.values() for each in bodies])
         self.mounted = mounted
@@ -143,7 +148,11 @@ class Scene:
             shape.radius, shape.halfLength = 0.5 * cutter.diameter, 0.5 * cutter.length
             down = self._pin.SE3(np.eye(3), np.array([0.0, 0.0, -0.5 * cutter.length]))
             self._geometry.geometryObjects[number].placement = held * down
-        for pair in np.flatnonzero(self.with_tools).tolist():
+        for number, zone in self._zones.items():
+            if zone.system is not None:
+                work = self._in_work(mounted.work.get(zone.system, {}))
+                self._geometry.geometryObjects[number].placement = work * self._carried(zone)[1]
+        for pair in np.flatnonzero(self.exchanged).tolist():
             self.active[pair] = all(
                 mounted.may_be(tool, place) if tool else cutter is not None
                 for tool, place in self.pairs[pair].tools
@@ -181,7 +190,7 @@ class Scene:
         self.levers = np.concatenate((self.levers, *levers), axis=1)
         self.speeds: Array = np.array([each.max_speed for each in self.pairs])
         self.switches = np.array([each.switch for each in self.pairs])
-        self.with_tools = np.array([bool(each.tools) for each in self.pairs])
+        self.exchanged = np.array([bool(each.tools) or each.work for each in self.pairs])
         self.given = np.array([each.given for each in self.pairs])
 
     def binding(self, role: str | None) -> NDArray[np.bool_]:
@@ -278,19 +287,21 @@ class Scene:
             described |= fresh
 
     def _add_body(self, body: Body) -> None:
-        if body.link is not None:
-            frame = self._frame(body.link)
-            joint = int(self._model.frames[frame].parentJoint)
-            placement = self._model.frames[frame].placement * self._pose(body.at_mm, body.turned_deg)
-        else:
-            joint = self._carriage(body)
-            placement = self._pose(body.at_mm, body.turned_deg)
+        joint, frame = self._joint_of(body)
+        placement = frame * self._pose(body.at_mm, body.turned_deg)
         shape = self._shape(body)
         number = self._add(body.name, joint, placement, shape)
         if isinstance(body, CutterBody):
             self._cutter, self._tools[number] = (number, shape, placement), (0, SPINDLE)
         elif body.tool is not None:
             self._tools[number] = (body.tool, place_of(self._machine, body.tool))
+
+    def _joint_of(self, body: Body) -> tuple[int, Any]:
+        """Return the joint that carries a body, and the frame behind it in which the body's place is."""
+        if body.link is None:
+            return self._carriage(body), self._pin.SE3.Identity()
+        frame = self._model.frames[self._frame(body.link)]
+        return int(frame.parentJoint), frame.placement
 
     def _add(self, name: str, joint: int, placement: Any, shape: Any) -> int:
         made = self._pin.GeometryObject(f"{name}#{len(self._names)}", joint, placement, shape)
@@ -331,16 +342,29 @@ class Scene:
                 return load_hull(body.file, body.name)
 
     def _add_zone(self, zone: Zone) -> None:
-        placement = self._pose(zone.at_mm, zone.turned_deg)
+        joint, placement = self._carried(zone)
         edges = [edge * MM for edge in zone.size_mm]
         if zone.kind != "keep_in":
-            self._zones[self._add(zone.name, 0, placement, self._coal.Box(*edges))] = zone
+            self._zones[self._add(zone.name, joint, placement, self._coal.Box(*edges))] = zone
             return
         # what stays in a box stays out of the half spaces behind its six sides
         for axis, edge in enumerate(edges):
             for side in (1.0, -1.0):
                 behind = self._coal.Halfspace(-side * np.eye(3)[axis], -0.5 * edge)
-                self._zones[self._add(zone.name, 0, placement, behind)] = zone
+                self._zones[self._add(zone.name, joint, placement, behind)] = zone
+
+    def _carried(self, zone: Zone) -> tuple[int, Any]:
+        """Return the joint that carries a zone, and its place there, in a work system at the base."""
+        carrier = next((each for each in self._clearance.bodies if each.name == zone.on), None)
+        joint, frame = (0, self._pin.SE3.Identity()) if carrier is None else self._joint_of(carrier)
+        return joint, frame * self._pose(zone.at_mm, zone.turned_deg)
+
+    def _in_work(self, offsets: Mapping[int, float]) -> Any:
+        """Return where a work system is in the base's frame."""
+        zero = np.zeros(3)
+        for axis, direction in self._clearance.letters.items():
+            zero[direction] = offsets.get(axis, 0.0)
+        return self._pin.SE3(euler_to_matrix((0.0, 0.0, offsets.get(ANGLE, 0.0)), "ZYX"), zero)
 
     def _pose(self, at_mm: Place, turned_deg: Place) -> Any:
         return self._pin.SE3(turned(turned_deg), np.array(at_mm) * MM)
@@ -386,7 +410,8 @@ class Scene:
                 switch = None if zone is None else zone.switch
                 number = -1 if switch is None else switches.index(switch)
                 brought = given is not None
-                found.append(Pair(names, zone is not None, tools, speed, number, brought))
+                work = zone is not None and zone.work is not None
+                found.append(Pair(names, zone is not None, tools, speed, number, brought, work))
         return found
 
     def _disabled(self) -> list[tuple[str, str]]:
@@ -407,7 +432,8 @@ class Scene:
             return False
         zone = self._zones.get(second)
         if zone is not None:
-            return not zone.bodies or self._names[first] in zone.bodies
+            # one that moves is for what moves too, but for who is named
+            return self._names[first] in zone.bodies if zone.bodies else one != 0
         neighbours = self._model.parents[one] == other or self._model.parents[other] == one
         # links that a joint connects overlap there
         return not (neighbours and first in self._links and second in self._links)

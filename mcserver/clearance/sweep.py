@@ -101,7 +101,7 @@ class Sweep:
         if given != mounted.given:
             self._distance = self.scene.keep_own(self._distance, -np.inf)
             self._at = self.scene.keep_own(self._at.T, 0.0).T
-        self._distance[self.scene.with_tools] = -np.inf
+        self._distance[self.scene.exchanged] = -np.inf
 
     def first_contact(
         self, way: Array, half: Array, moved: NDArray[np.bool_], floors: Array

@@ -86,7 +86,7 @@ def shape_of(machine: Machine, kinematics: MachineKinematics | None, points: Arr
             for body in machine.clearance.bodies
             if body.tool is None and (body.link is None or body.link in shape.tree.links)
         ]
-        zones = [_zone_part(zone, root) for zone in machine.clearance.zones]
+        zones = [_zone_part(zone, root) for zone in machine.clearance.zones if zone.fixed]
     links = {joint.child: Link(joint.child, ()) for joint in extra}
     tree = Tree(root, {**shape.tree.links, **links}, (*shape.tree.joints, *extra))
     return shape._replace(tree=tree, parts=parts, zones=zones)

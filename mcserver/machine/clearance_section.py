@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Container, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal, NamedTuple
@@ -30,6 +31,11 @@ MOST_SWITCHES = 63
 # engineers can ask for.
 RunRole = Literal["agent", "operator"]
 AGENT, OPERATOR = ROLES = ("agent", "operator")
+# The work systems that a zone may stand in; numbered from 1, as in frames.
+WORK_SYSTEMS = ("G54", "G55", "G56", "G57", "G58", "G59", "G59.1", "G59.2", "G59.3")
+
+# One agent by its user's name, as sites have it.
+_ONE_AGENT = re.compile(rf"{AGENT}:[A-Za-z0-9][A-Za-z0-9_-]{{0,31}}")
 
 ORIGIN: Place = (0.0, 0.0, 0.0)
 
@@ -129,13 +135,23 @@ class Switch(NamedTuple):
     high: bool
 
 
+def agent_role(client: str) -> str:
+    """Return the role of an approved run by the id of the client that has asked for it, which begins with its
+    user and a dot; of one without a user it may be any agent.
+    """
+    user, dot, _ = client.partition(".")
+    return f"{AGENT}:{user}" if dot else ROLES[0]
+
+
 class Zone(msgspec.Struct, frozen=True, kw_only=True):
-    """A ``[[zone]]``: a box that bodies stay out of, or in, or are slow in, in the base's frame.
+    """A ``[[zone]]``: a box that bodies stay out of, or in, or are slow in.
 
     Attributes:
         max_speed_mm_s: of a slow one.
+        work: the work system that its place and angles are in; None: the base's frame. on: name of a body
+            that carries it; None: it stands.
         bodies: names of the bodies and links that it is for; empty: all that move.
-        roles: whom it binds (`AGENT`, `OPERATOR`); empty: everybody.
+        roles: whom it binds (`AGENT`, one of them as of `agent_role`, `OPERATOR`); empty: everybody.
         input, active: number of the digital input that switches it, and its level where the zone is on.
     """
 
@@ -145,6 +161,8 @@ class Zone(msgspec.Struct, frozen=True, kw_only=True):
     max_speed_mm_s: Annotated[float, Meta(gt=0.0, description="give mm/s above 0")] | None = None
     at_mm: Place = ORIGIN
     turned_deg: Place = ORIGIN
+    work: Literal["G54", "G55", "G56", "G57", "G58", "G59", "G59.1", "G59.2", "G59.3"] | None = None
+    on: str | None = None
     bodies: list[str] = []
     roles: list[str] = []
     input: Annotated[int, Meta(ge=0, le=63, description="give the number of a digital input")] | None = None
@@ -155,9 +173,22 @@ class Zone(msgspec.Struct, frozen=True, kw_only=True):
         """What switches it on; None: it is always on."""
         return None if self.input is None else Switch(self.input, self.active == "high")
 
+    @property
+    def system(self) -> int | None:
+        """Number of the work system that it is in."""
+        return None if self.work is None else 1 + WORK_SYSTEMS.index(self.work)
+
+    @property
+    def fixed(self) -> bool:
+        """Whether it is where the machine file says, whatever moves."""
+        return self.work is None and self.on is None
+
     def binds(self, role: str | None) -> bool:
-        """Return whether it counts for a role; None: for whoever it may be."""
-        return role is None or not self.roles or role in self.roles
+        """Return whether it counts for a role; None: for whoever it may be, `AGENT`: for any of them."""
+        if role is None or not self.roles or role in self.roles:
+            return True
+        kind, _, name = role.partition(":")
+        return kind in self.roles or (not name and any(each.startswith(f"{kind}:") for each in self.roles))
 
 
 class ClearanceSection(msgspec.Struct, frozen=True):
@@ -249,6 +280,7 @@ def read_clearance(
             mistakes.add(("zone", position, "max_speed_mm_s"), what, hint)
         if zone is not None:
             _check_roles(zone, ("zone", position), mistakes)
+            _check_carried(zone, bodies, ("zone", position), mistakes)
     _check_cutters([each for each in bodies if each is not None], tools, mistakes)
     if None in bodies or None in zones:
         return None
@@ -285,11 +317,30 @@ def check_switches(zones: Sequence[Zone | None], digital: Container[int], mistak
         mistakes.add(("zone",), f"more than {MOST_SWITCHES} inputs switch zones", "let zones share some")
 
 
+def check_work_systems(zones: Sequence[Zone | None], missing: str, mistakes: Mistakes) -> None:
+    """Refuse zones in a work system; ``missing``: what the machine has none by, empty: it has them."""
+    for position, zone in enumerate(zones):
+        if missing and zone is not None and zone.work is not None:
+            hint = "leave it out, and give the place in the base's frame"
+            mistakes.add(
+                ("zone", position, "work"), f"no zone of this machine is in {zone.work}: {missing}", hint
+            )
+
+
+def _check_carried(zone: Zone, bodies: Sequence[Body | None], path: TomlPath, mistakes: Mistakes) -> None:
+    known = [each.name for each in bodies if each is not None]
+    if zone.on is not None and zone.on not in known:
+        hint = did_you_mean(zone.on, known, "name a [[body]]")
+        mistakes.add((*path, "on"), f"there is no body {zone.on!r} to carry it", hint)
+
+
 def _check_roles(zone: Zone, path: TomlPath, mistakes: Mistakes) -> None:
     for role in zone.roles:
-        if role in ROLES:
+        if role in ROLES or _ONE_AGENT.fullmatch(role):
             continue
-        hint = 'take "agent" (runs that a person has approved) or "operator" (all other motion)'
+        hint = 'take "agent" (runs that a person has approved), "agent:NAME" or "operator" (all other motion)'
+        if role.startswith(f"{AGENT}:"):
+            hint = "give the user's name behind the colon, without the dot and what client ids have behind it"
         if role == "engineer":
             hint = 'take "operator": the server cannot tell engineers from operators'
         mistakes.add((*path, "roles"), f"there is no role {role!r} to bind", did_you_mean(role, ROLES, hint))

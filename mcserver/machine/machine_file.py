@@ -20,7 +20,13 @@ from mcserver.errors import ConfigurationError
 from mcserver.machine.bus_load import refuse_overload
 from mcserver.machine.bus_section import BusConfig, read_buses
 from mcserver.machine.button_section import Button, read_buttons
-from mcserver.machine.clearance_section import Clearance, ToolsOfBodies, check_switches, read_clearance
+from mcserver.machine.clearance_section import (
+    Clearance,
+    ToolsOfBodies,
+    check_switches,
+    check_work_systems,
+    read_clearance,
+)
 from mcserver.machine.compensation_section import (
     LEAST_FOR_BACKLASH,
     Compensation,
@@ -357,6 +363,10 @@ def _read_machine(raw: dict[str, Any], folder: Path | None, mistakes: Mistakes) 
     urdf = None if kinematics is None else kinematics.urdf
     if urdf is not None and folder is not None:
         urdf = str(folder / urdf)
+    missing = "it has a URDF" if kinematics is not None else ""
+    if dialect.profile not in ("cnc", "robot"):
+        missing = f"the profile {dialect.profile} has no work systems"
+    check_work_systems(file.get("zone") or (), missing, mistakes)
     return Machine(
         name=section.name,
         cycle_hz=section.cycle_hz,

@@ -88,7 +88,7 @@ def look(machine: Machine) -> tuple[wire.ModelReply, list[Path | None]]:
                 found.append((f"body {body.name}", Path(body.file)))
             bodies.append(_body(body, mesh, machine.clearance.letters))
         names = {each.number: each.name for each in machine.inputs if each.digital}
-        bodies += [_zone(zone, names) for zone in machine.clearance.zones]
+        bodies += [_zone(zone, names) for zone in machine.clearance.zones if zone.fixed]
     if not text and not bodies:
         return wire.ModelReply("", "", {}, []), []
     digest = hashlib.sha256(text.encode() + msgspec.json.encode(bodies))

@@ -16,13 +16,11 @@ import math
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 
-import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from mcserver.clearance.distances import too_near
 from mcserver.clearance.meter import held_there
-from mcserver.clearance.mounted import NOT_KNOWN, Exchange
+from mcserver.clearance.mounted import Exchange, Mounted
 from mcserver.clearance.ordered_speeds import slow_zones
 from mcserver.clearance.scene import Scene
 from mcserver.clearance.slow_zones import ROUNDING, SLOWER, SlowZones, TooFast
@@ -32,56 +30,19 @@ from mcserver.executor.entries import Control, ControlKind, EventKind, ExecutorE
 from mcserver.executor.fault_codes import FaultCode
 from mcserver.executor.shaped_entries import AT_THEIR_PLACE, GOING_ON
 from mcserver.machine.clearance_section import GivenBody
-from mcserver.machine.dialect_section import Cutter
-from mcserver.machine.machine_file import Axis, Machine
+from mcserver.machine.machine_file import Machine
 from mcserver.motion.canonical import AxisOperation
 from mcserver.motion.pieces import Rows
 from mcserver.motion.thread_cam import MOST_SPEED
-from mcserver.planning.shared_space import Claim, Extent, Mask, SharedSpace, Tenant, Wait
-from mcserver.units import MM
+from mcserver.planning.alone_extents import STRAIGHT, AloneExtents
+from mcserver.planning.contact_words import touching
+from mcserver.planning.shared_space import Array, Claim, Extent, Mask, SharedSpace, Tenant
+from mcserver.planning.switched_zones import SwitchedZones
+from mcserver.planning.waiting import Waiting
 
-Array = NDArray[np.float64]
-
-# How often it is looked whether another program has left, and from when on those that wait for each other do
-# so for good: the motion of each has been looked at since [s].
-LOOK_S = 0.1
-LOCKED_S = 0.3
 # Rows whose places are noted together.
 NOTED_ROWS = 50
-_STRAIGHT = (ControlKind.PROBE, ControlKind.THREAD)
 _CAPTURE = list(AxisOperation).index(AxisOperation.CAPTURE)
-
-
-class SwitchedZones:
-    """The zones that one input switches on, as they bind one program.
-
-    Attributes:
-        bit: of them, in what the executor is told. counted: their pairs, shape (P,). slow: slow ones of them.
-        number, high: of the input, and its level where they are on.
-        movers: columns that move their bodies, shape (K,).
-    """
-
-    def __init__(self, machine: Machine, scene: Scene, number: int, binding: Mask) -> None:
-        assert machine.clearance is not None
-        self.bit = 1 << number
-        self._number = number
-        self.counted: Mask = binding & (scene.switches == number)
-        self.slow = slow_zones(scene, machine, self.counted)
-        self.movers: Mask = np.zeros(len(machine.axes), np.bool_)
-        self.count(scene, binding)
-        switch = machine.clearance.switches[number]
-        self._high = switch.high
-        self._column = [(each.digital, each.number) for each in machine.inputs].index((True, switch.input))
-
-    def count(self, scene: Scene, binding: Mask) -> None:
-        """Take the pairs that a scene has now."""
-        self.counted = binding & (scene.switches == self._number)
-        self.slow.count(self.counted)
-        self.movers = np.asarray(scene.levers[:, self.counted].any(axis=1))
-
-    def on(self, inputs: Array) -> bool:
-        """Return whether they are on by the inputs' values."""
-        return bool(inputs[self._column]) is self._high
 
 
 class ClearanceGuard:
@@ -93,7 +54,7 @@ class ClearanceGuard:
 
     Attributes:
         contact: where it would touch; nothing from there on is handed over. None: it stays clear.
-        waiting: where it would touch what another program moves, which is waited for; None: for none.
+        waiting: for other programs, before what they move.
         held: what would come into zones that an input switches, the first of each pair.
     """
 
@@ -123,6 +84,7 @@ class ClearanceGuard:
         self._space = space
         self._tenant = tenant
         space.enter(tenant)
+        self.waiting = Waiting(space, tenant)
         self._floors: Array | None = None
         self._mounted = sweep.scene.mounted
         # what programs have brought; None: pairs have not been counted yet
@@ -138,20 +100,12 @@ class ClearanceGuard:
         # columns that were let go after that: they may be pushed from there
         self._loose: Mask = self._known.copy()
         self._targets: dict[int, float] = {}
-        # least positions of streamed targets that come next
-        self._follow_from: tuple[float, ...] | None = None
+        self._alone = AloneExtents(machine.axes, space.anywhere)
         self._settling: Mask = self._known.copy()
         # how many claims have been made, and how many before each mark that the executor has not come to
         self._claims = 0
         self._marks: deque[int] = deque()
         self.contact: Diagnostic | None = None
-        self.waiting: Diagnostic | None = None
-        self._look_at = -math.inf
-
-    @property
-    def looks_again(self) -> bool:
-        """Whether it is time to look whether what is waited for has left."""
-        return self._space.time >= self._look_at
 
     def _count_pairs(self) -> None:
         """Take the pairs that the scene has now: another program may have brought bodies, or has ended."""
@@ -175,7 +129,7 @@ class ClearanceGuard:
 
     def admit_rows(self, rows: Rows) -> int:
         """Return how many of some rows may be handed over; behind these it touches, or waits."""
-        self.waiting = None
+        self.waiting.fault = None
         extent = self._extent()
         bits = np.arange(len(self._known), dtype=np.uint64)
         driven = (rows.axes[:, None] >> bits & np.uint64(1)).astype(np.bool_)
@@ -190,11 +144,11 @@ class ClearanceGuard:
         fast = self._slow.first(way[: count + 1])
         if fast is not None:
             count = fast.step
-            self.contact = self._too_fast(fast, int(rows.line[count]))
+            self._end(self._too_fast(fast, int(rows.line[count])))
         elif contact is not None:
             self._stop_before(contact, int(rows.line[count]), "take another way", waits=True)
         else:
-            self._tenant.wait = None
+            self.waiting.end()
         ahead = []
         for zones in self._switched.values():
             entered = self._entered(zones, way[: count + 1], half, moved, rows.line)
@@ -215,7 +169,7 @@ class ClearanceGuard:
 
     def admit_control(self, control: Control) -> bool:
         """Return whether an entry may be handed over; it touches, or waits, where not."""
-        self.waiting = None
+        self.waiting.fault = None
         kind = control.kind
         columns = self._columns(control.axes)
         # others wait until shaped setpoints have arrived: a motion at rest, or all that moves
@@ -228,7 +182,7 @@ class ClearanceGuard:
         elif kind is ControlKind.PASSED:
             self._marks.append(self._claims)
         elif kind is ControlKind.FOLLOW_FROM:
-            self._follow_from = control.values
+            self._alone.follow_from = control.values
         elif kind is ControlKind.SETTLE:
             self._settling = columns
         elif kind is ControlKind.AXIS and control.operation == _CAPTURE:
@@ -251,8 +205,8 @@ class ClearanceGuard:
         return True
 
     def exchange(self, exchange: Exchange) -> None:
-        """Take bodies of other tools, or that the program brings, from here on; the motion before it has been
-        played.
+        """Take bodies of other tools, or that the program brings, and zones where a work system is now, from
+        here on; the motion before it has been played.
         """
         sweep = self._sweep
         sweep.mount(sweep.scene.mounted.behind(exchange, self._tenant.program))
@@ -260,10 +214,10 @@ class ClearanceGuard:
         way = np.vstack([0.5 * (extent.low + extent.high)] * 2)
         # programs beside may be on their way to where it is now
         half = 0.5 * (extent.high - extent.low)
-        pairs = sweep.scene.given if exchange.bodies else sweep.scene.with_tools
+        pairs = sweep.scene.given if exchange.bodies else sweep.scene.exchanged
         contact = self._judge(way, half, np.ones(len(half), np.bool_), pairs)
         if contact is not None:
-            self.contact = self._touching(contact, exchange.line, "take another way")
+            self._end(self._touching(contact, exchange.line, "take another way"))
 
     def stand(self, positions: Mapping[int, float]) -> None:
         """Note that others have moved axes, by number, to where they stand now [m or rad]."""
@@ -303,39 +257,15 @@ class ClearanceGuard:
 
     def _admit_alone(self, control: Control, columns: Mask) -> bool:
         extent = self._extent()
-        low, high = extent.low.copy(), extent.high.copy()
-        ends = extent
-        if control.kind is ControlKind.RAPID or control.kind in _STRAIGHT:
-            target = np.array(control.values)
-            for column in np.flatnonzero(columns & (low != high)).tolist():
-                # it moves already, and may have to come back
-                overrun = _stopping_distance(self._machine.axes[column])
-                low[column] -= overrun
-                high[column] += overrun
-            low[columns] = np.minimum(low, target)[columns]
-            high[columns] = np.maximum(high, target)[columns]
-            ends = Extent(low, high)
-        elif control.kind is ControlKind.HOME:
-            ends = Extent(low.copy(), high.copy())
-            for column in np.flatnonzero(columns).tolist():
-                self._homing_extent(column, Extent(low, high), ends)
-        elif control.kind is ControlKind.FOLLOW and control.values and self._follow_from:
-            low[columns] = np.minimum(low, self._follow_from)[columns]
-            high[columns] = np.maximum(high, control.values)[columns]
-            ends = Extent(low, high)
-        else:
-            for column in np.flatnonzero(columns).tolist():
-                low[column], high[column] = self._space.anywhere(column, float(low[column]))
-            ends = Extent(low, high)
-        swept = Extent(low, high)
-        if control.kind in _STRAIGHT:
+        swept, ends = self._alone.extents(control, columns, extent)
+        if control.kind in STRAIGHT:
             # straight, and nowhere else
             way = np.vstack([0.5 * (extent.low + extent.high)] * 2)
             way[1, columns] = np.array(control.values)[columns]
             half = np.where(columns, self._beside, 0.5 * (extent.high - extent.low))
         else:
-            way = np.vstack([0.5 * (low + high)] * 2)
-            half = 0.5 * (high - low) + np.where(columns, self._beside, 0.0)
+            way = np.vstack([0.5 * (swept.low + swept.high)] * 2)
+            half = 0.5 * (swept.high - swept.low) + np.where(columns, self._beside, 0.0)
         contact = self._judge(way, half, columns) or self._fast_alone(
             way, half, columns, control, self._counted
         )
@@ -349,7 +279,7 @@ class ClearanceGuard:
                 hint = "let the axes go less far: a narrower low and high of open_servo"
             self._stop_before(contact, control.line, hint, waits=control.kind is ControlKind.RAPID)
             return False
-        self._tenant.wait = None
+        self.waiting.end()
         line = np.array([control.line])
         ahead = [
             zones
@@ -371,32 +301,6 @@ class ClearanceGuard:
         if control.kind is ControlKind.RAPID and control.values is not None:
             self._targets.update((each, control.values[each]) for each in np.flatnonzero(columns).tolist())
         return True
-
-    def _homing_extent(self, column: int, swept: Extent, ends: Extent) -> None:
-        """Set from where to where an axis may be while it is homed, and behind that.
-
-        Args:
-            swept, ends: hold where it is.
-        """
-        axis = self._machine.axes[column]
-        homing = axis.homing
-        here = float(swept.low[column]), float(swept.high[column])
-        least, most = self._space.anywhere(column, here[0])
-        if homing is None or homing.method == "drive":
-            swept.low[column], swept.high[column] = min(here[0], least), max(here[1], most)
-            ends.low[column], ends.high[column] = swept.low[column], swept.high[column]
-            return
-        home = homing.position or 0.0
-        beyond = 2.0 * homing.back_off
-        rest = (home - beyond, home + beyond)
-        if homing.then_move_to is not None:
-            rest = (homing.then_move_to, homing.then_move_to)
-        # off a switch that is active, then towards it, within the axis's travel
-        far = sorted((-homing.direction * homing.release_travel, homing.direction * homing.travel))
-        low, high = max(least, here[0] + far[0]), min(most, here[1] + far[1])
-        swept.low[column] = min(low, here[0], home, rest[0]) - beyond
-        swept.high[column] = max(high, here[1], home, rest[1]) + beyond
-        ends.low[column], ends.high[column] = rest
 
     def _pass(self, number: int) -> None:
         """Note that all motion up to a claim is over, but what goes on by itself."""
@@ -466,7 +370,7 @@ class ClearanceGuard:
         self._count_pairs()
         if self._floors is not None and self._mounted != scene.mounted:
             # what is mounted since may be nearer than what was there before
-            self._floors[scene.with_tools] = -np.inf
+            self._floors[scene.exchanged] = -np.inf
         self._mounted = scene.mounted
         self._floors = self._sweep.floors(self._now, self._floors)
         judged = self._counted if pairs is None else self._counted & pairs
@@ -510,7 +414,7 @@ class ClearanceGuard:
         """Return where a body may come into a slow zone at its axes' limits, which are too fast for it."""
         scene = self._sweep.scene
         speeds = self._speeds
-        if control.kind in _STRAIGHT:
+        if control.kind in STRAIGHT:
             turns = abs(control.value) * MOST_SPEED if control.kind is ControlKind.THREAD else 1.0
             speeds = np.minimum(speeds, control.seconds * turns)
         fast = (
@@ -544,58 +448,29 @@ class ClearanceGuard:
         names = self._sweep.scene.pairs[fast.pair].names
         return Diagnostic(code="MC322", message=fast.message(names), line=line, hint=SLOWER)
 
+    def _end(self, fault: Diagnostic) -> None:
+        self.waiting.end()
+        self.contact = fault
+
     def _stop_before(self, contact: Contact, line: int, hint: str, *, waits: bool) -> None:
-        """Note a contact, or that another program is waited for, which moves one of both bodies.
+        """Note a contact, or that other programs are waited for, which move one of both bodies."""
+        others = self._others(contact)
+        fault = self._touching(contact, line, hint, others)
+        waits = waits and bool(others) and not self._by_hand
+        ending = self.waiting.before(fault, others) if waits else fault
+        if ending is not None:
+            self._end(ending)
 
-        Two programs that wait for each other both stand where they are: the one that came to it last ends.
-        """
-        tenant, space = self._tenant, self._space
-        levers = self._sweep.scene.levers[:, contact.pair]
-        fault = self._touching(contact, line, hint)
-        other = space.mover(levers > 0.0, tenant) if waits and not self._by_hand else None
-        if other is None:
-            tenant.wait = None
-            self.contact = fault
-            return
-        now = space.time
-        if tenant.wait is None or tenant.wait.program != other:
-            tenant.wait = Wait(other, now)
-        if now - tenant.wait.since >= LOCKED_S and space.locked(tenant):
-            message = f"{fault.message}, and both wait for each other"
-            self.contact = msgspec.structs.replace(fault, message=message)
-            return
-        self.waiting, self._look_at = fault, now + LOOK_S
+    def _others(self, contact: Contact) -> list[str]:
+        """Return the programs beside that move one of both bodies."""
+        return self._space.movers(self._sweep.scene.levers[:, contact.pair] > 0.0, self._tenant)
 
-    def _touching(self, contact: Contact, line: int, hint: str) -> Diagnostic:
-        scene = self._sweep.scene
-        pair = scene.pairs[contact.pair]
-        one, other = pair.names
-        other_program = self._space.mover(scene.levers[:, contact.pair] > 0.0, self._tenant)
+    def _touching(
+        self, contact: Contact, line: int, hint: str, others: Sequence[str] | None = None
+    ) -> Diagnostic:
         assert self._machine.clearance is not None
-        slow = pair.max_speed
-        if slow < math.inf:
-            message = f"{one!r} may go faster than {slow / MM:g} mm/s in the slow zone {other!r}"
-            hint = SLOWER
-        elif not contact.shown:
-            message = f"it cannot be shown that {one!r} stays clear of {other!r}"
-        elif pair.zone:
-            message = f"{one!r} would leave what the zone {other!r} leaves free"
-        else:
-            away = too_near(contact.distance, self._machine.clearance.margin)
-            message = f"{one!r} would come too near to {other!r}: {away}"
-        if other_program is not None:
-            message += f", where {other_program} runs beside it"
-            hint = "let one wait until the other has ended or left, such as by M66"
-        elif not scene.certain(contact.pair):
-            hint = NOT_KNOWN
-        code = "MC320" if not pair.zone else "MC321" if slow == math.inf else "MC322"
-        return Diagnostic(code=code, message=message, line=line, hint=hint)
-
-
-def _stopping_distance(axis: Axis) -> float:
-    """Return how far an axis may go on from its greatest speed until it stands, at the most [m or rad]."""
-    ramp = axis.max_velocity / axis.max_acceleration + axis.max_acceleration / axis.max_jerk
-    return axis.max_velocity * ramp
+        others = self._others(contact) if others is None else others
+        return touching(self._sweep.scene, contact, line, hint, self._machine.clearance.margin, others)
 
 
 class ClearanceGuards:
@@ -619,7 +494,7 @@ class ClearanceGuards:
         program: str,
         slot: int,
         axes: frozenset[int],
-        cutters: Mapping[int, Cutter] | None = None,
+        begins: Mounted | None = None,
         *,
         tell: Callable[[int], None] | None = None,
         role: str | None = None,
@@ -628,13 +503,16 @@ class ClearanceGuards:
         """Return the guard of a program that begins now.
 
         Args:
-            axes: its lease. cutters: the tool table; None: as it was.
+            axes: its lease. begins: the tool table and the work systems that it begins with; None: as they
+                were.
             tell: takes which switched zones lie ahead of it, a bit each; None: nobody holds it.
             role, by_hand: as `ClearanceGuard`.
         """
         mounted = self._sweep.scene.mounted
-        if cutters is not None and mounted.cutters != cutters:
-            self._sweep.mount(mounted.with_table(cutters, beside_others=bool(self._space.running)))
+        if begins is not None:
+            now = mounted.at_begin(begins, beside_others=bool(self._space.running))
+            if now != mounted:
+                self._sweep.mount(now)
         lease = np.array([axis.index in axes for axis in self._machine.axes], np.bool_)
         tenant = Tenant(program, slot, lease, tell)
         guard = ClearanceGuard(self._machine, self._sweep, self._space, tenant, role=role, by_hand=by_hand)

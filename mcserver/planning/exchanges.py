@@ -1,19 +1,37 @@
-"""Where a program's lines exchange tools that have bodies, or bring bodies."""
+"""Where a program's lines exchange tools that have bodies, bring bodies, or move a work system with zones."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 
-from mcserver.clearance.mounted import SPINDLE, Exchange, place_of, places_with_bodies
-from mcserver.gcode.profiles.frame import Frame
+from mcserver.clearance.mounted import (
+    SPINDLE,
+    Exchange,
+    Mounted,
+    place_of,
+    places_with_bodies,
+    systems_with_zones,
+)
+from mcserver.gcode.profiles.frame import Frame, tool_table
 from mcserver.gcode.semantics.modal import ModalState
 from mcserver.machine.dialect_section import Cutter
 from mcserver.machine.machine_file import Machine
 from mcserver.motion.canonical import PauseLine
 
 
+def mounted_by(machine: Machine, frame: Frame | None) -> Mounted:
+    """Return what a program begins with: the tool table, and where the work systems are that zones are in."""
+    return Mounted(cutters=tool_table(machine, frame), work=work_systems(machine, frame))
+
+
+def work_systems(machine: Machine, frame: Frame | None) -> dict[int, Mapping[int, float]]:
+    """Return the offsets of the work systems that zones are in; without a frame none has been set."""
+    systems = {} if frame is None else frame.systems
+    return {each: systems.get(each, {}) for each in systems_with_zones(machine)}
+
+
 class Exchanges:
-    """Compares what is said of tools before and behind each line.
+    """Compares what is said of tools and work systems before and behind each line.
 
     Args:
         frame: that the program starts in.
@@ -26,12 +44,13 @@ class Exchanges:
         # how many bodies it has brought
         self._given = 0
         self._carried: tuple[int, ...] = ()
+        self._work = work_systems(machine, frame)
         # what G10 L1 has set
         self._set: Mapping[int, Cutter] = {} if frame is None else frame.cutters
 
     def by(self, line: int, modal: ModalState) -> list[Exchange]:
         """Return what a line has exchanged, by the modal state behind it; empty: nothing that has a body."""
-        return [*self._brought(line, modal), *self._of_tools(line, modal)]
+        return [*self._brought(line, modal), *self._of_tools(line, modal), *self._moved(line, modal.frame)]
 
     def _brought(self, line: int, modal: ModalState) -> list[Exchange]:
         """Return the bodies that a line has brought; those of before stay until the program's end."""
@@ -39,6 +58,13 @@ class Exchanges:
             return []
         self._given = len(modal.bodies)
         return [Exchange(line, {}, True, {}, modal.bodies)]
+
+    def _moved(self, line: int, frame: Frame | None) -> list[Exchange]:
+        """Return the work systems with zones that a line has moved; lines of a jog have no frame."""
+        work = {} if frame is None else work_systems(self._machine, frame)
+        moved = {number: offsets for number, offsets in work.items() if offsets != self._work[number]}
+        self._work |= moved
+        return [Exchange(line, {}, True, {}, work=moved)] if moved else []
 
     def _of_tools(self, line: int, modal: ModalState) -> list[Exchange]:
         frame = modal.frame

@@ -56,7 +56,7 @@ class Output:
                 return
             if isinstance(entry, Rows):
                 count = guard.admit_rows(entry)
-                if guard.waiting is not None:
+                if guard.waiting.fault is not None:
                     self._kept.append(entry.part(count, len(entry)))
                     entry = entry.part(0, count)
                 elif count < len(entry):
@@ -66,7 +66,7 @@ class Output:
                     return
                 self._row_u = entry.first + count - 1
             elif isinstance(entry, Control) and not guard.admit_control(entry):
-                if guard.waiting is not None:
+                if guard.waiting.fault is not None:
                     self._kept.append(entry)
                     return
                 self._queue(Control(ControlKind.SETTLE, entry.u, entry.line, token=LAST_TOKEN))
@@ -75,7 +75,7 @@ class Output:
 
     def _put_kept(self) -> None:
         """Take what waits for another program, as far as that has left."""
-        if not self._kept or self._guard is None or not self._guard.looks_again:
+        if not self._kept or self._guard is None or not self._guard.waiting.due:
             return
         kept, self._kept = self._kept, deque()
         for entry in kept:

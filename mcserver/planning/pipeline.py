@@ -138,8 +138,8 @@ class Pipeline:
             self._plan.output.put(control)
         # a faulty line has ended the program
         self._broken = False
-        # the line at which another program was waited for last
-        self._waited: int | None = None
+        # the program that is waited for, and the line at which that was said last
+        self._waited = ("", 0)
 
     # ------------------------------------------------------------------ state
 
@@ -324,11 +324,19 @@ class Pipeline:
             return True
 
     def _say_wait(self) -> None:
-        """Say once a line for what this program waits."""
-        waiting = None if self._guard is None else self._guard.waiting
-        if waiting is not None and waiting.line != self._waited:
-            self._plan.reports.append(Report(ReportKind.WAITING, waiting.line, diagnostics=(waiting,)))
-            self._waited = waiting.line
+        """Say for which program this one waits, once a line, and that it does not any more."""
+        if self._guard is None:
+            return
+        waiting, line = self._guard.waiting, self._waited[1]
+        fault = waiting.fault
+        now = (waiting.program, line if fault is None else fault.line)
+        if now == self._waited:
+            return
+        said = () if fault is None or now[1] == line else (fault,)
+        self._waited = now
+        self._plan.reports.append(
+            Report(ReportKind.WAITING, now[1], diagnostics=said, waits_for=waiting.program)
+        )
 
     @property
     def _more(self) -> bool:

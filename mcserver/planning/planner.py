@@ -47,6 +47,7 @@ from mcserver.planning.planner_messages import (
     StepLine,
     ToolsExchanged,
     Validated,
+    WaitChanged,
 )
 
 log = logging.getLogger(__name__)
@@ -243,9 +244,11 @@ class Planner:
                 self._events.append(ToolsExchanged(plan.program, report.exchange))
             if report.kind is ReportKind.MESSAGE:
                 self._events.append(ProgramMessage(plan.program, report.line, report.message, report.tool))
-            if report.kind in (ReportKind.CONTACT, ReportKind.WAITING):
-                waits = report.kind is ReportKind.WAITING
-                self._events.append(ContactAhead(plan.program, report.diagnostics[0], waits))
+            if report.kind is ReportKind.CONTACT:
+                self._events.append(ContactAhead(plan.program, report.diagnostics[0]))
+            if report.kind is ReportKind.WAITING:
+                said = next(iter(report.diagnostics), None)
+                self._events.append(WaitChanged(plan.program, report.waits_for, said))
             if report.kind is ReportKind.REJECTED:
                 self._reject(plan, report.line, report.diagnostics)
 

@@ -142,6 +142,7 @@ class Report(msgspec.Struct, frozen=True, gc=False):
         bound_by: the limit that stretched it, such as ``axis 2 acceleration``, or None.
         feed_length: linear length of its G01-G03 commands [m].
         planning_s: time that inverse kinematics took [s].
+        waits_for: the program that is to leave; empty: none is any more.
     """
 
     kind: ReportKind
@@ -155,6 +156,7 @@ class Report(msgspec.Struct, frozen=True, gc=False):
     message: str = ""
     tool: int | None = None
     exchange: Exchange | None = None
+    waits_for: str = ""
 
 
 @dataclass(frozen=True, eq=False)
@@ -213,13 +215,18 @@ class LineRejected(msgspec.Struct, frozen=True, tag=True):
 
 
 class ContactAhead(msgspec.Struct, frozen=True, tag=True):
-    """What comes next would touch, as ``diagnostic`` says: the program stands there and has to be stopped, or
-    waits until another one has left.
-    """
+    """What comes next would touch, as ``diagnostic`` says: the program stands there and has to be stopped."""
 
     program: str
     diagnostic: Diagnostic
-    waits: bool = False
+
+
+class WaitChanged(msgspec.Struct, frozen=True, tag=True):
+    """A program waits for another one to leave, empty: for none any more; ``diagnostic``: is to be said."""
+
+    program: str
+    waits_for: str
+    diagnostic: Diagnostic | None
 
 
 class ToolsExchanged(msgspec.Struct, frozen=True, tag=True):
@@ -267,6 +274,7 @@ PlannerEvent = (
     Consumed
     | LineRejected
     | ContactAhead
+    | WaitChanged
     | FrameChanged
     | ProgramMessage
     | ToolsExchanged

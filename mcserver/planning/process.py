@@ -22,11 +22,11 @@ from mcserver.executor.shm.feedback import FeedbackState
 from mcserver.executor.shm.rings import ProgramRing
 from mcserver.executor.shm.shared_memory import SharedParts, map_block
 from mcserver.executor.view import SlotView
-from mcserver.gcode.profiles.frame import tool_table
 from mcserver.machine.machine_file import Machine
 from mcserver.machine.machine_kinematics import build_kinematics
 from mcserver.motion.warm_up import warm_up
 from mcserver.planning.clearance_guard import ClearanceGuards
+from mcserver.planning.exchanges import mounted_by
 from mcserver.planning.line_buffer import LineBuffer
 from mcserver.planning.message_pipe import MessagePipe
 from mcserver.planning.pipeline import FaultRule, Pipeline
@@ -89,12 +89,11 @@ class PipelineFactory:
         """Make the pipeline of a program that begins now."""
         guard = None
         if self._guards is not None:
-            table = tool_table(self._machine, request.start.frame)
             guard = self._guards.guard(
                 request.program,
                 slot,
                 request.axes,
-                table,
+                mounted_by(self._machine, request.start.frame),
                 tell=sink.put_zones_ahead,
                 role=request.role,
                 by_hand=request.machine_coordinates,

@@ -7,14 +7,14 @@ that it has passed. So whoever asks where other programs' axes may come is never
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from mcserver.executor.shm.feedback import AxisCondition, FeedbackState
+from mcserver.executor.shm.feedback import AxisCondition, FeedbackState, SlotState
 from mcserver.machine.machine_file import Machine
 from mcserver.units import AxisType
 
@@ -23,7 +23,9 @@ Mask = NDArray[np.bool_]
 
 # A column without a limit may be anywhere; in numbers that distances can be computed with [m].
 ANYWHERE = 1e3
-MOVES = (AxisCondition.MOVING, AxisCondition.SPEED, AxisCondition.TORQUE, AxisCondition.STOPPING)
+# Motion that does not end by itself.
+ENDLESS = (AxisCondition.SPEED, AxisCondition.TORQUE)
+MOVES = (*ENDLESS, AxisCondition.MOVING, AxisCondition.STOPPING)
 
 
 class Extent(NamedTuple):
@@ -57,9 +59,9 @@ class Claim(NamedTuple):
 
 
 class Wait(NamedTuple):
-    """A program that another one waits for, and since when by the executor's time [s]."""
+    """Programs of which one has to leave, and since when that is so by the executor's time [s]."""
 
-    program: str
+    programs: tuple[str, ...]
     since: float
 
 
@@ -72,7 +74,7 @@ class Tenant:
             others may still be under way from before. claims: of its motion, in order.
         tell: takes the switched zones that lie ahead of it, a bit each; None: nobody asks.
         ended: executor time of its end [s]; None: it runs.
-        wait: for which program it stands before a contact, and since when; None: it does not.
+        wait: for which programs it stands before a contact, and since when; None: it does not.
     """
 
     program: str
@@ -168,24 +170,38 @@ class SharedSpace:
         return float(newest.time)
 
     def locked(self, asking: Tenant) -> bool:
-        """Return whether all that a program waits for waits for itself, and it has come to that last."""
+        """Return whether a program waits for good, and has come to that last.
+
+        That is so where all for which it waits, and for which these wait in turn, stand and wait as well, and
+        the program is one of those: any of them that goes on may set it free. What rests by a person's will,
+        as in feed hold, is waited for.
+        """
         newest = self._feedback()
         assert newest is not None
-        moving = newest.velocity != 0.0
-        this, since = asking, -math.inf
-        for _ in self._tenants:
-            wait = this.wait
-            # who still moves may leave
-            if wait is None or (moving & this.lease).any():
+        moving = (newest.velocity != 0.0) & ~np.isin(newest.condition, ENDLESS)
+        running = {each.program: each for each in self._tenants if each.ended is None}
+        found: list[Tenant] = []
+        ahead = [asking]
+        while ahead:
+            this = ahead.pop()
+            programs = self._awaited(this, newest.slots[this.slot].state, running)
+            if not programs or (moving & this.lease).any() or not running.keys() >= set(programs):
                 return False
-            since = max(since, wait.since)
-            found = [each for each in self._tenants if each.program == wait.program and each.ended is None]
-            if not found:
-                return False
-            this = found[0]
-            if this is asking:
-                return asking.wait is not None and asking.wait.since == since
-        return False
+            ahead += [running[each] for each in programs if running[each] not in found]
+            found += [each for each in ahead if each not in found]
+        waits = [each.wait.since for each in found if each.wait is not None]
+        return asking in found and asking.wait is not None and asking.wait.since == max(waits)
+
+    @staticmethod
+    def _awaited(tenant: Tenant, state: SlotState, running: Mapping[str, Tenant]) -> Sequence[str]:
+        """Return the programs without which one does not go on; nothing: it may."""
+        if state is SlotState.PAUSED:
+            # it is not resumed before it has its axes again
+            others = (each for each in running.values() if each is not tenant)
+            return [each.program for each in others if (each.lease & tenant.lease).any()]
+        if state in (SlotState.HELD, SlotState.STOPPING) or tenant.wait is None:
+            return ()
+        return tenant.wait.programs
 
     @property
     def inputs(self) -> Array:
@@ -214,15 +230,25 @@ class SharedSpace:
         for slot, bits in zones.items():
             self._slots[slot](bits)
 
-    def mover(self, columns: Mask, asking: Tenant) -> str | None:
-        """Return another program that may move one of these columns; None: there is none."""
+    def movers(self, columns: Mask, asking: Tenant) -> list[str]:
+        """Return the other programs that may move one of these columns, and leave.
+
+        Not one that lends its axes to the asking program, and does not go on before that has ended; and none
+        that has ended where they turn for good.
+        """
+        newest = self._feedback()
+        assert newest is not None
+        ends = ~np.isin(newest.condition, ENDLESS)
+        found = []
         for tenant in self._tenants:
+            if tenant is asking or (tenant.ended is None and (tenant.lease & asking.lease).any()):
+                continue
             moves = tenant.lease if tenant.ended is None else np.zeros_like(columns)
             for claim in tenant.claims:
-                moves = moves | claim.columns
-            if tenant is not asking and (moves & columns).any():
-                return tenant.program
-        return None
+                moves = moves | (claim.columns & ends)
+            if (moves & columns).any():
+                found.append(tenant.program)
+        return found
 
     def _forget(self, newest: FeedbackState) -> None:
         """Drop claims whose motion is over."""

@@ -107,8 +107,8 @@ class Program:
         self.notice = ""
         # the tool that it waits for at a change; None: for none
         self.asks_for: int | None = None
-        # the input that it waits for; empty: for none
-        self.waits_for = ""
+        # the input that it waits for, and the program before whose bodies it stands; empty: for none
+        self.waits_for = self.waits_before = ""
         self.closed = bool(options.controls)
         self.held = options.hold
         # the place in `Clearance.switches` of what has switched on a zone before it; None: nothing has since
@@ -204,7 +204,7 @@ class Program:
             simulated=self.clock.simulated,
             pauses=0 if self.ended else self.clock.pauses,
             notice=self.notice,
-            waits_for="" if self.over else self.waits_for,
+            waits_for="" if self.over else self.waits_for or self.waits_before,
             fault=self.fault,
             rejected=self.rejected,
             diagnostics=self.diagnostics,

@@ -20,7 +20,7 @@ from mcserver.executor.fault_codes import WARNINGS, FaultCode
 from mcserver.gcode.profiles.frame import Frame
 from mcserver.gcode.semantics.modal import ModalState
 from mcserver.gcode.switches import AS_WRITTEN, Switches
-from mcserver.machine.clearance_section import AGENT, OPERATOR
+from mcserver.machine.clearance_section import AGENT, OPERATOR, agent_role
 from mcserver.machine.machine_file import Machine
 from mcserver.planning.client import PlannerProcess
 from mcserver.planning.planner_messages import (
@@ -44,6 +44,7 @@ from mcserver.planning.planner_messages import (
     ProgramMessage,
     ToolsExchanged,
     Validated,
+    WaitChanged,
 )
 from mcserver.planning.start_state import StartState
 from mcserver.service.acknowledgements import AckSender
@@ -308,8 +309,7 @@ class ProgramTable:
                 machine_coordinates=program.by_hand,
                 approach=tuple(program.approach),
                 controls=tuple(program.controls),
-                # what a person has approved is bound as an agent's, whoever asked for it
-                role=OPERATOR if program.envelope is None else AGENT,
+                role=self._role_of(program),
             )
             if not program.controls:
                 program.origin = program.origin or self.start_state(switches=program.switches)
@@ -318,6 +318,15 @@ class ProgramTable:
         program.modal = None
         self.enter(program, "held" if program.held else "running")
         self.publish("program.started", program)
+
+    @staticmethod
+    def _role_of(program: Program) -> str:
+        """Return as what a program is bound by zones: what a person has approved as an agent's, whoever has
+        asked for it; of one that is gone on with it may be any.
+        """
+        if program.envelope is None:
+            return OPERATOR
+        return AGENT if program.resume_of else agent_role(program.client)
 
     def _planned(self, program: Program) -> bool:
         """Return whether the planner has the program: where bodies may touch also one without lines."""
@@ -433,10 +442,12 @@ class ProgramTable:
                     self._validated(program, event)
                 case LineRejected():
                     self._line_rejected(program, event)
-                case ContactAhead(waits=True):
+                case WaitChanged():
+                    program.waits_before = event.waits_for
                     found = event.diagnostic
-                    message = f"waits: {found.message}"
-                    self.publish("program.message", program, line=found.line, message=message)
+                    if found is not None:
+                        message = f"waits: {found.message}"
+                        self.publish("program.message", program, line=found.line, message=message)
                 case ContactAhead():
                     self._fail(program, event.diagnostic)
 

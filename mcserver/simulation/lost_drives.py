@@ -10,7 +10,7 @@ with all of the other, for each axis in each cycle: none is missed, and one may 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from itertools import islice
 from typing import Any, NamedTuple
 
@@ -26,7 +26,6 @@ from mcserver.drives.servo_model import ServoModel
 from mcserver.errors import Diagnostic
 from mcserver.executor.stopping import SPARE_ROWS, StopTimes, stopping_rows
 from mcserver.executor.supervision import patience_cycles
-from mcserver.machine.dialect_section import Cutter
 from mcserver.machine.drive import CanDrive
 from mcserver.machine.machine_file import Axis, Machine
 from mcserver.units import MM
@@ -88,7 +87,7 @@ class LostDrives:
     Args:
         machine: has a clearance. start: positions of its axes before the first cycle, shape (K,) [SI].
         alone: columns that move by themselves now, a bit each, and those among them that hold a speed.
-        cutters: the tool table. role: whose run it is; None: whoever's.
+        mounted: the tool table and work systems. role: whose run it is; None: whoever's.
     """
 
     def __init__(
@@ -96,14 +95,14 @@ class LostDrives:
         machine: Machine,
         start: Array,
         alone: Callable[[], tuple[int, int]],
-        cutters: Mapping[int, Cutter],
+        mounted: Mounted,
         role: str | None,
     ) -> None:
         assert machine.clearance is not None
         self._machine = machine
         self._margin = machine.clearance.margin
         scene = Scene(machine)
-        scene.mount(Mounted(cutters=cutters))
+        scene.mount(mounted)
         self._sweep = Sweep(scene, self._margin, RESOLUTION, SHARE, MOST_HALVED)
         self._alone = alone
         self._alone_before = (0, 0)

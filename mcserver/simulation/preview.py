@@ -36,8 +36,10 @@ class Preview(msgspec.Struct, frozen=True):
     setpoints: str = ""
 
 
-def preview(text: str, machine: Machine, start: StartState, axes: tuple[int, ...]) -> Preview:
-    """Simulate a run of some axes from a state."""
+def preview(
+    text: str, machine: Machine, start: StartState, axes: tuple[int, ...], role: str = AGENT
+) -> Preview:
+    """Simulate a run of some axes from a state; ``role``: of the agent whose run it is to be."""
     # the server names this type only; what computes is loaded in the worker
     from mcserver.machine.machine_kinematics import build_kinematics
     from mcserver.simulation.envelope_meter import EnvelopeMeter
@@ -59,7 +61,7 @@ def preview(text: str, machine: Machine, start: StartState, axes: tuple[int, ...
         lease=frozenset(axes),
         kinematics=kinematics,
         takers=(sampler, meter, digest),
-        role=AGENT,
+        role=role,
     )
     path = path_of(sampler, machine, poses, axes)
     if not found.report["ok"] or found.end is None:

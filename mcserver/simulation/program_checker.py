@@ -19,6 +19,7 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 from mcserver.errors import Diagnostic, Refused
+from mcserver.machine.clearance_section import agent_role
 from mcserver.machine.machine_file import Machine
 from mcserver.planning.line_marks import LineMarks
 from mcserver.planning.start_state import StartState
@@ -144,7 +145,8 @@ class ProgramChecker:
         axes: Sequence[int],
     ) -> Preview:
         """As `simulate`, with all that an approval of the run shows and rests on."""
-        return await self._run(client, preview_text, text, self._machine, start, tuple(axes))
+        role = agent_role(client)
+        return await self._run(client, preview_text, text, self._machine, start, tuple(axes), role)
 
     def foresee(
         self,
@@ -315,9 +317,9 @@ def simulate_text(
     return found.report, found.marks() if found.end is not None and not found.failed else None
 
 
-def preview_text(text: str, machine: Machine, start: StartState, axes: tuple[int, ...]) -> Preview:
+def preview_text(text: str, machine: Machine, start: StartState, axes: tuple[int, ...], role: str) -> Preview:
     """`mcserver.simulation.preview.preview`; runs in the worker."""
     found: Preview = importlib.import_module("mcserver.simulation.preview").preview(
-        text, machine, start, axes
+        text, machine, start, axes, role
     )
     return found

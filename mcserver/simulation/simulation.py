@@ -21,12 +21,13 @@ from mcserver.executor.block import LineEvents
 from mcserver.executor.entries import EventKind, ExecutorEvent
 from mcserver.executor.fault_codes import WARNINGS, remedy_of
 from mcserver.executor.shm.feedback import AxisCondition, homed_of
-from mcserver.gcode.profiles.frame import ANGLE, Frame, tool_table
+from mcserver.gcode.profiles.frame import ANGLE, Frame
 from mcserver.gcode.program_check import check_lines
 from mcserver.gcode.text.source import LineSource, split_lines
 from mcserver.machine.clearance_section import GivenBody
 from mcserver.machine.machine_file import Machine
 from mcserver.planning.clearance_guard import ClearanceGuard, ClearanceGuards
+from mcserver.planning.exchanges import mounted_by
 from mcserver.planning.line_marks import LineMarks
 from mcserver.planning.pipeline import Pipeline
 from mcserver.planning.planner_messages import PlannedLines, ReportKind
@@ -277,7 +278,7 @@ class _Run:
         self._clearance: ClearanceMeter | None = None
         if machine.clearance is not None:
             positions = np.array([axis.initial_position for axis in machine.axes])
-            self._clearance = ClearanceMeter(machine, positions, tool_table(machine, start.frame), self._role)
+            self._clearance = ClearanceMeter(machine, positions, mounted_by(machine, start.frame), self._role)
         self._assertions = AssertionMeter(given.get("assertions", ()), machine, solver_of(given))
         channels, keep = (row.inputs, row.outputs), given.get("record", False)
         self._lost = self._lost_drives(start) if self._stops else None
@@ -346,14 +347,14 @@ class _Run:
         machine, executor = self._machine, self._executor
         axes = frozenset(axis.index for axis in machine.axes) if lease is None else lease
         guards = ClearanceGuards(machine, SharedSpace(machine, lambda: executor.feedback))
-        return guards.guard("the program", SLOT, axes, tool_table(machine, start.frame), role=self._role)
+        return guards.guard("the program", SLOT, axes, mounted_by(machine, start.frame), role=self._role)
 
     def _lost_drives(self, start: StartState) -> LostDrives:
         """Return what judges where a drive that is lost brings its axis."""
         machine, motions = self._machine, self._executor.executor.motions
         positions = np.array([axis.initial_position for axis in machine.axes])
-        cutters = tool_table(machine, start.frame)
-        return LostDrives(machine, positions, lambda: (motions.mask, motions.speeding), cutters, self._role)
+        mounted = mounted_by(machine, start.frame)
+        return LostDrives(machine, positions, lambda: (motions.mask, motions.speeding), mounted, self._role)
 
     def _held_alone(self) -> list[Diagnostic]:
         """Return before which switched zones stops may hold the program, where its setpoints stay out."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import AsyncIterator
 from pathlib import Path
 
@@ -10,6 +11,8 @@ import pytest
 from mcserver.machine.machine_file import Machine
 from tests.clearance.cells import Start
 from tests.service.virtual_cell import VirtualCell
+
+log = logging.getLogger(__name__)
 
 
 @pytest.fixture
@@ -22,4 +25,6 @@ async def start(tmp_path: Path) -> AsyncIterator[Start]:
 
     yield started
     for cell in cells:
+        # shown with a test that failed, one that was stopped from outside too
+        log.info(cell.shown())
         await cell.stop()

@@ -281,8 +281,8 @@ async def test_a_program_that_waits_is_aborted_where_it_stands(start: Start) -> 
     assert other.state == "running"
 
 
-async def test_of_two_programs_that_wait_for_each_other_the_later_ends_and_says_so(start: Start) -> None:
-    arm_of_the_ram = """
+# with which the ram and the shuttle stand in each other's way
+ARM_OF_THE_RAM = """
 [[body]]
 name = "arm"
 shape = "box"
@@ -290,7 +290,10 @@ size_mm = [20.0, 20.0, 20.0]
 at_mm = [21.0, 30.0, 0.0]
 carried_by = [0]
 """
-    machine = parse_machine("\n".join((MILL, SHARED, arm_of_the_ram)))
+
+
+async def test_of_two_programs_that_wait_for_each_other_the_later_ends_and_says_so(start: Start) -> None:
+    machine = parse_machine("\n".join((MILL, SHARED, ARM_OF_THE_RAM)))
     cell = start(machine)
     watch = Watch(cell)
     below = await cell.begin("G1010 P1", "G1 Y85 F12000", "G1 Y95 F300", "G1 Y200 F12000", axes=[1])
@@ -302,6 +305,37 @@ carried_by = [0]
     # what the other waited for stands there now
     assert fault_of(await cell.ended(across)) == ("MC320", 2)
     assert await watch.least(machine) >= 0.98
+
+
+@pytest.mark.parametrize("left", [6, 14])
+async def test_one_that_was_held_shortly_before_where_it_waits_ends_when_both_wait_for_each_other(
+    start: Start, left: int
+) -> None:
+    cell = start(parse_machine("\n".join((MILL, SHARED, ARM_OF_THE_RAM))), cycles_a_turn=1)
+    below = await cell.begin("G1010 P1", "G1 Y85 F12000", "G1 Y95 F300", "G1 Y200 F300", axes=[1])
+    across = await cell.begin("G1010 P0", "G1 X200 F12000", axes=[0])
+    await cell.until(lambda: bool(said_of(cell, below)))
+    assert below.slot is not None
+    rows = cell.executor.executor._slots[below.slot].playback
+    await cell.until(lambda: cell.executor.feedback.slots[below.slot or 0].u > rows.last_u - left)
+    cell.service.hold(below.program)
+    await cell.until(lambda: below.state == "held")
+    assert cell.executor.feedback.slots[below.slot].u < rows.last_u
+    cell.service.resume(below.program)
+    assert fault_of(await cell.ended(below)) == ("MC320", 4)
+    assert fault_of(await cell.ended(across)) == ("MC320", 2)
+
+
+async def test_the_status_of_a_program_that_waits_says_for_which_one(start: Start) -> None:
+    cell = start(shared())
+    other = await cell.begin("G1010 P1", "G1 Y85 F12000", "G1 Y115 F300", "G1 Y200 F12000", axes=[1])
+    await cell.until(lambda: place(cell, 1) > 86.0)
+    program = await cell.begin("G1010 P0", "G1 X200 F6000", "G1 X10 F6000", axes=[0])
+    await cell.until(lambda: bool(program.status().waits_for))
+    assert (program.status().state, program.status().waits_for) == ("running", other.program)
+    await cell.until(lambda: not program.status().waits_for)
+    assert not program.ended
+    assert (await cell.ended(program)).state == "finished"
 
 
 @pytest.mark.parametrize("seed", range(4))

@@ -119,3 +119,52 @@ def test_a_role_that_is_not_there_is_refused(role: str, message: str) -> None:
     with pytest.raises(MachineFileRejected) as refused:
         mill(GLASS.replace("agent", role))
     assert message in str(refused.value)
+
+
+ONE = GLASS.replace('"agent"', '"agent:planner"')
+
+
+@pytest.mark.parametrize(
+    ("client", "bound"),
+    [
+        ("planner.mcp-1", True),
+        # whatever stands behind the dot is the user's own to choose
+        ("planner.another-name", True),
+        ("planner2.mcp-1", False),
+        ("Planner.mcp-1", False),
+        # whoever has no user may be any of them
+        ("planner", True),
+        ("gw-planner-0a1b2c", True),
+        ("mcp-1", True),
+    ],
+)
+async def test_the_zone_of_one_agent_binds_the_runs_that_it_asks_for(
+    start: Start, client: str, bound: bool
+) -> None:
+    cell = start(mill(ONE))
+    program = await cell.run(*INTO, client=client, envelope=within(cell))
+    assert program.state == ("faulted" if bound else "finished")
+    if bound:
+        assert fault_of(program) == ("MC321", 2)
+
+
+async def test_who_goes_on_with_an_agents_run_is_bound_as_any_agent(start: Start) -> None:
+    cell = start(mill(ONE))
+    program = await cell.run(*INTO, client=AGENT, envelope=within(cell))
+    assert (await cell.ended(await cell.jog(0, -place(cell, 0)))).state == "finished"
+    again = await cell.service.continue_program("alice.page", program.program, 2)
+    assert fault_of(await cell.ended(again)) == ("MC321", 2)
+    assert (await cell.run(*INTO, client=AGENT)).state == "finished"
+
+
+def test_a_simulation_counts_the_zones_of_all_agents_it_may_be_for() -> None:
+    assert codes(ONE, "operator") == []
+    assert codes(ONE, "agent:other") == []
+    for role in ("agent", "agent:planner", None):
+        assert codes(ONE, role) == [("MC321", 2)]
+
+
+@pytest.mark.parametrize("role", ["agent:", "agent:planner.mcp", "agent:*", "operator:alice", ":planner"])
+def test_a_name_that_no_user_can_have_is_refused(role: str) -> None:
+    with pytest.raises(MachineFileRejected, match="there is no role"):
+        mill(GLASS.replace("agent", role))

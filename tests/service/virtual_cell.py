@@ -165,7 +165,16 @@ class VirtualCell:
             if done():
                 return
             await asyncio.sleep(0.001)
-        raise AssertionError([(event.kind, event.message) for event in self.events])
+        raise AssertionError(self.shown(), [(event.kind, event.message) for event in self.events])
+
+    def shown(self) -> str:
+        """Where programs and the executor are, for a test that fails."""
+        newest = self.executor.feedback
+        programs = [
+            (each.program, each.state, each.done, each.fault, each.status().waits_for)
+            for each in self.service._table.programs.values()
+        ]
+        return f"{programs} {newest.time} {newest.slots} {newest.setpoint} {newest.velocity}"
 
     async def ended(self, program: Program) -> Program:
         await self.until(lambda: program.ended)

@@ -47,6 +47,7 @@ def notices_of(status: MachineStatus | None, *, online: bool, failure: str) -> t
     if status is None:
         return ()
     found = []
+    names = {each.program: program_name(each.name or each.program) for each in status.programs}
     for program in status.programs:
         if not is_live(program):
             continue
@@ -61,6 +62,18 @@ def notices_of(status: MachineStatus | None, *, online: bool, failure: str) -> t
                         name=name,
                         line=program.line,
                         what=what,
+                    ),
+                )
+            )
+        elif program.waits_for in names:
+            found.append(
+                (
+                    "mc-note",
+                    t(
+                        "{name} waits at line {line} until {other} has left its way.",
+                        name=name,
+                        line=program.line,
+                        other=names[program.waits_for],
                     ),
                 )
             )

@@ -16,7 +16,7 @@ from mcclient.cli.interrupt import Interrupts
 from mcclient.cli.output import error_as_json, exit_code_of, narration, say, show_error, write_json
 from mcclient.cli.progress import Display, LiveDisplay, NoDisplay, PlainDisplay, Snapshot, duration
 from mcclient.cli.source import ProgramSource
-from mcclient.cli.tables import axes_text
+from mcclient.cli.tables import awaited, axes_text
 from mcclient.errors import (
     MotionError,
     NobodyAnswers,
@@ -66,7 +66,7 @@ class Job:
         self._ran_s = 0.0
         self._display = self._choose_display()
         self._status: ProgramStatus | None = None
-        self._behind = ""
+        self._behind = self._awaited = ""
         self._ahead = Ahead(options, source)
         self._all_accepted = False
         self._rejection_shown = False
@@ -229,6 +229,7 @@ class Job:
                             f"{self._source.name}: {duration(each.duration_s)} at 100 %, simulated to its end"
                         )
                     self._behind = behind(each, status.programs)
+                    self._awaited = awaited(each, status.programs)
 
     async def _show(self, machine: Machine, program: Program) -> None:
         while True:
@@ -265,7 +266,7 @@ class Job:
             notice=status.notice if status is not None else "",
             simulated=1.0 if status is None else status.simulated,
             pauses=0 if status is None else status.pauses,
-            waits_for="" if status is None else status.waits_for,
+            waits_for=self._awaited,
         )
 
     # ------------------------------------------------------------ after

@@ -38,7 +38,7 @@ class Snapshot:
         simulated: share of the lines that the simulation has reached; below 1 the times are estimates.
         pauses: lines to come that wait for an operator; their waits are not in the times.
         elapsed_s: for how long it has run, without holds, pauses and waits for inputs.
-        waits_for: the input that it waits for; empty: for none.
+        waits_for: the input, or the program, that it waits for; empty: for none.
         behind: the programs that have the axes, and which; empty: it waits for none.
         online: the server is there.
     """
@@ -69,7 +69,7 @@ class Snapshot:
         if self.state == "paused" and self.notice:
             return f"paused: {self.notice}"
         if self.state == "running" and self.waits_for:
-            return f"waits for the input {self.waits_for}"
+            return f"waits for {self.waits_for}"
         return f"queued behind {self.behind}" if self.state == "queued" and self.behind else self.state
 
     @property

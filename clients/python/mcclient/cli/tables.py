@@ -52,7 +52,7 @@ def machine_view(
     waiting = [program for program in living if program.state == "paused" and program.notice]
     parts += [Text(f"{program.program} waits: {program.notice}", style="yellow") for program in waiting]
     parts += [
-        Text(f"{program.program} waits for the input {program.waits_for}", style="yellow")
+        Text(f"{program.program} waits for {awaited(program, status.programs)}", style="yellow")
         for program in living
         if program.waits_for
     ]
@@ -60,6 +60,16 @@ def machine_view(
     for fault in sorted(status.faults, key=lambda fault: fault.code != "MC400"):
         parts += fault_texts(fault)
     return Group(*parts)
+
+
+def awaited(waiting: ProgramStatus, programs: Sequence[ProgramStatus]) -> str:
+    """Return the input, or the program that is to leave, for which one waits; empty: for none."""
+    if not waiting.waits_for:
+        return ""
+    names = {each.program: each.name for each in programs}
+    if waiting.waits_for not in names:
+        return f"the input {waiting.waits_for}"
+    return f"{names[waiting.waits_for] or waiting.waits_for} to leave its way"
 
 
 def _headline(name: str, status: MachineStatus, online: bool) -> Text:

@@ -1332,7 +1332,8 @@ pub struct ProgramStatus {
     /// waits.
     #[serde(default)]
     pub pauses: u64,
-    /// the input that M66, or a code of `\[dialect.waits\]`, waits for; empty: for none.
+    /// the input that M66, or a code of `\[dialect.waits\]`, waits for, or the program that is waited for to
+    /// leave (docs/clearance.md); empty: for none.
     #[serde(default)]
     pub waits_for: String,
     /// as in `Ack`; 0 in programs of an earlier start of the server.
