@@ -11,9 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mcserver.motion.geometry.curves import Array
-from mcserver.motion.geometry.path_segments import PathSegments
 from mcserver.motion.geometry.segment import Segment
 from mcserver.motion.geometry.segment_list import SegmentList
+from mcserver.motion.geometry.segment_rows import SegmentRows
 from mcserver.motion.geometry.spline_curve import spline_part
 from mcserver.motion.kernels.groups import SegmentColumns, Segments
 from mcserver.motion.kernels.polynomials import KINDS
@@ -187,9 +187,9 @@ class SegmentTable:
         self.segments.append(segment)
 
     def append_path(
-        self, path: PathSegments, active: int, columns: SegmentColumns, samples: Array, *, leads: bool
+        self, lines: SegmentRows, columns: SegmentColumns, samples: Array, *, leads: bool
     ) -> None:
-        """Add lines and arcs on end.
+        """Add lines and arcs on end, which get their scales.
 
         Args:
             columns: of them, with ``sample_end`` counted from the first of ``samples``. samples: theirs.
@@ -201,7 +201,8 @@ class SegmentTable:
         columns.sample_end[:] += self._dropped + len(self.samples)
         columns.tolerance[:] = 0.0
         self._samples.add(samples)
-        self.segments.extend_by(path.segments(columns.length.copy(), active))
+        lines.set_scales(0, columns.length)
+        self.segments.extend_by(lines)
         for own, new in zip(self._columns, columns, strict=True):
             own.add(new)
         self._view = None
