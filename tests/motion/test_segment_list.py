@@ -56,7 +56,7 @@ def test_a_list_of_segments_in_columns_changes_as_one_of_objects_does(data: st.D
             found.extend(more)
             expected += more
         elif operation == "run" and count:
-            found.extend_by(run_of(line, count))
+            found.extend(SegmentList.of(run_of(line, count)))
             expected += list(found[len(expected) :])
         elif operation == "set" and expected:
             index = data.draw(st.integers(-len(expected), len(expected) - 1))

@@ -66,7 +66,7 @@ class SegmentList(Sequence[Segment]):
     def of(cls, source: SegmentRows) -> SegmentList:
         """Return all segments of a source."""
         found = cls()
-        found.extend_by(source)
+        found._put(_Block(source, 0, len(source)))
         return found
 
     def _put(self, block: _Block) -> None:
@@ -155,10 +155,6 @@ class SegmentList(Sequence[Segment]):
             segments = SegmentList(segments)
         for block in segments._blocks:
             self._put(block)
-
-    def extend_by(self, source: SegmentRows) -> None:
-        """Add all segments of a source."""
-        self._put(_Block(source, 0, len(source)))
 
     def drop(self, count: int) -> None:
         """Remove the first segments."""
