@@ -13,9 +13,9 @@ import msgspec
 import numpy as np
 
 from mcserver.motion.bound import PlanningError
-from mcserver.motion.geometry.path_segments import PathSegments
 from mcserver.motion.geometry.segment import AxisLimits, Segment
 from mcserver.motion.geometry.segment_list import SegmentList
+from mcserver.motion.geometry.segment_rows import SegmentRows
 from mcserver.motion.lookahead.blend_choice import best_blend
 from mcserver.motion.lookahead.feed_scale import is_under_way
 from mcserver.motion.lookahead.lookahead import Lookahead
@@ -87,15 +87,11 @@ class PlannedWindow:
                 passed = arc + 1
         self._chords.extend(lines[passed:])
 
-    def append_exact(self, path: PathSegments, active: int, *, from_rest: bool) -> None:
-        """Append a batch of lines and arcs whose corners are not rounded.
-
-        Args:
-            active: the columns that have moved since the motion rested.
-        """
+    def append_exact(self, lines: SegmentRows, *, from_rest: bool) -> None:
+        """Append a batch of lines and arcs whose corners are not rounded."""
         self.take_chords()
         self.plan = self._open = None
-        self.lookahead.append_path(path, active, from_rest=from_rest)
+        self.lookahead.append_path(lines, from_rest=from_rest)
 
     def _append(self, segment: Segment, *, from_rest: bool = False) -> None:
         # what was planned ends before it, and so does a curve

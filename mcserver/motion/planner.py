@@ -18,8 +18,8 @@ from mckinematics.dynamics import JointDynamics
 from mcserver.machine.machine_file import Machine
 from mcserver.motion.bound import PlanningError
 from mcserver.motion.canonical import FeedGroup, PathBatch
+from mcserver.motion.geometry.batch_segments import segments_of_batch
 from mcserver.motion.geometry.curves import Array
-from mcserver.motion.geometry.path_segments import PathSegments
 from mcserver.motion.geometry.segment import AxisLimits, Segment, anchor, segment_of
 from mcserver.motion.geometry.segment_list import SegmentList
 from mcserver.motion.lookahead.commit_moments import commit_moment, hand_over_moment, last_steady
@@ -141,18 +141,21 @@ class MotionPlanner:
         Args:
             from_rest: the motion stops before it. tolerance: how far the corner before it may be rounded [m].
         """
-        path = PathSegments.of(run, self._slots, self._linear, self.position, self.feed_scale)
-        if path is None or self._limits.torque is not None:
+        if self._limits.torque is not None:
             return False
-        from_rest = self._companions.run_begins_at_rest(path, from_rest=from_rest)
+        lines = segments_of_batch(
+            run, self._slots, self._linear, self.position, self.feed_scale, self._active
+        )
+        if lines is None:
+            return False
+        from_rest = self._companions.run_begins_at_rest(lines, from_rest=from_rest)
         if run.tolerance > 0.0:
-            lines = SegmentList.of(path.segments(path.scales, self._active, run.tolerance))
             arcs = np.flatnonzero(run.sweeps).tolist()
-            self._window.append_lines(lines, arcs, from_rest=from_rest, tolerance=tolerance)
+            self._window.append_lines(SegmentList.of(lines), arcs, from_rest=from_rest, tolerance=tolerance)
         else:
-            self._window.append_exact(path, self._active, from_rest=from_rest)
-        self._active |= path.mask
-        self.position[:] = path.points[-1]
+            self._window.append_exact(lines, from_rest=from_rest)
+        self._active |= lines.mask
+        self.position[:] = lines.path.ends[-1]
         return True
 
     def _solved(self) -> PlannedRun:

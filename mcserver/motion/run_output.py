@@ -75,18 +75,6 @@ class RunOutput:
             yield piece
 
 
-def _edges_put(plan: PlannedRun, path: PathColumns, until: float) -> NDArray[np.bool_]:
-    """Return of each segment that begins before ``until`` [s] whether its start and its end are put out,
-    shape (n, 2).
-    """
-    times = plan.times
-    count = int(np.searchsorted(times[:-1], until))
-    put = np.empty((count, 2), np.bool_)
-    put[:, 0], put[:, 1] = path.opens[:count], path.closes[:count]
-    put[:, 1] &= times[1 : count + 1] <= until
-    return put
-
-
 @dataclass
 class _Happenings:
     """What happens along a run, in order.
@@ -128,7 +116,8 @@ class _Happenings:
         before = np.floor(at + CYCLE_ROUNDING).astype(np.int64)
         places = np.minimum(at, latest)
         ended = times[1 : count + 1] <= until
-        which = _edges_put(plan, path, until).ravel()
+        # a line is put out where it begins, and where it ends
+        which = np.column_stack((path.opens[:count], path.closes[:count] & ended)).ravel()
         lines = np.repeat(path.line[:count], 2)[which]
         ends = np.tile(np.array([False, True]), count)[which]
         edges = LineEdges(_beside(places)[which], lines, ends)

@@ -24,9 +24,9 @@ from mcserver.motion.compiling import (
     plain_kernels,
     start_warm_up,
 )
+from mcserver.motion.geometry.batch_segments import segments_of_batch
 from mcserver.motion.geometry.blend import straight_blend
 from mcserver.motion.geometry.curves import ArcCurve, Array, Curve, LineCurve
-from mcserver.motion.geometry.path_segments import PathSegments
 from mcserver.motion.geometry.segment import AxisLimits, Segment, anchor, segment_of
 from mcserver.motion.geometry.segment_list import SegmentList
 from mcserver.motion.kernels.cache_folder import cache_folder, remove_unused
@@ -128,10 +128,10 @@ def _plan_lines(limits: AxisLimits) -> None:
         requested=lengths / 0.1,
         speeds=np.array([0.1, 0.1]),
     )
-    path = PathSegments.of(run, _SLOTS, np.ones(2, np.bool_), np.zeros(2))
-    assert path is not None
+    lines = segments_of_batch(run, _SLOTS, np.ones(2, np.bool_), np.zeros(2))
+    assert lines is not None
     window = Lookahead(limits)
-    window.append_path(path, 0)
+    window.append_path(lines)
     plan = window.plan()
     sample(plan, 0.0, 1, math.ceil(plan.phases.duration / limits.cycle), limits.cycle)
     line = LineCurve((0, 1), (0.02, 0.01), (0.03, 0.02), math.hypot(0.01, 0.01))

@@ -10,29 +10,29 @@ import numpy as np
 from hypothesis import given
 
 from mcserver.motion.canonical import PathBatch
+from mcserver.motion.geometry.batch_segments import segments_of_batch
 from mcserver.motion.geometry.path_columns import EVERY, PathColumns
-from mcserver.motion.geometry.path_segments import PathSegments
 from mcserver.motion.geometry.segment import Segment
 from mcserver.motion.geometry.segment_list import SegmentList
+from mcserver.motion.geometry.segment_rows import SegmentRows
 
 OPERATIONS = ("append", "extend", "run", "set", "drop", "truncate", "copy", "slice")
 
 
-def run_of(first: int, count: int) -> PathSegments:
+def run_of(first: int, count: int, active: int = 3, tolerance: float = 0.0) -> SegmentRows:
     points = np.cumsum(np.full((count + 1, 2), 0.01 * first), axis=0)
     lengths = np.full(count, 0.01 * first * math.sqrt(2.0))
     lines = np.arange(first, first + count)
     straight = (np.zeros(count, np.intp), np.full((count, 2), np.nan), np.zeros(count))
     timing = (lengths, lengths, lengths / 0.1, np.full(count, 0.1))
-    run = PathBatch(lines, (0, 1), points, ((0, 1),), *straight, *timing)
-    path = PathSegments.of(run, {0: 0, 1: 1}, np.ones(2, np.bool_), np.zeros(2))
-    assert path is not None
-    return path
+    run = PathBatch(lines, (0, 1), points, ((0, 1),), *straight, *timing, tolerance=tolerance)
+    rows = segments_of_batch(run, {0: 0, 1: 1}, np.ones(2, np.bool_), np.zeros(2), active=active)
+    assert rows is not None
+    return rows
 
 
 def objects(first: int, count: int) -> list[Segment]:
-    run = run_of(first, count)
-    return list(SegmentList.of(run.segments(run.scales, 3)))
+    return list(SegmentList.of(run_of(first, count)))
 
 
 def same_columns(one: PathColumns, other: PathColumns) -> bool:
@@ -56,8 +56,7 @@ def test_a_list_of_segments_in_columns_changes_as_one_of_objects_does(data: st.D
             found.extend(more)
             expected += more
         elif operation == "run" and count:
-            run = run_of(line, count)
-            found.extend_by(run.segments(run.scales, 3))
+            found.extend(SegmentList.of(run_of(line, count)))
             expected += list(found[len(expected) :])
         elif operation == "set" and expected:
             index = data.draw(st.integers(-len(expected), len(expected) - 1))
@@ -87,11 +86,11 @@ def test_a_list_of_segments_in_columns_changes_as_one_of_objects_does(data: st.D
 
 
 def test_a_segment_of_a_run_is_the_one_that_its_line_makes() -> None:
-    run = run_of(3, 4)
-    third = SegmentList.of(run.segments(run.scales, 7, 0.02))[2]
+    run = run_of(3, 4, 7, 0.02)
+    third = SegmentList.of(run)[2]
     assert (third.line, third.mask, third.active, third.tolerance) == (5, 3, 7, 0.02)
-    assert third.base.tolist() == run.points[2].tolist()
-    assert third.end.tolist() == run.points[3].tolist()
+    assert third.base.tolist() == run.path.bases[2].tolist()
+    assert third.end.tolist() == run.path.ends[2].tolist()
     assert third.straight
     assert third.duration is None
-    assert third.requested == float(run.run.requested[2])
+    assert third.requested == float(run.path.requested[2])

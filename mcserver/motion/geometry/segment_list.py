@@ -6,31 +6,14 @@ from __future__ import annotations
 
 from bisect import bisect_right
 from collections.abc import Iterable, Iterator, Sequence
-from typing import NamedTuple, Protocol, overload
+from typing import NamedTuple, overload
 
 import numpy as np
 
 from mcserver.motion.geometry.curves import Array
 from mcserver.motion.geometry.path_columns import PathColumns
 from mcserver.motion.geometry.segment import Segment
-
-
-class SegmentSource(Protocol):
-    """Segments in columns."""
-
-    def __len__(self) -> int: ...
-
-    def segment(self, index: int) -> Segment:
-        """Return one of them: the same object however often it is asked for."""
-
-    def columns(self, first: int, behind: int) -> PathColumns:
-        """Return the columns of segments ``first`` … ``behind`` - 1."""
-
-    def feed_scales(self, first: int, behind: int) -> Array:
-        """Return the feed scales of segments ``first`` … ``behind`` - 1."""
-
-    def set_scales(self, first: int, scales: Array) -> None:
-        """Set the scales of segments from ``first`` on."""
+from mcserver.motion.geometry.segment_rows import SegmentRows
 
 
 class _Objects:
@@ -61,7 +44,7 @@ class _Objects:
 class _Block(NamedTuple):
     """Segments ``first`` … ``behind`` - 1 of a source."""
 
-    source: SegmentSource
+    source: SegmentRows | _Objects
     first: int
     behind: int
 
@@ -80,10 +63,10 @@ class SegmentList(Sequence[Segment]):
             self._put(_Block(_Objects(given), 0, len(given)))
 
     @classmethod
-    def of(cls, source: SegmentSource) -> SegmentList:
+    def of(cls, source: SegmentRows) -> SegmentList:
         """Return all segments of a source."""
         found = cls()
-        found.extend_by(source)
+        found._put(_Block(source, 0, len(source)))
         return found
 
     def _put(self, block: _Block) -> None:
@@ -172,10 +155,6 @@ class SegmentList(Sequence[Segment]):
             segments = SegmentList(segments)
         for block in segments._blocks:
             self._put(block)
-
-    def extend_by(self, source: SegmentSource) -> None:
-        """Add all segments of a source."""
-        self._put(_Block(source, 0, len(source)))
 
     def drop(self, count: int) -> None:
         """Remove the first segments."""

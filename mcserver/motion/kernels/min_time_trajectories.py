@@ -137,12 +137,12 @@ def _extremes(time: float, states: Array, most: float, jerk: float, soon: Array,
     if not _early(time, -a0, -a1, v0 - v1, most, jerk, late):
         return math.nan
     late[:, 1] *= -1.0
-    max_distance_to_polyline, nearest = _covered(soon, v0), _covered(late, v0)
+    farthest, nearest = _covered(soon, v0), _covered(late, v0)
     slack = ROUNDING * (abs(v0) + abs(v1) + most * time) * time
-    if travel > max_distance_to_polyline + slack or travel < nearest - slack:
+    if travel > farthest + slack or travel < nearest - slack:
         return math.nan
-    span = max_distance_to_polyline - nearest
-    return min(max((max_distance_to_polyline - travel) / span, 0.0), 1.0) if span > slack else 0.5
+    span = farthest - nearest
+    return min(max((farthest - travel) / span, 0.0), 1.0) if span > slack else 0.5
 
 
 @compiled

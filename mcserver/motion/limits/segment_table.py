@@ -11,9 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mcserver.motion.geometry.curves import Array
-from mcserver.motion.geometry.path_segments import PathSegments
 from mcserver.motion.geometry.segment import Segment
 from mcserver.motion.geometry.segment_list import SegmentList
+from mcserver.motion.geometry.segment_rows import SegmentRows
 from mcserver.motion.geometry.spline_curve import spline_part
 from mcserver.motion.kernels.groups import SegmentColumns, Segments
 from mcserver.motion.kernels.polynomials import KINDS
@@ -187,9 +187,9 @@ class SegmentTable:
         self.segments.append(segment)
 
     def append_path(
-        self, path: PathSegments, active: int, columns: SegmentColumns, samples: Array, *, leads: bool
+        self, lines: SegmentRows, columns: SegmentColumns, samples: Array, *, leads: bool
     ) -> None:
-        """Add lines and arcs on end.
+        """Add lines and arcs on end, which get their scales.
 
         Args:
             columns: of them, with ``sample_end`` counted from the first of ``samples``. samples: theirs.
@@ -198,13 +198,9 @@ class SegmentTable:
         if leads:
             self.columns.sample_end[-1] += 1
             self.columns.vertex_after[-1] += 1
-        columns.sample_end[:] += self._dropped + len(self.samples)
         columns.tolerance[:] = 0.0
-        self._samples.add(samples)
-        self.segments.extend_by(path.segments(columns.length.copy(), active))
-        for own, new in zip(self._columns, columns, strict=True):
-            own.add(new)
-        self._view = None
+        lines.set_scales(0, columns.length)
+        self._extend(SegmentList.of(lines), columns, samples)
 
     def append_parts(
         self,
@@ -230,10 +226,15 @@ class SegmentTable:
         columns.duration[:], columns.tolerance[:] = plan.duration, 0.0
         columns.segment_vmax[:] = _stepped(np.minimum(vmax, columns.feed), np.isnan(columns.duration))
         columns.limit_column[:], columns.limit_kind[:] = by.T
-        columns.sample_end[:] = self._dropped + len(self.samples) + offset[1:]
+        columns.sample_end[:] = offset[1:]
         columns.vertex_before[:] = columns.vertex_after[:] = columns.knot_edges[:] = 0
+        self._extend(parts, columns, samples)
+
+    def _extend(self, segments: SegmentList, columns: SegmentColumns, samples: Array) -> None:
+        """Add segments with their columns, ``sample_end`` counted from the first of ``samples``."""
+        columns.sample_end[:] += self._dropped + len(self.samples)
         self._samples.add(samples)
-        self.segments.extend(parts)
+        self.segments.extend(segments)
         for own, new in zip(self._columns, columns, strict=True):
             own.add(new)
         self._view = None

@@ -9,8 +9,8 @@ import numpy as np
 
 from mcserver.motion.bound import PlanningError
 from mcserver.motion.geometry.curves import Array
-from mcserver.motion.geometry.path_segments import PathSegments
 from mcserver.motion.geometry.segment import Segment, columns_of
+from mcserver.motion.geometry.segment_rows import SegmentRows
 from mcserver.motion.lookahead.leading_group import Companions
 from mcserver.motion.lookahead.lookahead import Lookahead
 from mcserver.motion.lookahead.planned_run import PlannedRun
@@ -88,7 +88,7 @@ class CompanionMotions:
             self._known[segment.line] = companions
         return self._take(_Ends(segment.mask, segment.first, segment.last), companions, from_rest)
 
-    def run_begins_at_rest(self, run: PathSegments, *, from_rest: bool) -> bool:
+    def run_begins_at_rest(self, run: SegmentRows, *, from_rest: bool) -> bool:
         """Take a run of lines into the window, as `begins_at_rest` does one line."""
         return self._take(_Ends(run.mask, run.ends[0, 0], run.ends[-1, 1]), None, from_rest)
 

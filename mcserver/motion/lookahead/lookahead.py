@@ -17,9 +17,9 @@ from numpy.typing import NDArray
 
 from mcserver.motion.bound import Bound, PlanningError
 from mcserver.motion.geometry.curves import Array
-from mcserver.motion.geometry.path_segments import PathSegments
 from mcserver.motion.geometry.segment import AxisLimits, Segment
 from mcserver.motion.geometry.segment_list import SegmentList
+from mcserver.motion.geometry.segment_rows import SegmentRows
 from mcserver.motion.kernels.arc_segments import append_path_junctions
 from mcserver.motion.kernels.groups import START, Groups, Segments, group_segments
 from mcserver.motion.kernels.junctions import PrecedingEnd, length_of
@@ -182,28 +182,28 @@ class Lookahead:
         segment = msgspec.structs.replace(self.table.segments[index], duration=duration + seconds)
         self.table.replace(index, segment)
 
-    def append_path(self, path: PathSegments, active: int, *, from_rest: bool = False) -> None:
+    def append_path(self, lines: SegmentRows, *, from_rest: bool = False) -> None:
         """Append lines and arcs on end, as `append` does one by one."""
-        width = path.points.shape[1]
-        still = path.ends[0, 2]
+        path, arcs, still = lines.path, lines.path.arcs, lines.ends[0, 2]
+        assert arcs is not None
         before = PrecedingEnd(still, still, 0.0, False)
         if self.table and not from_rest:
             last = self.table.segments[-1]
             before = PrecedingEnd(last.last, last.d2q_end, last.scale, last.may_be_split)
-        columns = empty_columns(len(path.scales))
-        rows = np.zeros((int(path.arcs[:, -1].sum()) + 2 * len(path.scales), 5 * width + 2))
+        columns = empty_columns(len(lines))
+        rows = np.zeros((int(arcs[:, -1].sum()) + 2 * len(lines), 5 * len(still) + 2))
         samples, leads = append_path_junctions(
             before,
-            path.ends,
-            path.arcs,
-            path.scales,
-            path.feeds.timing,
+            lines.ends,
+            arcs,
+            path.spans[:, 0].copy(),
+            np.column_stack((path.feed, path.requested, path.duration)),
             self._limits.rows,
             self._limits.cycle,
             columns,
             rows,
         )
-        self.table.append_path(path, active, columns, rows[:samples], leads=leads)
+        self.table.append_path(lines, columns, rows[:samples], leads=leads)
 
     def joint_speed(self, segment: Segment) -> float:
         """Return the greatest speed over the junction with a segment that is not in the run yet [m/s or

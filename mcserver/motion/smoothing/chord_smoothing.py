@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import groupby
 
 import msgspec
@@ -10,11 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mcserver.motion.geometry.curves import Array
-from mcserver.motion.geometry.part_segments import PartSegments
-from mcserver.motion.geometry.path_columns import PathColumns
+from mcserver.motion.geometry.path_columns import SPLINE, PathColumns, SplineParts, bits_of
 from mcserver.motion.geometry.segment import NO_TRAVEL, AxisLimits, Segment, columns_of
 from mcserver.motion.geometry.segment_list import SegmentList
-from mcserver.motion.geometry.spline_curve import Spline
+from mcserver.motion.geometry.segment_rows import SegmentRows
+from mcserver.motion.geometry.spline_curve import Spline, SplineCurve
 from mcserver.motion.kernels.spline_fit import AT_REST, JOINED, first_reach, fit
 from mcserver.motion.kernels.spline_samples import PartSamples, count_samples, sample_parts
 from mcserver.motion.smoothing.chord_runs import SHARE, Chords
@@ -274,17 +274,7 @@ class ChordSmoother:
         samples, slopes = self._samples(fed, spline, t, columns)
         feeds = _feeds(path, fed, spans, slopes)
         _keep_feed_of_tip(feeds, lines, path, spline, t, columns)
-        source = PartSegments(
-            path=path,
-            spline=spline,
-            columns_moved=columns,
-            places=t,
-            active=int(np.bitwise_or.reduce(path.active)),
-            feed=feeds,
-            scale=np.linalg.norm(jets[:, 1], axis=1)[:-1] * spans,
-            slopes=np.stack((jets[:-1, 1], jets[1:, 1])) * spans[:, None],
-            bends=np.stack((jets[:-1, 2], jets[1:, 2])) * spans[:, None] ** 2,
-        )
+        source = _rows(path, jets, t, spline, columns, feeds)
         # the first and the last one may stand for a part of their line
         last_part = len(lines) - 1
         parts = SegmentList([source.segment(0)])
@@ -317,6 +307,46 @@ class ChordSmoother:
         rows, slopes = np.zeros((offset[-1], 5 * len(self._weights) + 2)), np.empty((len(fed), 2))
         sample_parts(spline.breaks, spline.spans, t, offset, columns, fed[:, columns], rows, slopes)
         return PartSamples(rows, offset, np.diff(t)), slopes
+
+
+def _rows(
+    path: PathColumns, jets: Array, t: Array, spline: Spline, columns: NDArray[np.intp], feeds: Array
+) -> SegmentRows:
+    """Return the parts of a spline that stand for lines on end.
+
+    Args:
+        path: of the lines. jets: place and three derivatives where the parts begin and the last one ends,
+            shape (n+1, 4, K), and the spline's parameters there in ``t``.
+        columns: that the spline moves. feeds: greatest ds/dt of each part [1/s].
+    """
+    count, widths = len(path), np.diff(t)
+    slopes, bends = jets[:, 1], jets[:, 2]
+    along, across = widths[:, None], widths[:, None] ** 2
+    ends = np.stack(
+        (slopes[:-1] * along, slopes[1:] * along, bends[:-1] * across, bends[1:] * across), axis=1
+    )
+    spans = np.zeros((count, 3))
+    spans[:, 0], spans[:, 2] = np.linalg.norm(slopes, axis=1)[:-1] * widths, 1.0
+    moved = tuple(columns.tolist())
+    places = t.tolist()
+    parts = replace(
+        path,
+        active=np.full(count, np.bitwise_or.reduce(path.active)),
+        kind=np.full(count, SPLINE, np.int8),
+        spans=spans,
+        travels=np.ascontiguousarray(ends[:, 0]),
+        mask=np.full(count, bits_of(columns), np.uint64),
+        feed=feeds,
+        tolerance=np.zeros(count),
+        arcs=None,
+        domains=np.column_stack((t[:-1], t[1:])),
+        splines=(SplineParts(spline, columns, 0, count),),
+    )
+    return SegmentRows(
+        parts,
+        ends,
+        lambda index: (SplineCurve(moved, spline, places[index], places[index + 1]), columns),
+    )
 
 
 def _open_curve(
