@@ -13,7 +13,7 @@ from mcserver.errors import McError
 from mcserver.net.method_table import BY_NAME
 from mcserver.net.roles import roles_named
 from mcserver.web.control import Driver, needs_control
-from mcserver.web.delays import MAX_ORDER_DELAY_S, DelayGate, late_text
+from mcserver.web.delays import MAX_ORDER_DELAY_S, event_delay_s, late_text
 from mcserver.web.formatting import page_hint
 from mcserver.web.link import MachineLink
 from mcserver.web.translation import mark, t
@@ -42,11 +42,12 @@ def show_role_refusal(method: str) -> None:
     )
 
 
-def was_late(gate: DelayGate) -> bool:
+def was_late() -> bool:
     """Whether what was pressed is too old to be done; says so where it is (MC604)."""
-    if gate.delay_s <= MAX_ORDER_DELAY_S:
+    delay_s = event_delay_s.get()
+    if delay_s <= MAX_ORDER_DELAY_S:
         return False
-    show_refusal(late_text(gate.delay_s), t("look at the machine, then press it again"))
+    show_refusal(late_text(delay_s), t("look at the machine, then press it again"))
     return True
 
 
@@ -61,8 +62,6 @@ class Actions:
         self.driver = driver
         self.visitor = driver.visitor
         self.link = link
-        self.gate = DelayGate()
-        self.gate.listen()
 
     def has_role(self, method: str) -> bool:
         """Whether the visitor's role may call a method; says so where not."""
@@ -81,7 +80,7 @@ class Actions:
             return False
         if not needs_control(method):
             return True
-        if was_late(self.gate):
+        if was_late():
             return False
         if self.has_control:
             return True

@@ -1,14 +1,13 @@
 """How late a browser's messages are: what was held up on the way must not move anything when it comes.
 
-The browser sends its own clock every 2 s, and before whatever is pressed (static/page.js).
+The browser sends its own clock every 2 s, and with whatever is pressed (static/page.js, resuming.py).
 """
 
 from __future__ import annotations
 
 import time
 from collections.abc import Callable
-
-from nicegui import ui
+from contextvars import ContextVar
 
 from mcserver.web.translation import Message, mark
 
@@ -17,6 +16,8 @@ from mcserver.web.translation import Message, mark
 MEASURED_S = 60.0
 # what was pressed may be so late [s]: then the page says that nothing comes, too (SILENT_MS in page.js)
 MAX_ORDER_DELAY_S = 3.0
+# of the event that a handler is called for, and of the tasks that it begins [s]: others may have come since
+event_delay_s: ContextVar[float] = ContextVar("event_delay_s", default=0.0)
 
 
 def late_text(delay_s: float) -> Message:
@@ -31,27 +32,18 @@ class DelayGate:
 
     Args:
         clock: seconds, never stepping.
-
-    Attributes:
-        delay_s: of the newest message, against the quickest one.
     """
 
     def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
         self._clock = clock
         self._before = self._least = float("inf")
         self._since: float | None = None
-        self.delay_s = 0.0
-
-    def listen(self) -> None:
-        """Take the clock of the browser whose page is being built."""
-        ui.on("mc_clock", lambda event: self.observe(float(event.args["sent_s"])))
 
     def observe(self, sent_s: float) -> float:
-        """Take the time at which a message was sent; return how late it is [s]."""
+        """Take the time at which a message was sent; return how late it is against the quickest one [s]."""
         now = self._clock()
         offset = now - sent_s
         if self._since is None or now - self._since > MEASURED_S:
             self._before, self._least, self._since = self._least, offset, now
         self._least = min(self._least, offset)
-        self.delay_s = offset - min(self._before, self._least)
-        return self.delay_s
+        return offset - min(self._before, self._least)

@@ -7,19 +7,35 @@ from typing import Any
 
 from nicegui import ui
 
+from mcserver.web.delays import event_delay_s
 from mcserver.web.translation import t
 
 
-def named_dialog(name: str) -> ui.dialog:
-    """Return a dialog that a screen reader announces by name."""
-    dialog = ui.dialog()
-    dialog.props["aria-label"] = name
-    return dialog
+class NamedDialog(ui.dialog):
+    """A dialog that a screen reader announces by name.
+
+    Attributes:
+        delay_s: how late the answer was [s].
+    """
+
+    def __init__(self, name: str) -> None:
+        super().__init__()
+        self.props["aria-label"] = name
+        self.delay_s = 0.0
+
+    def submit(self, result: Any) -> None:
+        """Answer."""
+        self.delay_s = event_delay_s.get()
+        super().submit(result)
 
 
-async def answer_to(dialog: ui.dialog) -> Any:
-    """Wait for what is submitted: None where the dialog was closed, or its page. It is gone afterwards."""
+async def answer_to(dialog: NamedDialog) -> Any:
+    """Wait for what is submitted: None where the dialog was closed, or its page. It is gone afterwards.
+
+    What is done next is as late as the answer was, not as what has opened the dialog.
+    """
     answer = await dialog
+    event_delay_s.set(dialog.delay_s)
     if not dialog.is_deleted:
         dialog.delete()
     return answer
@@ -32,7 +48,7 @@ async def ask(question: str, verb: str, *, colour: str, details: Callable[[], ob
         verb: on the button that does it. colour: of that button. details: builds what is shown below the
             question.
     """
-    with named_dialog(question) as dialog, ui.card().classes("mc-ask"):
+    with NamedDialog(question) as dialog, ui.card().classes("mc-ask"):
         ui.label(question).classes("font-bold break-words")
         if details is not None:
             details()

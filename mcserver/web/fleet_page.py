@@ -15,8 +15,7 @@ from mcserver.errors import McError
 from mcserver.web.actions import show_refusal, show_role_refusal, was_late
 from mcserver.web.choice import Choice
 from mcserver.web.control import needs_control
-from mcserver.web.delays import DelayGate
-from mcserver.web.dialogs import answer_to, ask, named_dialog
+from mcserver.web.dialogs import NamedDialog, answer_to, ask
 from mcserver.web.fleet import VISITOR_LINKS, Fleet
 from mcserver.web.fleet_table import STATES, grid_options, machine_row
 from mcserver.web.menu import add_menu
@@ -30,7 +29,7 @@ REFRESH_S = 1.0
 # of each part of an address
 MOST_CHARACTERS = 200
 # What is looked for goes into the address as it is chosen, in the browser: a page that is built anew, after a
-# cut link or a restart of this process, is made from it, and nothing chosen meanwhile is lost on the way.
+# long cut or a restart of this process, is made from it, and nothing chosen meanwhile is lost on the way.
 KEPT_FILTER = "(value) => mcKeepFilter({name}, {value})"
 # The machines that are ticked come with the click itself: a browser that is asked for them afterwards may
 # answer too late, and a stop would be lost.
@@ -68,8 +67,6 @@ class FleetPage:
     def __init__(self, visitor: Visitor, fleet: Fleet, chosen: FleetFilter) -> None:
         self._visitor = visitor
         self._fleet = fleet
-        self._gate = DelayGate()
-        self._gate.listen()
         self._sent: dict[str, dict[str, Any]] = {}
         with ui.header(elevated=True).classes("items-center justify-between no-wrap py-1 px-2 bg-slate-900"):
             ui.label(t("Machines")).classes("font-bold text-lg")
@@ -224,7 +221,7 @@ class FleetPage:
         if not self._visitor.may(method):
             show_role_refusal(method)
             return False
-        return not needs_control(method) or not was_late(self._gate)
+        return not needs_control(method) or not was_late()
 
     async def _ask(self, order: str, event: events.GenericEventArguments) -> None:
         if not self._allowed(order):
@@ -251,7 +248,7 @@ class FleetPage:
                 t("run it on {count} at a time", count=VISITOR_LINKS),
             )
         elif names:
-            with named_dialog(t("Run on several machines")) as dialog, ui.card().classes("mc-ask"):
+            with NamedDialog(t("Run on several machines")) as dialog, ui.card().classes("mc-ask"):
                 ui.label(
                     t("Run on {count} machines: {names}", count=len(names), names=_listed(names))
                 ).classes("font-bold break-words")

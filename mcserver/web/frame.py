@@ -16,12 +16,13 @@ from nicegui.language import Language
 from starlette.middleware.trustedhost import TrustedHostMiddleware
 
 from mcserver.doors.listening import LOOPBACK
+from mcserver.web.resuming import resume_after_cuts, take_events_once
 from mcserver.web.translation import COOKIE as LANGUAGE_COOKIE
 from mcserver.web.translation import language_for, mark, t
 
 MAX_FRAME_BYTES = 4 * 1024 * 1024
-# NiceGUI gives a link up that has been silent for 0.4 of it: a busy computer or a bad radio link must not
-# cost an operator what is chosen on the page. That the page is silent is shown long before (page.js).
+# A page goes on as it is where its link was cut for less; NiceGUI gives a link up that has been silent for
+# 0.4 of it. That the page is silent is shown long before (page.js).
 RECONNECT_S = 30.0
 # the page's framework makes scripts and styles as it goes; nothing comes from or goes to another site
 HEADERS = {
@@ -44,6 +45,8 @@ BROWSER_TEXTS = (
     mark("Choose a file"),
     mark("loading"),
     mark("This browser draws no 3-D pictures (WebGL)."),
+    mark("It is not certain that this was done: {what}"),
+    mark("close"),
 )
 STYLE_TEXTS = (mark(" – old: nothing comes"), mark(" (no link)"))
 
@@ -71,8 +74,8 @@ def new_site(host: str | None) -> FastAPI:
 def run_pages(site: FastAPI, title: str) -> None:
     """Have an application serve the pages that were declared with ``ui.page``."""
     nicegui_app.add_static_files("/mc-static", STATIC)
-    # a page whose link was interrupted is built anew: NiceGUI would send what was missed after what is new,
-    # and an old state would be shown until its next change
+    take_events_once()
+    # its own history would send what was missed after what is new: `ResumingOutbox` has another one
     ui.run_with(
         site,
         title=title,
@@ -84,8 +87,9 @@ def run_pages(site: FastAPI, title: str) -> None:
 
 
 def add_head() -> None:
-    """Give a page its language, colours, styles and scripts."""
+    """Give a page its language, colours, styles and scripts; before all else."""
     client = ui.context.client
+    resume_after_cuts(client)
     # the page of a route is shared by all who look at it; NiceGUI takes the language of its own texts from it
     client.page = copy.copy(client.page)
     client.page.language = cast("Language", language_of(client.request))

@@ -16,7 +16,7 @@ from typing import Protocol
 
 from mcclient.errors import MotionError
 
-from mcserver.web.delays import DelayGate, late_text
+from mcserver.web.delays import late_text
 
 log = logging.getLogger(__name__)
 
@@ -41,23 +41,20 @@ class HeldJog:
 
     Args:
         machine: what moves.
-        gate: of the browser.
         on_error: takes the sentence for the operator.
     """
 
-    def __init__(self, machine: Machine, gate: DelayGate, on_error: Callable[[str], None]) -> None:
+    def __init__(self, machine: Machine, on_error: Callable[[str], None]) -> None:
         self.machine = machine
         self._on_error = on_error
-        self._gate = gate
         self._press: int | None = None
         self._released_press: int | None = None
         self._program: str | None = None
         self._move: Move | None = None
         self._busy = asyncio.Lock()
 
-    async def press(self, press: int, move: Move, sent_s: float) -> None:
-        """Start a move; ``press`` numbers the touch."""
-        delay_s = self._gate.observe(sent_s)
+    async def press(self, press: int, move: Move, delay_s: float) -> None:
+        """Start a move; ``press`` numbers the touch, whose message was so late [s]."""
         if delay_s > MAX_DELAY_S:
             self._on_error(late_text(delay_s))
             return
@@ -78,9 +75,9 @@ class HeldJog:
                 # released while the server was answering
                 await self._stop(program)
 
-    async def keep(self, press: int, sent_s: float) -> None:
+    async def keep(self, press: int, delay_s: float) -> None:
         """Keep the axis moving for another `HOLD_S`; never start it again."""
-        if self._gate.observe(sent_s) > MAX_DELAY_S or press != self._press or self._program is None:
+        if delay_s > MAX_DELAY_S or press != self._press or self._program is None:
             return
         if self._busy.locked():
             # the one before it is still under way: this one would only queue behind it

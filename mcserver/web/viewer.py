@@ -60,7 +60,7 @@ async def serve_view(name: str, replay: Replay, model: bytes, address: Address) 
         with ui.column().classes("w-full"):
             ui.html(f'<h1 class="text-xl">{html.escape(name)}</h1>', sanitize=False)
             player = Player(name, replay, "/model", playing=True)
-        ui.context.client.on_disconnect(player.close)
+        ui.context.client.on_delete(player.close)
 
     run_pages(site, name)
     listener = listen(address.host, address.port)

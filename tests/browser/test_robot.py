@@ -142,7 +142,7 @@ def test_poses_are_taught_edited_replayed_and_kept_also_where_the_page_is_loaded
     first = next(line for line in text.input_value().splitlines() if line.startswith("G01"))
     taught = text.input_value() + first.replace("F600", "F6000") + "\n"
     text.fill(taught)
-    # as a cut link does it
+    # as a restart of the process that serves it does
     page.reload()
     expect(text).to_have_value(taught)
     page.get_by_role("button", name="Replay").click()

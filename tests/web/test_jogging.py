@@ -34,71 +34,66 @@ class Machine:
         return [program or ""]
 
 
-def rig() -> tuple[Machine, Clock, HeldJog, list[str]]:
-    machine, clock, said = Machine(), Clock(), list[str]()
-    return machine, clock, HeldJog(machine, DelayGate(clock), said.append), said
+def rig() -> tuple[Machine, HeldJog, list[str]]:
+    machine, said = Machine(), list[str]()
+    return machine, HeldJog(machine, said.append), said
 
 
 async def test_a_press_starts_keeps_hold_and_a_release_aborts() -> None:
-    machine, _, held, _ = rig()
-    await held.press(1, partial(machine.jog, 0, 20.0), 5.0)
-    await held.keep(1, 5.0)
+    machine, held, _ = rig()
+    await held.press(1, partial(machine.jog, 0, 20.0), 0.0)
+    await held.keep(1, 0.0)
     await held.release()
     assert machine.calls == [("start", (0, 20.0)), ("keep", (0, 20.0)), ("abort", "jog-1")]
 
 
 async def test_a_release_while_the_server_answers_ends_the_jog_that_it_started() -> None:
-    machine, _, held, _ = rig()
+    machine, held, _ = rig()
     machine.gate.clear()
-    pressing = asyncio.ensure_future(held.press(1, partial(machine.jog, 0, 20.0), 5.0))
+    pressing = asyncio.ensure_future(held.press(1, partial(machine.jog, 0, 20.0), 0.0))
     await asyncio.sleep(0)
     await held.release()
     machine.gate.set()
     await pressing
     assert machine.calls == [("start", (0, 20.0)), ("abort", "jog-1")]
-    await held.keep(1, 5.0)
+    await held.keep(1, 0.0)
     assert len(machine.calls) == 2
 
 
 async def test_what_was_under_way_for_too_long_starts_and_keeps_nothing() -> None:
-    machine, clock, said = Machine(), Clock(), list[str]()
-    gate = DelayGate(clock)
-    held = HeldJog(machine, gate, said.append)
-    gate.observe(5.0)
-    clock.now += 10.0
-    await held.press(1, partial(machine.jog, 0, 20.0), 5.0 + 10.0 - MAX_DELAY_S - 0.1)
+    machine, held, said = rig()
+    await held.press(1, partial(machine.jog, 0, 20.0), MAX_DELAY_S + 0.1)
     assert machine.calls == []
     assert said == ["This was pressed 0.4 s ago: the link was held up [MC604]"]
-    await held.press(2, partial(machine.jog, 0, 20.0), 15.0)
-    clock.now += 5.0
-    await held.keep(2, 15.2)
+    await held.press(2, partial(machine.jog, 0, 20.0), 0.0)
+    await held.keep(2, MAX_DELAY_S + 4.5)
     assert machine.calls == [("start", (0, 20.0))]
 
 
 async def test_a_jog_that_has_ended_is_not_started_again_by_its_keeps() -> None:
-    machine, _, held, _ = rig()
-    await held.press(1, partial(machine.jog, 0, 20.0), 5.0)
+    machine, held, _ = rig()
+    await held.press(1, partial(machine.jog, 0, 20.0), 0.0)
     machine.ended = True
-    await held.keep(1, 5.0)
-    await held.keep(1, 5.0)
+    await held.keep(1, 0.0)
+    await held.keep(1, 0.0)
     assert [kind for kind, _ in machine.calls] == ["start", "keep"]
 
 
 async def test_an_old_press_after_a_newer_one_moves_nothing() -> None:
-    machine, _, held, _ = rig()
-    await held.press(2, partial(machine.jog, 0, 20.0), 5.0)
-    await held.press(1, partial(machine.jog, 1, 20.0), 5.0)
+    machine, held, _ = rig()
+    await held.press(2, partial(machine.jog, 0, 20.0), 0.0)
+    await held.press(1, partial(machine.jog, 1, 20.0), 0.0)
     assert machine.calls == [("start", (0, 20.0))]
 
 
 async def test_a_refusal_is_shown_and_nothing_is_held() -> None:
-    machine, _, held, said = rig()
+    machine, held, said = rig()
 
     async def refuse(*_: object, **__: object) -> str:
         raise RequestRefused("MC512", "the axis is leased")
 
     machine.jog = refuse  # type: ignore[method-assign]
-    await held.press(1, partial(machine.jog, 0, 20.0), 5.0)
+    await held.press(1, partial(machine.jog, 0, 20.0), 0.0)
     await held.release()
     assert said == ["the axis is leased"]
     assert machine.calls == []

@@ -39,7 +39,7 @@ TRANSLATED = [each for each in LANGUAGES if each != ENGLISH]
 PASSES = {"t", "t_in", "mark"}
 # where a literal of these is a text that somebody reads
 ELEMENTS = {"label", "button", "input", "number", "switch", "checkbox", "expansion", "textarea", "link"}
-SAYS = {"notify", "notification", "named_dialog", "show_refusal", "set_text", "tooltip", "_item"}
+SAYS = {"notify", "notification", "NamedDialog", "show_refusal", "set_text", "tooltip", "_item"}
 KEYWORDS = {"label", "placeholder", "close_button"}
 # whose strings are for the browser alone
 MACHINERY = {"classes", "props", "style", "run_javascript", "add_head_html", "compile", "warning", "Field"}

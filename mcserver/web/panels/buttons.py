@@ -12,7 +12,7 @@ from nicegui import ui
 from mcserver.machine.button_section import filled
 from mcserver.net.roles import CONFIGURERS, MOVERS, roles_named
 from mcserver.web.actions import Actions, show_refusal
-from mcserver.web.dialogs import answer_to, named_dialog
+from mcserver.web.dialogs import NamedDialog, answer_to
 from mcserver.web.translation import t
 
 
@@ -47,7 +47,7 @@ class ButtonsPanel:
     async def _ask(self, button: ButtonInfo) -> None:
         if not self._may(button):
             return
-        with named_dialog(t("Run {name}", name=t(button.name))) as dialog, ui.card().classes("mc-ask"):
+        with NamedDialog(t("Run {name}", name=t(button.name))) as dialog, ui.card().classes("mc-ask"):
             ui.label(t(button.name)).classes("font-bold break-words")
             with ui.row().classes("w-full gap-x-4 gap-y-1"):
                 fields = {

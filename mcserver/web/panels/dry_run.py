@@ -11,7 +11,7 @@ from nicegui import ui
 
 from mcserver.errors import McError
 from mcserver.web.actions import Actions, show_refusal
-from mcserver.web.dialogs import named_dialog
+from mcserver.web.dialogs import NamedDialog
 from mcserver.web.formatting import axis_name, clock_text, diagnostics_html, program_excerpt
 from mcserver.web.jobs import PATH_POINTS, Switches, path_from_line
 from mcserver.web.panels.linked_text import LinkedText
@@ -52,7 +52,7 @@ async def show_dry_run(
     finally:
         waiting.dismiss()
 
-    with named_dialog(t("Dry run of {name}", name=name)) as dialog, ui.card().classes("mc-dry-run"):
+    with NamedDialog(t("Dry run of {name}", name=name)) as dialog, ui.card().classes("mc-dry-run"):
         dialog.on("hide", dialog.delete)
         with ui.row().classes("w-full items-center justify-between no-wrap"):
             ui.label(t("Dry run of {name}", name=name)).classes("font-bold break-all")

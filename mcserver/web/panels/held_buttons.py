@@ -9,6 +9,7 @@ from typing import Any
 from nicegui import events, ui
 
 from mcserver.web.actions import Actions, show_refusal
+from mcserver.web.delays import event_delay_s
 from mcserver.web.jogging import HeldJog, Move
 
 
@@ -51,11 +52,10 @@ class HeldButtons:
             await self.release()
             return
         try:
-            press, pad, sent_s = int(message["press"]), self._pads[message["pad"]], float(message["sent_s"])
+            press, pad = int(message["press"]), self._pads[message["pad"]]
             what, direction = str(message["what"]), 1 if int(message["direction"]) > 0 else -1
         except (KeyError, TypeError, ValueError):
             return
-        self._actions.gate.observe(sent_s)
         if kind == "press" and not self._actions.allowed(pad.method):
             return
         if not self._actions.has_control:
@@ -66,10 +66,13 @@ class HeldButtons:
         if machine is None:
             return
         if self._held is None:
-            self._held = HeldJog(machine, self._actions.gate, show_refusal)
+            self._held = HeldJog(machine, show_refusal)
         self._held.machine = machine
         if kind == "keep":
-            await self._held.keep(press, sent_s)
+            await self._held.keep(press, event_delay_s.get())
         elif kind == "press":
             move = pad.move(what, direction)
-            await (pad.step(what, direction) if move is None else self._held.press(press, move, sent_s))
+            if move is None:
+                await pad.step(what, direction)
+            else:
+                await self._held.press(press, move, event_delay_s.get())

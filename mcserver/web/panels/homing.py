@@ -8,7 +8,7 @@ from mcclient import AxisInfo, Event, Info, MachineStatus
 from nicegui import ui
 
 from mcserver.web.actions import Actions
-from mcserver.web.dialogs import answer_to, named_dialog
+from mcserver.web.dialogs import NamedDialog, answer_to
 from mcserver.web.formatting import MOST, axis_name
 from mcserver.web.link import MachineLink
 from mcserver.web.machine_words import HOMING_METHODS
@@ -75,7 +75,7 @@ class HomingPanel:
         if not self._actions.allowed("reference"):
             return
         name = axis_name(axis.index)
-        with named_dialog(t("Reference of axis {name}", name=name)) as dialog, ui.card():
+        with NamedDialog(t("Reference of axis {name}", name=name)) as dialog, ui.card():
             ui.label(t("Where is axis {name} now? Its limits count from this number on.", name=name))
             number = ui.number(f"{name} [{axis.unit}]", min=-MOST, max=MOST, format="%.4f").props("autofocus")
             with ui.row():

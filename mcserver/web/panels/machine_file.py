@@ -11,7 +11,7 @@ from mcclient.types import Diagnostic, MachineFileReply
 from nicegui import ui
 
 from mcserver.web.actions import Actions, show_refusal
-from mcserver.web.dialogs import named_dialog
+from mcserver.web.dialogs import NamedDialog
 from mcserver.web.formatting import diagnostics_html
 from mcserver.web.translation import mark, t
 
@@ -38,7 +38,7 @@ class MachineFilePanel:
         except MotionError as error:
             show_refusal(f"{t(error.message)} [{error.code}]", error.hint)
             return
-        dialog = named_dialog(t("Machine file {name}", name=found.name)).props("maximized")
+        dialog = NamedDialog(t("Machine file {name}", name=found.name)).props("maximized")
         with dialog, ui.card().classes("mc-card"):
             with ui.row().classes("w-full items-center justify-between"):
                 ui.label(found.name).classes("font-bold grow break-all")

@@ -6,7 +6,7 @@ import html
 
 from mcclient import Machine, MotionError, ProgramRejected
 from mcclient.broken_off import MANUAL_INPUT
-from nicegui import ui
+from nicegui import events, ui
 
 from mcserver.gcode.text.command_table import COMMANDS
 from mcserver.web.actions import Actions
@@ -15,6 +15,14 @@ from mcserver.web.open_programs import refusal_of
 from mcserver.web.translation import mark, t
 
 HISTORY = 50
+# The line goes with the key or the click that runs it, and its field is empty at once: what is typed while
+# the line is on its way is the next one. That the field is empty goes first.
+SUBMITTED = """() => {
+  const field = document.querySelector("input.mc-line"), line = field.value;
+  field.value = "";
+  field.dispatchEvent(new Event("input", { bubbles: true }));
+  setTimeout(() => emit(line), 0);
+}"""
 WHY = mark("a line typed now would move the axes when nobody expects it any more")
 
 
@@ -33,14 +41,16 @@ class MdiPanel:
                     ui.input(label=t("G-code"), placeholder="G01 X10 F600", autocomplete=codes)
                     .classes("grow font-mono")
                     .props(
-                        f'autocapitalize=off autocorrect=off spellcheck=false aria-label="{t("G-code line")}"'
+                        "autocapitalize=off autocorrect=off spellcheck=false input-class=mc-line "
+                        f'data-kept=line aria-label="{t("G-code line")}"'
                     )
                 )
-                ui.button(t("Run"), on_click=self._run).props("color=primary")
+                run = ui.button(t("Run")).props("color=primary")
             self._answer = (
                 ui.html("", sanitize=False).classes("w-full overflow-x-auto").props("aria-live=polite")
             )
-        self._field.on("keydown.enter", self._run)
+        run.on("click", self._run, js_handler=SUBMITTED)
+        self._field.on("keydown.enter", self._run, js_handler=SUBMITTED)
         self._field.on("keydown.up", lambda: self._recall(-1))
         self._field.on("keydown.down", lambda: self._recall(1))
 
@@ -49,13 +59,17 @@ class MdiPanel:
             self._place = min(max(self._place + step, 0), len(self._history))
             self._field.set_value(self._history[self._place] if self._place < len(self._history) else "")
 
-    async def _run(self) -> None:
-        line = (self._field.value or "").strip()
-        if not line or not self._actions.allowed("open"):
+    async def _run(self, event: events.GenericEventArguments) -> None:
+        line = str(event.args or "").strip()
+        if not line:
+            return
+        if not self._actions.allowed("open"):
+            # it stands there again, unless another one is being typed
+            if not self._field.value:
+                self._field.set_value(line)
             return
         self._history = [*self._history, line][-HISTORY:]
         self._place = len(self._history)
-        self._field.set_value("")
         self._show(f"&gt; {html.escape(line)}")
         try:
             await _run_line(self._actions.link.connected(), line)

@@ -13,7 +13,7 @@ from mcclient.work_tables import work_places
 from nicegui import ui
 
 from mcserver.web.actions import Actions
-from mcserver.web.dialogs import answer_to, named_dialog
+from mcserver.web.dialogs import NamedDialog, answer_to
 from mcserver.web.formatting import MOST, axis_name, position_text, velocity_text
 from mcserver.web.open_programs import refusal_of
 from mcserver.web.translation import mark, t
@@ -105,7 +105,7 @@ class PositionsPanel:
         if not self._actions.allowed("open"):
             return
         names = [axis_name(axis.index) for axis in self._axes]
-        with named_dialog(t("Set a work offset")) as dialog, ui.card():
+        with NamedDialog(t("Set a work offset")) as dialog, ui.card():
             ui.label(t("What an axis reads where it is now:"))
             axis = ui.select(names, value=names[0], label=t("Axis")).classes("min-w-24")
             number = ui.number(t("reads [mm, deg]"), value=0.0, min=-MOST, max=MOST, format="%.4f")

@@ -12,7 +12,7 @@ from mcclient import MotionError
 from nicegui import ui
 
 from mcserver.web.actions import show_refusal
-from mcserver.web.dialogs import named_dialog
+from mcserver.web.dialogs import NamedDialog
 from mcserver.web.link import MachineLink
 from mcserver.web.playback import SPEEDS, Playback
 from mcserver.web.replay_format import Replay, ReplayAxis
@@ -42,7 +42,7 @@ async def show_replay(link: MachineLink, name: str) -> None:
     finally:
         waiting.dismiss()
     with (
-        named_dialog(t("{name}, played", name=name)).props("maximized") as dialog,
+        NamedDialog(t("{name}, played", name=name)).props("maximized") as dialog,
         ui.card().classes("mc-card"),
     ):
         with ui.row().classes("w-full items-center justify-between"):

@@ -13,7 +13,7 @@ from nicegui import ui
 
 from mcserver.errors import McError
 from mcserver.web.actions import Actions, show_refusal
-from mcserver.web.dialogs import answer_to, named_dialog
+from mcserver.web.dialogs import NamedDialog, answer_to
 from mcserver.web.formatting import axis_name, page_hint, position_text, program_excerpt
 from mcserver.web.jobs import Middle, Switches
 from mcserver.web.machine_words import program_name
@@ -72,7 +72,7 @@ async def ask_to_go_on(actions: Actions, program: ProgramStatus) -> tuple[Contin
 async def _ask(title: str, verb: str, shown: Continuation, text: str, middle: Middle) -> Middle | None:
     """Ask with a button for each answer that there is; None where there is none, or for Cancel."""
     asked = {need.confirm for need in shown.needs}
-    with named_dialog(title) as dialog, ui.card().classes("mc-ask mc-way"):
+    with NamedDialog(title) as dialog, ui.card().classes("mc-ask mc-way"):
         ui.label(title).classes("font-bold break-words")
         ui.html(text + continuation_html(shown), sanitize=False).classes("w-full overflow-x-auto")
         with ui.element("div").classes("mc-buttons"):

@@ -21,7 +21,7 @@ from mcclient.work_tables import (
 from nicegui import ui
 
 from mcserver.web.actions import Actions, show_refusal
-from mcserver.web.dialogs import answer_to, ask, named_dialog
+from mcserver.web.dialogs import NamedDialog, answer_to, ask
 from mcserver.web.formatting import MOST, axis_name, position_text
 from mcserver.web.machine_words import program_name
 from mcserver.web.open_programs import refusal_of
@@ -101,7 +101,7 @@ class TablesPanel:
             return
         origins = {each.system: {**each.origin, ANGLE: each.rotation} for each in self._tables.offsets}
         names = self._tables.names
-        with named_dialog(t("Change a work offset")) as dialog, ui.card().classes("mc-ask"):
+        with NamedDialog(t("Change a work offset")) as dialog, ui.card().classes("mc-ask"):
             ui.label(t("Where programs read zero. Nothing moves."))
             system = ui.select(
                 {each: f"{each} {names.get(each, '')}".strip() for each in SYSTEMS},
@@ -157,7 +157,7 @@ class TablesPanel:
         if not self._actions.allowed("open") or self._tables is None:
             return
         tools = {each.number: each for each in self._tables.tools}
-        with named_dialog(t("Change a tool")) as dialog, ui.card().classes("mc-ask"):
+        with NamedDialog(t("Change a tool")) as dialog, ui.card().classes("mc-ask"):
             ui.label(t("Length for G43 and diameter. A G43 before does not see the change."))
             number = ui.number(t("Tool"), value=min(tools, default=1), min=1, max=99999, format="%d")
             length = ui.number(t("Length [mm]"), min=-MOST, max=MOST, format="%.4f")

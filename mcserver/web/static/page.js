@@ -5,7 +5,7 @@
   let held = null;
 
   const send = (kind) => emitEvent("mc_jog", {
-    kind, press: held.press, pad: held.pad, what: held.what, direction: held.direction, sent_s: performance.now() / 1000,
+    kind, press: held.press, pad: held.pad, what: held.what, direction: held.direction,
   });
 
   const press = (button) => {
@@ -50,10 +50,6 @@
   window.addEventListener("pagehide", release);
   window.addEventListener("offline", release);
 
-  // so that the page's process can tell what was held up on the way: now and then, and before what is pressed
-  const tellTime = () => emitEvent("mc_clock", { sent_s: performance.now() / 1000 });
-  setInterval(() => { if (!held && window.did_handshake) tellTime(); }, 2000);
-
   // A click is for what was pressed: where something has come above it meanwhile, another button is below the
   // finger when it is let go, or none.
   const SAME_PLACE = 10;
@@ -63,7 +59,6 @@
     pressed = { button: event.target.closest?.(TARGETS) ?? null, x: event.clientX, y: event.clientY };
   }, true);
   document.addEventListener("click", (event) => {
-    tellTime();
     const button = event.target.closest?.(TARGETS) ?? null;
     // by the keyboard, or by a script
     if (!event.isTrusted || event.detail === 0 || !pressed || pressed.button === button) return;
@@ -73,17 +68,69 @@
     if (still && pressed.button?.isConnected) pressed.button.click();
   }, true);
 
+  // what lies below the bar with the emergency stop can be reached, however high that is
+  const bar = new ResizeObserver(([{ target }]) => {
+    document.documentElement.style.setProperty("--mc-header", `${target.offsetHeight}px`);
+  });
+
   // what a page shows when nothing comes any more is old, and looks like the truth: say so
   const SILENT_MS = 3000;
   let alive = null;
   window.mcAlive = () => {
-    if (alive === null) bringBack();
+    if (alive === null) {
+      sendSurely();
+      bringBack();
+      bar.observe(document.querySelector(".q-header"));
+    }
     alive = performance.now();
     document.body.classList.remove("mc-silent");
   };
   setInterval(() => {
     if (alive !== null && performance.now() - alive > SILENT_MS) document.body.classList.add("mc-silent");
   }, 500);
+
+  // What is done at the page while its link is cut, or has been sent when it is, goes out again when the link is back:
+  // in its order, until it is confirmed. The page's process takes it once (resuming.py), and refuses what is too late.
+  const UNCERTAIN = "mc-uncertain";
+  // what somebody does at this moment, in the words of the page: a button's, or those of a line
+  let doing = "";
+  const begin = (what) => { doing = what; setTimeout(() => { doing = ""; }, 100); };
+  const nameOf = (element) => element.getAttribute("aria-label") || element.innerText;
+  document.addEventListener("click", ({ target }) => { if (target.closest?.("button")) begin(nameOf(target.closest("button"))); }, true);
+  document.addEventListener("keydown", ({ key, target }) => {
+    if (key === "Enter" && target.matches?.("input")) begin(`${nameOf(target)} ${target.value}`);
+  }, true);
+  const sendSurely = () => {
+    const { socket } = window, emit = socket.emit.bind(socket), unconfirmed = new Map();
+    const now_s = () => performance.now() / 1000;
+    let number = 0;
+    const send = ({ event }) => emit("event", { ...event }, () => unconfirmed.delete(event.number));
+    socket.emit = (kind, content, ...rest) => {
+      if (kind !== "event") return emit(kind, content, ...rest);
+      number += 1;
+      const each = { event: { ...content, number, document: window.documentId, sent_s: now_s() }, doing };
+      unconfirmed.set(number, each);
+      if (socket.connected) send(each);
+      return socket;
+    };
+    // a page that is loaded anew says what it cannot know: its process is another one, or has given it up
+    const lost = sessionStorage.getItem(UNCERTAIN);
+    sessionStorage.removeItem(UNCERTAIN);
+    if (lost) {
+      const message = window.mcTexts["It is not certain that this was done: {what}"].replace("{what}", () => lost);
+      const closeBtn = window.mcTexts["close"];
+      Quasar.Notify.create({ message, closeBtn, type: "warning", position: "bottom", timeout: 0 });
+    }
+    window.addEventListener("pagehide", () => {
+      const names = new Set([...unconfirmed.values()].map((each) => each.doing).filter(Boolean));
+      if (names.size) sessionStorage.setItem(UNCERTAIN, [...names].join(", "));
+    });
+    socket.on("connect", () => unconfirmed.forEach(send));
+    // so that the page's process can tell what was held up on the way
+    const tellTime = () => { if (socket.connected) emit("clock", { client_id: window.clientId, sent_s: now_s() }); };
+    tellTime();
+    setInterval(tellTime, 2000);
+  };
 
   // what is looked for stays in the address, from which a page that is loaded anew is made
   window.mcKeepFilter = (name, value) => {
@@ -127,7 +174,6 @@
 
   // keys that work anywhere but in a field: Shift+Escape is the emergency stop, Space a feed hold
   document.addEventListener("keydown", (event) => {
-    if (event.key === "Enter") tellTime();
     const typing = event.target instanceof Element && event.target.closest("input, textarea, [contenteditable], button, a, [role=tab]");
     if (event.key === "Escape" && event.shiftKey) emitEvent("mc_key", { key: "estop" });
     else if (event.key === " " && !typing) { event.preventDefault(); emitEvent("mc_key", { key: "hold" }); }

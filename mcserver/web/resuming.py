@@ -1,0 +1,113 @@
+"""A page whose link was cut goes on as it is: it is sent what it has missed, and what it sent is done once.
+
+NiceGUI alone sends old states behind new ones, or has the page loaded anew, which costs whoever sits before
+it an open dialog, what is ticked, and what was typed. Here a message that was lost is sent again, but of each
+element only its newest state. In the other direction each event has a number of its document and the time
+at which it was made, is sent again until it is confirmed (static/page.js), and is taken once. Whether it is
+too late is judged where it acts (MC604).
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from typing import Any
+
+from nicegui import Client, core
+from nicegui.outbox import Message, MessageId, Outbox, deleted
+
+from mcserver.web.delays import DelayGate, event_delay_s
+
+# of those that no element has, such as what is said once: more than come while a link may be silent
+MOST_MESSAGES = 4000
+
+
+class ResumingOutbox(Outbox):
+    """What goes to one browser, kept until the browser has it.
+
+    Args:
+        client: the page that it is of, which has a connection or will have one.
+
+    Attributes:
+        taken: number of the newest event of each document that shows the page.
+        gate: of its browser.
+    """
+
+    def __init__(self, client: Client) -> None:
+        super().__init__(client)
+        self.taken: dict[str, int] = {}
+        self.gate = DelayGate()
+        self._newest: dict[int, MessageId] = {}
+        self._said: deque[tuple[MessageId, Message]] = deque()
+        # none before it is kept
+        self._kept_from: MessageId = 0
+
+    async def _emit(self, message: Message) -> None:
+        _, kind, content = message
+        if kind == "update":
+            self._newest.update(dict.fromkeys(content.keys() - {"_id"}, self.next_message_id))
+        elif kind != "load_js_components":
+            self._said.append((self.next_message_id, message))
+            if len(self._said) > MOST_MESSAGES:
+                self._kept_from = self._said.popleft()[0] + 1
+        await super()._emit(message)
+
+    def try_rewind(self, target_message_id: MessageId) -> None:
+        """Send what the browser has not got: all from that message on."""
+        if target_message_id == self.next_message_id:
+            return
+        if target_message_id < self._kept_from:
+            super().try_rewind(target_message_id)
+            return
+        elements = self.client.elements
+        for element, message in self._newest.items():
+            if message >= target_message_id:
+                self.updates[element] = elements.get(element, deleted)
+        missed = [message for number, message in self._said if number >= target_message_id]
+        self._said.clear()
+        self.messages.extendleft(reversed(missed))
+        # a component that was on its way may be lost, too; the browser has each only once
+        self._loaded_components.clear()
+        self._set_enqueue_event()
+
+    def prune_history(self, next_message_id: MessageId) -> None:
+        """Forget what the browser has."""
+        super().prune_history(next_message_id)
+        self._newest = {each: number for each, number in self._newest.items() if number >= next_message_id}
+        while self._said and self._said[0][0] < next_message_id:
+            self._said.popleft()
+
+
+def resume_after_cuts(client: Client) -> None:
+    """Have a page that is being built go on after a cut link; before anything is said to its browser."""
+    client.outbox.stop()
+    client.outbox = ResumingOutbox(client)
+
+
+def take_events_once() -> None:
+    """Have each event that a browser sends again done once, and confirmed: that its handler has begun."""
+    take = core.sio.handlers["/"]["event"]
+
+    def take_once(socket: str, event: dict[str, Any]) -> None:
+        outbox = _outbox(event)
+        if outbox is not None and "number" in event:
+            document, number, sent_s = (event.pop(key) for key in ("document", "number", "sent_s"))
+            if number <= outbox.taken.get(document, 0):
+                return
+            outbox.taken[document] = number
+            event_delay_s.set(outbox.gate.observe(sent_s))
+        take(socket, event)
+
+    def take_clock(_: str, event: dict[str, Any]) -> None:
+        outbox = _outbox(event)
+        if outbox is not None:
+            outbox.gate.observe(event["sent_s"])
+
+    core.sio.on("event", take_once)
+    core.sio.on("clock", take_clock)
+
+
+def _outbox(event: dict[str, Any]) -> ResumingOutbox | None:
+    """Return the outbox of the page that an event is of; None: there is none any more."""
+    client = Client.instances.get(event["client_id"])
+    outbox = None if client is None else client.outbox
+    return outbox if isinstance(outbox, ResumingOutbox) else None
