@@ -9,28 +9,30 @@ import (
 
 // repeatable calls change nothing, or stop: they may be sent again under any circumstances.
 var repeatable = map[string]bool{
-	"info":           true,
-	"status":         true,
-	"programs":       true,
-	"events":         true,
-	"continuation":   true,
-	"hold":           true,
-	"abort":          true,
-	"machine_file":   true,
-	"tables":         true,
-	"estop":          true,
-	"check":          true,
-	"simulate":       true,
-	"run_requests":   true,
-	"run_approvals":  true,
-	"run_preview":    true,
-	"recordings":     true,
-	"recording_read": true,
-	"model":          true,
-	"model_mesh":     true,
-	"drives":         true,
-	"drives_scan":    true,
-	"sdo_read":       true,
+	"info":             true,
+	"status":           true,
+	"programs":         true,
+	"events":           true,
+	"continuation":     true,
+	"hold":             true,
+	"abort":            true,
+	"machine_file":     true,
+	"tables":           true,
+	"estop":            true,
+	"check":            true,
+	"simulate":         true,
+	"run_requests":     true,
+	"run_approvals":    true,
+	"run_preview":      true,
+	"recordings":       true,
+	"recording_read":   true,
+	"model":            true,
+	"model_mesh":       true,
+	"drives":           true,
+	"drives_scan":      true,
+	"drive_parameters": true,
+	"drives_health":    true,
+	"sdo_read":         true,
 }
 
 // deadlines are how long a server may take for an answer.
@@ -84,6 +86,8 @@ var deadlines = map[string]time.Duration{
 	"model_mesh":          15 * time.Second,
 	"drives":              5 * time.Second,
 	"drives_scan":         15 * time.Second,
+	"drive_parameters":    5 * time.Second,
+	"drives_health":       15 * time.Second,
 	"sdo_read":            15 * time.Second,
 	"sdo_write":           15 * time.Second,
 }
@@ -411,6 +415,21 @@ func (m *Machine) Drives(ctx context.Context) ([]DriveInfo, error) {
 // DrivesScan: Ask every node number of a CAN bus, or of all, who is there. Nothing is configured or started.
 func (m *Machine) DrivesScan(ctx context.Context, bus string) ([]BusScan, error) {
 	reply, err := callFor[DrivesScanReply](ctx, m, "drives_scan", paramsOf(DrivesScanRequest{Bus: bus}))
+	if err != nil {
+		return nil, err
+	}
+	return reply.Buses, nil
+}
+
+// DriveParameters: List the objects of a drive's dictionary by the names of its EDS, with types, access and limits.
+// The drive is not asked.
+func (m *Machine) DriveParameters(ctx context.Context, axis int64) (*DriveParameters, error) {
+	return callFor[DriveParameters](ctx, m, "drive_parameters", paramsOf(DriveParametersRequest{Axis: axis}))
+}
+
+// DrivesHealth: Listen on the CAN buses for some seconds and count load, lost and late frames. Nothing is sent.
+func (m *Machine) DrivesHealth(ctx context.Context, seconds *float64) ([]BusHealth, error) {
+	reply, err := callFor[DrivesHealthReply](ctx, m, "drives_health", paramsOf(DrivesHealthRequest{Seconds: seconds}))
 	if err != nil {
 		return nil, err
 	}

@@ -399,6 +399,37 @@ type AxisTravel struct {
 	Unit     string  `msgpack:"unit" mc:"required"`
 }
 
+// BusCounts: One bus while it was listened to.
+type BusCounts struct {
+	// DurationS: of that.
+	DurationS float64 `msgpack:"duration_s" mc:"required"`
+	// Frames: that came.
+	Frames int64 `msgpack:"frames" mc:"required"`
+	// Load: of the bit rate [1], each frame with the most stuff bits.
+	Load float64 `msgpack:"load" mc:"required"`
+	// Syncs: SYNCs.
+	Syncs int64 `msgpack:"syncs"`
+	// LongestSyncGapS: between two of them, by this computer's clock.
+	LongestSyncGapS float64      `msgpack:"longest_sync_gap_s"`
+	Nodes           []NodeHealth `msgpack:"nodes"`
+	// Strangers: COB-IDs that belong to no node of the machine file, with how many frames came.
+	Strangers map[string]int64 `msgpack:"strangers"`
+}
+
+// BusHealth: One bus that was listened to, beside whoever is its master.
+type BusHealth struct {
+	Bus string `msgpack:"bus" mc:"required"`
+	// Counts: of frames; a node of EtherCAT is a position on the line.
+	Counts BusCounts `msgpack:"counts" mc:"required"`
+	// Master: by what another master was noticed; empty: none was.
+	Master string `msgpack:"master"`
+	// ErrorFrames: errors and malformed packets that this computer's interface has seen, on EtherCAT frames with a
+	// wrong working counter.
+	ErrorFrames int64 `msgpack:"error_frames"`
+	// FollowingErrors: by axis, the greatest between setpoint and encoder on the bus [mm, deg].
+	FollowingErrors map[string]float64 `msgpack:"following_errors"`
+}
+
 // BusScan: Who is on one bus; `machine_file`: one to start from.
 type BusScan struct {
 	Bus         string        `msgpack:"bus" mc:"required"`
@@ -619,6 +650,35 @@ type DriveInfo struct {
 	Message string `msgpack:"message"`
 	// Monitor: what the machine file wants to see of it, newest values.
 	Monitor []MonitoredValue `msgpack:"monitor"`
+}
+
+// DriveParameters: What a drive's dictionary has of one axis.
+type DriveParameters struct {
+	Axis int64  `msgpack:"axis" mc:"required"`
+	Bus  string `msgpack:"bus" mc:"required"`
+	Node int64  `msgpack:"node" mc:"required"`
+	// NodeAxis: which axis of its node it is.
+	NodeAxis int64 `msgpack:"node_axis" mc:"required"`
+	// EdsSha256: of its EDS; empty: there is none, and these are the standard's objects.
+	EdsSha256  string          `msgpack:"eds_sha256" mc:"required"`
+	Parameters []ParameterInfo `msgpack:"parameters" mc:"required"`
+	// Unreadable: entries of the EDS that make no sense, each with why.
+	Unreadable []string `msgpack:"unreadable" mc:"required"`
+}
+
+// DriveParametersRequest: The objects of an axis's drive.
+type DriveParametersRequest struct {
+	Axis int64 `msgpack:"axis" mc:"required"`
+}
+
+// DrivesHealthReply: By bus.
+type DrivesHealthReply struct {
+	Buses []BusHealth `msgpack:"buses" mc:"required"`
+}
+
+// DrivesHealthRequest: How the CAN buses are; `seconds`: for which they are listened to, all together.
+type DrivesHealthRequest struct {
+	Seconds *float64 `msgpack:"seconds"`
 }
 
 // DrivesReply: By axis; empty where no drive is on a CAN bus.
@@ -1008,6 +1068,28 @@ type Need struct {
 	Confirm string `msgpack:"confirm"`
 }
 
+// NodeHealth: One node while it was listened to.
+type NodeHealth struct {
+	Node int64   `msgpack:"node" mc:"required"`
+	Axes []int64 `msgpack:"axes" mc:"required"`
+	// State: NMT state of its last heartbeat; empty: none came.
+	State string `msgpack:"state"`
+	// Heartbeats: that came.
+	Heartbeats int64 `msgpack:"heartbeats"`
+	// LongestGapS: between two of them, by this computer's clock.
+	LongestGapS float64 `msgpack:"longest_gap_s"`
+	// Readings: process data that it sent at SYNC.
+	Readings int64 `msgpack:"readings"`
+	// Late: those that came after the next SYNC.
+	Late int64 `msgpack:"late"`
+	// Lost: those that never came.
+	Lost int64 `msgpack:"lost"`
+	// BootUps: times it started.
+	BootUps int64 `msgpack:"boot_ups"`
+	// Emergencies: the last ones, in words.
+	Emergencies []string `msgpack:"emergencies"`
+}
+
 // OpenReply: The program's id; `expected` is the next line number, `credit` how many lines fit now.
 type OpenReply struct {
 	Program  string       `msgpack:"program" mc:"required"`
@@ -1098,6 +1180,22 @@ type PairClearance struct {
 	LeastMm float64  `msgpack:"least_mm" mc:"required"`
 	TimeS   float64  `msgpack:"time_s" mc:"required"`
 	Line    int64    `msgpack:"line" mc:"required"`
+}
+
+// ParameterInfo: One object of a drive's dictionary, as its EDS has it.
+type ParameterInfo struct {
+	Index    int64 `msgpack:"index" mc:"required"`
+	Subindex int64 `msgpack:"subindex" mc:"required"`
+	// Name: members behind their record: `Gear ratio.Motor revolutions`.
+	Name string `msgpack:"name" mc:"required"`
+	// Type: by which it is read.
+	Type SdoType `msgpack:"type" mc:"required"`
+	// Access: ro, wo, rw, rwr, rww or const.
+	Access string `msgpack:"access" mc:"required"`
+	// Low: limits of the EDS; nil: only those of the type.
+	Low *int64 `msgpack:"low"`
+	// High: limits of the EDS; nil: only those of the type.
+	High *int64 `msgpack:"high"`
 }
 
 // ProbeStatus: The last probing move that has ended (G38.2 to G38.5).

@@ -11,15 +11,28 @@ from typing import TypeVar, cast
 from canopen.objectdictionary import ODVariable
 
 from mcserver.can.cob import NmtState
+from mcserver.can.open import open_port
+from mcserver.canopen.bus_report import bus_report
 from mcserver.canopen.bus_scan import scan_bus
 from mcserver.canopen.canopen_errors import DriveError, object_text
 from mcserver.canopen.configuration import PDO_OBJECTS, of_first_axis
+from mcserver.canopen.cycle_samples import signals_of
 from mcserver.canopen.node import Node, NodeAxis, Phase
-from mcserver.canopen.parameters import encode, parameter_of
+from mcserver.canopen.parameters import encode, parameter_of, parameters_of
 from mcserver.canopen.service import CanopenService
-from mcserver.canopen.settings import NO_AXIS, DriveSettings
+from mcserver.canopen.settings import NO_AXIS, DriveSettings, settings_of
 from mcserver.canopen.values import TYPES, Value, decode_value, encode_value, type_name
-from mcserver.canopen.views import BusScan, DriveInfo, MonitoredValue, SdoReply, SdoTarget, SdoType
+from mcserver.canopen.views import (
+    BusHealth,
+    BusScan,
+    DriveInfo,
+    DriveParameters,
+    MonitoredValue,
+    ParameterInfo,
+    SdoReply,
+    SdoTarget,
+    SdoType,
+)
 from mcserver.drives.cia402.state import power_state
 from mcserver.errors import UsageFault
 
@@ -72,6 +85,7 @@ class OperatorAccess:
     def __init__(self, service: CanopenService) -> None:
         self._service = service
         self._waiting = 0
+        self._listening = False
         self._pool = ThreadPoolExecutor(WORKERS, thread_name_prefix="canopen operator")
 
     def close(self) -> None:
@@ -96,6 +110,54 @@ class OperatorAccess:
             names = ", ".join(each.name for each in self._service.buses)
             raise DriveError("MC559", f"there is no bus {bus!r}", f"there is {names}")
         return await self._in_thread(lambda: [scan_bus(each, "machine") for each in wanted])
+
+    def parameters(self, axis: int) -> DriveParameters:
+        """Return every object of an axis's drive, by the drive's EDS or the standard; nothing is asked.
+
+        Raises:
+            DriveError: MC559 no such drive, or one without the standard's objects.
+        """
+        _, settings = self._find(SdoTarget(0, axis=axis))
+        dictionary = self._service.dictionary(axis)
+        if dictionary is None:
+            raise settings.fault("MC559", f"is {settings.kind}, not CiA 402", "use its maker's own tool")
+        return DriveParameters(
+            axis,
+            settings.bus,
+            settings.node,
+            settings.node_axis,
+            dictionary.sha256,
+            [
+                ParameterInfo(
+                    each.index,
+                    each.subindex,
+                    each.name,
+                    cast(SdoType, each.kind),
+                    each.access,
+                    each.low,
+                    each.high,
+                )
+                for each in parameters_of(dictionary, settings.node_axis)
+            ],
+            [error.message for _, error in sorted(dictionary.unreadable.items())],
+        )
+
+    async def health(self, seconds: float) -> list[BusHealth]:
+        """Listen on every bus, one after the other; nothing is sent.
+
+        Args:
+            seconds: for all of them.
+
+        Raises:
+            DriveError: MC559 somebody has them listened to. RuntimeFault: MC424 a bus cannot be opened.
+        """
+        if self._listening:
+            raise DriveError("MC559", "the buses are being listened to", "try again in a moment")
+        self._listening = True
+        try:
+            return await self._in_thread(lambda: self._listen(seconds))
+        finally:
+            self._listening = False
 
     async def sdo_read(self, target: SdoTarget, kind: str | None) -> SdoReply:
         """Read an object; ``kind`` None: by the drive's dictionary.
@@ -149,6 +211,29 @@ class OperatorAccess:
         return _value(settings, target, name, value, raw)
 
     # ------------------------------------------------------------ inside
+
+    def _listen(self, seconds: float) -> list[BusHealth]:
+        machine, data = self._service.machine, self._service.process_data()
+        axes = {axis.index: axis for axis in machine.axes}
+        reports = []
+        for bus in self._service.buses:
+            drives = [drive for drive in settings_of(machine) if drive.bus == bus.name]
+            own = {drive.axis: data[drive.axis] for drive in drives if drive.axis in data}
+            signals = [
+                signal
+                for drive in drives
+                if drive.axis in own and (known := self._service.dictionary(drive.axis)) is not None
+                for signal in signals_of(axes[drive.axis], own[drive.axis], known, drive.node_axis)
+            ]
+            (bitrate,) = (each.bitrate for each in machine.buses if each.name == bus.name)
+            port = open_port(drives[0].address)
+            try:
+                reports.append(
+                    bus_report(port, seconds / len(self._service.buses), bitrate, drives, own, signals)
+                )
+            finally:
+                port.close()
+        return reports
 
     def _find(self, target: SdoTarget) -> tuple[Node, DriveSettings]:
         every = [(node, axis.settings) for node in self._service.nodes for axis in node.axes]

@@ -8,58 +8,16 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 
-import msgspec
-
 from mcserver.can.cob import NMT, SYNC, Function, NmtState
 from mcserver.can.pdo import MappedPdo
 from mcserver.canopen.emergency_text import decode_emergency
 from mcserver.canopen.listening import MASTER
 from mcserver.canopen.process_data import SYNCHRONOUS
+from mcserver.canopen.views import BusCounts, NodeHealth
 from mcserver.machine.bus_load import frame_bits
 
 MOST_EMERGENCIES = 8
 MOST_STRANGERS = 16
-
-
-class NodeHealth(msgspec.Struct):
-    """One node while it was listened to.
-
-    Attributes:
-        state: NMT state of its last heartbeat; empty: none came.
-        heartbeats: that came. longest_gap_s: between two of them, by this computer's clock.
-        readings: process data that it sent at SYNC. late: those that came after the next SYNC.
-            lost: those that never came.
-        boot_ups: times it started. emergencies: the last ones, in words.
-    """
-
-    node: int
-    axes: list[int]
-    state: str = ""
-    heartbeats: int = 0
-    longest_gap_s: float = 0.0
-    readings: int = 0
-    late: int = 0
-    lost: int = 0
-    boot_ups: int = 0
-    emergencies: list[str] = []
-
-
-class BusCounts(msgspec.Struct):
-    """One bus while it was listened to.
-
-    Attributes:
-        duration_s: of that. frames, load: of the bit rate [1], every frame with the most stuff bits.
-        syncs: SYNCs. longest_sync_gap_s: between two of them, by this computer's clock.
-        strangers: COB-IDs that belong to no node of the machine file, with how many frames came.
-    """
-
-    duration_s: float = 0.0
-    frames: int = 0
-    load: float = 0.0
-    syncs: int = 0
-    longest_sync_gap_s: float = 0.0
-    nodes: list[NodeHealth] = []
-    strangers: dict[str, int] = {}
 
 
 class _Cyclic:
@@ -123,7 +81,7 @@ class BusListener:
                 if pdo.transmission in SYNCHRONOUS and pdo.transmission:
                     self._cyclic[pdo.cob_id] = number, _Cyclic(pdo)
         self._own = own
-        self._counts = BusCounts()
+        self._counts = BusCounts(0.0, 0, 0.0)
         self._bits = 0
         self._strangers: Counter[int] = Counter()
         self._sync_at: float | None = None

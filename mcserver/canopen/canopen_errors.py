@@ -31,7 +31,7 @@ class DriveError(RuntimeFault):
 
 
 class Stopped(Exception):
-    """The server stops while nodes boot."""
+    """Work with nodes is given up: the server stops while they boot, or nobody waits for it any more."""
 
 
 def object_text(index: int, subindex: int) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 from pathlib import Path
 
 from mcserver.canopen.dictionary import Description, DeviceDictionary, generic_dictionary
@@ -23,15 +24,18 @@ def describe(drive: DriveSettings) -> Description:
     if not drive.eds:
         return Description(generic_dictionary(drive.node))
     raw = _read(drive.eds)
-    if not is_xml(raw):
-        return parse_description(decode(raw), drive.node, drive.eds)
-    if drive.fieldbus != "ethercat":
+    if is_xml(raw) and drive.fieldbus != "ethercat":
         raise ConfigurationError(
             "MC036",
             f"{drive.name}: {drive.eds} is an ESI file, of a drive on EtherCAT",
             "give the drive's EDS or DCF file, or leave eds out",
         )
-    return parse_esi(raw, drive.node, drive.eds, drive.vendor_id, drive.product_code)
+    if is_xml(raw):
+        found = parse_esi(raw, drive.node, drive.eds, drive.vendor_id, drive.product_code)
+    else:
+        found = parse_description(decode(raw), drive.node, drive.eds)
+    found.dictionary.sha256 = hashlib.sha256(raw).hexdigest()
+    return found
 
 
 def dictionary_of(drive: DriveSettings) -> DeviceDictionary:

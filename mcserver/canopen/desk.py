@@ -13,13 +13,11 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Protocol
 
-from mcserver.can.cob import GREATEST_NODE, LEAST_NODE, RPDOS
 from mcserver.can.open import open_port
-from mcserver.can.port import CanPort
 from mcserver.canopen.access import moves_by_sdo
 from mcserver.canopen.bus_frames import wait_for_frames
 from mcserver.canopen.canopen_errors import DriveError
-from mcserver.canopen.listening import Listening, refuse_other_masters, sign_of_master
+from mcserver.canopen.listening import Listening, for_masters, refuse_other_masters, sign_of_master
 from mcserver.canopen.network import PortNetwork
 from mcserver.canopen.node_configuration import SdoClient
 from mcserver.canopen.parameters import Parameter, encode
@@ -172,15 +170,6 @@ class _Watch:
             raise RuntimeFault(
                 "MC560", f"another master came to bus {self._bus.name}: {self.sign}; no more is sent", _REMEDY
             )
-
-
-def for_masters(drive: DriveSettings, port: CanPort) -> Listening:
-    """Listen on a drive's bus for a master's frames alone.
-
-    Nodes that send process data by themselves are none, nor is a producer of SYNC by agreement.
-    """
-    commands = {rpdo + node: node for node in range(LEAST_NODE, GREATEST_NODE + 1) for rpdo in RPDOS}
-    return Listening(drive.bus, port, (), commands, drive.foreign_sync)
 
 
 @contextmanager

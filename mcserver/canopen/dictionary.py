@@ -130,11 +130,13 @@ class DeviceDictionary(ObjectDictionary):
             thousands of objects is not refused for one of them: whoever uses the object refuses it.
         generic: these are the standard's objects; the device's own are not known.
         coe: what an ESI file says; without one what is usual.
+        sha256: of the file; empty for the standard's objects.
     """
 
     def __init__(self, *, generic: bool = False) -> None:
         super().__init__()  # type: ignore[no-untyped-call]
         self.coe = CoeDevice()
+        self.sha256 = ""
         self.unreadable: dict[tuple[int, int], ConfigurationError] = {}
         self.generic = generic
 

@@ -12,8 +12,9 @@ from collections import Counter
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 
-from mcserver.can.cob import NMT, RPDOS, SYNC, TPDOS, Function
+from mcserver.can.cob import GREATEST_NODE, LEAST_NODE, NMT, RPDOS, SYNC, TPDOS, Function
 from mcserver.can.port import EXTENDED, CanPort, recipient
+from mcserver.canopen.settings import DriveSettings
 from mcserver.errors import RuntimeFault
 
 MASTER = 127
@@ -37,6 +38,15 @@ class Listening:
     drives: Collection[int]
     foreign: Mapping[int, int] = field(default_factory=dict)
     foreign_sync: bool = False
+
+
+def for_masters(drive: DriveSettings, port: CanPort) -> Listening:
+    """Listen on a drive's bus for a master's frames alone.
+
+    Nodes that send process data by themselves are none, nor is a producer of SYNC by agreement.
+    """
+    commands = {rpdo + node: node for node in range(LEAST_NODE, GREATEST_NODE + 1) for rpdo in RPDOS}
+    return Listening(drive.bus, port, (), commands, drive.foreign_sync)
 
 
 def sign_of_master(identifier: int, bus: Listening) -> str:

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import hashlib
 from collections.abc import Callable, Sequence
-from pathlib import Path
 
 from mcserver.canopen.canopen_errors import DriveError
 from mcserver.canopen.desk import Desk
@@ -28,28 +26,28 @@ SHOWN = 8
 OnWrite = Callable[[Parameter, object, object], None]
 
 
-def eds_digest(path: str) -> str:
-    """SHA-256 of a drive's EDS; empty where it has none."""
-    return hashlib.sha256(Path(path).read_bytes()).hexdigest() if path else ""
-
-
-def identity_of(desk: Desk) -> DriveIdentity:
-    """Ask a drive for 1018h.
+def identity_of(desk: Desk, eds_sha256: str = "") -> DriveIdentity:
+    """Ask a drive for 1018h; ``eds_sha256``: of its EDS.
 
     Raises:
         DriveError: MC554. RuntimeFault: MC560.
     """
     vendor, product, revision, serial = (desk.read_number(IDENTITY, subindex) for subindex in (1, 2, 3, 4))
-    return DriveIdentity(vendor, product, revision, serial, eds_digest(desk.drive.eds))
+    return DriveIdentity(vendor, product, revision, serial, eds_sha256)
 
 
-def take_backup(desk: Desk, parameters: Sequence[Parameter], taken: str = "") -> ParameterFile:
+def take_backup(
+    desk: Desk, parameters: Sequence[Parameter], taken: str = "", eds_sha256: str = ""
+) -> ParameterFile:
     """Read every parameter that a drive keeps; those that it refuses are named in `unread`.
+
+    Args:
+        taken: when, ISO 8601. eds_sha256: of the drive's EDS.
 
     Raises:
         DriveError: MC554. RuntimeFault: MC560.
     """
-    identity = identity_of(desk)
+    identity = identity_of(desk, eds_sha256)
     found, unread = [], []
     for each in parameters:
         if not is_stored(each):

@@ -174,6 +174,21 @@ def differing(left: Mapping[Place, StoredParameter], right: Mapping[Place, Store
     return sorted(place for place in {*left, *right} if content(left, place) != content(right, place))
 
 
+def differences(
+    left: ParameterFile, right: ParameterFile
+) -> list[tuple[str, str, Value | None, Value | None]]:
+    """Return object, name and both values of what differs, by number; None: one does not have it."""
+    one, other = left.values, right.values
+    rows = []
+    for place in differing(one, other):
+        both = one.get(place), other.get(place)
+        named = both[0] or both[1]
+        assert named is not None
+        first, second = (None if each is None else each.value for each in both)
+        rows.append((named.object, named.name, first, second))
+    return rows
+
+
 def stored(parameter: Parameter, kind: str, value: Value) -> StoredParameter:
     """Return a parameter as a file has it."""
     return StoredParameter(object_text(*place_in_file(parameter)), value, kind, parameter.name)

@@ -11,6 +11,7 @@ from contextlib import suppress
 import msgspec
 
 from mcserver.can.open import open_port
+from mcserver.can.pdo import ProcessData
 from mcserver.can.port import CanPort
 from mcserver.canopen.canopen_errors import DriveError, Stopped
 from mcserver.canopen.configuration import configure
@@ -34,9 +35,14 @@ PROGRESS_S = 2.0
 
 
 class CanopenService:
-    """All CAN buses of one machine; made by `start`."""
+    """All CAN buses of one machine; made by `start`.
 
-    def __init__(self, dictionaries: dict[int, DeviceDictionary]) -> None:
+    Attributes:
+        machine: as its file describes it.
+    """
+
+    def __init__(self, machine: Machine, dictionaries: dict[int, DeviceDictionary]) -> None:
+        self.machine = machine
         self.buses: list[CanopenBus] = []
         self._dictionaries = dictionaries
         self._stopping = threading.Event()
@@ -76,7 +82,7 @@ class CanopenService:
             else:
                 planned = _plan(drive, machine.cycle_s, dictionaries.get(drive.axis))
             plans.setdefault(drive.bus, []).append(planned)
-        service = cls(dictionaries)
+        service = cls(machine, dictionaries)
         ports: list[CanPort] = []
         try:
             for own in plans.values():
@@ -110,14 +116,18 @@ class CanopenService:
         every = [node for bus in self.buses for node in bus.nodes]
         return sorted(every, key=lambda node: node.settings.axis)
 
-    def agreed(self, machine: Machine) -> Machine:
-        """Return the machine with the process data that its drives have agreed to, for the cycle."""
-        data = {
+    def process_data(self) -> dict[int, ProcessData]:
+        """Return the process data that the drives have agreed to, by axis."""
+        return {
             axis.settings.axis: axis.planned.without(node.dropped & axis.planned.spare.keys())
             for node in self.nodes
             for axis in node.axes
             if axis.planned is not None
         }
+
+    def agreed(self, machine: Machine) -> Machine:
+        """Return the machine with the process data that its drives have agreed to, for the cycle."""
+        data = self.process_data()
         axes = [
             msgspec.structs.replace(
                 axis, drive=msgspec.structs.replace(axis.drive, process_data=data[axis.index])

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from mcserver.canopen.cycle_samples import Array
+from mcserver.canopen.frequency_response import Complex
 from mcserver.canopen.torque_tuning import FREQUENCIES, LEAST_WINDOWS, WINDOW
 from mcserver.drives.cia402.loop_gains import USUAL_GAIN, lateness
 
@@ -96,12 +97,17 @@ def speed_margins(gains: SpeedGains, measured: MeasuredSpeed, cycle_s: float, de
     """
     turned = 2.0 * math.pi * FREQUENCIES
     q = np.exp(-1j * turned)
-    loop = gains.position_gain * measured.scale * cycle_s / (1.0 - q)
-    if gains.integral_time_s > 0.0:
-        loop *= 1.0 + cycle_s / gains.integral_time_s * q / (1.0 - q)
+    loop = speed_controller(gains, FREQUENCIES, cycle_s) * measured.scale * cycle_s / (1.0 - q)
     size = np.abs(loop)
     phase = np.unwrap(np.angle(loop)) - turned * (delay + max(0.0, measured.lag) / cycle_s)
     beyond = phase <= -math.pi
     greatest = 1.0 / float(size[beyond].max()) if beyond.any() else math.inf
     crossing = max(0, int((size >= 1.0).sum()) - 1)
     return SpeedMargins(greatest, float(phase[crossing]) + math.pi)
+
+
+def speed_controller(gains: SpeedGains, frequency: Array, cycle_s: float) -> Complex:
+    """Return speed by error of a loop at frequencies, shares of the cycle's rate, shape (n,)."""
+    q = np.exp(-2j * math.pi * frequency)
+    integral = cycle_s / gains.integral_time_s * q / (1.0 - q) if gains.integral_time_s > 0.0 else 0.0 * q
+    return np.asarray(gains.position_gain * (1.0 + integral))

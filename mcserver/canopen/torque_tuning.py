@@ -2,7 +2,7 @@
 
 Nothing is excited: any program that accelerates the axis both ways is the test, within the limits of its
 machine file. The loop is that of `mcserver.drives.cia402.loops.TorqueLoop`, a rigid load, and the delays of
-the bus; what rings besides has to stay outside of its crossover.
+the bus; what rings besides is measured by `mcserver.canopen.frequency_response`.
 """
 
 from __future__ import annotations
@@ -14,6 +14,7 @@ import numpy as np
 from numpy.polynomial import polynomial
 
 from mcserver.canopen.cycle_samples import Array
+from mcserver.canopen.frequency_response import Complex
 from mcserver.drives.cia402.loop_gains import USUAL_CROSSOVER, USUAL_INTEGRAL, USUAL_SHARE, lateness
 from mcserver.drives.cia402.loops import DAMPING_CYCLES
 
@@ -139,6 +140,16 @@ def margins(gains: TorqueGains, inertia: float, cycle_s: float, delay: int) -> M
     loop = polynomial.polyval(delayed, closing) / polynomial.polyval(delayed, opened)
     crossing = int(np.flatnonzero(np.abs(loop) >= 1.0)[-1])
     return Margins(float(TRIED[low]), float(TRIED[high]), float(np.angle(-loop[crossing])))
+
+
+def torque_controller(gains: TorqueGains, frequency: Array, cycle_s: float) -> Complex:
+    """Return torque by error of a loop at frequencies, shares of the cycle's rate, shape (n,)."""
+    q = np.exp(-2j * math.pi * frequency)
+    damped = (1.0 - q**DAMPING_CYCLES) / (DAMPING_CYCLES * cycle_s)
+    parts = gains.position_gain + damped
+    if gains.integral_time_s > 0.0:
+        parts = parts + gains.position_gain * cycle_s / gains.integral_time_s * q / (1.0 - q)
+    return np.asarray(gains.velocity_gain * parts)
 
 
 def _loop(gains: TorqueGains, inertia: float, cycle_s: float, delay: int) -> tuple[Array, Array]:

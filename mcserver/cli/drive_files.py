@@ -13,7 +13,7 @@ from mcserver.canopen import parameter_backup
 from mcserver.canopen.parameter_file import (
     MAX_BYTES,
     ParameterFile,
-    differing,
+    differences,
     read_parameters,
     write_parameters,
 )
@@ -54,14 +54,7 @@ def compare(
     with json_answer_on_error(json):
         sides = [_side(machine, each) for each in (left, right)]
     reason = sides[0].drive.difference(sides[1].drive)
-    one, other = sides[0].values, sides[1].values
-    places = differing(one, other)
-    rows = []
-    for place in places:
-        both = one.get(place), other.get(place)
-        named = both[0] or both[1]
-        assert named is not None
-        rows.append((named.object, named.name, *(None if each is None else each.value for each in both)))
+    rows = differences(*sides)
     if json:
         titles = ("object", "name", "left", "right")
         found = [dict(zip(titles, row, strict=True)) for row in rows]
@@ -72,7 +65,8 @@ def compare(
         results().print(table(("object", "name", *titled), cells))
     if reason:
         narration().print(f"they are of different devices: {reason}")
-    narration().print(f"{len(rows)} of {len({*one, *other})} parameters differ")
+    count = len({*sides[0].values, *sides[1].values})
+    narration().print(f"{len(rows)} of {count} parameters differ")
     if rows:
         raise typer.Exit(int(ExitCode.FAILED))
 
@@ -87,7 +81,7 @@ def restore(
     with json_answer_on_error(json):
         drive = described(machine, axis)
         wanted = _read_file(file)
-        if wanted.drive.eds_sha256 != parameter_backup.eds_digest(drive.settings.eds):
+        if wanted.drive.eds_sha256 != drive.dictionary.sha256:
             narration().print("warning: the drive's EDS is another one than at the backup", style="yellow")
         with at_desk_of(drive.settings) as desk:
             written = parameter_backup.restore(
@@ -112,7 +106,10 @@ def _taken(machine: str, axis: int) -> ParameterFile:
     drive = described(machine, axis)
     with at_desk_of(drive.settings) as desk:
         return parameter_backup.take_backup(
-            desk, drive.parameters, datetime.now(UTC).isoformat(timespec="seconds")
+            desk,
+            drive.parameters,
+            datetime.now(UTC).isoformat(timespec="seconds"),
+            drive.dictionary.sha256,
         )
 
 

@@ -2,22 +2,16 @@
 
 from __future__ import annotations
 
-import time
 from typing import Annotated, Any
 
 import msgspec
-import numpy as np
 import typer
 from rich.text import Text
 
-from mcserver.can.pdo import MappedPdo
-from mcserver.canopen.bus_frames import frames_of
-from mcserver.canopen.bus_health import BusCounts, BusListener
-from mcserver.canopen.cycle_samples import CycleSampler, Signal, following_error
-from mcserver.canopen.desk import for_masters
+from mcserver.canopen.bus_report import bus_report
 from mcserver.canopen.error_history import condition_of
-from mcserver.canopen.listening import sign_of_master
-from mcserver.canopen.settings import NO_AXIS, settings_of
+from mcserver.canopen.settings import settings_of
+from mcserver.canopen.views import BusHealth
 from mcserver.cli.console import json_answer_on_error, narration, results, write_json
 from mcserver.cli.drive_of_machine import at_desk_of, check_seconds, described_drives, listen, table
 from mcserver.cli.options import JsonOption, MachineOption
@@ -26,29 +20,18 @@ from mcserver.ethercat.line_tap import LineTap
 from mcserver.machine.machine_file import Machine, load_machine
 
 LONGEST_S = 3600.0
-# Cycles after which the greatest following errors are taken, so that memory stays bounded.
-BLOCK = 4096
 # Of EtherCAT [bit/s].
 LINE_BITRATE = 100e6
 
 
-class BusReport(msgspec.Struct):
-    """One bus.
+class BusReport(BusHealth):
+    """One bus, and where nobody else is its master its drives.
 
     Attributes:
-        master: by what another master was noticed; empty: none was, and the drives were asked.
-        error_frames: errors and malformed packets that this computer's interface has seen, on EtherCAT frames
-            with a wrong working counter. counts: see there; a node of EtherCAT is a position on the line.
-        following_errors: by axis, the greatest between setpoint and encoder on the bus [mm, deg].
         drives: by axis, what the drives say of themselves.
     """
 
-    bus: str
-    counts: BusCounts
-    master: str = ""
-    error_frames: int = 0
-    following_errors: dict[str, float] = {}
-    drives: dict[str, dict[str, Any]] = {}
+    drives: dict[str, dict[str, Any]] = msgspec.field(default_factory=dict)
 
 
 def health(
@@ -72,55 +55,29 @@ def health(
 
 
 def _report(machine: Machine, bus: str, seconds: float) -> BusReport:
-    settings = [drive for drive in settings_of(machine) if drive.bus == bus]
     drives = [drive for drive in described_drives(machine) if drive.settings.bus == bus]
-    signals = [signal for drive in drives for signal in drive.signals]
-    data = {drive.settings.axis: drive.process_data for drive in drives}
-    nodes: dict[int, tuple[list[int], list[MappedPdo]]] = {}
-    for each in settings:
-        axes, tpdos = nodes.setdefault(each.node, ([], []))
-        if each.axis != NO_AXIS:
-            axes.append(each.axis)
-            tpdos += data[each.axis].tpdos if each.axis in data else ()
-    listener = BusListener(nodes, [pdo.cob_id for each in data.values() for pdo in each.rpdos])
-    sampler = CycleSampler(signals)
-    errors: dict[str, float] = {}
-    rows: list[list[float]] = []
-    port = listen(machine, bus)
-    master = ""
     (bitrate,) = (each.bitrate for each in machine.buses if each.name == bus)
-    began = time.monotonic()
+    port = listen(machine, bus)
     try:
-        commands = for_masters(settings[0], port)
-        for at_s, identifier, payload in frames_of(port, seconds):
-            listener.take(at_s, identifier, payload)
-            master = master or sign_of_master(identifier, commands)
-            row = sampler.take(identifier, payload)
-            if row is not None:
-                rows.append(row)
-                if len(rows) >= BLOCK:
-                    _note_errors(errors, rows, signals)
-                    # the last setpoint belongs to the next reading
-                    rows = rows[-1:]
-        _note_errors(errors, rows, signals)
-        counters = port.counters
+        found = bus_report(
+            port,
+            seconds,
+            bitrate,
+            [each for each in settings_of(machine) if each.bus == bus],
+            {each.settings.axis: each.process_data for each in drives},
+            [signal for each in drives for signal in each.signals],
+        )
     finally:
         port.close()
-    counts = listener.report(time.monotonic() - began, bitrate)
+    report = BusReport(found.bus, found.counts, found.master, found.error_frames, found.following_errors)
     if isinstance(port, LineTap):
+        counts = report.counts
         counts.frames, counts.load = port.counters.sent, port.bits / counts.duration_s / LINE_BITRATE
-        master = "frames of EtherCAT" if port.counters.sent else ""
+        report.master = "frames of EtherCAT" if port.counters.sent else ""
         for node in counts.nodes:
             # on the line, as the machine file counts
             node.node, node.state = node.node - 1, "–"
-    report = BusReport(
-        bus,
-        counts,
-        master,
-        counters.errors + counters.malformed,
-        errors,
-    )
-    if not master:
+    if not report.master:
         for drive in drives:
             try:
                 with at_desk_of(drive.settings) as desk:
@@ -128,18 +85,6 @@ def _report(machine: Machine, bus: str, seconds: float) -> BusReport:
             except McError as error:
                 report.drives[str(drive.settings.axis)] = {"error": f"{error.code}: {error.message}"}
     return report
-
-
-def _note_errors(errors: dict[str, float], rows: list[list[float]], signals: list[Signal]) -> None:
-    if len(rows) < 2:
-        return
-    numbers = np.array(rows)
-    for axis in {signal.axis for signal in signals}:
-        columns = [at for at, signal in enumerate(signals) if signal.axis == axis]
-        found = following_error(numbers[:, columns], [signals[at] for at in columns])
-        if found is not None and np.isfinite(found).any():
-            greatest = float(np.nanmax(np.abs(found)))
-            errors[str(axis)] = max(errors.get(str(axis), 0.0), greatest)
 
 
 def _show(report: BusReport) -> None:

@@ -10,8 +10,8 @@ import typer
 from mcserver.can.open import open_port
 from mcserver.canopen.bus_frames import frames_of
 from mcserver.canopen.cycle_samples import POSITION, WRAP
-from mcserver.canopen.desk import LEAST_LISTEN_S, for_masters
-from mcserver.canopen.listening import sign_of_master
+from mcserver.canopen.desk import LEAST_LISTEN_S
+from mcserver.canopen.listening import for_masters, sign_of_master
 from mcserver.canopen.units_check import (
     corrected_lines,
     measured_scale,

@@ -7,8 +7,12 @@ from typing import Annotated
 import msgspec
 from msgspec import Meta
 
-from mcserver.canopen.views import BusScan, DriveInfo
+from mcserver.canopen.views import BusCounts as BusCounts
+from mcserver.canopen.views import BusHealth, BusScan, DriveInfo
+from mcserver.canopen.views import DriveParameters as DriveParameters
 from mcserver.canopen.views import MonitoredValue as MonitoredValue
+from mcserver.canopen.views import NodeHealth as NodeHealth
+from mcserver.canopen.views import ParameterInfo as ParameterInfo
 from mcserver.canopen.views import ScannedNode as ScannedNode
 from mcserver.canopen.views import SdoReply as SdoReply
 from mcserver.canopen.views import SdoType as SdoType
@@ -60,3 +64,21 @@ class DrivesReply(msgspec.Struct, frozen=True):
     """By axis; empty where no drive is on a CAN bus."""
 
     drives: list[DriveInfo]
+
+
+class DriveParametersRequest(Request, frozen=True, kw_only=True):
+    """The objects of an axis's drive."""
+
+    axis: AxisIndex
+
+
+class DrivesHealthRequest(Request, frozen=True, kw_only=True):
+    """How the CAN buses are; ``seconds``: for which they are listened to, all together."""
+
+    seconds: Annotated[float, Meta(ge=0.1, le=10.0)] = 5.0
+
+
+class DrivesHealthReply(msgspec.Struct, frozen=True):
+    """By bus."""
+
+    buses: list[BusHealth]

@@ -436,6 +436,22 @@ METHODS: tuple[Method, ...] = (
         deadline_s=SLOW_S,
     ),
     Method(
+        "drive_parameters",
+        drive.DriveParametersRequest,
+        drive.DriveParameters,
+        ASKERS,
+        "List the objects of a drive's dictionary by the names of its EDS, with types, access and limits. "
+        "The drive is not asked.",
+    ),
+    Method(
+        "drives_health",
+        drive.DrivesHealthRequest,
+        drive.DrivesHealthReply,
+        CONFIGURERS,
+        "Listen on the CAN buses for some seconds and count load, lost and late frames. Nothing is sent.",
+        deadline_s=SLOW_S,
+    ),
+    Method(
         "sdo_read",
         drive.SdoReadRequest,
         drive.SdoReply,

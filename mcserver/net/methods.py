@@ -250,6 +250,16 @@ class ProgramMethods:
     ) -> drive_wire.DrivesScanReply:
         return drive_wire.DrivesScanReply(await self._reachable.scan(request.bus))
 
+    def drive_parameters(
+        self, _client: str, request: drive_wire.DriveParametersRequest
+    ) -> drive_wire.DriveParameters:
+        return self._reachable.parameters(request.axis)
+
+    async def drives_health(
+        self, _client: str, request: drive_wire.DrivesHealthRequest
+    ) -> drive_wire.DrivesHealthReply:
+        return drive_wire.DrivesHealthReply(await self._reachable.health(request.seconds))
+
     async def sdo_read(self, _client: str, request: drive_wire.SdoReadRequest) -> drive_wire.SdoReply:
         return await self._reachable.sdo_read(_target(request), request.type)
 

@@ -36,10 +36,12 @@ def show_refusal(message: str, hint: str = "") -> None:
 
 def show_role_refusal(method: str) -> None:
     """Say which roles may call a method."""
-    show_refusal(
-        t("This needs the role {roles}", roles=roles_named(BY_NAME[method].roles)),
-        t("log in as somebody who has it"),
-    )
+    show_refusal(role_text(method), t("log in as somebody who has it"))
+
+
+def role_text(method: str) -> str:
+    """Return which roles may call a method."""
+    return t("This needs the role {roles}", roles=roles_named(BY_NAME[method].roles))
 
 
 def was_late() -> bool:

@@ -114,7 +114,7 @@ class MachinePage:
                     with _place(10):
                         self._channels = ChannelsPanel(actions)
                     with _place(13):
-                        self._drives = DrivesPanel(link)
+                        self._drives = DrivesPanel(link, desk=visitor.may("sdo_write"))
                     with _place(17):
                         MachineFilePanel(actions)
                 with ui.element("div").classes("mc-column"):

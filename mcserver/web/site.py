@@ -22,6 +22,7 @@ from mcserver.doors.listening import LOOPBACK, Address, Protection, listen, serv
 from mcserver.web.fleet import Fleet
 from mcserver.web.fleet_page import FleetFilter, FleetPage
 from mcserver.web.frame import MAX_FRAME_BYTES, STATIC, add_head, language_of, new_site, run_pages
+from mcserver.web.link import MachineLink
 from mcserver.web.machine_files import add_machine_files
 from mcserver.web.machine_page import MachinePage
 from mcserver.web.metrics import metrics_text
@@ -104,7 +105,7 @@ async def serve(options: WebOptions) -> None:
 
 
 def build_site(sessions: Sessions, fleet: Fleet, *, secure: bool, host: str) -> FastAPI:
-    """The application: ``/`` the fleet, ``/machine/{name}``, ``/login``, ``/metrics``."""
+    """The application: ``/`` the fleet, ``/machine/{name}`` and its ``/drives``, ``/login``, ``/metrics``."""
     site = new_site(None if sessions.needs_login else host)
 
     @site.get("/login", response_class=HTMLResponse)
@@ -156,18 +157,36 @@ def build_site(sessions: Sessions, fleet: Fleet, *, secure: bool, host: str) -> 
         visitor = _visitor(sessions, request)
         if visitor is None:
             return _to_login(request)
+        link = looked_at(visitor, name)
+        if link is not None:
+            MachinePage(visitor, link, fleet.past)
+        return None
+
+    @ui.page("/machine/{name}/drives", title="Drives")
+    def desk_page(request: Request, name: str) -> Response | None:
+        visitor = _visitor(sessions, request)
+        if visitor is None:
+            return _to_login(request)
+        link = looked_at(visitor, name)
+        if link is not None:
+            # NiceGUI looks at every object of the process as it starts, which one of canopen's does not bear
+            from mcserver.web.desk_page import DeskPage
+
+            DeskPage(visitor, link)
+        return None
+
+    def looked_at(visitor: Visitor, name: str) -> MachineLink | None:
+        """Begin the page of a machine; None: it cannot be looked at, and the page says why."""
         add_head()
         ui.page_title(name)
         try:
             live_key(name)
-            link = fleet.link(name, visitor.name)
+            return fleet.link(name, visitor.name)
         except MotionError as error:
             ui.label(f"{t(error.message)}: {t(error.hint)}")
-            if not fleet.knows(name):
-                # this process may have begun a moment ago, or the machine comes later
-                ui.timer(SEEN_S, lambda: ui.navigate.reload() if fleet.knows(name) else None)
-            return None
-        MachinePage(visitor, link, fleet.past)
+        if not fleet.knows(name):
+            # this process may have begun a moment ago, or the machine comes later
+            ui.timer(SEEN_S, lambda: ui.navigate.reload() if fleet.knows(name) else None)
         return None
 
     add_machine_files(site, sessions, fleet)

@@ -230,3 +230,59 @@ def test_an_eds_of_the_machine_file_gives_the_types(
     finally:
         access.close()
     assert (found.type, found.value) == ("i16", -7)
+
+
+def test_parameters_are_those_of_the_eds_and_what_makes_no_sense_in_it_is_said(
+    hub: RunningHub, drives: FakeDrives, watched: Watched, tmp_path: Path
+) -> None:
+    eds = Path(__file__).parents[2] / "mcserver" / "drive_sim" / "cia402.eds"
+    own = (
+        "\n[2000]\nParameterName=<b>Gain</b>\nDataType=0x0003\nAccessType=rw\nLowLimit=-5\nHighLimit=100\n"
+        "[2001]\nParameterName=Odd\nDataType=none\n"
+        "[2002]\nParameterName=Bounded\nDataType=0x0005\nLowLimit=garbage\nHighLimit=7\n"
+    )
+    (tmp_path / "own.eds").write_bytes(eds.read_bytes() + own.encode())
+    service = watched.start(machine_on(hub.address(), [1], f'eds = "{tmp_path}/own.eds"'))
+    access = OperatorAccess(service)
+    try:
+        found = access.parameters(0)
+        with pytest.raises(DriveError, match=r"MC559.*axis 7 has no drive"):
+            access.parameters(7)
+    finally:
+        access.close()
+    own_ones = {each.index: each for each in found.parameters if 0x2000 <= each.index < 0x3000}
+    gain = own_ones[0x2000]
+    assert (gain.name, gain.type, gain.access, gain.low, gain.high) == ("<b>Gain</b>", "i16", "rw", -5, 100)
+    assert (own_ones[0x2002].low, own_ones[0x2002].high) == (None, 7)
+    assert 0x2001 not in own_ones
+    assert ["2001" in each for each in found.unreadable] == [True]
+    assert len(found.eds_sha256) == 64
+    assert drives[1].written
+
+
+async def test_buses_are_listened_to_one_request_at_a_time(access: OperatorAccess) -> None:
+    listening = asyncio.create_task(access.health(0.1))
+    await asyncio.sleep(0)
+    with pytest.raises(DriveError, match=r"MC559.*being listened to"):
+        await access.health(0.1)
+    # whoever asks next is answered
+    assert [bus.bus for bus in await listening] == [bus.bus for bus in await access.health(0.1)] == ["left"]
+
+
+async def test_health_counts_what_nodes_and_strangers_send(
+    access: OperatorAccess, drives: FakeDrives
+) -> None:
+    # a busy computer may give the listener no time while anything comes
+    for _ in range(50):
+        listening = asyncio.create_task(access.health(0.3))
+        while not listening.done():
+            drives.send(Function.EMCY + 2, bytes.fromhex("1086210000000000"))
+            drives.send(0x5FF, b"")
+            await asyncio.sleep(0.005)
+        (bus,) = await listening
+        first, second = bus.counts.nodes
+        if second.emergencies and bus.counts.strangers:
+            break
+    assert (first.node, first.axes, first.emergencies, second.axes) == (1, [0], [], [1])
+    assert second.emergencies[-1].startswith("8610h")
+    assert 0 < bus.counts.strangers["5FFh"] < bus.counts.frames

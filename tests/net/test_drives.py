@@ -11,7 +11,19 @@ import pytest
 from mcserver.canopen.booted_drives import CanDrives
 from mcserver.canopen.canopen_errors import DriveError
 from mcserver.canopen.drive_events import CanopenEvent
-from mcserver.canopen.views import BusScan, DriveInfo, ScannedNode, SdoReply, SdoTarget, Value
+from mcserver.canopen.views import (
+    BusCounts,
+    BusHealth,
+    BusScan,
+    DriveInfo,
+    DriveParameters,
+    NodeHealth,
+    ParameterInfo,
+    ScannedNode,
+    SdoReply,
+    SdoTarget,
+    Value,
+)
 from mcserver.net.configuration import NetworkOptions
 from mcserver.server import ServerOptions, running
 from mcserver.service.service import MachineService
@@ -31,6 +43,14 @@ class AnsweringDrives:
     async def scan(self, bus: str, /) -> list[BusScan]:
         node = ScannedNode(3, 402, "drive", 0x11, 0x22, modes=["csp", "hm"], axis=1)
         return [BusScan(bus or "can0", "can0", [node], "[machine]\n")]
+
+    def parameters(self, axis: int, /) -> DriveParameters:
+        gain = ParameterInfo(0x2000, 0, "Gain", "i16", "rw", -5, 100)
+        return DriveParameters(axis, "can0", 3, 0, "", [gain], ["[2001] DataType is missing"])
+
+    async def health(self, seconds: float, /) -> list[BusHealth]:
+        counts = BusCounts(seconds, 100, 0.05, 50, 0.012, [NodeHealth(3, [1], "operational")], {"5FFh": 2})
+        return [BusHealth("can0", counts, "SYNC (080h)", 0, {"1": 0.25})]
 
     async def sdo_read(self, target: SdoTarget, kind: str | None, /) -> SdoReply:
         self.asked.append((target, kind, None))
@@ -183,3 +203,28 @@ async def test_a_machine_without_can_has_no_such_drives(tmp_path: Path) -> None:
         finally:
             await client.close()
     assert refused.value.code == "MC559"
+
+
+async def test_parameters_of_a_drive_come_with_access_and_limits(client: WireClient) -> None:
+    reply = await client.call("drive_parameters", axis=1)
+    assert reply["parameters"] == [
+        {
+            "index": 0x2000,
+            "subindex": 0,
+            "name": "Gain",
+            "type": "i16",
+            "access": "rw",
+            "low": -5,
+            "high": 100,
+        }
+    ]
+    assert reply["unreadable"] == ["[2001] DataType is missing"]
+
+
+async def test_health_of_the_buses_is_what_was_counted(client: WireClient) -> None:
+    (bus,) = (await client.call("drives_health", seconds=0.5))["buses"]
+    assert (bus["bus"], bus["counts"]["frames"], bus["following_errors"]) == ("can0", 100, {"1": 0.25})
+    for seconds in (0.0, 11.0, float("nan")):
+        with pytest.raises(ErrorAnswer) as found:
+            await client.call("drives_health", seconds=seconds)
+        assert found.value.code == "MC511"

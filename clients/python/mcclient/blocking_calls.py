@@ -59,5 +59,7 @@ class BlockingCalls(Blocking[T]):
     model_mesh = waited(MachineCalls.model_mesh)
     drives = waited(MachineCalls.drives)
     drives_scan = waited(MachineCalls.drives_scan)
+    drive_parameters = waited(MachineCalls.drive_parameters)
+    drives_health = waited(MachineCalls.drives_health)
     sdo_read = waited(MachineCalls.sdo_read)
     sdo_write = waited(MachineCalls.sdo_write)

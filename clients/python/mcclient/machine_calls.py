@@ -814,6 +814,24 @@ class MachineCalls:
         """
         return (await self._caller.ask(wire.DrivesScanReply, "drives_scan", {"bus": bus}, deadline_s)).buses
 
+    async def drive_parameters(self, axis: int, *, deadline_s: float = 5.0) -> wire.DriveParameters:
+        """List the objects of a drive's dictionary by the names of its EDS, with types, access and limits.
+
+        The drive is not asked.
+        """
+        return await self._caller.ask(wire.DriveParameters, "drive_parameters", {"axis": axis}, deadline_s)
+
+    async def drives_health(
+        self, seconds: float = 5.0, *, deadline_s: float = 15.0
+    ) -> tuple[wire.BusHealth, ...]:
+        """Listen on the CAN buses for some seconds and count load, lost and late frames.
+
+        Nothing is sent.
+        """
+        return (
+            await self._caller.ask(wire.DrivesHealthReply, "drives_health", {"seconds": seconds}, deadline_s)
+        ).buses
+
     async def sdo_read(
         self,
         index: int,

@@ -478,6 +478,74 @@ class AxisTravel:
 
 
 @dataclass(frozen=True, slots=True)
+class NodeHealth:
+    """One node while it was listened to.
+
+    Attributes:
+        state: NMT state of its last heartbeat; empty: none came.
+        heartbeats: that came.
+        longest_gap_s: between two of them, by this computer's clock.
+        readings: process data that it sent at SYNC.
+        late: those that came after the next SYNC.
+        lost: those that never came.
+        boot_ups: times it started.
+        emergencies: the last ones, in words.
+    """
+
+    node: int
+    axes: tuple[int, ...]
+    state: str = ""
+    heartbeats: int = 0
+    longest_gap_s: float = 0.0
+    readings: int = 0
+    late: int = 0
+    lost: int = 0
+    boot_ups: int = 0
+    emergencies: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class BusCounts:
+    """One bus while it was listened to.
+
+    Attributes:
+        duration_s: of that.
+        frames: that came.
+        load: of the bit rate [1], each frame with the most stuff bits.
+        syncs: SYNCs.
+        longest_sync_gap_s: between two of them, by this computer's clock.
+        strangers: COB-IDs that belong to no node of the machine file, with how many frames came.
+    """
+
+    duration_s: float
+    frames: int
+    load: float
+    syncs: int = 0
+    longest_sync_gap_s: float = 0.0
+    nodes: tuple[NodeHealth, ...] = ()
+    strangers: dict[str, int] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, slots=True)
+class BusHealth:
+    """One bus that was listened to, beside whoever is its master.
+
+    Attributes:
+        counts: of frames; a node of EtherCAT is a position on the line.
+        master: by what another master was noticed; empty: none was.
+        error_frames: errors and malformed packets that this computer's interface has seen, on EtherCAT
+            frames with a wrong working counter.
+        following_errors: by axis, the greatest between setpoint and encoder on the bus [mm, deg].
+    """
+
+    bus: str
+    counts: BusCounts
+    master: str = ""
+    error_frames: int = 0
+    following_errors: dict[str, float] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, slots=True)
 class ScannedNode:
     """One node that answers on a bus.
 
@@ -800,6 +868,53 @@ class DriveInfo:
     boot_ups: int = 0
     message: str = ""
     monitor: tuple[MonitoredValue, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class ParameterInfo:
+    """One object of a drive's dictionary, as its EDS has it.
+
+    Attributes:
+        name: members behind their record: ``Gear ratio.Motor revolutions``.
+        type: by which it is read.
+        access: ro, wo, rw, rwr, rww or const.
+        low: limits of the EDS; None: only those of the type.
+        high: limits of the EDS; None: only those of the type.
+    """
+
+    index: int
+    subindex: int
+    name: str
+    type: SdoType
+    access: str
+    low: int | None = None
+    high: int | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class DriveParameters:
+    """What a drive's dictionary has of one axis.
+
+    Attributes:
+        node_axis: which axis of its node it is.
+        eds_sha256: of its EDS; empty: there is none, and these are the standard's objects.
+        unreadable: entries of the EDS that make no sense, each with why.
+    """
+
+    axis: int
+    bus: str
+    node: int
+    node_axis: int
+    eds_sha256: str
+    parameters: tuple[ParameterInfo, ...]
+    unreadable: tuple[str, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class DrivesHealthReply:
+    """By bus."""
+
+    buses: tuple[BusHealth, ...]
 
 
 @dataclass(frozen=True, slots=True)

@@ -7,8 +7,9 @@ use crate::calls::Nothing;
 use crate::error::Result;
 use crate::machine::Machine;
 use crate::messages::{
-    ArmRequest, BusScan, CheckReply, CheckRequest, CloseReply, CloseRequest, Continuation,
-    ContinuationRequest, ContinueReply, ContinueRequest, Done, DriveInfo, DrivesReply, DrivesScanReply,
+    ArmRequest, BusHealth, BusScan, CheckReply, CheckRequest, CloseReply, CloseRequest, Continuation,
+    ContinuationRequest, ContinueReply, ContinueRequest, Done, DriveInfo, DriveParameters,
+    DriveParametersRequest, DrivesHealthReply, DrivesHealthRequest, DrivesReply, DrivesScanReply,
     DrivesScanRequest, EstopRequest, EventsReply, EventsRequest, HomeReply, HomeRequest, Info, JogReply,
     JogRequest, MachineFileReply, MachineStatus, ModelMeshRequest, ModelPart, ModelReply, OpenReply,
     OpenRequest, OverrideReply, OverrideRequest, ProgramRequest, ProgramStatus, ProgramsReply,
@@ -301,6 +302,18 @@ impl Machine {
     /// Ask every node number of a CAN bus, or of all, who is there. Nothing is configured or started.
     pub async fn drives_scan(&self, bus: &str) -> Result<Vec<BusScan>> {
         let reply: DrivesScanReply = self.ask_within("drives_scan", &DrivesScanRequest { bus: bus.to_owned() }, 15).await?;
+        Ok(reply.buses)
+    }
+
+    /// List the objects of a drive's dictionary by the names of its EDS, with types, access and limits. The
+    /// drive is not asked.
+    pub async fn drive_parameters(&self, axis: u64) -> Result<DriveParameters> {
+        self.ask_within("drive_parameters", &DriveParametersRequest { axis }, 5).await
+    }
+
+    /// Listen on the CAN buses for some seconds and count load, lost and late frames. Nothing is sent.
+    pub async fn drives_health(&self, seconds: f64) -> Result<Vec<BusHealth>> {
+        let reply: DrivesHealthReply = self.ask_within("drives_health", &DrivesHealthRequest { seconds }, 15).await?;
         Ok(reply.buses)
     }
 

@@ -2,6 +2,7 @@
 
 import type {
   ArmRequest,
+  BusHealth,
   BusScan,
   CheckReply,
   CheckRequest,
@@ -13,6 +14,8 @@ import type {
   ContinueRequest,
   Done,
   DriveInfo,
+  DriveParameters,
+  DrivesHealthReply,
   DrivesReply,
   DrivesScanReply,
   EstopRequest,
@@ -121,6 +124,8 @@ export const METHODS: Readonly<Record<string, { deadlineS: number; repeatable: b
   model_mesh: { deadlineS: 15, repeatable: true },
   drives: { deadlineS: 5, repeatable: true },
   drives_scan: { deadlineS: 15, repeatable: true },
+  drive_parameters: { deadlineS: 5, repeatable: true },
+  drives_health: { deadlineS: 15, repeatable: true },
   sdo_read: { deadlineS: 15, repeatable: true },
   sdo_write: { deadlineS: 15, repeatable: false },
 };
@@ -397,6 +402,19 @@ export abstract class MachineCalls {
   /** Ask every node number of a CAN bus, or of all, who is there. Nothing is configured or started. */
   async drivesScan(bus?: string): Promise<BusScan[]> {
     return (await this.call<DrivesScanReply>("drives_scan", { bus })).buses;
+  }
+
+  /**
+   * List the objects of a drive's dictionary by the names of its EDS, with types, access and limits. The drive is
+   * not asked.
+   */
+  driveParameters(axis: number): Promise<DriveParameters> {
+    return this.call("drive_parameters", { axis });
+  }
+
+  /** Listen on the CAN buses for some seconds and count load, lost and late frames. Nothing is sent. */
+  async drivesHealth(seconds?: number): Promise<BusHealth[]> {
+    return (await this.call<DrivesHealthReply>("drives_health", { seconds })).buses;
   }
 
   /** Read an object of a drive's dictionary. */

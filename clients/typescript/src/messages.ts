@@ -233,6 +233,39 @@ export interface AxisTravel {
   unit: string;
 }
 
+/** One bus while it was listened to. */
+export interface BusCounts {
+  /** of that. */
+  duration_s: number;
+  /** that came. */
+  frames: number;
+  /** of the bit rate [1], each frame with the most stuff bits. */
+  load: number;
+  /** SYNCs. */
+  syncs?: number;
+  /** between two of them, by this computer's clock. */
+  longest_sync_gap_s?: number;
+  nodes?: NodeHealth[];
+  /** COB-IDs that belong to no node of the machine file, with how many frames came. */
+  strangers?: Record<string, number>;
+}
+
+/** One bus that was listened to, beside whoever is its master. */
+export interface BusHealth {
+  bus: string;
+  /** of frames; a node of EtherCAT is a position on the line. */
+  counts: BusCounts;
+  /** by what another master was noticed; empty: none was. */
+  master?: string;
+  /**
+   * errors and malformed packets that this computer's interface has seen, on EtherCAT frames with a wrong working
+   * counter.
+   */
+  error_frames?: number;
+  /** by axis, the greatest between setpoint and encoder on the bus [mm, deg]. */
+  following_errors?: Record<string, number>;
+}
+
 /** Who is on one bus; `machine_file`: one to start from. */
 export interface BusScan {
   bus: string;
@@ -455,6 +488,35 @@ export interface DriveInfo {
   message?: string;
   /** what the machine file wants to see of it, newest values. */
   monitor?: MonitoredValue[];
+}
+
+/** What a drive's dictionary has of one axis. */
+export interface DriveParameters {
+  axis: number;
+  bus: string;
+  node: number;
+  /** which axis of its node it is. */
+  node_axis: number;
+  /** of its EDS; empty: there is none, and these are the standard's objects. */
+  eds_sha256: string;
+  parameters: ParameterInfo[];
+  /** entries of the EDS that make no sense, each with why. */
+  unreadable: string[];
+}
+
+/** The objects of an axis's drive. */
+export interface DriveParametersRequest {
+  axis: number;
+}
+
+/** By bus. */
+export interface DrivesHealthReply {
+  buses: BusHealth[];
+}
+
+/** How the CAN buses are; `seconds`: for which they are listened to, all together. */
+export interface DrivesHealthRequest {
+  seconds?: number | undefined;
 }
 
 /** By axis; empty where no drive is on a CAN bus. */
@@ -852,6 +914,28 @@ export interface Need {
   confirm?: string;
 }
 
+/** One node while it was listened to. */
+export interface NodeHealth {
+  node: number;
+  axes: number[];
+  /** NMT state of its last heartbeat; empty: none came. */
+  state?: string;
+  /** that came. */
+  heartbeats?: number;
+  /** between two of them, by this computer's clock. */
+  longest_gap_s?: number;
+  /** process data that it sent at SYNC. */
+  readings?: number;
+  /** those that came after the next SYNC. */
+  late?: number;
+  /** those that never came. */
+  lost?: number;
+  /** times it started. */
+  boot_ups?: number;
+  /** the last ones, in words. */
+  emergencies?: string[];
+}
+
 /** The program's id; `expected` is the next line number, `credit` how many lines fit now. */
 export interface OpenReply {
   program: string;
@@ -947,6 +1031,22 @@ export interface PairClearance {
   least_mm: number;
   time_s: number;
   line: number;
+}
+
+/** One object of a drive's dictionary, as its EDS has it. */
+export interface ParameterInfo {
+  index: number;
+  subindex: number;
+  /** members behind their record: `Gear ratio.Motor revolutions`. */
+  name: string;
+  /** by which it is read. */
+  type: SdoType;
+  /** ro, wo, rw, rwr, rww or const. */
+  access: string;
+  /** limits of the EDS; null: only those of the type. */
+  low?: number | null;
+  /** limits of the EDS; null: only those of the type. */
+  high?: number | null;
 }
 
 /** The last probing move that has ended (G38.2 to G38.5). */

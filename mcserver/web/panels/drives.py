@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import html
+from urllib.parse import quote
 
 from mcclient import DriveInfo, Info, MotionError
 from nicegui import ui
@@ -15,14 +16,20 @@ PERIOD_S = 2.0
 
 
 class DrivesPanel:
-    """Closed until somebody opens it: drives are asked for their details only then."""
+    """Closed until somebody opens it: drives are asked for their details only then.
 
-    def __init__(self, link: MachineLink) -> None:
+    Args:
+        desk: whether it leads to the commissioning desk.
+    """
+
+    def __init__(self, link: MachineLink, *, desk: bool = False) -> None:
         self._link = link
         self._shown = ""
         with ui.card().classes("mc-card"), ui.expansion(t("Drives")).classes("w-full mc-fold") as self._fold:
             self._table = ui.html("", sanitize=False).classes("w-full overflow-x-auto")
             self._table.props(f'tabindex=0 role=region aria-label="{t("Drives")}"')
+            if desk:
+                ui.link(t("Commissioning desk"), f"/machine/{quote(link.name)}/drives")
 
     async def update(self, info: Info) -> None:
         machine = self._link.machine

@@ -310,6 +310,46 @@ pub struct AxisTravel {
     pub unit: String,
 }
 
+/// One bus while it was listened to.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct BusCounts {
+    /// of that.
+    pub duration_s: f64,
+    /// that came.
+    pub frames: u64,
+    /// of the bit rate \[1\], each frame with the most stuff bits.
+    pub load: f64,
+    /// SYNCs.
+    #[serde(default)]
+    pub syncs: u64,
+    /// between two of them, by this computer's clock.
+    #[serde(default)]
+    pub longest_sync_gap_s: f64,
+    #[serde(default)]
+    pub nodes: Vec<NodeHealth>,
+    /// COB-IDs that belong to no node of the machine file, with how many frames came.
+    #[serde(default)]
+    pub strangers: BTreeMap<String, u64>,
+}
+
+/// One bus that was listened to, beside whoever is its master.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct BusHealth {
+    pub bus: String,
+    /// of frames; a node of EtherCAT is a position on the line.
+    pub counts: BusCounts,
+    /// by what another master was noticed; empty: none was.
+    #[serde(default)]
+    pub master: String,
+    /// errors and malformed packets that this computer's interface has seen, on EtherCAT frames with a wrong
+    /// working counter.
+    #[serde(default)]
+    pub error_frames: u64,
+    /// by axis, the greatest between setpoint and encoder on the bus \[mm, deg\].
+    #[serde(default)]
+    pub following_errors: BTreeMap<String, f64>,
+}
+
 /// Who is on one bus; `machine_file`: one to start from.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct BusScan {
@@ -589,6 +629,58 @@ pub struct DriveInfo {
     /// what the machine file wants to see of it, newest values.
     #[serde(default)]
     pub monitor: Vec<MonitoredValue>,
+}
+
+/// What a drive's dictionary has of one axis.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct DriveParameters {
+    pub axis: u64,
+    pub bus: String,
+    pub node: u64,
+    /// which axis of its node it is.
+    pub node_axis: u64,
+    /// of its EDS; empty: there is none, and these are the standard's objects.
+    pub eds_sha256: String,
+    pub parameters: Vec<ParameterInfo>,
+    /// entries of the EDS that make no sense, each with why.
+    pub unreadable: Vec<String>,
+}
+
+/// The objects of an axis's drive.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct DriveParametersRequest {
+    pub axis: u64,
+}
+
+impl DriveParametersRequest {
+    /// All that may be left out is as the server has it.
+    #[must_use]
+    pub fn new(axis: u64) -> Self {
+        Self {
+            axis,
+        }
+    }
+}
+
+/// By bus.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct DrivesHealthReply {
+    pub buses: Vec<BusHealth>,
+}
+
+/// How the CAN buses are; `seconds`: for which they are listened to, all together.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct DrivesHealthRequest {
+    pub seconds: f64,
+}
+
+impl Default for DrivesHealthRequest {
+    /// All that may be left out is as the server has it.
+    fn default() -> Self {
+        Self {
+            seconds: 5.0,
+        }
+    }
 }
 
 /// By axis; empty where no drive is on a CAN bus.
@@ -1119,6 +1211,37 @@ pub struct Need {
     pub confirm: String,
 }
 
+/// One node while it was listened to.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct NodeHealth {
+    pub node: u64,
+    pub axes: Vec<u64>,
+    /// NMT state of its last heartbeat; empty: none came.
+    #[serde(default)]
+    pub state: String,
+    /// that came.
+    #[serde(default)]
+    pub heartbeats: u64,
+    /// between two of them, by this computer's clock.
+    #[serde(default)]
+    pub longest_gap_s: f64,
+    /// process data that it sent at SYNC.
+    #[serde(default)]
+    pub readings: u64,
+    /// those that came after the next SYNC.
+    #[serde(default)]
+    pub late: u64,
+    /// those that never came.
+    #[serde(default)]
+    pub lost: u64,
+    /// times it started.
+    #[serde(default)]
+    pub boot_ups: u64,
+    /// the last ones, in words.
+    #[serde(default)]
+    pub emergencies: Vec<String>,
+}
+
 /// The program's id; `expected` is the next line number, `credit` how many lines fit now.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct OpenReply {
@@ -1260,6 +1383,26 @@ pub struct PairClearance {
     pub least_mm: f64,
     pub time_s: f64,
     pub line: u64,
+}
+
+/// One object of a drive's dictionary, as its EDS has it.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct ParameterInfo {
+    pub index: u64,
+    pub subindex: u64,
+    /// members behind their record: `Gear ratio.Motor revolutions`.
+    pub name: String,
+    /// by which it is read.
+    #[serde(rename = "type")]
+    pub kind: SdoType,
+    /// ro, wo, rw, rwr, rww or const.
+    pub access: String,
+    /// limits of the EDS; none: only those of the type.
+    #[serde(default)]
+    pub low: Option<u64>,
+    /// limits of the EDS; none: only those of the type.
+    #[serde(default)]
+    pub high: Option<u64>,
 }
 
 /// The last probing move that has ended (G38.2 to G38.5).

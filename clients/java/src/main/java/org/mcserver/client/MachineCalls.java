@@ -18,7 +18,8 @@ public abstract class MachineCalls {
     static final Set<String> REPEATABLE = Set.of(
             "info", "status", "programs", "events", "continuation", "hold", "abort", "machine_file", "tables",
             "estop", "check", "simulate", "run_requests", "run_approvals", "run_preview", "recordings",
-            "recording_read", "model", "model_mesh", "drives", "drives_scan", "sdo_read");
+            "recording_read", "model", "model_mesh", "drives", "drives_scan", "drive_parameters", "drives_health",
+            "sdo_read");
 
     /** How long a server may take for an answer. */
     static final Map<String, Duration> DEADLINES = Map.ofEntries(
@@ -71,6 +72,8 @@ public abstract class MachineCalls {
             Map.entry("model_mesh", Duration.ofSeconds(15)),
             Map.entry("drives", Duration.ofSeconds(5)),
             Map.entry("drives_scan", Duration.ofSeconds(15)),
+            Map.entry("drive_parameters", Duration.ofSeconds(5)),
+            Map.entry("drives_health", Duration.ofSeconds(15)),
             Map.entry("sdo_read", Duration.ofSeconds(15)),
             Map.entry("sdo_write", Duration.ofSeconds(15)));
 
@@ -347,6 +350,19 @@ public abstract class MachineCalls {
     /** Ask every node number of a CAN bus, or of all, who is there. Nothing is configured or started. */
     public CompletableFuture<List<Messages.BusScan>> drivesScan(String bus) {
         return ask("drives_scan", Wire.params(new Messages.DrivesScanRequest(bus)), Messages.DrivesScanReply.class).thenApply(Messages.DrivesScanReply::buses);
+    }
+
+    /**
+     * List the objects of a drive's dictionary by the names of its EDS, with types, access and limits. The drive
+     * is not asked.
+     */
+    public CompletableFuture<Messages.DriveParameters> driveParameters(long axis) {
+        return ask("drive_parameters", Wire.params(new Messages.DriveParametersRequest(axis)), Messages.DriveParameters.class);
+    }
+
+    /** Listen on the CAN buses for some seconds and count load, lost and late frames. Nothing is sent. */
+    public CompletableFuture<List<Messages.BusHealth>> drivesHealth(double seconds) {
+        return ask("drives_health", Wire.params(new Messages.DrivesHealthRequest(seconds)), Messages.DrivesHealthReply.class).thenApply(Messages.DrivesHealthReply::buses);
     }
 
     /** Read an object of a drive's dictionary. */

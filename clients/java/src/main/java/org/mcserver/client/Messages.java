@@ -323,6 +323,31 @@ public final class Messages {
     /** Where an axis ends, and its least and greatest setpoint [mm or deg]. */
     public record AxisTravel(double position, double min, double max, String unit) {}
 
+    /**
+     * One bus while it was listened to.
+     * @param durationS of that.
+     * @param frames that came.
+     * @param load of the bit rate [1], each frame with the most stuff bits.
+     * @param syncs SYNCs.
+     * @param longestSyncGapS between two of them, by this computer's clock.
+     * @param strangers COB-IDs that belong to no node of the machine file, with how many frames came.
+     */
+    public record BusCounts(
+            double durationS, long frames, double load, @Sparse long syncs, @Sparse double longestSyncGapS, @Sparse
+            List<NodeHealth> nodes, @Sparse Map<String, Long> strangers) {}
+
+    /**
+     * One bus that was listened to, beside whoever is its master.
+     * @param counts of frames; a node of EtherCAT is a position on the line.
+     * @param master by what another master was noticed; empty: none was.
+     * @param errorFrames errors and malformed packets that this computer's interface has seen, on EtherCAT frames
+     *     with a wrong working counter.
+     * @param followingErrors by axis, the greatest between setpoint and encoder on the bus [mm, deg].
+     */
+    public record BusHealth(
+            String bus, BusCounts counts, @Sparse String master, @Sparse long errorFrames, @Sparse Map<String, Double>
+            followingErrors) {}
+
     /** Who is on one bus; `machine_file`: one to start from. */
     public record BusScan(String bus, String address, List<ScannedNode> nodes, String machineFile) {}
 
@@ -565,6 +590,30 @@ public final class Messages {
             heartbeatAgeS, @Sparse Long statusword, @Sparse String status, @Sparse Long deviceType, @Sparse Long
             vendorId, @Sparse Long productCode, @Sparse String emergency, @Sparse Long emergencyCode, @Sparse Double
             emergencyAgeS, @Sparse long bootUps, @Sparse String message, @Sparse List<MonitoredValue> monitor) {}
+
+    /**
+     * What a drive's dictionary has of one axis.
+     * @param nodeAxis which axis of its node it is.
+     * @param edsSha256 of its EDS; empty: there is none, and these are the standard's objects.
+     * @param unreadable entries of the EDS that make no sense, each with why.
+     */
+    public record DriveParameters(
+            long axis, String bus, long node, long nodeAxis, String edsSha256, List<ParameterInfo> parameters,
+            List<String> unreadable) {}
+
+    /** The objects of an axis's drive. */
+    public record DriveParametersRequest(long axis) {}
+
+    /** By bus. */
+    public record DrivesHealthReply(List<BusHealth> buses) {}
+
+    /** How the CAN buses are; `seconds`: for which they are listened to, all together. */
+    public record DrivesHealthRequest(double seconds) {
+        /** All that may be left out as the server has it. */
+        public DrivesHealthRequest() {
+            this(5.0);
+        }
+    }
 
     /** By axis; empty where no drive is on a CAN bus. */
     public record DrivesReply(List<DriveInfo> drives) {}
@@ -889,6 +938,22 @@ public final class Messages {
      */
     public record Need(String code, String message, String hint, @Sparse String confirm) {}
 
+    /**
+     * One node while it was listened to.
+     * @param state NMT state of its last heartbeat; empty: none came.
+     * @param heartbeats that came.
+     * @param longestGapS between two of them, by this computer's clock.
+     * @param readings process data that it sent at SYNC.
+     * @param late those that came after the next SYNC.
+     * @param lost those that never came.
+     * @param bootUps times it started.
+     * @param emergencies the last ones, in words.
+     */
+    public record NodeHealth(
+            long node, List<Long> axes, @Sparse String state, @Sparse long heartbeats, @Sparse double longestGapS,
+            @Sparse long readings, @Sparse long late, @Sparse long lost, @Sparse long bootUps, @Sparse List<String>
+            emergencies) {}
+
     /** The program's id; `expected` is the next line number, `credit` how many lines fit now. */
     public record OpenReply(
             String program, ProgramState state, List<Long> axes, long expected, long credit, String instance) {}
@@ -1016,6 +1081,17 @@ public final class Messages {
 
     /** How near two `bodies` came to each other, when, and in which line. */
     public record PairClearance(List<String> bodies, double leastMm, double timeS, long line) {}
+
+    /**
+     * One object of a drive's dictionary, as its EDS has it.
+     * @param name members behind their record: `Gear ratio.Motor revolutions`.
+     * @param type by which it is read.
+     * @param access ro, wo, rw, rwr, rww or const.
+     * @param low limits of the EDS; null: only those of the type.
+     * @param high limits of the EDS; null: only those of the type.
+     */
+    public record ParameterInfo(
+            long index, long subindex, String name, SdoType type, String access, @Sparse Long low, @Sparse Long high) {}
 
     /**
      * The last probing move that has ended (G38.2 to G38.5).

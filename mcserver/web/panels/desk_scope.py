@@ -1,0 +1,199 @@
+"""A scope: what the cycle has of an axis, every cycle, drawn as it comes or around a trigger, and as MCAP."""
+
+from __future__ import annotations
+
+import asyncio
+import io
+import json
+import math
+
+from mcclient import Machine, MotionError
+from nicegui import ui
+
+from mcserver.canopen.scope import FOLLOWING_ERROR, ScopeTrace, Trigger
+from mcserver.web.actions import Actions, show_refusal
+from mcserver.web.choice import Choice
+from mcserver.web.formatting import axis_name
+from mcserver.web.sample_scope import (
+    POSITION,
+    QUANTITIES,
+    SETPOINT,
+    TORQUE,
+    VELOCITY,
+    SampleScope,
+    drawn_rows,
+)
+from mcserver.web.translation import mark, t
+
+SPANS_S = (0.5, 1.0, 2.0, 5.0, 10.0)
+# of a trace, before its trigger
+BEFORE = 0.25
+NAMES = {
+    SETPOINT: mark("setpoint"),
+    POSITION: mark("position"),
+    FOLLOWING_ERROR: mark("following error"),
+    VELOCITY: mark("velocity"),
+    TORQUE: mark("torque"),
+}
+ABOVE, BELOW = "above", "below"
+
+
+class ScopePanel:
+    """One axis at a time; a trace stays until the next one begins."""
+
+    def __init__(self, actions: Actions) -> None:
+        self._actions = actions
+        self._scope: SampleScope | None = None
+        self._task: asyncio.Task[None] | None = None
+        self._machine: Machine | None = None
+        self._axes: tuple[int, ...] = ()
+        self._drawn: object = None
+        names = {name: t(text) for name, text in NAMES.items()}
+        with ui.card().classes("mc-card"):
+            ui.html(f"<h2>{t('Scope')}</h2>", sanitize=False)
+            with ui.row().classes("w-full items-center gap-2"):
+                self._axis = Choice({}, label=t("Axis")).props("dense").classes("w-20")
+                self._curves = (
+                    ui.select(
+                        names,
+                        value=[SETPOINT, POSITION, FOLLOWING_ERROR],
+                        multiple=True,
+                        label=t("Curves"),
+                        on_change=self._redraw,
+                    )
+                    .props("use-chips dense")
+                    .classes("grow basis-48 min-w-0")
+                )
+                self._span = (
+                    ui.select({each: f"{each:g} s" for each in SPANS_S}, value=2.0, label=t("Span"))
+                    .props("dense")
+                    .classes("w-20")
+                )
+            with ui.row().classes("w-full items-center gap-2"):
+                self._way = (
+                    ui.select(
+                        {"": t("no trigger"), ABOVE: t("rises above"), BELOW: t("falls below")},
+                        value="",
+                        label=t("Trigger"),
+                        on_change=self._on_way,
+                    )
+                    .props("dense")
+                    .classes("grow min-w-28")
+                )
+                self._source = (
+                    ui.select(names, value=FOLLOWING_ERROR, label=t("Of"))
+                    .props("dense")
+                    .classes("grow min-w-28")
+                )
+                self._level = ui.number(t("Level"), value=0.01).props("dense").classes("w-24")
+            with ui.element("div").classes("mc-buttons"):
+                ui.button(t("Start"), on_click=self._start).props("color=primary")
+                ui.button(t("Stop"), on_click=self.stop).props("outline")
+                self._save = ui.button(t("Download MCAP"), on_click=self._download).props("outline")
+            self._said = ui.label("").classes("text-sm").props("role=status")
+            self._chart = ui.echart({}).classes("mc-chart")
+        self._save.set_enabled(False)
+        self._on_way()
+
+    def _on_way(self) -> None:
+        for each in (self._source, self._level):
+            each.set_enabled(bool(self._way.value))
+
+    async def _start(self) -> None:
+        link = self._actions.link
+        try:
+            machine = link.connected()
+        except MotionError as error:
+            show_refusal(f"{t(error.message)} [{error.code}]", error.hint)
+            return
+        axis = next((each for each in machine.info.axes if each.index == self._axis.value), None)
+        level = self._level.value
+        trigger = None
+        if self._way.value:
+            if level is None or not math.isfinite(level):
+                show_refusal(t("a trigger needs a level"))
+                return
+            trigger = Trigger(QUANTITIES.index(self._source.value), level, self._way.value == ABOVE)
+        if axis is None:
+            return
+        self.stop()
+        cycles = max(2, round(self._span.value / machine.info.cycle_s))
+        self._scope = SampleScope(
+            axis.index, axis.unit, machine.info.cycle_s, cycles, round(BEFORE * cycles), trigger
+        )
+        self._machine, self._drawn = machine, None
+        self._task = asyncio.create_task(_follow(machine, self._scope))
+
+    def stop(self) -> None:
+        """Take no further cycle; what has come stays."""
+        if self._task is not None:
+            self._task.cancel()
+
+    def update(self) -> None:
+        """Show what has come."""
+        self._show_axes()
+        scope, task = self._scope, self._task
+        if scope is None or task is None:
+            return
+        trace = scope.trace()
+        state = (id(scope), len(trace.values), scope.zero_s, task.done())
+        if state == self._drawn:
+            return
+        self._drawn = state
+        self._said.set_text(self._state(scope, task))
+        self._save.set_enabled(len(trace.values) > 0 and task.done())
+        self._draw(trace)
+
+    def _show_axes(self) -> None:
+        machine = self._actions.link.machine
+        axes = self._axes if machine is None else tuple(each.index for each in machine.info.axes)
+        if axes != self._axes:
+            self._axes = axes
+            value = self._axis.value if self._axis.value in axes else axes[0] if axes else None
+            self._axis.set_options({axis: axis_name(axis) for axis in axes}, value=value)
+
+    def _state(self, scope: SampleScope, task: asyncio.Task[None]) -> str:
+        lost = t("{count} cycles were lost on the way", count=scope.lost) if scope.lost else ""
+        if not task.done():
+            word = t("recording") if scope.triggered or scope.trigger is None else t("waits for the trigger")
+        elif scope.is_done or task.cancelled() or task.exception() is None:
+            word = t("{count} cycles", count=len(scope.trace().values))
+        else:
+            word = t("the link was lost")
+        return "; ".join(filter(None, [word, lost]))
+
+    def _redraw(self) -> None:
+        self._drawn = None
+
+    def _draw(self, trace: ScopeTrace) -> None:
+        columns = [at for at, name in enumerate(QUANTITIES) if name in self._curves.value]
+        message = {
+            "names": [t(NAMES[QUANTITIES[at]]) for at in columns],
+            "units": [trace.units[at] for at in columns],
+            "steps": [False] * len(columns),
+            "span": float(trace.time_s[-1] - trace.time_s[0]) if len(trace.time_s) else 0.0,
+            "rows": drawn_rows(trace, columns),
+            "restart": True,
+            "zero": 0,
+        }
+        ui.run_javascript(f"mcChart({self._chart.id}, {json.dumps(message)})")
+
+    def _download(self) -> None:
+        scope, machine = self._scope, self._machine
+        if scope is None or machine is None:
+            return
+        # Protobuf and MCAP are loaded when somebody wants a file
+        from mcserver.recorder.scope_file import write_scope
+
+        stream = io.BytesIO()
+        write_scope(stream, scope.trace(), self._actions.link.name, machine.info.epoch + scope.zero_s)
+        ui.download.content(stream.getvalue(), f"{self._actions.link.name}-axis-{scope.axis}.mcap")
+
+
+async def _follow(machine: Machine, scope: SampleScope) -> None:
+    """Feed a scope until it has everything, is cancelled or the link ends."""
+    async with machine.samples() as feed:
+        async for samples in feed:
+            scope.take(samples)
+            if scope.is_done:
+                return
