@@ -440,6 +440,18 @@ def test_a_program_begins_in_its_middle_as_it_comes_there(mill: tuple[FiveAxes, 
         assert rest.positions == pytest.approx(whole.positions, abs=1e-12)
 
 
+def test_a_program_begins_between_the_lines_of_a_plane_by_points(trunnion: Machine) -> None:
+    kinematics = build_kinematics(trunnion)
+    lines = [*BEGIN, "G1010", "G43 H1", *POINTS, "G53.1", "G0 X0 Y0 Z9", "G1 X3"]
+    whole = reader(trunnion)
+    read(whole, *lines)
+    for first in (6, 7, 8):
+        before = state_before(lines, first, trunnion, StartState.of(trunnion), kinematics=kinematics)
+        rest = Interpreter(trunnion, kinematics=kinematics, positions=before.positions, modal=before.modal)
+        read(rest, *lines[first - 1 :])
+        assert rest.positions == pytest.approx(whole.positions, abs=1e-12)
+
+
 def test_after_a_jog_of_a_rotary_axis_in_a_pause_g53_1_turns_the_tool_again(trunnion: Machine) -> None:
     found = reader(trunnion)
     read(found, *BEGIN, "G43 H1", PLANE, "G53.1", "G0 X0 Y0 Z9", "M0")
