@@ -375,7 +375,8 @@ _TEXT: dict[int, tuple[str, str]] = {
     ),
     FaultCode.NOT_HOMED: (
         "axis {axis} is not homed",
-        "home it: mcctl home --all, or say where it is: mcctl reference {axis} POSITION",
+        "home it: mcctl home --all; with method manual or absolute say where it is: "
+        "mcctl reference {axis} POSITION",
     ),
     FaultCode.SWITCH_NOT_FOUND: (
         "the home switch of axis {axis} did not come on the way to it",

@@ -120,7 +120,8 @@ def plan_approach(machine: Machine, state: StateBefore, now: StartState, lease: 
     Args:
         state: before the line. now: the machine as it is. lease: axes of the program.
     """
-    leased = set(lease)
+    # the second drive of a pair goes with its leader
+    leased = set(lease).difference(machine.followers)
     moved = state.energized & leased
     # what turns by itself is not where it was, and G1030 and G1040 energize
     energize = tuple(sorted(moved - state.torques.keys() - state.speeds.keys()))
@@ -128,7 +129,7 @@ def plan_approach(machine: Machine, state: StateBefore, now: StartState, lease: 
     known = {axis: state.positions[axis] for axis in energize if axis not in state.unknown | free}
     starts = []
     for axis in machine.axes:
-        if axis.index not in leased or axis.gantry is not None:
+        if axis.index not in leased:
             continue
         there = known.get(axis.index)
         scale = axis.type.si_per_unit

@@ -132,6 +132,17 @@ async def test_a_program_goes_on_by_one_call_with_what_it_had_energized(rig: Rig
     assert rig.path[-1] == pytest.approx((160.0, 40.0, 10.0), abs=1e-3)
 
 
+async def test_a_gantry_pair_is_energized_and_moved_by_its_leader(rig: Rig) -> None:
+    pair = axes_text([3], keys="gantry = { leader = 1, max_skew = 1.0 }", drive_keys="initial_position = 0.0")
+    gantry = machine(pair + RECOVERY)
+    name = await rig.killed_in(gantry, PART, 7)
+    cell = await rig.started(gantry)
+    approach = await look(cell, name)
+    assert (approach.energize, [each.axis for each in approach.axes]) == ((0, 1, 2), [0, 1, 2])
+    program = await rig.until_ended(await cell.service.continue_program("page", name))
+    assert (program.state, program.fault, program.start_line) == ("finished", None, 7)
+
+
 async def test_the_way_is_up_over_and_down_where_the_machine_file_names_a_safe_height(rig: Rig) -> None:
     name = await rig.killed_in(machine(RECOVERY), PART, 7)
     cell = await rig.started(machine(RECOVERY))

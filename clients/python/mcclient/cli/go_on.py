@@ -116,6 +116,11 @@ def _tell(shown: Continuation) -> None:
         say(f"{'>' if number == shown.line else ' '}{number:>6} | {text}")
     for switched in switches_said(shown.block_delete, shown.optional_stop):
         say(f"  {switched}")
+    for need in shown.needs:
+        say(f"{need.code}: {need.message}; {need.hint}", "yellow")
+    if any(need.code == "MC450" for need in shown.needs):
+        # where the axes stand, and so the way, is known once they are homed
+        return
     for axis in shown.axes:
         if axis.away:
             there = "not known" if axis.there is None else f"{axis.there:.3f} {axis.unit}"
