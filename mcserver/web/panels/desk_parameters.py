@@ -73,8 +73,9 @@ class ParametersPanel:
             ui.button(parameter.title, on_click=partial(self._take, parameter)).props(
                 "flat dense no-caps align=left"
             ).classes("min-w-0 break-words text-left")
-            ui.label(f"{parameter.kind} {parameter.access}").classes("text-xs whitespace-nowrap ml-auto")
-            return ui.label("").classes("font-mono break-all")
+            with ui.row().classes("items-center gap-2 ml-auto"):
+                ui.label(f"{parameter.kind} {parameter.access}").classes("text-xs whitespace-nowrap")
+                return ui.label("").classes("font-mono break-all")
 
     def _choose(self, parameter: Parameter | None) -> None:
         self._chosen = parameter
