@@ -131,7 +131,7 @@ class DeskThread:
 
 
 def parameters_from(drive: DriveParameters) -> Sequence[Parameter]:
-    """Return the parameters that a server has listed, as `mcserver.canopen.parameters_of` gives them."""
+    """Return the parameters that a server has listed, as `mcserver.canopen.parameters.parameters_of`."""
     return [
         Parameter(each.index, each.subindex, each.name, each.type, each.access, each.low, each.high)
         for each in drive.parameters
