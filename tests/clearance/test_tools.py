@@ -295,7 +295,7 @@ async def test_a_length_that_a_program_beside_has_measured_counts(start: Start) 
 
 
 def test_the_larger_size_counts_while_programs_run() -> None:
-    table = {1: Cutter(0.03, 0.01), 2: Cutter(0.08, 0.01)}
+    begins = Mounted(cutters={1: Cutter(0.03, 0.01), 2: Cutter(0.08, 0.01)})
     mounted = Mounted({SPINDLE: frozenset((1,))}, {1: Cutter(0.05, 0.006)})
-    assert mounted.with_table(table, beside_others=True).cutter() == Cutter(0.05, 0.01)
-    assert mounted.with_table(table, beside_others=False).cutter() == Cutter(0.03, 0.01)
+    assert mounted.at_begin(begins, beside_others=True).cutter() == Cutter(0.05, 0.01)
+    assert mounted.at_begin(begins, beside_others=False).cutter() == Cutter(0.03, 0.01)
