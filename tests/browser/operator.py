@@ -32,6 +32,11 @@ FOCUS = """(element) => {
   if (element === at || element.contains(at) || (at.matches(parts) && at.contains(element))) return 0;
   return at.compareDocumentPosition(element) & Node.DOCUMENT_POSITION_PRECEDING ? -1 : 1;
 }"""
+# Whether the focus is in the dialog of an element that is in one.
+IN_DIALOG = """(element) => {
+  const dialog = element.closest(".q-dialog");
+  return !dialog || dialog.contains(document.activeElement);
+}"""
 # Whether who has the focus sees it: in the window, below nothing else, with a mark.
 SEEN = """() => {
   const at = document.activeElement, box = at.getBoundingClientRect();
@@ -121,6 +126,8 @@ class Operator:
         Raises:
             OutOfReach: no number of them leads there, or who is there cannot see it.
         """
+        # a dialog that opens takes the focus to its safe button
+        self.page.wait_for_function(IN_DIALOG, arg=target.element_handle())
         for _ in range(MOST_TABS):
             side = target.evaluate(FOCUS)
             # what has come above it meanwhile may have moved it away: then there once more
