@@ -62,6 +62,12 @@ class Control:
         driver = self.driver
         return None if driver is None or driver.browser == browser else driver
 
+    def other_person(self, name: str) -> Driver | None:
+        """Who drives, where it is another one than this person who has only left their page; None: nobody."""
+        driver = self.driver
+        left = self._away_since is not None and driver is not None and driver.visitor.name == name
+        return None if left else driver
+
     def take(self, driver: Driver) -> None:
         """Give control to a browser, whoever had it."""
         self._driver, self._away_since = driver, None

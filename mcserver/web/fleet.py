@@ -155,12 +155,16 @@ class Fleet:
     def links(self) -> list[MachineLink]:
         return list(self._links.values())
 
-    async def order(self, method: str, names: list[str]) -> dict[str, BaseException]:
-        """Give ``hold``, ``abort`` or ``reset`` to several machines at once; what failed, by machine."""
+    async def order(self, method: str, names: list[str], visitor: str) -> dict[str, BaseException]:
+        """Give ``hold``, ``abort`` or ``reset`` to several machines at once; what failed, by machine.
+
+        Args:
+            visitor: who gives it.
+        """
 
         async def give(link: FleetLink, name: str) -> None:
             if needs_control(method):
-                self._refuse_driven(name)
+                self._refuse_driven(name, visitor)
             await link.order(name, method)
 
         return await self._each(names, give)
@@ -183,7 +187,7 @@ class Fleet:
 
         async def start(_: FleetLink, name: str) -> None:
             link = self.link(name, visitor)
-            self._refuse_driven(name)
+            self._refuse_driven(name, visitor)
             with contextlib.suppress(TimeoutError):
                 async with asyncio.timeout(CONNECTED_S):
                     while link.machine is None:
@@ -197,10 +201,10 @@ class Fleet:
 
         return await self._each(names, start)
 
-    def _refuse_driven(self, name: str) -> None:
+    def _refuse_driven(self, name: str, visitor: str) -> None:
         """Refuse what moves a machine that somebody drives at its own page."""
         link = self._links.get(name)
-        driver = None if link is None else link.control.driver
+        driver = None if link is None else link.control.other_person(visitor)
         if driver is not None:
             raise MotionError(
                 "MC078",

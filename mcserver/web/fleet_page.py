@@ -236,7 +236,8 @@ class FleetPage:
             verb,
             colour="negative",
         ) and self._allowed(order):
-            self._tell(ORDERS[order][0], names, await self._fleet.order(order, names))
+            failures = await self._fleet.order(order, names, self._visitor.name)
+            self._tell(ORDERS[order][0], names, failures)
 
     async def _ask_run(self, event: events.GenericEventArguments) -> None:
         if not self._allowed("open"):

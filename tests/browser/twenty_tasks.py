@@ -323,7 +323,7 @@ class Tasks:
     def override_at_the_end(self) -> None:
         """4: a program's override ends with it."""
         ada = self.ada
-        ada.upload("quick.gcode", "G1010\nG21 G91\nG01 X20 F600\nG01 X-20\n")
+        ada.upload("quick.gcode", "G1010\nG21 G91\nG01 X200 F1200\nG01 X-200\n")
         ada.press("Run")
         ada.state("running")
         ada.press("200 %")

@@ -51,6 +51,15 @@ def test_a_browser_without_a_link_gives_control_back_after_a_while() -> None:
     assert control.driver is None
 
 
+def test_who_has_left_the_page_keeps_nobody_out_but_others() -> None:
+    control, login = Control(lambda: 0.0), Login()
+    control.take(login.driver("aaaa1"))
+    assert control.other_person("ada") is not None
+    control.leave("aaaa1")
+    assert control.other_person("ada") is None
+    assert control.other_person("bob") is not None
+
+
 def test_control_stays_with_a_person_whose_page_is_built_anew_and_with_no_other() -> None:
     now = [0.0]
     control, login = Control(lambda: now[0]), Login()
