@@ -85,9 +85,12 @@ def ends_of(
     """
     modal, at = block.modal, block.commanded.positions
     found, shift = modal.transformation, modal.shift
+    extruder = None if modal.flow == 1.0 else block.setup.machine.dialect.extruder
     ends: dict[int, float] = {}
     for axis, each in given.items():
         ends[axis] = each.value * axis_scale(block.setup.axes[axis].type, each.inch)
+        if axis == extruder:
+            ends[axis] *= modal.flow
         if each.incremental:
             ends[axis] += at[axis]
         else:
