@@ -327,7 +327,9 @@ class ProfileReader:
         exponents = self._dialect.profile != "printer" and "E" not in self._axes and not _IO_CODE.search(code)
         for match in _TOKEN.finditer(code):
             span = (match.start() + 1, match.end() + 1)
-            exponent = _EXPONENT.match(code, match.end()) if exponents and not match[5] else None
+            # E1E2 is none of two words of an axis E either
+            possible = match[1] == "E" or (exponents and not match[5])
+            exponent = _EXPONENT.match(code, match.end()) if possible else None
             if exponent is not None:
                 shown = code[match.start() : exponent.end()]
                 faults.add(

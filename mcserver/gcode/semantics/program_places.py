@@ -62,7 +62,7 @@ def axis_values(block: BlockState, action: Action) -> dict[int, float]:
     for word in action.axes:
         axis = block.setup.axes.get(word.axis)
         if axis is None:
-            block.faults.add("MC108", f"the machine has no axis {word.axis}", word.span, "", axis=word.axis)
+            block.refuse_missing_axis(word.axis, word)
         elif word.axis in found:
             block.faults.add(
                 "MC111", f"{word.letter} stands twice in one command", word.span, "keep one of them"
