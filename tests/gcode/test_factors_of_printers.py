@@ -86,6 +86,16 @@ def test_a_start_in_the_middle_has_the_factors() -> None:
     assert later.positions[E] == pytest.approx(0.018)
 
 
+def test_lines_are_read_in_columns_under_m221_and_one_by_one_under_m220() -> None:
+    interpreter = Interpreter(printer())
+    found = []
+    for number, line in enumerate(("G28", "M221 S95", "M220 S50", "M220 S100"), start=1):
+        interpreter.interpret_text(line, number)
+        interpreter.capture_before(interpreter.parse("G1 X1", number))
+        found.append(interpreter.batch_window(number + 1) > 0)
+    assert found == [True, True, False, True]
+
+
 def test_the_factors_end_with_the_program() -> None:
     interpreter = Interpreter(printer())
     for number, line in enumerate(("M220 S50", "M221 S90", "M2"), start=1):
