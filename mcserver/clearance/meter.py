@@ -203,7 +203,7 @@ class ClearanceMeter:
         where = f"at {nearest.time:.3f} s" if nearest.line else "before the program begins"
         if pair.zone:
             message, hint = (
-                f"{one!r} leaves what the zone {other!r} leaves free {where}",
+                f"{pair.crosses()} {where}",
                 "take another way, or change the [[zone]]",
             )
         else:

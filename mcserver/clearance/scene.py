@@ -52,7 +52,7 @@ class Pair:
     """Two bodies that may meet.
 
     Attributes:
-        names: of both; the second may be a zone. zone: whether it is one.
+        names: of both; the second may be a zone. zone: whether it is one. keeps_in: bodies stay inside of it.
         tools: that they come with, each as its number and its place; the cutter's is 0, whatever it is.
         max_speed: of a slow zone [m/s]; inf: the zone is no slow one.
         switch: what switches the zone, by its place in `Clearance.switches`; -1: it is always on.
@@ -66,6 +66,14 @@ class Pair:
     switch: int = -1
     given: bool = False
     work: bool = False
+    keeps_in: bool = False
+
+    def crosses(self, *, will: bool = False) -> str:
+        """Return what the first body does, or would do, to the zone that forbids it."""
+        verb, zone = ("leave", "keep-in") if self.keeps_in else ("enter", "keep-out")
+        return (
+            f"{self.names[0]!r} {f'would {verb}' if will else f'{verb}s'} the {zone} zone {self.names[1]!r}"
+        )
 
 
 class Scene:
@@ -411,7 +419,8 @@ class Scene:
                 number = -1 if switch is None else switches.index(switch)
                 brought = given is not None
                 work = zone is not None and zone.work is not None
-                found.append(Pair(names, zone is not None, tools, speed, number, brought, work))
+                keeps_in = zone is not None and zone.kind == "keep_in"
+                found.append(Pair(names, zone is not None, tools, speed, number, brought, work, keeps_in))
         return found
 
     def _disabled(self) -> list[tuple[str, str]]:

@@ -15,6 +15,9 @@ def modal_codes(modal: ModalState) -> list[str]:
     ]
     if modal.feed is not None:
         codes.append(f"F{modal.feed.number:g}")
+    for code, factor in (("M220", modal.pace), ("M221", modal.flow)):
+        if factor != 1.0:
+            codes.append(f"{code} S{100.0 * factor:g}")
     codes.append("G61" if modal.exact_stop else "G64")
     if modal.plane is not None:
         codes.append(f"G{modal.plane}")

@@ -32,7 +32,7 @@ def touching(
     elif not contact.shown:
         message = f"it cannot be shown that {one!r} stays clear of {other!r}"
     elif pair.zone:
-        message = f"{one!r} would leave what the zone {other!r} leaves free"
+        message = pair.crosses(will=True)
     else:
         message = f"{one!r} would come too near to {other!r}: {too_near(contact.distance, margin)}"
     if others:

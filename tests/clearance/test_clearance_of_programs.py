@@ -118,6 +118,18 @@ def test_a_zone_keeps_bodies_in(target: float, codes: list[str]) -> None:
     zone = '[[zone]]\nname = "cell"\nkind = "keep_in"\nsize_mm = [200.0, 300.0, 400.0]\n'
     found = run(f"G1010\nG1 X{target} F6000\n", mill(zone))
     assert [each["code"] for each in found.report["diagnostics"]] == codes
+    assert all(
+        " leaves the keep-in zone 'cell' at " in each["message"] for each in found.report["diagnostics"]
+    )
+
+
+def test_a_zone_keeps_bodies_out() -> None:
+    zone = '[[zone]]\nname = "door"\nsize_mm = [20.0, 400.0, 400.0]\nat_mm = [60.0, 0.0, 100.0]\n'
+    found = run("G1010\nG1 X50 F6000\n", mill(zone))
+    assert found.report["diagnostics"]
+    for each in found.report["diagnostics"]:
+        assert (each["code"], each["line"]) == ("MC321", 2)
+        assert " enters the keep-out zone 'door' at " in each["message"]
 
 
 def test_a_zone_keeps_only_the_bodies_out_that_it_names() -> None:

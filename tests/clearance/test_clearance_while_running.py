@@ -113,8 +113,16 @@ async def test_a_line_into_a_zone_stops_before_it(make: Make) -> None:
     program = await cell.run("G1010", "G1 X-100 F3000")
     assert (program.state, fault_of(program)) == ("faulted", ("MC321", 2))
     assert program.fault is not None
-    assert "'door'" in program.fault.message
+    assert "would enter the keep-out zone 'door'" in program.fault.message
     assert place(cell, 0) == pytest.approx(-44.0, abs=0.3)
+
+
+async def test_a_line_out_of_a_zone_that_keeps_in_stops_before_its_edge(make: Make) -> None:
+    cell = make('[[zone]]\nname = "cell"\nkind = "keep_in"\nsize_mm = [200.0, 300.0, 400.0]\n')
+    program = await cell.run("G1010", "G1 X98 F6000")
+    assert fault_of(program) == ("MC321", 2)
+    assert program.fault is not None
+    assert "would leave the keep-in zone 'cell'" in program.fault.message
 
 
 async def test_lines_that_come_one_by_one_stop_too(make: Make) -> None:

@@ -272,6 +272,22 @@ def test_an_exponent_is_a_fault_and_never_another_number(profile: str, word: str
     assert fault.code == "MC102"
 
 
+@pytest.mark.parametrize("profile", ["cnc", "robot", "printer"])
+def test_an_axis_e_is_named_by_its_letter_and_has_no_exponent_either(profile: str) -> None:
+    described = (FOLDER / "cnc.toml").read_text("utf-8")
+    lettered = described.replace('profile = "cnc"', f'profile = "{profile}"\nletters = {{ E = 3 }}')
+    found = {
+        text: [
+            (each.code, each.message) for each in check_program(f"G1 F600 {text}", parse_machine(lettered))
+        ]
+        for text in ("X50 E1e2", "X50 E1 E2", "X50E2", "X50 E99999999999")
+    }
+    assert found["X50 E1e2"] == [("MC102", "numbers have no exponent here: 'E1E2'")]
+    assert found["X50 E1 E2"] == [("MC111", "E stands twice in one command")]
+    assert found["X50E2"] == []
+    assert all("[3]" not in message for _, message in found["X50 E99999999999"])
+
+
 @pytest.mark.parametrize("word", ["Q5", "D4", "L2", "E3", "H1"])
 def test_a_word_that_no_code_of_its_line_takes_is_a_fault(word: str) -> None:
     for line in (f"G0 X1 {word}", f"G1 X1 F100 {word}", f"G2 X1 Y1 R5 F100 {word}", word):

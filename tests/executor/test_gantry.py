@@ -143,7 +143,12 @@ def test_a_switch_that_does_not_come_does_not_bend_the_gantry() -> None:
 
 def test_programs_name_the_leader_alone_and_speeds_are_refused() -> None:
     found = simulate_lines(lambda: iter(["G1010", "G0 Y20", "G0 [3]10"]), gantry())
-    assert [each["code"] for each in found.report["diagnostics"]] == ["MC108"]
+    (fault,) = found.report["diagnostics"]
+    assert fault["code"] == "MC108"
+    assert fault["message"] == "axis 3 is the second drive of axis 1, and moves with it"
+    assert fault["hint"] == "name axis 1"
+    found = simulate_lines(lambda: iter(["G1010", "G0 [9]10"]), gantry())
+    assert "has no axis 9" in found.report["diagnostics"][0]["message"]
     found = simulate_lines(lambda: iter(["G1010", "G1 Y20 F3000", "G1030 Y10"]), gantry())
     assert [each["code"] for each in found.report["diagnostics"]] == ["MC469"]
     axes = found.report["axes"]

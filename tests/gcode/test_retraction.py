@@ -92,10 +92,10 @@ def test_a_z_that_is_homed_is_lifted_no_longer() -> None:
 @pytest.mark.parametrize(
     ("text", "code"),
     [
-        ("G10 S1", "MC113"),
-        ("G10 L20 P1 X0", "MC113"),
-        ("G10 P0 S200 R180", "MC113"),
-        ("G11 E3", "MC113"),
+        ("G10 S1", "MC194"),
+        ("G10 L20 P1 X0", "MC194"),
+        ("G10 P0 S200 R180", "MC194"),
+        ("G11 E3", "MC194"),
         ("M207 W13", "MC113"),
         ("M208 Z1", "MC113"),
         ("M207 S3 S4", "MC111"),
@@ -109,6 +109,25 @@ def test_a_z_that_is_homed_is_lifted_no_longer() -> None:
 )
 def test_other_words_are_refused(text: str, code: str) -> None:
     assert set(faults(text)) == {code}
+
+
+@pytest.mark.parametrize(
+    ("text", "message", "remedy"),
+    [
+        ("G10 P1 R200 S210", "G10 is a retraction here, and takes no P1 R200 S210", "M104 and M109"),
+        ("G10 P0 S200", "G10 is a retraction here, and takes no P0 S200", "M104 and M109"),
+        ("G10 L2 P1 X0", "G10 is a retraction here, and takes no L2 P1 X0", "G92"),
+        ("G10 S1", "G10 is a retraction here, and takes no S1", "one extruder"),
+        ("G11 E3", "G11 is a retraction here, and takes no E3", "G1"),
+    ],
+)
+def test_other_words_are_one_fault_that_advises_no_retraction(text: str, message: str, remedy: str) -> None:
+    (fault,) = check_program(text, printer())
+    assert (fault.code, fault.message) == ("MC194", message)
+    assert remedy in fault.hint
+    assert "alone" not in fault.hint
+    # without a length, too, it is that fault alone
+    assert [each.message for each in check_program(text, printer(""))] == [message]
 
 
 def test_without_a_length_or_an_extruder_it_is_refused() -> None:

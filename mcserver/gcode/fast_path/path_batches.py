@@ -237,6 +237,8 @@ class PathBatchInterpreter:
             incremental = modal.incremental or axis in modal.relative
             named = ~np.isnan(written)
             ends = written[named] * (row.inch if modal.inch else row.metric)
+            if modal.flow != 1.0 and axis == self._setup.machine.dialect.extruder:
+                ends *= modal.flow
             if not incremental and modal.shift is not None:
                 ends += modal.shift.get(axis, 0.0)
             ends = np.concatenate(([start], ends))

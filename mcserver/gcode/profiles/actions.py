@@ -10,6 +10,7 @@ from mcserver.gcode.profiles.codes import (
     ACTING,
     COMPENSATING,
     DRILLING,
+    FACTORS,
     IO_WORDS,
     PRINTER_STOPS,
     PROBING,
@@ -27,6 +28,7 @@ from mcserver.gcode.profiles.compensation_codes import begin_compensation, end_c
 from mcserver.gcode.profiles.cycle_motion import CycleMotion
 from mcserver.gcode.profiles.directions import coupled
 from mcserver.gcode.profiles.drilling import drill
+from mcserver.gcode.profiles.factors import set_factor
 from mcserver.gcode.profiles.frame import LENGTH_AXIS, Frame, Offsets
 from mcserver.gcode.profiles.io_codes import read_io, read_mapped
 from mcserver.gcode.profiles.nurbs import add_control_point
@@ -133,6 +135,8 @@ def act_before(block: BlockState, actions: tuple[Action, ...], effects: Effects)
         elif code in ("M82", "M83"):
             letters = block.setup.machine.dialect.letters if code == "M83" else {}
             block.change(relative=tuple(axis for letter, axis in letters.items() if letter not in "UVW"))
+        elif code in FACTORS:
+            set_factor(block, action)
         elif code in ("G90.1", "G91.1"):
             block.change(absolute_centres=code == "G90.1")
         elif code in ("G7", "G8"):

@@ -56,6 +56,8 @@ DIAMETERS: Final = frozenset({"G7", "G8"})
 RETRACTING: Final[Mapping[str, str]] = MappingProxyType(
     {"G10": "RETRACT", "G11": "RECOVER", "M207": "M207", "M208": "M208"}
 )
+# factors of F and of E: they and those above take all words of their line (D-141)
+FACTORS: Final = frozenset({"M220", "M221"})
 _CYCLE_MODES: Final = frozenset({"G80", "G98", "G99"})
 
 # codes of printers that stop until somebody resumes, with what they say to the operator; "": the program ends
@@ -91,7 +93,7 @@ ACTING: Final[Mapping[str, frozenset[str]]] = MappingProxyType(
             | {"G40", "G90.1", "G91.1", "G95", "G96", "G97", *DIAMETERS}
         ),
         "robot": frozenset(_FRAME | {"G4", "M3", "M4", "M5"}),
-        "printer": frozenset({"G4", "G28", "G92", "M82", "M83", *PRINTER_STOPS, *RETRACTING}),
+        "printer": frozenset({"G4", "G28", "G92", "M82", "M83", *PRINTER_STOPS, *RETRACTING, *FACTORS}),
     }
 )
 
@@ -102,7 +104,9 @@ def acting_of(dialect: Dialect) -> frozenset[str]:
     if dialect.macros == "fanuc":
         # G7 is another code on its controllers
         return acting - DIAMETERS
-    return acting - RETRACTING.keys() if dialect.profile == "printer" and dialect.extruder is None else acting
+    if dialect.profile == "printer" and dialect.extruder is None:
+        return acting - RETRACTING.keys() - {"M221"}
+    return acting
 
 
 # act in every profile of a machine that has a probe

@@ -31,8 +31,9 @@ def set_g92(block: BlockState, action: Action) -> None:
     elif not action.axes:
         block.faults.add("MC118", "G92 names no axis", action.span, "add axis words, such as G92 X0")
     without = msgspec.structs.replace(block.frame, g92={}).coordinates(block.commanded.positions)
+    extruder = block.setup.machine.dialect.extruder
     for axis, value in values.items():
-        offsets[axis] = without[axis] - value
+        offsets[axis] = without[axis] - (value * block.modal.flow if axis == extruder else value)
     block.frame = msgspec.structs.replace(block.frame, g92=offsets, g92_on=True)
 
 

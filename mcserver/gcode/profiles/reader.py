@@ -11,9 +11,10 @@ from collections.abc import Callable
 
 import msgspec
 
-from mcserver.gcode.line_faults import FaultList
+from mcserver.gcode.line_faults import FaultList, Span
 from mcserver.gcode.notices import DISPLAY, logging_of
 from mcserver.gcode.profiles.codes import (
+    FACTORS,
     HARMLESS_MACRO,
     IGNORED,
     IO_WORDS,
@@ -62,7 +63,10 @@ _IO_CODE = re.compile(r"M[ \t]*0*6[678](?![0-9])")
 _CHECKSUM = re.compile(r"\*[0-9]+[ \t]*\Z")
 _GEOMETRY_OR_SPEED = re.compile(r"[XYZUWS]")
 _GEOMETRY = re.compile(r"[XYZIJK]")
+# take all words of their line
+_WHOLE_LINE = {**RETRACTING, **{code: code for code in FACTORS}}
 _RETRACTING = re.compile(r"(?:G[ \t]*0*1[01]|M[ \t]*0*20[78])(?![0-9]|\.0*[1-9])")
+_FACTOR = re.compile(r"M[ \t]*0*22[01](?![0-9]|\.0*[1-9])")
 _CYCLE_WORDS = re.compile(r"[PQUWDIR]")
 # inches and millimetres in DIN 66025, where no words of a turning cycle stand beside them
 _DIN_UNITS = {"G70": "20", "G71": "21"}
@@ -133,9 +137,13 @@ class ProfileReader:
             # M1000 and above are the makers' own
             own = head[1] == "M" and float(head[2]) >= 1000.0
             idle = own or head[1] == "T" or name in self._ignored or family in self._ignored
+            if head[1] == "T" and self._no_tool(
+                name, float(head[2]), (head.start(1) + 1, head.end() + 1), faults
+            ):
+                return nothing()
             if idle and name not in self._acting and self._dialect.profile == "printer":
                 # what M117 shows is read from the text (D-76)
-                return nothing() if family == "M117" else nothing(family)
+                return nothing() if family == "M117" else nothing(name)
         said = DISPLAY.match(code) if self._dialect.profile == "printer" else None
         if said is not None:
             code = code[: said.start(1)] + " " * (len(code) - said.start(1))
@@ -164,26 +172,41 @@ class ProfileReader:
             )
             return nothing()
         code = _CHECKSUM.sub(lambda match: " " * len(match[0]), code)
-        if self._dialect.extruder is not None and _RETRACTING.search(code):
-            return self._retraction(text, code, number, faults)
+        retracting = self._dialect.extruder is not None and _RETRACTING.search(code)
+        if retracting or (self._dialect.profile == "printer" and _FACTOR.search(code)):
+            return self._whole_line(text, code, number, faults)
         return self._sort(text, code, number, faults)
 
-    def _retraction(self, text: str, code: str, number: int, faults: FaultList) -> ParsedLine:
-        """Give a retraction, or M207 and M208 that set it, all words of the line: Z and F are its own."""
+    def _no_tool(self, name: str, number: float, span: Span, faults: FaultList) -> bool:
+        """Report a T of another extruder than the one that a printer has; return True then."""
+        if self._dialect.profile != "printer" or number == 0.0 or name in self._dialect.ignore:
+            return False
+        faults.add(
+            "MC143",
+            f"this printer has no {name}: it has one extruder, T0",
+            span,
+            "let the slicer write for one extruder; "
+            f'if it may go without effect, list it in the machine file: [dialect] ignore = ["{name}"]',
+        )
+        return True
+
+    def _whole_line(self, text: str, code: str, number: int, faults: FaultList) -> ParsedLine:
+        """Give a retraction, what sets it, or a factor all words of the line: Z, F and B are its own."""
         words = [word for word in self._words(code, faults) if word.letter != "N"]
         actions: tuple[Action, ...] = ()
         name = code_name(words[0].letter, words[0].value) if words else ""
-        others = [word for word in words if word.letter in "GM"][name in RETRACTING :]
+        others = [word for word in words if word.letter in "GM"][name in _WHOLE_LINE :]
         if others:
             shown = f"{others[0].letter}{others[0].text}"
-            faults.add("MC153", f"{shown} and a retraction share a line", others[0].span, _OWN_LINE)
-        elif name in RETRACTING:
+            beside = f"{name} beside it" if name in _WHOLE_LINE else "another code in its line"
+            faults.add("MC153", f"{shown}: {beside} takes all words", others[0].span, _OWN_LINE)
+        elif name in _WHOLE_LINE:
             own = {word.letter: word for word in words[1:]}
             for word in words[1:]:
                 if own[word.letter] is not word:
                     again = own[word.letter].span
                     faults.add("MC111", f"{word.letter} stands twice in one line", again, "keep one of them")
-            actions = () if faults.found else (Action(RETRACTING[name], words[0].span, own),)
+            actions = () if faults.found else (Action(_WHOLE_LINE[name], words[0].span, own),)
         return _line(number, text, code, [], faults, ProfileWords(actions))
 
     def _sort(self, text: str, code: str, number: int, faults: FaultList) -> ParsedLine:
@@ -304,7 +327,9 @@ class ProfileReader:
         exponents = self._dialect.profile != "printer" and "E" not in self._axes and not _IO_CODE.search(code)
         for match in _TOKEN.finditer(code):
             span = (match.start() + 1, match.end() + 1)
-            exponent = _EXPONENT.match(code, match.end()) if exponents and not match[5] else None
+            # E1E2 is none of two words of an axis E either
+            possible = match[1] == "E" or (exponents and not match[5])
+            exponent = _EXPONENT.match(code, match.end()) if possible else None
             if exponent is not None:
                 shown = code[match.start() : exponent.end()]
                 faults.add(
@@ -425,6 +450,10 @@ class ProfileReader:
                 faults.add("MC111", f"{word.letter} stands twice in one line", word.span, "keep one of them")
         speeds = not names & (self._dialect.mapped - SPINDLE)
         for word in own:
+            if word.letter == "T" and self._no_tool(
+                code_name("T", word.value), word.value, word.span, faults
+            ):
+                continue
             if word.letter == "T" or (word.letter == "S" and speeds):
                 actions.append(Action(word.letter, word.span, {word.letter: word}))
         for word in sorted(codes, key=_precedence):

@@ -28,11 +28,21 @@ def retract(block: BlockState, action: Action) -> list[Canonical]:
         _set(block, action)
         return []
     code = _CODES[action.code]
-    for word in action.words.values():
-        if (word.letter, word.value) != ("S", 0.0):
-            block.faults.add(
-                "MC113", f"{code} takes no {word.letter}{word.text}", word.span, f"write {code} alone"
-            )
+    others = [word for word in action.words.values() if (word.letter, word.value) != ("S", 0.0)]
+    if others:
+        # whoever wrote words wanted no retraction: nobody is told to leave them out
+        letters = {word.letter for word in others}
+        hint = "a change of the tool is not made here: let the slicer write for one extruder"
+        if "L" in letters:
+            hint = "zeros are set by G92: let the slicer write it"
+        elif letters & {"P", "R"}:
+            hint = "temperatures of tools are set by M104 and M109, zeros by G92: let the slicer write these"
+        elif letters != {"S"}:
+            hint = "moves are for G1: let the slicer write it"
+        shown = " ".join(f"{word.letter}{word.text}" for word in others)
+        span = (others[0].span[0], others[-1].span[1])
+        block.faults.add("MC194", f"{code} is a retraction here, and takes no {shown}", span, hint)
+        return []
     # G10 behind G10, and G11 without one, do nothing
     if (action.code == "RETRACT") == (block.frame.retracted is not None):
         return []

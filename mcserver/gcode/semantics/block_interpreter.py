@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import msgspec
+
 from mcserver.gcode.line_faults import FaultList
 from mcserver.gcode.profiles.actions import Effects, act_after, act_at_end, act_before
 from mcserver.gcode.profiles.diameters import refuse_beside_diameters
@@ -20,7 +22,7 @@ from mcserver.gcode.semantics.axis_words import (
 from mcserver.gcode.semantics.block_state import ASSUMED_TOOL, BlockState
 from mcserver.gcode.semantics.feed_time import FeedMove, feed_group
 from mcserver.gcode.semantics.holding_torque import check_holding
-from mcserver.gcode.semantics.modal import initial_modal
+from mcserver.gcode.semantics.modal import Feed, initial_modal
 from mcserver.gcode.semantics.moves import arc, line, rapid, transmit_speed, transmit_torque
 from mcserver.gcode.semantics.tilted_planes import check_plane
 from mcserver.gcode.semantics.tip_moves import refuse_beside_tip, tip_feed_move, tip_rapid
@@ -244,6 +246,9 @@ class BlockInterpreter:
         else:
             move = arc(block, command, words)
         if move is not None:
+            pace, feed = block.modal.pace, move.feed
+            if pace != 1.0 and feed is not None:
+                move = msgspec.structs.replace(move, feed=Feed(feed.number * pace, feed.speed * pace))
             feed_moves.append(move)
 
     def _repeats(self, words: Words) -> bool:

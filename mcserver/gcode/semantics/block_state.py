@@ -170,6 +170,19 @@ class BlockState:
             return self.parsed.span(source.index)
         return self.parsed.command_span(source)
 
+    def refuse_missing_axis(self, index: int, source: Word | Command | ProfileWord | Action) -> None:
+        """Report that programs cannot name an axis (MC108): it is not there, or it is a second drive."""
+        machine = self.setup.machine
+        axis = machine.axis(index)
+        if axis is not None and axis.gantry is not None:
+            leader = axis.gantry.leader
+            message = f"axis {index} is the second drive of axis {leader}, and moves with it"
+            hint = f"name axis {leader}"
+        else:
+            known = ", ".join(str(number) for number in sorted(self.setup.axes))
+            message, hint = f"the machine {machine.name} has no axis {index}", f"its axes are {known}"
+        self.faults.add("MC108", message, self.span(source), hint, axis=index)
+
     def usable_axis(
         self, index: int, source: Word | Command | Action, *, coupled: bool = False
     ) -> Axis | None:
@@ -178,14 +191,7 @@ class BlockState:
         """
         axis = self.setup.axes.get(index)
         if axis is None:
-            known = ", ".join(str(number) for number in sorted(self.setup.axes))
-            self.faults.add(
-                "MC108",
-                f"the machine {self.setup.machine.name} has no axis {index}",
-                self.span(source),
-                f"its axes are {known}",
-                axis=index,
-            )
+            self.refuse_missing_axis(index, source)
             return None
         if index not in self.setup.leased:
             known = ", ".join(str(number) for number in sorted(self.setup.leased)) or "none"

@@ -142,7 +142,7 @@ class Interpreter:
         by_tip = frame is not None and (frame.tip_tool is not None or frame.surface is not None)
         beside = self._compensation is not None or modal.transformation is not None
         beside = beside or modal.control_points is not None or modal.per_turn or bool(modal.coupled)
-        beside = beside or modal.diameter
+        beside = beside or modal.diameter or modal.pace != 1.0
         return self._ended or self._setup.dynamics is not None or by_tip or beside
 
     @property

@@ -65,6 +65,8 @@ class ModalState(msgspec.Struct, frozen=True):
         spline_end: of the last G5, which a G5 without I and J goes on from.
         control_points: of a curve that is not yet closed (G5.2).
         relative: axes whose words are increments under G90 too (M83).
+        flow: what words of a printer's E are multiplied by (M221). pace: what F is multiplied by (M220), and
+            kept_pace: the one that M220 R brings back (D-141).
         coupled: axes that follow others (G1060), each with the line since which it does.
         computed: parameters and subprograms of the lines before, where a program starts in its middle.
         bodies: that the program has brought so far (D-131).
@@ -91,6 +93,9 @@ class ModalState(msgspec.Struct, frozen=True):
     spline_end: SplineEnd | None = None
     control_points: ControlPoints | None = None
     relative: tuple[int, ...] = ()
+    flow: float = 1.0
+    pace: float = 1.0
+    kept_pace: float = 1.0
     carried: tuple[int, ...] = ()
     coupled: tuple[tuple[int, int], ...] = ()
     bodies: tuple[GivenBody, ...] = ()

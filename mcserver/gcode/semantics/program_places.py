@@ -62,7 +62,7 @@ def axis_values(block: BlockState, action: Action) -> dict[int, float]:
     for word in action.axes:
         axis = block.setup.axes.get(word.axis)
         if axis is None:
-            block.faults.add("MC108", f"the machine has no axis {word.axis}", word.span, "", axis=word.axis)
+            block.refuse_missing_axis(word.axis, word)
         elif word.axis in found:
             block.faults.add(
                 "MC111", f"{word.letter} stands twice in one command", word.span, "keep one of them"
@@ -85,9 +85,12 @@ def ends_of(
     """
     modal, at = block.modal, block.commanded.positions
     found, shift = modal.transformation, modal.shift
+    extruder = None if modal.flow == 1.0 else block.setup.machine.dialect.extruder
     ends: dict[int, float] = {}
     for axis, each in given.items():
         ends[axis] = each.value * axis_scale(block.setup.axes[axis].type, each.inch)
+        if axis == extruder:
+            ends[axis] *= modal.flow
         if each.incremental:
             ends[axis] += at[axis]
         else:

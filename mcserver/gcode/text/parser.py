@@ -57,6 +57,12 @@ class ParsedLine:
         """Return True if the line holds no code."""
         return not self.groups and self.profile is None
 
+    def _letter(self, index: int) -> str:
+        """Return the letter that a profile's line has for an axis by its number; empty: it has the number."""
+        spans = self._scan.spans
+        first = "" if spans is None else self._scan.code[spans[index][0] - 1]
+        return first if first.isalpha() else ""
+
     def span(self, first: int, last: int | None = None) -> Span:
         """Return the columns of token ``first``, or from there to token ``last``: from 1, end exclusive."""
         if self._spans is None:
@@ -126,7 +132,7 @@ class ParsedLine:
                     (column, column + len(name)),
                 )
                 axis = -1
-            word = Word("[", value, index, axis, text)
+            word = Word("[", value, index, axis, text, self._letter(index))
         else:
             word = Word(name, value, index, AXIS_LETTERS.get(name, -1), text)
         if not -LARGEST <= value <= LARGEST and value == value and name not in ("G", "M", "N"):

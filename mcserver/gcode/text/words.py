@@ -37,6 +37,7 @@ class Word(msgspec.Struct, frozen=True, gc=False):
         index: of its token in the line; `ParsedLine.span` gives its columns.
         axis: 0-63 for axis words, else -1.
         text: the number as written.
+        written: a letter of the machine file's, such as E, that stands in the text for ``[``.
     """
 
     letter: str
@@ -44,6 +45,7 @@ class Word(msgspec.Struct, frozen=True, gc=False):
     index: int
     axis: int
     text: str
+    written: str = ""
 
     @property
     def shown(self) -> str:
@@ -53,6 +55,6 @@ class Word(msgspec.Struct, frozen=True, gc=False):
 
     @property
     def name(self) -> str:
-        if self.letter != "[":
-            return self.letter
+        if self.letter != "[" or self.written:
+            return self.written or self.letter
         return f"[{self.axis}]" if self.axis >= 0 else "[?]"

@@ -14,6 +14,7 @@ from types import MappingProxyType
 from mcserver.gcode.profiles.codes import (
     ACTING,
     DRILLING,
+    FACTORS,
     IGNORED,
     LATHE,
     PROBING,
@@ -21,6 +22,7 @@ from mcserver.gcode.profiles.codes import (
     SILENT,
     SYSTEM_NUMBERS,
     TAPPING,
+    acting_of,
 )
 from mcserver.gcode.profiles.frame import LENGTH_AXIS
 from mcserver.gcode.text.words import AXIS_LETTERS, INCREMENTAL_LETTERS
@@ -194,7 +196,7 @@ def _special_blocks(machine: Machine) -> list[Expression]:
         blocks.append(seq(Ref("before"), Ref("probe-code"), Ref("straight"), opt(Ref("feed"))))
     blocks += _io_blocks(machine)
     if machine.dialect.profile == "printer":
-        blocks.append(Ref("dwell-code"))
+        blocks += [Ref("dwell-code"), seq(Ref("factor-code"), opt(Ref("per-cent")))]
         if machine.dialect.retraction is not None:
             blocks.append(Ref("retraction-code"))
         blocks.append(seq(Ref("home-code"), Ref("home-option")))
@@ -255,6 +257,8 @@ def _tokens(machine: Machine) -> dict[str, Expression]:
         "offset-code": _codes({"G92"}),
         "home-code": _codes({"G28", "G30"} & acting or {"G28"}),
         "retraction-code": _codes({"G10", "G11"}),
+        "factor-code": _codes(FACTORS & acting_of(dialect) or FACTORS),
+        "per-cent": word("S", Ref("positive")),
         "home-option": seq(char("W"), Ref("space")),
         "spindle-code": _codes({"M3", "M4", "M5"}),
         "speed": word("S", Ref("unsigned")),
@@ -299,7 +303,7 @@ def _tokens(machine: Machine) -> dict[str, Expression]:
                 seq(
                     _bare_codes(name for name in names if name[0] == "M"), opt(char("."), Repeat(DIGIT, 1, 2))
                 ),
-                seq(char("T"), Repeat(DIGIT, 1, 2)),
+                seq(char("T"), char("0")),
             ),
             rest,
         )
