@@ -9,7 +9,10 @@ too late is judged where it acts (MC604).
 
 from __future__ import annotations
 
+import logging
 from collections import deque
+from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import Any
 
 from nicegui import Client, core
@@ -17,8 +20,12 @@ from nicegui.outbox import Message, MessageId, Outbox, deleted
 
 from mcserver.web.delays import DelayGate, event_delay_s
 
+log = logging.getLogger(__name__)
+
 # of those that no element has, such as what is said once: more than come while a link may be silent
 MOST_MESSAGES = 4000
+# that show one page, one after the other
+MOST_DOCUMENTS = 8
 
 
 class ResumingOutbox(Outbox):
@@ -28,18 +35,26 @@ class ResumingOutbox(Outbox):
         client: the page that it is of, which has a connection or will have one.
 
     Attributes:
-        taken: number of the newest event of each document that shows the page.
         gate: of its browser.
     """
 
     def __init__(self, client: Client) -> None:
         super().__init__(client)
-        self.taken: dict[str, int] = {}
+        self._taken: dict[str, int] = {}
         self.gate = DelayGate()
         self._newest: dict[int, MessageId] = {}
         self._said: deque[tuple[MessageId, Message]] = deque()
         # none before it is kept
         self._kept_from: MessageId = 0
+
+    def is_news(self, document: str, number: int) -> bool:
+        """Note the number of an event of a document that shows the page; False: it has been taken."""
+        if number <= self._taken.get(document, 0):
+            return False
+        if document not in self._taken and len(self._taken) == MOST_DOCUMENTS:
+            del self._taken[next(iter(self._taken))]
+        self._taken[document] = number
+        return True
 
     async def _emit(self, message: Message) -> None:
         _, kind, content = message
@@ -88,22 +103,32 @@ def take_events_once() -> None:
     take = core.sio.handlers["/"]["event"]
 
     def take_once(socket: str, event: dict[str, Any]) -> None:
-        outbox = _outbox(event)
-        if outbox is not None and "number" in event:
-            document, number, sent_s = (event.pop(key) for key in ("document", "number", "sent_s"))
-            if number <= outbox.taken.get(document, 0):
-                return
-            outbox.taken[document] = number
-            event_delay_s.set(outbox.gate.observe(sent_s))
-        take(socket, event)
+        with _only_of_a_page():
+            outbox = _outbox(event)
+            if outbox is not None and "number" in event:
+                document, number, sent_s = (event.pop(key) for key in ("document", "number", "sent_s"))
+                if not outbox.is_news(document, number):
+                    return
+                event_delay_s.set(outbox.gate.observe(sent_s))
+            take(socket, event)
 
     def take_clock(_: str, event: dict[str, Any]) -> None:
-        outbox = _outbox(event)
-        if outbox is not None:
-            outbox.gate.observe(event["sent_s"])
+        with _only_of_a_page():
+            outbox = _outbox(event)
+            if outbox is not None:
+                outbox.gate.observe(event["sent_s"])
 
     core.sio.on("event", take_once)
     core.sio.on("clock", take_clock)
+
+
+@contextmanager
+def _only_of_a_page() -> Iterator[None]:
+    """Drop what is no event of a page, or of an element that it has no more."""
+    try:
+        yield
+    except (AttributeError, LookupError, TypeError, ValueError) as error:
+        log.info("an event that is none of the page: %s: %s", type(error).__name__, error)
 
 
 def _outbox(event: dict[str, Any]) -> ResumingOutbox | None:

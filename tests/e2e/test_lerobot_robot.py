@@ -111,12 +111,12 @@ def test_a_robot_goes_where_its_actions_say_and_is_there(make_robot: MakeRobot) 
 def test_a_pause_is_gone_on_from_and_what_a_person_has_ended_is_not(
     make_robot: MakeRobot, server: ServerProcess
 ) -> None:
-    robot = make_robot(counts_s=0.1)
+    robot = make_robot(counts_s=0.5)
     here = robot.get_observation()
-    lead(robot, here)
-    time.sleep(1.0)
-    lead(robot, here)
     with Machine.connect(connect=server.endpoint) as person:
+        lead(robot, here)
+        time.sleep(1.5)
+        lead(robot, here)
         person.abort()
     for _ in range(2):
         with pytest.raises(ProgramAborted):
