@@ -109,6 +109,8 @@ def test_a_line_that_was_lost_is_refused_where_it_comes_too_late_and_stands_in_i
     # ten seconds before it comes
     page.evaluate("() => { const t = performance.now(); performance.now = () => t - 10_000; }")
     run_line(page, "G91 G0 X7")
+    # the line goes once its field is empty, with the next turn of the browser's loop
+    page.evaluate("() => new Promise((sent) => setTimeout(sent, 0))")
     page.evaluate("delete performance.now")
     with cut(page):
         pass

@@ -125,9 +125,9 @@
       const names = new Set([...unconfirmed.values()].map((each) => each.doing).filter(Boolean));
       if (names.size) sessionStorage.setItem(UNCERTAIN, [...names].join(", "));
     });
-    socket.on("connect", () => unconfirmed.forEach(send));
-    // so that the page's process can tell what was held up on the way
+    // so that the page's process can tell what was held up on the way: of a page that has just been opened, too
     const tellTime = () => { if (socket.connected) emit("clock", { client_id: window.clientId, sent_s: now_s() }); };
+    socket.on("connect", () => { tellTime(); unconfirmed.forEach(send); });
     tellTime();
     setInterval(tellTime, 2000);
   };
