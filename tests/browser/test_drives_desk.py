@@ -120,6 +120,8 @@ def test_a_parameter_is_found_by_words_read_written_within_its_limits_and_stored
     expect(value).to_have_value(str(machine.sdo_read(0x6065, axis=1).value))
     written(page, "0x1388")
     expect(page.get_by_text("6065h:00 is 5000")).to_be_visible()
+    # as it is read back, which would come behind what is typed next
+    expect(value).to_have_value("5000")
     assert machine.sdo_read(0x6065, axis=1).value == 5000
     written(page, "-1")
     refused(page, "MC559", "6065h:00", "-1")
