@@ -16,8 +16,6 @@ from mcserver.machine.machine_file import Machine
 
 # The place of cutters; those of robots' tools are numbers of axes.
 SPINDLE = -1
-# In place of an axis of a work system: the angle about Z by which it is turned [rad].
-ANGLE = -1
 # The remedy for a contact of a tool of which it is not known that it is there.
 NOT_KNOWN = "which tool is mounted is not known yet, and any may be: say it before with T, of a mill T and M6"
 

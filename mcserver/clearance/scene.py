@@ -21,7 +21,7 @@ from mckinematics.rotation import euler_to_matrix
 from numpy.typing import NDArray
 
 from mcserver.clearance.meshes import hull_of, load_hull, refuse_large_meshes
-from mcserver.clearance.mounted import ANGLE, SPINDLE, Mounted, place_of
+from mcserver.clearance.mounted import SPINDLE, Mounted, place_of
 from mcserver.clearance.outlines import turned
 from mcserver.errors import ConfigurationError
 from mcserver.machine.clearance_section import (
@@ -39,6 +39,7 @@ from mcserver.machine.clearance_section import (
 )
 from mcserver.machine.machine_file import Machine
 from mcserver.machine.section_reader import did_you_mean
+from mcserver.machine.work_systems import ANGLE
 from mcserver.units import MM
 
 Array = NDArray[np.float64]

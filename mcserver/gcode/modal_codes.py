@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from mcserver.gcode.profiles.codes import SYSTEM_NUMBERS
 from mcserver.gcode.semantics.modal import ModalState
+from mcserver.machine.work_systems import SYSTEM_NUMBERS
 
 
 def modal_codes(modal: ModalState) -> list[str]:

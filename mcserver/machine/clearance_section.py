@@ -12,6 +12,7 @@ from msgspec import Meta
 
 from mcserver.machine.section_reader import Mistakes, did_you_mean
 from mcserver.machine.toml_positions import Path as TomlPath
+from mcserver.machine.work_systems import SYSTEM_NUMBERS, WorkSystem
 from mcserver.units import AxisType
 
 if TYPE_CHECKING:
@@ -31,9 +32,6 @@ MOST_SWITCHES = 63
 # engineers can ask for.
 RunRole = Literal["agent", "operator"]
 AGENT, OPERATOR = ROLES = ("agent", "operator")
-# The work systems that a zone may stand in; numbered from 1, as in frames.
-WORK_SYSTEMS = ("G54", "G55", "G56", "G57", "G58", "G59", "G59.1", "G59.2", "G59.3")
-
 # One agent by its user's name, as sites have it.
 _ONE_AGENT = re.compile(rf"{AGENT}:[A-Za-z0-9][A-Za-z0-9_-]{{0,31}}")
 
@@ -161,7 +159,7 @@ class Zone(msgspec.Struct, frozen=True, kw_only=True):
     max_speed_mm_s: Annotated[float, Meta(gt=0.0, description="give mm/s above 0")] | None = None
     at_mm: Place = ORIGIN
     turned_deg: Place = ORIGIN
-    work: Literal["G54", "G55", "G56", "G57", "G58", "G59", "G59.1", "G59.2", "G59.3"] | None = None
+    work: WorkSystem | None = None
     on: str | None = None
     bodies: list[str] = []
     roles: list[str] = []
@@ -176,7 +174,7 @@ class Zone(msgspec.Struct, frozen=True, kw_only=True):
     @property
     def system(self) -> int | None:
         """Number of the work system that it is in."""
-        return None if self.work is None else 1 + WORK_SYSTEMS.index(self.work)
+        return None if self.work is None else SYSTEM_NUMBERS[self.work]
 
     @property
     def fixed(self) -> bool:

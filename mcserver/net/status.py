@@ -11,14 +11,13 @@ from numpy.typing import NDArray
 
 from mcserver.clearance.mounted import SPINDLE
 from mcserver.executor.shm.mailbox import SLOTS
-from mcserver.gcode.profiles.codes import SYSTEM_NUMBERS
-from mcserver.gcode.profiles.frame import ANGLE
 from mcserver.gcode.text.source import MAX_LINE_LENGTH
 from mcserver.machine.dialect_section import Cutter, Dialect
 from mcserver.machine.io_section import Input, Output
 from mcserver.machine.machine_file import Axis, Machine
 from mcserver.machine.machine_kinematics import build_kinematics
 from mcserver.machine.probing_cycles import probing_cycles
+from mcserver.machine.work_systems import ANGLE, SYSTEM_NUMBERS
 from mcserver.net.answers import REMEMBERED_ANSWERS, REMEMBERED_S
 from mcserver.net.info_messages import (
     ArgumentInfo,

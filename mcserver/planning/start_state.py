@@ -11,13 +11,13 @@ from collections.abc import Mapping
 
 import msgspec
 
-from mcserver.gcode.profiles.codes import SYSTEM_NUMBERS
-from mcserver.gcode.profiles.frame import ANGLE, Frame, tool_table
+from mcserver.gcode.profiles.frame import Frame, tool_table
 from mcserver.gcode.semantics.modal import ModalState
 from mcserver.gcode.switches import AS_WRITTEN, Switches
 from mcserver.gcode.text.words import AXIS_LETTERS
 from mcserver.machine.dialect_section import CodeWait, Cutter
 from mcserver.machine.machine_file import Machine
+from mcserver.machine.work_systems import ANGLE, SYSTEM_NUMBERS
 from mcserver.units import DEGREE, MM
 
 

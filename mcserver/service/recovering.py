@@ -8,11 +8,11 @@ from collections.abc import Awaitable, Callable, Sequence
 import msgspec
 
 from mcserver.errors import ProgramRejected, Refused, ServiceError
-from mcserver.gcode.profiles.codes import SYSTEM_NUMBERS
-from mcserver.gcode.profiles.frame import ANGLE, Frame
+from mcserver.gcode.profiles.frame import Frame
 from mcserver.gcode.semantics.modal import ModalState, with_frame
 from mcserver.gcode.switches import AS_WRITTEN, Switches
 from mcserver.machine.machine_file import Machine
+from mcserver.machine.work_systems import ANGLE, SYSTEM_NUMBERS
 from mcserver.planning.client import ProcessPlanning
 from mcserver.planning.start_state import StartState, StateBefore
 from mcserver.service.approach import Approach, Need, free_axes, plan_approach

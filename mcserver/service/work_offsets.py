@@ -10,9 +10,9 @@ from typing import Any
 import msgspec
 
 from mcserver.errors import Refused, ServiceError
-from mcserver.gcode.profiles.codes import SYSTEM_NUMBERS
-from mcserver.gcode.profiles.frame import ANGLE, Frame, Offsets
+from mcserver.gcode.profiles.frame import Frame, Offsets
 from mcserver.machine.dialect_section import Cutter
+from mcserver.machine.work_systems import ANGLE, SYSTEM_NUMBERS
 from mcserver.service.kept_file import KeptFiles, Write, with_checksum, without_checksum, write_at_once
 from mcserver.units import MINUTE
 

@@ -21,11 +21,12 @@ from mcserver.executor.block import LineEvents
 from mcserver.executor.entries import EventKind, ExecutorEvent
 from mcserver.executor.fault_codes import WARNINGS, remedy_of
 from mcserver.executor.shm.feedback import AxisCondition, homed_of
-from mcserver.gcode.profiles.frame import ANGLE, Frame
+from mcserver.gcode.profiles.frame import Frame
 from mcserver.gcode.program_check import check_lines
 from mcserver.gcode.text.source import LineSource, split_lines
 from mcserver.machine.clearance_section import GivenBody
 from mcserver.machine.machine_file import Machine
+from mcserver.machine.work_systems import ANGLE
 from mcserver.planning.clearance_guard import ClearanceGuard, ClearanceGuards
 from mcserver.planning.exchanges import mounted_by
 from mcserver.planning.line_marks import LineMarks

@@ -9,10 +9,9 @@ from collections.abc import Iterable
 import msgspec
 
 from mcserver.errors import UsageFault
-from mcserver.gcode.profiles.codes import SYSTEM_NUMBERS
-from mcserver.gcode.profiles.frame import ANGLE
 from mcserver.gcode.text.words import AXIS_LETTERS
 from mcserver.machine.machine_file import Machine
+from mcserver.machine.work_systems import ANGLE, SYSTEM_NUMBERS
 from mcserver.units import AxisType
 
 _ENTRY = re.compile(r"(?:(?P<system>G5[4-9](?:\.[1-3])?):)?(?P<axis>[A-Z]|\[?[0-9]{1,2}\]?)=(?P<at>[^=]+)")

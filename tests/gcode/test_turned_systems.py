@@ -17,9 +17,10 @@ from mcclient.work_tables import change_text, undo_line, work_places
 
 from mcserver.errors import UsageFault
 from mcserver.gcode.computing.machine_values import MachineValues, Source
-from mcserver.gcode.profiles.frame import ANGLE, Frame
+from mcserver.gcode.profiles.frame import Frame
 from mcserver.gcode.semantics.interpreter import Interpreter
 from mcserver.machine.machine_file import parse_machine
+from mcserver.machine.work_systems import ANGLE
 from mcserver.motion.geometry.curves import Array
 from mcserver.net.status import EdgeUnits
 from mcserver.planning.start_state import StartState, frame_changes

@@ -9,13 +9,13 @@ import msgspec
 
 from mcserver.gcode.computing.expressions import ComputingError
 from mcserver.gcode.line_faults import Span
-from mcserver.gcode.profiles.codes import SYSTEM_NUMBERS
 from mcserver.gcode.profiles.directions import back
-from mcserver.gcode.profiles.frame import ANGLE, Frame
+from mcserver.gcode.profiles.frame import Frame
 from mcserver.gcode.profiles.transformation import Transformation
 from mcserver.gcode.semantics.interpreter import Interpreter
 from mcserver.gcode.semantics.program_units import axis_scale, length_scale
 from mcserver.gcode.text.words import INCREMENTAL_LETTERS, axis_letters
+from mcserver.machine.work_systems import ANGLE, SYSTEM_NUMBERS
 from mcserver.motion.canonical import Canonical, InputLine, ProbeLine, WaitMode
 from mcserver.units import DEGREE, MM
 

@@ -8,11 +8,11 @@ import numpy as np
 
 from mcserver.gcode.computing.expressions import ComputingError
 from mcserver.gcode.line_faults import Span
-from mcserver.gcode.profiles.codes import SYSTEM_NUMBERS
 from mcserver.gcode.profiles.frame import Frame
 from mcserver.gcode.semantics.interpreter import Interpreter
 from mcserver.gcode.semantics.modal import ModalState
 from mcserver.gcode.semantics.program_units import length_scale
+from mcserver.machine.work_systems import SYSTEM_NUMBERS
 
 _SYSTEMS = {number: code for code, number in SYSTEM_NUMBERS.items()}
 _SPINDLE = {1: "M3", -1: "M4", 0: "M5"}

@@ -18,7 +18,6 @@ from mcserver.gcode.profiles.codes import (
     SPINDLE,
     SPINDLE_SPEEDS,
     SPLINES,
-    SYSTEM_NUMBERS,
     TAKES_AXES,
     THREADING,
     TOOL_LENGTHS,
@@ -52,6 +51,7 @@ from mcserver.gcode.semantics.rapids import rapid_group
 from mcserver.gcode.semantics.tilted_planes import end_plane, face, tilt
 from mcserver.gcode.semantics.travel_limits import ROUNDING
 from mcserver.gcode.text.profile_words import Action, ProfileWord
+from mcserver.machine.work_systems import SYSTEM_NUMBERS
 from mcserver.motion.canonical import (
     Canonical,
     DwellGroup,

@@ -8,6 +8,7 @@ from types import MappingProxyType
 from typing import Final
 
 from mcserver.machine.dialect_section import Dialect
+from mcserver.machine.work_systems import WORK_SYSTEMS
 
 # read by the reference's grammar, in the order of RS-274's execution
 SETTINGS: Final = frozenset(
@@ -16,11 +17,20 @@ SETTINGS: Final = frozenset(
 MOTIONS: Final = frozenset({"G0", "G1", "G2", "G3"})
 PROGRAM: Final = frozenset({"M0", "M1", "M2", "M30", "M60"})
 
-_SYSTEMS: Final = ("G54", "G55", "G56", "G57", "G58", "G59", "G59.1", "G59.2", "G59.3")
-SYSTEM_NUMBERS: Final[Mapping[str, int]] = MappingProxyType(
-    {code: number for number, code in enumerate(_SYSTEMS, start=1)}
-)
-_FRAME = {"G10", "G28", "G28.1", "G30", "G30.1", "G52", "G53", "G92", "G92.1", "G92.2", "G92.3", *_SYSTEMS}
+_FRAME = {
+    "G10",
+    "G28",
+    "G28.1",
+    "G30",
+    "G30.1",
+    "G52",
+    "G53",
+    "G92",
+    "G92.1",
+    "G92.2",
+    "G92.3",
+    *WORK_SYSTEMS,
+}
 # cutter compensation: its side, left of the path is 1 (D-85)
 COMPENSATING: Final[Mapping[str, int]] = MappingProxyType({"G41": 1, "G41.1": 1, "G42": -1, "G42.1": -1})
 # the tip led on the work piece, with rotary axes as written, or by the tool's direction (D-86, D-140)

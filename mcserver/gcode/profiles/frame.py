@@ -6,15 +6,13 @@ from collections.abc import Mapping
 
 import msgspec
 
-from mcserver.gcode.profiles.codes import SYSTEM_NUMBERS
 from mcserver.gcode.profiles.directions import Directions, Vector, about_z, along, back, product
 from mcserver.machine.dialect_section import Cutter, Retraction
 from mcserver.machine.machine_file import Machine
+from mcserver.machine.work_systems import ANGLE, SYSTEM_NUMBERS
 
 Offsets = Mapping[int, float]
 LENGTH_AXIS = 2  # a tool's length lies along Z
-# in place of an axis: the angle about Z by which X and Y of a work system are turned (G10 L2 R) [rad]
-ANGLE = -1
 
 
 class Level(msgspec.Struct, frozen=True):

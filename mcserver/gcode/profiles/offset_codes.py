@@ -7,11 +7,12 @@ import math
 import msgspec
 
 from mcserver.gcode.profiles.directions import along
-from mcserver.gcode.profiles.frame import ANGLE, Offsets
+from mcserver.gcode.profiles.frame import Offsets
 from mcserver.gcode.profiles.transforming import linear
 from mcserver.gcode.semantics.block_state import BlockState
 from mcserver.gcode.semantics.program_places import axis_values
 from mcserver.gcode.text.profile_words import Action
+from mcserver.machine.work_systems import ANGLE
 
 
 def refuse_other_offset(block: BlockState, action: Action, other: Offsets, hint: str) -> None:

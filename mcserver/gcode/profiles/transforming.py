@@ -6,12 +6,13 @@ import math
 
 import msgspec
 
-from mcserver.gcode.profiles.codes import PROBING, SYSTEM_NUMBERS, THREADING
+from mcserver.gcode.profiles.codes import PROBING, THREADING
 from mcserver.gcode.profiles.transformation import Polar, Rotation, Scaling, Transformation
 from mcserver.gcode.semantics.arc_plane import OFFSET_LETTERS, PLANES
 from mcserver.gcode.semantics.block_state import BlockState
 from mcserver.gcode.semantics.program_units import length_scale
 from mcserver.gcode.text.profile_words import Action, ProfileWord, ProfileWords
+from mcserver.machine.work_systems import SYSTEM_NUMBERS
 from mcserver.units import AxisType
 
 # whole factors from here on are thousandths (Fanuc); smaller ones would be a factor elsewhere (Haas)

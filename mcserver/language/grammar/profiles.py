@@ -20,7 +20,6 @@ from mcserver.gcode.profiles.codes import (
     PROBING,
     SETTINGS,
     SILENT,
-    SYSTEM_NUMBERS,
     TAPPING,
     acting_of,
 )
@@ -44,6 +43,7 @@ from mcserver.language.grammar.expressions import (
 )
 from mcserver.language.grammar.words import DIGIT, all_but, common_words, one_of, vocabulary, whole, word
 from mcserver.machine.machine_file import Machine
+from mcserver.machine.work_systems import SYSTEM_NUMBERS
 from mcserver.units import AxisType
 
 # the beginnings of printers' macros that go without effect

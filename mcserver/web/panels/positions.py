@@ -12,6 +12,7 @@ from mcclient.broken_off import WORK_OFFSET
 from mcclient.work_tables import work_places
 from nicegui import ui
 
+from mcserver.machine.work_systems import WORK_SYSTEMS
 from mcserver.web.actions import Actions
 from mcserver.web.dialogs import NamedDialog, answer_to
 from mcserver.web.formatting import MOST, axis_name, position_text, velocity_text
@@ -122,7 +123,7 @@ class PositionsPanel:
 
 def system_name(system: int) -> str:
     """Return ``G54`` to ``G59.3`` for 1 to 9."""
-    return f"G{53 + system}" if system <= 6 else f"G59.{system - 6}"
+    return WORK_SYSTEMS[system - 1]
 
 
 def offsets_html(status: MachineStatus, info: Info) -> str:
