@@ -34,6 +34,11 @@ def show_refusal(message: str, hint: str = "") -> None:
     )
 
 
+def show_error(error: MotionError | McError) -> None:
+    """Show what was refused, its code and its remedy."""
+    show_refusal(f"{t(error.message)} [{error.code}]", error.hint)
+
+
 def show_role_refusal(method: str) -> None:
     """Say which roles may call a method."""
     show_refusal(role_text(method), t("log in as somebody who has it"))

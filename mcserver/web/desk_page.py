@@ -4,13 +4,12 @@ from __future__ import annotations
 
 from urllib.parse import quote
 
-from nicegui import events, ui
+from nicegui import ui
 
 from mcserver.web.actions import Actions, role_text
 from mcserver.web.control import Driver
-from mcserver.web.formatting import banner
 from mcserver.web.link import MachineLink
-from mcserver.web.menu import add_menu
+from mcserver.web.machine_frame import Presence, StateLabel, header, obey_keys
 from mcserver.web.panels.control import ControlPanel
 from mcserver.web.panels.desk_bus import BusPanel
 from mcserver.web.panels.desk_drive import DeskDrive
@@ -19,7 +18,7 @@ from mcserver.web.panels.desk_parameters import ParametersPanel
 from mcserver.web.panels.desk_scope import ScopePanel
 from mcserver.web.panels.drives import DrivesPanel
 from mcserver.web.sessions import Visitor
-from mcserver.web.translation import mark, t
+from mcserver.web.translation import t
 
 REFRESH_S = 0.25
 # signs of life, and questions to the server, in refreshes
@@ -35,11 +34,10 @@ class DeskPage:
         self._visitor = visitor
         self._link = link
         self._beat = 0
-        # a browser is connected to this page; who only asks for it takes no place
-        self._looking = False
-        client = ui.context.client
-        self._actions = actions = Actions(Driver(client.id, visitor), link)
-        self._header()
+        actions = Actions(Driver(ui.context.client.id, visitor), link)
+        with header(actions):
+            ui.link(link.name, f"/machine/{quote(link.name)}").classes("text-white font-bold")
+            self._state = StateLabel()
         if not visitor.may(METHOD):
             ui.label(role_text(METHOD))
             return
@@ -59,23 +57,9 @@ class DeskPage:
                 with ui.element("div").classes("mc-column"):
                     FilesPanel(self._drive)
                     self._drives = DrivesPanel(link)
-        ui.on("mc_key", self._on_key)
+        obey_keys(actions)
         ui.timer(REFRESH_S, self.update)
-        client.on_connect(self._enter)
-        client.on_disconnect(lambda: None if client.has_socket_connection else self._cut(client.id))
-        client.on_delete(self._leave)
-
-    def _header(self) -> None:
-        name = self._link.name
-        with ui.header(elevated=True).classes("items-center justify-between no-wrap py-1 px-2 bg-slate-900"):
-            with ui.row().classes("items-center gap-2"):
-                ui.link(name, f"/machine/{quote(name)}").classes("text-white font-bold")
-                self._state = ui.label("…").classes("mc-state").props("role=status aria-live=polite")
-            with ui.row().classes("items-center no-wrap gap-0"):
-                add_menu(self._visitor)
-                ui.button(t("E-STOP"), on_click=self._actions.emergency_stop).props(
-                    f'color=negative aria-label="{t("Emergency stop")}" data-estop'
-                ).classes("mc-estop")
+        Presence(actions, self._stop)
 
     async def update(self) -> None:
         """Show the newest state."""
@@ -85,10 +69,7 @@ class DeskPage:
                 ui.navigate.reload()
                 return
         self._beat += 1
-        word, kind = banner(self._link.status, self._link.online)
-        if self._state.text != t(word):
-            self._state.set_text(t(word))
-            self._state.classes(replace=f"mc-state mc-state-{kind}")
+        self._state.update(self._link)
         self._control.update()
         self._drive.update()
         self._scope.update()
@@ -96,28 +77,6 @@ class DeskPage:
             await self._drive.look()
             await self._drives.update(self._link.machine.info)
 
-    async def _on_key(self, event: events.GenericEventArguments) -> None:
-        if event.args.get("key") == "estop":
-            await self._actions.emergency_stop()
-        else:
-            await self._actions.do("hold", mark("hold"), lambda machine: machine.hold())
-
-    def _enter(self) -> None:
-        self._link.control.come(self._actions.driver)
-        if self._link.closed:
-            # others needed its place while nobody looked
-            ui.navigate.reload()
-        elif not self._looking:
-            self._looking = True
-            self._link.enter(self._visitor.name)
-
-    def _cut(self, browser: str) -> None:
-        self._link.control.leave(browser)
-        self._leave()
-
-    def _leave(self) -> None:
-        if self._looking:
-            self._looking = False
-            self._link.leave(self._visitor.name)
+    def _stop(self) -> None:
         self._scope.stop()
         self._drive.stop()

@@ -6,14 +6,14 @@ import json
 
 from mcclient import Machine, MachineStatus
 from mcclient.broken_off import ENERGIZE
-from nicegui import events, ui
+from nicegui import ui
 
 from mcserver.web.actions import Actions
 from mcserver.web.announcements import Announcer, title_of
 from mcserver.web.control import Driver
-from mcserver.web.formatting import banner, current_program
+from mcserver.web.formatting import current_program
 from mcserver.web.link import MachineLink
-from mcserver.web.menu import add_menu
+from mcserver.web.machine_frame import Presence, StateLabel, header, obey_keys
 from mcserver.web.open_programs import refusal_of
 from mcserver.web.panels.arming import ArmingPanel
 from mcserver.web.panels.buttons import ButtonsPanel
@@ -71,9 +71,11 @@ class MachinePage:
         self._beat = 0
         self._title = ""
         self._stale: bool | None = None
-        # a browser is connected to this page; who only asks for it takes no place
-        self._looking = False
-        self._header(visitor)
+        with header(actions):
+            ui.link(t("Fleet"), "/").classes("text-white")
+            ui.label(link.name).classes("font-bold")
+            self._state = StateLabel()
+            self._late = ui.label("").classes("text-xs mc-late")
         self._held = HeldButtons(actions)
         with ui.element("div").classes("w-full p-2"):
             ui.html(f"<h1 class='sr-only'>{link.name}</h1>", sanitize=False)
@@ -131,37 +133,16 @@ class MachinePage:
                     if past is not None:
                         with _place(16):
                             PastPanel(link, past)
-        ui.on("mc_key", self._on_key)
+        obey_keys(actions)
         if not visitor.may("open"):
             client.on_connect(lambda: ui.run_javascript("mcWatchOnly()"))
         ui.timer(REFRESH_S, self.update)
         ui.timer(SLOW_S, self.ask)
         ui.timer(FOLLOW_S, self._follow)
-        client.on_connect(self._enter)
         client.on_disconnect(self._held.release)
         client.on_disconnect(self._tool_jog.drop)
-        client.on_disconnect(lambda: None if client.has_socket_connection else self._cut(client.id))
-        client.on_delete(self._leave)
+        Presence(actions)
         self.update()
-
-    def _enter(self) -> None:
-        self._link.control.come(self._actions.driver)
-        if self._link.closed:
-            # others needed its place while nobody looked
-            ui.navigate.reload()
-        elif not self._looking:
-            self._looking = True
-            self._link.enter(self._visitor.name)
-
-    def _cut(self, browser: str) -> None:
-        """Be without any link: a connection that a newer one has replaced may end after that has come."""
-        self._link.control.leave(browser)
-        self._leave()
-
-    def _leave(self) -> None:
-        if self._looking:
-            self._looking = False
-            self._link.leave(self._visitor.name)
 
     async def _follow(self) -> None:
         """Show where the axes are as soon as the server says it, not at the next refresh."""
@@ -177,19 +158,6 @@ class MachinePage:
             await self._recordings.update()
             await self._drives.update(machine.info)
             await self._tables.update(machine.info)
-
-    def _header(self, visitor: Visitor) -> None:
-        with ui.header(elevated=True).classes("items-center justify-between no-wrap py-1 px-2 bg-slate-900"):
-            with ui.row().classes("items-center gap-2"):
-                ui.link(t("Fleet"), "/").classes("text-white")
-                ui.label(self._link.name).classes("font-bold")
-                self._state = ui.label("…").classes("mc-state").props("role=status aria-live=polite")
-                self._late = ui.label("").classes("text-xs mc-late")
-            with ui.row().classes("items-center no-wrap gap-0"):
-                add_menu(visitor)
-                ui.button(t("E-STOP"), on_click=self._actions.emergency_stop).props(
-                    f'color=negative aria-label="{t("Emergency stop")}" data-estop'
-                ).classes("mc-estop")
 
     def _controls(self) -> None:
         do = self._actions.do
@@ -238,12 +206,6 @@ class MachinePage:
 
         await self._actions.do("open", mark("energize"), capture)
 
-    async def _on_key(self, event: events.GenericEventArguments) -> None:
-        if event.args.get("key") == "estop":
-            await self._actions.emergency_stop()
-        else:
-            await self._actions.do("hold", mark("hold"), lambda machine: machine.hold())
-
     def update(self) -> None:
         """Show the newest state."""
         if self._beat % BEAT_EVERY == 0:
@@ -253,10 +215,7 @@ class MachinePage:
                 return
         self._beat += 1
         status, machine = self._link.status, self._link.machine
-        word, kind = banner(status, self._link.online)
-        if self._state.text != t(word):
-            self._state.set_text(t(word))
-            self._state.classes(replace=f"mc-state mc-state-{kind}")
+        word = self._state.update(self._link)
         self._control.update()
         self._notices.update(status)
         self._say(status, word)

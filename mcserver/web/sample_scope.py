@@ -96,10 +96,10 @@ class SampleScope:
     def _look_for(self, trigger: Trigger, known: int) -> None:
         """Find the trigger in the rows behind ``known``, and let time begin there."""
         values = self._rows[:, trigger.column]
-        (told,) = np.nonzero(np.isfinite(values))
-        meets = values[told] > trigger.level if trigger.above else values[told] < trigger.level
+        (finite,) = np.nonzero(np.isfinite(values))
+        meets = values[finite] > trigger.level if trigger.above else values[finite] < trigger.level
         fires = np.append(False, meets[1:] & ~meets[:-1]) if trigger.edge else meets
-        found = told[fires & (told >= known)]
+        found = finite[fires & (finite >= known)]
         if len(found):
             first = max(0, int(found[0]) - self.before)
             self._rows, self._zero, self.triggered = self._rows[first:], int(found[0]) - first, True

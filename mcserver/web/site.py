@@ -7,6 +7,7 @@ import html
 import logging
 import re
 import time
+from collections.abc import Callable
 from pathlib import Path
 from urllib.parse import parse_qs, quote
 
@@ -154,36 +155,35 @@ def build_site(sessions: Sessions, fleet: Fleet, *, secure: bool, host: str) -> 
 
     @ui.page("/machine/{name}", title="Machine")
     def machine_page(request: Request, name: str) -> Response | None:
-        visitor = _visitor(sessions, request)
-        if visitor is None:
-            return _to_login(request)
-        link = looked_at(visitor, name)
-        if link is not None:
-            MachinePage(visitor, link, fleet.past)
-        return None
+        return looked_at(request, name, lambda visitor, link: MachinePage(visitor, link, fleet.past))
 
     @ui.page("/machine/{name}/drives", title="Drives")
     def desk_page(request: Request, name: str) -> Response | None:
-        visitor = _visitor(sessions, request)
-        if visitor is None:
-            return _to_login(request)
-        link = looked_at(visitor, name)
-        if link is not None:
+        def build(visitor: Visitor, link: MachineLink) -> None:
             # NiceGUI looks at every object of the process as it starts, which one of canopen's does not bear
             from mcserver.web.desk_page import DeskPage
 
             DeskPage(visitor, link)
-        return None
 
-    def looked_at(visitor: Visitor, name: str) -> MachineLink | None:
-        """Begin the page of a machine; None: it cannot be looked at, and the page says why."""
+        return looked_at(request, name, build)
+
+    def looked_at(
+        request: Request, name: str, build: Callable[[Visitor, MachineLink], object]
+    ) -> Response | None:
+        """Build a page of a machine, which says why where that cannot be looked at; or send to the login."""
+        visitor = _visitor(sessions, request)
+        if visitor is None:
+            return _to_login(request)
         add_head()
         ui.page_title(name)
         try:
             live_key(name)
-            return fleet.link(name, visitor.name)
+            link = fleet.link(name, visitor.name)
         except MotionError as error:
             ui.label(f"{t(error.message)}: {t(error.hint)}")
+        else:
+            build(visitor, link)
+            return None
         if not fleet.knows(name):
             # this process may have begun a moment ago, or the machine comes later
             ui.timer(SEEN_S, lambda: ui.navigate.reload() if fleet.knows(name) else None)

@@ -9,7 +9,7 @@ from mcclient import MotionError
 from mcclient.types import BusHealth, NodeHealth
 from nicegui import ui
 
-from mcserver.web.actions import Actions, show_refusal
+from mcserver.web.actions import Actions, show_error
 from mcserver.web.translation import t
 
 SECONDS = 5.0
@@ -42,7 +42,7 @@ class BusPanel:
             )
             self._report.set_content("".join(map(bus_html, found)))
         except MotionError as error:
-            show_refusal(f"{t(error.message)} [{error.code}]", error.hint)
+            show_error(error)
         finally:
             self._button.set_enabled(True)
 

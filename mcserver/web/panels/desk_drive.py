@@ -13,7 +13,7 @@ from mcserver.canopen.canopen_errors import Stopped
 from mcserver.canopen.desk import Desk
 from mcserver.canopen.parameters import Parameter
 from mcserver.errors import McError
-from mcserver.web.actions import Actions, show_refusal
+from mcserver.web.actions import Actions, show_error, show_refusal
 from mcserver.web.choice import Choice
 from mcserver.web.desk import DeskThread, parameters_from
 from mcserver.web.formatting import axis_name
@@ -123,7 +123,7 @@ class DeskDrive:
         try:
             return await self._at_desk(work, drive)
         except (MotionError, McError) as error:
-            show_refusal(f"{t(error.message)} [{error.code}]", error.hint)
+            show_error(error)
         return None
 
     async def write(self, name: str, work: Callable[[Desk], T]) -> T | None:

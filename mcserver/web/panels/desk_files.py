@@ -21,7 +21,7 @@ from mcserver.canopen.parameter_file import (
 )
 from mcserver.canopen.parameters import Parameter
 from mcserver.errors import UsageFault
-from mcserver.web.actions import show_refusal
+from mcserver.web.actions import show_error, show_refusal
 from mcserver.web.choice import Choice
 from mcserver.web.desk import parameters_from
 from mcserver.web.dialogs import ask
@@ -122,7 +122,7 @@ class FilesPanel:
         try:
             other = await self._drive.described(self._other.value)
         except MotionError as error:
-            show_refusal(f"{t(error.message)} [{error.code}]", error.hint)
+            show_error(error)
             return
         file = await self._drive.read(lambda desk: taken(desk, other), other)
         if file is not None:

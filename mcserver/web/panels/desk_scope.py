@@ -11,7 +11,7 @@ from mcclient import Machine, MotionError
 from nicegui import ui
 
 from mcserver.canopen.scope import FOLLOWING_ERROR, ScopeTrace, Trigger
-from mcserver.web.actions import Actions, show_refusal
+from mcserver.web.actions import Actions, show_error, show_refusal
 from mcserver.web.choice import Choice
 from mcserver.web.formatting import axis_name
 from mcserver.web.sample_scope import (
@@ -104,7 +104,7 @@ class ScopePanel:
         try:
             machine = link.connected()
         except MotionError as error:
-            show_refusal(f"{t(error.message)} [{error.code}]", error.hint)
+            show_error(error)
             return
         axis = next((each for each in machine.info.axes if each.index == self._axis.value), None)
         level = self._level.value

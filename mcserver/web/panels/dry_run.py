@@ -10,7 +10,7 @@ from mcclient.types import RunRoleWord, SimulateReply
 from nicegui import ui
 
 from mcserver.errors import McError
-from mcserver.web.actions import Actions, show_refusal
+from mcserver.web.actions import Actions, show_error
 from mcserver.web.dialogs import NamedDialog
 from mcserver.web.formatting import axis_name, clock_text, diagnostics_html, program_excerpt
 from mcserver.web.jobs import PATH_POINTS, Switches, path_from_line
@@ -47,7 +47,7 @@ async def show_dry_run(
             text, positions=start, path_points=PATH_POINTS, role=role, **switches._asdict()
         )
     except (MotionError, McError) as error:
-        show_refusal(f"{t(error.message)} [{error.code}]", error.hint)
+        show_error(error)
         return
     finally:
         waiting.dismiss()

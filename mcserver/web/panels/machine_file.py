@@ -10,7 +10,7 @@ from mcclient import Machine, MotionError
 from mcclient.types import Diagnostic, MachineFileReply
 from nicegui import ui
 
-from mcserver.web.actions import Actions, show_refusal
+from mcserver.web.actions import Actions, show_error
 from mcserver.web.dialogs import NamedDialog
 from mcserver.web.formatting import diagnostics_html
 from mcserver.web.translation import mark, t
@@ -36,7 +36,7 @@ class MachineFilePanel:
         try:
             found = await self._actions.link.connected().machine_file()
         except MotionError as error:
-            show_refusal(f"{t(error.message)} [{error.code}]", error.hint)
+            show_error(error)
             return
         dialog = NamedDialog(t("Machine file {name}", name=found.name)).props("maximized")
         with dialog, ui.card().classes("mc-card"):

@@ -10,7 +10,7 @@ from typing import Any
 from mcclient import MotionError
 from nicegui import ui
 
-from mcserver.web.actions import show_refusal
+from mcserver.web.actions import show_error
 from mcserver.web.link import MachineLink
 from mcserver.web.panels.replay import show_replay
 from mcserver.web.past import WHATS, WHENS, Answer, Past
@@ -52,7 +52,7 @@ class PastPanel:
             )
         except MotionError as error:
             self._state.set_text("")
-            show_refusal(f"{t(error.message)} [{error.code}]", error.hint)
+            show_error(error)
             return
         more = t(", the newest {count} are shown", count=SHOWN) if len(rows) > SHOWN else ""
         self._state.set_text(t("{count} rows{more}; times are UTC", count=len(rows), more=more))

@@ -11,7 +11,7 @@ import msgspec
 from mcclient import MotionError
 from nicegui import ui
 
-from mcserver.web.actions import show_refusal
+from mcserver.web.actions import show_error, show_refusal
 from mcserver.web.dialogs import NamedDialog
 from mcserver.web.link import MachineLink
 from mcserver.web.playback import SPEEDS, Playback
@@ -35,7 +35,7 @@ async def show_replay(link: MachineLink, name: str) -> None:
         replay = msgspec.json.decode(path.read_bytes(), type=Replay)
     except (MotionError, OSError, msgspec.DecodeError) as error:
         if isinstance(error, MotionError):
-            show_refusal(f"{t(error.message)} [{error.code}]", error.hint)
+            show_error(error)
         else:
             show_refusal(t("{name} cannot be played: {error}", name=name, error=error))
         return

@@ -12,7 +12,7 @@ from mcclient.types import Continuation, ProgramStatus
 from nicegui import ui
 
 from mcserver.errors import McError
-from mcserver.web.actions import Actions, show_refusal
+from mcserver.web.actions import Actions, show_error, show_refusal
 from mcserver.web.dialogs import NamedDialog, answer_to
 from mcserver.web.formatting import axis_name, page_hint, position_text, program_excerpt
 from mcserver.web.jobs import Middle, Switches
@@ -34,7 +34,7 @@ async def ask_run_from(actions: Actions, name: str, from_line: int, switches: Sw
             before=lines[: from_line - 1], **switches._asdict()
         )
     except (MotionError, McError) as error:
-        show_refusal(f"{t(error.message)} [{error.code}]", error.hint)
+        show_error(error)
         return None
     first = max(1, from_line - 3)
     excerpt = program_excerpt(lines, from_line, {}) if len(lines) > 1 else html.escape(lines[first - 1])
@@ -52,7 +52,7 @@ async def ask_to_go_on(actions: Actions, program: ProgramStatus) -> tuple[Contin
     try:
         shown = await actions.link.connected().continuation(program.program)
     except (MotionError, McError) as error:
-        show_refusal(f"{t(error.message)} [{error.code}]", error.hint)
+        show_error(error)
         return None
     name = program_name(shown.name or shown.program)
     rows = [

@@ -6,7 +6,7 @@ from mcclient import MotionError
 from nicegui import ui
 
 from mcserver.errors import McError
-from mcserver.web.actions import Actions, show_refusal
+from mcserver.web.actions import Actions, show_error, show_refusal
 from mcserver.web.dialogs import ask_to_replace
 from mcserver.web.open_programs import refusal_of
 from mcserver.web.panels.tool_jog import ToolJogPanel, pose_of
@@ -53,7 +53,7 @@ class TeachPanel:
                 raise refusal
             line = pose_line(tool, pose_of(status.tools, tool), self._jog.speed)
         except MotionError as error:
-            show_refusal(f"{t(error.message)} [{error.code}]", error.hint)
+            show_error(error)
             return
         text = str(self._text.value or "").rstrip("\n")
         lines = [text] if text.strip() else opening_lines(tool)

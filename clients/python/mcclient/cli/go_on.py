@@ -66,7 +66,7 @@ def continue_(
         async with target.open() as machine:
             name = program or await _newest(machine)
             shown = await machine.continuation(name, line=line)
-            _tell(shown)
+            _tell(shown, needs=show)
             if show:
                 return machine.name, {"continuation": shown}
             rest = _rest(shown, file)
@@ -110,13 +110,14 @@ async def _newest(machine: Machine) -> str:
     return found.program
 
 
-def _tell(shown: Continuation) -> None:
+def _tell(shown: Continuation, *, needs: bool) -> None:
+    """Say what is certain, and the way; ``needs``: say also what has to be done or answered first."""
     say(f"{shown.name or shown.program}: lines through {shown.done} are certain, on at line {shown.line}")
     for number, text in enumerate(shown.lines, shown.first):
         say(f"{'>' if number == shown.line else ' '}{number:>6} | {text}")
     for switched in switches_said(shown.block_delete, shown.optional_stop):
         say(f"  {switched}")
-    for need in shown.needs:
+    for need in shown.needs if needs else ():
         say(f"{need.code}: {need.message}; {need.hint}", "yellow")
     if any(need.code == "MC450" for need in shown.needs):
         # where the axes stand, and so the way, is known once they are homed
