@@ -15,8 +15,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from mckinematics.description import AxisDescription
 from mckinematics.errors import ModelError
-from mckinematics.model import import_pinocchio, load_model, read_urdf
+from mckinematics.model import RobotModel, build_chain, import_pinocchio, load_model, read_urdf
 from mckinematics.rotation import euler_to_matrix
 from numpy.typing import NDArray
 
@@ -111,11 +112,12 @@ class Scene:
         try:
             self._pin = import_pinocchio()
             self._coal = importlib.import_module("coal")
-            self._model = self._robot_model()
+            robot = None if machine.urdf is None else load_model(machine.urdf)
+            self._model = self._pin.Model() if robot is None else robot.pinocchio_model
+            self._driven = self._joints_of_axes(robot)
         except ModelError as error:
             raise ConfigurationError(error.code, error.message, error.hint) from error
         self._geometry = self._pin.GeometryModel()
-        self._driven = self._joints_of_axes()
         if machine.urdf is not None:
             self._add_links(machine.urdf)
         for body in self._clearance.bodies:
@@ -157,6 +159,10 @@ class Scene:
             shape.radius, shape.halfLength = 0.5 * cutter.diameter, 0.5 * cutter.length
             down = self._pin.SE3(np.eye(3), np.array([0.0, 0.0, -0.5 * cutter.length]))
             self._geometry.geometryObjects[number].placement = held * down
+            # a joint that turns the cutter changes distances by as much as that is long
+            for place, pair in enumerate(self._geometry.collisionPairs):
+                if number in (pair.first, pair.second):
+                    self.levers[:, place] = self._lever(pair)
         for number, zone in self._zones.items():
             if zone.system is not None:
                 work = self._in_work(mounted.work.get(zone.system, {}))
@@ -230,35 +236,38 @@ class Scene:
         return float(self._pin.computeDistance(self._geometry, self._placed, pair).min_distance)
 
     def travel(self, pair: int, before: Array, after: Array) -> float:
-        """Return the most that a point of the ball around the first body of a pair moves between two places
-        of the axes, shape (K,) each [m].
+        """Return the most that a point of the ball around the first body of a pair moves, as seen from the
+        second one, between two places of the axes, shape (K,) each [m].
         """
-        number = int(self._geometry.collisionPairs[pair].first)
+        number, seen_from = (
+            int(getattr(self._geometry.collisionPairs[pair], which)) for which in ("first", "second")
+        )
         shape = self._geometry.geometryObjects[number].geometry
         shape.computeLocalAABB()
         middle = np.asarray(shape.aabb_center)
         self.place(before)
-        one = self._placed.oMg[number].copy()
+        one = self._placed.oMg[seen_from].actInv(self._placed.oMg[number])
         self.place(after)
-        other = self._placed.oMg[number]
+        other = self._placed.oMg[seen_from].actInv(self._placed.oMg[number])
         # of a turn the chord at the radius: the greatest singular value of the difference
         turn = float(np.linalg.norm(other.rotation - one.rotation)) / math.sqrt(2.0)
         return float(np.linalg.norm(other.act(middle) - one.act(middle))) + turn * float(shape.aabb_radius)
 
     # ------------------------------------------------------------------ the model
 
-    def _robot_model(self) -> Any:
-        if self._machine.urdf is None:
-            return self._pin.Model()
-        return load_model(self._machine.urdf).pinocchio_model.copy()
+    def _joints_of_axes(self, robot: RobotModel | None) -> dict[int, int]:
+        """Return by joint of the URDF the column of the axis that moves it.
 
-    def _joints_of_axes(self) -> dict[int, int]:
-        """Return by joint of the URDF the column of the axis that moves it."""
+        Raises:
+            ModelError: a tool does not fit the URDF.
+        """
         driven: dict[int, int] = {}
+        axes: dict[int, AxisDescription] = {axis.index: axis for axis in self._machine.axes}
         for tool in self._machine.tools:
-            frame = self._model.frames[self._frame(tool.frame)]
-            joints = [int(joint) for joint in self._model.supports[frame.parentJoint] if joint != 0]
-            driven.update(zip(joints, map(self._machine.column_of, tool.axes), strict=True))
+            assert robot is not None
+            chain = build_chain(robot, tool, axes)
+            for joint, axis in zip(chain.joint_names, chain.axes, strict=True):
+                driven[int(self._model.getJointId(joint))] = self._machine.column_of(axis)
         return driven
 
     def _frame(self, name: str) -> int:
@@ -309,7 +318,11 @@ class Scene:
         """Return the joint that carries a body, and the frame behind it in which the body's place is."""
         if body.link is None:
             return self._carriage(body), self._pin.SE3.Identity()
-        frame = self._model.frames[self._frame(body.link)]
+        return self._link(body.link)
+
+    def _link(self, name: str) -> tuple[int, Any]:
+        """Return the joint that carries a link of the URDF, and the link's frame behind it."""
+        frame = self._model.frames[self._frame(name)]
         return int(frame.parentJoint), frame.placement
 
     def _add(self, name: str, joint: int, placement: Any, shape: Any) -> int:
@@ -365,7 +378,12 @@ class Scene:
     def _carried(self, zone: Zone) -> tuple[int, Any]:
         """Return the joint that carries a zone, and its place there, in a work system at the base."""
         carrier = next((each for each in self._clearance.bodies if each.name == zone.on), None)
-        joint, frame = (0, self._pin.SE3.Identity()) if carrier is None else self._joint_of(carrier)
+        if carrier is not None:
+            joint, frame = self._joint_of(carrier)
+        elif zone.on is not None:
+            joint, frame = self._link(zone.on)
+        else:
+            joint, frame = 0, self._pin.SE3.Identity()
         return joint, frame * self._pose(zone.at_mm, zone.turned_deg)
 
     def _in_work(self, offsets: Mapping[int, float]) -> Any:
@@ -454,14 +472,21 @@ class Scene:
         return one is not None and other is not None and one != other and one[1] == other[1]
 
     def _lever(self, pair: Any) -> Array:
-        """Return the most that a unit of each axis changes the distance of a pair, shape (K,)."""
+        """Return how far a unit of each axis moves bodies of a pair beside each other at most, shape (K,)."""
         one, other = (self._geometry.geometryObjects[each] for each in (pair.first, pair.second))
         above = [set(self._model.supports[each.parentJoint]) for each in (one, other)]
         levers = np.zeros(len(self._machine.axes))
         for joint, column in self._driven.items():
             # a joint that carries both changes nothing between them
-            if (joint in above[0]) != (joint in above[1]):
-                levers[column] += self._reach(joint, one if joint in above[0] else other)
+            if joint in above[0] and joint not in above[1]:
+                levers[column] += self._reach(joint, one)
+            elif joint in above[1] and joint not in above[0]:
+                levers[column] += self._reach(joint, other)
+                zone = self._zones.get(int(pair.second))
+                if zone is not None and zone.kind == "slow" and self._turns(joint):
+                    # speed counts of all of a body, which may stick out of the zone
+                    one.geometry.computeLocalAABB()
+                    levers[column] += 2.0 * float(one.geometry.aabb_radius)
         return levers
 
     def _reach(self, joint: int, body: Any) -> float:

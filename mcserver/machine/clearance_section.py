@@ -146,8 +146,8 @@ class Zone(msgspec.Struct, frozen=True, kw_only=True):
 
     Attributes:
         max_speed_mm_s: of a slow one.
-        work: the work system that its place and angles are in; None: the base's frame. on: name of a body
-            that carries it; None: it stands.
+        work: the work system that its place and angles are in; None: the base's frame. on: name of a body,
+            or a link of the URDF, that carries it; None: it stands.
         bodies: names of the bodies and links that it is for; empty: all that move.
         roles: whom it binds (`AGENT`, one of them as of `agent_role`, `OPERATOR`); empty: everybody.
         input, active: number of the digital input that switches it, and its level where the zone is on.
@@ -250,11 +250,14 @@ def read_clearance(
     tools: ToolsOfBodies,
     folder: Path | None,
     mistakes: Mistakes,
+    *,
+    urdf: bool,
 ) -> Clearance | None:
     """Return what clearance is judged by; None where the file says nothing of it, or something faulty.
 
     Args:
         letters: by letter the axis that a program means with it. tools: that bodies may come with.
+        urdf: the machine has one, whose links are known where the model is built.
     """
     if section is None and not bodies and not zones:
         return None
@@ -278,7 +281,8 @@ def read_clearance(
             mistakes.add(("zone", position, "max_speed_mm_s"), what, hint)
         if zone is not None:
             _check_roles(zone, ("zone", position), mistakes)
-            _check_carried(zone, bodies, ("zone", position), mistakes)
+            if not urdf:
+                _check_carried(zone, bodies, ("zone", position), mistakes)
     _check_cutters([each for each in bodies if each is not None], tools, mistakes)
     if None in bodies or None in zones:
         return None
@@ -319,7 +323,7 @@ def check_work_systems(zones: Sequence[Zone | None], missing: str, mistakes: Mis
     """Refuse zones in a work system; ``missing``: what the machine has none by, empty: it has them."""
     for position, zone in enumerate(zones):
         if missing and zone is not None and zone.work is not None:
-            hint = "leave it out, and give the place in the base's frame"
+            hint = "leave it out, and give the place in the base's frame, or in that of what carries it (on)"
             mistakes.add(
                 ("zone", position, "work"), f"no zone of this machine is in {zone.work}: {missing}", hint
             )
@@ -370,8 +374,6 @@ def _check_tool(body: Body, tools: ToolsOfBodies, path: TomlPath, mistakes: Mist
         if not tools.spindle:
             hint = 'set profile = "cnc" in [dialect], or give the body a shape and its tool'
             mistakes.add((*path, "shape"), "no program of this machine fits a cutter", hint)
-        if body.link is not None:
-            mistakes.add((*path, "link"), "carries no cutter", "name linear axes in carried_by, or none")
         if body.tool is not None:
             mistakes.add((*path, "tool"), "the cutter is that of any tool", "leave it out")
     elif body.tool is not None and tools.numbers is not None and body.tool not in tools.numbers:

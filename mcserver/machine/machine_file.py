@@ -404,6 +404,7 @@ def _read_machine(raw: dict[str, Any], folder: Path | None, mistakes: Mistakes) 
             _tools_of_bodies(file, dialect),
             folder,
             mistakes,
+            urdf=urdf is not None,
         ),
     )
 

@@ -124,7 +124,11 @@ def planted(seed: int, folder: Path) -> tuple[bool, bool]:
     far = made(MARGIN_ZERO, block("post", (0.0, 0.0, 9000.0), 1.0))
     rows = random_motion(far, seed)
     scene = Scene(far)
-    moving = [each.names[0] for each in scene.pairs if "post" in each.names]
+    moving = [
+        each.next(name for name in each.names if name != "post")
+        for each in scene.pairs
+        if "post" in each.names
+    ]
     at = middle_of(scene, str(draw.choice(moving)), rows[int(draw.integers(len(rows)))]) / MM
     edge = float(draw.uniform(2.0, 60.0))
     hit = _touched(made(MARGIN_ZERO, block("post", tuple(at), edge)), rows)

@@ -2,10 +2,15 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import msgspec
 import pytest
 
+from mcserver.clearance.scene import Scene
+from mcserver.errors import ConfigurationError
 from mcserver.gcode.profiles.frame import Frame
+from mcserver.machine.machine_file import Machine, parse_machine
 from mcserver.machine.section_reader import MachineFileRejected
 from mcserver.planning.start_state import StartState, changes_between
 from mcserver.simulation.preview import preview
@@ -13,6 +18,7 @@ from mcserver.simulation.simulation import simulate_lines
 from tests.clearance.cells import Start, fault_of, place
 from tests.clearance.machines import mill
 
+EXAMPLES = Path(__file__).parents[2] / "examples"
 CNC = '[dialect]\nprofile = "cnc"\n'
 # the zone begins 35 mm behind the zero of G55, the tool has a radius of 5 mm, the margin is 1 mm
 CLAMP = """
@@ -27,6 +33,11 @@ INTO = ["G90 G94", "G1 X200 F6000"]
 
 def shop(*more: str) -> str:
     return "\n".join((CLAMP, CNC, *more))
+
+
+def trunnion(more: str) -> Machine:
+    text = (EXAMPLES / "trunnion-mill.toml").read_text("utf-8")
+    return parse_machine(f"{text}\n{more}", folder=EXAMPLES)
 
 
 def codes(lines: list[str], *, stops: bool = False) -> list[tuple[str, int]]:
@@ -67,6 +78,20 @@ def test_a_zone_on_a_table_goes_with_it() -> None:
     found = simulate_lines(lambda: iter(INTO), mill(text))
     # the nose stands at X0, and the clamp comes to it as the table goes to X-
     assert [(each["code"], each["line"]) for each in found.report["diagnostics"]] == [("MC321", 2)]
+
+
+def test_a_zone_on_a_link_of_the_urdf_turns_with_it() -> None:
+    # the table of a trunnion, which the tool's chain goes down before it goes up to the spindle
+    zone = '[[zone]]\nname = "clamp"\non = "table"\nsize_mm = [40.0, 40.0, 60.0]\nat_mm = [60.0, 0.0, 30.0]\n'
+    machine = trunnion(f'{zone}bodies = ["spindle"]\n')
+    for turn, into, beside in ((0, 60, -60), (180, -60, 60)):
+        for x, expected in ((into, [("MC321", 3)]), (beside, [])):
+            lines = ["G90 G94", f"G1 C{turn} F6000", f"G1 X{x} Z-445 F6000"]
+            found = simulate_lines(lambda lines=lines: iter(lines), machine)
+            assert [(each["code"], each["line"]) for each in found.report["diagnostics"]] == expected
+    with pytest.raises(ConfigurationError, match="no link 'tabel'") as refusal:
+        Scene(trunnion(zone.replace('"table"', '"tabel"')))
+    assert refusal.value.code == "MC323"
 
 
 async def test_a_server_keeps_out_of_a_zone_where_its_zero_is_now(start: Start) -> None:
