@@ -211,6 +211,9 @@ class ProgramTable:
         if program.closed:
             return
         program.closed = True
+        if program.rejected:
+            # nobody can correct that line any more
+            program.ended_as = "rejected"
         if whole:
             self.journal.program_closed(program.program)
         # through the journal, so that it comes to the planner behind the lines accepted

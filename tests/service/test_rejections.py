@@ -79,7 +79,7 @@ async def test_a_program_that_has_ended_says_so_to_lines_of_before_a_rejection(b
     with pytest.raises(RejectedLines):
         await bench.service.lines.submit("hmi", program.program, 1, ["bad"], 0)
     bench.service.lines.close("hmi", program.program)
-    await bench.until_acked(program.program, state="finished")
+    await bench.until_acked(program.program, state="rejected")
     with pytest.raises(ServiceError) as refused:
         await bench.service.lines.submit("hmi", program.program, 1, ["move"], 0)
-    assert (refused.value.code, refused.value.details["state"]) == ("MC510", "finished")
+    assert (refused.value.code, refused.value.details["state"]) == ("MC510", "rejected")
