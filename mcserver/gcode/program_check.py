@@ -12,7 +12,7 @@ from mcserver.errors import Diagnostic, ProgramRejected
 from mcserver.gcode.computing.expansion import Expansion
 from mcserver.gcode.computing.machine_values import Source
 from mcserver.gcode.computing.macro_expansion import expansion_of
-from mcserver.gcode.profiles.codes import LATHE, SPINDLE
+from mcserver.gcode.profiles.codes import CONSEQUENCES, LATHE, SPINDLE
 from mcserver.gcode.profiles.frame import Frame
 from mcserver.gcode.semantics.interpreter import Interpreter
 from mcserver.gcode.switches import AS_WRITTEN, Switches
@@ -382,11 +382,21 @@ class _Survey:
                     severity="warning",
                     line=first,
                     message=f"accepted without effect on this machine: {', '.join(counted)}",
-                    hint="the numbers in brackets count their lines",
+                    hint="; ".join(["the numbers in brackets count their lines", *self._consequences()]),
                 )
             )
         found = self._of_turning() if self._turning else self._found
         return sorted([*found, *said], key=lambda each: each.line) if said else found
+
+    def _consequences(self) -> list[str]:
+        """Say what is printed otherwise for want of codes without effect."""
+        if self._dialect.profile != "printer":
+            return []
+        return [
+            f"{', '.join(of)}: {what}"
+            for pattern, what in CONSEQUENCES
+            if (of := sorted(code for code in self._without_effect if pattern.match(code)))
+        ]
 
     def _of_turning(self) -> list[Diagnostic]:
         """Return the faults of a lathe's program: which codes it has; all others follow from that."""

@@ -101,9 +101,22 @@ class FrameWriter:
         # a tap has to hold its run-in
         least = -3.0 if code[:3] == "G84" else 0.5
         heights = "R5 Z-6" if mode == "G91" else f"R{self._number(1.0, 8.0)} Z{self._number(-9.0, least)}"
-        more = [self._words("XY") for _ in range(random.randrange(3))]
+        more = [self._hole(exit_level) for _ in range(random.randrange(4))]
         times = f" L{random.randint(1, 3)}" if random.random() < 0.3 else ""
-        return [f"G21 {mode} {exit_level} {code} {self._words('XY')} {heights}{times}", *more, "G80 G90"]
+        above = f"G21 G90 G0 Z{self._number(20.0, 60.0)}"
+        return [above, f"{mode} {exit_level} {code} {self._words('XY')} {heights}{times}", *more, "G80 G90"]
+
+    def _hole(self, exit_level: str) -> str:
+        """Write a line of a cycle that goes on, in the other mode, too."""
+        random = self._random
+        times = f" L{random.randint(2, 3)}" if random.random() < 0.2 else ""
+        words = self._words("XY")
+        if exit_level == "G98":
+            # to another R rs274 goes slantwise, or ahead of X and Y, where its own pages do not
+            mode = random.choice(["", "", "", "G90 ", "G91 "])
+            clear = f" R{self._number(1.0, 8.0)}" if mode == "G90 " and random.random() < 0.5 else ""
+            words = f"{mode}{words}{clear}"
+        return words + times
 
     def _read(self) -> list[str]:
         number = self._random.choice([5420, 5421, 5422, 5220, 5230])

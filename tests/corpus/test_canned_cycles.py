@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from itertools import pairwise
 
+import msgspec
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -11,6 +12,7 @@ from hypothesis import strategies as st
 from mcserver.errors import Diagnostic
 from mcserver.gcode.program_check import check_program
 from mcserver.gcode.semantics.interpreter import Interpreter
+from mcserver.machine.machine_file import Machine
 from mcserver.motion.canonical import Canonical, DwellGroup, EndLine, FeedGroup, MotionLine, RapidGroup
 from mcserver.planning.start_state import StartState
 from mcserver.planning.state_before import state_before
@@ -20,8 +22,8 @@ from tests.corpus.test_corpus import ends, machine_of
 Move = tuple[str, str, float]
 
 
-def values(text: str, profile: str = "cnc") -> list[Canonical]:
-    interpreter = Interpreter(machine_of(profile))
+def values(text: str, machine: Machine | None = None) -> list[Canonical]:
+    interpreter = Interpreter(machine or machine_of("cnc"))
     return [
         value
         for number, line in enumerate(text.split("\n"), start=1)
@@ -29,10 +31,10 @@ def values(text: str, profile: str = "cnc") -> list[Canonical]:
     ]
 
 
-def moves(text: str) -> list[Move]:
+def moves(text: str, machine: Machine | None = None) -> list[Move]:
     """Each move as (rapid or feed, axis, where it ends in mm), dwells as (dwell, "", seconds)."""
     found: list[Move] = []
-    for value in values(text):
+    for value in values(text, machine):
         if not isinstance(value, MotionLine):
             continue
         (group,) = value.groups
@@ -158,6 +160,26 @@ def test_under_g91_r_counts_from_the_start_the_depth_from_r_and_l_repeats() -> N
     text = "G0 X1 Z10\nG91 G81 X10 R-8 Z-5 L3 F300\nG90 G80"
     assert [end for kind, axis, end in moves(text) if axis == "X"] == [1.0, 11.0, 21.0, 31.0]
     assert {end for kind, axis, end in moves(text) if kind == "feed"} == {-3.0}
+
+
+@pytest.mark.parametrize(
+    ("text", "depths", "of_fanuc"),
+    [
+        ("G0 Z10\nG81 X5 R2 Z-3 F300\nG91 X5\nX5 L2", [-3.0, 9.0, 9.0, 9.0], [-3.0] * 4),
+        ("G0 Z10\nG91 G81 X5 R-5 Z-8 F300\nG90 X25\nG91 X5", [-3.0, -8.0, -3.0], [-3.0] * 3),
+        ("G0 Z10\nG91 G99 G81 X5 R-8 Z-5 F300\nG90 X25 R2\nX30", [-3.0, -5.0, -5.0], [-3.0] * 3),
+    ],
+)
+def test_kept_heights_count_by_the_mode_in_force_and_of_fanuc_stay(
+    text: str, depths: list[float], of_fanuc: list[float]
+) -> None:
+    assert [end for kind, axis, end in moves(text) if kind == "feed"] == depths
+    assert [each.code for each in check_program(text, machine_of("cnc")) if each.line > 2][:1] == ["MC199"]
+    fanuc = msgspec.structs.replace(
+        machine_of("cnc"), dialect=msgspec.structs.replace(machine_of("cnc").dialect, macros="fanuc")
+    )
+    assert [end for kind, axis, end in moves(text, fanuc) if kind == "feed"] == of_fanuc
+    assert check_program(text, fanuc) == []
 
 
 def test_an_axis_below_r_goes_to_r_before_it_goes_over_the_hole() -> None:

@@ -319,6 +319,29 @@ def test_printers_probing_and_priming_have_no_effect(line: str) -> None:
     assert (said.code, said.severity) == ("MC142", "warning")
 
 
+def test_what_is_printed_otherwise_without_a_code_is_said() -> None:
+    text = "M104 S200\nBED_MESH_PROFILE LOAD=a\nM900 K0.1\nM622 J0\nG1 X10 F1000\nM623"
+    (said,) = check_program(text, machine_of("printer"))
+    for code, what in (
+        ("M104", "heated"),
+        ("BED_MESH_PROFILE", "flat"),
+        ("M900", "more"),
+        ("M622", "any case"),
+    ):
+        (clause,) = [each for each in said.hint.split("; ") if each.startswith(f"{code}: ")]
+        assert what in clause
+
+
+@pytest.mark.parametrize("line", ["M200 D1.75", "M200 S1", "M200 D1.75 T0", "N5 M200 L2"])
+def test_e_as_a_volume_is_refused(line: str) -> None:
+    assert [each.code for each in errors(f"{line}\nG1 E5", "printer")] == ["MC141"]
+
+
+@pytest.mark.parametrize("line", ["M200 D0", "M200 D0 T0", "M200 S0", "M200", "M200 D0.0 ; off"])
+def test_e_as_a_length_goes_on_without_effect(line: str) -> None:
+    assert errors(f"{line}\nG1 E5", "printer") == []
+
+
 def test_g0_of_a_printer_is_g1_with_its_feed_and_all_axes_in_step() -> None:
     found = run("G28\nG0 X110 E5 F600", "printer")
     (line,) = [each for each in found["lines"] if each["line"] == 2]

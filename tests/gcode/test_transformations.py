@@ -242,7 +242,7 @@ def test_radius_and_angle_of_one_move_are_those_of_linuxcnc() -> None:
     expected = [(10, 0), (17.3205, 10), (10, 17.3205), (2.5, 4.3301), (0, 5), (0, 10), (-3, 0), (0, -3)]
     np.testing.assert_allclose([each[:2] for each in ends(*lines)], expected, atol=1e-4)
     assert ends("G10 L2 P1 X5", "G1 X3 Y0", "G3 @3 ^90 I-3")[-1] == (5.0, 3.0, 0.0)
-    holes = [each[:2] for each in ends("G0 Z2", "G81 @3 ^90 Z-1 R1", "G91 ^90") if each[2] < 0.0]
+    holes = [each[:2] for each in ends("G0 Z2", "G81 @3 ^90 Z-1 R1", "G91 ^90 Z-2 R-1") if each[2] < 0.0]
     assert holes == [(0.0, 3.0), (-3.0, 0.0)]
     interpreter = Interpreter(PROBING)
     for number, text in enumerate(["F1000 G1 X1 Y1", "G1010 P1"], 1):
@@ -270,7 +270,7 @@ def test_mirrors_come_and_go_by_axis() -> None:
 
 
 def test_canned_cycles_drill_where_the_holes_are_turned_to() -> None:
-    lines = ["G0 Z10", "G16", "G81 X100 Y30 Z-20 R-5", "G91 Y120 L2", "G15 G80"]
+    lines = ["G0 Z10", "G16", "G81 X100 Y30 Z-20 R-5", "G91 Y120 Z-15 R-15 L2", "G15 G80"]
     holes = [each[:2] for each in ends(*lines) if each[2] == -20.0]
     expected = [(100 * math.cos(math.radians(a)), 100 * math.sin(math.radians(a))) for a in (30, 150, 270)]
     np.testing.assert_allclose(holes, expected, atol=1e-6)

@@ -146,7 +146,7 @@ class Writer:
         code = self._random.choice(["G81", "G82 P0.1", "G83 Q2.5", "G73 Q3", "G89 P0.1", "G85"])
         code = f"{self._random.choice(['G98', 'G99'])} {code} {self._place('XY')}"
         drilled = f"R{self._number(2.0, 5.0)} Z{self._number(-9, 1)}"
-        return [f"G0 Z{self._number(5, 15)}", f"{code} {drilled}", "G91 X3 L2", "G80 G90"]
+        return [f"G0 Z{self._number(5, 15)}", f"{code} {drilled}", "G91 X3 R-1 Z-4 L2", "G80 G90"]
 
     def _polar(self) -> list[str]:
         polar = f"G1 X{self._number(1, 20)} Y{self._number(-300, 300)}"

@@ -84,6 +84,8 @@ PRINTER_STOPS: Final[Mapping[str, str]] = MappingProxyType(
 )
 # of printers: would shift where the parts lie
 _SHIFTS_OF_PRINTERS: Final = ("M206", "M218", "M290", "M428")
+# of printers: E in mm³ of a filament of diameter D; with D0 or S0, or without words, it has no effect
+VOLUMETRIC: Final = "M200"
 
 # codes that act, by profile
 ACTING: Final[Mapping[str, frozenset[str]]] = MappingProxyType(
@@ -166,7 +168,7 @@ IGNORED: Final[Mapping[str, frozenset[str]]] = MappingProxyType(
             | {
                 f"M{n}"
                 for n in (*range(3, 30), *range(31, 60), *range(61, 82), *range(84, 1000))
-                if f"M{n}" not in {*PRINTER_STOPS, *_SHIFTS_OF_PRINTERS}
+                if f"M{n}" not in {*PRINTER_STOPS, *_SHIFTS_OF_PRINTERS, VOLUMETRIC}
             }
         ),
     }
@@ -280,6 +282,7 @@ REFUSED: Final[Mapping[str, str]] = MappingProxyType(
         **dict.fromkeys(
             _SHIFTS_OF_PRINTERS, "offsets of the head or the bed are not shifted here; let the slicer do it"
         ),
+        VOLUMETRIC: "E is a length here, and no volume; let the slicer write it in mm",
         "G66": "modal calls of macros are not done here; let the post write G65 at each place",
         **{f"G38.{n}": "this machine cannot probe; add [probe] to the machine file" for n in range(2, 6)},
     }
@@ -290,6 +293,25 @@ HARMLESS_MACRO: Final = re.compile(
     r"(?:EXCLUDE_OBJECT|SET_PRESSURE_ADVANCE|SET_VELOCITY_LIMIT|SET_PRINT_STATS|TIMELAPSE|BED_MESH|RESPOND|SET_FAN"
     r"|SET_HEATER_TEMPERATURE|TEMPERATURE_WAIT|TURN_OFF_HEATERS|SET_DISPLAY_TEXT|SET_LED|GET_POSITION"
     r"|QUERY_|STATUS_)"
+)
+
+# what is printed otherwise where codes have no effect: their beginnings, and what then holds
+CONSEQUENCES: Final = (
+    (
+        re.compile(r"(?:M10[49]|M1[49]0|SET_HEATER_TEMPERATURE|TEMPERATURE_WAIT)\Z"),
+        "nothing is heated or waited for, but by [dialect.outputs] and [dialect.waits]",
+    ),
+    (re.compile(r"(?:M10[67]|SET_FAN\w*)\Z"), "fans stay as they are, but by [dialect.outputs]"),
+    (
+        re.compile(r"(?:M900|M572|SET_PRESSURE_ADVANCE)\Z"),
+        "E is not led ahead of its pressure: corners and ends of lines get more than was meant",
+    ),
+    (
+        re.compile(r"(?:G29(?:\.[0-9]+)?|G80|M420|BED_MESH\w*)\Z"),
+        "nothing is probed: the bed is as the mesh of Z in the machine file has it, flat without one",
+    ),
+    (re.compile(r"M622\Z"), "what stands between M622 and M623 is done in any case"),
+    (re.compile(r"M808\Z"), "nothing is repeated"),
 )
 
 

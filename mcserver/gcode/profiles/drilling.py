@@ -121,6 +121,8 @@ def drill(block: BlockState, action: Action) -> list[Canonical]:
             'if its post writes milliseconds, say so in the machine file: [dialect] dwell = "ms"',
             severity="warning",
         )
+    if before is not None:
+        _warn_of_kept(block, action, before)
     return motion.lines
 
 
@@ -193,8 +195,9 @@ def _cycle(block: BlockState, action: Action, before: DrillCycle | None) -> Dril
     for word in words.values():
         if word.letter in "PQIJK" and word.letter not in CYCLE_WORDS[code] and word.value != 0.0:
             block.faults.add("MC112", f"{code} does not take {word.letter}", word.span, "take it out")
-    bottom = _level(block, deep) or (None if before is None else before.bottom)
-    clear = _level(block, words.get("R")) or (None if before is None else before.clear)
+    bottom, clear = _level(block, deep), _level(block, words.get("R"))
+    if before is not None:
+        bottom, clear = bottom or _kept(block, before.bottom), clear or _kept(block, before.clear)
     pecks = _pecks(block, action, code)
     dwell = None
     if before is not None:
@@ -262,6 +265,36 @@ def _level(block: BlockState, word: ProfileWord | None) -> Level | None:
     if word is None:
         return None
     return Level(word.value * length_scale(block.modal.inch), block.modal.incremental)
+
+
+def _kept(block: BlockState, level: Level) -> Level:
+    """Return a height of an earlier line: LinuxCNC keeps its number, Fanuc's controllers keep where it is."""
+    fanuc = block.setup.machine.dialect.macros == "fanuc"
+    return level if fanuc else Level(level.value, block.modal.incremental)
+
+
+def _warn_of_kept(block: BlockState, action: Action, before: DrillCycle) -> None:
+    """Warn of heights that mean something else than on the line that has them (MC199)."""
+    given = {word.letter for word in action.axes} | action.words.keys()
+    levels = {_LETTERS[_axis(block)]: before.bottom, "R": before.clear}
+    scale = length_scale(block.modal.inch)
+    other = [
+        f"{letter}{level.value / scale:.6g}"
+        for letter, level in levels.items()
+        if letter not in given and _kept(block, level) != level
+    ]
+    if not other:
+        return
+    then, now, meaning = (
+        ("G90", "G91", "increments") if block.modal.incremental else ("G91", "G90", "positions")
+    )
+    block.faults.add(
+        "MC199",
+        f"the cycle has {' and '.join(other)} of {then}, which {now} reads as {meaning}",
+        action.span,
+        'write them again; Fanuc\'s controllers keep the heights: [dialect] macros = "fanuc"',
+        severity="warning",
+    )
 
 
 def _axis(block: BlockState) -> int:

@@ -31,6 +31,7 @@ from mcserver.gcode.profiles.codes import (
     SILENT,
     SPINDLE,
     TAKES_AXES,
+    VOLUMETRIC,
     acting_of,
     code_name,
 )
@@ -66,6 +67,8 @@ _GEOMETRY = re.compile(r"[XYZIJK]")
 # take all words of their line
 _WHOLE_LINE = {**RETRACTING, **{code: code for code in FACTORS}}
 _RETRACTING = re.compile(r"(?:G[ \t]*0*1[01]|M[ \t]*0*20[78])(?![0-9]|\.0*[1-9])")
+# what may stand behind M200 where E stays a length
+_LENGTH = re.compile(r"(?:[DS]0*\.?0*)?(?:T0)?")
 _FACTOR = re.compile(r"M[ \t]*0*22[01](?![0-9]|\.0*[1-9])")
 _CYCLE_WORDS = re.compile(r"[PQUWDIR]")
 # inches and millimetres in DIN 66025, where no words of a turning cycle stand beside them
@@ -137,6 +140,9 @@ class ProfileReader:
             # M1000 and above are the makers' own
             own = head[1] == "M" and float(head[2]) >= 1000.0
             idle = own or head[1] == "T" or name in self._ignored or family in self._ignored
+            idle = idle or (
+                name == VOLUMETRIC and _LENGTH.fullmatch(code[head.end() :].replace(" ", "")) is not None
+            )
             if head[1] == "T" and self._no_tool(
                 name, float(head[2]), (head.start(1) + 1, head.end() + 1), faults
             ):
