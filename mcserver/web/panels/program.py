@@ -17,7 +17,7 @@ from mcclient.types import SimulateReply
 from nicegui import events, ui
 
 from mcserver.errors import McError
-from mcserver.web.actions import Actions, show_refusal
+from mcserver.web.actions import Actions, show_error, show_refusal
 from mcserver.web.choice import Choice
 from mcserver.web.dialogs import ask
 from mcserver.web.formatting import (
@@ -339,7 +339,7 @@ class ProgramPanel:
             store.write(name, content)
             text = store.read(name)
         except McError as error:
-            show_refusal(error.message, error.hint)
+            show_error(error)
             return
         self._show_replaced(None if before is None or before == text else (name, before))
         # its list would show each file once more, with buttons that have no name
@@ -364,7 +364,7 @@ class ProgramPanel:
         try:
             self._actions.link.store.write(name, text.encode("utf-8"))
         except McError as error:
-            show_refusal(error.message, error.hint)
+            show_error(error)
             return
         self._show_replaced(None)
         self._choice.set_value(name)
@@ -378,7 +378,7 @@ class ProgramPanel:
             switches = self._actions.link.jobs.switches
             found = await self._actions.link.connected().check(text, **switches._asdict())
         except MotionError as error:
-            show_refusal(error.message, error.hint)
+            show_error(error)
             return
         if self._checked is not asked:
             return
@@ -412,7 +412,7 @@ class ProgramPanel:
                 switches=switches,
             )
         except (MotionError, McError) as error:
-            show_refusal(error.message, error.hint)
+            show_error(error)
 
     async def _run(self) -> None:
         name, line = self._choice.value, int(self._from_line.value or 1)
@@ -433,10 +433,13 @@ class ProgramPanel:
 
     async def _delete(self) -> None:
         name = self._choice.value
-        if (
-            name
-            and self._actions.allowed("open")
+        if not name:
+            show_refusal(t("No program is chosen"), t("choose one, or upload it"))
+        elif (
+            self._actions.allowed("open")
             and await ask(t("Delete {name}?", name=name), t("Delete"), colour="negative")
+            # the role, or control, may have been taken away while the dialog was open
+            and self._actions.allowed("open")
         ):
             self._actions.link.store.delete(name)
 

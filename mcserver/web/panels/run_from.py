@@ -200,4 +200,4 @@ class RecoveryPanel:
         try:
             self._actions.link.jobs.go_on(shown, self._actions.visitor.name, middle)
         except (MotionError, McError) as error:
-            show_refusal(error.message, error.hint)
+            show_error(error)

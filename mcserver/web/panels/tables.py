@@ -57,17 +57,23 @@ class TablesPanel:
     async def update(self, info: Info) -> None:
         link = self._actions.link
         machine, status = link.machine, link.status
-        self._card.set_visibility(link.has_work_offsets)
+        if not link.has_work_offsets:
+            self._card.set_visibility(False)
         if machine is None or status is None or not link.has_work_offsets:
             return
         try:
             self._tables = await link.answers.get("tables", PERIOD_S, machine.tables)
         except MotionError as error:
             self._show(f"<p>{html.escape(t(error.message))} [{error.code}]</p>")
+            for button in self._buttons:
+                button.set_enabled(False)
+            self._card.set_visibility(True)
             return
         self._info = info
         self._show(tables_html(self._tables, info))
         self._tool.set_visibility(self._tables.tool_table)
+        # not before: a button that is seen has to do something
+        self._card.set_visibility(True)
         refusal = refusal_of(status.programs, WHY)
         self._waits_for.set_text(
             "" if refusal is None else f"{refusal.message} [{refusal.code}]: {refusal.hint}"
