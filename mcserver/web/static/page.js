@@ -11,7 +11,8 @@
   const press = (button) => {
     if (held || button.disabled || button.getAttribute("aria-disabled") === "true") return;
     const { jog: pad, what, direction } = button.dataset;
-    held = { press: Date.now(), pad, what, direction: Number(direction), button };
+    // later than the one before, however the clock is set meanwhile
+    held = { press: Math.round(performance.timeOrigin + performance.now()), pad, what, direction: Number(direction), button };
     button.classList.add("held");
     send("press");
     held.timer = setInterval(() => (document.hasFocus() && !document.hidden ? send("keep") : release()), KEEP_MS);
