@@ -83,11 +83,11 @@ class FleetPage:
                     "update:model-value",
                     js_handler='({ value, label }) => mcLookFor("group", value ? label : "")',
                 )
-                states = {"": t("all states"), **{each: t(each) for each in STATES}}
-                ui.select(states, value=chosen.state, label=t("State")).classes("min-w-32").on(
+                words = {each: t(each or mark("all states")) for each in ("", *STATES)}
+                ui.select(words, value=chosen.state, label=t("State")).classes("min-w-32").on(
                     "update:model-value",
                     js_handler="({ value, label }) => "
-                    f'mcLookFor("state", {json.dumps(list(states))}[value], label)',
+                    f'mcLookFor("state", {json.dumps(list(words))}[value], label)',
                 )
             with ui.element("div").classes("mc-buttons mt-2"):
                 for order, (verb, looks) in ORDERS.items():

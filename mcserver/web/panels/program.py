@@ -328,6 +328,8 @@ class ProgramPanel:
         return next((job for job in jobs.begun if job.program == program), None)
 
     async def _on_upload(self, event: events.UploadEventArguments) -> None:
+        # its list would show each file once more, without names on its buttons, and a refused one as done
+        self._uploader.reset()
         # a file moves nothing: it may come while somebody else drives
         if not self._actions.has_role("open"):
             return
@@ -342,8 +344,6 @@ class ProgramPanel:
             show_error(error)
             return
         self._show_replaced(None if before is None or before == text else (name, before))
-        # its list would show each file once more, with buttons that have no name
-        self._uploader.reset()
         self._update_store()
         self._choice.set_value(name)
         await self._check(name, text)
