@@ -13,7 +13,7 @@ from mcserver.errors import McError
 from mcserver.net.method_table import BY_NAME
 from mcserver.net.roles import roles_named
 from mcserver.web.control import Driver, needs_control
-from mcserver.web.delays import MAX_ORDER_DELAY_S, event_delay_s, late_text
+from mcserver.web.delays import MAX_ORDER_DELAY_S, event_delay_s, late_press
 from mcserver.web.formatting import page_hint
 from mcserver.web.link import MachineLink
 from mcserver.web.translation import mark, t
@@ -54,7 +54,7 @@ def was_late() -> bool:
     delay_s = event_delay_s.get()
     if delay_s <= MAX_ORDER_DELAY_S:
         return False
-    show_refusal(late_text(delay_s), t("look at the machine, then press it again"))
+    show_error(late_press(delay_s))
     return True
 
 

@@ -9,7 +9,9 @@ import time
 from collections.abc import Callable
 from contextvars import ContextVar
 
-from mcserver.web.translation import Message, mark
+from mcclient import MotionError
+
+from mcserver.web.translation import mark
 
 # for so long at least the quickest message is the measure of the others [s]: longer than a link may be silent
 # before it is given up, shorter than it takes two clocks to drift apart
@@ -20,9 +22,13 @@ MAX_ORDER_DELAY_S = 3.0
 event_delay_s: ContextVar[float] = ContextVar("event_delay_s", default=0.0)
 
 
-def late_text(delay_s: float) -> Message:
+def late_press(delay_s: float) -> MotionError:
     """Return that something was pressed too long ago to be done (MC604)."""
-    return mark("This was pressed {seconds:.1f} s ago: the link was held up [MC604]", seconds=delay_s)
+    return MotionError(
+        "MC604",
+        mark("This was pressed {seconds:.1f} s ago: the link was held up", seconds=delay_s),
+        mark("look at the machine, then press it again"),
+    )
 
 
 class DelayGate:

@@ -73,9 +73,10 @@ class DeskPage:
         self._control.update()
         self._drive.update()
         self._scope.update()
-        if self._link.machine is not None and self._beat % BEAT_EVERY == 1:
-            await self._drive.look()
-            await self._drives.update(self._link.machine.info)
+        machine = self._link.machine
+        if machine is not None and self._beat % BEAT_EVERY == 1:
+            await self._drive.look(machine)
+            await self._drives.update(machine.info)
 
     def _stop(self) -> None:
         self._scope.stop()

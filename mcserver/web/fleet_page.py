@@ -28,9 +28,6 @@ log = logging.getLogger(__name__)
 REFRESH_S = 1.0
 # of each part of an address
 MOST_CHARACTERS = 200
-# What is looked for goes into the address as it is chosen, in the browser: a page that is built anew, after a
-# long cut or a restart of this process, is made from it, and nothing chosen meanwhile is lost on the way.
-KEPT_FILTER = "(value) => mcKeepFilter({name}, {value})"
 # The machines that are ticked come with the click itself: a browser that is asked for them afterwards may
 # answer too late, and a stop would be lost.
 SELECTED = """() => emit(
@@ -79,27 +76,18 @@ class FleetPage:
         with ui.element("div").classes("w-full p-2"):
             ui.html(f"<h1 class='sr-only'>{t('Machines')}</h1>", sanitize=False)
             with ui.row().classes("items-center w-full"):
-                self._search = ui.input(t("Search"), value=chosen.search, on_change=self._filter)
-                self._search.props("dense clearable").classes("grow")
-                self._search.on("update:value", js_handler=_kept_filter("search", "value"))
-                self._group = Choice(
-                    _groups({chosen.group}),
-                    value=chosen.group,
-                    label=t("Group"),
-                    on_change=self._filter_columns,
-                ).classes("min-w-32")
-                self._group.on(
-                    "update:model-value", js_handler=_kept_filter("group", 'value.value ? value.label : ""')
-                )
-                self._state = ui.select(
-                    {"": t("all states"), **{each: t(each) for each in STATES}},
-                    value=chosen.state,
-                    label=t("State"),
-                    on_change=self._filter_columns,
-                )
-                self._state.classes("min-w-32").on(
+                search = ui.input(t("Search"), value=chosen.search).props("dense clearable").classes("grow")
+                search.on("update:value", js_handler='(value) => mcLookFor("search", value)')
+                self._group = Choice(_groups({chosen.group}), value=chosen.group, label=t("Group"))
+                self._group.classes("min-w-32").on(
                     "update:model-value",
-                    js_handler=_kept_filter("state", f"{json.dumps(['', *STATES])}[value.value]"),
+                    js_handler='({ value, label }) => mcLookFor("group", value ? label : "")',
+                )
+                words = {each: t(each or mark("all states")) for each in ("", *STATES)}
+                ui.select(words, value=chosen.state, label=t("State")).classes("min-w-32").on(
+                    "update:model-value",
+                    js_handler="({ value, label }) => "
+                    f'mcLookFor("state", {json.dumps(list(words))}[value], label)',
                 )
             with ui.element("div").classes("mc-buttons mt-2"):
                 for order, (verb, looks) in ORDERS.items():
@@ -113,7 +101,7 @@ class FleetPage:
                 button = ui.button(t("E-STOP selected")).classes("ml-6")
                 button.props(f'color=negative aria-label="{t("Emergency stop of the selected")}"')
                 button.on("click", self._stop_selected, js_handler=SELECTED)
-            self._grid = ui.aggrid(grid_options(self._column_filters(), chosen.search))
+            self._grid = ui.aggrid(grid_options(_column_filters(chosen), chosen.search))
             self._grid.classes("w-full mt-2 mc-fleet")
             self._grid.on(
                 "cellDoubleClicked", lambda event: ui.navigate.to(f"/machine/{event.args['data']['machine']}")
@@ -162,21 +150,6 @@ class FleetPage:
                 faults=faults,
             )
         )
-
-    def _filter(self) -> None:
-        self._grid.run_grid_method("setGridOption", "quickFilterText", self._search.value or "")
-
-    def _filter_columns(self) -> None:
-        self._grid.run_grid_method("setFilterModel", self._column_filters())
-
-    def _column_filters(self) -> dict[str, Any]:
-        """Return the filters of the columns, which have the words that are shown."""
-        chosen = {"group": str(self._group.value), "state": t(str(self._state.value))}
-        return {
-            column: {"filterType": "text", "type": "equals", "filter": value}
-            for column, value in chosen.items()
-            if value
-        }
 
     def _go(self) -> None:
         if self._open.value:
@@ -306,9 +279,14 @@ def _groups(names: set[str]) -> dict[str, str]:
     return {"": t("all groups"), **{name: name for name in sorted(names - {""})}}
 
 
-def _kept_filter(name: str, value: str) -> str:
-    """Return the handler in the browser that keeps an expression of what was chosen in the address."""
-    return KEPT_FILTER.format(name=json.dumps(name), value=value)
+def _column_filters(chosen: FleetFilter) -> dict[str, Any]:
+    """Return the filters of the columns as `mcLookFor` of page.js sets them: the words that are shown."""
+    words = {"group": chosen.group, "state": t(chosen.state)}
+    return {
+        column: {"filterType": "text", "type": "equals", "filter": word}
+        for column, word in words.items()
+        if word
+    }
 
 
 def _said(error: BaseException) -> tuple[str, str]:

@@ -172,13 +172,15 @@ _COMMANDS = {
     "status": mark("the card Position"),
     "send": mark("type"),
     "record": mark("the card Recordings"),
+    "drives": mark("the card Drives"),
+    "list": mark("the page of all machines"),
     # of the SDK that runs the page's programs
     "program": mark("run it again"),
 }
 _COMMAND = re.compile(
-    r"(?:machine\.continue_program\([^)]*\), or )?mcctl"
+    r"(?:machine\.continue_program\([^)]*\), or )?`?mcctl"
     rf" ({'|'.join(_COMMANDS)})\b"
-    r"(?: (?:--[a-z-]+|[A-Z][A-Z0-9=.-]*|\[\d+\]|\d+|list))*"
+    r"(?: (?:--[a-z-]+|[A-Z][A-Z0-9=.-]*|\[\d+\]|\d+|list))*`?"
     r"|open another one with machine\.(program)\(\)"
 )
 

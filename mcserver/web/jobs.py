@@ -161,6 +161,7 @@ class JobQueue:
         user: str,
         from_line: int = 1,
         *,
+        seen: str | None = None,
         report: SimulateReply | None = None,
         middle: Middle = WHOLE,
         switches: Switches | None = None,
@@ -168,15 +169,22 @@ class JobQueue:
         """Queue a stored program.
 
         Args:
-            report: of a simulation that somebody has looked at before. middle: how it begins behind line 1.
-            switches: that were looked at with it; None: those of now.
+            seen: the text that somebody has looked at; None: nobody has. report: of its simulation.
+            middle: how it begins behind line 1. switches: that were looked at with it; None: those of now.
 
         Raises:
             ServiceError: MC061 it cannot be read.
-            MotionError: MC062 the queue is full, or the program does not have the line.
+            MotionError: MC062 the queue is full, the program does not have the line, or is another one than
+                was looked at.
         """
         self._refuse_more()
         text, switches = self._store.read(name), switches or self.switches
+        if seen not in (None, text):
+            raise MotionError(
+                "MC062",
+                mark("{name} has another text than was looked at", name=name),
+                mark("look at it once more"),
+            )
         job = Job(next(self._numbers), name, text, user, from_line, middle, switches)
         job.is_file = True
         if not 1 <= from_line <= len(job.lines):

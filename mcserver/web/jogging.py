@@ -16,7 +16,7 @@ from typing import Protocol
 
 from mcclient.errors import MotionError
 
-from mcserver.web.delays import late_text
+from mcserver.web.delays import late_press
 
 log = logging.getLogger(__name__)
 
@@ -41,10 +41,10 @@ class HeldJog:
 
     Args:
         machine: what moves.
-        on_error: takes the sentence for the operator.
+        on_error: takes what the operator has to know.
     """
 
-    def __init__(self, machine: Machine, on_error: Callable[[str], None]) -> None:
+    def __init__(self, machine: Machine, on_error: Callable[[MotionError], None]) -> None:
         self.machine = machine
         self._on_error = on_error
         self._press: int | None = None
@@ -56,7 +56,7 @@ class HeldJog:
     async def press(self, press: int, move: Move, delay_s: float) -> None:
         """Start a move; ``press`` numbers the touch, whose message was so late [s]."""
         if delay_s > MAX_DELAY_S:
-            self._on_error(late_text(delay_s))
+            self._on_error(late_press(delay_s))
             return
         if self._press is not None and press <= self._press:
             return
@@ -67,7 +67,7 @@ class HeldJog:
             try:
                 program = await move(None)
             except MotionError as error:
-                self._on_error(error.message)
+                self._on_error(error)
                 return
             if self._press == press and self._released_press != press:
                 self._program = program

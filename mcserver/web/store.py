@@ -17,6 +17,8 @@ from mcserver.web.translation import mark
 
 MAX_PROGRAM_BYTES = 256 * 1024 * 1024
 MAX_PROGRAMS = 500
+# of a folder or a file, beside what a part of it has before it is whole: Linux's file systems allow 255 bytes
+MAX_NAME_BYTES = 249
 # kept in memory
 MAX_THUMBNAILS = 50
 # folders and a file; what begins with a dot is none of them
@@ -27,7 +29,16 @@ _NAME = re.compile(
 
 def is_folder(name: str) -> bool:
     """Whether programs can lie in a folder of this name, with ``/`` between it and those about it."""
-    return _NAME.fullmatch(f"{name}/x") is not None
+    return _is_name(f"{name}/x")
+
+
+def _is_name(name: str) -> bool:
+    try:
+        parts = name.encode("utf-8").split(b"/")
+    except UnicodeEncodeError:
+        # half of a surrogate pair
+        return False
+    return _NAME.fullmatch(name) is not None and max(map(len, parts)) <= MAX_NAME_BYTES
 
 
 def text_of(name: str, content: bytes) -> str:
@@ -169,7 +180,7 @@ class ProgramStore:
                 path.rmdir()
 
     def _path(self, name: str) -> Path:
-        if not _NAME.fullmatch(name):
+        if not _is_name(name):
             raise ServiceError(
                 "MC061", mark("{name!r} cannot be a file's name", name=name), mark("rename the file")
             )

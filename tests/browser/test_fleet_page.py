@@ -218,6 +218,7 @@ def test_what_is_looked_for_outlasts_a_lost_link_also_where_it_was_chosen_while_
     # from here on nothing reaches the page's process
     page.evaluate("window.socket.emit = () => {}")
     page.get_by_label("Search").fill("-1")
+    expect(row).to_have_count(10)
     page.reload()
     expect(page.get_by_label("Search")).to_have_value("-1")
     expect(row).to_have_count(10)

@@ -257,6 +257,13 @@ def test_the_keyboard_alone_runs_holds_and_ends_a_job(
     tab_to("Resume")
     page.keyboard.press("Enter")
     expect(page.get_by_role("status")).to_have_text("running")
+    # a fold opens by Space, which is no feed hold there: that would have gone before the next order
+    page.get_by_role("button", name='Expand "Drives"').press(" ")
+    expect(page.get_by_role("button", name='Collapse "Drives"')).to_be_visible()
+    tab_to("+5")
+    page.keyboard.press("Enter")
+    expect(page.get_by_text("Override 15 %", exact=True)).to_be_visible()
+    assert machine.status().state == "running"
     tab_to("Abort")
     page.keyboard.press("Enter")
     expect(page.get_by_role("status")).to_have_text("ready")

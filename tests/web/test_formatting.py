@@ -105,6 +105,8 @@ def test_remedies_name_the_page_s_buttons_and_no_commands() -> None:
     )
     assert page_hint("say so: mcctl tables T3 --used 0") == "say so: press Change a tool …"
     assert page_hint("jog there") == "jog there"
+    assert page_hint("mcctl list shows who answers") == "the page of all machines shows who answers"
+    assert page_hint("the bus (`mcctl drives` shows it)") == "the bus (the card Drives shows it)"
     assert page_hint("once it is clear, machine.continue_program('6b-4'), or mcctl continue") == (
         "once it is clear, press Continue"
     )

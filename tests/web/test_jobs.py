@@ -179,6 +179,17 @@ async def test_a_step_starts_one_line_with_the_blank_ones_behind_it_and_waits_fo
     await queue.close()
 
 
+async def test_a_text_that_has_come_in_the_place_of_the_one_that_was_looked_at_does_not_run(
+    tmp_path: Path,
+) -> None:
+    queue = queue_of(Bench(), tmp_path)
+    with pytest.raises(MotionError, match=r"MC062: a\.gcode has another text"):
+        queue.add("a.gcode", "ann", seen="G01 X2 F600\n")
+    queue.add("a.gcode", "ann", seen="G01 X1 F600\n")
+    await ended(queue, 1)
+    await queue.close()
+
+
 async def test_a_job_is_checked_and_opened_with_the_switches_of_when_it_was_queued(tmp_path: Path) -> None:
     bench, asked = Bench(), list[Any]()
 

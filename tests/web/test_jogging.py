@@ -36,7 +36,7 @@ class Machine:
 
 def rig() -> tuple[Machine, HeldJog, list[str]]:
     machine, said = Machine(), list[str]()
-    return machine, HeldJog(machine, said.append), said
+    return machine, HeldJog(machine, lambda error: said.append(f"{error.message} [{error.code}]")), said
 
 
 async def test_a_press_starts_keeps_hold_and_a_release_aborts() -> None:
@@ -95,7 +95,7 @@ async def test_a_refusal_is_shown_and_nothing_is_held() -> None:
     machine.jog = refuse  # type: ignore[method-assign]
     await held.press(1, partial(machine.jog, 0, 20.0), 0.0)
     await held.release()
-    assert said == ["the axis is leased"]
+    assert said == ["the axis is leased [MC512]"]
     assert machine.calls == []
 
 

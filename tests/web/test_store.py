@@ -51,6 +51,8 @@ def test_programs_lie_in_folders_that_go_with_the_last_of_them(tmp_path: Path) -
         "a\\b",
         "a\x00b",
         "x" * 200,
+        "零" * 84,
+        "\ud800",
     ],
 )
 def test_a_name_cannot_leave_the_folder(tmp_path: Path, name: str) -> None:

@@ -11,7 +11,7 @@ from nicegui import ui
 
 from mcserver.machine.button_section import filled
 from mcserver.net.roles import CONFIGURERS, MOVERS, roles_named
-from mcserver.web.actions import Actions, show_refusal
+from mcserver.web.actions import Actions, show_error, show_refusal
 from mcserver.web.dialogs import NamedDialog, answer_to
 from mcserver.web.translation import t
 
@@ -85,7 +85,7 @@ class ButtonsPanel:
             name, user = button.name, self._actions.visitor.name
             self._actions.link.jobs.add_text(f"{name} by {user}", chosen, user)
         except MotionError as error:
-            show_refusal(error.message, error.hint)
+            show_error(error)
 
     def _may(self, button: ButtonInfo) -> bool:
         roles = CONFIGURERS if button.role == "engineer" else MOVERS

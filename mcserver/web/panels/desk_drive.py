@@ -72,9 +72,8 @@ class DeskDrive:
         self._work.set_visibility(self._thread.is_busy)
         self._count.set_text(t("{count} objects", count=self._thread.transfers))
 
-    async def look(self) -> None:
+    async def look(self, machine: Machine) -> None:
         """Ask which drives there are."""
-        machine = self.actions.link.connected()
         try:
             found = await self.actions.link.answers.get("drives", PERIOD_S, machine.drives)
         except MotionError as error:
@@ -99,11 +98,14 @@ class DeskDrive:
         self.drive, self.parameters = None, ()
         if event.value is not None:
             try:
-                self.drive = await self.described(event.value)
+                found = await self.described(event.value)
             except MotionError as error:
                 self._remark.set_text(f"{t(error.message)} [{error.code}]")
             else:
-                self.parameters = parameters_from(self.drive)
+                # another one may have been chosen meanwhile, and be there already
+                if event.value != self._choice.value:
+                    return
+                self.drive, self.parameters = found, parameters_from(found)
                 source = "" if self.drive.eds_sha256 else t("no EDS: the standard's objects")
                 self._remark.set_text("; ".join(filter(None, [source, *self.drive.unreadable[:3]])))
         self._tell()

@@ -95,7 +95,7 @@ class FilesPanel:
             self._show_file(read_parameters(raw, event.file.name), event.file.name)
         except UsageFault as error:
             self._show_file(None, "")
-            show_refusal(f"{error.message} [{error.code}]", error.hint)
+            show_error(error)
 
     async def _backup(self) -> None:
         drive = self._drive.chosen()

@@ -10,7 +10,7 @@ from mcserver.canopen.canopen_errors import DriveError, object_text
 from mcserver.canopen.desk import Desk, Reading
 from mcserver.canopen.parameters import Parameter, encode, search
 from mcserver.errors import UsageFault
-from mcserver.web.actions import show_refusal
+from mcserver.web.actions import show_error
 from mcserver.web.panels.desk_drive import DeskDrive
 from mcserver.web.panels.kept_rows import KeptRows
 from mcserver.web.translation import mark, t
@@ -133,7 +133,7 @@ class ParametersPanel:
             # what cannot be meant is refused before anything is asked
             encode(chosen, value)
         except UsageFault as error:
-            show_refusal(f"{error.message} [{error.code}]", error.hint)
+            show_error(error)
             return
         reading = await self._drive.write(
             mark("write {parameter} = {value}", parameter=chosen.title, value=value),

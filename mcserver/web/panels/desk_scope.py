@@ -101,6 +101,7 @@ class ScopePanel:
 
     async def _start(self) -> None:
         link = self._actions.link
+        self._show_axes()
         try:
             machine = link.connected()
         except MotionError as error:

@@ -9,7 +9,6 @@ from mcclient import MotionError
 from mcclient.types import RunRoleWord, SimulateReply
 from nicegui import ui
 
-from mcserver.errors import McError
 from mcserver.web.actions import Actions, show_error
 from mcserver.web.dialogs import NamedDialog
 from mcserver.web.formatting import axis_name, clock_text, diagnostics_html, program_excerpt
@@ -27,18 +26,18 @@ SLOW_FROM = 1.05
 async def show_dry_run(
     actions: Actions,
     name: str,
+    text: str,
     from_line: int,
     switches: Switches,
     run: Callable[[SimulateReply], None],
 ) -> None:
-    """Simulate a stored program from where the axes are, and show it with a button that runs it."""
+    """Simulate a program from where the axes are, and show it with a button that runs it."""
     if not actions.allowed("simulate"):
         return
     waiting = ui.notification(
         t("{name} is being simulated", name=name), spinner=True, timeout=None, position="bottom"
     )
     try:
-        text = actions.link.store.read(name)
         machine = actions.link.connected()
         status = await machine.status()
         start = dict(zip(status.axes.index, status.axes.setpoint, strict=True))
@@ -46,7 +45,7 @@ async def show_dry_run(
         report = await machine.simulate(
             text, positions=start, path_points=PATH_POINTS, role=role, **switches._asdict()
         )
-    except (MotionError, McError) as error:
+    except MotionError as error:
         show_error(error)
         return
     finally:

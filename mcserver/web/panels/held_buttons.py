@@ -8,7 +8,7 @@ from typing import Any
 
 from nicegui import events, ui
 
-from mcserver.web.actions import Actions, show_refusal
+from mcserver.web.actions import Actions, show_error
 from mcserver.web.delays import event_delay_s
 from mcserver.web.jogging import HeldJog, Move
 
@@ -66,7 +66,7 @@ class HeldButtons:
         if machine is None:
             return
         if self._held is None:
-            self._held = HeldJog(machine, show_refusal)
+            self._held = HeldJog(machine, show_error)
         self._held.machine = machine
         if kind == "keep":
             await self._held.keep(press, event_delay_s.get())

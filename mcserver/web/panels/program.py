@@ -17,7 +17,7 @@ from mcclient.types import SimulateReply
 from nicegui import events, ui
 
 from mcserver.errors import McError
-from mcserver.web.actions import Actions, show_refusal
+from mcserver.web.actions import Actions, show_error, show_refusal
 from mcserver.web.choice import Choice
 from mcserver.web.dialogs import ask
 from mcserver.web.formatting import (
@@ -328,6 +328,8 @@ class ProgramPanel:
         return next((job for job in jobs.begun if job.program == program), None)
 
     async def _on_upload(self, event: events.UploadEventArguments) -> None:
+        # its list would show each file once more, without names on its buttons, and a refused one as done
+        self._uploader.reset()
         # a file moves nothing: it may come while somebody else drives
         if not self._actions.has_role("open"):
             return
@@ -339,11 +341,9 @@ class ProgramPanel:
             store.write(name, content)
             text = store.read(name)
         except McError as error:
-            show_refusal(error.message, error.hint)
+            show_error(error)
             return
         self._show_replaced(None if before is None or before == text else (name, before))
-        # its list would show each file once more, with buttons that have no name
-        self._uploader.reset()
         self._update_store()
         self._choice.set_value(name)
         await self._check(name, text)
@@ -364,7 +364,7 @@ class ProgramPanel:
         try:
             self._actions.link.store.write(name, text.encode("utf-8"))
         except McError as error:
-            show_refusal(error.message, error.hint)
+            show_error(error)
             return
         self._show_replaced(None)
         self._choice.set_value(name)
@@ -378,7 +378,7 @@ class ProgramPanel:
             switches = self._actions.link.jobs.switches
             found = await self._actions.link.connected().check(text, **switches._asdict())
         except MotionError as error:
-            show_refusal(error.message, error.hint)
+            show_error(error)
             return
         if self._checked is not asked:
             return
@@ -391,62 +391,72 @@ class ProgramPanel:
             diagnostics_html(found.diagnostics, f"<p>{html.escape(name)}:</p>") + excerpt
         )
 
+    def _chosen_program(self) -> tuple[str, str, int] | None:
+        """Return name, text and first line of the chosen program; None: there is none, which is said."""
+        name, line = self._choice.value, int(self._from_line.value or 1)
+        if not name:
+            show_refusal(t("No program is chosen"), t("choose one, or upload it"))
+            return None
+        try:
+            return name, self._actions.link.store.read(name), line
+        except McError as error:
+            show_error(error)
+        return None
+
     def _queue(
         self,
-        report: SimulateReply | None = None,
+        name: str,
+        text: str,
+        from_line: int,
+        switches: Switches,
         middle: Middle = WHOLE,
-        switches: Switches | None = None,
+        report: SimulateReply | None = None,
     ) -> None:
         if not self._actions.allowed("open"):
             return
-        if not self._choice.value:
-            show_refusal(t("No program is chosen"), t("choose one, or upload it"))
-            return
         try:
             self._actions.link.jobs.add(
-                self._choice.value,
+                name,
                 self._actions.visitor.name,
-                int(self._from_line.value or 1),
+                from_line,
+                seen=text,
                 report=report,
                 middle=middle,
                 switches=switches,
             )
         except (MotionError, McError) as error:
-            show_refusal(error.message, error.hint)
+            show_error(error)
 
     async def _run(self) -> None:
-        name, line = self._choice.value, int(self._from_line.value or 1)
-        # what begins in the middle begins somewhere else than where the axes are
-        if name and line > 1:
-            if not self._actions.allowed("open"):
-                return
-            switches = self._actions.link.jobs.switches
-            middle = await ask_run_from(self._actions, name, line, switches)
-            if middle is None:
-                return
-            # what was asked for, whatever the fields say by now
-            self._choice.set_value(name)
-            self._from_line.set_value(line)
-            self._queue(middle=middle, switches=switches)
+        if not self._actions.allowed("open"):
             return
-        self._queue()
+        chosen, switches = self._chosen_program(), self._actions.link.jobs.switches
+        if chosen is None:
+            return
+        middle: Middle | None = WHOLE
+        # what begins in the middle begins somewhere else than where the axes are
+        if chosen[2] > 1:
+            middle = await ask_run_from(self._actions, *chosen, switches)
+        if middle is not None:
+            self._queue(*chosen, switches, middle)
 
     async def _delete(self) -> None:
         name = self._choice.value
-        if (
-            name
-            and self._actions.allowed("open")
+        if not name:
+            show_refusal(t("No program is chosen"), t("choose one, or upload it"))
+        elif (
+            self._actions.allowed("open")
             and await ask(t("Delete {name}?", name=name), t("Delete"), colour="negative")
+            # the role, or control, may have been taken away while the dialog was open
+            and self._actions.allowed("open")
         ):
             self._actions.link.store.delete(name)
 
     async def _dry_run(self) -> None:
-        if not self._choice.value:
-            show_refusal(t("No program is chosen"), t("choose one, or upload it"))
-            return
-        line, switches = int(self._from_line.value or 1), self._actions.link.jobs.switches
-        run = partial(self._queue, switches=switches)
-        await show_dry_run(self._actions, self._choice.value, line, switches, run)
+        chosen, switches = self._chosen_program(), self._actions.link.jobs.switches
+        if chosen is not None:
+            run = partial(self._queue, *chosen, switches, WHOLE)
+            await show_dry_run(self._actions, *chosen, switches, run)
 
 
 def last_run_text(run: LastRun) -> str:

@@ -41,6 +41,9 @@ async def show_replay(link: MachineLink, name: str) -> None:
         return
     finally:
         waiting.dismiss()
+    # a long one may come when its page is closed
+    if ui.context.client.is_deleted:
+        return
     with (
         NamedDialog(t("{name}, played", name=name)).props("maximized") as dialog,
         ui.card().classes("mc-card"),

@@ -20,20 +20,22 @@ from mcserver.web.machine_words import program_name
 from mcserver.web.translation import language, t
 
 
-async def ask_run_from(actions: Actions, name: str, from_line: int, switches: Switches) -> Middle | None:
-    """Show how a stored program would begin at a line, and ask; None: it shall not."""
+async def ask_run_from(
+    actions: Actions, name: str, text: str, from_line: int, switches: Switches
+) -> Middle | None:
+    """Show how a program would begin at a line, and ask; None: it shall not."""
+    lines = text.split("\n")
+    if not 1 <= from_line <= len(lines):
+        show_refusal(
+            t("{name} has no line {line}", name=name, line=from_line),
+            t("it has {count} lines", count=len(lines)),
+        )
+        return None
     try:
-        lines = actions.link.store.read(name).split("\n")
-        if not 1 <= from_line <= len(lines):
-            show_refusal(
-                t("{name} has no line {line}", name=name, line=from_line),
-                t("it has {count} lines", count=len(lines)),
-            )
-            return None
         shown = await actions.link.connected().continuation(
             before=lines[: from_line - 1], **switches._asdict()
         )
-    except (MotionError, McError) as error:
+    except MotionError as error:
         show_error(error)
         return None
     first = max(1, from_line - 3)
@@ -51,7 +53,7 @@ async def ask_to_go_on(actions: Actions, program: ProgramStatus) -> tuple[Contin
     """Show how a program would go on, and ask; None: it shall not."""
     try:
         shown = await actions.link.connected().continuation(program.program)
-    except (MotionError, McError) as error:
+    except MotionError as error:
         show_error(error)
         return None
     name = program_name(shown.name or shown.program)
@@ -200,4 +202,4 @@ class RecoveryPanel:
         try:
             self._actions.link.jobs.go_on(shown, self._actions.visitor.name, middle)
         except (MotionError, McError) as error:
-            show_refusal(error.message, error.hint)
+            show_error(error)

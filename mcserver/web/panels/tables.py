@@ -20,7 +20,7 @@ from mcclient.work_tables import (
 )
 from nicegui import ui
 
-from mcserver.web.actions import Actions, show_refusal
+from mcserver.web.actions import Actions, show_error, show_refusal
 from mcserver.web.dialogs import NamedDialog, answer_to, ask
 from mcserver.web.formatting import MOST, axis_name, position_text
 from mcserver.web.machine_words import program_name
@@ -57,17 +57,23 @@ class TablesPanel:
     async def update(self, info: Info) -> None:
         link = self._actions.link
         machine, status = link.machine, link.status
-        self._card.set_visibility(link.has_work_offsets)
+        if not link.has_work_offsets:
+            self._card.set_visibility(False)
         if machine is None or status is None or not link.has_work_offsets:
             return
         try:
             self._tables = await link.answers.get("tables", PERIOD_S, machine.tables)
         except MotionError as error:
             self._show(f"<p>{html.escape(t(error.message))} [{error.code}]</p>")
+            for button in self._buttons:
+                button.set_enabled(False)
+            self._card.set_visibility(True)
             return
         self._info = info
         self._show(tables_html(self._tables, info))
         self._tool.set_visibility(self._tables.tool_table)
+        # not before: a button that is seen has to do something
+        self._card.set_visibility(True)
         refusal = refusal_of(status.programs, WHY)
         self._waits_for.set_text(
             "" if refusal is None else f"{refusal.message} [{refusal.code}]: {refusal.hint}"
@@ -97,10 +103,11 @@ class TablesPanel:
         return done
 
     async def _ask_offset(self) -> None:
-        if not self._actions.allowed("open") or self._tables is None or self._info is None:
+        tables = self._tables
+        if not self._actions.allowed("open") or tables is None or self._info is None:
             return
-        origins = {each.system: {**each.origin, ANGLE: each.rotation} for each in self._tables.offsets}
-        names = self._tables.names
+        origins = {each.system: {**each.origin, ANGLE: each.rotation} for each in tables.offsets}
+        names = tables.names
         with NamedDialog(t("Change a work offset")) as dialog, ui.card().classes("mc-ask"):
             ui.label(t("Where programs read zero. Nothing moves."))
             system = ui.select(
@@ -150,13 +157,14 @@ class TablesPanel:
                 number.on_value_change(write)
             fill()
             _buttons(dialog)
-        if await answer_to(dialog):
+        if await answer_to(dialog) and await self._are_still(tables):
             await self._change(system.value, line.text, name=name.value or "")
 
     async def _ask_tool(self) -> None:
-        if not self._actions.allowed("open") or self._tables is None:
+        tables = self._tables
+        if not self._actions.allowed("open") or tables is None:
             return
-        tools = {each.number: each for each in self._tables.tools}
+        tools = {each.number: each for each in tables.tools}
         with NamedDialog(t("Change a tool")) as dialog, ui.card().classes("mc-ask"):
             ui.label(t("Length for G43 and diameter. A G43 before does not see the change."))
             number = ui.number(t("Tool"), value=min(tools, default=1), min=1, max=99999, format="%d")
@@ -198,7 +206,7 @@ class TablesPanel:
             diameter.on_value_change(write)
             fill()
             _buttons(dialog)
-        if await answer_to(dialog) and number.value:
+        if await answer_to(dialog) and number.value and await self._are_still(tables):
             tool = tools.get(int(number.value))
             # it may have cut meanwhile: what nobody has touched is not set
             same = used.value is None or used.value == shown_use(tool)
@@ -209,6 +217,18 @@ class TablesPanel:
                 life_min=life.value or 0.0,
                 used_min=None if same else used.value,
             )
+
+    async def _are_still(self, shown: Tables) -> bool:
+        """Return whether nobody has changed what a dialog was made from; says so where somebody has."""
+        try:
+            now = await self._actions.link.connected().tables()
+        except MotionError as error:
+            show_error(error)
+            return False
+        if now.changes[:1] == shown.changes[:1]:
+            return True
+        show_refusal(t("The tables have been changed meanwhile"), t("look at them, then change them again"))
+        return False
 
     async def _change(
         self,
@@ -246,9 +266,10 @@ class TablesPanel:
         return done
 
     async def _ask_undo(self) -> None:
-        if not self._actions.allowed("open") or self._tables is None or not self._tables.changes:
+        tables = self._tables
+        if not self._actions.allowed("open") or tables is None or not tables.changes:
             return
-        last = self._tables.changes[0]
+        last = tables.changes[0]
         line, back = undo_line(last), undo_row(last)
         if line is None and back is None:
             show_refusal(
@@ -260,7 +281,7 @@ class TablesPanel:
             t("Undo"),
             colour="warning",
             details=lambda: ui.label(line or "").classes("font-mono break-all"),
-        ):
+        ) and await self._are_still(tables):
             what = mark("undo {change}", change=change_text(last))
             if back is not None:
                 await self._set_row(what, **back)

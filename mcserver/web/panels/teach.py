@@ -67,7 +67,7 @@ class TeachPanel:
             try:
                 self._actions.link.jobs.add_text(self._name.value or TAUGHT, text, self._actions.visitor.name)
             except MotionError as error:
-                show_refusal(error.message, error.hint)
+                show_error(error)
 
     async def _save(self) -> None:
         name, text = str(self._name.value or ""), str(self._text.value or "")
@@ -79,6 +79,6 @@ class TeachPanel:
                 return
             store.write(name, text.encode("utf-8"))
         except McError as error:
-            show_refusal(error.message, error.hint)
+            show_error(error)
         else:
             ui.notify(t("{name} is kept", name=name), position="bottom")

@@ -11,7 +11,8 @@
   const press = (button) => {
     if (held || button.disabled || button.getAttribute("aria-disabled") === "true") return;
     const { jog: pad, what, direction } = button.dataset;
-    held = { press: Date.now(), pad, what, direction: Number(direction), button };
+    // later than the one before, however the clock is set meanwhile
+    held = { press: Math.round(performance.timeOrigin + performance.now()), pad, what, direction: Number(direction), button };
     button.classList.add("held");
     send("press");
     held.timer = setInterval(() => (document.hasFocus() && !document.hidden ? send("keep") : release()), KEEP_MS);
@@ -132,12 +133,19 @@
     setInterval(tellTime, 2000);
   };
 
-  // what is looked for stays in the address, from which a page that is loaded anew is made
-  window.mcKeepFilter = (name, value) => {
+  // What is looked for in the fleet's table is found here, whatever becomes of the link. It stays in the address, from
+  // which a page that is loaded anew is made. A column's word is what is shown; filters of other columns stay.
+  window.mcLookFor = (name, value, word = value) => {
     const address = new URL(location.href);
     if (value) address.searchParams.set(name, value);
     else address.searchParams.delete(name);
     history.replaceState(history.state, "", address);
+    const { api } = getElement(document.querySelector(".mc-fleet"));
+    if (name === "search") return api.setGridOption("quickFilterText", value ?? "");
+    const filters = api.getFilterModel();
+    if (value) filters[name] = { filterType: "text", type: "equals", filter: word };
+    else delete filters[name];
+    return api.setFilterModel(filters);
   };
 
   // A text that is an hour's work outlasts a page that is loaded anew, which a cut link is enough for: the tab keeps
@@ -173,8 +181,9 @@
   };
 
   // keys that work anywhere but in a field: Shift+Escape is the emergency stop, Space a feed hold
+  const KEYED = "input, textarea, [contenteditable], button, a, [role=tab], [role=button], [role=menuitem]";
   document.addEventListener("keydown", (event) => {
-    const typing = event.target instanceof Element && event.target.closest("input, textarea, [contenteditable], button, a, [role=tab]");
+    const typing = event.target instanceof Element && event.target.closest(KEYED);
     if (event.key === "Escape" && event.shiftKey) emitEvent("mc_key", { key: "estop" });
     else if (event.key === " " && !typing) { event.preventDefault(); emitEvent("mc_key", { key: "hold" }); }
   });
