@@ -15,7 +15,8 @@ from mcserver.errors import ConfigurationError
 from mcserver.opcua import door
 from mcserver.opcua.site import OpcUaOptions, serving
 from tests.e2e.servers import ROOT
-from tests.opcua.machines import LOST_DRIVE, ODD, SECRET, Files, GoClient, Served, channel, program, state
+from tests.opcua.machines import LOST_DRIVE, ODD, SECRET, Files, Served, channel, program, state
+from tests.peers import Peer
 from tests.sdks.languages import ToolMissing, build, go_tool
 
 pytestmark = pytest.mark.asyncio(loop_scope="package")
@@ -23,13 +24,13 @@ USER = ("mes", SECRET)
 
 
 @pytest.fixture(scope="module")
-def go_client() -> GoClient:
+def go_client() -> Peer:
     made = ROOT / "build" / "go" / "opcua-client"
     try:
         build([go_tool(), "build", "-o", str(made), "."], Path(__file__).parent / "client")
     except ToolMissing as missing:
         pytest.skip(str(missing))
-    return GoClient(made)
+    return Peer([str(made)])
 
 
 async def connected(served: Served, files: Files) -> Client:
@@ -39,7 +40,7 @@ async def connected(served: Served, files: Files) -> Client:
 
 
 async def test_a_client_of_another_make_sees_changes_and_alerts_and_comes_back_after_a_kill(
-    served: Served, files: Files, go_client: GoClient
+    served: Served, files: Files, go_client: Peer
 ) -> None:
     await served.look({"cell-1": state(), ODD: state()}, 1, 3)
     await go_client.start(served.url, *files.client, *USER)
@@ -75,7 +76,7 @@ async def test_a_client_of_another_make_sees_changes_and_alerts_and_comes_back_a
 async def test_who_is_not_known_is_not_let_in(
     served: Served,
     files: Files,
-    go_client: GoClient,
+    go_client: Peer,
     certificate: str | None,
     user: tuple[str, str] | None,
     refusal: str,
