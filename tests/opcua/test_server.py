@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import math
 import struct
 from pathlib import Path
 
@@ -144,20 +145,57 @@ async def test_who_does_not_read_is_not_read_and_who_announces_too_much_is_cut(s
         with contextlib.suppress(ConnectionError):
             await writer.wait_closed()
     connection = door.Connection(served.machines.server.iserver, [], [], [], served.machines.server.limits)
-    connection.connection_made(_Transport())
+    transport = _Transport()
+    connection.connection_made(transport)
     connection.pause_writing()
     handling = asyncio.ensure_future(connection._process_one_msg(None, None))
     await asyncio.sleep(0)
     assert not handling.done()
     handling.cancel()
+    # a whole message is kept by itself, and no more is read until it has been answered
+    connection.data_received(struct.pack("<3scI", b"HEL", b"F", 20) + bytes(12) + b"MSGF")
+    assert transport.is_paused
+    (_, kept) = connection.messages.get_nowait()
+    assert len(kept) == 12
+    assert not transport.is_closing()
+    # one that is shorter than its own head
+    connection.data_received(struct.pack("<I", 9) + b"x")
+    assert transport.is_closing()
     connection.connection_lost(None)
 
 
 class _Transport(asyncio.Transport):
     """Of a connection whose other end does not read."""
 
+    def __init__(self) -> None:
+        super().__init__()
+        self.is_paused = False
+        self._closed = False
+
+    def pause_reading(self) -> None:
+        self.is_paused = True
+
+    def is_closing(self) -> bool:
+        return self._closed
+
+    def abort(self) -> None:
+        self._closed = True
+
     def close(self) -> None:
         pass
+
+
+@pytest.mark.parametrize("asked", [0.0, 1.0, 0.0001, math.nan, -5.0, math.inf])
+async def test_a_subscription_is_not_looked_at_as_often_as_its_client_says(
+    served: Served, files: Files, asked: float
+) -> None:
+    client = await connected(served, files)
+    try:
+        wanted = ua.CreateSubscriptionParameters(RequestedPublishingInterval=asked)
+        made = await client.uaclient.create_subscription(wanted, lambda _: None)
+        assert door.SHORTEST_MS <= made.RevisedPublishingInterval <= door.LONGEST_MS
+    finally:
+        await client.disconnect()
 
 
 async def test_what_others_reach_needs_a_certificate_of_opc_ua_and_secrets(
