@@ -270,10 +270,13 @@ class Connection(OPCUAProtocol):
 
     async def _process_one_msg(self, header: Any, buf: Any) -> bool:
         await self._room.wait()
+        if self.transport is None or self.transport.is_closing():
+            # each answer to what had come before its end would be a line in the log
+            return False
         try:
             goes_on: bool = await super()._process_one_msg(header, buf)
         finally:
-            if self.messages.empty() and self.transport is not None:
+            if self.messages.empty():
                 self.transport.resume_reading()
         return goes_on
 
