@@ -96,6 +96,7 @@ socketcan-long: $(VENV)/.for-development  ## the gait and the arcs on four buses
 # before the tests: several that build at once wait for each other
 build-sdks: $(VENV)/.for-development
 	@$(BIN)/python -m tests.sdks.build
+	@$(BIN)/python -m tests.peers
 
 sdks: $(VENV)/.for-development build-sdks  ## build the SDKs of other languages and drive them against a real server
 	$(BIN)/python -m pytest tests/sdks $(ARGS)

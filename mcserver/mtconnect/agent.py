@@ -25,6 +25,8 @@ from mcserver.mtconnect.documents import (
 MOST_DEVICES = 1000
 MOST_PATH = 1000
 COUNT, HEARTBEAT_MS = 100, 10_000
+# of a document, whatever ``count`` asks for: half a megabyte, made in some 30 ms of the agent
+MOST_OBSERVATIONS = 4096
 
 
 class Refusal(Exception):
@@ -109,6 +111,8 @@ class Agent:
     def sample(self, device: str | None, query: Mapping[str, str]) -> tuple[bytes, int]:
         """Return what was observed ``from`` a number on, at most ``count``, and the number that follows.
 
+        A document has `MOST_OBSERVATIONS` at most, as `count` says how many it may have.
+
         Raises:
             Refusal: as `current`.
         """
@@ -123,7 +127,7 @@ class Agent:
             start = self.buffer.first
         elif start != self.buffer.next:
             self._require("from", start)
-        window = self.buffer.window(start, count, set(items))
+        window = self.buffer.window(start, min(count, MOST_OBSERVATIONS), set(items))
         place = self._place(window.next_sequence)
         return streams_document(self.header(), place, devices, window.observations), place.next
 

@@ -1,8 +1,9 @@
 """The server's door: who gets in by which certificate and password, and what a connection may take.
 
 asyncua leaves open, as of 2.1: a message may announce any size and is gathered before it is looked at;
-answers that nobody reads gather without a bound; a session is taken over from another channel by its
-number, which can be guessed, whether or not the attempt shows a valid user; anybody registers servers.
+requests and answers that nobody reads gather, each request with all that had come behind it; a subscription
+is looked at as often as its client says; a session is taken over from another channel by its number, which
+can be guessed, whether or not the attempt shows a valid user; anybody registers servers.
 """
 
 from __future__ import annotations
@@ -37,6 +38,10 @@ MOST_CONNECTIONS = 300
 ARRIVAL_S = 30.0
 # of a message from a client [B]: a read or a subscription of some thousand nodes
 MOST_MESSAGE = 2**20
+# of a message: type, chunk, size (Part 6, 7.1.2.2)
+HEADER = 8
+# between two looks at a subscription [ms]: machines are looked at twice a second
+SHORTEST_MS, LONGEST_MS = 50.0, 3_600_000.0
 # rounds of the loop in which accepted connections are made, and the time for what ends with them [s]
 ROUNDS, STOP_S = 8, 5.0
 # values of a node that wait for one who does not ask for them
@@ -80,7 +85,17 @@ class ReadOnlyAttributes(AttributeService):
 
 
 class BoundedSubscriptions(SubscriptionService):
-    """Subscriptions whose items are bounded in number."""
+    """Subscriptions whose items are bounded in number, and that are looked at now and then."""
+
+    async def create_subscription(
+        self, params: ua.CreateSubscriptionParameters, *rest: Any, **named: Any
+    ) -> ua.CreateSubscriptionResult:
+        # in this order no number is the shortest, too
+        params.RequestedPublishingInterval = min(
+            max(SHORTEST_MS, params.RequestedPublishingInterval), LONGEST_MS
+        )
+        made: ua.CreateSubscriptionResult = await super().create_subscription(params, *rest, **named)
+        return made
 
     async def create_monitored_items(
         self, params: ua.CreateMonitoredItemsParameters, *rest: Any
@@ -211,6 +226,7 @@ class Connection(OPCUAProtocol):
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
         self._room = asyncio.Event()
         self._room.set()
+        self._unread = b""
         if len(self.clients) >= MOST_CONNECTIONS:
             # whoever has not shown who he is gives his place up: the oldest first
             oldest = next((each for each in self.clients if not each.has_activated()), None)
@@ -221,7 +237,8 @@ class Connection(OPCUAProtocol):
 
     def has_activated(self) -> bool:
         """Return whether a session of this connection was activated."""
-        return self.processor.session is not None and bool(self.processor.session.is_activated())
+        session = None if self.processor is None else self.processor.session
+        return session is not None and bool(session.is_activated())
 
     def pause_writing(self) -> None:
         self._room.clear()
@@ -230,14 +247,44 @@ class Connection(OPCUAProtocol):
         self._room.set()
 
     def data_received(self, data: bytes) -> None:
-        super().data_received(data)
-        if len(self._buffer) > MOST_MESSAGE and self.transport is not None:
-            self.transport.abort()
+        """Hand whole messages over, one by one, and read on once they have been answered."""
+        assert self.transport is not None
+        self._unread += data
+        begin = 0
+        while len(self._unread) - begin >= HEADER:
+            size = int.from_bytes(self._unread[begin + 4 : begin + HEADER], "little")
+            if HEADER < size <= MOST_MESSAGE:
+                if len(self._unread) - begin < size:
+                    break
+                super().data_received(self._unread[begin : begin + size])
+                begin += size
+            else:
+                self.transport.abort()
+            # what is left is of a message shorter than its own head; an orderly end waits for the other side
+            if self._buffer or self.transport.is_closing():
+                self.transport.abort()
+                return
+        self._unread = self._unread[begin:]
+        if not self.messages.empty():
+            self.transport.pause_reading()
 
     async def _process_one_msg(self, header: Any, buf: Any) -> bool:
         await self._room.wait()
-        goes_on: bool = await super()._process_one_msg(header, buf)
+        if self.transport is None or self.transport.is_closing():
+            # each answer to what had come before its end would be a line in the log
+            return False
+        try:
+            goes_on: bool = await super()._process_one_msg(header, buf)
+        finally:
+            if self.messages.empty():
+                self.transport.resume_reading()
         return goes_on
+
+    async def _activation_watchdog(self) -> None:
+        """End a connection without a session, whether it takes its answers or not."""
+        await asyncio.sleep(self.iserver.max_pending_activation_seconds)
+        if not self.has_activated() and self.transport is not None:
+            self.transport.abort()
 
 
 class Listener(BinaryServer):

@@ -1,20 +1,21 @@
-"""`mcserver mtconnect` beside a real server: a program that runs, and a kill of the server."""
+"""`mcserver mtconnect` beside a real server, read by a client of another make, over a kill of either."""
 
 from __future__ import annotations
 
-import json
-import re
+import importlib
 import signal
-import subprocess
 import sys
-import urllib.request
 from collections.abc import Callable, Iterator
+from types import SimpleNamespace
+from typing import Any
 
 import pytest
 from mcclient.sync import Machine
 
+from tests.bench.server import free_port
 from tests.e2e.conftest import slower
-from tests.e2e.servers import ROOT, ServerProcess, environment
+from tests.e2e.servers import CommandProcess, ServerProcess
+from tests.peers import python_peers
 
 LOOKS = 3000
 
@@ -28,57 +29,91 @@ def own_server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[ServerProce
     process.close()
 
 
+class AgentProcess:
+    """The agent, always at one port."""
+
+    def __init__(self, endpoint: str) -> None:
+        self._options = ("--port", str(free_port()), "--rate", "20", "--connect", endpoint)
+        self.start()
+
+    def start(self) -> None:
+        self._command = CommandProcess("mtconnect", *self._options)
+        self.url, self.close = self._command.url, self._command.close
+
+    def kill(self) -> None:
+        self._command.process.kill()
+        self._command.close()
+
+
 @pytest.fixture(scope="module")
-def agent(own_server: ServerProcess) -> Iterator[str]:
-    """Where the agent is served."""
-    command = [sys.executable, "-m", "mcserver", "mtconnect", "--port", "0", "--json", "--rate", "20"]
-    process = subprocess.Popen(
-        [*command, "--connect", own_server.endpoint],
-        stdout=subprocess.PIPE,
-        text=True,
-        env=environment(),
-        cwd=ROOT,
-    )
-    assert process.stdout is not None
-    yield json.loads(process.stdout.readline())["url"]
-    process.send_signal(signal.SIGTERM)
-    assert process.wait(30.0) == 0
-    process.stdout.close()
+def agent(own_server: ServerProcess) -> Iterator[AgentProcess]:
+    process = AgentProcess(own_server.endpoint)
+    yield process
+    process.close()
 
 
-def read(address: str) -> str:
-    with urllib.request.urlopen(address, timeout=30.0) as answer:
-        return str(answer.read().decode())
+class Peer:
+    """The reader of MTConnect in iaiops: probe, current, pages of samples."""
+
+    def __init__(self, url: str) -> None:
+        self._reader: Any = importlib.import_module("iaiops.connectors.mtconnect.ops")
+        self._agent = SimpleNamespace(name="mill", agent_url=url, device="mill")
+
+    def components(self) -> set[str]:
+        (device,) = self._reader.mtconnect_probe(self._agent)["devices"]
+        return {each["component"] for each in device["components"]}
+
+    def state(self) -> dict[str, Any]:
+        found: dict[str, Any] = self._reader.mtconnect_oee_snapshot(self._agent)
+        return found
+
+    def samples(self) -> list[dict[str, str]]:
+        """All that the agent has kept, page by page."""
+        found = self._reader.mtconnect_stream(self._agent, from_sequence=1, interval_ms=0, count=50)
+        assert found["stopped_reason"] == "caught_up"
+        samples: list[dict[str, str]] = found["observations"]
+        return samples
+
+    def wait_for(self, is_there: Callable[[dict[str, Any]], object]) -> None:
+        """Look until it is there: a request takes milliseconds, the agent looks at 20 Hz."""
+        state: dict[str, Any] = {}
+        for _ in range(LOOKS):
+            state = self.state()
+            if is_there(state):
+                return
+        raise AssertionError(f"never: {state}")
 
 
-def wait_for(address: str, is_there: Callable[[str], object]) -> str:
-    """The first document in which it is there; a request takes milliseconds, the agent looks at 20 Hz."""
-    for _ in range(LOOKS):
-        document = read(address)
-        if is_there(document):
-            return document
-    raise AssertionError(f"never in {document}")
+@pytest.fixture
+def peer(agent: AgentProcess, monkeypatch: pytest.MonkeyPatch) -> Peer:
+    monkeypatch.setattr(sys, "path", [*sys.path, str(python_peers())])
+    return Peer(agent.url)
 
 
-def test_a_program_and_a_killed_server_are_observed_in_order(own_server: ServerProcess, agent: str) -> None:
-    wait_for(f"{agent}probe", lambda document: 'name="mill"' in document)
-    wait_for(f"{agent}current", lambda document: ">AVAILABLE<" in document)
+def test_a_client_of_another_make_sees_a_program_and_comes_back_after_a_kill_of_server_and_agent(
+    own_server: ServerProcess, agent: AgentProcess, peer: Peer
+) -> None:
+    peer.wait_for(lambda state: state["verdict"] == "available_idle")
+    assert {"Linear", "Controller", "Path"} <= peer.components()
     with Machine.connect("mill", own_server.endpoint) as machine, machine.program("part.nc") as program:
         program.send("G1010 P0")
         program.send("G01 X10 F600")
-        wait_for(f"{agent}current", lambda document: ">ACTIVE<" in document and ">part.nc<" in document)
-    wait_for(f"{agent}current", lambda document: ">PROGRAM_COMPLETED<" in document)
+        peer.wait_for(lambda state: state["running"] and state["program"] == "part.nc")
+    peer.wait_for(lambda state: state["execution"] == "PROGRAM_COMPLETED")
     own_server.end(signal.SIGKILL)
-    wait_for(f"{agent}current", lambda document: ">AVAILABLE<" not in document)
+    peer.wait_for(lambda state: state["verdict"] == "unavailable")
     own_server.start()
-    wait_for(f"{agent}current", lambda document: ">AVAILABLE<" in document)
-    seen = read(f"{agent}mill/sample?count=100000&path=//Path|//Device/DataItems")
-    assert re.findall(r"<Execution [^>]*>(\w+)<", seen)[-5:] == [
+    peer.wait_for(lambda state: state["available"])
+    samples = peer.samples()
+    assert [each["value"] for each in samples if each["type"] == "Execution"][-5:] == [
         "READY",
         "ACTIVE",
         "PROGRAM_COMPLETED",
         "UNAVAILABLE",
         "READY",
     ]
-    numbers = [int(each) for each in re.findall(r'sequence="(\d+)"', seen)]
+    numbers = [int(each["sequence"]) for each in samples]
     assert len(numbers) == len(set(numbers))
+    agent.kill()
+    agent.start()
+    peer.wait_for(lambda state: state["available"])

@@ -16,7 +16,16 @@ class GatewayProcess:
     """``mcserver gateway`` as a process of its own."""
 
     def __init__(self, endpoint: str, *options: str, inside: Sequence[str] = ()) -> None:
-        command = CommandProcess("gateway", "--port", "0", "--connect", endpoint, *options, inside=inside)
+        command = CommandProcess(
+            # the last one counts
+            "gateway",
+            "--port",
+            "0",
+            "--connect",
+            endpoint,
+            *options,
+            inside=inside,
+        )
         self.process, self.url, self.close = command.process, command.url.rstrip("/"), command.close
         self.ws = self.url.replace("http", "ws", 1) + "/v1/ws"
 

@@ -25,8 +25,11 @@ from websockets.asyncio.client import ClientConnection, connect
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 
 from mcserver.gateway.foxglove import MOST_VIEWERS
+from tests.bench.server import free_port
 from tests.e2e.servers import ServerProcess
 from tests.gateway.conftest import GatewayProcess
+from tests.peers import Peer, foxglove_client
+from tests.sdks.languages import ToolMissing
 
 Tokens = tuple[Path, dict[str, str]]
 LIMIT_S = 60.0
@@ -241,3 +244,38 @@ async def test_a_machine_is_shown_again_after_its_server_was_killed(
         started_ns = time.time_ns()
         while (await viewer.message("/joint_states"))[0] < started_ns:
             pass
+
+
+@pytest.fixture
+def foxglove() -> Peer:
+    try:
+        return Peer(foxglove_client())
+    except ToolMissing as missing:
+        pytest.skip(str(missing))
+
+
+async def test_the_client_of_foxglove_sees_all_and_comes_back_after_a_kill_of_server_and_gateway(
+    foxglove: Peer, server: ServerProcess, tokens: Tokens
+) -> None:
+    options = ("--tokens", str(tokens[0]), "--port", str(free_port()))
+    gateway = GatewayProcess(server.endpoint, *options)
+    await foxglove.start(address(gateway, tokens[1]["observer"]))
+    try:
+        said = await foxglove.says("info mcserver cell", "message /joint_states", "message /joint_states")
+        assert not [each for each in said if each.startswith(("error", "closed"))]
+        server.end(signal.SIGKILL)
+        server.start()
+        started_ns = time.time_ns()
+        while True:
+            last = (await foxglove.says("message /tf "))[-1]
+            if int(last.split()[2]) > started_ns:
+                break
+        gateway.process.kill()
+        await foxglove.says("closed")
+        gateway.close()
+        gateway = GatewayProcess(server.endpoint, *options)
+        said = await foxglove.says("info mcserver cell", "message /joint_states")
+        assert {"/tf_static", "/scene"} <= {each.split()[1] for each in said if each.startswith("message")}
+    finally:
+        await foxglove.stop()
+        gateway.close()

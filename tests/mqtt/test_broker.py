@@ -4,22 +4,25 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import importlib
 import shutil
 import socket
 import subprocess
+import sys
 import threading
 import time
 from collections.abc import AsyncIterator, Iterator
 from contextlib import asynccontextmanager
 from pathlib import Path
+from typing import Any
 
 import aiomqtt
 import pytest
 
 from mcserver.mqtt.bridge import Bridge, Broker
-from mcserver.mqtt.payload import BOOLEAN, Metric, decoded, encoded
-from mcserver.mqtt.publishers import REBIRTH, PlainTopics, Publisher, SparkplugNode
+from mcserver.mqtt.publishers import PlainTopics, Publisher, SparkplugNode
 from tests.bench.server import free_port
+from tests.peers import python_peers
 
 LIMIT_S = 60.0
 VALUES = {"state": "ready", "axes/X/position": 1.0}
@@ -102,21 +105,63 @@ async def test_states_are_there_for_who_comes_later_and_after_a_kill_of_the_brok
     assert (await heard(mosquitto, "mc/status", 1))[0][1] == b"offline"
 
 
-async def test_a_host_that_asks_for_a_rebirth_gets_it_in_order(mosquitto: Mosquitto) -> None:
+@pytest.fixture
+def sparkplug(monkeypatch: pytest.MonkeyPatch) -> Any:
+    """A library of another make, which writes and reads what a host does."""
+    monkeypatch.setattr(sys, "path", [*sys.path, str(python_peers())])
+    return importlib.import_module("pysparkplug")
+
+
+class Host:
+    """A host application: names of metrics from the births that it hears, by the library's own reading."""
+
+    def __init__(self, library: Any, mosquitto: Mosquitto) -> None:
+        self._library = library
+        self._mosquitto = mosquitto
+        self.birth: Any = None
+
+    def values(self, topic: str, payload: bytes) -> dict[str, Any]:
+        kind = self._library.Topic.from_str(topic).message_type
+        if kind is self._library.MessageType.DBIRTH:
+            self.birth = found = self._library.DBirth.decode(payload)
+            assert found.seq == 1
+        else:
+            assert kind is self._library.MessageType.DDATA
+            found = self._library.DData.decode(payload, birth=self.birth)
+        return {each.name: each.value for each in found.metrics}
+
+    async def ask_for_births(self) -> dict[str, Any]:
+        """The values of the first birth that follows; a broker that is not there yet is asked again."""
+        rebirth = self._library.Metric(
+            timestamp=0, name="Node Control/Rebirth", datatype=self._library.DataType.BOOLEAN, value=True
+        )
+        command = self._library.NCmd(timestamp=0, metrics=(rebirth,)).encode(include_dtypes=True)
+        hearing = asyncio.ensure_future(heard(self._mosquitto, "spBv1.0/site/DBIRTH/cell/cell-1", 1))
+        async with asyncio.timeout(LIMIT_S):
+            while not hearing.done():
+                with contextlib.suppress(aiomqtt.MqttError):
+                    async with aiomqtt.Client("127.0.0.1", self._mosquitto.port) as client:
+                        await client.publish("spBv1.0/site/NCMD/cell", command)
+                await asyncio.wait([hearing], timeout=0.3)
+        ((topic, payload),) = hearing.result()
+        return self.values(topic, payload)
+
+
+async def test_a_host_of_another_make_reads_births_and_data_and_again_after_a_kill_of_the_broker(
+    mosquitto: Mosquitto, sparkplug: Any
+) -> None:
+    host = Host(sparkplug, mosquitto)
     async with bridged(mosquitto, SparkplugNode("site", "cell", time.time)) as bridge:
         await bridge.see({"cell-1": VALUES})
-        hearing = asyncio.ensure_future(heard(mosquitto, "spBv1.0/site/+/cell/cell-1", 1))
-        rebirth = _rebirth()
-        async with asyncio.timeout(LIMIT_S), aiomqtt.Client("127.0.0.1", mosquitto.port) as host:
-            while not hearing.done():
-                await host.publish("spBv1.0/site/NCMD/cell", rebirth)
-                await asyncio.wait([hearing], timeout=0.3)
-    ((topic, payload),) = hearing.result()
-    assert topic == "spBv1.0/site/DBIRTH/cell/cell-1"
-    birth = decoded(payload)
-    assert birth.seq == 1
-    assert [each.name for each in birth.metrics] == list(VALUES)
-
-
-def _rebirth() -> bytes:
-    return encoded([Metric(REBIRTH, 0, BOOLEAN, True, time.time())], wall=time.time(), seq=None)
+        assert await host.ask_for_births() == VALUES
+        async with aiomqtt.Client("127.0.0.1", mosquitto.port) as client:
+            await client.subscribe("spBv1.0/site/DDATA/#", qos=1)
+            await bridge.see({"cell-1": {**VALUES, "axes/X/position": 2.0}})
+            async with asyncio.timeout(LIMIT_S):
+                message = await anext(aiter(client.messages))
+        assert isinstance(message.payload, bytes)
+        assert host.values(str(message.topic), message.payload) == {"axes/X/position": 2.0}
+        mosquitto.kill()
+        await bridge.see({"cell-1": {**VALUES, "axes/X/position": -3.0}})
+        mosquitto.start()
+        assert await host.ask_for_births() == {**VALUES, "axes/X/position": -3.0}

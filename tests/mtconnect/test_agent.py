@@ -144,6 +144,15 @@ def test_samples_come_in_pages(client: TestClient) -> None:
     assert sorted(seen) == list(range(1, following))
 
 
+def test_no_document_is_larger_than_one_may_be_whatever_is_asked_for(
+    client: TestClient, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("mcserver.mtconnect.agent.MOST_OBSERVATIONS", 5)
+    document = read(client, "/sample?from=1&count=100")
+    assert len([each for each in document.iter() if "sequence" in each.attrib]) == 5
+    assert document.find("Header").attrib["nextSequence"] == "6"  # type: ignore[union-attr]
+
+
 def test_what_has_left_the_buffer_is_out_of_range_and_still_current(agent: Agent, client: TestClient) -> None:
     for step in range(200):
         agent.see("cell-1", state(float(step + 1)))

@@ -131,35 +131,3 @@ async def channel(served: Served, pair: tuple[Path, Path], user: str, password: 
     certificate, key = (CertProperties(each, "pem") for each in pair)
     await client.set_security(SecurityPolicyBasic256Sha256, certificate, key)
     return client
-
-
-class GoClient:
-    """The client of another make, by what it says."""
-
-    def __init__(self, binary: Path) -> None:
-        self._binary = binary
-        self._process: asyncio.subprocess.Process
-
-    async def start(self, *arguments: object) -> None:
-        words = [str(each) for each in arguments]
-        self._process = await asyncio.create_subprocess_exec(
-            self._binary, *words, stdout=asyncio.subprocess.PIPE, stderr=asyncio.subprocess.DEVNULL
-        )
-
-    async def says(self, *beginnings: str) -> list[str]:
-        """Lines up to the one that begins with the last of these; those between may be others."""
-        assert self._process.stdout is not None
-        wanted, found = list(beginnings), []
-        async with asyncio.timeout(60.0):
-            while wanted:
-                line = (await self._process.stdout.readline()).decode().rstrip()
-                assert line, f"it ended without {wanted[0]!r}: {found}"
-                found.append(line)
-                if line.startswith(wanted[0]):
-                    wanted.pop(0)
-        return found
-
-    async def stop(self) -> None:
-        if self._process.returncode is None:
-            self._process.kill()
-        await self._process.wait()

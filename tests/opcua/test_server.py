@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import math
 import struct
 from pathlib import Path
 
@@ -15,7 +16,8 @@ from mcserver.errors import ConfigurationError
 from mcserver.opcua import door
 from mcserver.opcua.site import OpcUaOptions, serving
 from tests.e2e.servers import ROOT
-from tests.opcua.machines import LOST_DRIVE, ODD, SECRET, Files, GoClient, Served, channel, program, state
+from tests.opcua.machines import LOST_DRIVE, ODD, SECRET, Files, Served, channel, program, state
+from tests.peers import Peer
 from tests.sdks.languages import ToolMissing, build, go_tool
 
 pytestmark = pytest.mark.asyncio(loop_scope="package")
@@ -23,13 +25,13 @@ USER = ("mes", SECRET)
 
 
 @pytest.fixture(scope="module")
-def go_client() -> GoClient:
+def go_client() -> Peer:
     made = ROOT / "build" / "go" / "opcua-client"
     try:
         build([go_tool(), "build", "-o", str(made), "."], Path(__file__).parent / "client")
     except ToolMissing as missing:
         pytest.skip(str(missing))
-    return GoClient(made)
+    return Peer([str(made)])
 
 
 async def connected(served: Served, files: Files) -> Client:
@@ -39,7 +41,7 @@ async def connected(served: Served, files: Files) -> Client:
 
 
 async def test_a_client_of_another_make_sees_changes_and_alerts_and_comes_back_after_a_kill(
-    served: Served, files: Files, go_client: GoClient
+    served: Served, files: Files, go_client: Peer
 ) -> None:
     await served.look({"cell-1": state(), ODD: state()}, 1, 3)
     await go_client.start(served.url, *files.client, *USER)
@@ -75,7 +77,7 @@ async def test_a_client_of_another_make_sees_changes_and_alerts_and_comes_back_a
 async def test_who_is_not_known_is_not_let_in(
     served: Served,
     files: Files,
-    go_client: GoClient,
+    go_client: Peer,
     certificate: str | None,
     user: tuple[str, str] | None,
     refusal: str,
@@ -143,20 +145,57 @@ async def test_who_does_not_read_is_not_read_and_who_announces_too_much_is_cut(s
         with contextlib.suppress(ConnectionError):
             await writer.wait_closed()
     connection = door.Connection(served.machines.server.iserver, [], [], [], served.machines.server.limits)
-    connection.connection_made(_Transport())
+    transport = _Transport()
+    connection.connection_made(transport)
     connection.pause_writing()
     handling = asyncio.ensure_future(connection._process_one_msg(None, None))
     await asyncio.sleep(0)
     assert not handling.done()
     handling.cancel()
+    # a whole message is kept by itself, and no more is read until it has been answered
+    connection.data_received(struct.pack("<3scI", b"HEL", b"F", 20) + bytes(12) + b"MSGF")
+    assert transport.is_paused
+    (_, kept) = connection.messages.get_nowait()
+    assert len(kept) == 12
+    assert not transport.is_closing()
+    # one that is shorter than its own head
+    connection.data_received(struct.pack("<I", 9) + b"x")
+    assert transport.is_closing()
     connection.connection_lost(None)
 
 
 class _Transport(asyncio.Transport):
     """Of a connection whose other end does not read."""
 
+    def __init__(self) -> None:
+        super().__init__()
+        self.is_paused = False
+        self._closed = False
+
+    def pause_reading(self) -> None:
+        self.is_paused = True
+
+    def is_closing(self) -> bool:
+        return self._closed
+
+    def abort(self) -> None:
+        self._closed = True
+
     def close(self) -> None:
         pass
+
+
+@pytest.mark.parametrize("asked", [0.0, 1.0, 0.0001, math.nan, -5.0, math.inf])
+async def test_a_subscription_is_not_looked_at_as_often_as_its_client_says(
+    served: Served, files: Files, asked: float
+) -> None:
+    client = await connected(served, files)
+    try:
+        wanted = ua.CreateSubscriptionParameters(RequestedPublishingInterval=asked)
+        made = await client.uaclient.create_subscription(wanted, lambda _: None)
+        assert door.SHORTEST_MS <= made.RevisedPublishingInterval <= door.LONGEST_MS
+    finally:
+        await client.disconnect()
 
 
 async def test_what_others_reach_needs_a_certificate_of_opc_ua_and_secrets(
