@@ -21,8 +21,8 @@ from mcserver.canopen.listening import Listening, for_masters, refuse_other_mast
 from mcserver.canopen.network import PortNetwork
 from mcserver.canopen.node_configuration import SdoClient
 from mcserver.canopen.parameters import Parameter, encode
-from mcserver.canopen.sdo import STORING, NodeSdo
-from mcserver.canopen.settings import DriveSettings
+from mcserver.canopen.sdo import NodeSdo
+from mcserver.canopen.settings import STORING, DriveSettings
 from mcserver.canopen.values import Value, decode_value
 from mcserver.drives.cia402.state import POWERED, power_state
 from mcserver.errors import RuntimeFault

@@ -74,7 +74,7 @@ class DeskPage:
         self._drive.update()
         self._scope.update()
         if self._link.machine is not None and self._beat % BEAT_EVERY == 1:
-            await self._drive.look()
+            self._drive.look()
             await self._drives.update(self._link.machine.info)
 
     def _stop(self) -> None:
