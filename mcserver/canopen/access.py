@@ -93,7 +93,7 @@ class LineDrive:
 
     settings: DriveSettings
     sdo: SdoClient
-    dictionary: DeviceDictionary | None
+    dictionary: DeviceDictionary
 
     def refusal_of_write(self, index: int) -> tuple[str, str] | None:
         """As the function."""
