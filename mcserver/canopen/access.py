@@ -101,14 +101,15 @@ class LineDrive:
 
 
 class LineAccess(Protocol):
-    """Drives on EtherCAT; `mcserver.ethercat.operator_line.OperatorLine`.
+    """Drives on EtherCAT; `mcserver.ethercat.operator_line.OperatorLine`."""
 
-    Attributes:
-        drives: by axis. buses: their names.
-    """
+    @property
+    def drives(self) -> Sequence[LineDrive]:
+        """By axis."""
 
-    drives: Sequence[LineDrive]
-    buses: Sequence[str]
+    @property
+    def buses(self) -> Sequence[str]:
+        """Their names."""
 
     def health(self, bus: str, seconds: float) -> BusHealth:
         """Listen on a bus. Raises: RuntimeFault MC424 it cannot be."""
