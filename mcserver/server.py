@@ -192,6 +192,10 @@ async def serve(machine: Machine, options: ServerOptions | None = None) -> None:
             stack.callback(executor.stop)
             planning = ProcessPlanning(machine, executor)
             stack.callback(planning.close)
+            if executor.mailboxes is not None:
+                from mcserver.ethercat.operator_line import OperatorLine
+
+                drives.reach(OperatorLine(machine, executor.mailboxes))
             await asyncio.to_thread(executor.wait)
             await asyncio.to_thread(planning.wait)
             port = ExecutorPort(machine, executor)

@@ -427,7 +427,7 @@ func (m *Machine) DriveParameters(ctx context.Context, axis int64) (*DriveParame
 	return callFor[DriveParameters](ctx, m, "drive_parameters", paramsOf(DriveParametersRequest{Axis: axis}))
 }
 
-// DrivesHealth: Listen on the CAN buses for some seconds and count load, lost and late frames. Nothing is sent.
+// DrivesHealth: Listen on the buses for some seconds and count load, lost and late frames. Nothing is sent.
 func (m *Machine) DrivesHealth(ctx context.Context, seconds *float64) ([]BusHealth, error) {
 	reply, err := callFor[DrivesHealthReply](ctx, m, "drives_health", paramsOf(DrivesHealthRequest{Seconds: seconds}))
 	if err != nil {

@@ -100,6 +100,15 @@ const (
 	EventKindBusBack          EventKind = "bus.back"
 )
 
+// Fieldbus is a word of the wire. A later server may know further ones.
+type Fieldbus string
+
+// The words that this version knows.
+const (
+	FieldbusCan      Fieldbus = "can"
+	FieldbusEthercat Fieldbus = "ethercat"
+)
+
 // ToolFrame is a word of the wire. A later server may know further ones.
 type ToolFrame string
 
@@ -656,7 +665,8 @@ type DriveInfo struct {
 type DriveParameters struct {
 	Axis int64  `msgpack:"axis" mc:"required"`
 	Bus  string `msgpack:"bus" mc:"required"`
-	Node int64  `msgpack:"node" mc:"required"`
+	// Node: on EtherCAT its position.
+	Node int64 `msgpack:"node" mc:"required"`
 	// NodeAxis: which axis of its node it is.
 	NodeAxis int64 `msgpack:"node_axis" mc:"required"`
 	// EdsSha256: of its EDS; empty: there is none, and these are the standard's objects.
@@ -664,6 +674,8 @@ type DriveParameters struct {
 	Parameters []ParameterInfo `msgpack:"parameters" mc:"required"`
 	// Unreadable: entries of the EDS that make no sense, each with why.
 	Unreadable []string `msgpack:"unreadable" mc:"required"`
+	// Fieldbus: kind of its bus.
+	Fieldbus Fieldbus `msgpack:"fieldbus" mc:"default=can"`
 }
 
 // DriveParametersRequest: The objects of an axis's drive.
@@ -676,7 +688,7 @@ type DrivesHealthReply struct {
 	Buses []BusHealth `msgpack:"buses" mc:"required"`
 }
 
-// DrivesHealthRequest: How the CAN buses are; `seconds`: for which they are listened to, all together.
+// DrivesHealthRequest: How the buses are; `seconds`: for which they are listened to, all together.
 type DrivesHealthRequest struct {
 	Seconds *float64 `msgpack:"seconds"`
 }

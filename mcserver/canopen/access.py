@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import asyncio
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from typing import TypeVar, cast
+from dataclasses import dataclass
+from typing import Protocol, TypeVar, cast
 
 from canopen.objectdictionary import ODVariable
 
@@ -17,7 +18,9 @@ from mcserver.canopen.bus_scan import scan_bus
 from mcserver.canopen.canopen_errors import DriveError, object_text
 from mcserver.canopen.configuration import PDO_OBJECTS, of_first_axis
 from mcserver.canopen.cycle_samples import signals_of
+from mcserver.canopen.dictionary import DeviceDictionary
 from mcserver.canopen.node import Node, NodeAxis, Phase
+from mcserver.canopen.node_configuration import SdoClient
 from mcserver.canopen.parameters import encode, parameter_of, parameters_of
 from mcserver.canopen.service import CanopenService
 from mcserver.canopen.settings import NO_AXIS, DriveSettings, settings_of
@@ -27,6 +30,7 @@ from mcserver.canopen.views import (
     BusScan,
     DriveInfo,
     DriveParameters,
+    Fieldbus,
     MonitoredValue,
     ParameterInfo,
     SdoReply,
@@ -47,6 +51,8 @@ MAX_WAITING = 16
 _CYCLIC = frozenset({0x6040, 0x6060, 0x6071, 0x607A, 0x60C1, 0x60FF})
 _OUTPUTS = 0x60FE
 _WATCHING = frozenset({0x1016, 0x1017})
+# Of sync managers with the cycle, on EtherCAT (ETG.1020).
+_SYNCHRONIZATION = frozenset({0x1C32, 0x1C33})
 _SCALING = frozenset({0x607C, 0x607E, 0x608F, 0x6091, 0x6092, 0x60C2})
 
 
@@ -59,12 +65,8 @@ def moves_by_sdo(index: int) -> bool:
     return of_first_axis(index) in _CYCLIC | {_OUTPUTS}
 
 
-def refusal_of_write(index: int, node: Node) -> tuple[str, str] | None:
-    """Why an object must not be written now, and what to do instead; None: it may be."""
-    if not node.settings.has_profile:
-        return "its drive's SDO takes no standard writes", "use its maker's own tool"
-    if node.phase is not Phase.OPERATIONAL and node.nmt is not NmtState.OPERATIONAL:
-        return None
+def refusal_of_write(index: int) -> tuple[str, str] | None:
+    """Why an object must not be written while the cycle runs, and what to do instead; None: it may be."""
     index = of_first_axis(index)
     if index in _CYCLIC:
         return "the executor sends it in every cycle", _BY_PROGRAM
@@ -72,6 +74,8 @@ def refusal_of_write(index: int, node: Node) -> tuple[str, str] | None:
         return "it switches outputs, one of which may hold a brake", "switch outputs by programs"
     if index in PDO_OBJECTS:
         return "it is the mapping of the process data in which the executor and the drive agree", _BY_FILE
+    if index in _SYNCHRONIZATION:
+        return "its synchronization with the cycle rests on it", _BY_FILE
     if index in _WATCHING:
         return "the watching of the drive rests on it", _BY_FILE
     if index in _SCALING:
@@ -79,11 +83,72 @@ def refusal_of_write(index: int, node: Node) -> tuple[str, str] | None:
     return None
 
 
-class OperatorAccess:
-    """Drives as operators may reach them; transfers wait in threads of its own."""
+@dataclass(frozen=True)
+class LineDrive:
+    """A drive on EtherCAT, whose line is in the cycle.
 
-    def __init__(self, service: CanopenService) -> None:
+    Attributes:
+        sdo: its mailbox. dictionary: of its file, or the standard's objects.
+    """
+
+    settings: DriveSettings
+    sdo: SdoClient
+    dictionary: DeviceDictionary
+
+    def refusal_of_write(self, index: int) -> tuple[str, str] | None:
+        """As the function."""
+        return refusal_of_write(index)
+
+
+class LineAccess(Protocol):
+    """Drives on EtherCAT; `mcserver.ethercat.operator_line.OperatorLine`."""
+
+    @property
+    def drives(self) -> Sequence[LineDrive]:
+        """By axis."""
+
+    @property
+    def buses(self) -> Sequence[str]:
+        """Their names."""
+
+    def health(self, bus: str, seconds: float) -> BusHealth:
+        """Listen on a bus. Raises: RuntimeFault MC424 it cannot be."""
+
+
+@dataclass(frozen=True)
+class _NodeDrive:
+    """A drive of a node on a CAN bus, as `LineDrive`."""
+
+    node: Node
+    settings: DriveSettings
+    dictionary: DeviceDictionary | None
+
+    @property
+    def sdo(self) -> SdoClient:
+        return self.node.sdo
+
+    def refusal_of_write(self, index: int) -> tuple[str, str] | None:
+        node = self.node
+        if not node.settings.has_profile:
+            return "its drive's SDO takes no standard writes", "use its maker's own tool"
+        if node.phase is not Phase.OPERATIONAL and node.nmt is not NmtState.OPERATIONAL:
+            return None
+        return refusal_of_write(index)
+
+
+class OperatorAccess:
+    """Drives as operators may reach them; transfers wait in threads of its own.
+
+    Args:
+        service: of the CAN buses; None: there are none.
+
+    Attributes:
+        line: drives on EtherCAT; None: there are none, or their line is not there yet.
+    """
+
+    def __init__(self, service: CanopenService | None) -> None:
         self._service = service
+        self.line: LineAccess | None = None
         self._waiting = 0
         self._listening = False
         self._pool = ThreadPoolExecutor(WORKERS, thread_name_prefix="canopen operator")
@@ -95,7 +160,7 @@ class OperatorAccess:
     def drives(self) -> list[DriveInfo]:
         """Return every drive on a CAN bus, by axis."""
         now = time.monotonic()
-        nodes = [node for node in self._service.nodes if node.settings.axis != NO_AXIS]
+        nodes = [node for node in self._nodes if node.settings.axis != NO_AXIS]
         views = [_view(node, axis, now) for node in nodes for axis in node.axes]
         return sorted(views, key=lambda view: view.axis)
 
@@ -105,10 +170,11 @@ class OperatorAccess:
         Raises:
             DriveError: MC559 no such bus. RuntimeFault: MC424 a bus cannot be opened.
         """
-        wanted = [each for each in self._service.buses if bus in ("", each.name)]
+        buses = [] if self._service is None else self._service.buses
+        wanted = [each for each in buses if bus in ("", each.name)]
         if not wanted:
-            names = ", ".join(each.name for each in self._service.buses)
-            raise DriveError("MC559", f"there is no bus {bus!r}", f"there is {names}")
+            names = ", ".join(each.name for each in buses) or "none"
+            raise DriveError("MC559", f"there is no CAN bus {bus!r}", f"there is {names}")
         return await self._in_thread(lambda: [scan_bus(each, "machine") for each in wanted])
 
     def parameters(self, axis: int) -> DriveParameters:
@@ -117,14 +183,14 @@ class OperatorAccess:
         Raises:
             DriveError: MC559 no such drive, or one without the standard's objects.
         """
-        _, settings = self._find(SdoTarget(0, axis=axis))
-        dictionary = self._service.dictionary(axis)
+        found = self._find(SdoTarget(0, axis=axis))
+        settings, dictionary = found.settings, found.dictionary
         if dictionary is None:
             raise settings.fault("MC559", f"is {settings.kind}, not CiA 402", "use its maker's own tool")
         return DriveParameters(
             axis,
             settings.bus,
-            settings.node,
+            settings.place,
             settings.node_axis,
             dictionary.sha256,
             [
@@ -140,6 +206,7 @@ class OperatorAccess:
                 for each in parameters_of(dictionary, settings.node_axis)
             ],
             [error.message for _, error in sorted(dictionary.unreadable.items())],
+            cast(Fieldbus, settings.fieldbus),
         )
 
     async def health(self, seconds: float) -> list[BusHealth]:
@@ -165,10 +232,10 @@ class OperatorAccess:
         Raises:
             DriveError: MC553 refused, MC554 no answer, MC559 no such drive, or not to be read as that type.
         """
-        node, settings = self._find(target)
-        variable = self._variable(settings, target)
+        drive = self._find(target)
+        settings, variable = drive.settings, _variable(drive, target)
         name = kind or (None if variable is None else type_name(variable.data_type))
-        raw = await self._in_thread(lambda: node.sdo.upload(target.index, target.subindex))
+        raw = await self._in_thread(lambda: drive.sdo.upload(target.index, target.subindex))
         if name is None:
             name = {1: "u8", 2: "u16", 4: "u32"}.get(len(raw), "bytes")
         try:
@@ -190,15 +257,16 @@ class OperatorAccess:
             DriveError: MC553, MC554, MC559 also: it would fight it, its type is not known, or the dictionary
                 does not allow it.
         """
-        node, settings = self._find(target)
-        refusal = refusal_of_write(target.index, node)
+        drive = self._find(target)
+        settings = drive.settings
+        refusal = drive.refusal_of_write(target.index)
         if refusal is not None:
-            raise node.settings.fault(
+            raise settings.fault(
                 "MC559",
                 f"{object_text(target.index, target.subindex)} is not written: {refusal[0]}",
                 refusal[1],
             )
-        variable = self._variable(settings, target)
+        variable = _variable(drive, target)
         if kind is None and variable is not None:
             name = type_name(variable.data_type)
             try:
@@ -207,62 +275,57 @@ class OperatorAccess:
                 raise settings.fault("MC559", error.message, error.hint) from error
         else:
             name, raw = kind or "", self._encoded(settings, target, kind, value)
-        await self._in_thread(lambda: node.sdo.download(target.index, target.subindex, raw))
+        await self._in_thread(lambda: drive.sdo.download(target.index, target.subindex, raw))
         return _value(settings, target, name, value, raw)
 
     # ------------------------------------------------------------ inside
 
-    def _listen(self, seconds: float) -> list[BusHealth]:
-        machine, data = self._service.machine, self._service.process_data()
-        axes = {axis.index: axis for axis in machine.axes}
-        reports = []
-        for bus in self._service.buses:
-            drives = [drive for drive in settings_of(machine) if drive.bus == bus.name]
-            own = {drive.axis: data[drive.axis] for drive in drives if drive.axis in data}
-            signals = [
-                signal
-                for drive in drives
-                if drive.axis in own and (known := self._service.dictionary(drive.axis)) is not None
-                for signal in signals_of(axes[drive.axis], own[drive.axis], known, drive.node_axis)
-            ]
-            (bitrate,) = (each.bitrate for each in machine.buses if each.name == bus.name)
-            port = open_port(drives[0].address)
-            try:
-                reports.append(
-                    bus_report(port, seconds / len(self._service.buses), bitrate, drives, own, signals)
-                )
-            finally:
-                port.close()
-        return reports
+    @property
+    def _nodes(self) -> list[Node]:
+        return [] if self._service is None else self._service.nodes
 
-    def _find(self, target: SdoTarget) -> tuple[Node, DriveSettings]:
-        every = [(node, axis.settings) for node in self._service.nodes for axis in node.axes]
+    def _listen(self, seconds: float) -> list[BusHealth]:
+        service, line = self._service, self.line
+        on_can = [] if service is None else service.buses
+        on_line = [] if line is None else line.buses
+        share = seconds / max(1, len(on_can) + len(on_line))
+        reports = [] if service is None else [_can_health(service, bus.name, share) for bus in on_can]
+        return reports + ([] if line is None else [line.health(bus, share) for bus in on_line])
+
+    def _find(self, target: SdoTarget) -> _NodeDrive | LineDrive:
+        every = [
+            _NodeDrive(
+                node,
+                axis.settings,
+                None if self._service is None else self._service.dictionary(axis.settings.axis),
+            )
+            for node in self._nodes
+            for axis in node.axes
+        ]
+        found: list[_NodeDrive | LineDrive]
         if target.axis is not None:
-            found = [pair for pair in every if pair[1].axis == target.axis]
-            named = f"axis {target.axis} has no drive on a CAN bus"
-            namesake = [settings for _, settings in every if settings.node == target.axis]
+            reached: list[_NodeDrive | LineDrive] = [*every]
+            reached += [] if self.line is None else self.line.drives
+            found = [each for each in reached if each.settings.axis == target.axis]
+            named = f"axis {target.axis} has no drive on a bus"
+            namesake = [each.settings for each in every if each.settings.node == target.axis]
             if namesake and not found:
                 named += f"; {target.axis} is the node of axis {namesake[0].axis}"
         else:
             found = [
-                (node, axes[0].settings)
-                for node in self._service.nodes
-                if node.settings.node == target.node and target.bus in ("", node.settings.bus)
-                for axes in (node.axes,)
+                each
+                for each in every
+                if each.settings.node == target.node
+                and target.bus in ("", each.settings.bus)
+                and each.settings is each.node.axes[0].settings
             ]
             named = f"there is no drive with node {target.node}" + (f" on {target.bus}" if target.bus else "")
         if len(found) > 1:
-            buses = ", ".join(settings.bus for _, settings in found)
+            buses = ", ".join(each.settings.bus for each in found)
             raise DriveError("MC559", f"node {target.node} is on several buses: {buses}", "name the bus too")
         if not found:
             raise DriveError("MC559", named, "`mcctl drives` lists axes with their nodes")
         return found[0]
-
-    def _variable(self, settings: DriveSettings, target: SdoTarget) -> ODVariable | None:
-        """Return an object of the drive's dictionary; None: it does not have it."""
-        dictionary = self._service.dictionary(settings.axis)
-        variable = None if dictionary is None else dictionary.get_variable(target.index, target.subindex)
-        return variable if isinstance(variable, ODVariable) else None
 
     def _encoded(self, settings: DriveSettings, target: SdoTarget, kind: str | None, value: Value) -> bytes:
         """Return the bytes of a value of a type that the caller gives."""
@@ -295,11 +358,37 @@ class OperatorAccess:
         )
 
 
+def _can_health(service: CanopenService, bus: str, seconds: float) -> BusHealth:
+    machine, data = service.machine, service.process_data()
+    axes = {axis.index: axis for axis in machine.axes}
+    drives = [drive for drive in settings_of(machine) if drive.bus == bus]
+    own = {drive.axis: data[drive.axis] for drive in drives if drive.axis in data}
+    signals = [
+        signal
+        for drive in drives
+        if drive.axis in own and (known := service.dictionary(drive.axis)) is not None
+        for signal in signals_of(axes[drive.axis], own[drive.axis], known, drive.node_axis)
+    ]
+    (bitrate,) = (each.bitrate for each in machine.buses if each.name == bus)
+    port = open_port(drives[0].address)
+    try:
+        return bus_report(port, seconds, bitrate, drives, own, signals)
+    finally:
+        port.close()
+
+
+def _variable(drive: _NodeDrive | LineDrive, target: SdoTarget) -> ODVariable | None:
+    """Return an object of the drive's dictionary; None: it does not have it."""
+    dictionary = drive.dictionary
+    variable = None if dictionary is None else dictionary.get_variable(target.index, target.subindex)
+    return variable if isinstance(variable, ODVariable) else None
+
+
 def _value(settings: DriveSettings, target: SdoTarget, kind: str, value: Value, raw: bytes) -> SdoReply:
     # a name of `TYPES`
     named = cast(SdoType, kind)
     return SdoReply(
-        settings.axis, settings.bus, settings.node, target.index, target.subindex, named, value, raw
+        settings.axis, settings.bus, settings.place, target.index, target.subindex, named, value, raw
     )
 
 

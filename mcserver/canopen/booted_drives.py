@@ -17,7 +17,7 @@ from mcserver.errors import ConfigurationError
 from mcserver.machine.machine_file import Machine
 
 if TYPE_CHECKING:
-    from mcserver.canopen.access import OperatorAccess
+    from mcserver.canopen.access import LineAccess, OperatorAccess
     from mcserver.canopen.service import CanopenService
 
 EVENTS_WAITING = 256
@@ -29,7 +29,7 @@ class CanDrives:
     """Drives on CAN buses, as the server holds them; without any it does nothing.
 
     Attributes:
-        access: for operators; None: no drive is on a CAN bus.
+        access: for operators; None: no drive is on a bus.
         machine: with the process data that its drives have agreed to.
     """
 
@@ -51,6 +51,14 @@ class CanDrives:
     def _drain(self) -> None:
         while self._publish is not None and self._waiting:
             self._publish(self._waiting.popleft())
+
+    def reach(self, line: LineAccess) -> None:
+        """Let operators reach drives on EtherCAT, too."""
+        if self.access is None:
+            from mcserver.canopen.access import OperatorAccess
+
+            self.access = OperatorAccess(None)
+        self.access.line = line
 
     @contextlib.contextmanager
     def published(self, publish: OnEvent) -> Iterator[None]:
@@ -89,17 +97,19 @@ async def booted(
         from mcserver.canopen.coe import agreed_on_ethercat
 
         drives.machine = machine = agreed_on_ethercat(machine)
-    if not uses_can(machine):
-        yield drives
-        return
-    service, access = await asyncio.to_thread(_start, machine, drives, on_progress, stopping, take_over)
-    drives.access = access
-    drives.machine = service.agreed(machine)
+    service = None
+    if uses_can(machine):
+        service, drives.access = await asyncio.to_thread(
+            _start, machine, drives, on_progress, stopping, take_over
+        )
+        drives.machine = service.agreed(machine)
     try:
         yield drives
     finally:
-        await asyncio.to_thread(access.close)
-        await asyncio.to_thread(service.close)
+        if drives.access is not None:
+            await asyncio.to_thread(drives.access.close)
+        if service is not None:
+            await asyncio.to_thread(service.close)
 
 
 def _start(

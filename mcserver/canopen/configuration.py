@@ -17,7 +17,8 @@ from mcserver.canopen.sdo_write import DriveDictionary, SdoWrite, unsigned32
 from mcserver.canopen.settings import AXIS_OFFSET, DriveSettings
 from mcserver.errors import ConfigurationError
 
-PDO_OBJECTS = range(0x1400, 0x1C00)
+# On EtherCAT they end with the assignments of PDOs to sync managers (ETG.1000.6).
+PDO_OBJECTS = range(0x1400, 0x1C30)
 # What else follows from the machine file: watching, command, mode, targets, scaling, cycle.
 OWN_OBJECTS = frozenset(
     {0x1016, 0x1017, 0x6040, 0x6060, 0x6071, 0x607A, 0x608F, 0x6091, 0x6092, 0x60C1, 0x60C2, 0x60FF}

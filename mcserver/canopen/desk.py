@@ -21,8 +21,8 @@ from mcserver.canopen.listening import Listening, for_masters, refuse_other_mast
 from mcserver.canopen.network import PortNetwork
 from mcserver.canopen.node_configuration import SdoClient
 from mcserver.canopen.parameters import Parameter, encode
-from mcserver.canopen.sdo import STORING, NodeSdo
-from mcserver.canopen.settings import DriveSettings
+from mcserver.canopen.sdo import NodeSdo
+from mcserver.canopen.settings import STORING, DriveSettings
 from mcserver.canopen.values import Value, decode_value
 from mcserver.drives.cia402.state import POWERED, power_state
 from mcserver.errors import RuntimeFault
@@ -75,7 +75,7 @@ class Desk:
         try:
             return Reading(parameter, parameter.kind, decode_value(parameter.kind, raw), raw)
         except ValueError:
-            # the EDS is wrong about its length: the bytes are right
+            # the EDS is wrong about its length, or it is no text: the bytes are right
             return Reading(parameter, "bytes", decode_value("bytes", raw), raw)
 
     def read_number(self, index: int, subindex: int = 0) -> int | None:
@@ -116,7 +116,7 @@ class Desk:
         if not parameter.readable:
             return Reading(parameter, parameter.kind, decode_value(parameter.kind, raw), raw)
         reading = self.read(parameter)
-        if reading.raw != raw:
+        if _unfilled(parameter, reading.raw) != _unfilled(parameter, raw):
             written = decode_value(parameter.kind, raw)
             raise self._refusal(
                 f"{parameter.title} holds {reading.value} after {written} was written",
@@ -152,6 +152,11 @@ class Desk:
 
     def _refusal(self, what: str, remedy: str) -> DriveError:
         return self.drive.fault("MC559", what, remedy)
+
+
+def _unfilled(parameter: Parameter, raw: bytes) -> bytes:
+    """Return bytes without the zeros by which a drive fills up a text."""
+    return raw.rstrip(b"\0") if parameter.kind in ("str", "utf16") else raw
 
 
 class _Watch:

@@ -18,7 +18,7 @@ from mcserver.can.cob import Function
 from mcserver.canopen.abort_codes import abort_remedy, abort_text
 from mcserver.canopen.canopen_errors import DriveError, object_text
 from mcserver.canopen.network import PortNetwork
-from mcserver.canopen.settings import SdoTimes
+from mcserver.canopen.settings import STORING, SdoTimes
 
 T = TypeVar("T")
 
@@ -26,8 +26,6 @@ FRAME = 8
 MAX_BYTES = 64 * 1024
 # More than a transfer can be behind: what comes beside it is nobody's answer.
 MAX_WAITING_RESPONSES = 32
-# Store and restore parameters (CiA 301): a write to flash memory, answered when it is done.
-STORING = frozenset({0x1010, 0x1011})
 # Aborts that may go by themselves: the server's time-out, and no memory.
 _PASSING = frozenset({0x0504_0000, 0x0504_0005})
 _ABORT = 0x80

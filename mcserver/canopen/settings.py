@@ -16,6 +16,8 @@ from mcserver.machine.machine_file import Axis, Machine
 
 # From the objects of a node's axis to those of its next one (CiA 402).
 AXIS_OFFSET = 0x800
+# Store and restore parameters (CiA 301): a write to flash memory, answered when it is done.
+STORING = frozenset({0x1010, 0x1011})
 # In place of an axis's number, of nodes that have none.
 NO_AXIS = -1
 
@@ -100,6 +102,11 @@ class DriveSettings:
     def offset(self) -> int:
         """From the objects of a node's first axis to those of this one."""
         return AXIS_OFFSET * self.node_axis
+
+    @property
+    def place(self) -> int:
+        """Its node, on EtherCAT its position as the machine file counts."""
+        return self.node - (self.fieldbus == "ethercat")
 
     @property
     def has_profile(self) -> bool:

@@ -115,8 +115,13 @@ def measured_scale(axis: Axis, counts: float, units_per_motor_turn: float, moved
         )
     turns = counts / units_per_motor_turn
     per_turn_of_file = axis.travel_per_motor_turn / axis.type.si_per_unit
-    shown = turns * per_turn_of_file * (-1.0 if drive.invert else 1.0)
-    return MeasuredScale(turns, shown, abs(moved / turns), abs(per_turn_of_file), shown * moved < 0.0)
+    return compared(turns, turns * per_turn_of_file * (-1.0 if drive.invert else 1.0), moved)
+
+
+def compared(motor_turns: float, shown: float, moved: float) -> MeasuredScale:
+    """Compare what a machine shows of a move, neither 0, with what was measured [mm or deg]."""
+    per_turn, per_turn_of_file = abs(moved / motor_turns), abs(shown / motor_turns)
+    return MeasuredScale(motor_turns, shown, per_turn, per_turn_of_file, shown * moved < 0.0)
 
 
 def corrected_lines(axis: Axis, found: MeasuredScale) -> list[str]:

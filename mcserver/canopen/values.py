@@ -41,7 +41,7 @@ def decode_value(name: str, payload: bytes) -> Value:
     """Return the value that bytes stand for; ``bytes`` gives hexadecimal text.
 
     Raises:
-        ValueError: the bytes have another length than the type.
+        ValueError: the bytes have another length than the type, or are no text of it.
     """
     kind = TYPES[name]
     if name == "bytes":
@@ -49,7 +49,7 @@ def decode_value(name: str, payload: bytes) -> Value:
     if name == "str":
         return payload.decode("latin-1").rstrip("\x00")
     if name == "utf16":
-        return payload.decode("utf-16-le", errors="replace").rstrip("\x00")
+        return payload.decode("utf-16-le").rstrip("\x00")
     packing = ODVariable.STRUCT_TYPES[kind]
     if len(payload) != packing.size:
         raise ValueError(f"{name} has {packing.size} bytes, the drive gave {len(payload)}")
@@ -67,9 +67,10 @@ def encode_value(name: str, value: Value) -> bytes:
     if name == "bytes":
         return bytes.fromhex(str(value).removeprefix("0x"))
     if name == "str":
-        return str(value).encode("latin-1")
+        # no transfer is without a byte: an empty text is its end alone
+        return str(value).encode("latin-1") or b"\0"
     if name == "utf16":
-        return str(value).encode("utf-16-le")
+        return str(value).encode("utf-16-le") or b"\0\0"
     if isinstance(value, str):
         value = float(value) if name.startswith("f") else int(value, 0)
     if isinstance(value, float) and not name.startswith("f"):

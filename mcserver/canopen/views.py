@@ -26,6 +26,7 @@ SdoType = Literal[
     "utf16",
     "bytes",
 ]
+Fieldbus = Literal["can", "ethercat"]
 # those of `mcserver.canopen.node.Phase`
 DrivePhase = Literal["booting", "operational", "lost", "restarting", "failed", "closed"]
 
@@ -153,6 +154,7 @@ class DriveParameters(msgspec.Struct, frozen=True):
     Attributes:
         node_axis: which axis of its node it is. eds_sha256: of its EDS; empty: there is none, and these are
             the standard's objects. unreadable: entries of the EDS that make no sense, each with why.
+        node: on EtherCAT its position. fieldbus: kind of its bus.
     """
 
     axis: int
@@ -162,6 +164,7 @@ class DriveParameters(msgspec.Struct, frozen=True):
     eds_sha256: str
     parameters: list[ParameterInfo]
     unreadable: list[str]
+    fieldbus: Fieldbus = "can"
 
 
 class NodeHealth(msgspec.Struct):

@@ -8,20 +8,17 @@ import msgspec
 import typer
 from rich.text import Text
 
-from mcserver.canopen.bus_report import bus_report
 from mcserver.canopen.error_history import condition_of
 from mcserver.canopen.settings import settings_of
 from mcserver.canopen.views import BusHealth
 from mcserver.cli.console import json_answer_on_error, narration, results, write_json
-from mcserver.cli.drive_of_machine import at_desk_of, check_seconds, described_drives, listen, table
+from mcserver.cli.drive_of_machine import at_desk_of, check_seconds, described_drives, table
 from mcserver.cli.options import JsonOption, MachineOption
 from mcserver.errors import McError, UsageFault
-from mcserver.ethercat.line_tap import LineTap
+from mcserver.ethercat.line_health import bus_health
 from mcserver.machine.machine_file import Machine, load_machine
 
 LONGEST_S = 3600.0
-# Of EtherCAT [bit/s].
-LINE_BITRATE = 100e6
 
 
 class BusReport(BusHealth):
@@ -56,27 +53,14 @@ def health(
 
 def _report(machine: Machine, bus: str, seconds: float) -> BusReport:
     drives = [drive for drive in described_drives(machine) if drive.settings.bus == bus]
-    (bitrate,) = (each.bitrate for each in machine.buses if each.name == bus)
-    port = listen(machine, bus)
-    try:
-        found = bus_report(
-            port,
-            seconds,
-            bitrate,
-            [each for each in settings_of(machine) if each.bus == bus],
-            {each.settings.axis: each.process_data for each in drives},
-            [signal for each in drives for signal in each.signals],
-        )
-    finally:
-        port.close()
+    found = bus_health(
+        machine,
+        bus,
+        seconds,
+        {each.settings.axis: each.process_data for each in drives},
+        [signal for each in drives for signal in each.signals],
+    )
     report = BusReport(found.bus, found.counts, found.master, found.error_frames, found.following_errors)
-    if isinstance(port, LineTap):
-        counts = report.counts
-        counts.frames, counts.load = port.counters.sent, port.bits / counts.duration_s / LINE_BITRATE
-        report.master = "frames of EtherCAT" if port.counters.sent else ""
-        for node in counts.nodes:
-            # on the line, as the machine file counts
-            node.node, node.state = node.node - 1, "–"
     if not report.master:
         for drive in drives:
             try:

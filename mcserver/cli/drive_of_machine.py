@@ -11,9 +11,7 @@ import typer
 from rich.table import Table
 from rich.text import Text
 
-from mcserver.can.open import open_port
 from mcserver.can.pdo import ProcessData
-from mcserver.can.port import CanPort
 from mcserver.canopen.coe import configure_coe
 from mcserver.canopen.cycle_samples import Signal, signals_of
 from mcserver.canopen.description import dictionary_of
@@ -24,7 +22,6 @@ from mcserver.canopen.process_data import plan_process_data
 from mcserver.canopen.sdo_write import DriveDictionary
 from mcserver.canopen.settings import DriveSettings, settings_of
 from mcserver.errors import UsageFault
-from mcserver.ethercat.line_tap import LineTap
 from mcserver.machine.machine_file import Axis, Machine, load_machine
 
 AxisArgument = Annotated[int, typer.Argument(metavar="AXIS", min=0, help="Of the machine file.")]
@@ -70,20 +67,6 @@ def at_desk_of(drive: DriveSettings) -> AbstractContextManager[Desk]:
 
         return at_ethercat_desk(drive)
     return at_desk(drive)
-
-
-def listen(machine: Machine, bus: str) -> CanPort:
-    """Open a bus for listening beside its master.
-
-    Raises:
-        ConfigurationError: MC008, MC552 drives on EtherCAT. RuntimeFault: MC424.
-    """
-    drives = [drive for drive in settings_of(machine) if drive.bus == bus]
-    if drives[0].fieldbus != "ethercat":
-        return open_port(drives[0].address)
-    ends = [each for each in (drives[0].address, drives[0].redundant_interface) if each]
-    line = sorted(drives, key=lambda drive: drive.node)
-    return LineTap(ends, [configure_coe(drive, machine.cycle_s)[1].process_data for drive in line])
 
 
 def described(machine: str, axis: int) -> Described:

@@ -13,10 +13,11 @@ from mcserver.can.cob import SYNC
 from mcserver.canopen.bus_frames import frames_of
 from mcserver.canopen.scope import Scope, read_trigger
 from mcserver.cli.console import json_answer_on_error, narration, results, write_json
-from mcserver.cli.drive_of_machine import AxisArgument, Described, check_seconds, described, listen, table
+from mcserver.cli.drive_of_machine import AxisArgument, Described, check_seconds, described, table
 from mcserver.cli.options import JsonOption, MachineOption
 from mcserver.cli.output_file import check_output, write_atomically
 from mcserver.errors import RuntimeFault, UsageFault
+from mcserver.ethercat.line_health import listen
 from mcserver.machine.machine_file import Machine, load_machine
 
 LONGEST_S = 600.0

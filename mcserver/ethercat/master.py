@@ -123,9 +123,8 @@ class EthercatMaster:
         for drive in self._drives:
             writes, planned = configure_coe(drive, self._cycle)
             device = self.soem.slaves[drive.node - 1]
-            slave = EthercatSlave(
-                drive, device, MailboxSdo(device, drive), planned.process_data, writes, (NodeAxis(drive),)
-            )
+            sdo = MailboxSdo(self.soem, device, drive)
+            slave = EthercatSlave(drive, device, sdo, planned.process_data, writes, (NodeAxis(drive),))
             slaves.append(slave)
             self._await(slave, AlState.PREOP)
         self.slaves = tuple(slaves)

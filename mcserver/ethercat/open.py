@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 
 from mcserver.canopen.settings import settings_of
+from mcserver.ethercat.mailbox_relay import MailboxServer
 from mcserver.ethercat.master import EthercatMaster
 from mcserver.ethercat.port import EthercatPort
 from mcserver.ethercat.slave import AlState
@@ -14,8 +15,11 @@ from mcserver.machine.bus_section import BusConfig
 from mcserver.machine.machine_file import Machine
 
 
-def open_ethercat(machine: Machine, bus: BusConfig) -> EthercatPort:
+def open_ethercat(machine: Machine, bus: BusConfig, mailboxes: MailboxServer | None = None) -> EthercatPort:
     """Boot the drives of a bus to SAFEOP; they go to OP once cycles run. May wait for some seconds.
+
+    Args:
+        mailboxes: through which the server reaches the drives, too.
 
     Raises:
         ConfigurationError: MC008, MC016, MC552. RuntimeFault: MC424 the interface; MC560 another master;
@@ -55,4 +59,6 @@ def open_ethercat(machine: Machine, bus: BusConfig) -> EthercatPort:
     port.clocked = master.clocked
     supervision = EthercatSupervision(master, port)
     supervision.start()
+    if mailboxes is not None:
+        mailboxes.add(master.slaves)
     return port

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import enum
+import threading
+from contextlib import suppress
 from dataclasses import dataclass, field
 from types import MappingProxyType
 from typing import Any
@@ -13,8 +15,10 @@ from mcserver.canopen.canopen_errors import DriveError, object_text
 from mcserver.canopen.coe import SYNC_TYPE
 from mcserver.canopen.node import Identity, NodeAxis
 from mcserver.canopen.sdo_write import SdoWrite
-from mcserver.canopen.settings import DriveSettings
+from mcserver.canopen.settings import STORING, DriveSettings
 
+# SOEM's own time for an answer of a mailbox; a drive may have longer, never less [s].
+LEAST_ANSWER_S = 0.7
 # An object that is longer than what is tried first.
 MOST_BYTES = 64 * 1024
 # Registers of a slave controller (ETG.1000.4): DL status, AL control and status, features, watchdog, FMMUs,
@@ -67,15 +71,17 @@ def line_errors() -> tuple[type[Exception], ...]:
 
 
 class MailboxSdo:
-    """CoE with one slave; one transfer at a time, the cycle goes on beside it.
+    """CoE with one slave; one transfer at a time, threads wait for each other, the cycle goes on beside it.
 
     Args:
-        device: of pysoem.
+        soem: pysoem's master, which has the times of its slaves. device: of pysoem.
     """
 
-    def __init__(self, device: Any, settings: DriveSettings) -> None:
+    def __init__(self, soem: Any, device: Any, settings: DriveSettings) -> None:
+        self._soem = soem
         self._device = device
         self._settings = settings
+        self._turn = threading.Lock()
         # told by 603Fh in the cycle
         device.add_emergency_callback(lambda _message: None)
 
@@ -87,9 +93,12 @@ class MailboxSdo:
         """
         attempts = attempts or self._settings.sdo.attempts
         size = 0
+        answer_us = self._answer_us(self._settings.sdo.response_s)
         for left in range(attempts, -1, -1):
             try:
-                return bytes(self._device.sdo_read(index, subindex, size, release_gil=True))
+                with self._turn:
+                    self._soem.sdo_read_timeout = answer_us
+                    return bytes(self._device.sdo_read(index, subindex, size, release_gil=True))
             except line_errors() as error:
                 abort = getattr(error, "abort_code", None)
                 if abort:
@@ -106,18 +115,31 @@ class MailboxSdo:
             DriveError: as `upload`.
         """
         attempts = attempts or self._settings.sdo.attempts
+        times = self._settings.sdo
+        if index in STORING:
+            # a reading is repeated until its own answer comes: of questions that were given up none is left,
+            # which this command, given once, would take for its own
+            with suppress(DriveError):
+                self.upload(index, 0)
+        answer_us = self._answer_us(times.store_s if index in STORING else times.response_s)
         for left in range(attempts - 1, -1, -1):
             try:
-                self._device.sdo_write(index, subindex, bytes(payload), release_gil=True)
+                with self._turn:
+                    self._soem.sdo_write_timeout = answer_us
+                    self._device.sdo_write(index, subindex, bytes(payload), release_gil=True)
                 return
             except line_errors() as error:
                 abort = getattr(error, "abort_code", None)
                 if abort:
                     raise self._refused(index, subindex, "written", abort) from None
-                if index in (0x1010, 0x1011) or not left:
+                if index in STORING or not left:
                     raise self._silent(index, subindex, "written", error) from None
                 if self.upload(index, subindex) == payload:
                     return
+
+    @staticmethod
+    def _answer_us(seconds: float) -> int:
+        return round(1e6 * max(LEAST_ANSWER_S, seconds))
 
     def _refused(self, index: int, subindex: int, verb: str, abort: int) -> DriveError:
         return self._settings.fault(
@@ -130,7 +152,8 @@ class MailboxSdo:
         )
 
     def _silent(self, index: int, subindex: int, verb: str, error: Exception) -> DriveError:
-        why = f"no answer by the mailbox ({str(error) or type(error).__name__})"
+        shown = getattr(error, "desc", "") or str(error) or type(error).__name__
+        why = f"no answer by the mailbox ({shown})"
         return self._settings.fault(
             "MC554",
             f"{object_text(index, subindex)} could not be {verb}: {why}",

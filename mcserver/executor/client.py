@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import socket
 import subprocess
 import time
 from collections.abc import Mapping
@@ -34,6 +35,10 @@ class ExecutorProcess(ExecutorFaces):
     Args:
         machine: what it drives.
         references: of axes, from an earlier start, by axis number.
+
+    Attributes:
+        mailboxes: once it is launched, by which it is asked for objects of drives on EtherCAT; None: the
+            machine has no such bus.
     """
 
     def __init__(
@@ -49,6 +54,7 @@ class ExecutorProcess(ExecutorFaces):
         self._process: subprocess.Popen[bytes] | None = None
         self._parts: SharedParts | None = None
         self._memory = -1
+        self.mailboxes: socket.socket | None = None
         self._beat_seen = (-1, 0.0)
 
     # ------------------------------------------------------------------ life
@@ -65,8 +71,23 @@ class ExecutorProcess(ExecutorFaces):
         self._memory = create_block(self.machine)
         self._parts = map_block(self._memory, self.machine)
         self._parts.mailbox.initialise()
-        start = Start(self.machine, self._memory, os.getpid(), self._references)
-        self._process = start_child("mcserver.executor.process", start, [self._memory])
+        descriptors = [self._memory]
+        theirs: socket.socket | None = None
+        if any(bus.kind == "ethercat" for bus in self.machine.buses):
+            from mcserver.ethercat.mailbox_relay import socket_pair
+
+            self.mailboxes, theirs = socket_pair()
+            descriptors.append(theirs.fileno())
+        start = Start(
+            self.machine,
+            self._memory,
+            os.getpid(),
+            self._references,
+            -1 if theirs is None else theirs.fileno(),
+        )
+        self._process = start_child("mcserver.executor.process", start, descriptors)
+        if theirs is not None:
+            theirs.close()
 
     def wait(self, timeout_s: float = START_TIMEOUT_S) -> None:
         """Wait until cycles run.
@@ -124,6 +145,8 @@ class ExecutorProcess(ExecutorFaces):
 
     def _forget_memory(self) -> None:
         """Close the descriptor: the memory stays mapped here, but no other process can get it any more."""
+        if self.mailboxes is not None:
+            self.mailboxes.close()
         memory, self._memory = self._memory, -1
         if memory >= 0:
             os.close(memory)

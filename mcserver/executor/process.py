@@ -12,7 +12,8 @@ import signal
 import sys
 import time
 from collections.abc import Callable, Mapping
-from typing import TypeGuard
+from functools import partial
+from typing import TYPE_CHECKING, TypeGuard
 
 import msgspec
 
@@ -26,9 +27,11 @@ from mcserver.executor.realtime import MonotonicClock, lock_memory, take_realtim
 from mcserver.executor.shm.mailbox import CommandMailbox
 from mcserver.executor.shm.shared_memory import SharedParts, map_block
 from mcserver.machine.drive import CanDrive, Drive
-from mcserver.machine.machine_file import Machine
 from mcserver.motion.kernels.rate_search import warm_up_playback
 from mcserver.terminal import visible
+
+if TYPE_CHECKING:
+    from mcserver.ethercat.mailbox_relay import MailboxServer
 
 # Without a beat of the server for this time motion is stopped [s]. A server that has died is noticed sooner,
 # as the parent process that is gone; this is about one that hangs. A loaded computer of two cores was seen to
@@ -138,13 +141,22 @@ def run_loop(
             return result
 
 
-def _factories(machine: Machine) -> Mapping[type[Drive], BusFactory]:
+def _factories(mailboxes: MailboxServer | None) -> Mapping[type[Drive], BusFactory]:
     """Return what makes the machine's buses; only a machine with EtherCAT imports what that needs."""
-    if all(bus.kind != "ethercat" for bus in machine.buses):
+    if mailboxes is None:
         return BUS_FACTORIES
     from mcserver.ethercat.open import open_ethercat
 
-    return {**BUS_FACTORIES, CanDrive: on_buses({"ethercat": open_ethercat})}
+    return {**BUS_FACTORIES, CanDrive: on_buses({"ethercat": partial(open_ethercat, mailboxes=mailboxes)})}
+
+
+def _mailboxes(descriptor: int) -> MailboxServer | None:
+    """Return what serves the mailboxes of drives on EtherCAT; None: the machine has no such bus."""
+    if descriptor < 0:
+        return None
+    from mcserver.ethercat.mailbox_relay import MailboxServer
+
+    return MailboxServer(descriptor)
 
 
 def main() -> int:
@@ -159,8 +171,9 @@ def main() -> int:
     machine, mailbox = start.machine, parts.mailbox
     # before drives are switched on, and long before a cycle must not wait
     warm_up_playback()
+    mailboxes = _mailboxes(start.mailboxes)
     try:
-        buses = create_buses(machine, _factories(machine))
+        buses = create_buses(machine, _factories(mailboxes))
         executor = Executor(
             machine,
             buses,
@@ -175,6 +188,8 @@ def main() -> int:
         mailbox.set_executor_state(ProcessState.ENDED)
         return int(ExitCode.DRIVES)
     code = ExitCode.BROKEN
+    if mailboxes is not None:
+        mailboxes.start()
     try:
         locked = lock_memory()
         gc.collect()
@@ -185,6 +200,9 @@ def main() -> int:
         mailbox.set_executor_state(ProcessState.RUNNING)
         code = run_loop(executor, mailbox, MonotonicClock(), start.parent, lambda: bool(terminated))
     finally:
+        if mailboxes is not None:
+            # behind a transfer under way: its line is closed next
+            mailboxes.close()
         executor.close()
         mailbox.set_executor_state(ProcessState.ENDED)
     return int(code)

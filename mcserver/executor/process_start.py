@@ -29,9 +29,15 @@ class ExitCode(enum.IntEnum):
 
 
 class Start(msgspec.Struct, frozen=True):
-    """The process's configuration on standard input, as MessagePack."""
+    """The process's configuration on standard input, as MessagePack.
+
+    Attributes:
+        descriptor: of the shared memory. mailboxes: of a socket by which the server reaches the mailboxes of
+            drives on EtherCAT; -1: the machine has none.
+    """
 
     machine: Machine
     descriptor: int
     parent: int
     references: dict[int, StoredReference] = {}
+    mailboxes: int = -1

@@ -14,9 +14,8 @@ from mcserver.executor.cycle import Cycle
 from mcserver.executor.entries import Array, EventKind
 from mcserver.executor.fault_codes import FaultCode, code_of_drive_fault
 from mcserver.executor.gantry import GantryPair
-from mcserver.executor.holding import stop_independent
 from mcserver.executor.homed import LOSING
-from mcserver.executor.shm.feedback import FeedbackRing, SlotState
+from mcserver.executor.shm.feedback import FeedbackRing
 from mcserver.executor.slot import ProgramSlot
 from mcserver.machine.machine_file import Machine
 
@@ -259,15 +258,22 @@ class Supervision:
             slot.fault(code, line, column, values)
 
     def _stop_pair(self, pair: GantryPair, skew: float) -> None:
-        """Bring a pair to rest within its limits: its sides are too far apart."""
+        """Let the drives of a pair stop by themselves and switch off: its sides are too far apart.
+
+        A stop within the limits of the axis would bend the portal by its whole way: the side that is held
+        back stands already.
+        """
         cycle = self._cycle
-        values = (skew, pair.max_skew)
         slot = self._slot_of(pair.leader)
+        cycle.bank.stop(pair.mask)
         if slot is None:
-            stop_independent(cycle, pair.mask, -1)
-            cycle.fault(FaultCode.SKEW, -1, 0, pair.leader, values)
-        elif slot.state is not SlotState.STOPPING:
-            slot.fault(FaultCode.SKEW, slot.shown_line, pair.leader, values)
+            cycle.motions.drop(pair.mask)
+            cycle.fault(FaultCode.SKEW, -1, 0, pair.leader, (skew, pair.max_skew))
+            return
+        line = slot.shown_line
+        for column in cycle.bank.masks.columns(pair.mask):
+            slot.lose(column)
+        slot.fault(FaultCode.SKEW, line, pair.leader, (skew, pair.max_skew))
 
     def _slot_of(self, column: int) -> ProgramSlot | None:
         for slot in self._slots:

@@ -1,4 +1,4 @@
-"""Payloads about drives on CAN buses, as `mcserver.net.messages`: what they show, and objects by SDO."""
+"""Payloads about drives on buses, as `mcserver.net.messages`: what they show, and objects by SDO."""
 
 from __future__ import annotations
 
@@ -73,7 +73,7 @@ class DriveParametersRequest(Request, frozen=True, kw_only=True):
 
 
 class DrivesHealthRequest(Request, frozen=True, kw_only=True):
-    """How the CAN buses are; ``seconds``: for which they are listened to, all together."""
+    """How the buses are; ``seconds``: for which they are listened to, all together."""
 
     seconds: Annotated[float, Meta(ge=0.1, le=10.0)] = 5.0
 

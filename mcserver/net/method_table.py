@@ -448,7 +448,7 @@ METHODS: tuple[Method, ...] = (
         drive.DrivesHealthRequest,
         drive.DrivesHealthReply,
         CONFIGURERS,
-        "Listen on the CAN buses for some seconds and count load, lost and late frames. Nothing is sent.",
+        "Listen on the buses for some seconds and count load, lost and late frames. Nothing is sent.",
         deadline_s=SLOW_S,
     ),
     Method(

@@ -274,8 +274,8 @@ class ProgramMethods:
         if self._drives is None:
             raise ServiceError(
                 "MC559",
-                "this machine has no drives on a CAN bus",
-                "those on EtherCAT are read by `mcserver drives`, without a server",
+                "this machine has no drives on a bus",
+                "give a machine file with drives on a [[bus]]",
             )
         return self._drives
 

@@ -102,7 +102,17 @@ class DeskThread:
         sdo = RemoteSdo(
             drive.axis, lambda call: asyncio.run_coroutine_threadsafe(answered(call), loop).result()
         )
-        settings = DriveSettings(drive.axis, "cia402", drive.bus, "", drive.node, node_axis=drive.node_axis)
+        line = drive.fieldbus == "ethercat"
+        settings = DriveSettings(
+            drive.axis,
+            "cia402",
+            drive.bus,
+            "",
+            # positions are counted from 0 in machine files
+            drive.node + line,
+            node_axis=drive.node_axis,
+            fieldbus=drive.fieldbus,
+        )
 
         def at_desk() -> T:
             self._sdo = sdo

@@ -16,6 +16,7 @@ from mcserver.web.panels.desk_drive import DeskDrive
 from mcserver.web.panels.desk_files import FilesPanel
 from mcserver.web.panels.desk_parameters import ParametersPanel
 from mcserver.web.panels.desk_scope import ScopePanel
+from mcserver.web.panels.desk_units import UnitsPanel
 from mcserver.web.panels.drives import DrivesPanel
 from mcserver.web.sessions import Visitor
 from mcserver.web.translation import t
@@ -56,6 +57,7 @@ class DeskPage:
                     BusPanel(actions)
                 with ui.element("div").classes("mc-column"):
                     FilesPanel(self._drive)
+                    UnitsPanel(self._drive)
                     self._drives = DrivesPanel(link)
         obey_keys(actions)
         ui.timer(REFRESH_S, self.update)
@@ -75,7 +77,7 @@ class DeskPage:
         self._scope.update()
         machine = self._link.machine
         if machine is not None and self._beat % BEAT_EVERY == 1:
-            await self._drive.look(machine)
+            self._drive.look(machine)
             await self._drives.update(machine.info)
 
     def _stop(self) -> None:

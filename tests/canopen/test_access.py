@@ -123,7 +123,7 @@ async def test_such_objects_may_be_read(access: OperatorAccess) -> None:
         (SdoTarget(0x6065, node=1, bus="right"), None, 1, "node 1 on right"),
         (SdoTarget(0x2345, axis=0), None, 1, "its type is not known"),
         (SdoTarget(0x6065, axis=0), None, -1, "outside 0"),
-        (SdoTarget(0x6065, axis=0), "str", "", "empty"),
+        (SdoTarget(0x6065, axis=0), "bytes", "", "empty"),
         (SdoTarget(0x6064, axis=0), None, 1, "6064h:00 .* is ro"),
     ],
 )

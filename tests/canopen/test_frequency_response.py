@@ -18,7 +18,7 @@ from mcserver.canopen.speed_tuning import (
     speed_margins,
 )
 from mcserver.canopen.torque_tuning import TorqueGains, margins, torque_controller, usual_gains
-from mcserver.drives.cia402.loop_gains import DELAY_CYCLES
+from mcserver.drives.cia402.loop_gains import DELAY_CYCLES, ETHERCAT_DELAY_CYCLES
 from mcserver.drives.cia402.loops import DAMPING_CYCLES
 from mcserver.machine.machine_file import load_machine
 from mcserver.simulation.simulation import simulate
@@ -81,20 +81,23 @@ def is_stable(gains: TorqueGains, shaft: Shaft) -> bool:
     return max(swings[-1000:]) < 0.2 * max(swings[:1000])
 
 
-def margins_of(gains: TorqueGains, angle: Array, torque: Array) -> MeasuredMargins:
+def margins_of(gains: TorqueGains, angle: Array, torque: Array, delay: int = DELAY_CYCLES) -> MeasuredMargins:
     response = measure_response(torque, angle, 2)
     assert response is not None
-    found = measured_margins(
-        response, torque_controller(gains, response.frequency, CYCLE_S), CYCLE_S, DELAY_CYCLES
-    )
+    found = measured_margins(response, torque_controller(gains, response.frequency, CYCLE_S), CYCLE_S, delay)
     assert found is not None
     return found
 
 
-def test_a_rigid_load_measures_the_margins_that_its_inertia_gives() -> None:
+ON_BUSES = pytest.mark.parametrize("delay", [DELAY_CYCLES, ETHERCAT_DELAY_CYCLES], ids=["can", "ethercat"])
+
+
+@ON_BUSES
+def test_a_rigid_load_measures_the_margins_that_its_inertia_gives(delay: int) -> None:
     torque = 0.05 * shaken()
-    gains = usual_gains(INERTIA, CYCLE_S, DELAY_CYCLES)
-    found, known = margins_of(gains, turned(torque), torque), margins(gains, INERTIA, CYCLE_S, DELAY_CYCLES)
+    gains = usual_gains(INERTIA, CYCLE_S, delay)
+    found = margins_of(gains, turned(torque), torque, delay)
+    known = margins(gains, INERTIA, CYCLE_S, delay)
     assert found.phase == pytest.approx(known.phase, abs=math.radians(3.0))
     assert found.gain == pytest.approx(1.0 / known.least, rel=0.1)
 
@@ -116,17 +119,16 @@ def test_a_load_that_rings_has_the_gain_margin_at_which_its_loop_becomes_unstabl
     assert slower.gain == pytest.approx(4.0 * found.gain, rel=0.05)
 
 
-def test_a_drive_that_follows_speeds_late_measures_the_margins_of_its_delay() -> None:
+@ON_BUSES
+def test_a_drive_that_follows_speeds_late_measures_the_margins_of_its_delay(delay: int) -> None:
     speed, late = 10.0 * shaken(), 3
     followed = np.concatenate((np.zeros(late), speed[:-late]))
     place = np.concatenate(([0.0], np.cumsum(followed)[:-1])) * CYCLE_S
     gains = SpeedGains(40.0, 0.5)
     response = measure_response(speed, place, 1)
     assert response is not None
-    found = measured_margins(
-        response, speed_controller(gains, response.frequency, CYCLE_S), CYCLE_S, DELAY_CYCLES
-    )
-    known = speed_margins(gains, MeasuredSpeed(1.0, late * CYCLE_S, 0.0), CYCLE_S, DELAY_CYCLES)
+    found = measured_margins(response, speed_controller(gains, response.frequency, CYCLE_S), CYCLE_S, delay)
+    known = speed_margins(gains, MeasuredSpeed(1.0, late * CYCLE_S, 0.0), CYCLE_S, delay)
     assert found is not None
     assert found.phase == pytest.approx(known.phase, abs=math.radians(3.0))
     assert found.gain == pytest.approx(known.greatest, rel=0.1)

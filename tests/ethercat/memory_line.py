@@ -130,7 +130,7 @@ class LineRig(Rig):
             writes, planned = configure_coe(drive, described.cycle_s)
             device = self.make(planned.process_data, position)
             self.drives.append(device)
-            sdo = MailboxSdo(device, drive)
+            sdo = MailboxSdo(None, device, drive)
             slaves.append(EthercatSlave(drive, device, sdo, planned.process_data, writes))
         self.master = MemoryMaster(self.drives)
         self.port = EthercatPort(

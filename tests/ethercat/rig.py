@@ -11,6 +11,7 @@ import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
 
 from mcserver.canopen.coe import agreed_on_ethercat
@@ -18,7 +19,9 @@ from mcserver.drive_sim.control import Control
 from mcserver.drives.bus import DriveMode, DriveState, Feedback, Setpoints
 from mcserver.drives.can_bus import CanBus
 from mcserver.drives.registry import on_buses
+from mcserver.ethercat.mailbox_relay import MailboxServer, socket_pair
 from mcserver.ethercat.open import open_ethercat
+from mcserver.ethercat.operator_line import OperatorLine
 from mcserver.machine.machine_file import Machine, parse_machine
 
 LIMIT_S = 30.0
@@ -123,11 +126,20 @@ class Cycle:
     def __init__(self, namespace: Namespace, text: str) -> None:
         self.machine: Machine = agreed_on_ethercat(parse_machine(text))
         columns = list(range(len(self.machine.axes)))
-        (bus,) = on_buses({"ethercat": open_ethercat})(self.machine, self.machine.axes, columns)
+        self._socket, theirs = socket_pair()
+        self._mailboxes = MailboxServer(theirs.detach())
+        opener = partial(open_ethercat, mailboxes=self._mailboxes)
+        (bus,) = on_buses({"ethercat": opener})(self.machine, self.machine.axes, columns)
         assert isinstance(bus, CanBus)
         self.bus = bus
-        with namespace.entered():
-            self.feedback: Feedback = bus.boot()
+        try:
+            with namespace.entered():
+                self.feedback: Feedback = bus.boot()
+        except BaseException:
+            self._close_sockets()
+            raise
+        self.line = OperatorLine(self.machine, self._socket)
+        self._mailboxes.start()
         self.setpoints = Setpoints.of(len(columns))
         self.setpoints.position[:] = self.feedback.position
 
@@ -163,7 +175,12 @@ class Cycle:
         self.command(DriveMode.POSITION, DriveState.ENERGIZED)
 
     def close(self) -> None:
+        self._close_sockets()
         self.bus.close()
+
+    def _close_sockets(self) -> None:
+        self._mailboxes.close()
+        self._socket.close()
 
     def _exchange(self) -> None:
         time.sleep(self.machine.cycle_s)

@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+import asyncio
+
 import numpy as np
 import pytest
 
+from mcserver.canopen.access import OperatorAccess
+from mcserver.canopen.views import SdoTarget
 from mcserver.drives.bus import DriveFault, DriveMode, DriveState
 from mcserver.errors import McError
 from tests.ethercat.conftest import Start
@@ -42,6 +46,38 @@ def test_a_lost_frame_is_ridden_through(energized: On) -> None:
     line, cycle = energized
     line.control.fault(1, "frame_loss", frames=2)
     cycle.run(30)
+    assert cycle.feedback.state.tolist() == [DriveState.ENERGIZED] * 3
+
+
+def test_objects_are_reached_beside_the_cycle_that_is_their_master(energized: On) -> None:
+    line, cycle = energized
+    access = OperatorAccess(None)
+    access.line = cycle.line
+    read: list[object] = []
+    refused: list[str] = []
+
+    async def ask() -> None:
+        read.append((await access.sdo_read(SdoTarget(0x1008, axis=1), None)).value)
+        await access.sdo_write(SdoTarget(0x6065, axis=1), None, 5000)
+        read.append((await access.sdo_read(SdoTarget(0x6065, axis=1), None)).value)
+        for index in (0x6040, 0x6091, 0x1C12, 0x1C32):
+            try:
+                await access.sdo_write(SdoTarget(index, axis=1), "u32", 0)
+            except McError as error:
+                refused.append(error.code)
+        read.append(len(await access.health(0.2)))
+
+    def work() -> int:
+        with line.namespace.entered():
+            asyncio.run(ask())
+        return 0
+
+    cycle.run_beside(work, wanted=0)
+    access.close()
+    assert read == ["Simulated servo drive", 5000, 1]
+    assert refused == ["MC559"] * 4
+    assert access.parameters(1).fieldbus == "ethercat"
+    assert access.parameters(1).node == 1
     assert cycle.feedback.state.tolist() == [DriveState.ENERGIZED] * 3
 
 

@@ -55,7 +55,8 @@ class Line:
         slaves = []
         for device, drive in zip(self.devices, settings_of(machine), strict=True):
             writes, planned = configure_coe(drive, machine.cycle_s)
-            slave = EthercatSlave(drive, device, MailboxSdo(device, drive), planned.process_data, writes)
+            sdo = MailboxSdo(None, device, drive)
+            slave = EthercatSlave(drive, device, sdo, planned.process_data, writes)
             slaves.append(slave)
         self.troubles = 0
         self.closed = 0

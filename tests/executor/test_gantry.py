@@ -71,20 +71,36 @@ def test_both_drives_get_one_setpoint_and_are_switched_together() -> None:
     assert bank.energized == 0
 
 
-def test_a_side_that_is_held_back_stops_both_within_their_limits() -> None:
+def test_a_side_that_is_held_back_stops_both_drives_in_the_cycle_that_sees_it() -> None:
     cell = Cell(gantry())
     moved(cell, 100.0, 0.0)
     cell.step(200)
     cell.bus.jam(2)
-    cell.run()
+    row, bank = cell.executor.executor.row, cell.executor.executor.bank
+    apart = 0.0
+    for _ in range(100):
+        assert bank.energized == 0b110
+        assert not cell.faults
+        cell.step()
+        apart = row.actual[1] - row.actual[2]
+        if apart > 0.5 * MM:
+            break
+    # 200 mm/s are 0.2 mm a cycle
+    assert apart < 0.71 * MM
     assert cell.faults == [FaultCode.SKEW]
-    assert skews(cell).max() == 0.0
-    cell.check_limits()
-    assert cell.executor.executor.bank.energized == 0b110
-    # and it does not go on so
+    assert bank.energized == 0
+    assert bank.stopping == 0b110
+    cell.step(200)
+    assert bank.stopping == 0
+    # what the drive of the free side needs to rest, by its own quick stop: v² / 2a, and two cycles
+    way = 0.2**2 / (2.0 * 2.0)
+    assert row.actual[1] - row.actual[2] == pytest.approx(apart + way, abs=0.41 * MM)
+    # sides with references that are apart are not held so, nor moved
+    cell.bus.jam(2, jammed=False)
     moved(cell, 50.0)
     cell.run()
     assert cell.faults == [FaultCode.SKEW] * 2
+    assert bank.energized == 0
 
 
 @pytest.mark.parametrize("column", [1, 2])

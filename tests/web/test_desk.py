@@ -14,6 +14,7 @@ from mcserver.canopen import parameter_backup
 from mcserver.canopen.canopen_errors import DriveError, Stopped
 from mcserver.canopen.desk import Desk
 from mcserver.canopen.parameters import Parameter
+from mcserver.canopen.settings import DriveSettings
 from mcserver.errors import UsageFault
 from mcserver.web.desk import DeskThread, parameters_from
 
@@ -21,6 +22,41 @@ DISABLED, ENABLED = 0x0040, 0x0037
 WINDOW = ParameterInfo(0x6065, 0, "Following error window", "u32", "rw", 0, 9000)
 TIME = ParameterInfo(0x6066, 0, "Following error time out", "u16", "rw")
 NAME = ParameterInfo(0x1008, 0, "Manufacturer device name", "str", "const")
+
+
+class Filling:
+    """A drive whose texts have eight bytes, filled up with zeros."""
+
+    def __init__(self) -> None:
+        self.objects = {(0x6041, 0): DISABLED.to_bytes(2, "little")}
+
+    def upload(self, index: int, subindex: int, *, attempts: int = 0) -> bytes:
+        del attempts
+        return self.objects[index, subindex]
+
+    def download(self, index: int, subindex: int, payload: bytes, *, attempts: int = 0) -> None:
+        del attempts
+        self.objects[index, subindex] = payload.ljust(8, b"\0")
+
+
+@pytest.mark.parametrize(
+    ("kind", "text"), [("str", "Säge"), ("utf16", "轴"), ("str", "eight by"), ("str", "")]
+)
+def test_a_text_is_what_was_written_whatever_zeros_a_drive_puts_behind_it(kind: str, text: str) -> None:
+    name = Parameter(0x2000, 0, "Name", kind, "rw")
+    desk = Desk(DriveSettings(0, "cia402", "can0", "", 1), Filling(), SimpleNamespace(check=lambda: None))
+    assert desk.write(name, text).value == text
+
+
+def test_bytes_that_are_no_text_are_shown_as_bytes_and_in_no_backup() -> None:
+    name, sdo = Parameter(0x2000, 0, "Name", "utf16", "rw"), Filling()
+    desk = Desk(DriveSettings(0, "cia402", "can0", "", 1), sdo, SimpleNamespace(check=lambda: None))
+    sdo.objects |= {(0x1018, at): bytes(4) for at in (1, 2, 3, 4)}
+    sdo.objects[0x2000, 0] = b"\x00\xd8\x41"
+    assert desk.read(name).value == "00 d8 41"
+    backup = parameter_backup.take_backup(desk, [name])
+    assert not backup.parameters
+    assert len(backup.unread) == 1
 
 
 class ServedDrive:

@@ -824,7 +824,7 @@ class MachineCalls:
     async def drives_health(
         self, seconds: float = 5.0, *, deadline_s: float = 15.0
     ) -> tuple[wire.BusHealth, ...]:
-        """Listen on the CAN buses for some seconds and count load, lost and late frames.
+        """Listen on the buses for some seconds and count load, lost and late frames.
 
         Nothing is sent.
         """

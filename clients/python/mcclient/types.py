@@ -102,6 +102,13 @@ class EventKind(Word):
     BUS_BACK = "bus.back"
 
 
+class Fieldbus(Word):
+    """One of the words of the wire."""
+
+    CAN = "can"
+    ETHERCAT = "ethercat"
+
+
 class ToolFrame(Word):
     """One of the words of the wire."""
 
@@ -896,9 +903,11 @@ class DriveParameters:
     """What a drive's dictionary has of one axis.
 
     Attributes:
+        node: on EtherCAT its position.
         node_axis: which axis of its node it is.
         eds_sha256: of its EDS; empty: there is none, and these are the standard's objects.
         unreadable: entries of the EDS that make no sense, each with why.
+        fieldbus: kind of its bus.
     """
 
     axis: int
@@ -908,6 +917,7 @@ class DriveParameters:
     eds_sha256: str
     parameters: tuple[ParameterInfo, ...]
     unreadable: tuple[str, ...]
+    fieldbus: Fieldbus = Fieldbus.CAN
 
 
 @dataclass(frozen=True, slots=True)

@@ -311,7 +311,7 @@ impl Machine {
         self.ask_within("drive_parameters", &DriveParametersRequest { axis }, 5).await
     }
 
-    /// Listen on the CAN buses for some seconds and count load, lost and late frames. Nothing is sent.
+    /// Listen on the buses for some seconds and count load, lost and late frames. Nothing is sent.
     pub async fn drives_health(&self, seconds: f64) -> Result<Vec<BusHealth>> {
         let reply: DrivesHealthReply = self.ask_within("drives_health", &DrivesHealthRequest { seconds }, 15).await?;
         Ok(reply.buses)

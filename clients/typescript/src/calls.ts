@@ -412,7 +412,7 @@ export abstract class MachineCalls {
     return this.call("drive_parameters", { axis });
   }
 
-  /** Listen on the CAN buses for some seconds and count load, lost and late frames. Nothing is sent. */
+  /** Listen on the buses for some seconds and count load, lost and late frames. Nothing is sent. */
   async drivesHealth(seconds?: number): Promise<BusHealth[]> {
     return (await this.call<DrivesHealthReply>("drives_health", { seconds })).buses;
   }

@@ -31,6 +31,9 @@ export type EventKind =
   | "drive.back" | "drive.rebooted" | "drive.started" | "drive.failed" | "bus.foreign_master" | "bus.lost"
   | "bus.back";
 
+export type Fieldbus =
+  | "can" | "ethercat";
+
 export type ToolFrame =
   | "base" | "tool";
 
@@ -494,6 +497,7 @@ export interface DriveInfo {
 export interface DriveParameters {
   axis: number;
   bus: string;
+  /** on EtherCAT its position. */
   node: number;
   /** which axis of its node it is. */
   node_axis: number;
@@ -502,6 +506,8 @@ export interface DriveParameters {
   parameters: ParameterInfo[];
   /** entries of the EDS that make no sense, each with why. */
   unreadable: string[];
+  /** kind of its bus. */
+  fieldbus?: Fieldbus;
 }
 
 /** The objects of an axis's drive. */
@@ -514,7 +520,7 @@ export interface DrivesHealthReply {
   buses: BusHealth[];
 }
 
-/** How the CAN buses are; `seconds`: for which they are listened to, all together. */
+/** How the buses are; `seconds`: for which they are listened to, all together. */
 export interface DrivesHealthRequest {
   seconds?: number | undefined;
 }

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from typing import TypeVar
 
-from mcclient import DriveInfo, Machine, MotionError
+from mcclient import Machine, MotionError
 from mcclient.types import DriveParameters
 from nicegui import events, ui
 
@@ -20,7 +20,6 @@ from mcserver.web.formatting import axis_name
 from mcserver.web.translation import mark, t
 
 T = TypeVar("T")
-PERIOD_S = 2.0
 CIA_402 = "cia402"
 
 
@@ -37,20 +36,18 @@ class DeskDrive:
         self.drive: DriveParameters | None = None
         self.parameters: Sequence[Parameter] = ()
         self._thread = DeskThread(actions.link)
-        self._drives: tuple[DriveInfo, ...] = ()
+        self._axes: tuple[int, ...] = ()
         self._listeners: list[Callable[[], None]] = []
 
     @property
     def others(self) -> list[int]:
         chosen = None if self.drive is None else self.drive.axis
-        return [each.axis for each in self._drives if each.axis != chosen]
+        return [axis for axis in self._axes if axis != chosen]
 
     def build(self) -> None:
         """Add the choice of a drive, and how far a desk at work is."""
         self._choice = Choice({}, label=t("Drive"), on_change=self._choose).classes("w-full")
-        self._remark = (
-            ui.label(t("no drive on a CAN bus")).classes("text-xs break-words").props("role=status")
-        )
+        self._remark = ui.label(t("no CiA 402 drive")).classes("text-xs break-words").props("role=status")
         with ui.row().classes("items-center w-full gap-2") as self._work:
             ui.spinner(size="sm")
             self._count = ui.label("")
@@ -72,26 +69,18 @@ class DeskDrive:
         self._work.set_visibility(self._thread.is_busy)
         self._count.set_text(t("{count} objects", count=self._thread.transfers))
 
-    async def look(self, machine: Machine) -> None:
-        """Ask which drives there are."""
-        try:
-            found = await self.actions.link.answers.get("drives", PERIOD_S, machine.drives)
-        except MotionError as error:
-            self._remark.set_text(f"{t(error.message)} [{error.code}]")
+    def look(self, machine: Machine) -> None:
+        """See which drives there are."""
+        axes = tuple(each.index for each in machine.info.axes if each.drive == CIA_402)
+        if axes == self._axes:
             return
-        known = tuple(each for each in found if each.kind == CIA_402)
-        if [(each.axis, each.node) for each in known] == [(each.axis, each.node) for each in self._drives]:
-            return
-        self._drives = known
-        self._remark.set_text("" if known else t("no drive on a CAN bus"))
-        names = {
-            each.axis: t(
-                "{axis}: node {node} on {bus}", axis=axis_name(each.axis), node=each.node, bus=each.bus
-            )
-            for each in known
-        }
+        self._axes = axes
+        self._remark.set_text("" if axes else t("no CiA 402 drive"))
         before = self._choice.value
-        self._choice.set_options(names, value=before if before in names else next(iter(names), None))
+        self._choice.set_options(
+            {axis: axis_name(axis) for axis in axes},
+            value=before if before in axes else next(iter(axes), None),
+        )
         self._tell()
 
     async def _choose(self, event: events.ValueChangeEventArguments[int | None]) -> None:
@@ -107,7 +96,8 @@ class DeskDrive:
                     return
                 self.drive, self.parameters = found, parameters_from(found)
                 source = "" if self.drive.eds_sha256 else t("no EDS: the standard's objects")
-                self._remark.set_text("; ".join(filter(None, [source, *self.drive.unreadable[:3]])))
+                said = [_place(self.drive), source, *self.drive.unreadable[:3]]
+                self._remark.set_text("; ".join(filter(None, said)))
         self._tell()
 
     async def described(self, axis: int) -> DriveParameters:
@@ -158,3 +148,9 @@ class DeskDrive:
     def _tell(self) -> None:
         for listener in self._listeners:
             listener()
+
+
+def _place(drive: DriveParameters) -> str:
+    if drive.fieldbus == "ethercat":
+        return t("position {position} on {bus}", position=drive.node, bus=drive.bus)
+    return t("node {node} on {bus}", node=drive.node, bus=drive.bus)

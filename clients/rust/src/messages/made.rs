@@ -59,6 +59,10 @@ words!(EventKind {
     BusLost = "bus.lost", BusBack = "bus.back",
 });
 
+words!(Fieldbus {
+    Can = "can", Ethercat = "ethercat",
+});
+
 words!(ToolFrame {
     Base = "base", Tool = "tool",
 });
@@ -636,6 +640,7 @@ pub struct DriveInfo {
 pub struct DriveParameters {
     pub axis: u64,
     pub bus: String,
+    /// on EtherCAT its position.
     pub node: u64,
     /// which axis of its node it is.
     pub node_axis: u64,
@@ -644,6 +649,13 @@ pub struct DriveParameters {
     pub parameters: Vec<ParameterInfo>,
     /// entries of the EDS that make no sense, each with why.
     pub unreadable: Vec<String>,
+    /// kind of its bus.
+    #[serde(default = "drive_parameters_fieldbus")]
+    pub fieldbus: Fieldbus,
+}
+
+fn drive_parameters_fieldbus() -> Fieldbus {
+    Fieldbus::Can
 }
 
 /// The objects of an axis's drive.
@@ -668,7 +680,7 @@ pub struct DrivesHealthReply {
     pub buses: Vec<BusHealth>,
 }
 
-/// How the CAN buses are; `seconds`: for which they are listened to, all together.
+/// How the buses are; `seconds`: for which they are listened to, all together.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct DrivesHealthRequest {
     pub seconds: f64,

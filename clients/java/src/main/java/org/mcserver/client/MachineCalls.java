@@ -360,7 +360,7 @@ public abstract class MachineCalls {
         return ask("drive_parameters", Wire.params(new Messages.DriveParametersRequest(axis)), Messages.DriveParameters.class);
     }
 
-    /** Listen on the CAN buses for some seconds and count load, lost and late frames. Nothing is sent. */
+    /** Listen on the buses for some seconds and count load, lost and late frames. Nothing is sent. */
     public CompletableFuture<List<Messages.BusHealth>> drivesHealth(double seconds) {
         return ask("drives_health", Wire.params(new Messages.DrivesHealthRequest(seconds)), Messages.DrivesHealthReply.class).thenApply(Messages.DrivesHealthReply::buses);
     }

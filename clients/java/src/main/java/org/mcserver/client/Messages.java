@@ -119,6 +119,11 @@ public final class Messages {
     }
 
     /** A word of the wire. */
+    public enum Fieldbus implements Word {
+        CAN, ETHERCAT, UNKNOWN
+    }
+
+    /** A word of the wire. */
     public enum ToolFrame implements Word {
         BASE, TOOL, UNKNOWN
     }
@@ -593,13 +598,15 @@ public final class Messages {
 
     /**
      * What a drive's dictionary has of one axis.
+     * @param node on EtherCAT its position.
      * @param nodeAxis which axis of its node it is.
      * @param edsSha256 of its EDS; empty: there is none, and these are the standard's objects.
      * @param unreadable entries of the EDS that make no sense, each with why.
+     * @param fieldbus kind of its bus.
      */
     public record DriveParameters(
             long axis, String bus, long node, long nodeAxis, String edsSha256, List<ParameterInfo> parameters,
-            List<String> unreadable) {}
+            List<String> unreadable, @Sparse("can") Fieldbus fieldbus) {}
 
     /** The objects of an axis's drive. */
     public record DriveParametersRequest(long axis) {}
@@ -607,7 +614,7 @@ public final class Messages {
     /** By bus. */
     public record DrivesHealthReply(List<BusHealth> buses) {}
 
-    /** How the CAN buses are; `seconds`: for which they are listened to, all together. */
+    /** How the buses are; `seconds`: for which they are listened to, all together. */
     public record DrivesHealthRequest(double seconds) {
         /** All that may be left out as the server has it. */
         public DrivesHealthRequest() {
