@@ -36,6 +36,20 @@ class Trigger:
         return value > self.level if self.above else value < self.level
 
 
+class TriggerSearch:
+    """Looks for a trigger in the values of its column, in their order; what did not come (NaN) is passed over."""
+
+    def __init__(self, trigger: Trigger) -> None:
+        self.trigger = trigger
+        self._last = math.nan
+
+    def fires(self, value: float) -> bool:
+        """Return whether the trigger is at this value, in its unit."""
+        trigger = self.trigger
+        was, self._last = self._last, value if math.isfinite(value) else self._last
+        return trigger.meets(value) and not (trigger.edge and (math.isnan(was) or trigger.meets(was)))
+
+
 @dataclass(frozen=True)
 class ScopeTrace:
     """What a scope has recorded.
@@ -71,12 +85,11 @@ class Scope:
         self._signals = list(signals)
         self._cycle_s = cycle_s
         self._cycles = cycles
-        self._trigger = trigger
         self._sampler = CycleSampler(signals)
         self._before: deque[list[float]] = deque(maxlen=max(1, before + 1))
         self._kept: list[list[float]] = []
+        self._search = None if trigger is None else TriggerSearch(trigger)
         self._zero = 0
-        self._last = math.nan
 
     @property
     def rows(self) -> int:
@@ -116,19 +129,14 @@ class Scope:
         return ScopeTrace(axis, tuple(names), tuple(units), tuple(objects), time_s, np.stack(columns, axis=1))
 
     def _fires(self, before: list[float] | None, row: list[float]) -> bool:
-        trigger = self._trigger
-        if trigger is None:
+        if self._search is None:
             return True
-        if trigger.column < len(self._signals):
-            signal = self._signals[trigger.column]
-            value = row[trigger.column] * signal.scale + signal.zero
-        elif before is None:
-            return False
-        else:
-            error = following_error(np.array([before, row]), self._signals)
-            value = math.nan if error is None else float(error[1])
-        was, self._last = self._last, value if math.isfinite(value) else self._last
-        return trigger.meets(value) and not (trigger.edge and (math.isnan(was) or trigger.meets(was)))
+        column = self._search.trigger.column
+        if column < len(self._signals):
+            signal = self._signals[column]
+            return self._search.fires(row[column] * signal.scale + signal.zero)
+        error = None if before is None else following_error(np.array([before, row]), self._signals)
+        return self._search.fires(math.nan if error is None else float(error[1]))
 
 
 def read_trigger(text: str, signals: Sequence[Signal], *, edge: bool) -> Trigger:

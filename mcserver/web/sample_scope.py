@@ -9,7 +9,7 @@ import numpy as np
 from mcclient.telemetry import Samples
 
 from mcserver.canopen.cycle_samples import Array
-from mcserver.canopen.scope import FOLLOWING_ERROR, ScopeTrace, Trigger
+from mcserver.canopen.scope import FOLLOWING_ERROR, ScopeTrace, Trigger, TriggerSearch
 
 SETPOINT, POSITION, VELOCITY, TORQUE = "setpoint", "position", "velocity", "torque"
 # columns of a trace, in this order
@@ -39,6 +39,7 @@ class SampleScope:
 
     def __post_init__(self) -> None:
         self._rows: Array = np.empty((0, len(QUANTITIES)))
+        self._search = self._new_search()
         self._zero = 0
         self._next: int | None = None
         self._ended_s = math.nan
@@ -66,14 +67,14 @@ class SampleScope:
         lost = 0 if self._next is None else samples.seq - self._next
         if lost < 0:
             # the server has begun anew
-            self._rows, lost = self._rows[:0], 0
+            self._rows, lost, self._search = self._rows[:0], 0, self._new_search()
         self._next = samples.seq + len(new)
         self.lost += lost
         gap = np.full((min(lost, self.cycles), len(QUANTITIES)), np.nan)
         known, self._rows = len(self._rows), np.concatenate([self._rows, gap, new])
         self._ended_s = float(samples.time_s[-1])
-        if not self.triggered and self.trigger is not None:
-            self._look_for(self.trigger, known)
+        if not self.triggered and self._search is not None:
+            self._look_for(self._search, known)
         if not self.triggered:
             self._rows = self._rows[-self.cycles :]
         elif len(self._rows) > self.cycles:
@@ -93,16 +94,16 @@ class SampleScope:
             self._rows,
         )
 
-    def _look_for(self, trigger: Trigger, known: int) -> None:
+    def _new_search(self) -> TriggerSearch | None:
+        return None if self.trigger is None else TriggerSearch(self.trigger)
+
+    def _look_for(self, search: TriggerSearch, known: int) -> None:
         """Find the trigger in the rows behind ``known``, and let time begin there."""
-        values = self._rows[:, trigger.column]
-        (finite,) = np.nonzero(np.isfinite(values))
-        meets = values[finite] > trigger.level if trigger.above else values[finite] < trigger.level
-        fires = np.append(False, meets[1:] & ~meets[:-1]) if trigger.edge else meets
-        found = finite[fires & (finite >= known)]
-        if len(found):
-            first = max(0, int(found[0]) - self.before)
-            self._rows, self._zero, self.triggered = self._rows[first:], int(found[0]) - first, True
+        new = self._rows[known:, search.trigger.column].tolist()
+        found = next((row for row, value in enumerate(new, known) if search.fires(value)), None)
+        if found is not None:
+            first = max(0, found - self.before)
+            self._rows, self._zero, self.triggered = self._rows[first:], found - first, True
 
 
 def drawn_rows(trace: ScopeTrace, columns: list[int]) -> list[list[float | None]]:
