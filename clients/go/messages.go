@@ -1265,8 +1265,8 @@ type ProgramStatus struct {
 	// Pauses: how many of its lines to come wait for an operator, as far as simulated; `eta_s` is without these
 	// waits.
 	Pauses int64 `msgpack:"pauses"`
-	// WaitsFor: the input that M66, or a code of `[dialect.waits]`, waits for, or the program that is waited for to
-	// leave (docs/clearance.md); empty: for none.
+	// WaitsFor: the input that M66, or a code of `[dialect.waits]`, waits for, those that hold it (docs/io.md), or
+	// the program that is waited for to leave (docs/clearance.md); empty: for none.
 	WaitsFor string `msgpack:"waits_for"`
 	// Rejections: as in `Ack`; 0 in programs of an earlier start of the server.
 	Rejections int64 `msgpack:"rejections"`

@@ -111,6 +111,8 @@ class Program:
         self.waits_for = self.waits_before = ""
         self.closed = bool(options.controls)
         self.held = options.hold
+        # names of the inputs that hold it; empty: none does
+        self.held_by = ""
         # the place in `Clearance.switches` of what has switched on a zone before it; None: nothing has since
         self.zone_switch: int | None = None
         # it waits at M00, M01 or a tool change, held or not, of this line
@@ -174,6 +176,12 @@ class Program:
             return 0
         return self.queue.credit + self.queue.accepted - self.journaled
 
+    def _waits_for(self) -> str:
+        if self.over:
+            return ""
+        # an operator's hold comes before what it waits for
+        return self.held_by if self.held else self.waits_for or self.waits_before
+
     def status(self) -> ProgramStatus:
         shown = self._ended_status
         if shown is not None and shown.accepted == self.journaled:
@@ -204,7 +212,7 @@ class Program:
             simulated=self.clock.simulated,
             pauses=0 if self.ended else self.clock.pauses,
             notice=self.notice,
-            waits_for="" if self.over else self.waits_for or self.waits_before,
+            waits_for=self._waits_for(),
             fault=self.fault,
             rejected=self.rejected,
             diagnostics=self.diagnostics,

@@ -289,7 +289,7 @@ class ProgramTable:
         program.slot = grant.slot
         program.begun = self.port.snapshot().time
         # as the executor does by itself
-        program.held = program.held or bool(self._holding)
+        program.held, program.held_by = program.held or bool(self._holding), self._holders()
         # here, so that no hold or abort can reach the executor before it
         self.port.begin(
             grant.slot,
@@ -627,16 +627,25 @@ class ProgramTable:
         if event.code == FaultCode.ZONE_HOLD:
             if met is not None and not met.over:
                 met.zone_switch = int(event.values[1])
+                met.held_by = self._inputs[int(event.values[0])]
                 self._hold_for(met, fault)
             return
-        if event.code == FaultCode.INTERLOCK_FREE:
-            self._holding.discard(int(event.values[0]))
-        if event.code != FaultCode.INTERLOCK_HOLD:
+        holds = event.code == FaultCode.INTERLOCK_HOLD
+        if not holds and event.code != FaultCode.INTERLOCK_FREE:
             return
-        self._holding.add(int(event.values[0]))
+        inputs = {int(event.values[0])}
+        self._holding = self._holding | inputs if holds else self._holding - inputs
         for program in self.programs.values():
-            if not (program.over or program.held or program.slot is None):
+            if program.over or program.slot is None:
+                continue
+            if program.zone_switch is None:
+                program.held_by = self._holders()
+            if holds:
                 self._hold_for(program, fault)
+
+    def _holders(self) -> str:
+        """Return the names of the inputs that hold all programs."""
+        return ", ".join(self._inputs[each] for each in sorted(self._holding))
 
     def _hold_for(self, program: Program, fault: Fault) -> None:
         """Note that the executor holds a program for an input."""

@@ -155,8 +155,8 @@ class ProgramStatus(msgspec.Struct, frozen=True, omit_defaults=True):
             the lines so far.
         pauses: how many of its lines to come wait for an operator, as far as simulated; `eta_s` is without
             these waits.
-        waits_for: the input that M66, or a code of ``[dialect.waits]``, waits for, or the program that is
-            waited for to leave (docs/clearance.md); empty: for none.
+        waits_for: the input that M66, or a code of ``[dialect.waits]``, waits for, those that hold it
+            (docs/io.md), or the program that is waited for to leave (docs/clearance.md); empty: for none.
         rejections: as in `Ack`; 0 in programs of an earlier start of the server. reason: as in `Ack`.
         servo: of a program in servo mode; None: it is none.
         block_delete, optional_stop: as of `OpenRequest`; None: of a program of an earlier start of the server

@@ -405,7 +405,7 @@ class MachineService:
                 self._table.pauses.refuse_lent(program)
                 self.work_tables.refuse_worn(program.asks_for)
         for program in chosen:
-            held, program.held, program.zone_switch = program.held, False, None
+            held, program.held, program.zone_switch, program.held_by = program.held, False, None, ""
             if program.slot is not None and held:
                 self.port.resume(program.slot)
             else:

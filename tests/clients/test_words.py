@@ -51,7 +51,8 @@ def test_a_queued_run_says_what_it_waits_for_and_on_which_axes() -> None:
 
 def test_a_run_says_for_which_input_it_waits() -> None:
     assert snapshot("running", waits_for="the input hot").shown_state == "waits for the input hot"
-    assert snapshot("held", waits_for="hot").shown_state == "held"
+    assert snapshot("held", waits_for="the input door").shown_state == "held by the input door"
+    assert snapshot("held").shown_state == "held"
 
 
 def test_a_server_that_is_gone_is_said_instead_of_running(capsys: pytest.CaptureFixture[str]) -> None:

@@ -215,9 +215,10 @@ async def test_a_door_holds_the_programs_until_somebody_resumes_them(bench: Benc
     held = next(event for event in bench.events if event.kind == "program.held")
     assert held.reason == "MC441"
     assert "door" in held.message
+    assert program.status().waits_for == "door"
     assert refusal(bench.service.resume, None) == "MC443"
     await bench.set_input("door", 0.0)
-    assert program.state == "held"
+    assert (program.state, program.status().waits_for) == ("held", "")
     bench.service.resume(None)
     assert program.state == "running"
     assert ("resume", 0) in bench.port.calls
@@ -227,7 +228,8 @@ async def test_a_door_holds_the_programs_until_somebody_resumes_them(bench: Benc
 
 async def test_a_program_that_is_opened_behind_an_open_door_is_held(bench: Bench) -> None:
     await bench.set_input("door", 1.0)
-    assert (await opened(bench)).state == "held"
+    program = await opened(bench)
+    assert (program.state, program.status().waits_for) == ("held", "door")
 
 
 async def test_a_stop_input_counts_as_an_emergency_stop(bench: Bench) -> None:

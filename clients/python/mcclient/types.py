@@ -1289,8 +1289,8 @@ class ProgramStatus:
             by the lines so far.
         pauses: how many of its lines to come wait for an operator, as far as simulated; `eta_s` is
             without these waits.
-        waits_for: the input that M66, or a code of ``[dialect.waits]``, waits for, or the program that is
-            waited for to leave (docs/clearance.md); empty: for none.
+        waits_for: the input that M66, or a code of ``[dialect.waits]``, waits for, those that hold it
+            (docs/io.md), or the program that is waited for to leave (docs/clearance.md); empty: for none.
         rejections: as in `Ack`; 0 in programs of an earlier start of the server.
         servo: of a program in servo mode; None: it is none.
         reason: as in `Ack`.

@@ -1111,8 +1111,8 @@ export interface ProgramStatus {
   /** how many of its lines to come wait for an operator, as far as simulated; `eta_s` is without these waits. */
   pauses?: number;
   /**
-   * the input that M66, or a code of `[dialect.waits]`, waits for, or the program that is waited for to leave
-   * (docs/clearance.md); empty: for none.
+   * the input that M66, or a code of `[dialect.waits]`, waits for, those that hold it (docs/io.md), or the
+   * program that is waited for to leave (docs/clearance.md); empty: for none.
    */
   waits_for?: string;
   /** as in `Ack`; 0 in programs of an earlier start of the server. */

@@ -70,6 +70,8 @@ class Snapshot:
             return f"paused: {self.notice}"
         if self.state == "running" and self.waits_for:
             return f"waits for {self.waits_for}"
+        if self.state == "held" and self.waits_for:
+            return f"held by {self.waits_for}"
         return f"queued behind {self.behind}" if self.state == "queued" and self.behind else self.state
 
     @property

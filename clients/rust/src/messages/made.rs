@@ -1487,8 +1487,8 @@ pub struct ProgramStatus {
     /// waits.
     #[serde(default)]
     pub pauses: u64,
-    /// the input that M66, or a code of `\[dialect.waits\]`, waits for, or the program that is waited for to
-    /// leave (docs/clearance.md); empty: for none.
+    /// the input that M66, or a code of `\[dialect.waits\]`, waits for, those that hold it (docs/io.md), or
+    /// the program that is waited for to leave (docs/clearance.md); empty: for none.
     #[serde(default)]
     pub waits_for: String,
     /// as in `Ack`; 0 in programs of an earlier start of the server.

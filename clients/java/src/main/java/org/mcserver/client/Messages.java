@@ -1131,8 +1131,8 @@ public final class Messages {
      *     the lines so far.
      * @param pauses how many of its lines to come wait for an operator, as far as simulated; `eta_s` is without
      *     these waits.
-     * @param waitsFor the input that M66, or a code of `[dialect.waits]`, waits for, or the program that is waited
-     *     for to leave (docs/clearance.md); empty: for none.
+     * @param waitsFor the input that M66, or a code of `[dialect.waits]`, waits for, those that hold it
+     *     (docs/io.md), or the program that is waited for to leave (docs/clearance.md); empty: for none.
      * @param rejections as in `Ack`; 0 in programs of an earlier start of the server.
      * @param servo of a program in servo mode; null: it is none.
      * @param reason as in `Ack`.
