@@ -9,7 +9,7 @@ from collections.abc import Iterator
 from typing import NamedTuple
 
 from mcclient import Fault, Info, MachineStatus
-from mcclient.broken_off import MANUAL_INPUT, is_by_hand
+from mcclient.broken_off import is_by_hand, is_typed
 from mcclient.types import ProgramStatus
 
 from mcserver.terminal import visible
@@ -173,7 +173,7 @@ def _execution(status: MachineStatus, program: ProgramStatus | None) -> str:
 def _mode(program: ProgramStatus | None) -> str:
     if program is None or not is_live(program) or not is_by_hand(program.name):
         return "AUTOMATIC"
-    return "MANUAL_DATA_INPUT" if program.name == MANUAL_INPUT else "MANUAL"
+    return "MANUAL_DATA_INPUT" if is_typed(program.name) else "MANUAL"
 
 
 def _condition(faults: list[Fault]) -> tuple[Reading, ...]:

@@ -6,7 +6,7 @@ from collections.abc import Iterable
 from typing import NamedTuple
 
 from mcclient import AxisInfo, MachineStatus
-from mcclient.broken_off import MANUAL_INPUT, is_by_hand
+from mcclient.broken_off import is_by_hand, is_typed
 from mcclient.types import AxesStatus, ProgramStatus
 
 from mcserver.opcua.nodesets import State
@@ -161,7 +161,7 @@ def _program_state(program: ProgramStatus | None) -> str:
 
 
 def _mode(program: ProgramStatus | None) -> int:
-    return MANUAL_DATA if program is not None and program.name == MANUAL_INPUT else JOG
+    return MANUAL_DATA if program is not None and is_typed(program.name) else JOG
 
 
 def _item_state(status: MachineStatus | None, channel: int) -> str:

@@ -52,6 +52,8 @@ class StartState(msgspec.Struct, frozen=True):
         inputs, outputs: values in the order of the machine's.
         pauses: of a program that began so and was recorded: what others changed at its pauses, in order.
         switches: of the operator.
+        machine_file, cutters: of a program that began so and was recorded: digest of the machine file
+            (`machine_digest`), and the tool table in it.
     """
 
     positions: Mapping[int, float]
@@ -64,6 +66,8 @@ class StartState(msgspec.Struct, frozen=True):
     outputs: tuple[float, ...] = ()
     pauses: tuple[PauseEnd, ...] = ()
     switches: Switches = AS_WRITTEN
+    machine_file: str = ""
+    cutters: Mapping[int, Cutter] = {}
 
     @classmethod
     def of(cls, machine: Machine, frame: Frame | None = None, switches: Switches = AS_WRITTEN) -> StartState:

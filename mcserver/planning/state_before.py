@@ -67,6 +67,8 @@ class _Effects:
     def __init__(self, origin: StartState) -> None:
         self.energized = set(origin.energized)
         self.unknown: set[int] = set()
+        # axes that went to a place which the text names
+        self.placed: set[int] = set()
         self.speeds: dict[int, float] = {}
         self.torques: dict[int, float] = {}
         self.outputs = dict(enumerate(origin.outputs))
@@ -144,6 +146,7 @@ class _Effects:
             self.torques.pop(axis, None)
         if not incremental:
             self.unknown.difference_update(axes)
+            self.placed.update(axes)
 
     def _lose(self, axes: tuple[int, ...]) -> None:
         self.unknown.update(axes)
@@ -240,6 +243,9 @@ def state_before(
             f"the radius leads the spindle here, since line {surface.line} (G96)",
             f"start at line {surface.line}, or behind G97",
         )
+    if spindle is not None and spindle not in effects.placed and spindle not in effects.speeds:
+        # where a spindle stands means nothing before M19, or a word of its own
+        effects.energized.discard(spindle)
     if not interpreter.ended:
         modal = msgspec.structs.replace(modal, computed=expansion.kept())
     return StateBefore(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Mapping
 from typing import Literal
 
@@ -127,6 +128,11 @@ def plan_approach(machine: Machine, state: StateBefore, now: StartState, lease: 
     energize = tuple(sorted(moved - state.torques.keys() - state.speeds.keys()))
     free = free_axes(machine)
     known = {axis: state.positions[axis] for axis in energize if axis not in state.unknown | free}
+    spindle = machine.dialect.spindle
+    if spindle in known:
+        # of M19 the angle counts, not how often the spindle has turned
+        at = now.positions[spindle]
+        known[spindle] = at + math.remainder(known[spindle] - at, math.tau)
     starts = []
     for axis in machine.axes:
         if axis.index not in leased:

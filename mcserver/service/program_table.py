@@ -21,6 +21,7 @@ from mcserver.gcode.profiles.frame import Frame
 from mcserver.gcode.semantics.modal import ModalState
 from mcserver.gcode.switches import AS_WRITTEN, Switches
 from mcserver.machine.clearance_section import AGENT, OPERATOR, agent_role
+from mcserver.machine.machine_digest import machine_digest
 from mcserver.machine.machine_file import Machine
 from mcserver.planning.client import PlannerProcess
 from mcserver.planning.planner_messages import (
@@ -144,6 +145,8 @@ class ProgramTable:
         self.on_machine_stop: Callable[[Fault], None] = self.faults.latch
         # called once a program has ended
         self.on_program_ended: Callable[[Program], None] = lambda _program: None
+        # digest of the machine file, see `machine_digest`
+        self.machine_file = machine_digest(machine)
         # inputs that hold the programs now, by column
         self._holding: set[int] = set()
         self.heartbeat = Heartbeat(port.beat, lambda: self.planner.last_seen)
@@ -151,6 +154,14 @@ class ProgramTable:
     def start_state(self, modal: ModalState | None = None, switches: Switches = AS_WRITTEN) -> StartState:
         """Return what a program that begins now starts from."""
         return start_state(self._machine, self.port.snapshot(), self.offsets.frame(), modal, switches)
+
+    def _origin(self, switches: Switches) -> StartState:
+        """Return what a program that begins now is recorded with, should it be gone on with."""
+        return msgspec.structs.replace(
+            self.start_state(switches=switches),
+            machine_file=self.machine_file,
+            cutters=self._machine.dialect.cutters,
+        )
 
     def close_journal(self) -> None:
         """Write what is left; blocks. Another server may have the journal then."""
@@ -183,8 +194,7 @@ class ProgramTable:
         )
         if program.switches != AS_WRITTEN:
             # it may never begin here: who goes on with it then has to know them
-            origin = program.origin or self.start_state(switches=program.switches)
-            self.journal.program_begun(program.program, origin)
+            self.journal.program_begun(program.program, program.origin or self._origin(program.switches))
         self.publish("program.opened", program, message=program.name)
         for at in range(0, len(known), KNOWN_LINES):
             taken = program.queue.take(program.start_line + at, known[at : at + KNOWN_LINES])
@@ -315,7 +325,7 @@ class ProgramTable:
                 role=self._role_of(program),
             )
             if not program.controls:
-                program.origin = program.origin or self.start_state(switches=program.switches)
+                program.origin = program.origin or self._origin(program.switches)
                 self.journal.program_begun(program.program, program.origin)
             self.planner.send(Begin(request, grant.slot, program.step, program.begun))
         program.modal = None

@@ -194,17 +194,23 @@ class Recovering:
                 "way",
             )
             approach = msgspec.structs.replace(approach, needs=(need, *approach.needs))
-        if start.origin is None or start.state.modal.frame is None:
-            return approach
-        differing = self._differing_offsets(start.state.modal.frame)
-        if not differing:
-            return approach
-        need = Need(
-            "MC594",
-            f"work offsets were changed since: {differing}",
-            "set them back (mcctl zero), or run the file from the line with those of now",
-        )
-        return msgspec.structs.replace(approach, needs=(*approach.needs, need))
+        return msgspec.structs.replace(approach, needs=(*approach.needs, *self._changes(start)))
+
+    def _changes(self, start: Start) -> list[Need]:
+        """Return what stands in the way because it is not as the program had it."""
+        origin, state = start.origin, start.state
+        if origin is None or state is None:
+            return []
+        frame = state.modal.frame
+        differing = "" if frame is None else self._differing_offsets(frame, origin)
+        if differing:
+            hint = "set them back (see mcctl tables), or run the file from the line with those of now"
+            return [Need("MC594", f"work offsets or tools were changed since: {differing}", hint)]
+        if origin.machine_file in ("", self._table.machine_file):
+            return []
+        message = "the machine file was changed since the program began: places may be others"
+        hint = "see what was changed, and confirm the way where no place is, or run the file from the line"
+        return [Need("MC594", message, hint, "way")]
 
     def modal_from(self, start: Start) -> ModalState | None:
         """Return the modal state of a start; axes whose place means nothing go on from where they are."""
@@ -217,11 +223,16 @@ class Recovering:
         frame = msgspec.structs.replace(frame, g92={**frame.g92, **moved}, g92_on=True)
         return with_frame(state.modal, frame)
 
-    def _differing_offsets(self, frame: Frame) -> str:
-        """Say which work offsets and tools are not those that a program had at a line; empty: none."""
+    def _differing_offsets(self, frame: Frame, origin: StartState) -> str:
+        """Say which work offsets and tools are not those that a program had at a line; empty: none.
+
+        Args:
+            frame: at the line. origin: as the program began.
+        """
         names = {number: name for name, number in SYSTEM_NUMBERS.items()}
         now = self._table.offsets.systems
-        had_tools = {**self._machine.dialect.cutters, **frame.cutters}
+        file_tools = origin.cutters if origin.machine_file else self._machine.dialect.cutters
+        had_tools = {**file_tools, **frame.cutters}
         tools = self._table.offsets.cutters
         said = [
             f"T{number} is another one in the tool table"

@@ -339,9 +339,10 @@ def test_every_field_of_the_start_counts_in_the_digest_and_in_what_has_changed()
         "inputs": (0.0, 0.0, 0.0),
         "outputs": (1.0,),
     }
-    # what others changed at pauses is the past of a program that goes on: a run that is asked for has none;
-    # switches are asked for with the run, and it starts with these
-    assert {*other, "pauses", "switches"} == set(StartState.__struct_fields__)
+    # what others changed at pauses, and the machine file of then, is the past of a program that goes on: a
+    # run that is asked for has none; switches are asked for with the run, and it starts with these
+    recorded = {"pauses", "machine_file", "cutters"}
+    assert {*other, *recorded, "switches"} == set(StartState.__struct_fields__)
     skipping = msgspec.structs.replace(start, switches=Switches(block_delete=True))
     assert basis.digest(TEXT, (0,), skipping) != basis.digest(TEXT, (0,), start)
     for field, value in other.items():

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import math
 from collections.abc import AsyncIterator, Sequence
 from pathlib import Path
 
@@ -10,6 +11,7 @@ import pytest
 
 from mcserver.errors import Refused, ServiceError
 from mcserver.gcode.switches import AS_WRITTEN, Switches
+from mcserver.machine.machine_digest import machine_digest
 from mcserver.machine.machine_file import Machine, parse_machine
 from mcserver.planning.start_state import StartState
 from mcserver.planning.state_before import state_before
@@ -59,12 +61,15 @@ class Rig:
         self.cell: VirtualCell | None = None
         self.path: list[tuple[float, ...]] = []
 
-    async def started(self, machine: Machine) -> VirtualCell:
+    async def started(self, machine: Machine, *, file: Machine | None = None) -> VirtualCell:
+        """Start a cell; ``file``: the machine as its file is read, where the axes stand elsewhere by now."""
         if self.cell is not None:
             self.cell.kill()
         self.path.clear()
         self._starts = getattr(self, "_starts", 0) + 1
         self.cell = VirtualCell(machine, self._folder, instance=f"start{self._starts}")
+        if file is not None:
+            self.cell.service._table.machine_file = machine_digest(file)
         return self.cell
 
     async def killed_in(
@@ -181,7 +186,7 @@ async def test_without_a_safe_height_the_way_has_to_be_confirmed_and_is_no_diago
 
 async def test_axes_that_stand_there_need_no_way_and_nothing_to_confirm(rig: Rig) -> None:
     name = await rig.killed_in(machine(), PART, 7)
-    cell = await rig.started(machine(start=(120.0, 40.005, -5.0)))
+    cell = await rig.started(machine(start=(120.0, 40.005, -5.0)), file=machine())
     approach = await look(cell, name)
     assert (approach.way, approach.needs) == ((), ())
     program = await rig.until_ended(await cell.service.continue_program("page", name))
@@ -190,8 +195,9 @@ async def test_axes_that_stand_there_need_no_way_and_nothing_to_confirm(rig: Rig
 
 async def test_increments_go_on_from_where_the_program_began(rig: Rig) -> None:
     lines = ["G1010", "G94 F6000 G91", *["G01 X40"] * 6]
-    name = await rig.killed_in(machine(RECOVERY, start=(7.0, 0.0, 0.0)), lines, 5)
-    cell = await rig.started(machine(RECOVERY, start=(30.0, 0.0, 0.0)))
+    began = machine(RECOVERY, start=(7.0, 0.0, 0.0))
+    name = await rig.killed_in(began, lines, 5)
+    cell = await rig.started(machine(RECOVERY, start=(30.0, 0.0, 0.0)), file=began)
     (x, _, _) = (await look(cell, name)).axes
     assert (x.now, x.there) == pytest.approx((30.0, 87.0))
     await rig.until_ended(await cell.service.continue_program("page", name))
@@ -421,6 +427,49 @@ async def test_work_offsets_that_were_changed_since_are_named(rig: Rig) -> None:
         await cell.service.continue_program("page", name)
     assert refused.value.code == "MC594"
     assert "G54 of axis 0 is 5.000, it was -20.000" in refused.value.message
+
+
+TOOL = "[[cutter]]\nnumber = 1\nlength_mm = {}\ndiameter_mm = 4.0\n"
+
+
+async def test_a_tool_that_the_machine_file_has_otherwise_since_is_named(rig: Rig) -> None:
+    lines = ["T1 M6", "G43 H1", "G1 X90 F6000"]
+    name = await rig.killed_in(machine(CNC + SPINDLE + TOOL.format(40)), lines, 3)
+    cell = await rig.started(machine(CNC + SPINDLE + TOOL.format(20)))
+    with pytest.raises(ServiceError, match="T1 is another one in the tool table") as refused:
+        await cell.service.continue_program("page", name, confirmed=Confirmation(way=True))
+    assert refused.value.code == "MC594"
+
+
+async def test_another_machine_file_has_to_be_confirmed(rig: Rig) -> None:
+    name = await rig.killed_in(machine(RECOVERY), PART, 6)
+    cell = await rig.started(machine(RECOVERY.replace("20.0", "30.0")))
+    assert [(each.code, each.confirm) for each in (await look(cell, name)).needs] == [("MC594", "way")]
+    with pytest.raises(ServiceError, match="the machine file was changed"):
+        await cell.service.continue_program("page", name)
+    program = await cell.service.continue_program("page", name, confirmed=Confirmation(way=True))
+    await rig.until_ended(program)
+    assert program.state == "finished"
+
+
+async def test_a_spindle_that_others_have_turned_is_not_turned_back(rig: Rig) -> None:
+    mill = machine(CNC + SPINDLE + RECOVERY)
+    lines = ["G0 Z10", "G1 X300 F6000", "S600 M3", "G1 X50", "M5"]
+    name = await rig.killed_in(mill, lines, 2)
+    cell = await rig.started(mill)
+    await cell.run("S3000 M3", "G4 P0.5", "M5", axes=[3])
+    shown = await look(cell, name)
+    (spindle,) = (each for each in shown.axes if each.axis == 3)
+    assert (spindle.there, spindle.away) == (None, False)
+    assert all("3" not in step.targets for step in shown.way)
+
+
+def test_an_oriented_spindle_takes_the_shorter_way_to_its_angle() -> None:
+    mill = machine(CNC + SPINDLE + RECOVERY)
+    before = state_before(["M19 R90", "G0 X10"], 3, mill, StartState.of(mill))
+    now = StartState.of(mill).at({3: math.radians(10 * 360.0 + 80.0), 0: 0.01})
+    (step,) = plan_approach(mill, before, now, [0, 1, 2, 3]).way[1:2]
+    assert step.targets["3"] == pytest.approx(10 * 360.0 + 90.0)
 
 
 async def test_axes_without_their_reference_are_refused_with_the_remedy(rig: Rig) -> None:

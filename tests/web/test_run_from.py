@@ -44,8 +44,10 @@ def test_each_answer_has_a_button_and_what_cannot_be_confirmed_has_none() -> Non
     assert answers_to({"", "way"}, "Go on", middle) == []
 
 
-def ran(name: str, state: str, opened: float, done: int = 3) -> ProgramStatus:
-    return wire_value(ProgramStatus, name, state, name=name, accepted=9, done=done, opened_at=opened)
+def ran(name: str, state: str, opened: float, done: int = 3, line: int = 4) -> ProgramStatus:
+    return wire_value(
+        ProgramStatus, name, state, name=name, accepted=9, done=done, line=line, opened_at=opened
+    )
 
 
 def test_the_newest_program_that_was_broken_off_can_go_on_unless_something_runs() -> None:
@@ -53,11 +55,12 @@ def test_the_newest_program_that_was_broken_off_can_go_on_unless_something_runs(
     assert broken_off([ran("jog axis 0", "finished", 2.0, 9), part]) == part
     assert broken_off([ran("next.nc", "finished", 2.0, 9), part]) is None
     assert broken_off([ran("next.nc", "running", 2.0), part]) is None
+    assert broken_off([ran("queued.nc", "faulted", 2.0, 0, 0), part]) == part
     assert broken_off([ran("part.nc", "interrupted", 1.0, 9)], lines_left=True) is None
     assert broken_off([ran("part.nc", "finished", 1.0, 9)]) is None
 
 
-@pytest.mark.parametrize("name", ["manual input", "work offset", "energize", "jog axis 1", "home axis 0"])
+@pytest.mark.parametrize("name", ["manual input", "mcctl send", "work offset", "energize", "jog axis 1"])
 def test_what_moves_axes_by_hand_is_no_program_to_go_on_with(name: str) -> None:
     part = ran("part.nc", "interrupted", 1.0)
     assert broken_off([ran(name, "faulted", 2.0), part]) == part

@@ -10,6 +10,8 @@ from mcclient.types import ENDED, ProgramStatus
 BROKEN_OFF = frozenset({"interrupted", "faulted", "aborted"})
 # Names of programs that nobody goes on with: those of the operator's page, and how the server's own begin.
 ENERGIZE, MANUAL_INPUT, WORK_OFFSET = "energize", "manual input", "work offset"
+# of ``mcctl send``
+SENT = "mcctl send"
 TOOL_STEP = "step tool "
 _MOVES_OF_AXES = ("jog axis ", "jog tool ", "home axis ", "reference axis ", f"{WORK_OFFSET} by ", TOOL_STEP)
 
@@ -17,14 +19,15 @@ _MOVES_OF_AXES = ("jog axis ", "jog tool ", "home axis ", "reference axis ", f"{
 def broken_off(programs: Sequence[ProgramStatus], *, lines_left: bool = False) -> ProgramStatus | None:
     """Return the newest program where it was broken off and nothing runs, else None.
 
-    What was broken off before another program ran has been left behind.
+    What was broken off before another program ran has been left behind; what only waited for its axes has not
+    run.
 
     Args:
         lines_left: only where the server has lines of it that are not done.
     """
     if any(program.state not in ENDED for program in programs):
         return None
-    ran = [each for each in programs if each.accepted > 0 and not is_by_hand(each.name)]
+    ran = [each for each in programs if each.line > 0 and not is_by_hand(each.name)]
     newest = max(ran, key=lambda each: each.opened_at, default=None)
     if newest is None or newest.state not in BROKEN_OFF or (lines_left and newest.done >= newest.accepted):
         return None
@@ -32,4 +35,10 @@ def broken_off(programs: Sequence[ProgramStatus], *, lines_left: bool = False) -
 
 
 def is_by_hand(name: str) -> bool:
-    return name in (ENERGIZE, MANUAL_INPUT, WORK_OFFSET) or name.startswith(_MOVES_OF_AXES)
+    """Return whether a program of that name is a move by hand, a few lines that somebody typed included."""
+    return name in (ENERGIZE, WORK_OFFSET) or is_typed(name) or name.startswith(_MOVES_OF_AXES)
+
+
+def is_typed(name: str) -> bool:
+    """Return whether a program of that name is lines that somebody typed."""
+    return name in (MANUAL_INPUT, SENT)

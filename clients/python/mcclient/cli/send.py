@@ -7,6 +7,7 @@ from typing import Annotated, Any
 
 import typer
 
+from mcclient.broken_off import SENT
 from mcclient.cli.excerpt import show_diagnostics
 from mcclient.cli.options import (
     AxesOption,
@@ -41,7 +42,7 @@ def send(
                 raise RequestRefused("MC511", f"{argument} is a file", f"mcctl run {argument}")
         async with target.open() as one:
             program = await one.program(
-                "mcctl send",
+                SENT,
                 parse_axes(axes),
                 on_disconnect="stop" if wait else "finish",
                 at_pause=at_pause,
