@@ -295,6 +295,13 @@ HARMLESS_MACRO: Final = re.compile(
     r"|QUERY_|STATUS_)"
 )
 
+# macros that move axes, pause, or change what the words behind them mean: nobody is told to leave them out
+MOVING_MACRO: Final = re.compile(
+    r"(?:SET_GCODE_OFFSET|(?:SAVE|RESTORE)_GCODE_STATE|FORCE_MOVE|MANUAL_\w+|SET_KINEMATIC_POSITION|PROBE\w*"
+    r"|ACTIVATE_EXTRUDER|SYNC_EXTRUDER_MOTION|SET_EXTRUDER_ROTATION_DISTANCE|SET_DUAL_CARRIAGE|SKEW_PROFILE"
+    r"|PAUSE|RESUME|CANCEL_PRINT)\Z"
+)
+
 # what is printed otherwise where codes have no effect: their beginnings, and what then holds
 CONSEQUENCES: Final = (
     (
