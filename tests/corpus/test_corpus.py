@@ -484,3 +484,15 @@ def test_nobody_is_told_to_ignore_a_macro_that_moves_the_tool() -> None:
 def test_a_g4_in_milliseconds_is_pointed_out() -> None:
     found = check_program("G4 P500\nG4 P60", machine_of("cnc"))
     assert [(each.code, each.line, each.severity) for each in found] == [("MC129", 1, "warning")]
+
+
+def test_the_pause_of_bambu_studio_pauses_and_m400_alone_does_not() -> None:
+    interpreter = Interpreter(machine_of("printer"))
+    lines = ("M400", "M400 S1", "M400 U1", "M400 U1 ; magnet")
+    found = [interpreter.interpret_text(text, line) for line, text in enumerate(lines, start=1)]
+    assert [[type(each) for each in values] for values in found] == [[], [], [PauseLine], [PauseLine]]
+
+
+def test_a_file_that_a_printer_would_run_is_not_passed_over() -> None:
+    (fault,) = errors('M98 P"home.g"', "printer")
+    assert (fault.code, 'ignore = ["M98"]' in fault.hint) == ("MC110", True)

@@ -84,6 +84,8 @@ PRINTER_STOPS: Final[Mapping[str, str]] = MappingProxyType(
 )
 # of printers: would shift where the parts lie
 _SHIFTS_OF_PRINTERS: Final = ("M206", "M218", "M290", "M428")
+# of printers: run another file, which may move, as M98 P"home.g" does in RepRapFirmware
+FILES_OF_PRINTERS: Final = ("M32", "M98")
 # of printers: E in mm³ of a filament of diameter D; with D0 or S0, or without words, it has no effect
 VOLUMETRIC: Final = "M200"
 
@@ -168,7 +170,7 @@ IGNORED: Final[Mapping[str, frozenset[str]]] = MappingProxyType(
             | {
                 f"M{n}"
                 for n in (*range(3, 30), *range(31, 60), *range(61, 82), *range(84, 1000))
-                if f"M{n}" not in {*PRINTER_STOPS, *_SHIFTS_OF_PRINTERS, VOLUMETRIC}
+                if f"M{n}" not in {*PRINTER_STOPS, *_SHIFTS_OF_PRINTERS, *FILES_OF_PRINTERS, VOLUMETRIC}
             }
         ),
     }

@@ -15,6 +15,7 @@ from mcserver.gcode.line_faults import FaultList, Span
 from mcserver.gcode.notices import DISPLAY, logging_of
 from mcserver.gcode.profiles.codes import (
     FACTORS,
+    FILES_OF_PRINTERS,
     HARMLESS_MACRO,
     IGNORED,
     IO_WORDS,
@@ -72,6 +73,8 @@ _WHOLE_LINE = {**RETRACTING, **{code: code for code in FACTORS}}
 _RETRACTING = re.compile(r"(?:G[ \t]*0*1[01]|M[ \t]*0*20[78])(?![0-9]|\.0*[1-9])")
 # what may stand behind M200 where E stays a length
 _LENGTH = re.compile(r"(?:[DS]0*\.?0*)?(?:T0)?")
+# waits for somebody, where M400 alone waits for the motion
+_PAUSE_OF_BAMBU = re.compile(r"M400[ \t]+U[ \t]*0*1\b")
 _FACTOR = re.compile(r"M[ \t]*0*22[01](?![0-9]|\.0*[1-9])")
 _CYCLE_WORDS = re.compile(r"[PQUWDIR]")
 # Haas's patterns of holes, beside the number of these; else turning cycles
@@ -137,6 +140,8 @@ class ProfileReader:
         def nothing(*ignored: str) -> ParsedLine:
             return _line(number, text, code, [], faults, ProfileWords(ignored=ignored))
 
+        if self._dialect.profile == "printer":
+            code = _PAUSE_OF_BAMBU.sub(lambda match: "M226".ljust(len(match[0])), code)
         stripped = code.lstrip()
         if stripped.startswith("%") and self._dialect.profile != "printer":
             return None
@@ -159,6 +164,11 @@ class ProfileReader:
             if idle and name not in self._acting and self._dialect.profile == "printer":
                 # what M117 shows is read from the text (D-76)
                 return nothing() if family == "M117" else nothing(name)
+            if name in FILES_OF_PRINTERS and self._dialect.profile == "printer":
+                # its words are the name of a file
+                span = (head.start(1) + 1, head.end() + 1)
+                self._refuse(Word("M", float(head[2]), head[2], -1, span), name, faults)
+                return nothing()
         said = DISPLAY.match(code) if self._dialect.profile == "printer" else None
         if said is not None:
             code = code[: said.start(1)] + " " * (len(code) - said.start(1))
@@ -542,7 +552,8 @@ class ProfileReader:
             )
 
     def _refuse(self, word: Word, name: str, faults: FaultList) -> None:
-        reason = REFUSED.get(name)
+        # Fanuc's M98 is none of a printer's
+        reason = None if (self._dialect.profile, name) == ("printer", "M98") else REFUSED.get(name)
         if reason is not None:
             faults.add(
                 "MC141", f"{name}: {reason.split('; ')[0]}", word.span, "; ".join(reason.split("; ")[1:])
