@@ -18,7 +18,7 @@ from mcserver.gcode.semantics.interpreter import Interpreter
 from mcserver.gcode.switches import AS_WRITTEN, Switches
 from mcserver.gcode.text.line_window import BLOCK, LineWindow
 from mcserver.gcode.text.parser import ParsedLine
-from mcserver.gcode.text.profile_words import ProfileWords
+from mcserver.gcode.text.profile_words import ProfileWord, ProfileWords
 from mcserver.gcode.text.source import split_lines
 from mcserver.machine.dialect_section import CodeOutput
 from mcserver.machine.machine_file import Machine
@@ -35,6 +35,8 @@ from mcserver.motion.canonical import (
 
 # so many changes of S under way are a laser's, not a spindle's
 CHANGES_OF_A_BEAM = 5
+# a G4 that waits so long was meant in milliseconds [s]
+LONG_WAIT = 100.0
 # codes and macros that are not done here: each is said once, with the count of its lines
 _OF_CODES = frozenset({"MC110", "MC141", "MC145"})
 MOST_FAULTS = 20_000  # a file with more is not one for this machine, and its faults must not fill the memory
@@ -242,6 +244,8 @@ class _Survey:
             code = action.code
             if code == "T":
                 self._tool = int(action.words["T"].value)
+            elif code == "G4" and "P" in action.words:
+                self._long_dwell(action.words["P"], line)
             elif code == "M6" and self._first_tool is None and self._dialect.tool_change == "pause":
                 self._first_tool = line, self._tool
             # of M3 to M5, beside one that has outputs, the others are refused
@@ -257,6 +261,21 @@ class _Survey:
             if idle:
                 codes.append(action.code)
         self.without_effect({code: (line, codes.count(code)) for code in codes})
+
+    def _long_dwell(self, word: ProfileWord, line: int) -> None:
+        """Warn of a P that was meant in milliseconds (MC129)."""
+        seconds = word.value * self._dialect.dwell_unit
+        if self._dialect.dwell_unit < 1.0 or seconds < LONG_WAIT or len(self._warnings) >= MOST_FAULTS:
+            return
+        self._warnings.append(
+            Diagnostic(
+                code="MC129",
+                severity="warning",
+                line=line,
+                message=f"G4 P{word.text} waits {seconds:g} s",
+                hint='if its post writes milliseconds, say so in the machine file: [dialect] dwell = "ms"',
+            )
+        )
 
     def _follow_beam(self, codes: set[str], line: int) -> None:
         """Count the changes of S at which motion stops with an output on that follows S (D-73); a laser's

@@ -437,3 +437,62 @@ def test_outputs_that_the_machine_lacks_are_warned_of_once() -> None:
     found = check_program("M68 E0 Q1\nG0 X1\nM68 E0 Q2\nG40.1", machine_of("cnc"))
     assert [each.code for each in found] == ["MC142"]
     assert "M68 (2)" in found[0].message
+
+
+@pytest.mark.parametrize(
+    ("line", "code"),
+    [
+        ("G1 X20 ,A45 F100", "MC141"),  # as a comma group it would turn the axis A
+        ("G1 X20.,C5. F100", "MC141"),
+        ("G1 X20 , R3 F100", "MC141"),
+        ("%NEU G70", "MC103"),  # inches
+        ("% G0 X5", "MC103"),
+        ("S500 M3\nM19 S90", "MC112"),
+    ],
+)
+def test_words_that_mean_something_else_on_other_controllers_are_refused(line: str, code: str) -> None:
+    assert [each.code for each in errors(f"{line}\nG0 X1", "cnc")] == [code]
+
+
+def test_groups_with_codes_and_titles_are_read_beside_them() -> None:
+    assert errors("%O1234 TITLE\nG1 X20 F600, G1 A45\n%", "cnc") == []
+
+
+@pytest.mark.parametrize("line", ["G10 L2 P0 Z-5", "G10 L20 P1 X5", "G10 L1 P1 R50"])
+def test_g10_of_fanuc_that_means_something_else_there_is_refused(line: str) -> None:
+    text = (FOLDER / "cnc.toml").read_text("utf-8").replace("[dialect]", '[dialect]\nmacros = "fanuc"')
+    fanuc = parse_machine(text)
+    assert [each.code for each in check_program(line, fanuc)] == ["MC141"]
+    assert check_program("G10 L2 P1 Z-5\nG10 L1 P1 Z50", fanuc) == []
+
+
+def test_a_dwell_of_a_printer_in_seconds_is_not_said_to_have_no_effect() -> None:
+    assert check_program("G28\nG4 S2", machine_of("printer")) == []
+
+
+def test_holes_on_a_circle_make_no_lathe_of_a_mill() -> None:
+    text = "G81 Z-5 R2 F100 L0\nG70 I5. J15. L6\nG80"
+    assert [each.code for each in errors(text, "cnc")] == ["MC141"]
+
+
+def test_nobody_is_told_to_ignore_a_macro_that_moves_the_tool() -> None:
+    moving, idle = errors("SET_GCODE_OFFSET Z=0.1\nMY_MACRO", "printer")
+    assert "ignore" not in moving.hint
+    assert "ignore" in idle.hint
+
+
+def test_a_g4_in_milliseconds_is_pointed_out() -> None:
+    found = check_program("G4 P500\nG4 P60", machine_of("cnc"))
+    assert [(each.code, each.line, each.severity) for each in found] == [("MC129", 1, "warning")]
+
+
+def test_the_pause_of_bambu_studio_pauses_and_m400_alone_does_not() -> None:
+    interpreter = Interpreter(machine_of("printer"))
+    lines = ("M400", "M400 S1", "M400 U1", "M400 U1 ; magnet")
+    found = [interpreter.interpret_text(text, line) for line, text in enumerate(lines, start=1)]
+    assert [[type(each) for each in values] for values in found] == [[], [], [PauseLine], [PauseLine]]
+
+
+def test_a_file_that_a_printer_would_run_is_not_passed_over() -> None:
+    (fault,) = errors('M98 P"home.g"', "printer")
+    assert (fault.code, 'ignore = ["M98"]' in fault.hint) == ("MC110", True)

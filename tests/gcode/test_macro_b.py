@@ -60,6 +60,11 @@ M99"""
     assert places(text) == [3, 9, 7, 7, 9]
 
 
+def test_codes_ahead_of_g65_are_done_first() -> None:
+    text = "F100\nG91 G65 P9 X5\nM30\nO9\nG1 X#24\nX#24\nM99"
+    assert places(text) == [5, 10]
+
+
 def test_arguments_follow_both_specifications() -> None:
     text = "F100\nG65 P9 A1 B2 C3 I4 J5 K6 I7 J8 K9 J10\nG65 P9 A1 M2 Z3\nM30\nO9\n"
     text += "G1 X#1 Y#13 Z#26\nG1 X[#4*100+#5*10+#6]\nG1 X[#7*100+#8*10+#9]\nG1 X#11\nM99"

@@ -35,6 +35,8 @@ _WORD = re.compile(
 )
 _THEN = re.compile(r"[ \t]*(?:(GOTO)|(THEN)[ \t]*(?=#))", re.IGNORECASE)
 _DO = re.compile(r"[ \t]*DO[ \t]*([0-9]+)", re.IGNORECASE)
+# G65 behind codes of its line, and these
+_CALL_BEHIND = re.compile(r"((?:G[ \t]*[0-9.]+[ \t]*)*?)(G[ \t]*0*65)(?![0-9.])", re.IGNORECASE)
 _CALL = re.compile(r"M[ \t]*0*(9[89])(?![0-9.])", re.IGNORECASE)
 _OWN_WORD = re.compile(r"([A-Z])(?=[ \t]*[-+#\[.0-9])", re.IGNORECASE)
 _STOP = re.compile(r"#[ \t]*3006[ \t]*=")
@@ -248,6 +250,11 @@ def _plain(text: str, code: str, at: int, line: int) -> list[Step]:
         raise _faulty(
             "O-words are not read beside macro B", (at + 1, len(code.rstrip()) + 1), "see D-91: macros"
         )
+    macro = _CALL_BEHIND.match(code, at)
+    if macro is not None:
+        span = (macro.start(2) + 1, macro.end(2) + 1)
+        ahead = _line(text[: macro.start(2)], code[: macro.start(2)], at, line)
+        return [ahead, _macro_call(code, macro.end(), line, span)]
     call = _CALL.search(code)
     if call is None:
         return [_line(text, code, at, line)]

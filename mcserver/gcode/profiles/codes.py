@@ -84,6 +84,8 @@ PRINTER_STOPS: Final[Mapping[str, str]] = MappingProxyType(
 )
 # of printers: would shift where the parts lie
 _SHIFTS_OF_PRINTERS: Final = ("M206", "M218", "M290", "M428")
+# of printers: run another file, which may move, as M98 P"home.g" does in RepRapFirmware
+FILES_OF_PRINTERS: Final = ("M32", "M98")
 # of printers: E in mm³ of a filament of diameter D; with D0 or S0, or without words, it has no effect
 VOLUMETRIC: Final = "M200"
 
@@ -168,7 +170,7 @@ IGNORED: Final[Mapping[str, frozenset[str]]] = MappingProxyType(
             | {
                 f"M{n}"
                 for n in (*range(3, 30), *range(31, 60), *range(61, 82), *range(84, 1000))
-                if f"M{n}" not in {*PRINTER_STOPS, *_SHIFTS_OF_PRINTERS, VOLUMETRIC}
+                if f"M{n}" not in {*PRINTER_STOPS, *_SHIFTS_OF_PRINTERS, *FILES_OF_PRINTERS, VOLUMETRIC}
             }
         ),
     }
@@ -293,6 +295,13 @@ HARMLESS_MACRO: Final = re.compile(
     r"(?:EXCLUDE_OBJECT|SET_PRESSURE_ADVANCE|SET_VELOCITY_LIMIT|SET_PRINT_STATS|TIMELAPSE|BED_MESH|RESPOND|SET_FAN"
     r"|SET_HEATER_TEMPERATURE|TEMPERATURE_WAIT|TURN_OFF_HEATERS|SET_DISPLAY_TEXT|SET_LED|GET_POSITION"
     r"|QUERY_|STATUS_)"
+)
+
+# macros that move axes, pause, or change what the words behind them mean: nobody is told to leave them out
+MOVING_MACRO: Final = re.compile(
+    r"(?:SET_GCODE_OFFSET|(?:SAVE|RESTORE)_GCODE_STATE|FORCE_MOVE|MANUAL_\w+|SET_KINEMATIC_POSITION|PROBE\w*"
+    r"|ACTIVATE_EXTRUDER|SYNC_EXTRUDER_MOTION|SET_EXTRUDER_ROTATION_DISTANCE|SET_DUAL_CARRIAGE|SKEW_PROFILE"
+    r"|PAUSE|RESUME|CANCEL_PRINT)\Z"
 )
 
 # what is printed otherwise where codes have no effect: their beginnings, and what then holds

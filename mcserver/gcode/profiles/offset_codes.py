@@ -44,6 +44,16 @@ def set_system(block: BlockState, action: Action) -> None:
     kind = action.words["L"].value
     chosen = action.words.get("P")
     number = frame.system if chosen is None or chosen.value == 0 else int(chosen.value)
+    if block.setup.machine.dialect.macros == "fanuc" and (
+        kind == 20.0 or (kind == 2.0 and chosen is not None and chosen.value == 0.0)
+    ):
+        block.faults.add(
+            "MC141",
+            "G10 L2 P0 sets the offset of all systems on Fanuc's controllers, and G10 L20 those of G54.1",
+            action.span,
+            "write G10 L2 with the number of a system, P1 to P6 for G54 to G59",
+        )
+        return
     angle = action.words.get("R")
     if kind not in (2.0, 20.0) or (angle is not None and kind == 20.0):
         block.faults.add(

@@ -15,10 +15,12 @@ from mcserver.gcode.line_faults import FaultList, Span
 from mcserver.gcode.notices import DISPLAY, logging_of
 from mcserver.gcode.profiles.codes import (
     FACTORS,
+    FILES_OF_PRINTERS,
     HARMLESS_MACRO,
     IGNORED,
     IO_WORDS,
     MOTIONS,
+    MOVING_MACRO,
     OWN_WORDS,
     PRINTER_WORDS,
     PROBING,
@@ -57,6 +59,8 @@ _MACRO = re.compile(r"[ \t]*([A-Z_][A-Z_]{2,}[A-Z0-9_]*)(?![0-9.+-])")
 # words of a language; codes have no four letters in a row
 _PROSE = re.compile(r"[A-Z]{4,}")
 _HEAD = re.compile(r"[ \t]*(?:N[0-9]+[ \t]*)?([GMT])[ \t]*([0-9]+(?:\.[0-9]+)?)")
+# Fanuc's corners and directions of a line: ,C5 ,R3 ,A45
+_CORNER = re.compile(r",[ \t]*([ACR])[ \t]*[-+.0-9\[#]")
 _REFERENCE_ONLY = re.compile(r",|G[ \t]*0*1[0-9]{3}(?![0-9])")
 _EXPONENT = re.compile(r"E[-+]?[0-9]+")
 # take words E of their own
@@ -69,15 +73,21 @@ _WHOLE_LINE = {**RETRACTING, **{code: code for code in FACTORS}}
 _RETRACTING = re.compile(r"(?:G[ \t]*0*1[01]|M[ \t]*0*20[78])(?![0-9]|\.0*[1-9])")
 # what may stand behind M200 where E stays a length
 _LENGTH = re.compile(r"(?:[DS]0*\.?0*)?(?:T0)?")
+# waits for somebody, where M400 alone waits for the motion
+_PAUSE_OF_BAMBU = re.compile(r"M400[ \t]+U[ \t]*0*1\b")
 _FACTOR = re.compile(r"M[ \t]*0*22[01](?![0-9]|\.0*[1-9])")
 _CYCLE_WORDS = re.compile(r"[PQUWDIR]")
+# Haas's patterns of holes, beside the number of these; else turning cycles
+_HOLES = frozenset({"G70", "G71", "G72"})
+_COUNT = re.compile(r"L")
 # inches and millimetres in DIN 66025, where no words of a turning cycle stand beside them
 _DIN_UNITS = {"G70": "20", "G71": "21"}
 
 # commands to firmware begin with one of these
 _FIRMWARE = "$!?~"
 _OWN_LINE = "give each a line of its own"
-COMPUTED = "the program computes: expressions, parameters and O-words are not read here"
+_COMPUTES = "the program computes: expressions, parameters and O-words are not read here"
+_COMPUTES_OTHERWISE = "the program computes in the language of another controller than LinuxCNC"
 
 
 class ProfileReader:
@@ -130,7 +140,11 @@ class ProfileReader:
         def nothing(*ignored: str) -> ParsedLine:
             return _line(number, text, code, [], faults, ProfileWords(ignored=ignored))
 
+        if self._dialect.profile == "printer":
+            code = _PAUSE_OF_BAMBU.sub(lambda match: "M226".ljust(len(match[0])), code)
         stripped = code.lstrip()
+        if stripped.startswith("%") and self._dialect.profile != "printer":
+            return None
         if stripped.startswith("%") or _PROGRAM_NUMBER.match(code):
             return nothing()
         head = _HEAD.match(code)
@@ -150,6 +164,11 @@ class ProfileReader:
             if idle and name not in self._acting and self._dialect.profile == "printer":
                 # what M117 shows is read from the text (D-76)
                 return nothing() if family == "M117" else nothing(name)
+            if name in FILES_OF_PRINTERS and self._dialect.profile == "printer":
+                # its words are the name of a file
+                span = (head.start(1) + 1, head.end() + 1)
+                self._refuse(Word("M", float(head[2]), head[2], -1, span), name, faults)
+                return nothing()
         said = DISPLAY.match(code) if self._dialect.profile == "printer" else None
         if said is not None:
             code = code[: said.start(1)] + " " * (len(code) - said.start(1))
@@ -161,14 +180,27 @@ class ProfileReader:
                 "MC145",
                 f"{macro[1]} is a macro of another controller",
                 (macro.start(1) + 1, macro.end(1) + 1),
-                f'if it may go without effect, list it in the machine file: ignore = ["{macro[1]}"]',
+                "it moves the tool, or what counts behind it: let the slicer write what it does"
+                if MOVING_MACRO.match(macro[1])
+                else f'if it may go without effect, list it in the machine file: ignore = ["{macro[1]}"]',
+            )
+            return nothing()
+        corner = _CORNER.search(code) if self._dialect.profile == "cnc" else None
+        if corner is not None:
+            # as a comma group it would move an axis
+            faults.add(
+                "MC141",
+                f",{corner[1]} is Fanuc's word for a corner or a line's direction, which is not made here",
+                (corner.start() + 1, corner.end() + 1),
+                "let the post write the moves out; in a group of its own an axis needs its code in front",
             )
             return nothing()
         if _REFERENCE_ONLY.search(code):
             return None
         # settings of firmware, such as $110=500, compute nothing
         if stripped[0] not in _FIRMWARE and _COMPUTED.search(code):
-            faults.add("MC140", COMPUTED, (1, len(code.rstrip()) + 1), "let the post write plain numbers")
+            shown = _COMPUTES_OTHERWISE if self._dialect.profile == "cnc" else _COMPUTES
+            faults.add("MC140", shown, (1, len(code.rstrip()) + 1), "let the post write plain numbers")
             return nothing()
         prose = _PROSE.search(code)
         if prose is not None:
@@ -237,6 +269,9 @@ class ProfileReader:
                 last = word
                 if name in SETTINGS or name == "G61.1":
                     settings.append(word if name != "G61.1" else msgspec.structs.replace(word, text="61"))
+                elif name in _HOLES and self._dialect.profile == "cnc" and _COUNT.search(code):
+                    shown = f"holes on a circle or a line ({name} of Haas's mills) are not placed here"
+                    faults.add("MC141", shown, word.span, "let the post write X and Y of each hole")
                 elif name in _DIN_UNITS and self._dialect.profile == "cnc" and not _CYCLE_WORDS.search(code):
                     settings.append(msgspec.structs.replace(word, text=_DIN_UNITS[name]))
                 elif name in RIGID_TAPS and self._dialect.profile == "cnc":
@@ -454,7 +489,9 @@ class ProfileReader:
         for position, word in enumerate(own):
             if any(word.letter == each.letter for each in own[:position]) and not names & IO_WORDS.keys():
                 faults.add("MC111", f"{word.letter} stands twice in one line", word.span, "keep one of them")
-        speeds = not names & (self._dialect.mapped - SPINDLE)
+        # of printers' G4 S is the time
+        dwells = self._dialect.profile == "printer" and "G4" in names
+        speeds = not (dwells or names & (self._dialect.mapped - SPINDLE))
         for word in own:
             if word.letter == "T" and self._no_tool(
                 code_name("T", word.value), word.value, word.span, faults
@@ -515,7 +552,8 @@ class ProfileReader:
             )
 
     def _refuse(self, word: Word, name: str, faults: FaultList) -> None:
-        reason = REFUSED.get(name)
+        # Fanuc's M98 is none of a printer's
+        reason = None if (self._dialect.profile, name) == ("printer", "M98") else REFUSED.get(name)
         if reason is not None:
             faults.add(
                 "MC141", f"{name}: {reason.split('; ')[0]}", word.span, "; ".join(reason.split("; ")[1:])

@@ -59,6 +59,14 @@ def orient(block: BlockState, action: Action) -> list[Canonical]:
     axis = _endless_spindle(block, action)
     if axis is None:
         return []
+    if "S" in action.words:
+        block.faults.add(
+            "MC112",
+            "S beside M19 is the angle on some controllers, and the speed on others",
+            action.words["S"].span,
+            "write the angle as R, and S in a line of its own",
+        )
+        return []
     angle, way = (action.words[letter].value if letter in action.words else 0.0 for letter in "RP")
     if way not in (0.0, 1.0, 2.0):
         block.faults.add(

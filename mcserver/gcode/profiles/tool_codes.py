@@ -30,6 +30,14 @@ def set_cutter(block: BlockState, action: Action) -> None:
             "MC143", f"G10 L1 needs the number of a tool, 1 to {MAX_CUTTER}", place, "such as G10 L1 P3 Z75.2"
         )
         return
+    if radius is not None and block.setup.machine.dialect.macros == "fanuc":
+        block.faults.add(
+            "MC141",
+            "R beside G10 L1 is a length on Fanuc's controllers, and a radius on LinuxCNC's",
+            radius.span,
+            "write Z for the length; diameters stand in the machine file, diameter_mm of [[cutter]]",
+        )
+        return
     lengths = axis_values(block, action)
     if lengths.keys() - {LENGTH_AXIS} or not (lengths or radius is not None):
         block.faults.add(

@@ -83,7 +83,8 @@ class _ErrorScanner:
     def _percent_line(self, start: int) -> None:
         """Skip a ``%`` line with its title; code there is a fault, since it would be ignored silently."""
         rest = self.code[start + 1 :]
-        if re.match(r"[ \t]*[GMgm][ \t]*[0-9]", rest):
+        # %NEU G71: the units of DIN 66025 behind the program's name
+        if re.match(r"[ \t]*[GMgm][ \t]*[0-9]|.*[ \t][Gg]7[01](?![0-9])", rest):
             self._fault(
                 "MC103",
                 "code after '%' would not be read",
