@@ -27,9 +27,17 @@ class SharedAnswers:
         if known is None or (known[1].done() and now - known[0] >= period_s):
             known = (now, asyncio.ensure_future(ask()))
             self._known[question] = known
+            # whoever has asked may be gone by then
+            known[1].add_done_callback(_look_at)
         # a viewer that leaves takes the answer from nobody else
         return cast("T", await asyncio.shield(known[1]))
 
     def forget(self, question: str) -> None:
         """Ask anew next time."""
         self._known.pop(question, None)
+
+
+def _look_at(answer: asyncio.Future[Any]) -> None:
+    """Take note of an error that nobody waits for any more."""
+    if not answer.cancelled():
+        answer.exception()

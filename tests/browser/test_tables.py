@@ -100,12 +100,18 @@ def test_an_offset_is_shifted_from_where_it_is(
 ) -> None:
     opened(page, mill_site, "mill")
     with sync.Machine.connect("mill", mill.endpoint) as machine:
-        with machine.program("offset") as program:
-            program.send("G10 L2 P6 X10")
         rows = page.get_by_role("region", name="Offsets and tools")
-        expect(rows.get_by_role("row", name="G59 10.000 0.000 0.000")).to_be_visible()
         page.get_by_role("button", name="Change an offset …").click()
         dialog = page.get_by_role("dialog", name="Change a work offset")
+        dialog.get_by_label("X [mm]").fill("2.5")
+        with machine.program("offset") as program:
+            program.send("G10 L2 P6 X10")
+        # what it was made from is not so any more
+        dialog.get_by_role("button", name="Set", exact=True).click()
+        expect(page.get_by_text("The tables have been changed meanwhile")).to_be_visible()
+        assert all(each.origin.get("0") != 2.5 for each in machine.status().work_offsets)
+        expect(rows.get_by_role("row", name="G59 10.000 0.000 0.000")).to_be_visible()
+        page.get_by_role("button", name="Change an offset …").click()
         choose(page, dialog.get_by_label("System"), "G59")
         choose(page, dialog.get_by_label("How"), "shift by")
         dialog.get_by_label("X [mm]").fill("2.5")

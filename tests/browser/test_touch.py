@@ -1,4 +1,4 @@
-"""Fingers on the page: a jog for as long as one is down, and what is tapped."""
+"""Fingers on the page: a jog for as long as one is down; what is tapped is `test_ways`."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import pytest
 from mcclient import sync
 
 from tests.browser.conftest import LIMIT_MS, TRIES, WIDE, PageProcess, opened, playwright
-from tests.browser.test_machine_page import LOOK_MS, at_rest, stands, wait_for
+from tests.browser.test_machine_page import LOOK_MS, at_rest, wait_for
 
 if TYPE_CHECKING:
     from playwright.sync_api import Browser, Page
@@ -102,14 +102,3 @@ def test_a_finger_that_leaves_the_button_stops_the_axis(
         expect(touched.locator(".held")).to_have_count(0)
         wait_for(machine, touched, at_rest)
         finger.up()
-
-
-def test_what_is_tapped_on_a_phone_is_done(touched: Page, site: PageProcess, machine: sync.Machine) -> None:
-    touched.set_viewport_size({"width": 360, "height": 800})
-    opened(touched, site)
-    touched.get_by_role("button", name="50 %", exact=True).tap()
-    expect(touched.get_by_text("Override 50 %", exact=True)).to_be_visible()
-    touched.locator("[data-estop]").tap()
-    wait_for(machine, touched, lambda status: status.state == "estop" and stands(status))
-    touched.get_by_role("button", name="Reset").tap()
-    expect(touched.get_by_role("status")).to_have_text("ready")

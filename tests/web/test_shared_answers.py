@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import gc
 
 import pytest
 
@@ -55,5 +56,29 @@ def test_a_viewer_that_leaves_takes_the_answer_from_nobody() -> None:
         assert await second == "here"
         with pytest.raises(asyncio.CancelledError):
             await first
+
+    asyncio.run(run())
+
+
+def test_an_error_whose_viewers_have_all_left_is_nobodys() -> None:
+    async def run() -> None:
+        loop, complaints = asyncio.get_running_loop(), list[object]()
+        loop.set_exception_handler(lambda _, context: complaints.append(context))
+        gate = asyncio.Event()
+
+        async def ask() -> str:
+            await gate.wait()
+            raise RuntimeError("gone")
+
+        waits = asyncio.ensure_future(SharedAnswers(lambda: 0.0).get("a", 1.0, ask))
+        await asyncio.sleep(0)
+        waits.cancel()
+        await asyncio.gather(waits, return_exceptions=True)
+        gate.set()
+        for _ in range(3):
+            await asyncio.sleep(0)
+        del waits
+        gc.collect()
+        assert complaints == []
 
     asyncio.run(run())
