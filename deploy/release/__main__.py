@@ -1,6 +1,7 @@
-"""Releases: ``python -m deploy.release set VERSION``, ``check`` or ``build``, see deploy/release.md.
+"""Releases: ``python -m deploy.release set VERSION``, ``go PATH``, ``check``, ``build``: deploy/release.md.
 
 ``set`` gives every package the version, and the unreleased changes their section; commit and tag that.
+``go`` gives the Go module its path, once.
 ``build`` makes everything from the commit that is checked out, into a folder, and uploads nothing.
 """
 
@@ -14,6 +15,7 @@ from pathlib import Path
 
 from deploy.release import contents, packages
 from deploy.release.commands import run
+from deploy.release.go_module import set_go_module
 from deploy.release.versions import NotReleasable, changes_of, set_version, version_of
 
 ROOT = Path(__file__).parents[2]
@@ -76,6 +78,7 @@ def main() -> int:
     options = argparse.ArgumentParser(prog="python -m deploy.release", description=__doc__)
     asked = options.add_subparsers(dest="what", required=True)
     asked.add_parser("set", help="give every package a version").add_argument("version")
+    asked.add_parser("go", help="give the Go module its path").add_argument("path")
     asked.add_parser("check", help="say what stands in the way of a release")
     building = asked.add_parser("build", help="build every package")
     building.add_argument("--output", type=Path, default=Path("out/release"))
@@ -87,6 +90,9 @@ def main() -> int:
     try:
         if chosen.what == "set":
             print("\n".join(set_version(ROOT, chosen.version, datetime.datetime.now(tz=datetime.UTC).date())))
+            return 0
+        if chosen.what == "go":
+            print("\n".join(set_go_module(ROOT, chosen.path)))
             return 0
         version = check(ROOT)
         if chosen.what == "build":

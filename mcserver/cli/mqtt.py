@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import os
+import ssl
 import time
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -62,21 +63,39 @@ def _broker_at(address: str, authority: Path | None) -> Broker:
     """Return the broker of an address.
 
     Raises:
-        ConfigurationError: MC079 it is none, or has a password in it, which others would see.
+        ConfigurationError: MC079 it is none, or has a password in it, which others would see; an authority
+            that cannot be read, or without TLS.
     """
     from mcserver.mqtt.bridge import Broker
 
+    tls = _trust(authority) if address.startswith("mqtts:") else None
+    if authority is not None and tls is None:
+        raise ConfigurationError(
+            "MC079", "an authority is given, and the broker is reached without TLS", "give mqtts://…"
+        )
     with contextlib.suppress(ValueError):
         url = urlsplit(address)
         port = url.port or PORTS.get(url.scheme)
         if url.hostname and port and url.scheme in PORTS and url.password is None and not url.path.strip("/"):
             secret = os.environ.get(PASSWORD)
-            return Broker(url.hostname, port, url.scheme == "mqtts", authority, url.username, secret)
+            return Broker(url.hostname, port, tls, url.username, secret)
     raise ConfigurationError(
         "MC079",
         "the broker's address cannot be read, or has a password in it",
         f"mqtt://USER@HOST:PORT or mqtts://USER@HOST:PORT; the password stands in ${PASSWORD}",
     )
+
+
+def _trust(authority: Path | None) -> ssl.SSLContext:
+    """Return whose certificates a broker may show: the system's authorities', or this one's."""
+    try:
+        return ssl.create_default_context(cafile=authority)
+    except OSError as error:
+        raise ConfigurationError(
+            "MC079",
+            f"the authority {authority} cannot be read: {error.strerror or error}",
+            "give the PEM file of who signed the broker's certificate",
+        ) from error
 
 
 def _levels(text: str, count: int) -> list[str]:

@@ -6,6 +6,7 @@ import asyncio
 import logging
 import signal
 import socket
+import ssl
 import traceback
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -98,6 +99,22 @@ def listen(host: str, port: int) -> socket.socket:
         ) from error
 
 
+def require_usable(certificate: Path, key: Path | None) -> None:
+    """Check that a server can show a certificate (PEM).
+
+    Raises:
+        ServiceError: MC065 a file cannot be read, or the key is another one's.
+    """
+    try:
+        ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER).load_cert_chain(certificate, key)
+    except OSError as error:
+        raise ServiceError(
+            "MC065",
+            f"the certificate {certificate} cannot be used with the key {key}: {error.strerror or error}",
+            "give the PEM files of a certificate and of its own key",
+        ) from error
+
+
 async def serve_until_stopped(
     app: ASGIApp,
     listener: socket.socket,
@@ -113,7 +130,12 @@ async def serve_until_stopped(
     Args:
         limits: of connections and requests. holder_of: whose secret a request shows; empty: nobody's.
         max_frame_bytes: of a WebSocket. max_waiting_frames: that are read before they are taken.
+
+    Raises:
+        ServiceError: MC065 the certificate cannot be used.
     """
+    if address.certificate is not None:
+        require_usable(address.certificate, address.key)
     if address.on_ready is not None:
         scheme = "https" if address.certificate is not None else "http"
         address.on_ready(f"{scheme}://{address.host}:{listener.getsockname()[1]}/")

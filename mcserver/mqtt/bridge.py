@@ -25,12 +25,11 @@ REBIRTH_S = 1.0
 
 
 class Broker(msgspec.Struct, frozen=True):
-    """Where the broker is. ``tls``: with the system's authorities, or those of ``authority``."""
+    """Where the broker is. ``tls``: whose certificates it may show; None: it is reached without."""
 
     host: str
     port: int
-    tls: bool = False
-    authority: Path | None = None
+    tls: ssl.SSLContext | None = None
     user: str | None = None
     password: str | None = None
 
@@ -102,7 +101,7 @@ class Bridge:
                 username=broker.user,
                 password=broker.password,
                 will=aiomqtt.Will(will.topic, will.payload, will.qos, will.retain),
-                tls_context=ssl.create_default_context(cafile=broker.authority) if broker.tls else None,
+                tls_context=broker.tls,
                 max_queued_incoming_messages=16,
                 max_queued_outgoing_messages=1000,
             )

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import subprocess
 import sys
+from collections.abc import Iterable
 from pathlib import Path
 
 import pytest
@@ -17,7 +18,10 @@ ROOT = Path(__file__).parents[2]
 
 # of Linux or of Unix alone: what Python itself and its packages need of them was imported before
 WITHOUT = """
-import asyncio, importlib.abc, os, select, signal, socket, subprocess, sys
+import asyncio, importlib.abc, mcp.server.mcpserver, os, select, signal, socket, subprocess, sys
+
+# of which event loops of Unix make their own
+socket.socketpair = lambda pair=socket.socketpair, family=socket.AF_UNIX: pair(family)
 
 class Without(importlib.abc.MetaPathFinder):
     def find_spec(self, name, path=None, target=None):
@@ -38,34 +42,57 @@ for module, names in {
 for name in ("fcntl", "grp", "pwd", "resource", "termios", "tty"):
     sys.modules.pop(name, None)
 """
-# each command in turn, in the one process that all this was taken from
+# each command in turn, in the one process that all this was taken from; what serves standard input gets a
+# request there, and its end
 COMMANDS = (
     WITHOUT
     + """
-import json
-from mcclient.cli import main
+import io, json
+from mcclient.cli.app import run_command_line as mcctl
 from mcserver.cli.app import run_command_line
-for words in json.loads(sys.argv[1]):
-    assert run_command_line(words) == (3 if words[0] == "history" else 0), words
-sys.argv = ["mcctl", "--help"]
-main()
+for words, said, code in json.loads(sys.argv[1]):
+    sys.stdin = io.TextIOWrapper(io.BytesIO(said.encode()), encoding="utf-8")
+    assert (mcctl(words[1:]) if words[0] == "mcctl" else run_command_line(words)) == code, words
+    sys.stdout.flush()
+sys.stdin = io.TextIOWrapper(io.BytesIO(sys.argv[2].encode()), encoding="utf-8")
+# ends standard output, too
+run_command_line(["lsp"])
 """
 )
+CLIENT = {"protocolVersion": "2025-03-26", "capabilities": {}, "clientInfo": {"name": "test", "version": "0"}}
+AGENT = (
+    {"id": 1, "method": "initialize", "params": CLIENT},
+    {"method": "notifications/initialized"},
+    {"id": 2, "method": "tools/list"},
+)
+EDITOR = (
+    {"id": 1, "method": "initialize", "params": {"processId": None, "rootUri": None, "capabilities": {}}},
+    {"id": 2, "method": "shutdown"},
+    {"method": "exit"},
+)
+
+
+def lines(messages: Iterable[dict[str, object]]) -> list[str]:
+    """Messages of JSON-RPC."""
+    return [json.dumps({"jsonrpc": "2.0", **each}) for each in messages]
 
 
 def test_what_needs_no_cycle_checks_simulates_draws_serves_editors_and_operates(tmp_path: Path) -> None:
     square = "examples/square.gcode"
     commands = [
-        ["check", square],
-        ["simulate", square],
-        ["plot", square, "--output", str(tmp_path / "square.png")],
-        *([name, "--help"] for name in ("lsp", "mcp", "grammar", "machine")),
-        ["--version"],
-        ["--help"],
-        ["history", str(tmp_path / "history")],
+        (["check", square], "", 0),
+        (["simulate", square], "", 0),
+        (["plot", square, "--output", str(tmp_path / "square.png")], "", 0),
+        *(([name, "--help"], "", 0) for name in ("lsp", "grammar", "machine", "mcctl")),
+        (["--version"], "", 0),
+        (["--help"], "", 0),
+        (["history", str(tmp_path / "history")], "", 3),
+        (["mcctl", "status", "--connect", "tcp/127.0.0.1:9"], "", 5),
+        (["mcp"], "\n".join([*lines(AGENT), ""]), 0),
     ]
+    editor = "".join(f"Content-Length: {len(each)}\r\n\r\n{each}" for each in lines(EDITOR))
     done = subprocess.run(
-        [sys.executable, "-c", COMMANDS, json.dumps(commands)],
+        [sys.executable, "-c", COMMANDS, json.dumps(commands), editor],
         cwd=ROOT,
         capture_output=True,
         text=True,
@@ -76,9 +103,11 @@ def test_what_needs_no_cycle_checks_simulates_draws_serves_editors_and_operates(
     assert done.returncode == 0, told
     assert "no faults" in told
     assert "8.361 s" in told
-    assert told.count("Usage") == 6
+    assert told.count("Usage") == 5
     assert "error[MC025]" in told
-    assert "jog" in told
+    assert "error[MC530]" in told
+    assert '"name":"simulate"' in told
+    assert '"completionProvider"' in told
     assert (tmp_path / "square.png").stat().st_size > 10_000
 
 

@@ -11,6 +11,7 @@ import pytest
 
 from deploy.release.__main__ import build, check
 from deploy.release.contents import licences
+from deploy.release.go_module import set_go_module
 from deploy.release.versions import MANIFESTS, NotReleasable, changes_of, set_version, version_of
 
 ROOT = Path(__file__).parents[2]
@@ -85,6 +86,24 @@ def test_a_version_is_released_once(project: Path) -> None:
     set_version(project, "7.1.0", DAY)
     with pytest.raises(NotReleasable, match="already"):
         set_version(project, "7.1.0", DAY)
+
+
+def test_the_path_of_the_go_module_is_set_in_all_that_names_it(project: Path) -> None:
+    shutil.copytree(ROOT / "clients" / "go", project / "clients" / "go")
+    commit(project)
+    path = "git.example.org/motion/server/clients/go"
+    changed = set_go_module(project, path)
+    assert {"clients/go/go.mod", "clients/go/cmd/conformance/main.go"} <= set(changed)
+    assert (project / "clients" / "go" / "go.mod").read_text().startswith(f"module {path}\n")
+    assert "mcserver.example/mcclient" not in "".join((project / name).read_text() for name in changed)
+
+
+@pytest.mark.parametrize(
+    "path", ["mcclient", "github.com/owner/mcclient", "https://github.com/o/r/clients/go"]
+)
+def test_a_path_from_which_go_cannot_fetch_the_module_is_refused(project: Path, path: str) -> None:
+    with pytest.raises(NotReleasable):
+        set_go_module(project, path)
 
 
 def test_a_folder_with_files_is_left_alone(project: Path) -> None:

@@ -5,11 +5,12 @@ from __future__ import annotations
 import json
 import logging
 from collections.abc import Callable
+from pathlib import Path
 
 import pytest
 
-from mcserver.doors.listening import Address, Protection, WithoutTracebacks
-from mcserver.errors import ConfigurationError
+from mcserver.doors.listening import Address, Protection, WithoutTracebacks, require_usable
+from mcserver.errors import ConfigurationError, ServiceError
 
 
 def unprotected() -> None:
@@ -39,3 +40,12 @@ def test_a_fault_of_a_library_over_what_was_sent_is_one_line(
     assert WithoutTracebacks().filter(record)
     assert record.getMessage().startswith(said)
     assert (record.exc_info is None) == (raise_it is not unprotected)
+
+
+def test_a_certificate_that_cannot_be_shown_is_named(tmp_path: Path) -> None:
+    missing, broken = tmp_path / "missing.pem", tmp_path / "broken.pem"
+    broken.write_text("nothing")
+    for file in (missing, broken):
+        with pytest.raises(ServiceError, match=file.name) as found:
+            require_usable(file, file)
+        assert found.value.code == "MC065"

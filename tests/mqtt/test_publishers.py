@@ -8,6 +8,7 @@ from typing import Any
 
 import pytest
 
+from mcserver.cli.app import run_command_line
 from mcserver.mqtt.payload import BOOLEAN, Metric, decoded, encoded
 from mcserver.mqtt.publishers import REBIRTH, Message, PlainTopics, SparkplugNode
 
@@ -116,3 +117,22 @@ def test_negative_integers_are_twos_complement() -> None:
 def test_no_name_of_a_machine_is_a_wildcard(name: str) -> None:
     ((topic, _, _),) = shown(node().gone(name))
     assert topic.endswith(("/a_b", "/a_"))
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (["mqtts://broker", "--authority", "missing.pem"], "missing.pem cannot be read: No such file"),
+        (["mqtts://broker", "--authority", __file__], "test_publishers.py cannot be read"),
+        (["mqtt://broker", "--authority", "authority.pem"], "reached without TLS"),
+        (["http://broker"], "address cannot be read"),
+    ],
+)
+def test_a_broker_that_cannot_be_meant_is_refused(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, arguments: list[str], said: str
+) -> None:
+    monkeypatch.setenv("COLUMNS", "400")
+    assert run_command_line(["mqtt", *arguments]) == 3
+    told = capsys.readouterr().err
+    assert "MC079" in told
+    assert said in told
