@@ -176,7 +176,7 @@ class OperatorAccess:
             if not buses:
                 raise DriveError("MC559", "this machine has no CAN bus", "a line of EtherCAT is not scanned")
             names = ", ".join(each.name for each in buses)
-            raise DriveError("MC559", f"there is no CAN bus {bus!r}", f"there is {names}")
+            raise DriveError("MC559", f"there is no bus {bus!r}", f"there is {names}")
         return await self._in_thread(lambda: [scan_bus(each, "machine") for each in wanted])
 
     def parameters(self, axis: int) -> DriveParameters:
