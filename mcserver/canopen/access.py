@@ -173,8 +173,10 @@ class OperatorAccess:
         buses = [] if self._service is None else self._service.buses
         wanted = [each for each in buses if bus in ("", each.name)]
         if not wanted:
-            names = ", ".join(each.name for each in buses) or "none"
-            raise DriveError("MC559", f"there is no CAN bus {bus!r}", f"there is {names}")
+            if not buses:
+                raise DriveError("MC559", "this machine has no CAN bus", "a line of EtherCAT is not scanned")
+            names = ", ".join(each.name for each in buses)
+            raise DriveError("MC559", f"there is no bus {bus!r}", f"there is {names}")
         return await self._in_thread(lambda: [scan_bus(each, "machine") for each in wanted])
 
     def parameters(self, axis: int) -> DriveParameters:

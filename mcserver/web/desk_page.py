@@ -77,7 +77,7 @@ class DeskPage:
         self._scope.update()
         machine = self._link.machine
         if machine is not None and self._beat % BEAT_EVERY == 1:
-            self._drive.look(machine)
+            await self._drive.look(machine)
             await self._drives.update(machine.info)
 
     def _stop(self) -> None:

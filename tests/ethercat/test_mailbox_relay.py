@@ -2,17 +2,25 @@
 
 from __future__ import annotations
 
+import os
 import threading
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
 
 import pytest
 
 from mcserver.canopen.canopen_errors import DriveError
+from mcserver.canopen.coe import agreed_on_ethercat
 from mcserver.canopen.settings import DriveSettings
 from mcserver.ethercat.mailbox_relay import MailboxRelay, MailboxServer, RelayedSdo, socket_pair
+from mcserver.ethercat.operator_line import OperatorLine
 from mcserver.ethercat.slave import MOST_BYTES
+from mcserver.executor import client
+from mcserver.executor.process_start import Start
+from mcserver.machine.machine_file import parse_machine
+from tests.ethercat.rig import line_of
 
 DRIVE = DriveSettings(3, "cia402", "line", "ec0", 4, fieldbus="ethercat")
 
@@ -97,3 +105,29 @@ def test_a_transfer_under_way_is_answered_before_the_end_and_a_later_one_says_wh
     assert read == [b"a drive"]
     with pytest.raises(DriveError, match="MC554: axis 3, position 3 on line: its master"):
         sdo.upload(0x1008, 0)
+
+
+def test_the_executors_process_gets_one_end_and_the_server_keeps_the_other(
+    mailbox: Mailbox, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    begun: list[MailboxServer] = []
+
+    def start_child(_module: str, start: Start, descriptors: Sequence[int]) -> object:
+        assert start.mailboxes in descriptors
+        begun.append(MailboxServer(os.dup(start.mailboxes)))
+        return SimpleNamespace(poll=lambda: 0, wait=lambda _timeout_s: 0)
+
+    monkeypatch.setattr(client, "start_child", start_child)
+    executor = client.ExecutorProcess(agreed_on_ethercat(parse_machine(line_of(1))))
+    executor.launch()
+    (server,) = begun
+    slave: Any = SimpleNamespace(settings=replace(DRIVE, axis=0), sdo=mailbox)
+    server.add([slave])
+    server.start()
+    assert executor.mailboxes is not None
+    (drive,) = OperatorLine(executor.machine, executor.mailboxes).drives
+    assert drive.sdo.upload(0x1008, 0) == b"a drive"
+    server.close()
+    with pytest.raises(DriveError, match="MC554: axis 0, position 0 on line"):
+        drive.sdo.upload(0x1008, 0)
+    executor.stop()

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from typing import TypeVar
 
-from mcclient import Machine, MotionError
+from mcclient import Machine, MotionError, NobodyAnswers
 from mcclient.types import DriveParameters
 from nicegui import events, ui
 
@@ -37,6 +37,8 @@ class DeskDrive:
         self.parameters: Sequence[Parameter] = ()
         self._thread = DeskThread(actions.link)
         self._axes: tuple[int, ...] = ()
+        # whose drive was not described in time: it is asked for again
+        self._owed: int | None = None
         self._listeners: list[Callable[[], None]] = []
 
     @property
@@ -69,10 +71,12 @@ class DeskDrive:
         self._work.set_visibility(self._thread.is_busy)
         self._count.set_text(t("{count} objects", count=self._thread.transfers))
 
-    def look(self, machine: Machine) -> None:
-        """See which drives there are."""
+    async def look(self, machine: Machine) -> None:
+        """See which drives there are; ask again for a description that did not come."""
         axes = tuple(each.index for each in machine.info.axes if each.drive == CIA_402)
         if axes == self._axes:
+            if self._owed is not None:
+                await self._describe(self._owed)
             return
         self._axes = axes
         self._remark.set_text("" if axes else t("no CiA 402 drive"))
@@ -84,20 +88,26 @@ class DeskDrive:
         self._tell()
 
     async def _choose(self, event: events.ValueChangeEventArguments[int | None]) -> None:
-        self.drive, self.parameters = None, ()
+        self.drive, self.parameters, self._owed = None, (), None
+        self._tell()
         if event.value is not None:
-            try:
-                found = await self.described(event.value)
-            except MotionError as error:
+            await self._describe(event.value)
+
+    async def _describe(self, axis: int) -> None:
+        self._owed = None
+        try:
+            drive = await self.described(axis)
+        except MotionError as error:
+            if self._choice.value == axis:
                 self._remark.set_text(f"{t(error.message)} [{error.code}]")
-            else:
-                # another one may have been chosen meanwhile, and be there already
-                if event.value != self._choice.value:
-                    return
-                self.drive, self.parameters = found, parameters_from(found)
-                source = "" if self.drive.eds_sha256 else t("no EDS: the standard's objects")
-                said = [_place(self.drive), source, *self.drive.unreadable[:3]]
-                self._remark.set_text("; ".join(filter(None, said)))
+                self._owed = axis if isinstance(error, NobodyAnswers) else None
+            return
+        if self._choice.value != axis:
+            # another one was chosen meanwhile, and may be there already
+            return
+        self.drive, self.parameters = drive, parameters_from(drive)
+        source = "" if drive.eds_sha256 else t("no EDS: the standard's objects")
+        self._remark.set_text("; ".join(filter(None, [_place(drive), source, *drive.unreadable[:3]])))
         self._tell()
 
     async def described(self, axis: int) -> DriveParameters:

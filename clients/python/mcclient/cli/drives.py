@@ -190,11 +190,11 @@ def _hexadecimal(value: int | None) -> str:
 
 def build_sdo_app() -> typer.Typer:
     """``mcctl sdo …``."""
-    app = typer.Typer(help="Objects of a drive on a CAN bus (CANopen SDO).", no_args_is_help=True)
+    app = typer.Typer(help="Objects of a drive on CAN or EtherCAT (SDO).", no_args_is_help=True)
 
     @app.callback()
     def root() -> None:
-        """Objects of a drive on a CAN bus (CANopen SDO)."""
+        """Objects of a drive on CAN or EtherCAT (SDO)."""
 
     app.command("read")(with_target(read))
     # a value may be negative: such a word is no option
