@@ -111,8 +111,6 @@ lint: $(VENV)/.for-development  ## ruff (rules and format), mypy --strict, links
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
-	$(BIN)/mypy examples/demo.py
-	$(BIN)/mypy -p deploy.qemu -p deploy.release -p deploy.site
 	$(MAKE) --no-print-directory docs
 
 docs: $(VENV)/.for-development  ## the pages as a site with a search, in out/site; make docs ARGS=--serve shows it while one writes

@@ -37,7 +37,7 @@ class Trigger:
 
 
 class TriggerSearch:
-    """Looks for a trigger in the values of its column, in order; what did not come (NaN) is passed over."""
+    """Looks for a trigger in the values of its column, in their order; a missing one (NaN) is passed over."""
 
     def __init__(self, trigger: Trigger) -> None:
         self.trigger = trigger

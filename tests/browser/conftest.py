@@ -23,6 +23,8 @@ FLAGS = [
     "--disable-sync",
     "--disable-quic",
     "--enable-unsafe-swiftshader",
+    # Debian asks for it; emulating a GPU takes a tenth of the processor time of a page
+    "--disable-gpu-rasterization",
 ]
 # generous: the computer may be busy. What ends these tests is that
 # something does not come at all, never that it comes late

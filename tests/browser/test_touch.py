@@ -75,7 +75,7 @@ def hold_until_it_moves(page: Page, finger: Finger, machine: sync.Machine, axis:
     raise AssertionError(f"not moved: {machine.status()}")
 
 
-@pytest.mark.parametrize("width", [360, 768, WIDE["width"]])
+@pytest.mark.parametrize("width", [360, WIDE["width"]])
 def test_a_finger_moves_an_axis_for_as_long_as_it_is_down(
     touched: Page, site: PageProcess, machine: sync.Machine, width: int
 ) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import subprocess
+from pathlib import Path
 
 from tests.e2e.servers import ROOT
 
@@ -26,11 +27,10 @@ def maven(*arguments: str) -> None:
     assert done.returncode == 0, done.stdout + done.stderr
 
 
-def java() -> tuple[str, ...]:
-    """The command that runs a class or a source file on the SDK, once it is built."""
-    libraries = (FOLDER / "target" / "classpath").read_text("utf-8").strip()
-    path = os.pathsep.join(
-        [str(FOLDER / "target" / "classes"), str(FOLDER / "target" / "test-classes"), libraries]
-    )
+def java(*classes: Path) -> tuple[str, ...]:
+    """The command that runs a class on the SDK, once it is built; it may be in folders of its own."""
+    built = FOLDER / "target"
+    libraries = (built / "classpath").read_text("utf-8").strip()
+    path = os.pathsep.join(map(str, [*classes, built / "classes", built / "test-classes", libraries]))
     # a small program: the first compiler alone starts it sooner
     return ("java", "-XX:TieredStopAtLevel=1", "-cp", path)

@@ -1,22 +1,38 @@
-"""What a cell with a drive of each mode has to do, on whatever buses it is."""
+"""A cell with a drive of each mode over a hub: hub, drives, server and client are four processes."""
 
 from __future__ import annotations
 
 import asyncio
+from collections.abc import AsyncIterator, Iterator
 
 import pytest
 from mcclient import Machine, ProgramRejected, RequestRefused
 
+from tests.e2e.conftest import connected
 from tests.e2e.observing import run
-from tests.e2e_can.cell import Cell
-from tests.e2e_can.machines import HOMED, MIXED, POINTED
+from tests.e2e_can.cell import Cell, running
+from tests.e2e_can.machines import HOMED, MIXED, POINTED, mixed
 
+CYCLE_HZ = 100.0
 LIMIT_S = 120.0
 TO_A_POINT = ["G1010 P3", "G90 G00 [3]42"]
 
 
-async def goes_to_a_point_and_follows_no_path(machine: Machine) -> None:
-    """The drive of pp: G00 by acknowledged set-points, G01 refused."""
+@pytest.fixture(scope="module")
+def cell(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Cell]:
+    nodes = [range(1, len(MIXED) + 1)]
+    folder = tmp_path_factory.mktemp("modes")
+    with running(folder, lambda addresses: mixed(addresses, CYCLE_HZ), channels=1, processes=nodes) as made:
+        yield made
+
+
+@pytest.fixture
+async def machine(cell: Cell) -> AsyncIterator[Machine]:
+    async with connected(cell.server) as made:
+        yield made
+
+
+async def test_pp_goes_to_a_point_and_is_refused_a_path(machine: Machine) -> None:
     await run(machine, TO_A_POINT, [POINTED])
     assert (await machine.status()).axes.position[POINTED] == pytest.approx(42.0, abs=0.06)
     with pytest.raises((ProgramRejected, RequestRefused)) as refused:
@@ -24,7 +40,7 @@ async def goes_to_a_point_and_follows_no_path(machine: Machine) -> None:
     assert refused.value.code == "MC138"
 
 
-async def has_the_pins_of_its_drives(machine: Machine, cell: Cell) -> None:
+async def test_pins_of_a_drive_are_the_machines(machine: Machine, cell: Cell) -> None:
     """An input at 60FDh, an output at 60FEh."""
     assert (await machine.status()).inputs[0].value == 0.0
     cell.drives_of(1).control.fault(1, "inputs", bits=1 << 17)
@@ -38,7 +54,7 @@ async def has_the_pins_of_its_drives(machine: Machine, cell: Cell) -> None:
             await asyncio.sleep(0.01)
 
 
-async def homes_by_the_switch_on_its_drive(machine: Machine) -> None:
+async def test_an_axis_is_homed_by_the_switch_on_its_drive(machine: Machine) -> None:
     """Bit 2 of 60FDh closes at -20 mm of the encoder, which is 1 mm from now on."""
     await run(machine, [f"G1010 P{HOMED}"], [HOMED])
     async with asyncio.timeout(LIMIT_S):
@@ -50,8 +66,7 @@ async def homes_by_the_switch_on_its_drive(machine: Machine) -> None:
     assert (await machine.status()).axes.position[HOMED] == pytest.approx(5.0, abs=0.06)
 
 
-async def knows_who_is_on_its_bus(machine: Machine) -> None:
-    """`mcctl drives scan`."""
+async def test_the_bus_is_scanned_while_the_machine_runs(machine: Machine) -> None:
     [found] = await machine.drives_scan()
     assert [(node.node, node.axis) for node in found.nodes] == [
         (axis + 1, axis) for axis in range(len(MIXED))
