@@ -269,7 +269,8 @@ class ProgramTable:
         program.frame = end.frame or program.frame
         self.planner.send(EndPause(program.program, end))
         self.port.end_pause(program.slot)
-        program.paused, program.asks_for = False, None
+        # what was to be done is done
+        program.paused, program.asks_for, program.notice = False, None, ""
 
     def enter(self, program: Program, state: ProgramState) -> None:
         """Change the state of a program that has not ended and is not being stopped."""

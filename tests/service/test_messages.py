@@ -21,6 +21,8 @@ async def test_messages_on_the_way_to_a_pause_are_its_notice(tmp_path: Path) -> 
         await cell.until(lambda: program.state == "paused")
         assert program.status().notice == "the drill of 3 mm · fit tool 2, then resume"
         service.resume(program.program)
+        # what was to be done is no order any more
+        assert program.status().notice == ""
         await cell.ended(program)
         assert program.state == "finished"
         said = [(each.kind, each.line, each.message) for each in cell.events if each.message]
