@@ -49,6 +49,8 @@ MAX_WAITING = 16
 
 # What the cycle, the supervision and the scaling of positions rest on (CiA 301, CiA 402).
 _CYCLIC = frozenset({0x6040, 0x6060, 0x6071, 0x607A, 0x60C1, 0x60FF})
+# Of position, velocity and torque: what is added to the targets.
+_OFFSETS = frozenset({0x60B0, 0x60B1, 0x60B2})
 _OUTPUTS = 0x60FE
 _WATCHING = frozenset({0x1016, 0x1017})
 # Of sync managers with the cycle, on EtherCAT (ETG.1020).
@@ -62,7 +64,7 @@ _BY_FILE = "what it holds follows from the machine file; change it there and sta
 
 def moves_by_sdo(index: int) -> bool:
     """Return whether an object, of any axis of a node, commands motion, energy or, by 60FEh, a brake."""
-    return of_first_axis(index) in _CYCLIC | {_OUTPUTS}
+    return of_first_axis(index) in _CYCLIC | _OFFSETS | {_OUTPUTS}
 
 
 def refusal_of_write(index: int) -> tuple[str, str] | None:
@@ -70,6 +72,8 @@ def refusal_of_write(index: int) -> tuple[str, str] | None:
     index = of_first_axis(index)
     if index in _CYCLIC:
         return "the executor sends it in every cycle", _BY_PROGRAM
+    if index in _OFFSETS:
+        return "the drive adds it to the targets that the executor sends", _BY_PROGRAM
     if index == _OUTPUTS:
         return "it switches outputs, one of which may hold a brake", "switch outputs by programs"
     if index in PDO_OBJECTS:

@@ -94,6 +94,8 @@ async def test_a_long_value_that_is_refused_is_reported_and_leaves_nothing_behin
         (0x60FF, "executor"),
         (0x6071, "executor"),
         (0x6060, "executor"),
+        (0x60B0, "adds it to the targets"),
+        (0x60B2, "adds it to the targets"),
         (0x1400, "mapping"),
         (0x1A03, "mapping"),
         (0x1017, "watching"),
