@@ -84,6 +84,7 @@ def test_a_block_of_a_stream_runs_when_its_last_line_has_come() -> None:
     stream.run(500)
     assert stream.finished
     assert (stream.place[0], stream.progress.done) == (0.0, 5)
+    assert [each.line for each in stream.progress.take_ended()] == [1, 2, 5]
 
 
 def test_done_is_no_line_of_a_block_before_all_of_it_has_ended() -> None:
