@@ -198,3 +198,16 @@ def test_dwells_take_their_time_whatever_the_override() -> None:
     behind = report["duration_s"] - dwell["end_s"]
     assert clock.observe(2.0, 2, 0.2, running=True) == pytest.approx(6.0 + behind / 0.2, abs=0.01)
     assert clock.remaining_s() == pytest.approx(6.0 + behind, abs=0.01)
+
+
+async def test_the_time_left_is_not_known_where_nothing_planned_is_left(bench: Bench) -> None:
+    program = await bench.service.open("hmi", ProgramOptions())
+    assert program.slot is not None
+    u = bench.port.slots()[program.slot].u
+    program.planned_end_u = u + 500.0
+    bench.service.estimate()
+    assert program.eta_s is not None
+    assert program.eta_s > 0.0
+    program.planned_end_u = u
+    bench.service.estimate()
+    assert program.eta_s is None
