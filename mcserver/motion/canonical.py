@@ -430,6 +430,14 @@ def requested_of(line: MotionLine) -> float | None:
     return max(times) if times else None
 
 
+def dwell_of(line: MotionLine) -> float:
+    """Return for how long a line dwells and does nothing else [s]; beside other groups a dwell is stretched
+    with them.
+    """
+    (first, *others) = line.groups or (None,)
+    return first.seconds if isinstance(first, DwellGroup) and not others else 0.0
+
+
 def moves_axes(line: MotionLine) -> bool:
     """Return True if a line is motion for M62: one of G00 to G03, or G1020."""
     return any(isinstance(group, FeedGroup | RapidGroup) for group in line.groups)

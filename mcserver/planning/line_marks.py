@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from bisect import bisect_right
+from collections.abc import Sequence
 
 import msgspec
 
@@ -24,6 +25,7 @@ class LineMarks(msgspec.Struct, frozen=True):
         through: the last line that is known. complete: nothing comes behind it.
         pauses: lines that wait for an operator, such as M0; their waiting is no part of the times.
         within_s: the marks are this close to the truth [s].
+        dwell_lines, dwells: marks as well: a line, and for how long those through it dwell [s].
     """
 
     lines: list[int]
@@ -33,24 +35,29 @@ class LineMarks(msgspec.Struct, frozen=True):
     complete: bool = True
     pauses: tuple[int, ...] = ()
     within_s: float = 0.0
+    dwell_lines: tuple[int, ...] = (0,)
+    dwells: tuple[float, ...] = (0.0,)
 
     def end_of(self, line: int) -> float:
         """Return when all lines through this one have ended [s]."""
-        at = bisect_right(self.lines, line) - 1
-        if at < 0:
-            return 0.0
-        if at + 1 == len(self.lines):
-            return self.ends[-1]
-        share = (line - self.lines[at]) / (self.lines[at + 1] - self.lines[at])
-        return self.ends[at] + share * (self.ends[at + 1] - self.ends[at])
+        return _between(self.lines, self.ends, line)
 
-    def next_end(self, line: int) -> float:
-        """Return when the first line behind this one that takes time ends [s]; the duration behind all."""
+    def dwell_of(self, line: int) -> float:
+        """Return for how long all lines through this one dwell [s]."""
+        return _between(self.dwell_lines, self.dwells, line)
+
+    def next_line(self, line: int) -> int | None:
+        """Return the first line behind this one that takes time; None behind all."""
         reached = self.end_of(line)
         for at in range(max(1, bisect_right(self.lines, line)), len(self.lines)):
             if self.ends[at] > reached + _SAME_S:
-                return max(self.end_of(max(line, self.lines[at - 1]) + 1), reached)
-        return self.duration_s
+                return max(line, self.lines[at - 1]) + 1
+        return None
+
+    def next_end(self, line: int) -> float:
+        """Return when the first line behind this one that takes time ends [s]; the duration behind all."""
+        following = self.next_line(line)
+        return self.duration_s if following is None else max(self.end_of(following), self.end_of(line))
 
     def stretched_to(self, total: int) -> LineMarks:
         """Return these marks with further lines, up to ``total``, as quick as those before on average.
@@ -59,10 +66,27 @@ class LineMarks(msgspec.Struct, frozen=True):
         """
         if self.complete or total <= self.through or not self.through:
             return self
-        end = self.duration_s * total / self.through
+        longer = total / self.through
+        end = self.duration_s * longer
         return msgspec.structs.replace(
-            self, lines=[*self.lines, total], ends=[*self.ends, end], duration_s=end
+            self,
+            lines=[*self.lines, total],
+            ends=[*self.ends, end],
+            duration_s=end,
+            dwell_lines=(*self.dwell_lines, total),
+            dwells=(*self.dwells, self.dwells[-1] * longer),
         )
+
+
+def _between(lines: Sequence[int], values: Sequence[float], line: int) -> float:
+    """Return the value at a line between marks; that of the last mark behind it."""
+    at = bisect_right(lines, line) - 1
+    if at < 0:
+        return 0.0
+    if at + 1 == len(lines):
+        return values[-1]
+    share = (line - lines[at]) / (lines[at + 1] - lines[at])
+    return values[at] + share * (values[at + 1] - values[at])
 
 
 class MarkFitter:

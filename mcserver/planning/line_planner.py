@@ -35,6 +35,7 @@ from mcserver.motion.canonical import (
     SurfaceSpeed,
     ThreadLine,
     TorqueGroup,
+    dwell_of,
     may_flow,
     moves_axes,
     one_path,
@@ -363,7 +364,11 @@ class LinePlanner:
     def _report(self, line: MotionLine) -> None:
         self.reports.append(
             Report(
-                ReportKind.PLANNED, line.line, requested_s=requested_of(line), feed_length=line.feed_length
+                ReportKind.PLANNED,
+                line.line,
+                requested_s=requested_of(line),
+                feed_length=line.feed_length,
+                dwell_s=dwell_of(line),
             )
         )
 
@@ -449,7 +454,7 @@ class LinePlanner:
         # what lasts without moving: a dwell beside other groups, a G93 line without travel (D-30)
         lasting = [group.duration or 0.0 for group in feeds]
         dwells = [group.seconds for group in line.groups if isinstance(group, DwellGroup)]
-        alone = dwells and len(line.groups) == 1
+        alone = dwell_of(line)
         end = max(end, start + max(lasting + ([] if alone else dwells), default=0.0) * self._machine.cycle_hz)
         if feeds and any(run is not None for run in runs):
             self.source = pieces
@@ -458,11 +463,11 @@ class LinePlanner:
         if alone:
             # whole cycles are waited for; the rest of the dwell is a part of the time axis, so that what
             # follows is still sampled at the cycle
-            cycles = math.floor(dwells[0] * self._machine.cycle_hz + CYCLE_ROUNDING)
+            cycles = math.floor(alone * self._machine.cycle_hz + CYCLE_ROUNDING)
             seconds = cycles * self._machine.cycle_s
             if cycles:
                 after.append(Control(ControlKind.DWELL, planner.u, line.line, seconds=seconds))
-            planner.rest(max(0.0, dwells[0] * self._machine.cycle_hz - cycles))
+            planner.rest(max(0.0, alone * self._machine.cycle_hz - cycles))
             end = planner.u
         if waits:
             planner.to_whole_cycle()

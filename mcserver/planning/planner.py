@@ -264,7 +264,7 @@ class Planner:
         through = pipeline.planned_line
         grown = through > plan.validated
         # the window's end takes a plan of all of it
-        due = grown and self._now - plan.end_asked >= END_PERIOD_S
+        due = (grown or plan.end_stale) and self._now - plan.end_asked >= END_PERIOD_S
         if due or (settled and (grown or plan.end_stale)):
             plan.end_u, plan.end_asked, plan.end_stale = pipeline.planned_end_u, self._now, False
         elif grown:

@@ -141,6 +141,7 @@ class Report(msgspec.Struct, frozen=True, gc=False):
         requested_s: time that the line asks for [s], or None.
         bound_by: the limit that stretched it, such as ``axis 2 acceleration``, or None.
         feed_length: linear length of its G01-G03 commands [m].
+        dwell_s: for how long it dwells, whatever the override [s].
         planning_s: time that inverse kinematics took [s].
         waits_for: the program that is to leave; empty: none is any more.
     """
@@ -150,6 +151,7 @@ class Report(msgspec.Struct, frozen=True, gc=False):
     requested_s: float | None = None
     bound_by: str | None = None
     feed_length: float = 0.0
+    dwell_s: float = 0.0
     planning_s: float = 0.0
     diagnostics: tuple[Diagnostic, ...] = ()
     frame: Frame | None = None

@@ -65,7 +65,8 @@ class Forecasts:
     def estimate(self, programs: Iterable[Program], now: float) -> None:
         """Bring the time left of all that run up to date; ``now``: executor time [s].
 
-        Without a simulation it is the time left of what is planned; waits and dwells come on top.
+        Without a simulation it is the time left of what is planned, None where nothing of that is left: what
+        still comes is not known then. Waits and dwells come on top.
         """
         slots: Sequence[SlotView] | None = None
         for program in programs:
@@ -83,5 +84,5 @@ class Forecasts:
                 # only read where something runs: it is half of what a call of an idle machine costs
                 slots = slots or self._port.slots()
                 slot = slots[program.slot]
-                left = max(0.0, program.planned_end_u - slot.u) * self._cycle_s
-                program.eta_s = left / (slot.rate or min(1.0, override) or 1.0)
+                left = (program.planned_end_u - slot.u) * self._cycle_s
+                program.eta_s = left / (slot.rate or min(1.0, override) or 1.0) if left > 0.0 else None

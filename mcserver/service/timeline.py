@@ -27,17 +27,30 @@ class Timeline:
         self.duration_s = self._marks.duration_s
         self.simulated = 1.0 if marks.complete or not total else min(1.0, marks.through / total)
 
-    def remaining_s(self, done: int, in_line_s: float = 0.0) -> float:
-        """Return the time from here to the program's end at 100 % [s].
+    def remaining_s(self, done: int, in_line_s: float = 0.0, override: float = 1.0) -> float:
+        """Return the time from here to the program's end at an override [s].
 
         Args:
             done: the last line of which all before it, and itself, have ended.
             in_line_s: for how long the lines behind it have run since then [s], at 100 %.
+            override: 1 is 100 %; dwells take their time whatever it is.
         """
         reached = self._marks.end_of(done)
         # a line that takes longer than it was simulated keeps the time at its end
-        limit = max(self._marks.next_end(done), reached)
-        return max(0.0, self.duration_s - min(reached + in_line_s, limit))
+        passed = min(in_line_s, max(self._marks.next_end(done), reached) - reached)
+        left = max(0.0, self.duration_s - reached - passed)
+        dwells = self._marks.dwells[-1] - self._marks.dwell_of(done) - self.dwelling(done) * passed
+        dwells = min(max(0.0, dwells), left)
+        return dwells + (left - dwells) / max(override, LEAST_OVERRIDE)
+
+    def dwelling(self, done: int) -> float:
+        """Return which share of the time of the next line that takes any is dwell, 0 … 1."""
+        following = self._marks.next_line(done)
+        if following is None:
+            return 0.0
+        lasts = self._marks.end_of(following) - self._marks.end_of(done)
+        dwells = self._marks.dwell_of(following) - self._marks.dwell_of(done)
+        return min(1.0, max(0.0, dwells / lasts)) if lasts > 0.0 else 0.0
 
     def start_of(self, line: int) -> float:
         """Return when the lines from ``line`` on begin [s]."""
@@ -49,7 +62,7 @@ class Timeline:
 
 
 class RunClock:
-    """Follows a run along its timeline: time passes while lines run, at the rate of the override.
+    """Follows a run along its timeline: time passes while lines run, at the override's rate but in dwells.
 
     It follows the run from its beginning, also before the timeline is there: a line may last for minutes.
 
@@ -101,13 +114,18 @@ class RunClock:
             self._done, self._in_line_s = done, 0.0
             seen_at = now if done_at is None else max(seen_at, done_at)
         if running:
-            self._in_line_s += max(0.0, now - seen_at) * override
-        remaining = self.remaining_s()
-        return None if remaining is None else remaining / max(override, LEAST_OVERRIDE)
+            rate = override
+            if self._timeline is not None and override > 0.0:
+                dwells = self._timeline.dwelling(self._done)
+                rate = 1.0 / (dwells + (1.0 - dwells) / override)
+            self._in_line_s += max(0.0, now - seen_at) * rate
+        return self.remaining_s(override)
 
-    def remaining_s(self) -> float | None:
-        """Return the time until the end at 100 % [s]; None: not known yet."""
-        return None if self._timeline is None else self._timeline.remaining_s(self._done, self._in_line_s)
+    def remaining_s(self, override: float = 1.0) -> float | None:
+        """Return the time until the end at an override [s]; None: not known yet."""
+        if self._timeline is None:
+            return None
+        return self._timeline.remaining_s(self._done, self._in_line_s, override)
 
     def fraction(self) -> float | None:
         """Return the share of the run's time that has passed; None: not known yet."""

@@ -7,6 +7,7 @@ from array import array
 from collections.abc import Iterator
 from typing import Any, NamedTuple
 
+import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
@@ -91,7 +92,10 @@ class LineTimes:
         self._blocks: dict[int, _Block] = {}
         self._bounds: list[str | None] = [None]
         self._bound_index: dict[str, int] = {}
-        self._fitter = MarkFitter()
+        self._fitter, self._dwell_fitter = MarkFitter(), MarkFitter()
+        # of lines that are not fitted yet
+        self._dwells: dict[int, float] = {}
+        self._dwelt_s = 0.0
         self._fitted = 0
         self._reached_s = 0.0
         self._pauses: list[int] = []
@@ -118,6 +122,10 @@ class LineTimes:
             before = columns.requested[rows]
             columns.requested[rows] = requested_s[part] + np.where(np.isnan(before), 0.0, before)
             columns.timed[rows] += 1
+
+    def dwelt(self, line: int, seconds: float) -> None:
+        """Add up for how long a line dwells, whatever the override."""
+        self._dwells[line] = self._dwells.get(line, 0.0) + seconds
 
     def bound(self, line: int, by: str | None) -> None:
         """Note which limit stretched a line."""
@@ -190,12 +198,16 @@ class LineTimes:
 
     def marks(self) -> LineMarks:
         """Return when those lines end that are over for certain; more may come."""
-        return self._fitter.marks(pauses=tuple(self._pauses))
+        return self._with_dwells(self._fitter.marks(pauses=tuple(self._pauses)))
 
     def all_marks(self, duration_s: float, last: int) -> LineMarks:
         """Return when all lines of a program end: it lasts ``duration_s`` and has ``last`` lines."""
         self._fit(last + 1)
-        return self._fitter.marks(duration_s, tuple(self._pauses))
+        return self._with_dwells(self._fitter.marks(duration_s, tuple(self._pauses)))
+
+    def _with_dwells(self, marks: LineMarks) -> LineMarks:
+        dwells = self._dwell_fitter.marks()
+        return msgspec.structs.replace(marks, dwell_lines=tuple(dwells.lines), dwells=tuple(dwells.ends))
 
     def _fit(self, before: int) -> None:
         """Hand the lines before this one to the marks; whole blocks, unless all lines are kept."""
@@ -205,6 +217,8 @@ class LineTimes:
             if end > self._reached_s:
                 self._reached_s = end
             self._fitter.add(line, self._reached_s)
+            self._dwelt_s += self._dwells.pop(line, 0.0)
+            self._dwell_fitter.add(line, self._dwelt_s)
             self._fitted = line
             if not self._keep and line % BLOCK == BLOCK - 1:
                 self._blocks.pop(line // BLOCK, None)

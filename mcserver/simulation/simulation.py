@@ -401,6 +401,8 @@ class _Run:
             elif report.kind is ReportKind.PLANNED:
                 if report.requested_s is not None:
                     self._times.asked(report.line, report.requested_s)
+                if report.dwell_s:
+                    self._times.dwelt(report.line, report.dwell_s)
                 self._feed_length += report.feed_length
             elif report.kind is ReportKind.CONTACT:
                 # said again while the motion comes to rest

@@ -186,3 +186,28 @@ async def test_of_many_simulations_the_newest_are_kept(bench: Bench) -> None:
         await bench.service.open("hmi", ProgramOptions(sha256=hash_of(f"text {n}"))) for n in (0, 1)
     ]
     assert (first.status().duration_s, second.status().duration_s) == (None, 12.0)
+
+
+def test_dwells_take_their_time_whatever_the_override() -> None:
+    run = simulate("G1010\nG1 X10 F1200\nG4 P8\nG1 X0", IDEAL)
+    clock, report = RunClock(1, Timeline(run.marks())), run.report
+    moves = report["duration_s"] - 8.0
+    assert clock.observe(0.0, 0, 0.2, running=True) == pytest.approx(8.0 + moves / 0.2, abs=0.01)
+    dwell = next(each for each in report["lines"] if each["line"] == 3)
+    clock.observe(0.0, 2, 1.0, running=True)
+    behind = report["duration_s"] - dwell["end_s"]
+    assert clock.observe(2.0, 2, 0.2, running=True) == pytest.approx(6.0 + behind / 0.2, abs=0.01)
+    assert clock.remaining_s() == pytest.approx(6.0 + behind, abs=0.01)
+
+
+async def test_the_time_left_is_not_known_where_nothing_planned_is_left(bench: Bench) -> None:
+    program = await bench.service.open("hmi", ProgramOptions())
+    assert program.slot is not None
+    u = bench.port.slots()[program.slot].u
+    program.planned_end_u = u + 500.0
+    bench.service.estimate()
+    assert program.eta_s is not None
+    assert program.eta_s > 0.0
+    program.planned_end_u = u
+    bench.service.estimate()
+    assert program.eta_s is None
