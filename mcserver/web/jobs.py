@@ -154,6 +154,7 @@ class JobQueue:
         self._numbers = itertools.count(1)
         self._task: asyncio.Task[None] | None = None
         self._estimates: set[asyncio.Task[None]] = set()
+        self._estimating = asyncio.Lock()
 
     def add(
         self,
@@ -378,7 +379,6 @@ class JobQueue:
         machine = self._link.connected()
         status = await machine.status()
         job.start = dict(zip(status.axes.index, status.axes.setpoint, strict=True))
-        self._look_ahead(job)
         if job.from_line == 1 and not job.middle.program:
             await self._check(machine, job)
         if self.stopped:
@@ -387,6 +387,8 @@ class JobQueue:
                 mark("{name} was being checked as the queue was stopped", name=job.name),
                 mark("run it again"),
             )
+        # behind the check, which would wait for it
+        self._look_ahead(job)
         program = await self._opened(machine, job)
         job.program, job.state = program.id, JobState.RUNNING
         async with program:
@@ -429,13 +431,17 @@ class JobQueue:
         text = "\n".join(job.lines)
         if len(text) > AHEAD_BYTES:
             return
-        points = 0 if job.start is None else PATH_POINTS
-        try:
-            report = await self._link.connected().simulate(
-                text, positions=job.start, path_points=points, role="operator", **job.switches._asdict()
-            )
-        except MotionError:
-            return
+        # one at a time: the server takes few of a client at once, and somebody waits for the others
+        async with self._estimating:
+            if job.state not in (JobState.WAITING, JobState.CHECKING, JobState.RUNNING):
+                return
+            points = 0 if job.start is None else PATH_POINTS
+            try:
+                report = await self._link.connected().simulate(
+                    text, positions=job.start, path_points=points, role="operator", **job.switches._asdict()
+                )
+            except MotionError:
+                return
         if report.ok:
             job.take(report)
 

@@ -13,7 +13,7 @@ from mcclient import sync
 from mcserver.web.users import Role, add_user
 from tests.browser.conftest import LIMIT_MS, WIDE, PageProcess, opened, page_of, playwright, press
 from tests.browser.test_fleet_page import log_in
-from tests.browser.test_machine_page import at_rest, stands, upload, wait_for
+from tests.browser.test_machine_page import at_rest, held_until, stands, upload, wait_for
 from tests.e2e.servers import ServerProcess
 
 if TYPE_CHECKING:
@@ -60,11 +60,10 @@ def bob(browser: Browser, guarded: PageProcess) -> Iterator[Page]:
         yield page
 
 
-def hold_down(page: Page, button: str) -> None:
+def point_at(page: Page, button: str) -> None:
     # a browser's window that is behind another one jogs nothing
     page.bring_to_front()
     page.get_by_role("button", name=button).hover()
-    page.mouse.down()
 
 
 def test_who_drives_is_seen_by_all_and_others_are_refused_but_may_stop(
@@ -101,8 +100,8 @@ def test_control_is_taken_over_by_the_keyboard_and_an_axis_that_was_jogged_stops
     ada: Page, bob: Page, machine: sync.Machine
 ) -> None:
     start = machine.status().axes.position[1]
-    hold_down(ada, "jog axis Y plus")
-    wait_for(machine, ada, lambda status: status.axes.position[1] > start + 5.0)
+    point_at(ada, "jog axis Y plus")
+    held_until(machine, ada, lambda status: status.axes.position[1] > start + 5.0)
     press(bob.get_by_role("button", name="Take control"))
     dialog = bob.get_by_role("dialog", name=re.compile(r"^ada .* has control of bench\. Take it\?$"))
     press(dialog.get_by_role("button", name="Take control"))
@@ -111,7 +110,8 @@ def test_control_is_taken_over_by_the_keyboard_and_an_axis_that_was_jogged_stops
     rest = wait_for(machine, ada, at_rest).axes.position[1]
     expect(ada.get_by_text(re.compile(r"^bob \(browser \w+\) has taken control$"))).to_be_visible()
     ada.mouse.up()
-    hold_down(ada, "jog axis Y plus")
+    point_at(ada, "jog axis Y plus")
+    ada.mouse.down()
     expect(ada.get_by_text(re.compile(r"^bob .* has control \[MC078\]"))).to_be_visible()
     ada.mouse.up()
     assert stands(machine.status())

@@ -124,6 +124,9 @@ def test_a_run_has_its_name_and_its_time_and_a_fault_its_black_box(tmp_path: Pat
     assert recordings_of(found) == ["blackbox-1"]
     assert "<th scope=col>recording</th>" in table_html(found)
     assert "cell-1" not in table_html(found)
+    assert '<meter max=100 value="12.5" aria-hidden=true></meter> 12.5<' in table_html(
+        (["day", "running_percent"], [("2026-05-05", 12.5)])
+    )
     assert ask("faults", tmp_path, machine="cell-2' OR '1'='1")[1] == []
 
 

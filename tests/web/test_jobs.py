@@ -179,6 +179,38 @@ async def test_a_step_starts_one_line_with_the_blank_ones_behind_it_and_waits_fo
     await queue.close()
 
 
+async def test_estimates_come_one_at_a_time_and_no_check_waits_for_them(tmp_path: Path) -> None:
+    bench, asked = Bench(), list[str]()
+    never = asyncio.Event()
+
+    async def simulate(*_: object, **__: object) -> SimulateReply:
+        asked.append("simulate")
+        await never.wait()
+        return wire_value(SimulateReply)
+
+    async def check(*_: object, **__: object) -> Any:
+        asked.append("check")
+        return SimpleNamespace(ok=True)
+
+    class Running(Opened):
+        async def __aexit__(self, *_: object) -> None:
+            # as long as an estimate of its own would need to be asked for
+            for _ in range(5):
+                await asyncio.sleep(0)
+
+    async def program(*_: object, **__: object) -> Opened:
+        return Running()
+
+    bench.simulate, bench.check, bench.program = simulate, check, program  # type: ignore[method-assign]
+    queue = queue_of(bench, tmp_path)
+    for name in ("a.gcode", "b.gcode", "a.gcode"):
+        queue.add(name, "ann")
+    await ended(queue, 3)
+    assert sorted(asked) == ["check", "check", "check", "simulate"]
+    assert asked[0] == "check"
+    await queue.close()
+
+
 async def test_a_text_that_has_come_in_the_place_of_the_one_that_was_looked_at_does_not_run(
     tmp_path: Path,
 ) -> None:

@@ -71,7 +71,7 @@ def table_html(answer: Answer) -> str:
     columns = [at for at, name in enumerate(names) if name != "machine"]
     head = "".join(f"<th scope=col>{html.escape(t(names[at].replace('_', ' ')))}</th>" for at in columns)
     body = "".join(
-        "<tr>" + "".join(f"<td>{html.escape(_shown(row[at]))}</td>" for at in columns) + "</tr>"
+        "<tr>" + "".join(f"<td>{_cell(names[at], row[at])}</td>" for at in columns) + "</tr>"
         for row in rows[:SHOWN]
     )
     return f"<table class='mc-table'><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table>"
@@ -84,6 +84,13 @@ def recordings_of(answer: Answer) -> list[str]:
         return []
     at = names.index(RECORDING)
     return list(dict.fromkeys(str(row[at]) for row in rows[:SHOWN] if row[at]))
+
+
+def _cell(name: str, value: Any) -> str:
+    """Return a cell as HTML, a percentage with its bar."""
+    text = html.escape(_shown(value))
+    bar = isinstance(value, float) and name.endswith("_percent")
+    return f'<meter max=100 value="{value:.1f}" aria-hidden=true></meter> {text}' if bar else text
 
 
 def _shown(value: Any) -> str:
