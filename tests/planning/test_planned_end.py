@@ -12,11 +12,9 @@ from mcserver.planning.planner_messages import Begin, PipelineRequest, Validated
 
 def test_the_end_of_the_plan_is_said_anew_while_rows_are_handed_over_all_the_time() -> None:
     now = [0.0]
-    pipeline = SimpleNamespace(
-        planned_line=1, planned_end_u=0.0, pump=lambda *_: True, take_reports=lambda: []
-    )
+    pipeline = SimpleNamespace(planned_line=1, planned_end_u=0.0, pump=lambda *_: True, take_reports=list)
     port = SimpleNamespace(
-        poll_events=lambda: [], sink=lambda _: None, views=lambda slots: [SlotView(0.0, 1.0) for _ in slots]
+        poll_events=list, sink=lambda _: None, views=lambda slots: [SlotView(0.0, 1.0) for _ in slots]
     )
     pipelines = SimpleNamespace(make=lambda *_: pipeline)
     planner = Planner(cast("PlannerPort", port), cast("PipelineMaker", pipelines), lambda: now[0])
