@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import time
+from collections import deque
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import islice
@@ -13,6 +14,7 @@ import msgspec
 import numpy as np
 from mckinematics.pose import Kinematics
 from mckinematics.solver import MachineKinematics
+from numpy.typing import NDArray
 
 from mcserver.clearance.meter import ClearanceMeter
 from mcserver.drives.bus import DriveMode
@@ -272,6 +274,10 @@ class _Run:
             guard=self._guard,
         )
         self._feed_length = 0.0
+        # lines that have been planned and not passed, with their ways at feed [m]
+        self._planned: deque[tuple[NDArray[np.int64], NDArray[np.float64]]] = deque()
+        # every line through this one has been run
+        self._passed = 0
         self._end = 0.0
         self._finished = False
         self._faults: list[Diagnostic] = []
@@ -310,6 +316,8 @@ class _Run:
             if self._progress is not None:
                 self._progress(self._executor.time, self._recorder.line)
         self._come_to_rest()
+        if not self._finished:
+            self._feed_length = max(0.0, self._feed_length - self._not_run())
         # before a contact motion ends as near as the margin: the meter would tell of it once more
         if self._clearance is not None and not (self._stops and self._failed):
             self._faults += self._clearance.contacts()
@@ -398,17 +406,21 @@ class _Run:
             if isinstance(report, PlannedLines):
                 self._times.asked_in_columns(report.lines, report.requested_s)
                 self._feed_length = math.fsum((self._feed_length, *report.feed_lengths.tolist()))
+                self._planned.append((report.lines, report.feed_lengths))
             elif report.kind is ReportKind.PLANNED:
                 if report.requested_s is not None:
                     self._times.asked(report.line, report.requested_s)
                 if report.dwell_s:
                     self._times.dwelt(report.line, report.dwell_s)
                 self._feed_length += report.feed_length
+                if report.feed_length:
+                    self._planned.append((np.array([report.line]), np.array([report.feed_length])))
             elif report.kind is ReportKind.CONTACT:
                 # said again while the motion comes to rest
                 if not self._failed:
                     contact = report.diagnostics[0]
                     self._faults.append(msgspec.structs.replace(contact, column=1, end_column=2))
+                self._end = max(self._end, self._executor.time)
                 # as the service does; it stands on its path already
                 self._executor.mailbox.abort(SLOT)
             elif report.exchange is not None and self._clearance is not None:
@@ -426,10 +438,13 @@ class _Run:
                 self._faults += report.diagnostics
 
     def _take_events(self) -> None:
+        while self._planned and self._planned[0][0][-1] <= self._passed:
+            self._planned.popleft()
         for event in self._executor.reports():
             if isinstance(event, LineEvents):
                 self._times.passed(event.line, event.time, event.ends)
                 self._end = max(self._end, float(event.time[event.ends].max(initial=0.0)))
+                self._passed = max(self._passed, int(event.line[~event.ends].max(initial=0)) - 1)
                 continue
             self._pipeline.on_event(event)
             self._take_event(event)
@@ -437,8 +452,13 @@ class _Run:
     def _take_event(self, event: ExecutorEvent) -> None:
         if event.kind is EventKind.LINE_START:
             self._times.started(event.line, event.time)
+            self._passed = max(self._passed, event.line - 1)
         elif event.kind is EventKind.LINE_END:
             self._times.ended(event.line, event.time)
+            self._end = max(self._end, event.time)
+        elif event.kind is EventKind.PASSED:
+            self._passed = max(self._passed, event.line)
+        elif event.kind is EventKind.STOPPED:
             self._end = max(self._end, event.time)
         elif event.kind is EventKind.INPUT:
             self._inputs_read.add(event.token)
@@ -450,6 +470,9 @@ class _Run:
             self._executor.mailbox.end_pause(SLOT)
             self._pipeline.end_pause(PauseEnd())
         elif event.kind is EventKind.FAULT:
+            if event.code not in WARNINGS:
+                self._end = max(self._end, event.time)
+                self._passed = min(self._passed, event.line - 1) if event.line else self._passed
             message, hint = remedy_of(event.code, event.axis, event.values, self._input_names)
             self._faults.append(
                 Diagnostic(
@@ -463,6 +486,10 @@ class _Run:
                     axis=event.axis if event.axis >= 0 else None,
                 )
             )
+
+    def _not_run(self) -> float:
+        """Return the way of the planned lines that a fault kept from being run to their ends [m]."""
+        return math.fsum(float(ways[lines > self._passed].sum()) for lines, ways in self._planned)
 
     def _text_of(self, line: int) -> str:
         return next(islice(self._source(), line - 1, None), "") if line > 0 else ""

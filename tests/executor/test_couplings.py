@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Mapping
 from itertools import pairwise
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -21,6 +23,7 @@ from mcserver.machine.machine_file import parse_machine
 from mcserver.machine.plausibility import find_doubts
 from mcserver.machine.section_reader import MachineFileRejected
 from mcserver.motion.canonical import AxisOperation
+from mcserver.simulation.simulation import simulate
 from mcserver.units import DEGREE, MM
 from tests.executor.planned import Planned
 from tests.executor.rig import Rig
@@ -419,3 +422,14 @@ def test_an_approved_run_whose_follower_cannot_keep_up_by_its_own_limits_does_no
     envelope = Envelope((-10.0,) * count, (10.0,) * count, (100.0,) * count, 60.0, 0)
     cell = Coupled(machine, MOVES.format("G1 X300 F12000"), envelope=envelope).play()
     assert cell.faults == [FaultCode.OUT_OF_STEP]
+
+
+def test_the_pair_of_the_page_works_as_written() -> None:
+    page = (Path(__file__).parents[2] / "docs" / "couplings.md").read_text("utf-8")
+    (described,) = re.findall(r"```toml\n(.*?)```", page, re.DOTALL)
+    (program,) = re.findall(r"```gcode\n(.*?)```", page, re.DOTALL)
+    machine = parse_machine(described)
+    assert find_doubts(machine) == []
+    report = simulate(program, machine).report
+    assert (report["ok"], report["diagnostics"]) == (True, [])
+    assert report["axes"]["3"]["max"] == pytest.approx(36.0 * 400.0, abs=0.01)

@@ -10,6 +10,7 @@ from mcserver.planning.pipeline import FaultRule, Pipeline
 from mcserver.planning.planner_messages import Report, ReportKind
 from mcserver.planning.start_state import StartState
 from mcserver.service.progress import LineProgress
+from mcserver.simulation.assertions import read_assertion
 from mcserver.simulation.simulation import simulate
 from mcserver.simulation.virtual_executor import VirtualExecutor
 from tests.machine_text import axes_text
@@ -182,6 +183,20 @@ def test_an_input_decides_as_it_is_when_the_program_comes_to_it(at: str, expecte
     found = simulate(text, made)
     assert found.exit_code == 0, found.report
     assert found.report["axes"]["0"]["position"] == pytest.approx(expected)
+
+
+@pytest.mark.parametrize(
+    ("first", "way", "last_end"), [("G1 X0", 0.0, 0.0), ("G1 X5", 5.0, 0.5), ("G1 X5\nG1 X2", 8.0, 0.8)]
+)
+def test_a_run_that_a_fault_ends_reports_what_was_run(first: str, way: float, last_end: float) -> None:
+    text = f"F600 {first}\nM66 P0 L3 Q2\nG1 X30"
+    bound = read_assertion("duration most=1")
+    report = simulate(text, machine(INPUT), assertions=[bound]).report
+    (judged,) = report["assertions"]
+    assert report["diagnostics"][0]["severity"] == "error"
+    assert report["duration_s"] == pytest.approx(last_end + 2.0, abs=0.1)
+    assert report["feed_length_mm"] == pytest.approx(way)
+    assert (judged["holds"], judged["value"]) == (False, report["duration_s"])
 
 
 def test_lines_of_a_loop_flow_as_written_out() -> None:
