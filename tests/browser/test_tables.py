@@ -92,7 +92,7 @@ def test_an_offset_is_set_named_and_taken_back_at_every_width(
         assert (last.row, last.after, last.name) == (system, {"0": width}, "work offset by local")
         page.get_by_role("button", name="Undo …").click()
         page.get_by_role("dialog").get_by_role("button", name="Undo", exact=True).click()
-        wait_for(machine, page, lambda status: all(not each.origin.get("0") for each in status.work_offsets))
+        wait_for(machine, page, lambda status: not zero_of(status.work_offsets, system))
 
 
 def test_an_offset_is_shifted_from_where_it_is(
@@ -247,3 +247,8 @@ def test_the_top_of_the_work_is_probed_by_a_program_that_is_shown_before_it_runs
 def has_top(offsets: tuple[WorkOffset, ...]) -> bool:
     """Whether G54 has its zero a plate's 2 mm below the contact at -5."""
     return any(each.system == "G54" and abs(each.origin.get("2", 0.0) + 7.0) < 0.01 for each in offsets)
+
+
+def zero_of(offsets: tuple[WorkOffset, ...], system: str) -> float:
+    """Return where a system reads zero on X [mm]; one that was never set: 0."""
+    return next((each.origin.get("0", 0.0) for each in offsets if each.system == system), 0.0)
