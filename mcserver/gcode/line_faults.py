@@ -113,7 +113,7 @@ TITLES: Mapping[str, str] = MappingProxyType(
         "MC189": "the curve cannot be made like this",
         "MC194": "the retraction cannot be made",
         "MC198": "there is one block delete switch",
-        "MC199": "the heights of the cycle get another meaning",
+        "MC199": "this means something else on another controller",
         "MC155": "the probing move cannot be made",
         "MC153": "words of two codes would be mixed up",
         "MC201": "the move leaves the axis's travel",

@@ -458,12 +458,15 @@ def test_groups_with_codes_and_titles_are_read_beside_them() -> None:
     assert errors("%O1234 TITLE\nG1 X20 F600, G1 A45\n%", "cnc") == []
 
 
-@pytest.mark.parametrize("line", ["G10 L2 P0 Z-5", "G10 L20 P1 X5", "G10 L1 P1 R50"])
+@pytest.mark.parametrize("line", ["G10 L2 P0 Z-5", "G10 L1 P1 R50"])
 def test_g10_of_fanuc_that_means_something_else_there_is_refused(line: str) -> None:
     text = (FOLDER / "cnc.toml").read_text("utf-8").replace("[dialect]", '[dialect]\nmacros = "fanuc"')
     fanuc = parse_machine(text)
     assert [each.code for each in check_program(line, fanuc)] == ["MC141"]
-    assert check_program("G10 L2 P1 Z-5\nG10 L1 P1 Z50", fanuc) == []
+    # as mcctl and the page write them
+    assert check_program("G10 L2 P1 Z-5\nG10 L1 P1 Z50 R3", fanuc) == []
+    found = check_program("G21 G90 G10 L20 P1 X5", fanuc)
+    assert [(each.code, each.severity) for each in found] == [("MC199", "warning")]
 
 
 def test_a_dwell_of_a_printer_in_seconds_is_not_said_to_have_no_effect() -> None:

@@ -44,16 +44,24 @@ def set_system(block: BlockState, action: Action) -> None:
     kind = action.words["L"].value
     chosen = action.words.get("P")
     number = frame.system if chosen is None or chosen.value == 0 else int(chosen.value)
-    if block.setup.machine.dialect.macros == "fanuc" and (
-        kind == 20.0 or (kind == 2.0 and chosen is not None and chosen.value == 0.0)
-    ):
+    fanuc = block.setup.machine.dialect.macros == "fanuc"
+    if fanuc and kind == 2.0 and chosen is not None and chosen.value == 0.0:
         block.faults.add(
             "MC141",
-            "G10 L2 P0 sets the offset of all systems on Fanuc's controllers, and G10 L20 those of G54.1",
+            "G10 L2 P0 sets the offset of all systems on Fanuc's controllers",
             action.span,
             "write G10 L2 with the number of a system, P1 to P6 for G54 to G59",
         )
         return
+    if fanuc and kind == 20.0:
+        # zero is set by it from the page, by mcctl and by the cycles of the probe
+        block.faults.add(
+            "MC199",
+            "G10 L20 sets the origin by what the position reads then; on Fanuc's controllers it sets G54.1",
+            action.span,
+            "for an origin by itself write G10 L2 with the number of a system, P1 to P6 for G54 to G59",
+            severity="warning",
+        )
     angle = action.words.get("R")
     if kind not in (2.0, 20.0) or (angle is not None and kind == 20.0):
         block.faults.add(

@@ -30,15 +30,15 @@ def set_cutter(block: BlockState, action: Action) -> None:
             "MC143", f"G10 L1 needs the number of a tool, 1 to {MAX_CUTTER}", place, "such as G10 L1 P3 Z75.2"
         )
         return
-    if radius is not None and block.setup.machine.dialect.macros == "fanuc":
+    lengths = axis_values(block, action)
+    if radius is not None and not lengths and block.setup.machine.dialect.macros == "fanuc":
         block.faults.add(
             "MC141",
-            "R beside G10 L1 is a length on Fanuc's controllers, and a radius on LinuxCNC's",
+            "R alone is a length beside G10 L1 on Fanuc's controllers, and a radius on LinuxCNC's",
             radius.span,
-            "write Z for the length; diameters stand in the machine file, diameter_mm of [[cutter]]",
+            "write Z for the length, and Z and R for both",
         )
         return
-    lengths = axis_values(block, action)
     if lengths.keys() - {LENGTH_AXIS} or not (lengths or radius is not None):
         block.faults.add(
             "MC118", "G10 L1 takes Z, a length, and R, a radius", action.span, "such as G10 L1 P3 Z75.2 R3"
