@@ -231,14 +231,15 @@ class ClearanceMeter:
         times, lines, rows = (np.concatenate(each) for each in zip(*self._block, strict=True))
         self._block, self._waiting = [], 0
         self._look_at_speeds(times, lines, np.vstack([self._last, rows]))
-        moved = np.abs(np.diff(rows, axis=0, prepend=self._last[None])) @ self._scene.levers
+        # by pair in rows, which are searched
+        moved = self._scene.levers.T @ np.abs(np.diff(rows, axis=0, prepend=self._last[None])).T
         # motion of each pair up to each cycle; what of it lies before its distance was computed last
-        total = self._spent + moved.cumsum(axis=0)
+        total = self._spent[:, None] + moved.cumsum(axis=1)
         base = np.zeros(len(self._nearest))
         due = [
-            (int(np.searchsorted(total[:, pair], self._spare(pair))), pair)
+            (int(total[pair].searchsorted(self._spare(pair))), pair)
             for pair in range(len(self._nearest))
-            if total[-1, pair] >= self._spare(pair) and not self._nearest[pair].contact
+            if total[pair, -1] >= self._spare(pair) and not self._nearest[pair].contact
         ]
         heapq.heapify(due)
         here, self._placed = -1, None
@@ -246,20 +247,20 @@ class ClearanceMeter:
             at, pair = due[0]
             if at != here:
                 here, before, after = at, self._last if at == 0 else rows[at - 1], rows[at]
-            low = float(self._distance[pair] + base[pair] - total[at, pair] + moved[at, pair])
+            low = float(self._distance[pair] + base[pair] - total[pair, at] + moved[pair, at])
             end = self._distance_at(pair, after)
-            least = self._between(pair, before, after, low, end, float(moved[at, pair]))
+            least = self._between(pair, before, after, low, end, float(moved[pair, at]))
             if least < min(self._nearest[pair].distance, self._margin + FAR):
                 contact = least < self._margin
                 certain = self._scene.certain(pair)
                 self._nearest[pair] = Nearest(least, float(times[at]), int(lines[at]), contact, certain)
-            self._distance[pair], base[pair] = end, total[at, pair]
+            self._distance[pair], base[pair] = end, total[pair, at]
             if self._nearest[pair].contact:
                 heapq.heappop(due)
             else:
-                later = int(np.searchsorted(total[at + 1 :, pair], base[pair] + self._spare(pair)))
+                later = int(total[pair, at + 1 :].searchsorted(base[pair] + self._spare(pair)))
                 heapq.heapreplace(due, (at + 1 + later, pair))
-        self._spent = total[-1] - base
+        self._spent = total[:, -1] - base
         self._last, self._time = rows[-1], float(times[-1])
 
     def _look_at_speeds(self, times: Array, lines: NDArray[np.int64], way: Array) -> None:

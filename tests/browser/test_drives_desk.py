@@ -107,7 +107,10 @@ def refused(page: Page, code: str, *words: str) -> None:
 
 
 def written(page: Page, value: str) -> None:
-    page.get_by_label("Value", exact=True).fill(value)
+    field = page.get_by_label("Value", exact=True)
+    # what is read as a parameter is chosen would come into what is typed
+    expect(field).not_to_have_value("")
+    field.fill(value)
     press(page.get_by_role("button", name="Write", exact=True))
 
 
