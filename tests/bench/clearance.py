@@ -125,9 +125,7 @@ def planted(seed: int, folder: Path) -> tuple[bool, bool]:
     rows = random_motion(far, seed)
     scene = Scene(far)
     moving = [
-        each.next(name for name in each.names if name != "post")
-        for each in scene.pairs
-        if "post" in each.names
+        next(name for name in each.names if name != "post") for each in scene.pairs if "post" in each.names
     ]
     at = middle_of(scene, str(draw.choice(moving)), rows[int(draw.integers(len(rows)))]) / MM
     edge = float(draw.uniform(2.0, 60.0))
