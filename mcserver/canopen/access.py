@@ -375,10 +375,9 @@ def _can_health(service: CanopenService, bus: str, seconds: float) -> BusHealth:
         if drive.axis in own and (known := service.dictionary(drive.axis)) is not None
         for signal in signals_of(axes[drive.axis], own[drive.axis], known, drive.node_axis)
     ]
-    (bitrate,) = (each.bitrate for each in machine.buses if each.name == bus)
     port = open_port(drives[0].address)
     try:
-        return bus_report(port, seconds, bitrate, drives, own, signals)
+        return bus_report(machine, bus, port, seconds, own, signals)
     finally:
         port.close()
 

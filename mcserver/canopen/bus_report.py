@@ -13,27 +13,29 @@ from mcserver.canopen.bus_frames import frames_of
 from mcserver.canopen.bus_health import BusListener
 from mcserver.canopen.cycle_samples import CycleSampler, Signal, following_error
 from mcserver.canopen.listening import for_masters, sign_of_master
-from mcserver.canopen.settings import NO_AXIS, DriveSettings
+from mcserver.canopen.settings import NO_AXIS, settings_of
 from mcserver.canopen.views import BusHealth
+from mcserver.machine.machine_file import Machine
 
 # Cycles after which the greatest following errors are taken, so that memory stays bounded.
 BLOCK = 4096
 
 
 def bus_report(
+    machine: Machine,
+    bus: str,
     port: CanPort,
     seconds: float,
-    bitrate: int,
-    drives: Sequence[DriveSettings],
     data: Mapping[int, ProcessData],
     signals: Sequence[Signal],
 ) -> BusHealth:
     """Listen on a bus and count; nothing is sent.
 
     Args:
-        port: of the bus. bitrate: [bit/s]. drives: every node of the machine file on it, at least one.
-        data: process data of these, by axis. signals: of all these axes.
+        port: of the bus. data: process data of its drives, by axis. signals: of all these axes.
     """
+    (bitrate,) = (each.bitrate for each in machine.buses if each.name == bus)
+    drives = [drive for drive in settings_of(machine) if drive.bus == bus]
     nodes: dict[int, tuple[list[int], list[MappedPdo]]] = {}
     for each in drives:
         axes, tpdos = nodes.setdefault(each.node, ([], []))

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
+from mcserver.canopen.cycle_samples import WRAP
 from mcserver.canopen.desk import Desk
 from mcserver.drives.cia402.drive import cia402_drive
 from mcserver.errors import UsageFault
@@ -95,6 +96,11 @@ class MeasuredScale:
     @property
     def fits(self) -> bool:
         return not self.reversed and abs(self.error) <= ACCURACY
+
+
+def counted(before: int, after: int) -> float:
+    """Return by how many counts 6064h has changed, the shorter way round its 32 bits."""
+    return (after - before + WRAP / 2) % WRAP - WRAP / 2
 
 
 def measured_scale(axis: Axis, counts: float, units_per_motor_turn: float, moved: float) -> MeasuredScale:

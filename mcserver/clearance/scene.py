@@ -38,6 +38,7 @@ from mcserver.machine.clearance_section import (
     SphereBody,
     Zone,
 )
+from mcserver.machine.dialect_section import Cutter
 from mcserver.machine.machine_file import Machine
 from mcserver.machine.section_reader import did_you_mean
 from mcserver.machine.work_systems import ANGLE
@@ -109,6 +110,8 @@ class Scene:
         # by number of the object the tool and the place that it comes with; the cutter, and where it is held
         self._tools: dict[int, tuple[int, int]] = {}
         self._cutter: tuple[int, Any, Any] | None = None
+        # what its body is as long and as wide as
+        self._fitted: Cutter | None = None
         try:
             self._pin = import_pinocchio()
             self._coal = importlib.import_module("coal")
@@ -155,14 +158,7 @@ class Scene:
         self.mounted = mounted
         cutter = mounted.cutter()
         if self._cutter is not None and cutter is not None:
-            number, shape, held = self._cutter
-            shape.radius, shape.halfLength = 0.5 * cutter.diameter, 0.5 * cutter.length
-            down = self._pin.SE3(np.eye(3), np.array([0.0, 0.0, -0.5 * cutter.length]))
-            self._geometry.geometryObjects[number].placement = held * down
-            # a joint that turns the cutter changes distances by as much as that is long
-            for place, pair in enumerate(self._geometry.collisionPairs):
-                if number in (pair.first, pair.second):
-                    self.levers[:, place] = self._lever(pair)
+            self._resize(cutter)
         for number, zone in self._zones.items():
             if zone.system is not None:
                 work = self._in_work(mounted.work.get(zone.system, {}))
@@ -172,6 +168,21 @@ class Scene:
                 mounted.may_be(tool, place) if tool else cutter is not None
                 for tool, place in self.pairs[pair].tools
             )
+
+    def _resize(self, cutter: Cutter) -> None:
+        """Make the cutter's body as long and as wide as this one."""
+        assert self._cutter is not None
+        if cutter == self._fitted:
+            return
+        self._fitted = cutter
+        number, shape, held = self._cutter
+        shape.radius, shape.halfLength = 0.5 * cutter.diameter, 0.5 * cutter.length
+        down = self._pin.SE3(np.eye(3), np.array([0.0, 0.0, -0.5 * cutter.length]))
+        self._geometry.geometryObjects[number].placement = held * down
+        # a joint that turns the cutter changes distances by as much as that is long
+        for place, pair in enumerate(self._geometry.collisionPairs):
+            if number in (pair.first, pair.second):
+                self.levers[:, place] = self._lever(pair)
 
     def _bring(self, given: Sequence[GivenBody]) -> None:
         """Take bodies that programs bring in place of those so far; their pairs are the last ones."""
@@ -239,9 +250,8 @@ class Scene:
         """Return the most that a point of the ball around the first body of a pair moves, as seen from the
         second one, between two places of the axes, shape (K,) each [m].
         """
-        number, seen_from = (
-            int(getattr(self._geometry.collisionPairs[pair], which)) for which in ("first", "second")
-        )
+        bodies = self._geometry.collisionPairs[pair]
+        number, seen_from = int(bodies.first), int(bodies.second)
         shape = self._geometry.geometryObjects[number].geometry
         shape.computeLocalAABB()
         middle = np.asarray(shape.aabb_center)

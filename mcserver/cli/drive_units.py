@@ -9,11 +9,12 @@ import typer
 
 from mcserver.can.open import open_port
 from mcserver.canopen.bus_frames import frames_of
-from mcserver.canopen.cycle_samples import POSITION, WRAP
+from mcserver.canopen.cycle_samples import POSITION
 from mcserver.canopen.desk import LEAST_LISTEN_S
 from mcserver.canopen.listening import for_masters, sign_of_master
 from mcserver.canopen.units_check import (
     corrected_lines,
+    counted,
     measured_scale,
     proposed_lines,
     scale_of,
@@ -99,7 +100,7 @@ def _check(drive: Described, master: str, json: bool) -> None:
         moved = float(typer.prompt(f"how far did it go, with its sign [{unit}]", type=float, err=True))
     except typer.Abort as error:
         raise UsageFault("MC017", "no length was given", f"give {unit}, such as 10 or -10") from error
-    counts = (_position(drive, master) - before + WRAP / 2) % WRAP - WRAP / 2
+    counts = counted(before, _position(drive, master))
     found = measured_scale(drive.axis, counts, per_turn, moved)
     lines = corrected_lines(drive.axis, found)
     if json:

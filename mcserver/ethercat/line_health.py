@@ -44,11 +44,9 @@ def bus_health(
     Raises:
         ConfigurationError, RuntimeFault: as `listen`.
     """
-    (bitrate,) = (each.bitrate for each in machine.buses if each.name == bus)
-    drives = [drive for drive in settings_of(machine) if drive.bus == bus]
     port = listen(machine, bus)
     try:
-        found = bus_report(port, seconds, bitrate, drives, data, signals)
+        found = bus_report(machine, bus, port, seconds, data, signals)
     finally:
         port.close()
     if isinstance(port, LineTap):

@@ -7,13 +7,14 @@ import html
 from mcclient import MotionError
 from nicegui import ui
 
-from mcserver.canopen.cycle_samples import POSITION, WRAP
+from mcserver.canopen.cycle_samples import POSITION
 from mcserver.canopen.desk import Desk
 from mcserver.canopen.units_check import (
     ACCURACY,
     LEAST_COUNTS,
     DriveScale,
     compared,
+    counted,
     proposed_lines,
     scale_of,
 )
@@ -98,7 +99,7 @@ class UnitsPanel:
         if found is None:
             return
         scale, count, shown = found
-        counts = (count - before[0] + WRAP / 2) % WRAP - WRAP / 2
+        counts = counted(before[0], count)
         if abs(counts) < LEAST_COUNTS or shown == before[1] or not scale.units_per_motor_turn:
             show_refusal(
                 t("{counts:.0f} counts say nothing of the scale", counts=counts),
