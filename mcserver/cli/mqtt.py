@@ -63,7 +63,7 @@ def _broker_at(address: str, authority: Path | None) -> Broker:
     """Return the broker of an address.
 
     Raises:
-        ConfigurationError: MC079 it is none, or has a password in it, which others would see; an authority
+        ConfigurationError: MC079 no address, or one with a password, which others would see; an authority
             that cannot be read, or without TLS.
     """
     from mcserver.mqtt.bridge import Broker

@@ -274,7 +274,7 @@ class _Run:
             guard=self._guard,
         )
         self._feed_length = 0.0
-        # lines that have been planned and not passed, with their ways at feed [m]
+        # lines that have been planned and not passed, with the lengths of their feed moves [m]
         self._planned: deque[tuple[NDArray[np.int64], NDArray[np.float64]]] = deque()
         # every line through this one has been run
         self._passed = 0
@@ -488,8 +488,8 @@ class _Run:
             )
 
     def _not_run(self) -> float:
-        """Return the way of the planned lines that a fault kept from being run to their ends [m]."""
-        return math.fsum(float(ways[lines > self._passed].sum()) for lines, ways in self._planned)
+        """Return the length at feed of planned lines that a fault kept from being run to their ends [m]."""
+        return math.fsum(float(lengths[lines > self._passed].sum()) for lines, lengths in self._planned)
 
     def _text_of(self, line: int) -> str:
         return next(islice(self._source(), line - 1, None), "") if line > 0 else ""

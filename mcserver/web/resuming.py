@@ -128,7 +128,7 @@ def _only_of_a_page() -> Iterator[None]:
     try:
         yield
     except (AttributeError, LookupError, TypeError, ValueError) as error:
-        log.info("an event that is none of the page: %s: %s", type(error).__name__, error)
+        log.info("an event of no element of the page: %s: %s", type(error).__name__, error)
 
 
 def _outbox(event: dict[str, Any]) -> ResumingOutbox | None:

@@ -99,15 +99,15 @@ def test_what_needs_no_cycle_checks_simulates_draws_serves_editors_and_operates(
         timeout=300,
         check=False,
     )
-    told = done.stdout + done.stderr
-    assert done.returncode == 0, told
-    assert "no faults" in told
-    assert "8.361 s" in told
-    assert told.count("Usage") == 5
-    assert "error[MC025]" in told
-    assert "error[MC530]" in told
-    assert '"name":"simulate"' in told
-    assert '"completionProvider"' in told
+    output = done.stdout + done.stderr
+    assert done.returncode == 0, output
+    assert "no faults" in output
+    assert "8.361 s" in output
+    assert output.count("Usage") == 5
+    assert "error[MC025]" in output
+    assert "error[MC530]" in output
+    assert '"name":"simulate"' in output
+    assert '"completionProvider"' in output
     assert (tmp_path / "square.png").stat().st_size > 10_000
 
 

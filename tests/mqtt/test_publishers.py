@@ -133,6 +133,6 @@ def test_a_broker_that_cannot_be_meant_is_refused(
 ) -> None:
     monkeypatch.setenv("COLUMNS", "400")
     assert run_command_line(["mqtt", *arguments]) == 3
-    told = capsys.readouterr().err
-    assert "MC079" in told
-    assert said in told
+    narration = capsys.readouterr().err
+    assert "MC079" in narration
+    assert said in narration
