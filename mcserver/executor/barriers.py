@@ -10,7 +10,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from mcserver.executor.couplings import Coupling
+from mcserver.executor.coupling import Coupling
 from mcserver.executor.cycle import Cycle
 from mcserver.executor.entries import Array
 from mcserver.executor.fault_codes import FaultCode, code_of_drive_fault
@@ -210,6 +210,9 @@ class InStep(Barrier):
         return left if self._coupling.in_step else None
 
     def after(self, held: bool) -> bool:
+        if self._coupling.waits:
+            # a work comes when it comes
+            return False
         self._waited += 0.0 if held else self._cycle.cycle_s
         if self._waited > STEP_TIMEOUT_S:
             code, values = self._coupling.out_of_step()

@@ -32,6 +32,8 @@ from mcserver.executor.shm.mailbox import signed
 from mcserver.executor.target_follower import UNBOUNDED, Bounds
 from mcserver.executor.thread_pass import ThreadPass
 from mcserver.executor.trajectories import TrajectoryError
+from mcserver.machine.follow_section import Superimposed
+from mcserver.machine.machine_file import Axis
 from mcserver.motion.canonical import AxisOperation, SurfaceSpeed, WaitMode
 
 if TYPE_CHECKING:
@@ -50,8 +52,17 @@ _MOVING = (
     ControlKind.THREAD,
     ControlKind.FOLLOW,
 )
+# These move an axis along with what it follows besides.
+_MOVING_ALONG = (ControlKind.BEGIN, ControlKind.RAPID)
 # These have something to do behind their barriers; the others are done.
-_GOING_ON = (ControlKind.RAPID, ControlKind.SPEED, ControlKind.TORQUE, ControlKind.AXIS, ControlKind.SETTLE)
+_GOING_ON = (
+    ControlKind.RAPID,
+    ControlKind.SPEED,
+    ControlKind.TORQUE,
+    ControlKind.AXIS,
+    ControlKind.SETTLE,
+    ControlKind.FINISH,
+)
 
 
 def pass_control(slot: ProgramSlot, control: Control, left: float, waited: bool = False) -> Barrier | None:
@@ -71,7 +82,9 @@ def pass_control(slot: ProgramSlot, control: Control, left: float, waited: bool 
     if slot.guard is not None and not waited:
         slot.guard.admit_control(control)
     if control.kind in _MOVING:
-        _refuse(slot, control.axes & slot.cycle.couplings.mask, FaultCode.COUPLED)
+        couplings = slot.cycle.couplings
+        following = couplings.mask if control.kind in _MOVING_ALONG else couplings.all_following
+        _refuse(slot, control.axes & following, FaultCode.COUPLED)
     try:
         return _RULES[control.kind](slot, control, left, waited)
     except TrajectoryError as error:
@@ -325,18 +338,33 @@ def _act(slot: ProgramSlot, axes: int, operation: AxisOperation) -> Barrier | No
 def _couple(slot: ProgramSlot, axes: int) -> Barrier | None:
     """Let an axis follow its leader; u stands until it is in step (D-130)."""
     couplings = slot.cycle.couplings
-    _refuse(slot, axes & couplings.mask, FaultCode.COUPLED)
+    _refuse(slot, axes & couplings.all_following, FaultCode.COUPLED)
     _check_still(slot, axes)
     (column,) = slot.cycle.bank.masks.columns(axes)
+    axis = slot.cycle.machine.axes[column]
+    if axis.superimposed is not None:
+        _check_window(slot, column, axis, axis.superimposed)
     within = UNBOUNDED if slot.guard is None else slot.guard.bounds(column)
     coupling = couplings.prepare(column, slot.index, slot.generation, within)
-    _check_homed(slot, 1 << coupling.leader)
-    if coupling.lost(0):
-        raise BarrierFault(FaultCode.LEADER_LOST, coupling.leader)
+    _check_homed(slot, 1 << coupling.leader.column)
+    if coupling.leader.lost(0):
+        raise BarrierFault(FaultCode.LEADER_LOST, coupling.leader.column)
     if not abs(coupling.apart) <= coupling.tolerance:
         raise BarrierFault(FaultCode.BESIDE_CAM, column, (coupling.apart, coupling.tolerance))
     couplings.couple(coupling)
     return InStep(slot.cycle, coupling)
+
+
+def _check_window(slot: ProgramSlot, column: int, axis: Axis, own: Superimposed) -> None:
+    """Raise where an axis may leave its travel by what it follows, or what a program was approved for."""
+    if slot.guard is not None:
+        # what the leader does was not simulated
+        raise BarrierFault(FaultCode.ENVELOPE_COMMAND, column)
+    place = float(slot.cycle.row.ordered[column])
+    for end, limit in ((place + own.low, axis.min_position), (place + own.high, axis.max_position)):
+        beyond = limit - end if limit == axis.min_position else end - limit
+        if beyond > axis.in_position and not slot.cycle.motions.unlimited >> column & 1:
+            raise BarrierFault(FaultCode.SOFT_LIMIT, column, (end, limit))
 
 
 def _halt(slot: ProgramSlot, control: Control, left: float, _waited: bool) -> Barrier | None:
@@ -431,7 +459,7 @@ def _settle(slot: ProgramSlot, control: Control, left: float, waited: bool) -> B
     if not waited:
         return AtRest(cycle, control.axes & ~cycle.couplings.mask)
     setpoints = row.ordered.tolist()
-    encoders = row.actual.tolist()
+    encoders = (row.actual if bank.shaper is None else row.actual - bank.shaper.added).tolist()
     for column in bank.masks.columns(bank.exact & bank.energized & bank.positioned):
         encoders[column] = setpoints[column]
     values = (*setpoints, *encoders)
@@ -465,6 +493,10 @@ def _input(slot: ProgramSlot, control: Control, left: float, _waited: bool) -> B
 
 
 def _finish(slot: ProgramSlot, control: Control, left: float, _waited: bool) -> Barrier | None:
+    superimposed = slot.cycle.couplings.superimposed(slot.index)
+    if superimposed:
+        slot.cycle.couplings.uncouple(superimposed)
+        return AtRest(slot.cycle, superimposed, exchanged=True)
     if control.operation:
         slot.cycle.io.make_safe(slot.index)
     slot.finish(control.line, left)

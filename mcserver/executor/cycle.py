@@ -67,12 +67,12 @@ class Cycle:
 
     @property
     def settling(self) -> int:
-        """Columns that nothing moves any more, and whose drives are still told to move: by shapers, or to
-        take up backlash.
+        """Columns that nothing moves any more, and whose drives are still told to move: by shapers, to take
+        up backlash, or because they have followed another axis besides.
         """
-        bank, moving = self.bank, 0
+        bank, moving = self.bank, self.couplings.settling
         if bank.shaper is not None:
-            moving = mask_of(bank.shaper.unsettled)
+            moving |= mask_of(bank.shaper.unsettled)
         if bank.compensator is not None:
             moving |= mask_of(bank.compensator.unsettled)
         return moving & bank.energized & ~self.motions.mask

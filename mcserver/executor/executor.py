@@ -174,6 +174,8 @@ class Executor:
         cycle.history[cycle.number % len(cycle.history)] = row.actual
         if self._has_io:
             self._read_inputs()
+            if cycle.couplings.works:
+                cycle.couplings.works.note(self._io)
         self._supervision.after_exchange()
         self._supervision.report_events()
         for slot in self._used:
@@ -238,7 +240,11 @@ class Executor:
 
     def _path_speeds(self, slot: int, axes: int) -> Array:
         """Return the speed of axes of a slot together along its path in this cycle, shape (1,)."""
-        return self._slots[slot].path_speeds(self._row.velocity[None], axes)
+        velocity = self._row.velocity
+        if self.bank.shaper is not None:
+            # the work goes with what is added
+            velocity = velocity - self.bank.shaper.added_velocity
+        return self._slots[slot].path_speeds(velocity[None], axes)
 
     def stop_all(self, code: FaultCode | None = None) -> None:
         """Stop all motion within its limits, and report why; axes stay energized."""
@@ -327,6 +333,7 @@ class Executor:
         self.motions.rest(unowned)
         stop_independent(cycle, unowned, -1)
         if self.bank.shaper is not None:
+            cycle.couplings.rest()
             self.bank.shaper.rest(self.bank.masks.bools(self.bank.all & ~self.bank.speed))
 
     def _stop_for(self, code: FaultCode, column: float) -> None:

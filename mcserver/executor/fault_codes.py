@@ -83,6 +83,7 @@ class FaultCode(enum.IntEnum):
     OUT_OF_STEP = 472
     LEADER_LOST = 473
     COUPLED = 474
+    WINDOW_LEFT = 475
 
 
 # Codes that are reported and stop no program.
@@ -452,6 +453,10 @@ _TEXT: dict[int, tuple[str, str]] = {
     FaultCode.COUPLED: (
         "axis {axis} follows another one: nothing else moves it",
         "uncouple it before: G1061",
+    ),
+    FaultCode.WINDOW_LEFT: (
+        "what axis {axis} follows has come to the end of the window of its [axis.follow]",
+        "end with G1061 before; a slower leader, a quicker program or a wider window",
     ),
     FaultCode.NO_TRAJECTORY: (
         "no motion of axis {axis} to its target keeps its limits",

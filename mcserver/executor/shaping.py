@@ -3,7 +3,8 @@
 Everything before it (rows, rates, motions, stops, targets) orders positions as on a machine without shapers,
 in `FeedbackRow.ordered`; everything behind it (drives, following errors, telemetry) has the shaped ones, in
 `FeedbackRow.setpoint`. Weights are not negative and sum to 1, so every limit that holds for what is ordered
-holds for what drives get.
+holds for what drives get. What an axis does for one that it follows besides is added behind that
+(`mcserver.executor.superimposed`).
 """
 
 from __future__ import annotations
@@ -21,6 +22,7 @@ class Shaper:
 
     Attributes:
         delay: by which the path comes later, the same for all axes [cycles].
+        added, added_velocity: to what is shaped, shape (K,) [m or rad, per second].
     """
 
     def __init__(self, shaping: Shaping, row: FeedbackRow, cycle_s: float) -> None:
@@ -42,6 +44,8 @@ class Shaper:
         self._age = self._last.copy()
         self._scratch = np.zeros((length, count))
         self._sum = np.zeros(count)
+        self.added: Array = np.zeros(count)
+        self.added_velocity: Array = np.zeros(count)
 
     @property
     def before(self) -> Array:
@@ -64,6 +68,8 @@ class Shaper:
         np.add(self._scratch.sum(axis=0, out=self._sum), row.ordered, out=row.setpoint)
         np.multiply(self._velocities[latest], self._weights, out=self._scratch)
         self._scratch.sum(axis=0, out=row.velocity)
+        row.setpoint += self.added
+        row.velocity += self.added_velocity
 
     @property
     def unsettled(self) -> NDArray[np.bool_]:
@@ -79,7 +85,7 @@ class Shaper:
         row, length = self._row, self._length
         lag = np.arange(length)[::-1, None]
         step = np.where(where, velocity, 0.0)
-        newest = position + step * self._delays * self._cycle
+        newest = position - self.added + step * self._delays * self._cycle
         latest = slice(self._at + 1, self._at + 1 + length)
         positions = self._positions[latest].copy()
         positions[:, where] = (newest - lag * step * self._cycle)[:, where]

@@ -232,6 +232,7 @@ class ProgramSlot:
             self.pending = None
             self.cycle.io.make_safe(self.index)
             self._put_off.drop_outputs()
+            self.cycle.couplings.uncouple(self.cycle.couplings.superimposed(self.index))
             mask = self.cycle.motions.owned_by(self.index) | self.axes & ~self.cycle.motions.mask
             # what follows others stops with these
             stop_independent(self.cycle, mask & ~self.cycle.couplings.mask, self.index)

@@ -1,4 +1,8 @@
-"""``follow`` of an axis: the electronic gear or cam by which it follows another one while it is coupled."""
+"""``follow`` of an axis: the electronic gear or cam by which it follows another one while it is coupled.
+
+A superimposed follower goes after its leader besides what programs order it: X of a gantry over a conveyor.
+A share of its limits is kept for that.
+"""
 
 from __future__ import annotations
 
@@ -9,6 +13,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import msgspec
 from msgspec import Meta
 
+from mcserver.machine.compensation_section import Limits
 from mcserver.machine.constraints import LEAST_STEP, Positive, ascending
 from mcserver.machine.section_reader import Mistakes
 from mcserver.machine.toml_positions import Path
@@ -40,6 +45,11 @@ class FollowSection(msgspec.Struct, frozen=True):
         cam: points of a cam, ascending: where the leader is, where this axis is then, and the slope there.
         repeats: the cam goes on and on, each time further by what it has climbed.
         source: of the leader's place: what it is ordered, or what its encoder reads.
+        superimposed: programs move the axis, too, and what the leader gives is added to that.
+        window: of a superimposed one, from where to where it may be moved by its leader [mm, deg].
+        reserve: of a superimposed one, share of velocity, acceleration and jerk that is kept from programs.
+        latch: of a superimposed one, number of the digital input whose rise notes where the leader is.
+        after: way of the leader from there to where the axis begins to follow [mm, deg].
     """
 
     leader: int
@@ -48,10 +58,34 @@ class FollowSection(msgspec.Struct, frozen=True):
     cam: Annotated[list[_CamPoint], Meta(max_length=2000, description="2 to 2000 points")] | None = None
     repeats: bool = False
     source: Literal["setpoint", "encoder"] = "setpoint"
+    superimposed: bool = False
+    window: Annotated[list[_Number], Meta(min_length=2, max_length=2)] | None = None
+    reserve: Annotated[float, Meta(ge=0.05, le=0.95)] = 0.5
+    latch: Annotated[int, Meta(ge=0)] | None = None
+    after: _Number = 0.0
+
+
+class Superimposed(msgspec.Struct, frozen=True):
+    """What an axis does for its leader besides what programs order, in SI.
+
+    Attributes:
+        low, high: from where to where, 0 between them. limits: within which.
+        latch: column of the input that notes the leader's place; None: the place is that at G1060.
+        after: way of the leader from that place to where it is followed.
+    """
+
+    low: float
+    high: float
+    limits: Limits
+    latch: int | None
+    after: float
 
 
 class Follow(msgspec.Struct, frozen=True):
-    """The same in SI; a gear has no ``cam``, a cam no ratio. ``measured``: the leader's encoder counts."""
+    """The same in SI; a gear has no ``cam``, a cam no ratio. ``measured``: the leader's encoder counts.
+
+    ``superimposed``: None: programs do not move the axis while it follows.
+    """
 
     leader: int
     tolerance: float
@@ -59,6 +93,7 @@ class Follow(msgspec.Struct, frozen=True):
     cam: tuple[tuple[float, float, float], ...]
     repeats: bool
     measured: bool
+    superimposed: Superimposed | None = None
 
 
 def check_followers(
@@ -66,12 +101,13 @@ def check_followers(
     sections: Mapping[Path, FollowSection | None],
     tools: Sequence[Tool],
     bodies: Sequence[Body | None],
+    digital: Mapping[int, int],
     mistakes: Mistakes,
 ) -> dict[int, Follow]:
     """Return what axes follow, in SI, by their numbers; note those that cannot: MC094.
 
     Args:
-        axes, sections: by the paths of the axes' sections.
+        axes, sections: by the paths of the axes' sections. digital: columns of digital inputs by number.
     """
     numbers = {axis.index: axis for axis in axes.values()}
     following = {axes[path].index for path, section in sections.items() if section is not None}
@@ -91,7 +127,11 @@ def check_followers(
                 "MC094",
             )
             continue
-        what = _wrong_mechanics(axis, leader, section, tools, bodies) or _wrong_table(section)
+        what = (
+            _wrong_mechanics(axis, leader, section, tools, bodies)
+            or _wrong_table(section)
+            or _wrong_window(section, digital)
+        )
         if axis.index in pairs:
             what = "it is one of a gantry pair", "let another axis follow"
         if what is not None:
@@ -108,8 +148,17 @@ def check_followers(
             ),
             section.repeats,
             section.source == "encoder",
+            _superimposed(section, axis, its, digital) if section.superimposed else None,
         )
     return found
+
+
+def _superimposed(section: FollowSection, axis: Axis, its: float, digital: Mapping[int, int]) -> Superimposed:
+    """Return the keys of a superimposed follower in SI; ``its``: SI of a mm or degree of the leader."""
+    mine, (low, high) = axis.type.si_per_unit, section.window or (0.0, 0.0)
+    limits = Limits(axis.max_velocity, axis.max_acceleration, axis.max_jerk).scaled(section.reserve)
+    latch = None if section.latch is None else digital[section.latch]
+    return Superimposed(low * mine, high * mine, limits, latch, section.after * its)
 
 
 def _wrong_mechanics(
@@ -150,6 +199,23 @@ def _wrong_table(section: FollowSection) -> tuple[str, str] | None:
             "beyond its ends a cam stands, and a slope at an end is not 0",
             "end it at rest, or let it repeat",
         )
+    return None
+
+
+def _wrong_window(section: FollowSection, digital: Mapping[int, int]) -> tuple[str, str] | None:
+    """Return what is wrong with the keys of a superimposed follower, and the remedy; None: nothing."""
+    window = section.window
+    if not section.superimposed:
+        given = window is not None or section.latch is not None or section.after
+        return ("window, latch and after are of a superimposed one", "leave them out") if given else None
+    if section.ratio is None:
+        return "a cam has places, and is not superimposed", "give a ratio, or leave superimposed out"
+    if window is None or not window[0] <= 0.0 <= window[1] or window[0] == window[1]:
+        return "a superimposed one has a window with 0 in it", "such as window = [0.0, 400.0]"
+    if section.latch is None:
+        return ("it has no latch that comes before", "give latch too") if section.after else None
+    if section.latch not in digital:
+        return f"there is no digital input {section.latch}", "name an [[input]] of this file"
     return None
 
 

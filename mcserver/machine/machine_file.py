@@ -37,7 +37,7 @@ from mcserver.machine.coupled_errors import check_coupled
 from mcserver.machine.dialect_section import Dialect, read_dialect
 from mcserver.machine.drive import CanDrive, Drive
 from mcserver.machine.families import AnyDrive
-from mcserver.machine.follow_section import Follow, check_followers
+from mcserver.machine.follow_section import Follow, Superimposed, check_followers
 from mcserver.machine.gantry_section import Gantry, check_gantries
 from mcserver.machine.homing_section import (
     LETTERS,
@@ -112,6 +112,11 @@ class Axis(msgspec.Struct, frozen=True):
     def profiled(self) -> bool:
         """Return True if its drive makes the profiles itself: it goes to points, and follows no path."""
         return self.drive.profiled
+
+    @property
+    def superimposed(self) -> Superimposed | None:
+        """What it does for one that it follows besides what programs order; None: it does not."""
+        return None if self.follow is None else self.follow.superimposed
 
 
 class Machine(msgspec.Struct, frozen=True):
@@ -225,6 +230,19 @@ class Machine(msgspec.Struct, frozen=True):
             if axis.index == index:
                 return column
         raise KeyError(index)
+
+
+def _following(axis: Axis, follow: Follow) -> Axis:
+    """Return an axis that follows another one; of limits, programs get what a superimposed one leaves."""
+    limits = Limits(axis.max_velocity, axis.max_acceleration, axis.max_jerk)
+    if follow.superimposed is not None:
+        own = follow.superimposed.limits
+        kept = (most - each if math.isfinite(most) else most for most, each in zip(limits, own, strict=True))
+        limits = Limits(*kept)
+    velocity, acceleration, jerk = limits
+    return msgspec.structs.replace(
+        axis, max_velocity=velocity, max_acceleration=acceleration, max_jerk=jerk, follow=follow
+    )
 
 
 def axis_name(index: int) -> str:
@@ -357,8 +375,10 @@ def _read_machine(raw: dict[str, Any], folder: Path | None, mistakes: Mistakes) 
         bodies = file.get("body") or ()
         check_gantries(by_path, tools, bodies, mistakes)
         follow = {path[:-1]: file["axis"][path[1]].follow for path, _, _ in drives}
-        for index, found in check_followers(by_path, follow, tools, bodies, mistakes).items():
-            axes[index] = msgspec.structs.replace(axes[index], follow=found)
+        columns = {each.number: column for column, each in enumerate(inputs) if each.digital}
+        for index, found in check_followers(by_path, follow, tools, bodies, columns, mistakes).items():
+            axes[index] = _following(axes[index], found)
+        by_path = {path: axes[axis.index] for path, axis in by_path.items()}
         shaping = check_shapers(by_path, joints, 1.0 / cycle_hz, motion.path_tolerance_mm * MM, mistakes)
     urdf = None if kinematics is None else kinematics.urdf
     if urdf is not None and folder is not None:

@@ -122,13 +122,16 @@ class Shaping(msgspec.Struct, frozen=True):
 
     @classmethod
     def of(cls, axes: Sequence[Axis], cycle_s: float) -> Shaping | None:
-        """Return the shaping of a machine's axes; None where none has a shaper."""
+        """Return the shaping of a machine's axes; None where drives get what is ordered.
+
+        That is where no axis has a shaper, and none follows another one besides.
+        """
         shapers = [axis.shaper for axis in axes]
         means = [shaper.mean_s() / cycle_s for shaper in shapers if shaper is not None]
-        if not means:
+        if not means and not any(axis.superimposed for axis in axes):
             return None
         # a whole number, so that axes without a shaper are delayed exactly
-        delay = math.ceil(max(means) - 1e-9)
+        delay = math.ceil(max(means, default=0.0) - 1e-9)
         weights, deviations, changes, path = [], [], [], 0.0
         for axis in axes:
             each = (1.0,) if axis.profiled else _weights(axis.shaper, delay, cycle_s)
@@ -185,7 +188,7 @@ def check_shapers(
             mistakes.add((*path, "shaper"), what[0], what[1])
             return None
     shaping = Shaping.of(sorted(axes.values(), key=lambda axis: axis.index), cycle_s)
-    if shaping is not None and shaping.path_deviation >= tolerance:
+    if shaping is not None and 0.0 < shaping.path_deviation >= tolerance:
         most = shaping.path_deviation * 1e3
         mistakes.add(
             ("motion", "path_tolerance_mm"),

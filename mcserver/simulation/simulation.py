@@ -559,7 +559,7 @@ class _Run:
             "axes": axes,
             "diagnostics": [each.as_json() for each in (*warnings, *self._faults)],
         }
-        if machine.shaping is not None:
+        if machine.shaping is not None and machine.shaping.length:
             report["shaping"] = {
                 "delay_s": machine.shaping.delay * machine.cycle_s,
                 "length_s": machine.shaping.length * machine.cycle_s,

@@ -179,7 +179,7 @@ def resolve_targets(block: BlockState, words: tuple[ModalWord, ...]) -> list[Tar
     named: dict[int, Word] = {}
     for entry in words:
         word = entry.word
-        if word.axis < 0 or block.usable_axis(word.axis, word) is None:
+        if word.axis < 0 or block.usable_axis(word.axis, word, along=True) is None:
             continue
         if word.value != word.value or (entry.incremental and word.axis in block.commanded.guessed):
             block.commanded.mark_guessed(word.axis)
@@ -200,7 +200,7 @@ def resolve_targets(block: BlockState, words: tuple[ModalWord, ...]) -> list[Tar
     return [
         Target(block.setup.axes[axis], end, named.get(axis, first))
         for axis, end in found.items()
-        if axis in named or block.usable_axis(axis, first) is not None
+        if axis in named or block.usable_axis(axis, first, along=True) is not None
     ]
 
 

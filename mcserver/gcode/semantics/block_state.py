@@ -21,6 +21,7 @@ from mcserver.gcode.text.parser import ParsedLine
 from mcserver.gcode.text.profile_words import Action, ProfileWord
 from mcserver.gcode.text.syntax import Command
 from mcserver.gcode.text.words import Word
+from mcserver.machine.follow_section import Superimposed
 from mcserver.machine.machine_file import Axis, Machine
 
 # stands for a feed that could not be read, so that later lines are not blamed for it; never leaves a check
@@ -183,11 +184,19 @@ class BlockState:
             message, hint = f"the machine {machine.name} has no axis {index}", f"its axes are {known}"
         self.faults.add("MC108", message, self.span(source), hint, axis=index)
 
+    def superimposed(self, index: int) -> Superimposed | None:
+        """Return what an axis does now for one that it follows besides the program (D-142); None: nothing."""
+        follows = any(index == each for each, _ in self.modal.coupled)
+        return self.setup.axes[index].superimposed if follows else None
+
     def usable_axis(
-        self, index: int, source: Word | Command | Action, *, coupled: bool = False
+        self, index: int, source: Word | Command | Action, *, coupled: bool = False, along: bool = False
     ) -> Axis | None:
         """Return the axis, or report MC108 (not on the machine), MC109 (not leased) or MC345 (it follows
-        another one, unless ``coupled`` may be named) and return None.
+        another one) and return None.
+
+        Args:
+            coupled: a follower may be named. along: one that programs move besides may be.
         """
         axis = self.setup.axes.get(index)
         if axis is None:
@@ -203,11 +212,13 @@ class BlockState:
                 axis=index,
             )
             return None
-        if not coupled and any(index == each for each, _ in self.modal.coupled):
-            since = dict(self.modal.coupled)[index]
+        besides = self.superimposed(index)
+        since = dict(self.modal.coupled).get(index)
+        if since is not None and not (coupled or (along and besides)):
             self.faults.add(
                 "MC345",
-                f"axis {index} follows another one since line {since}: nothing else moves it",
+                f"axis {index} follows another one since line {since}: "
+                f"{'only G0 to G3 and G1020 move it besides' if besides else 'nothing else moves it'}",
                 self.span(source),
                 f"uncouple it before: G1061 P{index}",
                 axis=index,

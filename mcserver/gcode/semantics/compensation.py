@@ -18,7 +18,7 @@ from mcserver.gcode.semantics.modal import ModalState
 from mcserver.gcode.semantics.offset_path import ONE_PLACE, Piece, meet, piece_of, turn_between
 from mcserver.gcode.semantics.program_units import shown_length
 from mcserver.gcode.semantics.rapids import NO_TIME, straight_speed
-from mcserver.gcode.semantics.travel_limits import ROUNDING
+from mcserver.gcode.semantics.travel_limits import ROUNDING, travel_of
 from mcserver.motion.canonical import (
     Canonical,
     DwellGroup,
@@ -318,7 +318,8 @@ class _Stage:
             axis = self._block.setup.axes[index]
             if any((fault.code, fault.axis) == ("MC201", index) for fault in self._block.faults.found):
                 continue
-            if least < axis.min_position - ROUNDING or greatest > axis.max_position + ROUNDING:
+            lowest, highest = travel_of(self._block, axis)
+            if least < lowest - ROUNDING or greatest > highest + ROUNDING:
                 self._block.faults.add(
                     "MC201",
                     f"beside the path the cutter's centre takes axis {index} beyond its travel",

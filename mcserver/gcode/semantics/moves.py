@@ -199,7 +199,7 @@ def _plane_axes(
         if index in named:
             usable = usable and index in by_axis
             continue
-        axis = block.usable_axis(index, command)
+        axis = block.usable_axis(index, command, along=True)
         if axis is not None and axis.type is not AxisType.LINEAR:
             block.faults.add(
                 "MC137",

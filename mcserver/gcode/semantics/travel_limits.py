@@ -12,6 +12,18 @@ from mcserver.machine.machine_file import Axis
 ROUNDING = 1e-9  # m or rad: a converted unit may miss its limit in the last bits
 
 
+def travel_of(block: BlockState, axis: Axis) -> tuple[float, float]:
+    """Return from where to where programs may move an axis now [m or rad].
+
+    One that follows another axis besides (D-142) may be moved on by all of its window.
+    """
+    low, high = axis.min_position, axis.max_position
+    besides = block.superimposed(axis.index)
+    if besides is not None:
+        low, high = low - besides.low, high - besides.high
+    return low, high
+
+
 def check_travel(
     block: BlockState,
     axis: Axis,
@@ -28,14 +40,15 @@ def check_travel(
     Args:
         start, end: of the curve. low, high: least and greatest position on it [m or rad].
     """
-    least, greatest = axis.min_position - ROUNDING, axis.max_position + ROUNDING
+    lowest, highest = travel_of(block, axis)
+    least, greatest = lowest - ROUNDING, highest + ROUNDING
     if low >= least and high <= greatest:
         return
     inch = block.modal.inch
     if end < least or low < min(least, start):
-        beyond, limit, name = min(low, end), axis.min_position, "min_position"
+        beyond, limit, name = min(low, end), lowest, "min_position"
     elif end > greatest or high > max(greatest, start):
-        beyond, limit, name = max(high, end), axis.max_position, "max_position"
+        beyond, limit, name = max(high, end), highest, "max_position"
     else:
         return
     where = "goes to" if beyond == end else "passes"
@@ -44,12 +57,14 @@ def check_travel(
     if shift:
         zero = shown_position(shift, axis.type, inch)
         behind = f" of the machine, where the program's zero lies at {zero} (work offset and tool length)"
+    if (lowest, highest) != (axis.min_position, axis.max_position):
+        name += ", less the window of what it follows,"
     block.faults.add(
         "MC201",
         f"axis {axis.index} {where} {shown_position(beyond, axis.type, inch)}, beyond its {name} "
         f"of {shown_position(limit, axis.type, inch)}",
         block.span(source),
-        f"stay within {shown_position(axis.min_position, axis.type, inch)} … "
-        f"{shown_position(axis.max_position, axis.type, inch)}{behind}",
+        f"stay within {shown_position(lowest, axis.type, inch)} … "
+        f"{shown_position(highest, axis.type, inch)}{behind}",
         axis=axis.index,
     )

@@ -1,0 +1,277 @@
+"""Axes that follow others besides what programs order: work on a conveyor that moves (D-142)."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from mcserver.executor.entries import Array
+from mcserver.executor.fault_codes import FaultCode
+from mcserver.gcode.program_check import check_program
+from mcserver.machine.machine_file import Machine, parse_machine
+from mcserver.machine.section_reader import MachineFileRejected
+from mcserver.units import MM
+from tests.executor.test_couplings import LAW, Coupled
+from tests.limits import broken_limits
+from tests.machine_text import axes_text
+
+BESIDES = (
+    "follow = { leader = 5, ratio = 1.0, tolerance = 0.05, source = 'encoder', superimposed = true, "
+    "window = [0.0, 400.0], reserve = 0.4MORE }"
+)
+# of the belt: 60 mm/s
+BELT = "G1010\nG1030 [5]360\nG04 P0.6\nG90 G94 F3000\n"
+SHAPE = "G1 X50 Y20\nG2 X70 Y20 I10 J0\nG0 X70 Y60\nG1 X10 Y0\n"
+
+
+def machine(more: str = "", keys: str = "", inputs: str = "") -> Machine:
+    """X follows the belt [5] besides; Y and [3] are as any other."""
+    bed = axes_text((0,), keys=f"max_jerk = 40000.0\nmin_position = -50.0\nmax_position = 700.0\n{keys}")
+    bed = bed.replace("[axis.drive]", f"{BESIDES.replace('MORE', more)}\n[axis.drive]")
+    belt = axes_text(
+        (5,),
+        velocity=400.0,
+        acceleration=2000.0,
+        drive="simulated",
+        drive_keys="encoder_resolution = 0.005",
+        keys="max_following_error = 1e6",
+    )
+    return parse_machine(
+        f'[machine]\nname = "picker"\n[motion]\npath_tolerance_mm = 0.2\n{bed}{axes_text((1, 3), keys="max_jerk = 40000.0")}{belt}{inputs}'
+    )
+
+
+MACHINE = machine()
+
+
+class Picker(Coupled):
+    """A program beside a belt."""
+
+    @property
+    def offsets(self) -> Array:
+        """Where X is ordered to be beside the program, in each cycle [m]: what the belt has gone."""
+        return np.array(self.actuals)[:, self.column(5)]
+
+    def broken(self, *, jerk: bool = True, but: tuple[int, ...] = (5,)) -> list[str]:
+        """Limits of the file that setpoints pass in any cycle."""
+        kept = [n for n, axis in enumerate(self.machine.axes) if axis.index not in but]
+        limits = []
+        for name in ("velocity", "acceleration", "jerk")[: 3 if jerk else 2]:
+            own = [getattr(self.machine.axes[n], f"max_{name}") for n in kept]
+            besides = [self.machine.axes[n].superimposed for n in kept]
+            limits.append([a + (0.0 if b is None else getattr(b.limits, name)) for a, b in zip(own, besides)])
+        return broken_limits(np.array(self.rows)[:, kept], limits)
+
+
+def test_a_share_of_the_limits_is_kept_from_programs() -> None:
+    axis = MACHINE.axes[0]
+    assert axis.superimposed is not None
+    assert axis.max_velocity == pytest.approx(0.6 * 200.0 * MM)
+    assert axis.max_jerk == pytest.approx(0.6 * 40_000.0 * MM)
+    assert axis.superimposed.limits.acceleration == pytest.approx(0.4 * 2000.0 * MM)
+
+
+def test_a_program_draws_the_same_shape_on_a_belt_that_moves() -> None:
+    still = Picker(MACHINE, f"G1010\nG90 G94 F3000\n{SHAPE}M2").play()
+    cell = Picker(MACHINE, f"{BELT}G1060 P0\n{SHAPE}G1061\nM2").play()
+    assert cell.faults == still.faults == []
+    assert cell.broken() == []
+    drawn = cell.setpoints(0) - cell.offsets
+    moves = np.flatnonzero(np.abs(np.diff(cell.setpoints(1))) > 0.0)
+    part = slice(moves[0], moves[-1] + 1)
+    # on the belt: the shape ends where it does on one that stands
+    start = drawn[moves[-1]] - still.setpoints(0)[-1]
+    path = np.column_stack([drawn[part] - start, cell.setpoints(1)[part]])
+    ideal = np.column_stack([still.setpoints(0), still.setpoints(1)])
+    apart = np.sqrt(((path[:, None] - ideal[None]) ** 2).sum(axis=2)).min(axis=1)
+    # a row of the other one is up to 50 µm away along the path
+    assert apart.max() < 0.06 * MM
+    assert np.ptp(cell.offsets[part]) > 0.1
+    # and comes to rest by itself while the belt goes on
+    assert np.diff(cell.setpoints(0))[-1] == 0.0
+
+
+def test_what_comes_behind_g1061_is_in_the_frame_that_stands() -> None:
+    cell = Picker(MACHINE, f"{BELT}G1060 P0\nG1 X50\nG04 P1\nG1061\nG1 X20 Y5\nM2").play()
+    assert cell.faults == []
+    assert cell.broken() == []
+    assert cell.setpoints(0).max() > 0.11
+    assert cell.setpoints(0)[-1] == pytest.approx(20.0 * MM, abs=1e-9)
+
+
+def _abort(each: Coupled) -> None:
+    each.executor.mailbox.abort(0)
+
+
+def _stop(each: Coupled) -> None:
+    each.executor.mailbox.emergency_stop()
+
+
+def _hold(each: Coupled) -> None:
+    each.executor.mailbox.set_hold(True, 0)
+
+
+def _resume(each: Coupled) -> None:
+    each.executor.mailbox.set_hold(False, 0)
+
+
+def _override(share: float) -> Callable[[Coupled], None]:
+    return lambda each: each.executor.mailbox.set_override(share, 0)
+
+
+@LAW
+@given(
+    st.dictionaries(
+        st.integers(30, 3500),
+        st.sampled_from([_hold, _resume, _override(0.2), _override(1.0), _override(1.5)]),
+        max_size=8,
+    ),
+    st.integers(500, 3500),
+    st.sampled_from([_abort, _stop]),
+)
+def test_whatever_is_ordered_limits_are_kept_and_a_stop_leaves_the_axis_at_rest(
+    orders: dict[int, Callable[[Coupled], None]], at: int, end: Callable[[Coupled], None]
+) -> None:
+    cell = Picker(MACHINE, f"{BELT}G1060 P0\n{SHAPE * 3}G1061\nM2")
+    cell.play({**orders, at: end})
+    assert cell.broken(jerk=end is _abort) == []
+    executor = cell.executor.executor
+    assert executor._cycle.couplings.engaged == ()
+    assert executor.bank.shaper is not None
+    assert not executor.bank.shaper.added.any()
+    if end is _abort:
+        assert cell.faults == []
+        assert np.diff(cell.setpoints(0))[-1] == 0.0
+
+
+@LAW
+@given(
+    st.dictionaries(
+        st.integers(300, 2500), st.tuples(st.sampled_from(["push", "load"]), st.floats(-5.0, 5.0)), max_size=6
+    ),
+    st.booleans(),
+)
+def test_whatever_the_belt_does_the_axis_keeps_its_limits(
+    what: dict[int, tuple[str, float]], shaped: bool
+) -> None:
+    keys = 'shaper = { type = "ei", frequency_hz = 40.0 }' if shaped else ""
+    cell = Picker(machine(keys=keys), f"{BELT}G1060 P0\n{SHAPE}G1061\nM2")
+    cell.play(
+        {
+            cycle: lambda each, kind=kind, value=value: getattr(each.bus, kind)(each.column(5), value)
+            for cycle, (kind, value) in what.items()
+        }
+    )
+    assert cell.broken() == []
+    assert set(cell.faults) <= {FaultCode.OUT_OF_STEP, FaultCode.WINDOW_LEFT}
+
+
+def test_an_axis_whose_drive_fails_has_no_offset_left() -> None:
+    made = machine()
+    cell = Picker(made, f"{BELT}G1060 P0\n{SHAPE}G1061\nM2")
+    cell.play({1300: lambda each: each.bus.trip(each.column(5))})
+    assert cell.faults == [FaultCode.OVER_TEMPERATURE]
+    assert cell.broken() == []
+    assert cell.executor.executor._cycle.couplings.engaged == ()
+
+
+def test_in_a_feed_hold_the_tool_stands_on_the_work_that_goes_on() -> None:
+    cell = Picker(MACHINE, f"{BELT}G1060 P0\n{SHAPE}G1061\nM2")
+    cell.play({1000: _hold, 2000: _resume})
+    assert cell.faults == []
+    assert np.ptp((cell.setpoints(0) - cell.offsets)[1600:1990]) < 0.02 * MM
+    assert np.ptp(cell.setpoints(0)[1600:1990]) > 0.02
+
+
+def test_the_end_of_the_window_stops_the_program_within_it() -> None:
+    cell = Picker(MACHINE, f"{BELT}G1060 P0\nG1 X40\nG04 P20\nG1061\nM2").play()
+    assert cell.faults == [FaultCode.WINDOW_LEFT]
+    assert cell.broken() == []
+    assert cell.setpoints(0).max() <= 440.0 * MM
+
+
+def test_an_axis_has_to_stand_where_its_window_leaves_room() -> None:
+    cell = Picker(MACHINE, f"{BELT}G1 X310\nG1060 P0\nM2").play()
+    assert cell.faults == [FaultCode.SOFT_LIMIT]
+    assert cell.setpoints(0).max() <= 310.0 * MM + 1e-9
+
+
+def test_a_program_ends_once_the_axis_stands() -> None:
+    cell = Picker(MACHINE, f"{BELT}G1060 P0\nG1 X40\nM2").play()
+    assert cell.faults == []
+    assert cell.broken() == []
+    assert cell.executor.executor._cycle.couplings.engaged == ()
+
+
+def eye(*risen: float) -> str:
+    """An input that works pass at these times [s]."""
+    values = ((at + later, value) for at in risen for later, value in ((0.0, "true"), (0.05, "false")))
+    script = ", ".join(f"{{ at_s = {at:.3f}, value = {value} }}" for at, value in values)
+    return f'[[input]]\nnumber = 4\nname = "eye"\nsimulated = [{script}]\n'
+
+
+@pytest.mark.parametrize("risen", [(0.1,), (0.1, 2.7)])
+def test_works_are_taken_one_by_one_as_they_come_into_the_window(risen: tuple[float, ...]) -> None:
+    made = machine(", latch = 4, after = 60.0", inputs=eye(*risen))
+    pick = "G1060 P0\nG04 P1\nG1061\nG1 X0\n"
+    cell = Picker(made, f"G1010\nG1030 [5]360\nG90 G94 F6000\n{pick * len(risen)}M2").play()
+    assert cell.faults == []
+    assert cell.broken() == []
+    belt, drawn = cell.offsets, cell.setpoints(0)
+    for seconds in risen:
+        cycle = round(1000.0 * seconds)
+        # the work is at the place of the program's zero 60 mm behind the eye
+        due = int(np.argmax(belt >= belt[cycle] + 60.0 * MM))
+        beside = (drawn - (belt - belt[due]))[due + 600 : due + 900]
+        assert np.ptp(beside) < 0.02 * MM
+        # what the belt goes in a cycle or two of the input
+        assert abs(beside.mean()) < 0.15 * MM
+
+
+def test_a_work_that_has_left_the_window_is_passed_over() -> None:
+    made = machine(", latch = 4, after = 60.0", inputs=eye(0.1, 12.0))
+    cell = Picker(made, "G1010\nG1030 [5]360\nG04 P11\nG1060 P0\nG04 P1\nG1061\nM2").play()
+    assert cell.faults == []
+    # it waits for the second one
+    assert not np.diff(cell.setpoints(0))[:13_000].any()
+
+
+@pytest.mark.parametrize(
+    ("keys", "what"),
+    [
+        (", cam = [[0.0, 0.0], [1.0, 1.0]]", "a ratio and a cam"),
+        (", latch = 9", "no digital input 9"),
+        (", after = 3.0", "no latch"),
+    ],
+)
+def test_a_section_that_cannot_be_is_refused(keys: str, what: str) -> None:
+    with pytest.raises(MachineFileRejected, match=what):
+        machine(keys)
+
+
+def test_the_window_holds_0_and_is_of_superimposed_ones_alone() -> None:
+    text = BESIDES.replace("MORE", "")
+    for wrong in (text.replace("[0.0, 400.0]", "[10.0, 400.0]"), text.replace("superimposed = true, ", "")):
+        axes = axes_text((0,)).replace("[axis.drive]", f"{wrong}\n[axis.drive]") + axes_text((5,))
+        with pytest.raises(MachineFileRejected, match="MC094"):
+            parse_machine(f'[machine]\nname = "wrong"\n{axes}')
+
+
+@pytest.mark.parametrize(
+    ("line", "code"),
+    [
+        ("G1 X310", "MC201"),
+        ("G1030 X60", "MC345"),
+        ("G1 X290 F600", None),
+        ("G1060 P0", "MC346"),
+        ("G1020 X20", None),
+    ],
+)
+def test_lines_on_a_belt_are_checked(line: str, code: str | None) -> None:
+    found = check_program(f"G1010\nG90 G94 F600\nG1060 P0\n{line}\nG1061\nM2", MACHINE)
+    assert [each.code for each in found] == ([] if code is None else [code])
