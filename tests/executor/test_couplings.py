@@ -18,6 +18,7 @@ from mcserver.executor.envelope_bounds import Envelope
 from mcserver.executor.fault_codes import FaultCode
 from mcserver.executor.leading_curves import Cam, curve_of
 from mcserver.executor.shm.feedback import SlotState
+from mcserver.gcode.program_check import check_program
 from mcserver.machine.follow_section import cam_points
 from mcserver.machine.machine_file import parse_machine
 from mcserver.machine.plausibility import find_doubts
@@ -424,12 +425,13 @@ def test_an_approved_run_whose_follower_cannot_keep_up_by_its_own_limits_does_no
     assert cell.faults == [FaultCode.OUT_OF_STEP]
 
 
-def test_the_pair_of_the_page_works_as_written() -> None:
+def test_the_pairs_of_the_page_work_as_written() -> None:
     page = (Path(__file__).parents[2] / "docs" / "couplings.md").read_text("utf-8")
-    (described,) = re.findall(r"```toml\n(.*?)```", page, re.DOTALL)
-    (program,) = re.findall(r"```gcode\n(.*?)```", page, re.DOTALL)
-    machine = parse_machine(described)
-    assert find_doubts(machine) == []
+    described, belt = re.findall(r"```toml\n(.*?)```", page, re.DOTALL)
+    program, pick = re.findall(r"```gcode\n(.*?)```", page, re.DOTALL)
+    machine, picker = parse_machine(described), parse_machine(belt)
+    assert find_doubts(machine) == find_doubts(picker) == []
+    assert check_program(f"G1010\n{pick}M2", picker) == []
     report = simulate(program, machine).report
     assert (report["ok"], report["diagnostics"]) == (True, [])
     assert report["axes"]["3"]["max"] == pytest.approx(36.0 * 400.0, abs=0.01)

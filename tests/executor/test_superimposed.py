@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Callable
 
 import numpy as np
@@ -41,9 +40,9 @@ def machine(more: str = "", keys: str = "", inputs: str = "") -> Machine:
         drive_keys="encoder_resolution = 0.005",
         keys="max_following_error = 1e6",
     )
-    return parse_machine(
-        f'[machine]\nname = "picker"\n[motion]\npath_tolerance_mm = 0.2\n{bed}{axes_text((1, 3), keys="max_jerk = 40000.0")}{belt}{inputs}'
-    )
+    others = axes_text((1, 3), keys="max_jerk = 40000.0")
+    head = '[machine]\nname = "picker"\n[motion]\npath_tolerance_mm = 0.2\n'
+    return parse_machine(f"{head}{bed}{others}{belt}{inputs}")
 
 
 MACHINE = machine()
@@ -62,9 +61,11 @@ class Picker(Coupled):
         kept = [n for n, axis in enumerate(self.machine.axes) if axis.index not in but]
         limits = []
         for name in ("velocity", "acceleration", "jerk")[: 3 if jerk else 2]:
-            own = [getattr(self.machine.axes[n], f"max_{name}") for n in kept]
-            besides = [self.machine.axes[n].superimposed for n in kept]
-            limits.append([a + (0.0 if b is None else getattr(b.limits, name)) for a, b in zip(own, besides)])
+            found = []
+            for axis in (self.machine.axes[n] for n in kept):
+                besides = 0.0 if axis.superimposed is None else getattr(axis.superimposed.limits, name)
+                found.append(getattr(axis, f"max_{name}") + besides)
+            limits.append(found)
         return broken_limits(np.array(self.rows)[:, kept], limits)
 
 
