@@ -66,8 +66,6 @@ RPDO1 = Pdo(1, (CONTROLWORD, MODE, TARGET_POSITION), struct.Struct("<Hbi"), 1)
 RPDO2 = Pdo(2, (CONTROLWORD, TARGET_VELOCITY, TARGET_TORQUE), struct.Struct("<Hih"), 1)
 TPDO1 = Pdo(1, (STATUSWORD, MODE_DISPLAY, POSITION_ACTUAL), struct.Struct("<Hbi"), 1)
 TPDO2 = Pdo(2, (VELOCITY_ACTUAL, TORQUE_ACTUAL), struct.Struct("<ih"), SLOW_SYNCS)
-RPDOS = (RPDO1, RPDO2)
-TPDOS = (TPDO1, TPDO2)
 
 
 def rpdo1_cycles(timeouts_ms: Iterable[float], cycle_s: float) -> int:

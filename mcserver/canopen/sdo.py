@@ -7,7 +7,6 @@ import threading
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
-from typing import TypeVar
 
 from can import CanError
 from canopen.objectdictionary import ObjectDictionary
@@ -19,8 +18,6 @@ from mcserver.canopen.abort_codes import abort_remedy, abort_text
 from mcserver.canopen.canopen_errors import DriveError, object_text
 from mcserver.canopen.network import PortNetwork
 from mcserver.canopen.settings import STORING, SdoTimes
-
-T = TypeVar("T")
 
 FRAME = 8
 MAX_BYTES = 64 * 1024

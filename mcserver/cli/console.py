@@ -1,7 +1,4 @@
-"""Where words go: results to standard output, narration and faults to standard error.
-
-NO_COLOR, a pipe and a dumb terminal all give plain text.
-"""
+"""Where words go: results, errors and diagnostics of the commands, for people or as JSON."""
 
 from __future__ import annotations
 
@@ -11,21 +8,21 @@ import time
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from types import MappingProxyType
-from typing import Any, TextIO
+from typing import Any
 
 import msgspec
 from rich.console import Group
 from rich.text import Text
 
+from mcserver.cli import terminal_console
 from mcserver.cli.exit_codes import OutputFault
-from mcserver.cli.terminal_console import TerminalConsole
+from mcserver.cli.terminal_console import narration as narration
+from mcserver.cli.terminal_console import results as results
+from mcserver.cli.terminal_console import write_text as write_text
 from mcserver.errors import Diagnostic, McError, ProgramRejected, RuntimeFault
-from mcserver.gcode.render import render
-from mcserver.gcode.repeated import by_cause, further_lines
+from mcserver.gcode.line_faults import TITLES
 from mcserver.machine.section_reader import MachineFileRejected
-from mcserver.terminal import LogFormatter, visible, visible_json
-
-MAX_SHOWN_DIAGNOSTICS = 100
+from mcserver.terminal import LogFormatter, visible_json
 
 
 class NarrationHandler(logging.Handler):
@@ -49,20 +46,6 @@ class NarrationHandler(logging.Handler):
             self.handleError(record)
 
 
-def narration() -> TerminalConsole:
-    """Return the console for people: standard error."""
-    return TerminalConsole(stderr=True, soft_wrap=True)
-
-
-def results() -> TerminalConsole:
-    """Return the console for results: standard output."""
-    console = TerminalConsole(soft_wrap=True)
-    if not console.is_terminal:
-        # a file or a pipe has no width: tables need not be squeezed
-        console.width = max(console.width, 140)
-    return console
-
-
 def write_json(answer: object) -> None:
     """One JSON object and a line end on standard output.
 
@@ -81,15 +64,6 @@ def json_bytes(value: object) -> bytes:
     return visible_json(msgspec.json.encode(value).decode()).encode()
 
 
-def write_text(text: str, stream: TextIO | None = None) -> None:
-    """Write a text as it is, by default to standard output; at a terminal nothing in it is obeyed."""
-    stream = sys.stdout if stream is None else stream
-    if stream.isatty():
-        text = "\n".join(map(visible, text.split("\n")))
-    stream.write(text)
-    stream.flush()
-
-
 def show_error(error: McError) -> None:
     """A coded error with its remedy, on standard error."""
     console = narration()
@@ -102,20 +76,12 @@ def show_error(error: McError) -> None:
 
 
 def show_diagnostics(diagnostics: Sequence[Diagnostic], source_lines: Sequence[str], path: str) -> None:
-    """Show faults of a program as a compiler would, each cause once, on standard error."""
-    console = narration()
-    causes = by_cause(diagnostics)
-    for diagnostic, lines in causes[:MAX_SHOWN_DIAGNOSTICS]:
-        head, *rest = render(diagnostic, source_lines, path)
-        colour = "bold red" if diagnostic.severity == "error" else "bold yellow"
-        console.print(Text(head, style=colour))
-        for line in rest:
-            console.print(Text(line))
-        if lines:
-            console.print(Text(f"  = {further_lines(lines)}"))
-        console.print()
-    if len(causes) > MAX_SHOWN_DIAGNOSTICS:
-        console.print(f"… and {len(causes) - MAX_SHOWN_DIAGNOSTICS} more; --json gives all of them")
+    """Show faults of a program, with the lines where they are."""
+
+    def text_of(line: int) -> str | None:
+        return source_lines[line - 1] if 0 < line <= len(source_lines) else None
+
+    terminal_console.show_diagnostics(diagnostics, text_of, path, TITLES)
 
 
 def as_diagnostics(error: McError) -> list[dict[str, Any]]:

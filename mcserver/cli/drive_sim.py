@@ -52,15 +52,6 @@ def drive_sim(
             "--control", metavar="HOST:PORT", help="Take faults on demand there; port 0 takes a free one."
         ),
     ] = None,
-    random_start: Annotated[
-        int | None,
-        typer.Option(
-            "--random-start", metavar="SEED", help="Motors start anywhere, instead of at initial_position."
-        ),
-    ] = None,
-    energize_ms: Annotated[
-        float, typer.Option("--energize-ms", min=0.0, max=10_000.0, help="Switching on takes so long, twice.")
-    ] = 20.0,
     realtime: Annotated[
         int,
         typer.Option(
@@ -94,7 +85,7 @@ def drive_sim(
         ) from error
     if realtime:
         _take_priority(realtime)
-    choice = Choice(tuple(bus or ()), tuple(node or ()), energize_ms * 1e-3, random_start, interface or ())
+    choice = Choice(tuple(bus or ()), tuple(node or ()), interface or ())
     with _hub(hub_address) as where:
         try:
             segments = build_buses(described, choice, wait_s=wait)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import signal
-import threading
 from typing import Annotated
 
 import typer
@@ -16,15 +15,10 @@ from mcserver.net.keys import is_name
 
 def fleet_sim(
     machines: Annotated[int, typer.Option("--machines", "-n", min=1, max=100_000, help="How many.")] = 10,
-    processes: Annotated[
-        int, typer.Option("--processes", "-p", min=1, max=256, help="Share them among so many processes.")
-    ] = 1,
     connect: ConnectOption = None,
     listen: Annotated[
         list[str] | None,
-        typer.Option(
-            "--listen", "-l", metavar="E", help="Zenoh endpoint to listen on, with one process. Repeatable."
-        ),
+        typer.Option("--listen", "-l", metavar="E", help="Zenoh endpoint to listen on. Repeatable."),
     ] = None,
     zenoh: ZenohConfigOption = None,
     prefix: Annotated[
@@ -41,34 +35,25 @@ def fleet_sim(
     ] = 0.1,
 ) -> None:
     """Simulate a fleet of light machines on the network until Ctrl-C or SIGTERM: real protocol, no motion."""
-    from mcserver.fleet_sim.fleet import FleetOptions
-    from mcserver.fleet_sim.processes import run_fleet
+    from mcserver.fleet_sim.fleet import FleetOptions, open_fleet
     from mcserver.net.configuration import NetworkOptions
 
     if not is_name(f"{prefix}-00001"):
         raise ConfigurationError(
             "MC017", f"{prefix!r} cannot be part of a key", "use letters, digits, '-', '_', '.'"
         )
-    if listen and processes > 1:
-        raise ConfigurationError(
-            "MC077",
-            f"{processes} processes cannot listen on the same endpoint",
-            "start a router and use --connect, or take one process",
-        )
-    stopping = threading.Event()
-    names = f"{prefix}-{first:05d} … {prefix}-{first + machines - 1:05d}"
-    for number in (signal.SIGTERM, signal.SIGINT):
-        signal.signal(number, lambda *_: stopping.set())
     network = NetworkOptions(
         listen=tuple(listen) if listen else (() if connect else None),
         connect=tuple(connect or ()),
         config_file=zenoh,
     )
     options = FleetOptions(machines, first, prefix, axes, state_hz, line_s, network)
+    session, fleet = open_fleet(options)
+    for number in (signal.SIGTERM, signal.SIGINT):
+        signal.signal(number, lambda *_: fleet.stop())
+    names = f"{prefix}-{first:05d} … {prefix}-{first + machines - 1:05d}"
     where = ", ".join([*(connect or ()), *(listen or ())]) or "the Zenoh configuration, or the loopback"
-    run_fleet(
-        options,
-        processes,
-        stopping,
-        lambda: narration().print(f"{machines} light machines {names} at {where}"),
-    )
+    narration().print(f"{machines} light machines {names} at {where}")
+    fleet.run()
+    session.close()  # type: ignore[no-untyped-call]
+    fleet.close()

@@ -10,8 +10,8 @@ from contextlib import contextmanager
 from itertools import islice
 from typing import IO, overload
 
-from mcserver.cli.console import MAX_SHOWN_DIAGNOSTICS
 from mcserver.cli.program_file import MAX_PROGRAM_BYTES, STDIN, open_program, shown_name
+from mcserver.cli.terminal_console import MAX_SHOWN_DIAGNOSTICS
 from mcserver.errors import Diagnostic, UsageFault
 from mcserver.gcode.repeated import by_cause
 from mcserver.gcode.text.source import lines_of

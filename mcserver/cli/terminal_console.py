@@ -1,16 +1,29 @@
-"""The one way to a terminal: words of machines, programs and people as text, never as orders to it."""
+"""The one way to a terminal: words of machines, programs and people as text, never as orders to it.
+
+Results go to standard output, narration and faults to standard error. NO_COLOR, a pipe and a dumb terminal
+all give plain text.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
-from typing import Any
+import sys
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from types import MappingProxyType
+from typing import Any, TextIO
 
 import typer
 from rich.console import Console, ConsoleOptions, RenderableType
 from rich.segment import Segment
 from rich.text import Span, Text
 
+from mcserver.errors import Diagnostic
+from mcserver.gcode.render import render
+from mcserver.gcode.repeated import by_cause, further_lines
 from mcserver.terminal import shown, visible
+
+MAX_SHOWN_DIAGNOSTICS = 100
+# Of a file or a pipe, which has no width: tables need not be squeezed.
+PIPE_COLUMNS = 160
 
 
 class TerminalConsole(Console):
@@ -41,6 +54,53 @@ def _visible(text: Text) -> Text:
     whole = text.blank_copy("".join(pieces))
     whole.spans = [Span(at[span.start], at[min(span.end, len(pieces))], span.style) for span in text.spans]
     return whole
+
+
+def narration() -> TerminalConsole:
+    """Return the console for people: standard error."""
+    return TerminalConsole(stderr=True, soft_wrap=True)
+
+
+def results() -> TerminalConsole:
+    """Return the console for results: standard output."""
+    console = TerminalConsole(soft_wrap=True)
+    if not console.is_terminal:
+        console.width = max(console.width, PIPE_COLUMNS)
+    return console
+
+
+def write_text(text: str, stream: TextIO | None = None) -> None:
+    """Write a text as it is, by default to standard output; at a terminal nothing in it is obeyed."""
+    stream = sys.stdout if stream is None else stream
+    if stream.isatty():
+        text = "\n".join(map(visible, text.split("\n")))
+    stream.write(text)
+    stream.flush()
+
+
+def show_diagnostics(
+    diagnostics: Sequence[Diagnostic],
+    text_of: Callable[[int], str | None],
+    path: str,
+    titles: Mapping[str, str] = MappingProxyType({}),
+) -> None:
+    """Show faults of a program as a compiler would, each cause once, on standard error.
+
+    Args:
+        text_of: the text of a line, None where it is not known. path: name of the program. titles: of codes.
+    """
+    console = narration()
+    causes = by_cause(diagnostics)
+    for diagnostic, lines in causes[:MAX_SHOWN_DIAGNOSTICS]:
+        head, *rest = render(diagnostic, text_of(diagnostic.line), path, titles.get(diagnostic.code, ""))
+        console.print(Text(head, style="bold red" if diagnostic.severity == "error" else "bold yellow"))
+        for line in rest:
+            console.print(Text(line))
+        if lines:
+            console.print(Text(f"  = {further_lines(lines)}"))
+        console.print()
+    if len(causes) > MAX_SHOWN_DIAGNOSTICS:
+        console.print(f"… and {len(causes) - MAX_SHOWN_DIAGNOSTICS} more; --json gives all of them")
 
 
 def run_app(app: typer.Typer, arguments: Sequence[str] | None, name: str | None) -> int:

@@ -302,11 +302,10 @@ def simulated_node(
     transmit: Transmit,
     hardware: Hardware,
     position: float,
-    energize_s: float,
 ) -> Cia402Node:
     """Return the drive of an axis, see `mcserver.drive_sim.from_machine.build_node`."""
     dictionary = described(machine, axis)
     identity = identity_of(axis, dictionary)
-    node = Cia402Node(cia402_drive(axis).node, transmit, hardware, position, identity, energize_s)
+    node = Cia402Node(cia402_drive(axis).node, transmit, hardware, position, identity)
     add_objects(node.store, dictionary)
     return node

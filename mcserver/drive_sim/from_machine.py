@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import random
 import time
 from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass
@@ -27,25 +26,20 @@ from mcserver.units import TURN
 
 # A motor without a torque limit in the machine file accelerates by this multiple of the axis's limit.
 SPARE_ACCELERATION = 5.0
-# Random starts of an axis without travel limits: so many turns of the motor either way.
-RANDOM_TURNS = 20.0
 RETRY_S = 0.1
 
 
 @dataclass(frozen=True)
 class Choice:
-    """Which drives are simulated, and how they start.
+    """Which drives are simulated.
 
     Attributes:
         buses: names or addresses; none: all. nodes: none: all.
         interfaces: where a master of EtherCAT is connected; two: both ends of a ring.
-        energize_s: see `Cia402Node`. seed: of random starting positions; None: those of the machine file.
     """
 
     buses: Collection[str] = ()
     nodes: Collection[int] = ()
-    energize_s: float = 0.02
-    seed: int | None = None
     interfaces: Sequence[str] = ()
 
 
@@ -86,21 +80,19 @@ def build_buses(
     """
     segments: dict[str, SimulatedBusSegment] = {}
     lines: dict[str, EthercatSegment] = {}
-    chance = random.Random(choice.seed)
     deadline = time.monotonic() + wait_s
     try:
         for bus, axis in simulated_axes(machine, choice):
-            position = start_turns(axis, None if choice.seed is None else chance)
             if bus.kind == "ethercat":
                 if bus.name not in lines:
                     lines[bus.name] = EthercatSegment(bus.name, EthercatLine(choice.interfaces))
-                lines[bus.name].nodes.append(_ethercat_drive(machine, axis, position, choice.energize_s))
+                lines[bus.name].nodes.append(_ethercat_drive(machine, axis))
                 continue
             segment = segments.get(bus.name)
             if segment is None:
                 port = _open(bus.address, deadline, opener)
                 segment = segments[bus.name] = SimulatedBusSegment(bus.name, port)
-            segment.nodes.append(build_node(machine, axis, segment.transmit, position, choice.energize_s))
+            segment.nodes.append(build_node(machine, axis, segment.transmit, start_turns(axis)))
         for bus in machine.buses:
             for number in simulated_io(machine, bus, choice):
                 segment = segments.get(bus.name)
@@ -122,25 +114,21 @@ def _all(segments: dict[str, SimulatedBusSegment], lines: dict[str, EthercatSegm
     return [*segments.values(), *lines.values()]
 
 
-def _ethercat_drive(machine: Machine, axis: Axis, position: float, energize_s: float) -> EthercatDrive:
+def _ethercat_drive(machine: Machine, axis: Axis) -> EthercatDrive:
     dictionary = described(machine, axis)
     identity = identity_of(axis, dictionary)
     node = cia402_drive(axis).node
-    drive = EthercatDrive(node, hardware_of(axis), position, identity, energize_s, time.monotonic)
+    drive = EthercatDrive(node, hardware_of(axis), start_turns(axis), identity, time.monotonic)
     add_objects(drive.store, dictionary)
     return drive
 
 
 def build_node(
-    machine: Machine,
-    axis: Axis,
-    transmit: Callable[[int, bytes], None],
-    position: float,
-    energize_s: float = 0.02,
+    machine: Machine, axis: Axis, transmit: Callable[[int, bytes], None], position: float
 ) -> CanNode:
     """Return the drive of one axis, its motor at ``position`` [turn]: of the module with its kind's name."""
     made: CanNode = import_module(f"mcserver.drive_sim.{axis.drive.kind}_node").simulated_node(
-        machine, axis, transmit, hardware_of(axis), position, energize_s
+        machine, axis, transmit, hardware_of(axis), position
     )
     return made
 
@@ -169,16 +157,9 @@ def hardware_of(axis: Axis) -> Hardware:
     )
 
 
-def start_turns(axis: Axis, chance: random.Random | None) -> float:
-    """Return where the motor stands when power comes [turn]: by the machine file, or anywhere within the
-    travel.
-    """
-    position = axis.initial_position
-    if chance is not None:
-        spread = RANDOM_TURNS * axis.travel_per_motor_turn
-        low, high = max(axis.min_position, -spread), min(axis.max_position, spread)
-        position = chance.uniform(low, high)
-    return position * _turns_per_travel(axis)
+def start_turns(axis: Axis) -> float:
+    """Return where the motor stands when power comes, by the machine file [turn]."""
+    return axis.initial_position * _turns_per_travel(axis)
 
 
 def _turns_per_travel(axis: Axis) -> float:

@@ -223,7 +223,6 @@ def simulated_node(
     transmit: Callable[[int, bytes], None],
     hardware: Hardware,
     position: float,
-    _energize_s: float,
 ) -> ServosilaNode:
     """Return the drive of an axis, see `mcserver.drive_sim.from_machine.build_node`."""
     drive = axis.drive

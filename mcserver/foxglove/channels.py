@@ -54,7 +54,6 @@ PATH = _protobuf("/path", PointCloud)
 LOG = _protobuf("/log", Log)
 # the one form of a URDF on a topic that Foxglove and Rerun both read is that of ROS 2
 ROBOT = WellKnown("/robot_description", "cdr", "std_msgs/msg/String", "ros2msg", b"string data")
-ALL = (FRAMES, STANDING_FRAMES, JOINTS, SCENE, PATH, LOG, ROBOT)
 
 
 def robot_description(urdf: str) -> bytes:

@@ -3,24 +3,21 @@
 from __future__ import annotations
 
 import unicodedata
-from collections.abc import Sequence
 
 from mcserver.errors import Diagnostic
-from mcserver.gcode.line_faults import TITLES
 
 TAB = 4  # columns that a tab is shown as
 WINDOW = 100  # columns of a line that are shown; longer lines are cut around the mark
 ELLIPSIS = "…"
 
 
-def render(diagnostic: Diagnostic, source_lines: Sequence[str], path: str) -> list[str]:
+def render(diagnostic: Diagnostic, text: str | None, path: str, title: str = "") -> list[str]:
     """Render a diagnostic as lines, without colour.
 
     Args:
-        source_lines: lines of the program; a diagnostic without a line of them is shown without excerpt.
-        path: name of the program.
+        text: of its line; None: not known, no excerpt.
+        path: name of the program. title: of the diagnostic's code; the message then stands at the mark.
     """
-    title = TITLES.get(diagnostic.code, "")
     head = f"{diagnostic.severity}[{diagnostic.code}]: {title or diagnostic.message}"
     lines = [head]
     label = diagnostic.message if title else ""
@@ -30,12 +27,10 @@ def render(diagnostic: Diagnostic, source_lines: Sequence[str], path: str) -> li
     else:
         lines.append(f" --> {path}")
     width = 1
-    if 0 < diagnostic.line <= len(source_lines):
+    if text is not None and diagnostic.line > 0:
         margin = str(diagnostic.line)
         width = len(margin)
-        shown, before, marked = excerpt(
-            source_lines[diagnostic.line - 1], diagnostic.column, diagnostic.end_column
-        )
+        shown, before, marked = excerpt(text, diagnostic.column, diagnostic.end_column)
         lines.append(f"{margin} | {shown}".rstrip())
         if diagnostic.column > 0:
             lines.append(f"{' ' * width} | {' ' * before}{'^' * marked} {label}".rstrip())

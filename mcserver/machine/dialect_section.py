@@ -121,6 +121,11 @@ class Dialect(msgspec.Struct, frozen=True):
         return self.profile == "reference"
 
     @property
+    def fanuc(self) -> bool:
+        """Return True if codes that controllers read in two ways are meant as on Fanuc's."""
+        return self.macros == "fanuc"
+
+    @property
     def computes(self) -> bool:
         """Return True if programs may hold expressions, parameters and O-words (D-80)."""
         return self.profile == "cnc"

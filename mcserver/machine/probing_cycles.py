@@ -54,7 +54,7 @@ def probing_cycles(machine: Machine) -> tuple[Button, ...]:
     texts["Centre of a hole"] = _hole()
     texts["Centre of a boss"] = _boss()
     texts["Tool length"] = _tool_length()
-    numbers = _IN_MACRO_B if machine.dialect.macros == "fanuc" else {}
+    numbers = _IN_MACRO_B if machine.dialect.fanuc else {}
     return tuple(_button(name, lines, numbers) for name, lines in texts.items() if letters >= _letters(lines))
 
 

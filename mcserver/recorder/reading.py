@@ -1,4 +1,4 @@
-"""Recordings as arrays: MCAP files of the recorder or of ``mcctl record``, and NPZ files of a simulation."""
+"""Recordings as arrays: MCAP files of the recorder, and NPZ files of ``mcctl`` or a simulation."""
 
 from __future__ import annotations
 
@@ -28,6 +28,8 @@ from mcserver.simulation.recorder import Recorded
 Array = NDArray[np.float64]
 
 SUFFIXES = (".mcap", ".npz")
+# What a message raises that is not of the schema that its topic has here.
+_NOT_UNDERSTOOD = (msgspec.MsgspecError, DecodeError, AttributeError, ValueError, KeyError)
 
 
 class RecordedRun(msgspec.Struct, frozen=True):
@@ -108,7 +110,7 @@ def _read_mcap(path: Path, stream: BinaryIO) -> RecordedRun:
     setpoint, actual = columns["setpoint"], columns["position"]
     if setpoint is None or actual is None or not len(times):
         raise UsageFault(
-            "MC581", f"{path} has no cycles in it that fit its axes", "record with mcctl record or the server"
+            "MC581", f"{path} has no cycles in it that fit its axes", "record with mcctl record start"
         )
     times = times[order]
     start = float(times[0])
@@ -172,7 +174,7 @@ class _Gathered:
         elif isinstance(record, Message):
             read = self._reads.get(self._topics.get(record.channel_id, ""))
             if read is not None:
-                with contextlib.suppress(msgspec.MsgspecError, DecodeError, ValueError, KeyError):
+                with contextlib.suppress(*_NOT_UNDERSTOOD):
                     read(record.data)
 
     def longest_text(self) -> dict[int, str]:
@@ -203,8 +205,7 @@ class _Gathered:
             return
         message = self._cycle.FromString(data)
         self.times.append(message.time)
-        # the client's recordings have no line
-        self.line.append(getattr(message, "line", 0))
+        self.line.append(message.line)
         for name, rows in self.columns.items():
             rows.append(list(getattr(message, name)))
 

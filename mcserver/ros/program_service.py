@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
-import logging
 from typing import Any
 
 from mcclient import Machine, MotionError
@@ -16,8 +15,6 @@ from mcclient import Machine, MotionError
 from mcserver.ros.interfaces import interfaces
 from mcserver.ros.node import Node
 from mcserver.ros.outcome import with_hint
-
-log = logging.getLogger(__name__)
 
 KIND = "mcserver_msgs/srv/RunProgram"
 MAX_TEXT = 1024 * 1024

@@ -9,7 +9,6 @@ what another thread has not synced yet (`mcserver.service.disk_sync`).
 from __future__ import annotations
 
 import enum
-import logging
 import queue
 import sqlite3
 import threading
@@ -35,8 +34,6 @@ from mcserver.service.journal_file import (
     transaction,
 )
 from mcserver.service.reports import Fault, ProgramState
-
-log = logging.getLogger(__name__)
 
 BATCH = 2000
 RETRY_S = 0.5

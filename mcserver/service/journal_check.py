@@ -26,23 +26,10 @@ _PROGRAM_INDEXES = (
     "SELECT program FROM programs INDEXED BY sqlite_autoindex_programs_1",
     "SELECT DISTINCT program FROM chunks INDEXED BY chunks_by_program",
 )
-# From this version on a journal has sums, and everything of it is under a checksum.
-_SUMMED = 3
-# Of version 3, which had a table of the times of lines that nobody read.
+# The oldest version that is read; it had a table of the times of lines that nobody read.
+_OLDEST = 3
 _NAMES_3: Mapping[str, tuple[str, ...]] = MappingProxyType(
     {**NAMES, "programs": (*NAMES["programs"], "report_rows", "report_sum")}
-)
-# Of journals of before version 3: the columns under a checksum, which are all that version 1 has none of.
-_OLD_CHECKED: Mapping[str, tuple[str, ...]] = MappingProxyType(
-    {
-        "programs": (*NAMES["programs"][:8], "opened_at"),
-        "chunks": ("program", "first", "lines"),
-        "faults": NAMES["faults"],
-        "commands": NAMES["commands"],
-    }
-)
-_OLD_NAMES: Mapping[str, tuple[str, ...]] = MappingProxyType(
-    {**NAMES, "programs": NAMES["programs"][:-5], "sums": ()}
 )
 
 
@@ -80,22 +67,15 @@ class JournalContent:
         # what is no UTF-8 has to fail at its checksum, not here
         connection.text_factory = lambda raw: str(raw, "utf-8", "surrogateescape")
         self.version = version
-        self.summed = version >= _SUMMED
-        self.names = NAMES if version == SCHEMA_VERSION else _NAMES_3 if self.summed else _OLD_NAMES
+        self.names = NAMES if version == SCHEMA_VERSION else _NAMES_3
         self.broken: set[str] = set()
 
     def rows(self, table: str) -> Iterator[JournalRow]:
         """Each row that can be read; in no certain order."""
         names = self.names[table]
-        if not names or not self._has(table):
-            return
-        checked = names if self.summed else _OLD_CHECKED.get(table, ())
-        crc = "NULL" if self.version == 1 or not checked else "crc"
-        for number, written, *values in self._scan(table, f"rowid, {crc}, {', '.join(names)}"):
+        for number, written, *values in self._scan(table, f"rowid, crc, {', '.join(names)}"):
             row = dict(zip(names, values, strict=True))
-            unknown = written is None and not self.summed
-            sound = unknown or written == _checksum(row[name] for name in checked)
-            yield JournalRow(int(str(number)), row, sound)
+            yield JournalRow(int(str(number)), row, written == _checksum(values))
 
     def programs_of_indexes(self) -> set[str]:
         """Ids of programs that any index has."""
@@ -114,10 +94,6 @@ class JournalContent:
         except (sqlite3.Error, ValueError) as error:
             return str(error)
         return "" if verdict == "ok" else str(verdict).splitlines()[-1]
-
-    def _has(self, table: str) -> bool:
-        known = self._connection.execute("SELECT 1 FROM sqlite_master WHERE name=?", (table,)).fetchone()
-        return self.summed or known is not None
 
     def _scan(self, table: str, columns: str) -> Iterator[Sequence[object]]:
         """Rows from the first on and, where one cannot be read, from the last on backwards."""
@@ -172,8 +148,10 @@ def opened(path: Path) -> Iterator[JournalContent | None]:
             if not version and not found:
                 yield None
                 return
-            if version > SCHEMA_VERSION or (version == SCHEMA_VERSION and found != set(schema())):
-                raise refusal(path, f"it is of version {version}" if version > SCHEMA_VERSION else "")
+            if not _OLDEST <= version <= SCHEMA_VERSION:
+                raise refusal(path, f"it is of version {version}")
+            if version == SCHEMA_VERSION and found != set(schema()):
+                raise refusal(path, "")
             if version < SCHEMA_VERSION and not {"programs", "chunks"} <= _tables(connection):
                 raise refusal(path, "it has none of a journal's tables")
             yield JournalContent(connection, version)
@@ -232,11 +210,6 @@ def examine(content: JournalContent, record: CommitCount | None) -> Findings:
     named = {
         each for each in {*programs, *sums_by_program, *wrong, *content.programs_of_indexes()} if _is_id(each)
     }
-    if not content.summed:
-        lost = sorted(filter(_is_id, wrong))
-        if wrong or content.broken:
-            damage.append("rows of it are damaged")
-        return Findings(damage, frozenset(set(programs) - wrong), lost, 0)
     uncounted = [table for table in COUNTED if counted[table] != sums.get(table)]
     if wrong or content.broken or uncounted or not sums_sound:
         damage.append("rows of it are damaged or missing")

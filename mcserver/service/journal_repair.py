@@ -140,10 +140,8 @@ def _copied(content: JournalContent, found: Findings, path: Path) -> Path:
             for number, row, sound in content.rows(table):
                 if not sound or (table in _OF_PROGRAMS and row["program"] not in found.kept):
                     continue
-                # the sums are made anew; an older version may have columns that are gone
-                values = {
-                    name: row[name] for name in NAMES[table] if name in row and name not in _SUM_COLUMNS
-                }
+                # the sums are made anew; an older version has columns that are gone
+                values = {name: row[name] for name in NAMES[table] if name not in _SUM_COLUMNS}
                 connection.execute(*insertion(table, id=number, **values))
         connection.execute("UPDATE sums SET rows=? WHERE of=?", (found.commits, COMMITS))
         checksum = row_checksum(COMMITS, found.commits, 0)

@@ -31,7 +31,6 @@ from mcserver.machine.machine_file import Axis, Machine
 from mcserver.units import MM
 
 Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
 
 # Cycles in which a drive may be lost that are judged together at first, and those that are taken in one go.
 BLOCK = 64

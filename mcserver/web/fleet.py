@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
-import logging
 import time
 from collections import OrderedDict
 from collections.abc import Awaitable, Callable
@@ -19,8 +18,6 @@ from mcserver.web.link import MachineLink
 from mcserver.web.past import Past
 from mcserver.web.store import ProgramStore
 from mcserver.web.translation import mark
-
-log = logging.getLogger(__name__)
 
 PERIOD_S = 1.0
 # machines that are asked for their groups and tags in a look

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import asyncio
 import html
-import logging
 import re
 import time
 from collections.abc import Callable
@@ -32,8 +31,6 @@ from mcserver.web.sessions import COOKIE, Sessions, Visitor
 from mcserver.web.store import MAX_PROGRAM_BYTES
 from mcserver.web.translation import mark, t, t_in
 from mcserver.web.users import read_users
-
-log = logging.getLogger(__name__)
 
 # a form; the page's own small messages; a program that is uploaded
 LIMITS = DoorLimits(

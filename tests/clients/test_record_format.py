@@ -16,7 +16,7 @@ from typer.testing import CliRunner
         (None, Format.PARQUET, "cell-1-20260314T150926Z.parquet"),
         (Path("run"), Format.CSV, "run.csv"),
         (Path("run.parquet"), Format.PARQUET, "run.parquet"),
-        (Path("run.mcap"), None, "run.mcap"),
+        (Path("run.npz"), None, "run.npz"),
     ],
 )
 def test_a_format_names_the_file_where_nobody_has(
@@ -25,6 +25,6 @@ def test_a_format_names_the_file_where_nobody_has(
     assert _file_name(output, format, "cell-1", 1773500966.0) == Path(name)
 
 
-@pytest.mark.parametrize("options", [[], ["--output", "a.mcap", "--format", "parquet"], ["--format", "xls"]])
+@pytest.mark.parametrize("options", [[], ["--output", "a.csv", "--format", "parquet"], ["--format", "xls"]])
 def test_what_cannot_be_meant_is_a_usage_error(options: list[str]) -> None:
     assert CliRunner().invoke(build_app(), ["record", *options]).exit_code == 2

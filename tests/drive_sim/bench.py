@@ -6,7 +6,7 @@ import struct
 from typing import Any
 
 from mcserver.can.cob import NMT, SYNC, Function, NmtCommand
-from mcserver.can.pdo_layout import RPDO1, RPDOS, TPDO1, TPDOS, Mode, Pdo
+from mcserver.can.pdo_layout import RPDO1, RPDO2, TPDO1, TPDO2, Mode, Pdo
 from mcserver.can.port import Frame
 from mcserver.drive_sim.cia402_node import Cia402Node
 from mcserver.drive_sim.described import Identity
@@ -113,9 +113,9 @@ class Bench:
     def operate(self) -> Bench:
         """Boots, maps the PDOs of layout.py, and starts the node."""
         self.boot()
-        for pdo in RPDOS:
+        for pdo in (RPDO1, RPDO2):
             self.map_pdo(pdo, 0x1400, Function.RPDO1 + 0x100 * (pdo.number - 1) + NODE)
-        for pdo in TPDOS:
+        for pdo in (TPDO1, TPDO2):
             self.map_pdo(pdo, 0x1800, Function.TPDO1 + 0x100 * (pdo.number - 1) + NODE)
         self.write(0x60C2, 1, "B", round(PERIOD_S * 1e3))
         self.nmt(NmtCommand.START)

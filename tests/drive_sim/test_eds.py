@@ -8,7 +8,7 @@ from importlib import resources
 import canopen
 import pytest
 
-from mcserver.can.pdo_layout import RPDOS, TPDOS
+from mcserver.can.pdo_layout import RPDO1, RPDO2, TPDO1, TPDO2
 from mcserver.drive_sim.dictionary import EDS, ObjectStore
 
 
@@ -59,7 +59,7 @@ def test_defaults_are_within_their_limits_and_types() -> None:
 
 def test_the_process_data_of_the_master_can_be_mapped() -> None:
     store = ObjectStore(5)
-    for pdos, incoming in ((RPDOS, True), (TPDOS, False)):
+    for pdos, incoming in (((RPDO1, RPDO2), True), ((TPDO1, TPDO2), False)):
         for pdo in pdos:
             for wanted in pdo.entries:
                 entry = store.entry(wanted.index, wanted.subindex)

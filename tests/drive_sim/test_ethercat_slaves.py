@@ -26,7 +26,7 @@ class Clock:
 
 
 def slave(clock: Clock | None = None, node: int = 1) -> EthercatDrive:
-    drive = EthercatDrive(node, Hardware(), 0.0, Identity(), 0.02, clock or Clock())
+    drive = EthercatDrive(node, Hardware(), 0.0, Identity(), clock or Clock())
     drive.switch_on(0.0)
     drive.poll(0.1)
     return drive

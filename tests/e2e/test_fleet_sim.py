@@ -29,7 +29,7 @@ def endpoint() -> Iterator[str]:
     router.stdout.readline()
     options = ["--connect", where, "--line-s", "0.01"]
     fleet = subprocess.Popen(
-        [sys.executable, "-m", "mcserver", "fleet-sim", "-n", str(MACHINES), "-p", "2", *options],
+        [sys.executable, "-m", "mcserver", "fleet-sim", "-n", str(MACHINES), *options],
         stderr=subprocess.PIPE,
         text=True,
     )

@@ -7,9 +7,7 @@ from typing import Any
 import pytest
 
 from mcserver.errors import McError
-from mcserver.fleet_sim.fleet import FleetOptions
 from mcserver.fleet_sim.light_machine import LightMachine
-from mcserver.fleet_sim.processes import shares
 from mcserver.net import messages as wire
 from mcserver.net.method_table import BY_NAME
 from mcserver.service.reports import Ack, Event
@@ -129,11 +127,3 @@ def test_programs_that_nobody_ends_do_not_gather(bench: Bench) -> None:
         bench.opened(1)
     with pytest.raises(McError, match="MC508: "):
         bench.call("open")
-
-
-def test_machines_are_shared_evenly_and_none_is_left_out() -> None:
-    for machines, processes in ((10, 3), (2, 5), (1000, 7)):
-        parts = shares(FleetOptions(machines, first=5), processes)
-        numbers = [number for part in parts for number in range(part.first, part.first + part.machines)]
-        assert numbers == list(range(5, 5 + machines))
-        assert max(part.machines for part in parts) - min(part.machines for part in parts) <= 1

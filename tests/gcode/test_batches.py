@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from mcserver.errors import Diagnostic, ProgramRejected
 from mcserver.gcode.fast_path.code_text import CodeText
 from mcserver.gcode.fast_path.interpreted_batch import MIN_LINES, InterpretedBatch
-from mcserver.gcode.fast_path.vocabulary import OFFSETS, vocabulary_of
+from mcserver.gcode.fast_path.vocabulary import vocabulary_of
 from mcserver.gcode.fast_path.word_columns import WordReader
 from mcserver.gcode.program_check import check_program
 from mcserver.gcode.semantics.interpreter import Interpreter
@@ -129,8 +129,8 @@ def test_a_table_of_words_holds_what_the_scanner_reads(texts: list[str]) -> None
         assert [table.values[row, table.axes.index(axis)] for axis in shape.axes] == [
             word.value for word in words if word.axis >= 0
         ]
-        assert [(OFFSETS[each], table.offsets[row, each]) for each in shape.offsets] == [
-            (word.letter, word.value) for word in words if word.letter in OFFSETS
+        assert [("IJK"[each], table.offsets[row, each]) for each in shape.offsets] == [
+            (word.letter, word.value) for word in words if word.letter in "IJK"
         ]
         feeds = np.full(len(table.lines), math.nan) if table.feeds is None else table.feeds
         for letter, column in (("R", table.radii), ("F", feeds)):

@@ -7,6 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mcserver.errors import Diagnostic
+from mcserver.gcode.line_faults import TITLES
 from mcserver.gcode.program_check import check_program
 from mcserver.gcode.render import excerpt, render
 from tests.gcode.support import CARTESIAN
@@ -15,7 +16,10 @@ from tests.gcode.support import CARTESIAN
 def rendered(text: str) -> str:
     lines = text.split("\n")
     faults = check_program(text, CARTESIAN)
-    return "\n".join(line for fault in faults for line in render(fault, lines, "pick.gcode"))
+    shown = (
+        render(fault, lines[fault.line - 1], "pick.gcode", TITLES.get(fault.code, "")) for fault in faults
+    )
+    return "\n".join(line for each in shown for line in each)
 
 
 def test_the_chord_fault_reads_as_in_the_style_guide() -> None:
@@ -64,7 +68,7 @@ def test_long_lines_are_cut_around_the_place() -> None:
 
 def test_a_diagnostic_without_a_line_has_no_excerpt() -> None:
     fault = Diagnostic(code="MC302", message="the point is out of reach", hint="come nearer")
-    assert render(fault, [], "a.gcode") == [
+    assert render(fault, None, "a.gcode") == [
         "error[MC302]: the point is out of reach",
         " --> a.gcode",
         "  = help: come nearer",

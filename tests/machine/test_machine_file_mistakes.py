@@ -74,7 +74,8 @@ def test_a_value_that_is_no_choice_gets_the_choices_and_the_nearest() -> None:
     assert fault.message == 'axis[0].type: "liner" is not one of "linear", "rotary"'
     assert fault.hint == "did you mean 'linear'?"
     kind = next(each for each in mistakes(MANY) if "kind" in each.message)
-    assert '"simulated", "ideal", "cia402", "damiao", "robstride", "servosila"' in kind.message
+    # a family of drives is found by its folder, and is named here without a line of its own
+    assert kind.message.split(" is not one of ")[1].split(", ")[:3] == ['"simulated"', '"ideal"', '"cia402"']
 
 
 def test_contradictions_are_found_beside_wrong_keys() -> None:

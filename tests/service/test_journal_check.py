@@ -21,24 +21,6 @@ from tests.service.fakes import open_program
 # One start after each damage: 20 ms.
 DAMAGES = 100
 
-OLD_SCHEMA = """
-CREATE TABLE starts(instance TEXT PRIMARY KEY, started_at REAL NOT NULL, stopped_at REAL);
-CREATE TABLE programs(id INTEGER PRIMARY KEY, program TEXT UNIQUE NOT NULL, instance TEXT NOT NULL,
- client TEXT NOT NULL, name TEXT NOT NULL, axes TEXT NOT NULL, start_line INTEGER NOT NULL,
- on_disconnect TEXT NOT NULL, resume_of TEXT, state TEXT, accepted INTEGER NOT NULL, started INTEGER NOT NULL,
- done INTEGER NOT NULL, fault BLOB, opened_at REAL NOT NULL, ended_at REAL);
-CREATE TABLE chunks(id INTEGER PRIMARY KEY, program TEXT NOT NULL, first INTEGER NOT NULL,
- last INTEGER NOT NULL, lines BLOB NOT NULL);
-CREATE TABLE reports(id INTEGER PRIMARY KEY, program TEXT NOT NULL, first INTEGER NOT NULL,
- last INTEGER NOT NULL, blob BLOB NOT NULL);
-CREATE TABLE faults(id INTEGER PRIMARY KEY, at REAL NOT NULL, program TEXT, line INTEGER NOT NULL,
- blob BLOB NOT NULL);
-INSERT INTO starts VALUES ('one', 1.0, NULL);
-INSERT INTO programs(program, instance, client, name, axes, start_line, on_disconnect, accepted, started,
- done, opened_at) VALUES ('p', 'one', 'hmi', 'job', '0,1', 1, 'stop', 0, 2, 1, 5.0);
-INSERT INTO chunks(program, first, last, lines) VALUES ('p', 1, 2, x'92a6473031205831a6473031205832');
-"""
-
 
 def ended_and_running(path: Path) -> Writer:
     """Programs ``ended`` and ``running`` with two lines each, in a journal that is open."""
@@ -233,16 +215,15 @@ def test_where_database_and_count_are_gone_nobody_says_that_nothing_is_lost(tmp_
         assert "no program is lost" not in damage.message
 
 
-def test_a_journal_of_an_older_version_is_brought_up_to_date(tmp_path: Path) -> None:
+@pytest.mark.parametrize("version", [2, 99])
+def test_a_journal_of_another_version_is_refused_and_left_alone(tmp_path: Path, version: int) -> None:
     path = tmp_path / "journal.db"
+    stopped(path)
     with closing(sqlite3.connect(path)) as connection:
-        connection.executescript(OLD_SCHEMA + "PRAGMA user_version=1;")
-    assert prepare_journal(path) is None
-    open_journal(path).close()
-    (program,) = read_programs(path, limit=5)
-    assert (program.program, program.accepted, program.done) == ("p", 2, 1)
-    assert read_lines_before(path, "p", 3) == ["G01 X1", "G01 X2"]
-    assert prepare_journal(path) is None
+        connection.execute(f"PRAGMA user_version={version}")
+    with pytest.raises(ServiceError, match=f"MC520: .* it is of version {version}"):
+        prepare_journal(path)
+    assert programs_of(path) == ["running", "ended"]
 
 
 def as_of_version_3(path: Path) -> None:

@@ -1,4 +1,4 @@
-"""Samples of telemetry into a file, as they come: MCAP, Parquet, CSV or NPZ, by the file's suffix."""
+"""Samples of telemetry into a file, as they come: Parquet, CSV or NPZ, by the file's suffix."""
 
 from __future__ import annotations
 
@@ -18,16 +18,6 @@ from mcclient.types import Info
 
 # A row group of a Parquet file, and what is kept in memory of other formats [rows].
 ROWS_AT_ONCE = 60_000
-# As the server's recorder has them (docs/recordings.md); a test compares the two.
-CYCLE_FIELDS = (
-    ("cycle", 1, "fixed64", False),
-    ("time", 2, "double", False),
-    ("setpoint", 6, "double", True),
-    ("position", 7, "double", True),
-    ("velocity", 8, "float", True),
-    ("torque", 9, "float", True),
-    ("following_error", 10, "float", True),
-)
 COLUMNS = ("setpoint", "position", "velocity", "torque")
 
 
@@ -45,103 +35,18 @@ def open_sample_file(path: Path, info: Info) -> SampleFile:
     Raises:
         RequestRefused: MC511 the suffix is not one of these, or what writes it is not installed.
     """
-    kinds: dict[str, tuple[tuple[str, ...], Callable[[Path, Info], SampleFile]]] = {
-        ".mcap": (("mcap", "google.protobuf"), McapSamples),
-        ".parquet": (("duckdb",), ParquetSamples),
-        ".csv": ((), CsvSamples),
-        ".npz": ((), NpzSamples),
+    kinds: dict[str, Callable[[Path, Info], SampleFile]] = {
+        ".parquet": ParquetSamples,
+        ".csv": CsvSamples,
+        ".npz": NpzSamples,
     }
     if path.suffix not in kinds:
         raise RequestRefused(
             "MC511", f"no recording is written as {path.suffix or path.name!r}", "use " + ", ".join(kinds)
         )
-    packages, kind = kinds[path.suffix]
-    missing = [name for name in packages if not _installed(name)]
-    if missing:
-        raise RequestRefused(
-            "MC511", f"{path.suffix} needs {', '.join(missing)}", "pip install 'mcclient[record]'"
-        )
-    return kind(path, info)
-
-
-def _installed(name: str) -> bool:
-    try:
-        return importlib.util.find_spec(name) is not None
-    except ModuleNotFoundError:
-        return False
-
-
-class McapSamples:
-    """The messages of the server's own recordings, with what telemetry has of them."""
-
-    def __init__(self, path: Path, info: Info) -> None:
-        from google.protobuf import descriptor_pb2, descriptor_pool, message_factory
-        from mcap.writer import CompressionType, Writer
-
-        files = descriptor_pb2.FileDescriptorSet(file=[_described(descriptor_pb2)])
-        pool = descriptor_pool.DescriptorPool()
-        pool.Add(files.file[0])
-        self._message = message_factory.GetMessageClass(pool.FindMessageTypeByName("mcserver.Cycle"))
-        self._path = path
-        self._partial = _partial(path)
-        self._stream = self._partial.open("wb")
-        self._writer = Writer(self._stream, compression=CompressionType.ZSTD)
-        self._writer.start(library="mcclient")
-        schema = self._writer.register_schema("mcserver.Cycle", "protobuf", files.SerializeToString())
-        axes = {
-            "axes": ",".join(str(axis.index) for axis in info.axes),
-            "units": ",".join(axis.unit for axis in info.axes),
-        }
-        self._channel = self._writer.register_channel("/cycles", "protobuf", schema, axes)
-        self._writer.add_metadata(
-            "mcserver",
-            {
-                "machine": info.machine,
-                "instance": info.instance,
-                "epoch": repr(info.epoch),
-                "cycle_s": repr(info.cycle_s),
-                "reason": "telemetry",
-                **axes,
-            },
-        )
-        self._epoch_ns = round(info.epoch * 1e9)
-
-    def append(self, samples: Samples) -> None:
-        error = samples.setpoint - samples.actual
-        columns = {"following_error": error} | samples.fields
-        for row, time_s in enumerate(samples.time_s.tolist()):
-            message = self._message(
-                cycle=samples.seq + row,
-                time=time_s,
-                **{name: column[row].tolist() for name, column in columns.items() if _known(name)},
-            )
-            at = self._epoch_ns + round(time_s * 1e9)
-            self._writer.add_message(self._channel, at, message.SerializeToString(), at)
-
-    def finish(self) -> None:
-        self._writer.finish()
-        self._stream.close()
-        os.replace(self._partial, self._path)
-
-
-def _known(name: str) -> bool:
-    return any(name == field for field, *_ in CYCLE_FIELDS)
-
-
-def _described(descriptors: Any) -> Any:
-    file = descriptors.FileDescriptorProto(
-        name="mcserver/recording.proto", package="mcserver", syntax="proto3"
-    )
-    message = file.message_type.add(name="Cycle")
-    for name, number, kind, repeated in CYCLE_FIELDS:
-        field = descriptors.FieldDescriptorProto
-        message.field.add(
-            name=name,
-            number=number,
-            type=getattr(field, f"TYPE_{kind.upper()}"),
-            label=field.LABEL_REPEATED if repeated else field.LABEL_OPTIONAL,
-        )
-    return file
+    if path.suffix == ".parquet" and importlib.util.find_spec("duckdb") is None:
+        raise RequestRefused("MC511", f"{path.suffix} needs duckdb", "pip install 'mcclient[record]'")
+    return kinds[path.suffix](path, info)
 
 
 class ColumnSamples:

@@ -44,7 +44,6 @@ class EthercatDrive:
         hardware: Hardware,
         position: float,
         identity: Identity,
-        energize_s: float,
         clock: Callable[[], float],
     ) -> None:
         self.node = node
@@ -52,7 +51,7 @@ class EthercatDrive:
         self.cut = False
         self.frames_lost = 0
         self._clock = clock
-        self._device = Cia402Node(node, self._transmit, hardware, position, identity, energize_s)
+        self._device = Cia402Node(node, self._transmit, hardware, position, identity)
         store = self._device.store
         self._assignment = PdoAssignment(store, lambda: self.controller.state is AlState.PREOP)
         self._mailbox = CoeMailbox(self, MAILBOX_BYTES, self._changed)

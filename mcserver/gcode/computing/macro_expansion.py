@@ -501,5 +501,5 @@ class MacroExpansion(Expansion):
 
 def expansion_of(interpreter: Interpreter, source: Source = Source.MACHINE) -> Expansion:
     """Return what expands a program in the macro language of its machine's dialect."""
-    fanuc = interpreter.machine.dialect.macros == "fanuc"
-    return MacroExpansion(interpreter, source) if fanuc else Expansion(interpreter, source)
+    language = MacroExpansion if interpreter.machine.dialect.fanuc else Expansion
+    return language(interpreter, source)

@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Final, NamedTuple
+from typing import NamedTuple
 
 from mcserver.gcode.profiles.io_codes import is_scaled, keeps_to_path
 from mcserver.gcode.text.words import INCREMENTAL_LETTERS, axis_letters
 from mcserver.machine.machine_file import Machine
-
-OFFSETS: Final = "IJK"
 
 
 class Vocabulary(NamedTuple):

@@ -115,7 +115,7 @@ ACTING: Final[Mapping[str, frozenset[str]]] = MappingProxyType(
 def acting_of(dialect: Dialect) -> frozenset[str]:
     """Return the codes of a profile that act on a machine, beside those that its file maps."""
     acting = ACTING[dialect.profile]
-    if dialect.macros == "fanuc":
+    if dialect.fanuc:
         # G7 is another code on its controllers
         return acting - DIAMETERS
     if dialect.profile == "printer" and dialect.extruder is None:

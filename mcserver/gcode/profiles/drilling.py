@@ -269,8 +269,7 @@ def _level(block: BlockState, word: ProfileWord | None) -> Level | None:
 
 def _kept(block: BlockState, level: Level) -> Level:
     """Return a height of an earlier line: LinuxCNC keeps its number, Fanuc's controllers keep where it is."""
-    fanuc = block.setup.machine.dialect.macros == "fanuc"
-    return level if fanuc else Level(level.value, block.modal.incremental)
+    return level if block.setup.machine.dialect.fanuc else Level(level.value, block.modal.incremental)
 
 
 def _warn_of_kept(block: BlockState, action: Action, before: DrillCycle) -> None:

@@ -17,7 +17,7 @@ from mcserver.machine.work_systems import ANGLE
 
 def refuse_other_offset(block: BlockState, action: Action, other: Offsets, hint: str) -> None:
     """Refuse G52 beside G92: LinuxCNC has one offset for both, Fanuc's controllers have two."""
-    if any(other.values()) and block.setup.machine.dialect.macros != "fanuc":
+    if any(other.values()) and not block.setup.machine.dialect.fanuc:
         shown = "G52 and G92 are one offset on LinuxCNC's controllers and two on Fanuc's"
         block.faults.add("MC186", shown, action.span, hint)
 
@@ -44,7 +44,7 @@ def set_system(block: BlockState, action: Action) -> None:
     kind = action.words["L"].value
     chosen = action.words.get("P")
     number = frame.system if chosen is None or chosen.value == 0 else int(chosen.value)
-    fanuc = block.setup.machine.dialect.macros == "fanuc"
+    fanuc = block.setup.machine.dialect.fanuc
     if fanuc and kind == 2.0 and chosen is not None and chosen.value == 0.0:
         block.faults.add(
             "MC141",
@@ -93,7 +93,7 @@ def set_system(block: BlockState, action: Action) -> None:
         # an angle is none to add to, under G91 neither (LinuxCNC)
         origin[ANGLE] = math.radians(angle.value)
     values = axis_values(block, action)
-    if kind == 2.0 and values and block.modal.incremental and block.setup.machine.dialect.macros != "fanuc":
+    if kind == 2.0 and values and block.modal.incremental and not block.setup.machine.dialect.fanuc:
         block.faults.add(
             "MC186",
             "under G91 G10 L2 sets the origin on LinuxCNC's controllers and adds to it on Fanuc's",

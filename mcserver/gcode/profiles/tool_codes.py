@@ -31,7 +31,7 @@ def set_cutter(block: BlockState, action: Action) -> None:
         )
         return
     lengths = axis_values(block, action)
-    if radius is not None and not lengths and block.setup.machine.dialect.macros == "fanuc":
+    if radius is not None and not lengths and block.setup.machine.dialect.fanuc:
         block.faults.add(
             "MC141",
             "R alone is a length beside G10 L1 on Fanuc's controllers, and a radius on LinuxCNC's",

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TypeVar
 
 from mcserver.motion.geometry.curves import Array
-from mcserver.units import DEGREE, INCH, MINUTE, MM, TURN, AxisType
+from mcserver.units import DEGREE, INCH, MINUTE, MM, AxisType
 
 Number = TypeVar("Number", float, Array)  # one value, or a column of them
 
@@ -48,11 +48,6 @@ def motor_rpm(speed: float, travel_per_turn: float) -> float:
 def angle(degrees: float) -> float:
     """Convert degrees to radians."""
     return degrees * DEGREE
-
-
-def turns(count: float) -> float:
-    """[rad]"""
-    return count * TURN
 
 
 def shown_number(value: float) -> str:

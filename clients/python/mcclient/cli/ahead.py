@@ -9,12 +9,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TypedDict
 
-from mcclient.cli.excerpt import show_diagnostics
 from mcclient.cli.go_on import OutputsChoice
 from mcclient.cli.options import Target
 from mcclient.cli.output import as_plain, say, write_json
 from mcclient.cli.progress import duration
 from mcclient.cli.source import ProgramSource
+from mcclient.cli.terminal import show_diagnostics
 from mcclient.errors import MotionError, RequestRefused
 from mcclient.machine import Machine
 from mcclient.texts import hash_of_file

@@ -13,9 +13,9 @@ import typer
 from rich.table import Table
 from rich.text import Text
 
-from mcclient.cli.excerpt import show_diagnostics
 from mcclient.cli.options import JsonOption, Target
 from mcclient.cli.output import carry_out, narration, results, say, write_json
+from mcclient.cli.terminal import show_diagnostics
 from mcclient.errors import RequestRefused
 from mcclient.machine import Machine
 from mcclient.run_picture import axis_label, run_picture

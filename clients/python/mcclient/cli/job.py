@@ -10,13 +10,13 @@ from contextlib import asynccontextmanager
 from typing import Any
 
 from mcclient.cli.ahead import Ahead, JobOptions
-from mcclient.cli.excerpt import show_diagnostics
 from mcclient.cli.go_on import outputs_of
 from mcclient.cli.interrupt import Interrupts
 from mcclient.cli.output import error_as_json, exit_code_of, narration, say, show_error, write_json
 from mcclient.cli.progress import Display, LiveDisplay, NoDisplay, PlainDisplay, Snapshot, duration
 from mcclient.cli.source import ProgramSource
 from mcclient.cli.tables import awaited, axes_text
+from mcclient.cli.terminal import show_diagnostics
 from mcclient.errors import (
     MotionError,
     NobodyAnswers,

@@ -1,7 +1,4 @@
-"""Where words go: results to standard output, narration and faults to standard error.
-
-NO_COLOR, a pipe and a dumb terminal all give plain text.
-"""
+"""Where words go: results and errors of the commands, for people or as JSON."""
 
 from __future__ import annotations
 
@@ -16,41 +13,20 @@ from typing import Any, NoReturn, TypeVar
 import typer
 from rich.text import Text
 
-from mcclient.cli.terminal import TerminalConsole
-from mcclient.cli.visible import visible, visible_json
+from mcclient.cli.terminal import narration as narration
+from mcclient.cli.terminal import results as results
+from mcclient.cli.terminal import write_text as write_text
+from mcclient.cli.visible import visible_json
 from mcclient.errors import MotionError, ProgramError, RequestRefused
 
 T = TypeVar("T")
 
 USAGE = 2
-PIPE_COLUMNS = 160
-
-
-def narration() -> TerminalConsole:
-    """Return the console for people: standard error."""
-    return TerminalConsole(stderr=True, soft_wrap=True)
-
-
-def results() -> TerminalConsole:
-    """Return the console for results: standard output."""
-    console = TerminalConsole(soft_wrap=True)
-    if not console.is_terminal:
-        # nobody's window cuts what goes to a file or another program
-        console.width = max(console.width, PIPE_COLUMNS)
-    return console
 
 
 def say(text: str, style: str = "") -> None:
     """A sentence of narration."""
     narration().print(Text(text, style=style))
-
-
-def write_text(text: str) -> None:
-    """A text as it is on standard output; at a terminal nothing in it is obeyed."""
-    if sys.stdout.isatty():
-        text = "\n".join(map(visible, text.split("\n")))
-    sys.stdout.write(text)
-    sys.stdout.flush()
 
 
 def as_plain(value: Any) -> Any:

@@ -36,7 +36,6 @@ OutputOption = Annotated[
 class Format(enum.StrEnum):
     """What ``mcctl record`` writes here."""
 
-    MCAP = "mcap"
     PARQUET = "parquet"
     CSV = "csv"
     NPZ = "npz"
@@ -64,7 +63,7 @@ def record(
             "--output",
             "-o",
             metavar="FILE",
-            help="Record telemetry into a file here: .mcap, .parquet, .csv or .npz; Ctrl-C ends it.",
+            help="Record telemetry into a file here: .parquet, .csv or .npz; Ctrl-C ends it.",
         ),
     ] = None,
     format: Annotated[

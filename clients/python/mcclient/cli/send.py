@@ -8,7 +8,6 @@ from typing import Annotated, Any
 import typer
 
 from mcclient.broken_off import SENT
-from mcclient.cli.excerpt import show_diagnostics
 from mcclient.cli.options import (
     AxesOption,
     JsonOption,
@@ -16,6 +15,7 @@ from mcclient.cli.options import (
     parse_axes,
 )
 from mcclient.cli.output import carry_out, error_as_json, exit_code_of, results, write_json
+from mcclient.cli.terminal import show_diagnostics
 from mcclient.errors import ProgramRejected, RequestRefused
 
 

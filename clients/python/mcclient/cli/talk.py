@@ -10,7 +10,7 @@ from collections.abc import Callable
 from rich.text import Text
 
 from mcclient.cli.codes import COMMANDS
-from mcclient.cli.excerpt import render
+from mcclient.cli.render import render
 from mcclient.cli.tables import machine_view
 from mcclient.cli.terminal import TerminalConsole
 from mcclient.errors import MotionError, ProgramClosed, ProgramError, ProgramRejected, RequestRefused
