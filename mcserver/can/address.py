@@ -3,6 +3,7 @@
 ====================================  ===================================================================
 ``can0``, ``socketcan:can0``          an interface of this computer (SocketCAN)
 ``socketcand:HOST:PORT/CHANNEL``      a channel of a socketcand server, such as `mcserver.can.hub`
+``udp:GROUP:PORT``                    a multicast group that carries packets of python-can's udp_multicast
 ====================================  ===================================================================
 """
 
@@ -16,7 +17,10 @@ from dataclasses import dataclass
 
 from mcserver.errors import ConfigurationError
 
-REMEDY = "write can0 (an interface of this computer), or socketcand:HOST:PORT/CHANNEL"
+REMEDY = (
+    "write can0 (an interface of this computer), socketcand:HOST:PORT/CHANNEL, or udp:GROUP:PORT with a "
+    "multicast group such as udp:239.74.163.2:43113"
+)
 # IFNAMSIZ is 16 with the closing zero; socketcand's channels are interfaces, too.
 NAME = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_.-]{0,14}")
 HOST = re.compile(r"[A-Za-z0-9_]([A-Za-z0-9_.-]{0,252})")
@@ -27,6 +31,7 @@ class Transport(enum.Enum):
 
     SOCKETCAN = "socketcan"
     SOCKETCAND = "socketcand"
+    UDP = "udp"
 
 
 @dataclass(frozen=True)
@@ -34,20 +39,22 @@ class BusAddress:
     """Where a bus is; `str` gives the one spelling that `parse_address` understands.
 
     Attributes:
-        channel: the interface or the server's channel.
-        host: the server; empty for `Transport.SOCKETCAN`. port: 0 there.
+        channel: the interface or the server's channel; empty for `Transport.UDP`.
+        host: the server, or the multicast group; empty for `Transport.SOCKETCAN`. port: 0 there.
     """
 
     transport: Transport
-    channel: str
+    channel: str = ""
     host: str = ""
     port: int = 0
 
     def __str__(self) -> str:
+        host = f"[{self.host}]" if ":" in self.host else self.host
         if self.transport is Transport.SOCKETCAN:
             return f"socketcan:{self.channel}"
-        host = f"[{self.host}]" if ":" in self.host else self.host
-        return f"socketcand:{host}:{self.port}/{self.channel}"
+        if self.transport is Transport.SOCKETCAND:
+            return f"socketcand:{host}:{self.port}/{self.channel}"
+        return f"udp:{host}:{self.port}"
 
 
 def parse_address(text: str) -> BusAddress:
@@ -63,6 +70,8 @@ def parse_address(text: str) -> BusAddress:
         return _interface(text, rest)
     if scheme == Transport.SOCKETCAND.value:
         return _server(text, rest)
+    if scheme == Transport.UDP.value:
+        return _group(text, rest)
     raise _no_address(text, f"nothing is known of {scheme!r}")
 
 
@@ -103,13 +112,29 @@ def _server(text: str, rest: str) -> BusAddress:
     where, slash, channel = rest.partition("/")
     if not slash or not NAME.fullmatch(channel):
         raise _no_address(text, "the channel is missing" if not channel else f"{channel!r} is no channel")
+    host, port = _host_port(text, where)
+    return BusAddress(Transport.SOCKETCAND, channel=channel, host=host, port=port)
+
+
+def _group(text: str, rest: str) -> BusAddress:
+    host, port = _host_port(text, rest)
+    try:
+        multicast = ipaddress.ip_address(host).is_multicast
+    except ValueError:
+        multicast = False
+    if not multicast:
+        raise _no_address(text, f"{host!r} is no multicast group")
+    return BusAddress(Transport.UDP, host=host, port=port)
+
+
+def _host_port(text: str, where: str) -> tuple[str, int]:
     try:
         host, port = split_host_port(where)
     except ValueError as error:
         raise _no_address(text, str(error)) from None
     if port == 0:
         raise _no_address(text, "the port is 0")
-    return BusAddress(Transport.SOCKETCAND, channel=channel, host=host, port=port)
+    return host, port
 
 
 def _no_address(text: str, why: str) -> ConfigurationError:

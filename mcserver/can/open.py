@@ -6,6 +6,7 @@ from mcserver.can.address import BusAddress, Transport, parse_address
 from mcserver.can.port import CanPort
 from mcserver.can.socketcan import SocketCanPort
 from mcserver.can.socketcand import SocketcandPort
+from mcserver.can.udp_multicast import UdpMulticastPort
 
 
 def open_port(address: str | BusAddress) -> CanPort:
@@ -18,4 +19,6 @@ def open_port(address: str | BusAddress) -> CanPort:
     where = parse_address(address) if isinstance(address, str) else address
     if where.transport is Transport.SOCKETCAN:
         return SocketCanPort(where.channel)
-    return SocketcandPort(where.host, where.port, where.channel)
+    if where.transport is Transport.SOCKETCAND:
+        return SocketcandPort(where.host, where.port, where.channel)
+    return UdpMulticastPort(where.host, where.port)

@@ -9,19 +9,11 @@ from __future__ import annotations
 import errno
 import socket
 import struct
-import time
 from contextlib import suppress
 
-from mcserver.can.frame import (
-    ERROR_FLAG,
-    FRAME_SIZE,
-    HEADER,
-    NOT_DATA,
-    PAYLOAD_OFFSET,
-    filled_frame,
-    prepare_frame,
-)
-from mcserver.can.port import MAX_DRAINED, MAX_PAYLOAD, Frame, PortCounters
+from mcserver.can.frame import ERROR_FLAG, FRAME_SIZE, HEADER, NOT_DATA
+from mcserver.can.port import MAX_DRAINED, MAX_PAYLOAD, Frame
+from mcserver.can.socket_port import SocketPort
 from mcserver.errors import RuntimeFault
 
 # linux/can.h, linux/can/raw.h, linux/can/error.h: this interpreter may be built without CAN's constants.
@@ -36,15 +28,12 @@ ERROR_RESTARTED = 0x100
 RECEIVE_BUFFER = 1 << 20
 SO_RCVBUFFORCE = 33
 FULL = frozenset((errno.EAGAIN, errno.ENOBUFS))
-# The bus is away: the socket is given back, and opened again at most every `REOPEN_S`.
-GONE = frozenset((errno.ENETDOWN, errno.ENODEV, errno.ENXIO, errno.EBADF))
-REOPEN_S = 0.1
 
 
-class SocketCanPort:
+class SocketCanPort(SocketPort):
     """A raw socket on an interface. Own frames are not received; other sockets of this computer get them."""
 
-    payload_offset = PAYLOAD_OFFSET
+    GONE = frozenset((errno.ENETDOWN, errno.ENODEV, errno.ENXIO, errno.EBADF))
 
     def __init__(self, interface: str) -> None:
         """Open the interface.
@@ -52,30 +41,13 @@ class SocketCanPort:
         Raises:
             RuntimeFault: MC424 there is no such interface, it is down, or the kernel has no CAN.
         """
-        self.counters = PortCounters()
+        super().__init__()
         self._interface = interface
         self._incoming = bytearray(FRAME_SIZE)
-        self._closed = False
-        self._next_try = 0.0
-        # None while the bus is away
-        self._socket: socket.socket | None = None
         try:
-            self._socket = _raw_socket(interface)
+            self._open()
         except OSError as error:
             raise _cannot_open(interface, error) from error
-
-    def fileno(self) -> int:
-        return -1 if self._socket is None else self._socket.fileno()
-
-    def prepare(self, identifier: int, length: int) -> bytearray:
-        return prepare_frame(identifier, length)
-
-    def send(self, identifier: int, payload: bytes) -> bool:
-        return self.send_prepared(filled_frame(identifier, payload))
-
-    def close(self) -> None:
-        self._closed = True
-        self._give_back()
 
     def send_prepared(self, buffer: bytearray) -> bool:
         if self._socket is None and not self._reopen():
@@ -126,30 +98,8 @@ class SocketCanPort:
         if identifier & ERROR_RESTARTED:
             self.counters.down = False
 
-    def _give_back(self) -> None:
-        if self._socket is not None:
-            self._socket.close()
-            self._socket = None
-
-    def _failed(self, error: OSError) -> None:
-        """Count a system call that failed; the socket is given up where the bus is away."""
-        self.counters.errors += 1
-        if error.errno in GONE:
-            self.counters.down = True
-            self._give_back()
-            self._next_try = time.monotonic() + REOPEN_S
-
-    def _reopen(self) -> bool:
-        now = time.monotonic()
-        if self._closed or now < self._next_try:
-            return False
-        self._next_try = now + REOPEN_S
-        try:
-            self._socket = _raw_socket(self._interface)
-        except OSError:
-            return False
-        self.counters.down = False
-        return True
+    def _open(self) -> None:
+        self._socket = _raw_socket(self._interface)
 
 
 def _raw_socket(interface: str) -> socket.socket:

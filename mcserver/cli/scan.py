@@ -15,7 +15,9 @@ from mcserver.cli.options import JsonOption
 
 
 def scan(
-    address: Annotated[str, typer.Argument(metavar="BUS", help="can0, or socketcand:HOST:PORT/CHANNEL.")],
+    address: Annotated[
+        str, typer.Argument(metavar="BUS", help="can0, socketcand:HOST:PORT/CHANNEL, udp:GROUP:PORT.")
+    ],
     machine_file: Annotated[
         bool, typer.Option("--machine-file", help="Print a machine file to start from, instead of the table.")
     ] = False,

@@ -83,6 +83,8 @@ def _judge_connection(bus: BusFacts, can: CanFacts) -> Finding:
                 f"ip link set {address.channel} up type can bitrate {bus.bitrate}; without hardware: "
                 f"modprobe vcan; ip link add {address.channel} type vcan; ip link set {address.channel} up"
             )
+        elif address.transport is Transport.UDP:
+            fix = "check that this computer's network carries multicast"
         return missing(AREA, title, bus.refusal, fix)
     for interface in can.interfaces:
         same = interface.name == address.channel and address.transport is Transport.SOCKETCAN

@@ -5,6 +5,7 @@ from __future__ import annotations
 import can
 
 from mcserver.can.address import Transport, parse_address
+from mcserver.can.udp_multicast import HOP_LIMIT
 
 
 def python_can_bus(address: str) -> can.BusABC:
@@ -12,4 +13,6 @@ def python_can_bus(address: str) -> can.BusABC:
     where = parse_address(address)
     if where.transport is Transport.SOCKETCAN:
         return can.Bus(where.channel, "socketcan")
-    return can.Bus(where.channel, "socketcand", host=where.host, port=where.port, tcp_tune=True)
+    if where.transport is Transport.SOCKETCAND:
+        return can.Bus(where.channel, "socketcand", host=where.host, port=where.port, tcp_tune=True)
+    return can.Bus(where.host, "udp_multicast", port=where.port, hop_limit=HOP_LIMIT, fd=False)

@@ -16,13 +16,15 @@ from mcserver.errors import ConfigurationError, RuntimeFault
         ("socketcan:vcan1", BusAddress(Transport.SOCKETCAN, "vcan1")),
         ("socketcand:localhost:29536/can0", BusAddress(Transport.SOCKETCAND, "can0", "localhost", 29536)),
         ("socketcand:[::1]:29536/can0", BusAddress(Transport.SOCKETCAND, "can0", "::1", 29536)),
+        ("udp:239.74.163.2:43113", BusAddress(Transport.UDP, "", "239.74.163.2", 43113)),
+        ("udp:[ff15::1]:43113", BusAddress(Transport.UDP, "", "ff15::1", 43113)),
     ],
 )
 def test_an_address_says_transport_host_and_channel(text: str, address: BusAddress) -> None:
     assert parse_address(text) == address
 
 
-@pytest.mark.parametrize("text", ["can0", "socketcand:[::1]:1/a", "socketcand:there:2/b"])
+@pytest.mark.parametrize("text", ["can0", "socketcand:[::1]:1/a", "udp:[ff15::1]:2", "udp:224.0.0.1:3"])
 def test_an_address_reads_back_as_it_is_written(text: str) -> None:
     assert parse_address(str(parse_address(text))) == parse_address(text)
 
@@ -40,6 +42,8 @@ def test_an_address_reads_back_as_it_is_written(text: str) -> None:
         "socketcand:localhost:0/can0",
         "socketcand:localhost:99999/can0",
         "socketcand:::1:29536/can0",
+        "udp:127.0.0.1:43113",
+        "udp:somewhere:43113",
         "serial:/dev/ttyUSB0",
     ],
 )
@@ -47,7 +51,7 @@ def test_what_is_no_address_is_refused_with_a_remedy(text: str) -> None:
     with pytest.raises(ConfigurationError) as refused:
         parse_address(text)
     assert refused.value.code == "MC009"
-    assert "socketcand:HOST:PORT/CHANNEL" in refused.value.hint
+    assert "udp:GROUP:PORT" in refused.value.hint
 
 
 def test_an_interface_that_is_not_there_cannot_be_opened() -> None:

@@ -167,6 +167,7 @@ def test_a_bus_that_is_nearly_full_is_advised_against() -> None:
     [
         ("can0", "ip link set can0 up type can bitrate 500000"),
         (NOWHERE, "socketcand server"),
+        ("udp:239.1.2.3:4000", "multicast"),
     ],
 )
 def test_a_bus_that_cannot_be_opened_is_missing_with_its_mend(address: str, fix: str) -> None:

@@ -25,7 +25,7 @@ from tests.service.virtual_cell import VirtualCell
 
 CHANNELS = """
 [[bus]]
-name = "socketcand:localhost:4444/can0"
+name = "udp:239.0.0.1:4444"
 [[input]]
 number = 0
 name = "door"
@@ -42,7 +42,7 @@ unit = "bar"
 [[input]]
 number = 2
 name = "real"
-source = { bus = "socketcand:localhost:4444/can0", node = 5, object = "6000h:01", bit = 0 }
+source = { bus = "udp:239.0.0.1:4444", node = 5, object = "6000h:01", bit = 0 }
 [[output]]
 number = 0
 name = "lamp"
