@@ -92,6 +92,9 @@ class Keys(msgspec.Struct, frozen=True):
     def telemetry_state(self) -> str:
         return f"{self.root}/tele/state"
 
+    def telemetry_axis(self, index: int) -> str:
+        return f"{self.root}/tele/axis/{index}"
+
     @property
     def emergency_stop(self) -> str:
         return f"{self.root}/{_EMERGENCY_STOP}"

@@ -472,13 +472,13 @@ class ProgramsReply(msgspec.Struct, frozen=True):
 
 
 class TelemetryBlock(msgspec.Struct, frozen=True, array_like=True):
-    """Payload of ``tele/batch``, an array: ``[seq, t, bin]``.
+    """Payload of ``tele/batch`` and ``tele/axis/{i}``, an array: ``[seq, t, bin]``.
 
     Attributes:
         seq: number of the first row's cycle, counted from the executor's start.
         t: executor time of the first row [s]; rows are a cycle apart.
         rows: float32, little endian, shape (rows, axes, fields) in C order, with the axes and fields that
-            ``info`` lists under ``telemetry``.
+            ``info`` lists under ``telemetry`` (one axis for ``tele/axis/{i}``).
     """
 
     seq: int

@@ -36,6 +36,10 @@ def state_qos() -> Qos:
     return Qos(zenoh.Priority.DATA_LOW, reliability=zenoh.Reliability.BEST_EFFORT)
 
 
+def axis_qos() -> Qos:
+    return Qos(zenoh.Priority.BACKGROUND, reliability=zenoh.Reliability.BEST_EFFORT)
+
+
 def reply_qos() -> list[dict[str, object]]:
     """Zenoh's ``qos/network`` for replies, which have the quality of service of their query.
 

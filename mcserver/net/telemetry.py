@@ -1,4 +1,4 @@
-"""Telemetry out: every cycle in batches, the whole machine at 20 Hz."""
+"""Telemetry out: every cycle in batches, the whole machine at 20 Hz, single axes while someone listens."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from mcserver.net.defects import DefectLog
 from mcserver.net.keys import Keys
 from mcserver.net.messages import TelemetryBlock
 from mcserver.net.publishing import PublishingThread
-from mcserver.net.qos import batch_qos, state_qos
+from mcserver.net.qos import axis_qos, batch_qos, state_qos
 from mcserver.net.session import ZenohSession, is_zenoh_fault
 from mcserver.net.status import CYCLES_A_MESSAGE, STATE_HZ, EdgeUnits, machine_status
 from mcserver.service.executor_port import ExecutorPort
@@ -65,7 +65,7 @@ class StateTelemetry:
 class CycleTelemetry:
     """Publishes every cycle, from a thread of its own; it only reads what the executor shares.
 
-    Nothing is read or encoded while nobody subscribes.
+    Nothing is read or encoded for keys that nobody subscribes to.
 
     Args:
         session: what to publish on.
@@ -79,6 +79,10 @@ class CycleTelemetry:
         self._units = EdgeUnits(service.machine)
         self._encode = msgspec.msgpack.Encoder().encode
         self._batch = session.matched_publisher(keys.telemetry_batch, batch_qos())
+        self._axes = [
+            session.matched_publisher(keys.telemetry_axis(axis.index), axis_qos())
+            for axis in service.machine.axes
+        ]
         self._next_cycle = 0
         self._followed = False
         self._failed = DefectLog(log)
@@ -106,7 +110,9 @@ class CycleTelemetry:
                 )
 
     def _publish(self) -> None:
-        self._followed = self._batch.wanted
+        whole = self._batch.wanted
+        single = [column for column, publisher in enumerate(self._axes) if publisher.wanted]
+        self._followed = whole or bool(single)
         if not self._followed:
             # whoever comes later begins with the newest cycles
             self._next_cycle = -1
@@ -116,5 +122,9 @@ class CycleTelemetry:
             if cycles is None or len(cycles.setpoint) == 0:
                 return
             self._next_cycle = cycles.first + len(cycles.setpoint)
-            rows = self._units.rows(cycles).tobytes()
-            self._batch.put(self._encode(TelemetryBlock(cycles.first, cycles.start, rows)))
+            rows = self._units.rows(cycles)
+            if whole:
+                self._batch.put(self._encode(TelemetryBlock(cycles.first, cycles.start, rows.tobytes())))
+            for column in single:
+                block = TelemetryBlock(cycles.first, cycles.start, rows[:, column].tobytes())
+                self._axes[column].put(self._encode(block))

@@ -174,6 +174,12 @@ async def test_no_cycle_is_read_while_nobody_listens(rig: Rig, client: WireClien
             await asyncio.sleep(0.1)
 
 
+async def test_one_axis_is_published_alone(client: WireClient) -> None:
+    blocks = client.subscribe("tele/axis/2")
+    _, _, rows = await blocks.first()
+    assert len(rows) == 10 * 4 * 4
+
+
 async def test_the_state_of_the_whole_machine_is_published(client: WireClient) -> None:
     states = client.subscribe("tele/state")
     await client.call("open", name="demo")

@@ -12,7 +12,7 @@ def test_keys_are_those_of_the_reference() -> None:
     keys = Keys("cell-1")
     assert keys.rpc("hmi", "open") == "mc/@v1/cell-1/@rpc/hmi/open"
     assert keys.lines_in("hmi", "p") == "mc/@v1/cell-1/in/hmi/p"
-    assert keys.telemetry_batch == "mc/@v1/cell-1/tele/batch"
+    assert keys.telemetry_axis(3) == "mc/@v1/cell-1/tele/axis/3"
 
 
 @pytest.mark.parametrize("name", ["", "a/b", "*", "@x", "a b", "x" * 64, "-a"])

@@ -89,7 +89,9 @@ def wide_uplink() -> Iterator[Uplink]:
 
 
 def test_cycles_do_not_pass_and_states_and_acknowledgements_do(uplink: Uplink) -> None:
-    uplink.put("cell-1/tele/batch", "cell-1/tele/state", "cell-2/tele/state", "cell-1/ack/p-1")
+    uplink.put(
+        "cell-1/tele/batch", "cell-1/tele/axis/3", "cell-1/tele/state", "cell-2/tele/state", "cell-1/ack/p-1"
+    )
     assert {key.removeprefix("mc/@v1/") for key in uplink.arrived} == {
         "cell-1/tele/state",
         "cell-2/tele/state",
