@@ -163,9 +163,10 @@ async def serve_until_stopped(
     )
     server = uvicorn.Server(config)
     loop = asyncio.get_running_loop()
-    for handler in logging.getLogger().handlers or [logging.lastResort]:
+    few = FewLines()
+    for handler in (*logging.getLogger().handlers, logging.lastResort):
         if handler is not None:
-            handler.addFilter(FewLines())
+            handler.addFilter(few)
     for name in LIBRARY_LOGS:
         logging.getLogger(name).addFilter(WithoutTracebacks())
     for number in (signal.SIGINT, signal.SIGTERM):
