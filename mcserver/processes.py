@@ -47,7 +47,8 @@ def start_child(
 
 def raise_file_limit() -> int:
     """Allow this process as many open files as it may have, and return how many."""
-    # not in Windows, where what needs no cycle runs all the same
+    if sys.platform == "win32":
+        return MANY_FILES
     import resource
 
     soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)

@@ -13,11 +13,12 @@ from pathlib import Path
 
 from tests.e2e.servers import ROOT
 from tests.sdks.built import build_once
-from tests.sdks.languages import ToolMissing, build, needed
+from tests.sdks.languages import ToolMissing, build, go_tool, needed
 
 REQUIREMENTS = ROOT / "tests" / "peers.txt"
 PYTHON = ROOT / "build" / "peers"
 FOXGLOVE = ROOT / "tests" / "gateway" / "client"
+OPCUA = ROOT / "tests" / "opcua" / "client"
 
 
 class Peer:
@@ -76,6 +77,18 @@ def foxglove_client() -> list[str]:
     install = [npm, "ci", "--no-audit", "--no-fund", "--silent"]
     build_once("foxglove", manifests, [FOXGLOVE / "node_modules"], lambda: build(install, FOXGLOVE))
     return [node, str(FOXGLOVE / "main.cjs")]
+
+
+def opcua_client() -> list[str]:
+    """Return the command of a client of OPC UA that is built on gopcua.
+
+    Raises:
+        ToolMissing: Go is not installed.
+    """
+    made = ROOT / "build" / "go" / "opcua-client"
+    command = [go_tool(), "build", "-o", str(made), "."]
+    build_once("opcua", [OPCUA], [made], lambda: build(command, OPCUA))
+    return [str(made)]
 
 
 def main() -> None:

@@ -17,6 +17,7 @@ from mcserver.can.address import split_host_port
 from mcserver.cli.console import narration, results, show_error
 from mcserver.cli.exit_codes import ExitCode
 from mcserver.cli.options import MachineOption
+from mcserver.cli.serving import require_linux
 from mcserver.errors import ConfigurationError, RuntimeFault, UsageFault
 from mcserver.machine.drive import CanDrive
 from mcserver.machine.families import family_drives
@@ -72,6 +73,7 @@ def drive_sim(
     ] = 5.0,
 ) -> None:
     """Simulate the drives of a machine's CAN and EtherCAT buses, until Ctrl-C or SIGTERM."""
+    require_linux("a simulated drive's bus")
     described = load_machine(machine)
     hub_address = _address(hub, "--hub")
     control_address = _address(control, "--control")
@@ -176,6 +178,7 @@ def _check_interfaces(machine: Machine, buses: Sequence[str], interfaces: Sequen
 
 def _take_priority(priority: int) -> None:
     """A real drive does not wait for this computer's other work; the hub inherits the priority."""
+    assert sys.platform == "linux"
     try:
         os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(priority))
     except PermissionError as error:
@@ -198,7 +201,9 @@ def _address(text: str | None, option: str) -> tuple[str, int] | None:
 @contextlib.contextmanager
 def _stopping_signals(stop: Callable[[], None]) -> Iterator[int]:
     """SIGTERM and SIGINT call ``stop``; yields a descriptor that has input once one came."""
-    reading, writing = os.pipe2(os.O_NONBLOCK | os.O_CLOEXEC)
+    reading, writing = os.pipe()
+    for end in (reading, writing):
+        os.set_blocking(end, False)
     numbers = (signal.SIGTERM, signal.SIGINT)
     before = {number: signal.signal(number, lambda _number, _frame: stop()) for number in numbers}
     woken = signal.set_wakeup_fd(writing)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import asyncio
 import logging
-import sys
 from pathlib import Path
 from typing import Annotated
 
@@ -14,7 +13,8 @@ import typer
 from mcserver.clearance.scene import Scene
 from mcserver.cli.console import NarrationHandler, narration
 from mcserver.cli.options import DEFAULT_MACHINE, MachineOption
-from mcserver.errors import NEEDS_LINUX, ConfigurationError
+from mcserver.cli.serving import require_linux
+from mcserver.errors import ConfigurationError
 from mcserver.machine.machine_file import BUILT_IN, Machine, load_machine
 from mcserver.machine.machine_kinematics import build_kinematics
 from mcserver.net.keys import is_name
@@ -63,12 +63,7 @@ def run(
     verbose: Annotated[bool, typer.Option("--verbose", "-v", help="Say more of what happens.")] = False,
 ) -> None:
     """Run the server, until Ctrl-C or SIGTERM, which stop every axis in a controlled way."""
-    if sys.platform != "linux":
-        raise ConfigurationError(
-            "MC025",
-            f"a server's realtime cycle needs Linux, and this is {sys.platform}",
-            NEEDS_LINUX,
-        )
+    require_linux("a server's realtime cycle")
     described = named(load_machine(machine), name)
     build_kinematics(described)
     if described.clearance is not None:

@@ -6,10 +6,11 @@ import asyncio
 import contextlib
 import importlib.util
 import signal
+import sys
 from typing import TYPE_CHECKING
 
 from mcserver.cli.console import narration, write_json
-from mcserver.errors import ConfigurationError
+from mcserver.errors import NEEDS_LINUX, ConfigurationError
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Coroutine
@@ -32,6 +33,16 @@ def require_packages(command: str, extra: str, modules: tuple[str, ...]) -> None
             f"mcserver {command} needs {', '.join(missing)}",
             f"pip install 'mcserver[{extra}]' mcclient",
         )
+
+
+def require_linux(what: str) -> None:
+    """Check that this is Linux, whose clocks, sockets and shared memory a cycle is made of.
+
+    Raises:
+        ConfigurationError: MC025 it is another system.
+    """
+    if sys.platform != "linux":
+        raise ConfigurationError("MC025", f"{what} needs Linux, and this is {sys.platform}", NEEDS_LINUX)
 
 
 def role_of(name: str, code: str) -> Role:

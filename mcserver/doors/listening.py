@@ -4,10 +4,13 @@ from __future__ import annotations
 
 import asyncio
 import logging
+import math
 import signal
 import socket
 import ssl
+import time
 import traceback
+from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -27,6 +30,8 @@ from mcserver.terminal import visible
 # of those that read what comes from outside, and of tasks that nobody waits for
 LIBRARY_LOGS = ("uvicorn.error", "engineio.server", "socketio.server", "asyncio")
 OWN_PACKAGES = frozenset({"mcserver", "mcclient"})
+# lines of a log about what clients send, of each logger in a period [s]
+MOST_LINES, PERIOD_S = 10, 60.0
 LOOPBACK = frozenset({"127.0.0.1", "::1", "localhost"})
 
 
@@ -158,6 +163,10 @@ async def serve_until_stopped(
     )
     server = uvicorn.Server(config)
     loop = asyncio.get_running_loop()
+    few = FewLines()
+    for handler in (*logging.getLogger().handlers, logging.lastResort):
+        if handler is not None:
+            handler.addFilter(few)
     for name in LIBRARY_LOGS:
         logging.getLogger(name).addFilter(WithoutTracebacks())
     for number in (signal.SIGINT, signal.SIGTERM):
@@ -171,21 +180,57 @@ async def serve_until_stopped(
 
 
 class WithoutTracebacks(logging.Filter):
-    """Shortens what libraries log of bytes that they cannot read: that ends one connection or one event.
-
-    A fault that has come through this project's own code, beyond the door, keeps its traceback.
-    """
+    """Shortens what libraries log of bytes that they cannot read: that ends one connection or one event."""
 
     def filter(self, record: logging.LogRecord) -> bool:
         error = record.exc_info[1] if record.exc_info else None
-        if error is None:
-            return True
-        frames = [frame for frame, _ in traceback.walk_tb(error.__traceback__)]
-        names = [frame.f_globals.get("__name__", "") for frame in frames]
-        # all requests come through the door
-        packages = {name.partition(".")[0] for name in names if not name.startswith("mcserver.doors.limits")}
-        if not packages & OWN_PACKAGES:
+        if error is not None and not _is_own(error):
             record.msg = "what a client sent could not be understood: %s: %s"
             record.args = (type(error).__name__, visible(str(error)))
             record.exc_info = None
         return True
+
+
+class FewLines(logging.Filter):
+    """Bounds what doors and libraries log: who sends garbage fills no disk by the lines about it.
+
+    Faults of this project's own code are never left out.
+
+    Args:
+        clock: seconds, never stepping.
+    """
+
+    def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
+        super().__init__()
+        self._clock = clock
+        self._period_end = -math.inf
+        self._lines: Counter[str] = Counter()
+        self._left_out: Counter[str] = Counter()
+
+    def filter(self, record: logging.LogRecord) -> bool:
+        error = record.exc_info[1] if record.exc_info else None
+        package = record.name.partition(".")[0]
+        own = package in OWN_PACKAGES and not record.name.startswith("mcserver.doors")
+        if own or (error is not None and _is_own(error)):
+            return True
+        now = self._clock()
+        if now >= self._period_end:
+            self._period_end = now + PERIOD_S
+            self._lines.clear()
+        self._lines[record.name] += 1
+        if self._lines[record.name] > MOST_LINES:
+            self._left_out[record.name] += 1
+            return False
+        left_out = self._left_out.pop(record.name, 0)
+        if left_out:
+            record.msg, record.args = f"{record.getMessage()} ({left_out} lines before it left out)", ()
+        return True
+
+
+def _is_own(error: BaseException) -> bool:
+    """Return whether an exception has come through this project's own code, beyond the door."""
+    frames = [frame for frame, _ in traceback.walk_tb(error.__traceback__)]
+    names = [frame.f_globals.get("__name__", "") for frame in frames]
+    # all requests come through the door
+    packages = {name.partition(".")[0] for name in names if not name.startswith("mcserver.doors.limits")}
+    return bool(packages & OWN_PACKAGES)

@@ -127,7 +127,7 @@ def compiling_alone(*, wait: bool = True) -> Iterator[bool]:
         Whether none does; where nothing can be locked, none is known of.
     """
     folder = cache_folder()
-    if folder is None or sys.platform == "win32":
+    if folder is None:
         yield True
         return
     with contextlib.ExitStack() as stack:
@@ -135,6 +135,8 @@ def compiling_alone(*, wait: bool = True) -> Iterator[bool]:
 
 
 def _locked(folder: Path, stack: contextlib.ExitStack, wait: bool) -> bool:
+    if sys.platform == "win32":
+        return True
     import fcntl
 
     try:

@@ -309,6 +309,9 @@ class Listener(BinaryServer):
         The library ends them first: a client that dials again meanwhile, or one that does not read, would
         keep it waiting for ever.
         """
+        if self._server is None:
+            self._listener.close()
+            return
         self._server.close()
         # those accepted a moment ago come up in the loop's next rounds
         for _ in range(ROUNDS):
@@ -332,10 +335,14 @@ class ReadOnlyServer(Server):
         self.limits = TransportLimits(65535, 65535, MOST_MESSAGE // 65535 + 1, MOST_MESSAGE)
 
     async def start(self) -> None:
+        """Start all but the listener, at which clients wait until `open`."""
         await self._setup_server_nodes()
         await self.iserver.start()
         self.bserver = Listener(self.iserver, self._listener, self.limits)
         self.bserver.set_policies(self._policies)
+
+    async def open(self) -> None:
+        """Take connections."""
         await self.bserver.start()
 
 

@@ -8,7 +8,7 @@ import functools
 import logging
 import socket
 import time
-from collections.abc import AsyncIterator, Mapping, Sequence
+from collections.abc import AsyncIterator, Callable, Mapping, Sequence
 from contextlib import asynccontextmanager
 from pathlib import Path
 
@@ -63,12 +63,21 @@ class OpcUaOptions(msgspec.Struct, frozen=True):
 class Machines:
     """Nodes of the machines that were seen.
 
+    Clients are served once machines have been looked for: one that comes back after a restart asks for the
+    nodes that it knew, and does not ask again for those that are not there.
+
+    Args:
+        on_ready: called when they are.
+
     Attributes:
         server: has them. tools_due: when tool tables are looked at again [s of the monotonic clock].
     """
 
-    def __init__(self, server: ReadOnlyServer, guard: Guard, model: Model) -> None:
+    def __init__(
+        self, server: ReadOnlyServer, guard: Guard, model: Model, on_ready: Callable[[], None]
+    ) -> None:
         self.server, self._guard, self._model = server, guard, model
+        self._on_ready: Callable[[], None] | None = on_ready
         self._link: FleetLink | None = None
         self._known: dict[str, MachineTool] = {}
         self.tools_due = 0.0
@@ -83,6 +92,7 @@ class Machines:
         for name, machine in self._known.items():
             found = states.get(name)
             await machine.show(found, time.time() if found is None else found.wall)
+        await self._open()
         if time.monotonic() >= self.tools_due:
             self.tools_due = time.monotonic() + TOOLS_S
             present = [name for name in self._known if name in states]
@@ -93,6 +103,13 @@ class Machines:
         self._link = None
         for machine in self._known.values():
             await machine.show(None, time.time())
+        await self._open()
+
+    async def _open(self) -> None:
+        ready, self._on_ready = self._on_ready, None
+        if ready is not None:
+            await self.server.open()
+            ready()
 
     def _is_another(self, name: str, status: MachineStatus) -> bool:
         return self._known[name].instance != status.instance
@@ -168,9 +185,12 @@ async def serving(options: OpcUaOptions) -> AsyncIterator[Machines]:
         await server.load_private_key(address.key, format="pem")
     server.set_security_policy(policies, permission_ruleset=ReadOnly())
     await server.start()
-    try:
+
+    def ready() -> None:
         if address.on_ready is not None:
             address.on_ready(f"opc.tcp://{address.host}:{server.listening_port}/")
-        yield Machines(server, guard, model)
+
+    try:
+        yield Machines(server, guard, model, ready)
     finally:
         await server.stop()

@@ -9,6 +9,7 @@ import asyncio
 import contextlib
 import multiprocessing
 import os
+import sys
 import threading
 import time
 from collections.abc import Callable, Iterator
@@ -163,7 +164,8 @@ class Foresight:
 def foresee(sending: Connection, path: str, machine: Machine, start: StartState, checked: bool) -> None:
     """Check and simulate a file, and send what is known of it about every `PART_S`; a process's main."""
     # the least share beside others; SCHED_IDLE would give none at all beside any other job in the background
-    os.nice(LEAST_NICE)
+    if sys.platform != "win32":
+        os.nice(LEAST_NICE)
     end_with_parent()
     foresee_file(path, machine, sending.send, start=start, checked=checked)
 

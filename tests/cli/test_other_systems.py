@@ -5,11 +5,12 @@ from __future__ import annotations
 import json
 import subprocess
 import sys
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from pathlib import Path
 
 import pytest
 
+from mcserver.cli.drive_sim import drive_sim
 from mcserver.cli.run import run
 from mcserver.doctor import State, examine, worst
 from mcserver.errors import ConfigurationError
@@ -111,9 +112,12 @@ def test_what_needs_no_cycle_checks_simulates_draws_serves_editors_and_operates(
     assert (tmp_path / "square.png").stat().st_size > 10_000
 
 
-def test_a_server_names_what_it_needs(monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize("command", [run, lambda: drive_sim("cartesian")])
+def test_a_server_and_its_drives_name_what_they_need(
+    command: Callable[[], None], monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setattr(sys, "platform", "darwin")
     with pytest.raises(ConfigurationError, match="needs Linux") as refused:
-        run()
+        command()
     assert refused.value.code == "MC025"
     assert worst(examine()) is State.MISSING

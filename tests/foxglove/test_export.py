@@ -4,7 +4,11 @@ from __future__ import annotations
 
 import io
 import json
+import re
+import shutil
 import struct
+import subprocess
+from datetime import datetime
 from pathlib import Path
 
 import numpy as np
@@ -12,11 +16,16 @@ import pytest
 from mcap.reader import make_reader
 
 from mcserver.cli.app import run_command_line
+from mcserver.foxglove.shape import shape_of
+from mcserver.machine.machine_file import load_machine
+from mcserver.machine.machine_kinematics import build_kinematics
 from mcserver.recorder.messages import ServiceEvents, StartRecording, StopRecording
 from mcserver.recorder.reading import read_recording
 from mcserver.service.reports import Event, Fault, LineReport
 from mcserver.simulation.recorder import Recorded
 from mcserver.simulation.recording_file import write_npz
+from mcserver.simulation.tool_poses import ToolPoses
+from tests.foxglove.frames import Frames
 from tests.recorder.rig import EPOCH, Rig, decoded
 
 Capture = pytest.CaptureFixture[str]
@@ -75,6 +84,54 @@ def test_frames_and_joints_come_at_the_rate_asked_for(exported: Path) -> None:
         assert min(np.diff(times[:-1])) > 0.049e9
         assert times[0] == pytest.approx(EPOCH * 1e9, abs=1e6)
         assert times[-1] - times[0] == pytest.approx(1.999e9, abs=1e3)
+
+
+def test_tips_are_where_the_axes_were_at_that_time(source: Path, exported: Path) -> None:
+    cycles = read_recording(source).cycles
+    machine = load_machine("arm6")
+    kinematics = build_kinematics(machine)
+    root = shape_of(machine, kinematics, np.zeros((2, 3))).tree.root
+    ((_, _, standing),) = decoded(exported, "/tf_static")
+    moving = decoded(exported, "/tf")
+    # cycles are a millisecond apart
+    at = [round((time_ns - moving[0][1]) / 1e6) for _, time_ns, _ in moving]
+    positions = np.radians(cycles.actual[at])
+    wanted = ToolPoses(machine, kinematics).of(1, positions)[:, :3]
+    frames = [Frames(standing.SerializeToString(), each.SerializeToString()) for _, _, each in moving]
+    tips = [each.pose("T1", root)[:3, 3] * 1e3 for each in frames]
+    assert np.ptp(wanted, axis=0).max() > 1.0
+    np.testing.assert_allclose(tips, wanted, atol=1e-6)
+
+
+def test_rerun_reads_the_frames_at_their_times_the_path_and_the_links(exported: Path, tmp_path: Path) -> None:
+    # its package has 700 MB: not among those that the tests install
+    rerun = shutil.which("rerun")
+    if rerun is None:
+        pytest.skip("rerun is not installed")
+    read = tmp_path / "read.rrd"
+
+    def said(*words: str) -> str:
+        return subprocess.run([rerun, *words], capture_output=True, text=True, check=True).stdout
+
+    said("mcap", "convert", str(exported), "-o", str(read))
+    table = said("rrd", "print", "-vvv", "--entity", "/tf", str(read))
+    rows = re.findall(r"┆ (\S+) +┆ \[(\w+)\] +┆ \[(\w+)\] +┆ \[\[(.*?)\]\] +┆ \[\[(.*?)\]\]", table)
+    sent = [
+        (time_ns, each) for _, time_ns, message in decoded(exported, "/tf") for each in message.transforms
+    ]
+    assert len(sent) == 6 * 41
+    for (time, child, parent, turn, place), (time_ns, each) in zip(rows, sent, strict=True):
+        assert (child, parent) == (each.child_frame_id, each.parent_frame_id)
+        assert datetime.fromisoformat(f"{time[:26]}+00:00").timestamp() == pytest.approx(
+            time_ns / 1e9, abs=1e-5
+        )
+        for said_of_it, value in ((turn, each.rotation), (place, each.translation)):
+            numbers = [number for _, number in value.ListFields()]
+            shown = [float(word) for word in said_of_it.split(", ")]
+            assert [number for number in shown if number] == pytest.approx(numbers, abs=1e-6)
+    everything = said("rrd", "print", str(read))
+    assert re.search(r"- /path - data columns: .*Points3D:positions", everything)
+    assert "/arm6/visual_geometries/turret/visual_0 " in everything
 
 
 def test_joints_are_in_si(exported: Path) -> None:

@@ -104,11 +104,10 @@ class Served:
         return f"opc.tcp://127.0.0.1:{self.port}/"
 
     async def start(self) -> None:
-        urls: list[str] = []
-        address = Address("127.0.0.1", self.port, *self._files.server, urls.append)
+        address = Address("127.0.0.1", self.port, *self._files.server)
         options = OpcUaOptions(address, self._files.users, self._files.authority)
         self.machines = await self._stack.enter_async_context(serving(options))
-        self.port = int(urls[0].rstrip("/").rpartition(":")[2])
+        self.port = self.machines.server.listening_port
 
     async def stop(self) -> None:
         await self._stack.aclose()

@@ -33,8 +33,9 @@ def cache_folder() -> Path | None:
         state = folder.stat()
     except OSError:
         return None
-    if os.name == "posix" and (state.st_uid != os.geteuid() or state.st_mode & (stat.S_IWGRP | stat.S_IWOTH)):
-        return None
+    if sys.platform != "win32":
+        if state.st_uid != os.geteuid() or state.st_mode & (stat.S_IWGRP | stat.S_IWOTH):
+            return None
     return folder
 
 

@@ -1,4 +1,4 @@
-"""`mcserver mtconnect` beside a real server, read by a client of another make, over a kill of either."""
+"""`mcserver mtconnect` and `opcua` beside a real server: clients of other makes, and kills."""
 
 from __future__ import annotations
 
@@ -15,7 +15,8 @@ from mcclient.sync import Machine
 from tests.bench.server import free_port
 from tests.e2e.conftest import slower
 from tests.e2e.servers import CommandProcess, ServerProcess
-from tests.peers import python_peers
+from tests.peers import Peer, opcua_client, python_peers
+from tests.sdks.languages import ToolMissing
 
 LOOKS = 3000
 
@@ -29,15 +30,15 @@ def own_server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[ServerProce
     process.close()
 
 
-class AgentProcess:
-    """The agent, always at one port."""
+class Instrument:
+    """A command that serves others, always at one port."""
 
-    def __init__(self, endpoint: str) -> None:
-        self._options = ("--port", str(free_port()), "--rate", "20", "--connect", endpoint)
+    def __init__(self, command: str, endpoint: str, *options: str) -> None:
+        self._words = (command, "--port", str(free_port()), "--connect", endpoint, *options)
         self.start()
 
     def start(self) -> None:
-        self._command = CommandProcess("mtconnect", *self._options)
+        self._command = CommandProcess(*self._words)
         self.url, self.close = self._command.url, self._command.close
 
     def kill(self) -> None:
@@ -46,13 +47,13 @@ class AgentProcess:
 
 
 @pytest.fixture(scope="module")
-def agent(own_server: ServerProcess) -> Iterator[AgentProcess]:
-    process = AgentProcess(own_server.endpoint)
+def agent(own_server: ServerProcess) -> Iterator[Instrument]:
+    process = Instrument("mtconnect", own_server.endpoint, "--rate", "20")
     yield process
     process.close()
 
 
-class Peer:
+class Reader:
     """The reader of MTConnect in iaiops: probe, current, pages of samples."""
 
     def __init__(self, url: str) -> None:
@@ -85,26 +86,26 @@ class Peer:
 
 
 @pytest.fixture
-def peer(agent: AgentProcess, monkeypatch: pytest.MonkeyPatch) -> Peer:
+def reader(agent: Instrument, monkeypatch: pytest.MonkeyPatch) -> Reader:
     monkeypatch.setattr(sys, "path", [*sys.path, str(python_peers())])
-    return Peer(agent.url)
+    return Reader(agent.url)
 
 
 def test_a_client_of_another_make_sees_a_program_and_comes_back_after_a_kill_of_server_and_agent(
-    own_server: ServerProcess, agent: AgentProcess, peer: Peer
+    own_server: ServerProcess, agent: Instrument, reader: Reader
 ) -> None:
-    peer.wait_for(lambda state: state["verdict"] == "available_idle")
-    assert {"Linear", "Controller", "Path"} <= peer.components()
+    reader.wait_for(lambda state: state["verdict"] == "available_idle")
+    assert {"Linear", "Controller", "Path"} <= reader.components()
     with Machine.connect("mill", own_server.endpoint) as machine, machine.program("part.nc") as program:
         program.send("G1010 P0")
         program.send("G01 X10 F600")
-        peer.wait_for(lambda state: state["running"] and state["program"] == "part.nc")
-    peer.wait_for(lambda state: state["execution"] == "PROGRAM_COMPLETED")
+        reader.wait_for(lambda state: state["running"] and state["program"] == "part.nc")
+    reader.wait_for(lambda state: state["execution"] == "PROGRAM_COMPLETED")
     own_server.end(signal.SIGKILL)
-    peer.wait_for(lambda state: state["verdict"] == "unavailable")
+    reader.wait_for(lambda state: state["verdict"] == "unavailable")
     own_server.start()
-    peer.wait_for(lambda state: state["available"])
-    samples = peer.samples()
+    reader.wait_for(lambda state: state["available"])
+    samples = reader.samples()
     assert [each["value"] for each in samples if each["type"] == "Execution"][-5:] == [
         "READY",
         "ACTIVE",
@@ -116,4 +117,24 @@ def test_a_client_of_another_make_sees_a_program_and_comes_back_after_a_kill_of_
     assert len(numbers) == len(set(numbers))
     agent.kill()
     agent.start()
-    peer.wait_for(lambda state: state["available"])
+    reader.wait_for(lambda state: state["available"])
+
+
+async def test_an_opc_ua_client_of_another_make_sees_its_nodes_again_after_a_kill_of_the_instrument(
+    own_server: ServerProcess,
+) -> None:
+    try:
+        peer = Peer(opcua_client())
+    except ToolMissing as missing:
+        pytest.skip(str(missing))
+    instrument = Instrument("opcua", own_server.endpoint)
+    await peer.start(instrument.url)
+    try:
+        await peer.says("machine mill", "state 2 true")
+        # whose server goes and comes: tests/opcua/test_server.py
+        instrument.kill()
+        instrument.start()
+        await peer.says("state 2 true")
+    finally:
+        await peer.stop()
+        instrument.close()
