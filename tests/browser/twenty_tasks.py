@@ -15,7 +15,7 @@ import sys
 import tempfile
 import time
 import traceback
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, closing, contextmanager, suppress
 from pathlib import Path
 
@@ -115,6 +115,16 @@ class Newcomer:
     def x(self) -> float:
         return float(self.mill.status().axes.position[0])
 
+    def at_rest(self) -> None:
+        """Wait until the mill has ended every move: the page may not have shown the last one yet."""
+        if not self.look(lambda: has_ended(self.mill), LIMIT_MS):
+            raise AssertionError("it does not come to rest")
+
+
+def has_ended(machine: sync.Machine) -> bool:
+    """Return whether no program of a machine is open, such as a jog's."""
+    return not machine.programs(ended=False)
+
 
 def log_in(page: Page, url: str, name: str) -> None:
     page.set_default_timeout(LIMIT_MS)
@@ -146,7 +156,7 @@ class Tasks:
     def t7(self) -> None:
         before = self.ada.x()
         self.ada.hold("X+", lambda: self.ada.x() > before + 0.5)
-        self.ada.state("ready")
+        self.ada.at_rest()
         rest = self.ada.x()
         self.ada.page.wait_for_timeout(500)
         assert abs(self.ada.x() - rest) < 0.05, "it went on without a finger"
@@ -295,13 +305,13 @@ class Tasks:
         self.at_machine("arm")
         before = self.arm.status().tools[0].position
         self.ada.choose("Along axes of", "tool")
-
-        def has_moved() -> bool:
-            after = self.arm.status().tools[0].position
-            return max(abs(a - b) for a, b in zip(before, after, strict=True)) > 0.5
-
-        self.ada.hold("Z+", has_moved)
+        self.ada.hold("Z+", lambda: self.way_of_the_tip(before) > 0.5)
         self.ada.state("ready")
+
+    def way_of_the_tip(self, before: Sequence[float]) -> float:
+        """Return how far the arm's tip is from a place along one axis, at the most [mm]."""
+        after = self.arm.status().tools[0].position
+        return max(abs(a - b) for a, b in zip(before, after, strict=True))
 
     def t2(self) -> None:
         ada = self.ada
@@ -315,7 +325,7 @@ class Tasks:
         before = self.ada.x()
         self.ada.choose("Distance", "while held")
         self.ada.hold("X+", lambda: self.ada.x() > before + 0.5)
-        self.ada.state("ready")
+        self.ada.at_rest()
 
     def two_steps(self) -> None:
         """2: steps follow each other."""
@@ -429,8 +439,10 @@ class Tasks:
         ada = self.ada
         ada.press("Take pose")
         ada.choose("Step", "1 mm, deg")
+        before = self.arm.status().tools[0].position
         ada.press("Z+", ada.card("Tool jog"))
-        self.wait_until(lambda: all(each.ended_at for each in self.arm.status().programs))
+        # a pose is taken at rest alone, and the step may not have begun
+        self.wait_until(lambda: self.way_of_the_tip(before) > 0.9 and has_ended(self.arm))
         ada.press("Take pose")
         expect(ada.page.get_by_label("Taught program")).to_have_value(re.compile(r"(G01 X.* T1 F\d+\n){2}$"))
         ada.press("Replay")
