@@ -209,7 +209,7 @@ class Executor:
         raise RuntimeError("a simulated drive does not energize")
 
     def mount(self, tool: int) -> None:
-        """Let a tool be in the spindle, 0: none, before the first cycle."""
+        """Let a tool be in the spindle, 0: none, from this cycle on."""
         if self.bank.shaper is not None:
             self.bank.shaper.choose(tool)
 
