@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from mcserver.executor.entries import ControlKind, EventKind
+from mcserver.executor.entries import EventKind
 from mcserver.executor.shaping import Shaper as ShapedAxes
 from mcserver.executor.shm.feedback import FeedbackRow
 from mcserver.gcode.profiles.frame import Frame
@@ -18,9 +18,8 @@ from mcserver.machine.machine_file import Machine, parse_machine
 from mcserver.machine.section_reader import MachineFileRejected
 from mcserver.planning.start_state import StartState
 from mcserver.simulation.simulation import simulate
-from tests.bench.shaped_machines import broken_by_shapers
 from tests.executor.planned import Planned
-from tests.executor.rig import CYCLE_S, Rig
+from tests.executor.rig import CYCLE_S
 from tests.service.virtual_cell import VirtualCell
 
 LIGHT_HZ, HEAVY_HZ, HEAVY = 40.0, 23.0, 2
@@ -52,21 +51,11 @@ def machine(keys: str = SHAPERS, *, change: str = "ignore", profile: str = "cnc"
 
 
 def swing_after(setpoint: NDArray[np.float64], hertz: float) -> float:
-    """How far a load on a spring swings about where its motor has come to rest [m]: RK4, a ratio of 0.02."""
-    omega, (x, v) = 2.0 * np.pi * hertz, (float(setpoint[0]), 0.0)
-
-    def slope(x: float, v: float, at: float) -> tuple[float, float]:
-        return v, omega * (omega * (at - x) - 0.04 * v)
-
-    for before, after in zip(setpoint[:-1].tolist(), setpoint[1:].tolist(), strict=True):
-        middle, h = 0.5 * (before + after), CYCLE_S
-        a = slope(x, v, before)
-        b = slope(x + 0.5 * h * a[0], v + 0.5 * h * a[1], middle)
-        c = slope(x + 0.5 * h * b[0], v + 0.5 * h * b[1], middle)
-        d = slope(x + h * c[0], v + h * c[1], after)
-        x += h / 6.0 * (a[0] + 2.0 * (b[0] + c[0]) + d[0])
-        v += h / 6.0 * (a[1] + 2.0 * (b[1] + c[1]) + d[1])
-    return float(np.hypot(x - setpoint[-1], v / omega))
+    """How far a load on a spring swings once its motor rests [m]: the rings of all steps, summed."""
+    steps = np.diff(setpoint)
+    ages = np.arange(len(steps))[::-1] * CYCLE_S
+    ringing = 2.0 * np.pi * hertz * complex(0.02, np.sqrt(1.0 - 0.02**2))
+    return float(abs(np.sum(steps * np.exp(-ringing * ages))))
 
 
 def first_move(text: str, described: Machine, start: StartState | None = None) -> NDArray[np.float64]:
@@ -101,9 +90,10 @@ def test_each_move_of_a_program_has_the_shaper_of_the_tool_that_is_in_then() -> 
     text = f"T1 M6\nG1 X20 F12000\nT{HEAVY} M6\nG1 X40\nM61 Q1\nG1 X20\nT{HEAVY} M6\nG1 X0 Y5\nM2"
     program = Planned(described, text)
     orders: list[NDArray[np.float64]] = []
-    while not program.ended:
+    for _ in range(1000):
         program.step()
         orders.append(program.executor.executor.row.ordered.copy())
+    assert program.ended
     assert not program.faults
     points, ordered = np.array(program.rows), np.array(orders)
     moving = np.abs(np.diff(ordered[:, 0], prepend=ordered[0, 0])) > 0.0
@@ -118,25 +108,6 @@ def test_each_move_of_a_program_has_the_shaper_of_the_tool_that_is_in_then() -> 
         assert points[end, 0] == ordered[end, 0]
     # the path as a whole comes as late with every tool
     assert np.abs(ordered[: -shaping.delay, 1] - points[shaping.delay :, 1]).max() < 1e-15
-
-
-@pytest.mark.parametrize("seed", range(2))
-def test_a_tool_named_while_axes_move_changes_nothing_before_they_rest(seed: int) -> None:
-    rng = np.random.default_rng(seed)
-    rig = Rig(machine())
-    rig.program.capture()
-    for _ in range(8):
-        rig.program.move({0: float(rng.uniform(-0.03, 0.03))}, int(rng.integers(200, 240)))
-        rig.program.control(ControlKind.TOOL, operation=int(rng.choice((1, HEAVY))))
-        if rng.random() < 0.5:
-            rig.program.dwell(float(rng.uniform(0.0, 0.08)))
-    rig.play()
-    assert not rig.of(EventKind.FAULT)
-    assert rig.executor.executor.bank.shaper is not None
-    for order in (1, 2, 3):
-        most = np.abs(np.diff(rig.ordered, order, axis=0)).max(axis=0)
-        assert (np.abs(np.diff(rig.setpoint, order, axis=0)).max(axis=0) <= most + 1e-15).all()
-    assert broken_by_shapers(rig) == []
 
 
 def test_an_axis_of_another_program_changes_where_it_rests_next() -> None:
@@ -158,31 +129,27 @@ def test_an_axis_of_another_program_changes_where_it_rests_next() -> None:
     cycle(0.0, 1e-4)
     shaper.choose(HEAVY)
     first = np.array([cycle(0.0, 1e-4 * number) for number in range(2, 50)])
-    assert np.abs(np.diff(first[:, 1], 2)).max() <= 1e-4
     # it goes on with the weights of before, and its exact stop waits for both
-    (old,) = {tuple(each) for each in both.weights}
-    assert first[-1, 1] == pytest.approx(np.dot(old, 1e-4 * np.maximum(49 - np.arange(len(old)), 0)))
-    last = [cycle(0.0, 49e-4) for _ in range(slower - 2)]
-    assert shaper.unsettled.tolist() == [False, True]
-    cycle(0.0, 49e-4)
-    assert not shaper.unsettled.any()
+    old = both.weights[1]
+    assert first[-1, 1] == pytest.approx(np.dot(old, 1e-4 * (49 - np.arange(len(old)))))
+    for unsettled in (*[[False, True]] * (slower - 2), [False, False]):
+        cycle(0.0, 49e-4)
+        assert shaper.unsettled.tolist() == unsettled
     step = np.array([cycle(1e-4, 50e-4) for _ in range(slower)])
     for column, start in ((0, 0.0), (1, 49e-4)):
         expected = start + 1e-4 * np.cumsum(both.tools[HEAVY][column])[: len(step)]
         assert np.abs(step[: len(expected), column] - expected).max() < 1e-15
-    assert last[-1][1] == pytest.approx(49e-4, abs=1e-9)
 
 
 def test_a_change_that_is_aborted_leaves_the_tool_of_before() -> None:
     program = Planned(machine(change="pause"), f"T1 M6\nG1 X20 F12000\nT{HEAVY} M6\nG1 X40\nM2")
     shaper = program.executor.executor.bank.shaper
     assert shaper is not None
-    while not program.of(EventKind.PAUSED):
-        program.step()
-    assert shaper.tool == 1
+    program.step(400)
+    assert program.of(EventKind.PAUSED)
     program.executor.mailbox.abort(0)
-    while not program.ended:
-        program.step()
+    program.step(100)
+    assert program.ended
     assert shaper.tool == 1
 
 
