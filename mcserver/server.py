@@ -38,6 +38,7 @@ from mcserver.service.references import References, references_file
 from mcserver.service.reports import Event
 from mcserver.service.service import MachineService
 from mcserver.service.service_options import LoadedFile, ServiceOptions, state_folder
+from mcserver.service.work_offsets import WorkOffsets, offsets_file
 from mcserver.simulation.program_checker import ProgramChecker
 
 log = logging.getLogger(__name__)
@@ -185,7 +186,8 @@ async def serve(machine: Machine, options: ServerOptions | None = None) -> None:
         ):
             journal = options.journal or default_journal(machine.name)
             references = References(references_file(journal), machine).holding
-            executor = ExecutorProcess(drives.machine or machine, references=references)
+            tool = WorkOffsets(offsets_file(journal)).tool
+            executor = ExecutorProcess(drives.machine or machine, references=references, tool=tool)
             if needs_compiler():
                 on_progress(COMPILING_EXECUTOR)
             executor.launch()

@@ -29,6 +29,7 @@ class Exchange(msgspec.Struct, frozen=True):
         cutters: lines of the tool table that it sets, by number.
         bodies: all that its program has brought up to there; empty: it brings none more.
         work: work systems with zones that it has moved, by number, as of `Mounted`.
+        fitted: the tool that is in the spindle from here on, 0: none, of a machine whose shapers go by it.
     """
 
     line: int
@@ -37,6 +38,7 @@ class Exchange(msgspec.Struct, frozen=True):
     cutters: Mapping[int, Cutter]
     bodies: tuple[GivenBody, ...] = ()
     work: Mapping[int, Mapping[int, float]] = {}
+    fitted: int | None = None
 
 
 class Mounted(msgspec.Struct, frozen=True):

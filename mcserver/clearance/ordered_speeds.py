@@ -32,9 +32,9 @@ class OrderedSpeeds(SlowZones):
         super().__init__(scene, machine.cycle_s, counted)
         self._reach = shaping.length + 1
         self._beside = np.array(shaping.deviations)
-        # columns of the same weights move a body together
-        kinds = sorted(set(shaping.weights))
-        self._groups = [np.array([each == kind for each in shaping.weights]) for kind in kinds]
+        # columns of the same weights, with every tool, move a body together
+        kinds = sorted(set(shaping.kinds))
+        self._groups = [np.array([each == kind for each in shaping.kinds]) for kind in kinds]
         # joints of a chain turn: what their groups do to a body may come to one direction
         self._slides = machine.urdf is None
         self._behind: Array | None = None

@@ -44,6 +44,10 @@ def resonance(
     column: Annotated[
         int | None, typer.Option("--column", metavar="N", help="Of a CSV; default: that which varies most.")
     ] = None,
+    tool: Annotated[
+        int | None,
+        typer.Option("--tool", metavar="N", min=1, max=99999, help="That is in the spindle."),
+    ] = None,
     plot: Annotated[str, typer.Option("--plot", metavar="FILE.png", help="Draw it too.")] = "",
     json: JsonOption = False,
 ) -> None:
@@ -103,7 +107,8 @@ def resonance(
     results().print(table(titles, cells))
     shaper = best.shaper
     results().print(
-        f'shaper = {{ type = "{shaper.type}", frequency_hz = {shaper.frequency_hz}, '
+        f"{'shaper' if tool is None else f'tool_shapers.{tool}'} = "
+        f'{{ type = "{shaper.type}", frequency_hz = {shaper.frequency_hz}, '
         f"damping = {shaper.damping} }}",
         markup=False,
         highlight=False,

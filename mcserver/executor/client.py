@@ -34,7 +34,7 @@ class ExecutorProcess(ExecutorFaces):
 
     Args:
         machine: what it drives.
-        references: of axes, from an earlier start, by axis number.
+        references: of axes, from an earlier start, by axis number. tool: in the spindle since then, 0: none.
 
     Attributes:
         mailboxes: once it is launched, by which it is asked for objects of drives on EtherCAT; None: the
@@ -46,11 +46,13 @@ class ExecutorProcess(ExecutorFaces):
         machine: Machine,
         *,
         references: Mapping[int, StoredReference] | None = None,
+        tool: int = 0,
     ) -> None:
         # the same configuration errors as in the process, but here, where they can be reported
         create_buses(machine)
         self.machine = machine
         self._references = dict(references or {})
+        self._tool = tool
         self._process: subprocess.Popen[bytes] | None = None
         self._parts: SharedParts | None = None
         self._memory = -1
@@ -84,6 +86,7 @@ class ExecutorProcess(ExecutorFaces):
             os.getpid(),
             self._references,
             -1 if theirs is None else theirs.fileno(),
+            self._tool,
         )
         self._process = start_child("mcserver.executor.process", start, descriptors)
         if theirs is not None:

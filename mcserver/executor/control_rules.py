@@ -509,6 +509,13 @@ def _payload(slot: ProgramSlot, control: Control, _left: float, _waited: bool) -
     return None
 
 
+def _tool(slot: ProgramSlot, control: Control, _left: float, _waited: bool) -> Barrier | None:
+    shaper = slot.cycle.bank.shaper
+    if shaper is not None:
+        shaper.choose(control.operation)
+    return None
+
+
 def _passed(slot: ProgramSlot, control: Control, left: float, _waited: bool) -> Barrier | None:
     slot.cycle.emit(EventKind.PASSED, slot.index, control.line, left)
     return None
@@ -540,6 +547,7 @@ _RULES: Mapping[ControlKind, _Rule] = MappingProxyType(
         ControlKind.FOLLOW: _follow,
         ControlKind.FOLLOW_FROM: _follow_from,
         ControlKind.PAYLOAD: _payload,
+        ControlKind.TOOL: _tool,
         ControlKind.PASSED: _passed,
     }
 )

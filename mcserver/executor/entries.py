@@ -41,6 +41,7 @@ class ControlKind(enum.IntEnum):
     REFERENCE = 21  # ``axes`` are at ``values`` from here on; nothing moves
     PROBE = 22  # ``axes`` go straight to ``values`` until the probe changes
     PASSED = 24  # every line through ``line`` has ended: reported, so that it counts as done
+    TOOL = 28  # tool ``operation`` is in the spindle from u on, 0: none: its shapers count
     PAYLOAD = 23  # tools of ``operation`` are the chosen ones from u on: their payloads count in torques
     SETTLE = 14  # u stops here until the planner has read the positions (sync): acknowledged by ``token``
     OUTPUT = 15  # output ``channel`` is set to ``value``

@@ -210,6 +210,11 @@ class Executor:
             self.cycle(self.time)
         raise RuntimeError("a simulated drive does not energize")
 
+    def mount(self, tool: int) -> None:
+        """Let a tool be in the spindle, 0: none, from this cycle on."""
+        if self.bank.shaper is not None:
+            self.bank.shaper.choose(tool)
+
     def play_block(self, time: float, limit: int) -> Block | None:
         """Play cycles of the one program that runs, to the same effect as `cycle`.
 

@@ -183,6 +183,7 @@ def main() -> int:
             parts.events,
             references=start.references,
         )
+        executor.mount(start.tool)
     except McError as error:
         print(visible(str(error)), file=sys.stderr, flush=True)  # noqa: T201
         mailbox.set_executor_state(ProcessState.ENDED)

@@ -33,7 +33,7 @@ class Start(msgspec.Struct, frozen=True):
 
     Attributes:
         descriptor: of the shared memory. mailboxes: of a socket by which the server reaches the mailboxes of
-            drives on EtherCAT; -1: the machine has none.
+            drives on EtherCAT; -1: the machine has none. tool: in the spindle, 0: none.
     """
 
     machine: Machine
@@ -41,3 +41,4 @@ class Start(msgspec.Struct, frozen=True):
     parent: int
     references: dict[int, StoredReference] = {}
     mailboxes: int = -1
+    tool: int = 0

@@ -22,6 +22,7 @@ class Shaper:
 
     Attributes:
         delay: by which the path comes later, the same for all axes [cycles].
+        tool: that is in the spindle, 0: none, or it is not known.
         added, added_velocity: to what is shaped, shape (K,) [m or rad, per second].
     """
 
@@ -31,17 +32,23 @@ class Shaper:
         self.delay = shaping.delay
         count, length = len(shaping.weights), shaping.length + 1
         # the oldest first, as in the rings
-        self._weights = np.zeros((length, count))
-        for column, weights in enumerate(shaping.weights):
-            self._weights[length - len(weights) :, column] = weights[::-1]
-        self._last = np.array([len(weights) - 1 for weights in shaping.weights])
+        self._of_tools = {tool: np.zeros((length, count)) for tool in (0, *shaping.tools)}
+        for tool, columns in {0: shaping.weights, **shaping.tools}.items():
+            for column, weights in enumerate(columns):
+                self._of_tools[tool][length - len(weights) :, column] = weights[::-1]
+        self.tool = 0
+        self._weights = self._of_tools[0].copy()
+        self._last = _last_cycles(self._weights)
+        # those of the tool that is in, and whether an axis has not come to rest with it
+        self._next = self._of_tools[0]
+        self._changing = False
         self._delays = (self._weights * np.arange(length)[::-1, None]).sum(axis=0)
         self._length = length
         self._at = 0
         # each cycle is there twice, so that the latest ones are one piece
         self._positions = np.tile(row.ordered, (2 * length, 1))
         self._velocities = np.zeros((2 * length, count))
-        self._age = self._last.copy()
+        self._age = np.full(count, length)
         self._scratch = np.zeros((length, count))
         self._sum = np.zeros(count)
         self.added: Array = np.zeros(count)
@@ -53,6 +60,23 @@ class Shaper:
         newest: Array = self._positions[self._at]
         return newest
 
+    def choose(self, tool: int) -> None:
+        """Take the weights of the tool that is in, each axis where it rests and has arrived.
+
+        Until then it has those of before, and counts as unsettled while either would still move it.
+        """
+        self.tool = tool
+        self._next = self._of_tools.get(tool, self._of_tools[0])
+        self._last = np.maximum(_last_cycles(self._weights), _last_cycles(self._next))
+        self._change()
+
+    def _change(self) -> None:
+        """Change weights where all that they count is the same place: that moves nothing."""
+        rests = self._age >= self._last
+        self._weights[:, rests] = self._next[:, rests]
+        self._last[rests] = _last_cycles(self._next)[rests]
+        self._changing = bool((self._next != self._weights).any())
+
     def shape(self) -> None:
         """Set the setpoints of this cycle from what is ordered."""
         row, length = self._row, self._length
@@ -61,6 +85,8 @@ class Shaper:
         at = self._at = (self._at + 1) % length
         for ring, new in ((self._positions, row.ordered), (self._velocities, row.ordered_velocity)):
             ring[at] = ring[at + length] = new
+        if self._changing:
+            self._change()
         latest = slice(at + 1, at + 1 + length)
         # of differences, so that an axis at rest is exactly where it was ordered
         np.subtract(self._positions[latest], row.ordered, out=self._scratch)
@@ -116,3 +142,9 @@ class Shaper:
     def shift(self, column: int, distance: float) -> None:
         """Let a column's positions read ``distance`` more from now on."""
         self._positions[:, column] += distance
+
+
+def _last_cycles(weights: Array) -> NDArray[np.intp]:
+    """Return how many cycles ago the oldest setpoint was that counts, shape (K,)."""
+    cycles: NDArray[np.intp] = len(weights) - 1 - np.argmax(weights != 0.0, axis=0)
+    return cycles

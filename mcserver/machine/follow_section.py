@@ -172,7 +172,7 @@ def _wrong_mechanics(
         return "a [[tool]] names this axis", "how its tip moves would not be known beforehand"
     if any(body is not None and axis.index in body.carried_by for body in bodies):
         return "a [[body]] is carried by this axis", "where it is would not be known beforehand"
-    if ordered and axis.shaper != leader.shaper:
+    if ordered and (axis.shaper, axis.tool_shapers) != (leader.shaper, leader.tool_shapers):
         return "its shaper is not that of its leader", "give both the same one"
     return None
 

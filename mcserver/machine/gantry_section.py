@@ -90,8 +90,9 @@ def _differences(axis: Axis, leader: Axis) -> list[tuple[str, str]]:
     for key, limited in (("min_position", axis.min_position), ("max_position", axis.max_position)):
         if abs(limited) != float("inf"):
             found.append((key, "leave it out: the leader's travel counts"))
-    if axis.shaper != leader.shaper:
-        found.append(("shaper", "give both drives the same one"))
+    for key in ("shaper", "tool_shapers"):
+        if getattr(axis, key) != getattr(leader, key):
+            found.append((key, "give both drives the same"))
     if axis.profiled or leader.profiled:
         found.append(("drive", 'use csp or ip for both: mode = "pp" goes to points'))
     if axis.initial_position != leader.initial_position:

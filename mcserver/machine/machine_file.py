@@ -81,7 +81,7 @@ class Axis(msgspec.Struct, frozen=True):
     ``travel_per_motor_turn`` is m or rad of the axis for one turn of the motor (G1030).
     ``homing``: how it finds its reference; None: its encoder's reading is its position.
     ``max_torque``: of its joint [N·m, N]; None: the URDF's effort.
-    ``shaper``: of its setpoints; None: they are not shaped.
+    ``shaper``: of its setpoints; None: they are not shaped. ``tool_shapers``: instead, by tool.
     ``gantry``: it is the second drive of another axis; None: programs move it.
     ``follow``: the gear or cam by which it follows another axis once it is coupled; None: it cannot.
     ``compensation``: of its mechanics; with it, limits are what is left of the file's for programs.
@@ -103,6 +103,7 @@ class Axis(msgspec.Struct, frozen=True):
     homing: Homing | None = None
     max_torque: float | None = math.inf
     shaper: Shaper | None = None
+    tool_shapers: Mapping[int, Shaper] = {}
     compensation: Compensation | None = None
     gantry: Gantry | None = None
     follow: Follow | None = None
@@ -379,7 +380,8 @@ def _read_machine(raw: dict[str, Any], folder: Path | None, mistakes: Mistakes) 
         for index, found in check_followers(by_path, follow, tools, bodies, columns, mistakes).items():
             axes[index] = _following(axes[index], found)
         by_path = {path: axes[axis.index] for path, axis in by_path.items()}
-        shaping = check_shapers(by_path, joints, 1.0 / cycle_hz, motion.path_tolerance_mm * MM, mistakes)
+        tolerance = motion.path_tolerance_mm * MM
+        shaping = check_shapers(by_path, joints, dialect.profile, 1.0 / cycle_hz, tolerance, mistakes)
     urdf = None if kinematics is None else kinematics.urdf
     if urdf is not None and folder is not None:
         urdf = str(folder / urdf)
@@ -544,6 +546,7 @@ def _axis_to_si(
         homing=homing,
         max_torque=_torque_of(axis),
         shaper=axis.shaper,
+        tool_shapers={int(tool): each for tool, each in axis.tool_shapers.items()},
         compensation=compensation,
         rollover=axis.rollover,
         gantry=None if axis.gantry is None else Gantry(axis.gantry.leader, axis.gantry.max_skew * scale),

@@ -33,6 +33,11 @@ Torque = Annotated[
 Rollover = Literal["shortest", "sign"]
 AxisNumber = Annotated[int, Meta(ge=0, lt=MAX_AXES, description="number axes from 0 to 63")]
 
+ToolShapers = Annotated[
+    dict[Annotated[str, Meta(pattern=r"^[1-9][0-9]{0,4}$")], Shaper],
+    Meta(description='by numbers of tools, such as tool_shapers.3 = { type = "ei", frequency_hz = 40.0 }'),
+]
+
 
 class AxisSection(msgspec.Struct, frozen=True):
     """``[[axis]]``."""
@@ -51,6 +56,7 @@ class AxisSection(msgspec.Struct, frozen=True):
     drive: AnyDrive = Drive()
     homing: HomingSection | None = None
     shaper: Shaper | None = None
+    tool_shapers: ToolShapers = {}
     compensation: CompensationSection | None = None
     gantry: GantrySection | None = None
     follow: FollowSection | None = None

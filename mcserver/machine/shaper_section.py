@@ -107,6 +107,8 @@ class Shaping(msgspec.Struct, frozen=True):
         deviations: by column, how far the shaped position may be from the delayed one at the most [m or rad].
         speed_changes: by column, by how much its velocity may differ from the delayed one [m/s or rad/s].
         path_deviation: how far a path may be left by that [m]; a degree counts as a millimetre.
+        tools: ``weights`` with a tool in the spindle, by its number; with any other they are as above. The
+            figures beside hold with every tool.
     """
 
     delay: int
@@ -114,11 +116,17 @@ class Shaping(msgspec.Struct, frozen=True):
     deviations: tuple[float, ...]
     speed_changes: tuple[float, ...]
     path_deviation: float
+    tools: Mapping[int, tuple[tuple[float, ...], ...]] = {}
 
     @property
     def length(self) -> int:
         """Cycles from the end of what comes in to the end of what goes out."""
-        return max(len(each) for each in self.weights) - 1
+        return max(len(each) for kinds in self.kinds for each in kinds) - 1
+
+    @property
+    def kinds(self) -> tuple[tuple[tuple[float, ...], ...], ...]:
+        """By column, its weights without a tool and with each of ``tools``."""
+        return tuple(zip(self.weights, *self.tools.values(), strict=True))
 
     @classmethod
     def of(cls, axes: Sequence[Axis], cycle_s: float) -> Shaping | None:
@@ -126,25 +134,34 @@ class Shaping(msgspec.Struct, frozen=True):
 
         That is where no axis has a shaper, and none follows another one besides.
         """
-        shapers = [axis.shaper for axis in axes]
-        means = [shaper.mean_s() / cycle_s for shaper in shapers if shaper is not None]
+        tools = sorted({tool for axis in axes for tool in axis.tool_shapers})
+        # one delay with all tools: a change of weights at rest moves nothing
+        shapers = [[axis.tool_shapers.get(tool, axis.shaper) for tool in (0, *tools)] for axis in axes]
+        means = [each.mean_s() / cycle_s for kinds in shapers for each in kinds if each is not None]
         if not means and not any(axis.superimposed for axis in axes):
             return None
         # a whole number, so that axes without a shaper are delayed exactly
         delay = math.ceil(max(means, default=0.0) - 1e-9)
         weights, deviations, changes, path = [], [], [], 0.0
-        for axis in axes:
-            each = (1.0,) if axis.profiled else _weights(axis.shaper, delay, cycle_s)
-            variance = math.fsum(weight * (at - delay) ** 2 for at, weight in enumerate(each))
-            spread = math.fsum(weight * abs(at - delay) for at, weight in enumerate(each))
+        for axis, own in zip(axes, shapers, strict=True):
+            kinds = [(1.0,) if axis.profiled else _weights(each, delay, cycle_s) for each in own]
+            variance = max(_moment(each, delay, 2) for each in kinds)
+            spread = max(_moment(each, delay, 1) for each in kinds)
             most = 0.0 if axis.profiled else ACCELERATION_SLACK * axis.max_acceleration * cycle_s
             # Taylor's theorem about the mean, at which the first order cancels
             deviations.append(0.5 * variance * most * cycle_s)
             changes.append(spread * most)
             scale = 1.0 if axis.type is AxisType.LINEAR else 1e-3 / axis.type.si_per_unit
             path += (scale * deviations[-1]) ** 2
-            weights.append(each)
-        return cls(delay, tuple(weights), tuple(deviations), tuple(changes), math.sqrt(path))
+            weights.append(kinds)
+        first, *others = zip(*weights, strict=True)
+        by_tool = dict(zip(tools, others, strict=True))
+        return cls(delay, first, tuple(deviations), tuple(changes), math.sqrt(path), by_tool)
+
+
+def _moment(weights: Sequence[float], delay: int, order: int) -> float:
+    """Return the absolute central moment of weights about the delay [cycles to the order]."""
+    return math.fsum(weight * abs(at - delay) ** order for at, weight in enumerate(weights))
 
 
 def _weights(shaper: Shaper | None, delay: int, cycle_s: float) -> tuple[float, ...]:
@@ -164,16 +181,26 @@ def _weights(shaper: Shaper | None, delay: int, cycle_s: float) -> tuple[float, 
 
 
 def check_shapers(
-    axes: Mapping[Path, Axis], tool_axes: frozenset[int], cycle_s: float, tolerance: float, mistakes: Mistakes
+    axes: Mapping[Path, Axis],
+    tool_axes: frozenset[int],
+    profile: str,
+    cycle_s: float,
+    tolerance: float,
+    mistakes: Mistakes,
 ) -> Shaping | None:
     """Return the shaping of a machine, in the order of its axes' numbers; note shapers that it cannot have.
 
     Args:
-        axes: by the paths of their sections. tool_axes: joints of tools. tolerance: of paths [m].
+        axes: by the paths of their sections. tool_axes: joints of tools. profile: of its programs.
+        tolerance: of paths [m].
     """
     for path, axis in axes.items():
-        if axis.shaper is None:
+        own = {(*path, "tool_shapers", str(tool)): each for tool, each in axis.tool_shapers.items()}
+        if axis.shaper is not None:
+            own[*path, "shaper"] = axis.shaper
+        if not own:
             continue
+        place, longest = max(own.items(), key=lambda each: each[1].impulses()[-1][0])
         what = None
         if axis.profiled:
             what = "its drive makes the profiles itself", 'use csp or ip there: mode = "pp" goes to points'
@@ -182,10 +209,16 @@ def check_shapers(
                 "it is a joint of a tool, at whose tip the deviation is not known",
                 "shape axes that no [[tool]] names",
             )
-        elif axis.shaper.impulses()[-1][0] > MAX_CYCLES * cycle_s:
+        elif longest.impulses()[-1][0] > MAX_CYCLES * cycle_s:
             what = f"it is longer than {MAX_CYCLES} cycles", "give a higher frequency_hz"
+        elif axis.tool_shapers and profile != "cnc":
+            place = (*path, "tool_shapers")
+            what = (
+                f"programs of the profile {profile} change no tool in a spindle",
+                'give one shaper for all, or use [dialect] profile = "cnc"',
+            )
         if what is not None:
-            mistakes.add((*path, "shaper"), what[0], what[1])
+            mistakes.add(place, what[0], what[1])
             return None
     shaping = Shaping.of(sorted(axes.values(), key=lambda axis: axis.index), cycle_s)
     if shaping is not None and 0.0 < shaping.path_deviation >= tolerance:

@@ -1,4 +1,4 @@
-"""Where a program's lines exchange tools that have bodies, bring bodies, or move a work system with zones."""
+"""Where a program's lines exchange tools with bodies or shapers, bring bodies, or move work systems."""
 
 from __future__ import annotations
 
@@ -30,6 +30,11 @@ def work_systems(machine: Machine, frame: Frame | None) -> dict[int, Mapping[int
     return {each: systems.get(each, {}) for each in systems_with_zones(machine)}
 
 
+def shapes_by_tool(machine: Machine) -> bool:
+    """Return whether the tool in the spindle says which shapers count."""
+    return machine.shaping is not None and bool(machine.shaping.tools)
+
+
 class Exchanges:
     """Compares what is said of tools and work systems before and behind each line.
 
@@ -40,6 +45,8 @@ class Exchanges:
     def __init__(self, machine: Machine, frame: Frame | None) -> None:
         self._machine = machine
         self._places = places_with_bodies(machine)
+        self._shaped = shapes_by_tool(machine)
+        self._fitted: int | None = None
         self._tools: dict[int, int] = {}
         # how many bodies it has brought
         self._given = 0
@@ -50,7 +57,15 @@ class Exchanges:
 
     def by(self, line: int, modal: ModalState) -> list[Exchange]:
         """Return what a line has exchanged, by the modal state behind it; empty: nothing that has a body."""
-        return [*self._brought(line, modal), *self._of_tools(line, modal), *self._moved(line, modal.frame)]
+        found = [*self._brought(line, modal), *self._of_tools(line, modal), *self._moved(line, modal.frame)]
+        return found + self._shaping(line, modal.frame)
+
+    def _shaping(self, line: int, frame: Frame | None) -> list[Exchange]:
+        """Return the tool whose shapers count behind a line, where it is another one; a jog says of none."""
+        if not self._shaped or frame is None or frame.changed in (None, self._fitted):
+            return []
+        self._fitted = frame.changed
+        return [Exchange(line, {}, True, {}, fitted=self._fitted)]
 
     def _brought(self, line: int, modal: ModalState) -> list[Exchange]:
         """Return the bodies that a line has brought; those of before stay until the program's end."""

@@ -309,6 +309,8 @@ class LinePlanner:
             # bodies are others once the motion before has been played
             self.motion.to_whole_cycle()
             self._exchange = line
+            if line.fitted is not None:
+                self.control(ControlKind.TOOL, line.line, operation=line.fitted)
             self._await_settled(frozenset(), observing=False)
         elif isinstance(line, OutputLine):
             self._set_now(line)

@@ -30,7 +30,7 @@ from mcserver.motion.bound import PlanningError
 from mcserver.motion.canonical import Canonical, PauseLine
 from mcserver.motion.pieces import Rows
 from mcserver.planning.clearance_guard import ClearanceGuard
-from mcserver.planning.exchanges import Exchanges
+from mcserver.planning.exchanges import Exchanges, shapes_by_tool
 from mcserver.planning.line_buffer import LineBuffer
 from mcserver.planning.line_planner import LinePlanner
 from mcserver.planning.motion_output import LAST_TOKEN
@@ -122,7 +122,7 @@ class Pipeline:
             switches=start.switches,
         )
         self._expansion = expansion_of(self._interpreter)
-        judged = machine.clearance is not None
+        judged = machine.clearance is not None or shapes_by_tool(machine)
         self._exchanges = Exchanges(machine, self._interpreter.frame) if judged else None
         self._columns = [axis.index for axis in machine.axes]
         self._approach = deque(approach)

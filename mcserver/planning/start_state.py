@@ -52,6 +52,7 @@ class StartState(msgspec.Struct, frozen=True):
         inputs, outputs: values in the order of the machine's.
         pauses: of a program that began so and was recorded: what others changed at its pauses, in order.
         switches: of the operator.
+        tool: in the spindle of a machine whose shapers go by it; 0: none, or nobody has said.
         machine_file, cutters: of a program that began so and was recorded: digest of the machine file
             (`machine_digest`), and the tool table in it.
     """
@@ -66,6 +67,7 @@ class StartState(msgspec.Struct, frozen=True):
     outputs: tuple[float, ...] = ()
     pauses: tuple[PauseEnd, ...] = ()
     switches: Switches = AS_WRITTEN
+    tool: int = 0
     machine_file: str = ""
     cutters: Mapping[int, Cutter] = {}
 
@@ -162,6 +164,8 @@ def changes_between(
     ]
     if _beyond_systems(before.frame) != _beyond_systems(now.frame) or before.modal != now.modal:
         found.append("the modal state that it starts with is another one")
+    if before.tool != now.tool:
+        found.append(f"tool {before.tool} was in the spindle, and tool {now.tool} is")
     for column, (channel, then_value, value) in enumerate(
         zip(machine.inputs, before.inputs, now.inputs, strict=True)
     ):

@@ -68,7 +68,7 @@ from mcserver.service.reports import EventKind as Kind
 from mcserver.service.service_options import ServiceOptions
 from mcserver.service.start_of_programs import start_state
 from mcserver.service.timebase import Timebase
-from mcserver.service.work_offsets import WorkOffsets
+from mcserver.service.work_offsets import WorkOffsets, offsets_file
 
 log = logging.getLogger(__name__)
 
@@ -130,7 +130,7 @@ class ProgramTable:
             raise
         self._progress = ProgressReports(self._loop, self.journal, self.publish, self.acks.acknowledge)
         self.offsets = WorkOffsets(
-            options.journal.with_name(f"{options.journal.name}.offsets.json"),
+            offsets_file(options.journal),
             machine.dialect.cutters,
             # before a line that changes them can be done
             self.journal.beside,
@@ -153,7 +153,8 @@ class ProgramTable:
 
     def start_state(self, modal: ModalState | None = None, switches: Switches = AS_WRITTEN) -> StartState:
         """Return what a program that begins now starts from."""
-        return start_state(self._machine, self.port.snapshot(), self.offsets.frame(), modal, switches)
+        frame, tool = self.offsets.frame(), self.offsets.tool
+        return start_state(self._machine, self.port.snapshot(), frame, modal, switches, tool)
 
     def _origin(self, switches: Switches) -> StartState:
         """Return what a program that begins now is recorded with, should it be gone on with."""
@@ -447,6 +448,8 @@ class ProgramTable:
                     self.pauses.offsets_changed()
                 case ToolsExchanged():
                     self.mounted = self.mounted.behind(event.exchange)
+                    if event.exchange.fitted is not None:
+                        self.offsets.fit(event.exchange.fitted)
                 case ProgramMessage():
                     program.messages.append(event)
                 case Planned():

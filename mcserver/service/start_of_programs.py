@@ -19,12 +19,13 @@ def start_state(
     frame: Frame | None,
     modal: ModalState | None = None,
     switches: Switches = AS_WRITTEN,
+    tool: int = 0,
 ) -> StartState:
     """Return the state of a machine in a cycle.
 
     Args:
         frame: work offsets that are kept; None: none. modal: of a program that starts in its middle.
-        switches: of its operator.
+        switches: of its operator. tool: in the spindle, as of `StartState`.
     """
     axes = [axis.index for axis in machine.axes]
     states = dict(zip(axes, cycle.states, strict=True))
@@ -48,4 +49,5 @@ def start_state(
         inputs=tuple(cycle.inputs),
         outputs=tuple(cycle.outputs),
         switches=switches,
+        tool=tool,
     )

@@ -1,4 +1,6 @@
-"""Work coordinate systems and the tool table: kept over programs and restarts (D-62, D-65)."""
+"""Work coordinate systems, the tool table and the tool in the spindle: kept over programs and restarts (D-62,
+D-65).
+"""
 
 from __future__ import annotations
 
@@ -79,6 +81,12 @@ class _Tables(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     cutters: dict[int, _SetCutter] = {}
     changes: list[TableChange] = []
     notes: dict[str, RowNote] = {}
+    tool: int = 0
+
+
+def offsets_file(journal: Path) -> Path:
+    """Return the file beside a journal."""
+    return journal.with_name(f"{journal.name}.offsets.json")
 
 
 class WorkOffsets:
@@ -94,6 +102,7 @@ class WorkOffsets:
     Attributes:
         systems: origins by the number of the system, 1 for G54.
         notes: by row, of those that have any.
+        tool: in the spindle of a machine whose shapers go by it; 0: none, or nobody has said.
         changes: the newest `CHANGES_KEPT`, oldest first.
 
     Raises:
@@ -114,6 +123,7 @@ class WorkOffsets:
         kept = _read(self._tables_path, _Tables, _Tables())
         self.changes: list[TableChange] = kept.changes
         self.notes: dict[str, RowNote] = kept.notes
+        self.tool = kept.tool
         # what tools have cut since the file was last written [s]
         self._unsaved_s = 0.0
         self._set_cutters = {
@@ -184,6 +194,12 @@ class WorkOffsets:
             files[self._path] = with_checksum(msgspec.json.encode(self.systems))
         # systems first: who changed what is said of nothing that is not kept
         self._files.put(files)
+
+    def fit(self, tool: int) -> None:
+        """Keep which tool is in the spindle."""
+        if tool != self.tool:
+            self.tool = tool
+            self._files.put(self._tables_file())
 
     def annotate(
         self,
@@ -291,7 +307,7 @@ class WorkOffsets:
             for number, each in self._set_cutters.items()
         }
         self._unsaved_s = 0.0
-        tables = _Tables(set_cutters, self.changes, self.notes)
+        tables = _Tables(set_cutters, self.changes, self.notes, self.tool)
         return {self._tables_path: with_checksum(msgspec.json.encode(tables))}
 
     def _merged_cutter(self, number: int, then: Cutter | None, now: Cutter) -> Cutter:

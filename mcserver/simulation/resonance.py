@@ -191,7 +191,7 @@ def compare_shapers(found: Resonance, axis: Axis, cycle_s: float) -> list[Shaper
     for kind in get_args(ShaperType):
         # no more digits than a measurement has
         shaper = Shaper(kind, round(found.frequency_hz, 2), round(min(found.damping, 0.5), 4))
-        shaping = Shaping.of([msgspec.structs.replace(axis, shaper=shaper)], cycle_s)
+        shaping = Shaping.of([msgspec.structs.replace(axis, shaper=shaper, tool_shapers={})], cycle_s)
         assert shaping is not None
         beside = np.linspace(1.0 - BESIDE, 1.0 + BESIDE, 21) * found.frequency_hz
         costs.append(

@@ -509,7 +509,7 @@ class _Run:
 
     def _end_state(self) -> StartState:
         row, homed = self._executor.executor.row, homed_of(self._executor.executor.row.row)
-        axes = self._machine.axes
+        axes, shaper = self._machine.axes, self._executor.executor.bank.shaper
         turns = self._executor.executor.motions.turning()
         turning = {axis.index for column, axis in enumerate(axes) if turns >> column & 1}
         return StartState(
@@ -521,6 +521,7 @@ class _Run:
             frame=self._frame,
             inputs=tuple(row.inputs.tolist()),
             outputs=tuple(row.outputs.tolist()),
+            tool=0 if shaper is None else shaper.tool,
         )
 
     def _turned(self) -> dict[int, float]:

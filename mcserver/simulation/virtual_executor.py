@@ -90,12 +90,14 @@ class VirtualExecutor(ExecutorFaces):
         return self._parts
 
     def bring_to(self, start: StartState) -> None:
-        """Let axes be energized and homed, and inputs and outputs have values, as in a state; time stands.
+        """Let axes be energized and homed, inputs and outputs have values, and the tool be in, as in a state;
+        time stands.
 
         Raises:
             RuntimeError: a drive does not energize.
         """
         columns = {axis.index: column for column, axis in enumerate(self.machine.axes)}
+        self.executor.mount(start.tool)
         self.executor.assume(
             energized=sum(1 << columns[axis] for axis in start.energized),
             homed=sum(1 << columns[axis] for axis in start.homed),

@@ -43,6 +43,8 @@ def broken_under_orders(motion: Motion, seed: int) -> list[str]:
     mailbox, often = rig.executor.mailbox, rng.random() < 0.4
     for _ in range(int(rng.integers(1, 60 if often else 12))):
         rig.step(int(rng.integers(1, 10 if often else 300)))
+        if rig.machine.shaping is not None and rng.random() < 0.3:
+            rig.executor.executor.mount(int(rng.integers(0, 3)))
         rate = float(rng.choice(RATES))
         if rate >= 0.0:
             mailbox.set_override(rate, 0)

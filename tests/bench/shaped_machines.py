@@ -16,14 +16,18 @@ EXACT = 1e-9
 
 
 def shaped(machine: Machine, seed: int) -> Machine:
-    """Return the same with random shapers, at least one."""
+    """Return the same with random shapers, at least one, some of them by tools 1 and 2."""
     rng = np.random.default_rng((seed, 7))
+
+    def drawn() -> Shaper:
+        kind = str(rng.choice(get_args(ShaperType)))
+        return Shaper(kind, float(rng.uniform(8.0, 150.0)), float(rng.uniform(0.0, 0.3)))
+
     axes = []
     for number, axis in enumerate(machine.axes):
-        kind = str(rng.choice(get_args(ShaperType)))
-        shaper = Shaper(kind, float(rng.uniform(8.0, 150.0)), float(rng.uniform(0.0, 0.3)))
-        kept = shaper if not number or rng.random() < 0.6 else None
-        axes.append(msgspec.structs.replace(axis, shaper=kept))
+        kept = drawn() if not number or rng.random() < 0.6 else None
+        by_tool = {tool: drawn() for tool in (1, 2) if rng.random() < 0.4}
+        axes.append(msgspec.structs.replace(axis, shaper=kept, tool_shapers=by_tool))
     shaping = Shaping.of(axes, machine.cycle_s)
     assert shaping is not None
     # corners as on the machine without: their limits are judged, and the deviation by itself

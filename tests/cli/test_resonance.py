@@ -57,8 +57,11 @@ def test_the_shaper_that_a_recording_of_moves_proposes_takes_the_ringing_away(
     assert answer["proposed"] == "ei"
     assert picture.read_bytes().startswith(b"\x89PNG")
     before = swing(recording)
+    assert run_command_line([*measure, "--tool", "3"]) == 0
+    with_tool = capfd.readouterr().out
     assert run_command_line(measure) == 0
     (line,) = [each for each in capfd.readouterr().out.splitlines() if each.startswith("shaper =")]
+    assert f"tool_{line.replace('shaper', 'shapers.3')}\n" in with_tool
     machine.write_text(MACHINE.format(shaper=line))
     assert run_command_line(simulate) == 0
     assert swing(recording) < 0.06 * before

@@ -378,6 +378,7 @@ def test_a_cam_passes_its_points_never_leaves_their_span_and_has_no_step_of_acce
         (GEAR, CAM.replace("true", "false").replace("[0.0, 0.0]", "[0.0, 0.0, 1.0]")),
         (GEAR.replace("}", "}\ngantry = { leader = 0, max_skew = 1.0 }"), CAM),
         (GEAR.replace("}", "}\nshaper = { type = 'zv', frequency_hz = 20.0 }"), CAM),
+        (GEAR.replace("}", "}\ntool_shapers.2 = { type = 'zv', frequency_hz = 20.0 }"), CAM),
     ],
 )
 def test_what_cannot_follow_is_refused(gear: str, cam: str) -> None:

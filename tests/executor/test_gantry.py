@@ -178,6 +178,7 @@ def test_programs_name_the_leader_alone_and_speeds_are_refused() -> None:
         (TRAVEL, "gantry = { leader = 3, max_skew = 0.5 }", "MC090"),
         (TRAVEL, PAIR + "\nmin_position = -5.0\nmax_position = 5.0", "MC090"),
         (TRAVEL, PAIR + "\ndrive = { initial_position = 1.0 }", "MC090"),
+        (TRAVEL, PAIR + "\ntool_shapers.2 = { type = 'zv', frequency_hz = 20.0 }", "MC090"),
         (TRAVEL + f"\n[axis.homing]\n{SWITCH}", PAIR, "MC091"),
         (
             TRAVEL + f"\n[axis.homing]\n{SWITCH}",

@@ -338,6 +338,7 @@ def test_every_field_of_the_start_counts_in_the_digest_and_in_what_has_changed()
         "modal": ModalState(inch=True),
         "inputs": (0.0, 0.0, 0.0),
         "outputs": (1.0,),
+        "tool": 3,
     }
     # what others changed at pauses, and the machine file of then, is the past of a program that goes on: a
     # run that is asked for has none; switches are asked for with the run, and it starts with these

@@ -33,6 +33,7 @@ from mcserver.service.references import References, references_file
 from mcserver.service.reports import Event
 from mcserver.service.service import MachineService
 from mcserver.service.service_options import ServiceOptions
+from mcserver.service.work_offsets import WorkOffsets, offsets_file
 from mcserver.simulation.virtual_executor import VirtualExecutor
 from tests.service.fakes import LoopPlanner
 
@@ -136,6 +137,7 @@ class VirtualCell:
         journal = folder / "journal.db"
         references = References(references_file(journal), machine).holding
         self.executor = VirtualExecutor(machine, homed=False, references=references)
+        self.executor.executor.mount(WorkOffsets(offsets_file(journal)).tool)
         self.executor.step()
         self.events: list[Event] = []
         self._faces = _Faces(self.executor)
