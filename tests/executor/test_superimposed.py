@@ -24,14 +24,15 @@ BESIDES = (
     "window = [0.0, 400.0], reserve = 0.4MORE }"
 )
 # of the belt: 60 mm/s
-BELT = "G1010\nG1030 [5]360\nG04 P0.6\nG90 G94 F3000\n"
-SHAPE = "G1 X50 Y20\nG2 X70 Y20 I10 J0\nG0 X70 Y60\nG1 X10 Y0\n"
+BELT = "G1010\nG1030 [5]360\nG04 P0.3\nG90 G94 F6000\n"
+SHAPE = "G1 X25 Y10\nG2 X45 Y10 I10 J0\nG0 X45 Y30\nG1 X10 Y0\n"
 
 
-def machine(more: str = "", keys: str = "", inputs: str = "") -> Machine:
+def machine(more: str = "", keys: str = "", inputs: str = "", window: float = 400.0) -> Machine:
     """X follows the belt [5] besides; Y and [3] are as any other."""
     bed = axes_text((0,), keys=f"max_jerk = 40000.0\nmin_position = -50.0\nmax_position = 700.0\n{keys}")
-    bed = bed.replace("[axis.drive]", f"{BESIDES.replace('MORE', more)}\n[axis.drive]")
+    besides = BESIDES.replace("MORE", more).replace("400.0", f"{window}")
+    bed = bed.replace("[axis.drive]", f"{besides}\n[axis.drive]")
     belt = axes_text(
         (5,),
         velocity=400.0,
@@ -89,10 +90,10 @@ def test_a_program_draws_the_same_shape_on_a_belt_that_moves() -> None:
     start = drawn[moves[-1]] - still.setpoints(0)[-1]
     path = np.column_stack([drawn[part] - start, cell.setpoints(1)[part]])
     ideal = np.column_stack([still.setpoints(0), still.setpoints(1)])
-    apart = np.sqrt(((path[:, None] - ideal[None]) ** 2).sum(axis=2)).min(axis=1)
-    # a row of the other one is up to 50 µm away along the path
-    assert apart.max() < 0.06 * MM
-    assert np.ptp(cell.offsets[part]) > 0.1
+    # every fifth one: a row of the other is up to 60 µm away along the path
+    apart = [np.hypot(*(ideal - place).T).min() for place in path[::5]]
+    assert max(apart) < 0.07 * MM
+    assert np.ptp(cell.offsets[part]) > 0.05
     # and comes to rest by itself while the belt goes on
     assert np.diff(cell.setpoints(0))[-1] == 0.0
 
@@ -128,11 +129,11 @@ def _override(share: float) -> Callable[[Coupled], None]:
 @LAW
 @given(
     st.dictionaries(
-        st.integers(30, 3500),
+        st.integers(30, 2500),
         st.sampled_from([_hold, _resume, _override(0.2), _override(1.0), _override(1.5)]),
         max_size=8,
     ),
-    st.integers(500, 3500),
+    st.integers(320, 2500),
     st.sampled_from([_abort, _stop]),
 )
 def test_whatever_is_ordered_limits_are_kept_and_a_stop_leaves_the_axis_at_rest(
@@ -153,7 +154,7 @@ def test_whatever_is_ordered_limits_are_kept_and_a_stop_leaves_the_axis_at_rest(
 @LAW
 @given(
     st.dictionaries(
-        st.integers(300, 2500), st.tuples(st.sampled_from(["push", "load"]), st.floats(-5.0, 5.0)), max_size=6
+        st.integers(300, 1500), st.tuples(st.sampled_from(["push", "load"]), st.floats(-5.0, 5.0)), max_size=6
     ),
     st.booleans(),
 )
@@ -175,7 +176,7 @@ def test_whatever_the_belt_does_the_axis_keeps_its_limits(
 def test_an_axis_whose_drive_fails_has_no_offset_left() -> None:
     made = machine()
     cell = Picker(made, f"{BELT}G1060 P0\n{SHAPE}G1061\nM2")
-    cell.play({1300: lambda each: each.bus.trip(each.column(5))})
+    cell.play({700: lambda each: each.bus.trip(each.column(5))})
     assert cell.faults == [FaultCode.OVER_TEMPERATURE]
     assert cell.broken() == []
     assert cell.executor.executor._cycle.couplings.engaged == ()
@@ -183,21 +184,21 @@ def test_an_axis_whose_drive_fails_has_no_offset_left() -> None:
 
 def test_in_a_feed_hold_the_tool_stands_on_the_work_that_goes_on() -> None:
     cell = Picker(MACHINE, f"{BELT}G1060 P0\n{SHAPE}G1061\nM2")
-    cell.play({1000: _hold, 2000: _resume})
+    cell.play({700: _hold, 1500: _resume})
     assert cell.faults == []
-    assert np.ptp((cell.setpoints(0) - cell.offsets)[1600:1990]) < 0.02 * MM
-    assert np.ptp(cell.setpoints(0)[1600:1990]) > 0.02
+    assert np.ptp((cell.setpoints(0) - cell.offsets)[1200:1490]) < 0.02 * MM
+    assert np.ptp(cell.setpoints(0)[1200:1490]) > 0.015
 
 
 def test_the_end_of_the_window_stops_the_program_within_it() -> None:
-    cell = Picker(MACHINE, f"{BELT}G1060 P0\nG1 X40\nG04 P20\nG1061\nM2").play()
+    cell = Picker(machine(window=100.0), f"{BELT}G1060 P0\nG1 X40\nG04 P20\nG1061\nM2").play()
     assert cell.faults == [FaultCode.WINDOW_LEFT]
     assert cell.broken() == []
-    assert cell.setpoints(0).max() <= 440.0 * MM
+    assert cell.setpoints(0).max() <= 140.0 * MM
 
 
 def test_an_axis_has_to_stand_where_its_window_leaves_room() -> None:
-    cell = Picker(MACHINE, f"{BELT}G1 X310\nG1060 P0\nM2").play()
+    cell = Picker(MACHINE, f"{BELT}G0 X310\nG1060 P0\nM2").play()
     assert cell.faults == [FaultCode.SOFT_LIMIT]
     assert cell.setpoints(0).max() <= 310.0 * MM + 1e-9
 
@@ -235,11 +236,11 @@ def test_works_are_taken_one_by_one_as_they_come_into_the_window(risen: tuple[fl
 
 
 def test_a_work_that_has_left_the_window_is_passed_over() -> None:
-    made = machine(", latch = 4, after = 60.0", inputs=eye(0.1, 12.0))
-    cell = Picker(made, "G1010\nG1030 [5]360\nG04 P11\nG1060 P0\nG04 P1\nG1061\nM2").play()
+    made = machine(", latch = 4, after = 60.0", inputs=eye(0.1, 4.0), window=100.0)
+    cell = Picker(made, "G1010\nG1030 [5]360\nG04 P3.5\nG1060 P0\nG04 P0.4\nG1061\nM2").play()
     assert cell.faults == []
     # it waits for the second one
-    assert not np.diff(cell.setpoints(0))[:13_000].any()
+    assert not np.diff(cell.setpoints(0))[:5000].any()
 
 
 @pytest.mark.parametrize(
