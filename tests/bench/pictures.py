@@ -17,6 +17,8 @@ from mcserver.units import MM
 from tests.bench.machines import ideal
 from tests.bench.servo_streams import CAPTURE
 from tests.executor.test_compensation import BACKLASH, Told, load_of
+from tests.executor.test_superimposed import BELT, Picker
+from tests.executor.test_superimposed import machine as conveyor_machine
 from tests.executor.threading_rig import SPINDLE, Turned, lathe
 
 mpl.use("Agg")
@@ -126,6 +128,33 @@ def threading() -> Figure:
     return figure
 
 
+def conveyor() -> Figure:
+    """A shape drawn on a belt that moves: on the machine, on the belt, and the axis over time."""
+    shape = "G1 X60 Y0\nG3 X60 Y40 I0 J20\nG1 X20 Y40\nG1 X20 Y0\n"
+    program = f"{BELT}G1060 P0\nG1 X20 F9000\n{shape}G1061\nM2"
+    cell = Picker(conveyor_machine(), program)
+    cell.play()
+    x, y, belt = cell.setpoints(0) / MM, cell.setpoints(1) / MM, cell.offsets / MM
+    (moving,) = np.nonzero(np.diff(y))
+    along, end = slice(moving[0] - 350, moving[-1]), moving[-1]
+    figure, (plan, time) = pyplot.subplots(
+        1, 2, figsize=(11.0, 3.6), layout="constrained", width_ratios=(2, 1)
+    )
+    plan.plot(x[along], y[along], color="tab:red", label="on the machine")
+    plan.plot((x - belt)[along] - (x - belt)[end] + 20.0, y[along], color="tab:blue", label="on the belt")
+    plan.set_xlabel("X [mm]")
+    plan.set_ylabel("Y [mm]")
+    plan.set_aspect("equal")
+    plan.legend(fontsize=9, loc="center", bbox_to_anchor=(0.62, 0.6))
+    seconds = np.arange(len(x)) * 1e-3
+    time.plot(seconds, x, color="tab:red", label="X")
+    time.plot(seconds, belt, color="tab:gray", label="belt")
+    time.set_xlabel("time [s]")
+    time.set_ylabel("place [mm]")
+    time.legend(fontsize=9)
+    return figure
+
+
 def target_at(cycle: int) -> float | None:
     """Return the target of a cycle [mm]; None: nothing is sent."""
     if cycle % PERIOD or cycle >= SILENCE:
@@ -181,7 +210,8 @@ def servo() -> Figure:
 
 def main(name: str, path: str) -> None:
     """Draw one of them."""
-    figure = {"servo": servo, "shaping": shaping, "backlash": backlash, "threading": threading}[name]()
+    figures = (servo, shaping, backlash, threading, conveyor)
+    figure = {each.__name__: each for each in figures}[name]()
     for panel in figure.axes:
         if name != "backlash":
             panel.grid(alpha=0.3)
