@@ -16,6 +16,7 @@ from pathlib import Path
 from deploy.release import contents, packages
 from deploy.release.commands import run
 from deploy.release.go_module import set_go_module
+from deploy.release.sdk_licences import sdk_licences
 from deploy.release.versions import NotReleasable, changes_of, set_version, version_of
 
 ROOT = Path(__file__).parents[2]
@@ -66,6 +67,8 @@ def build(root: Path, output: Path, version: str, without: frozenset[str]) -> No
                 if name not in without:
                     print(f"{name} …", file=sys.stderr)
                     make(source, output, version)
+                    with (output / "licences.md").open("a", encoding="utf-8") as licences:
+                        licences.write(sdk_licences(source, name))
             (output / "changes.md").write_text(changes_of(source, version), encoding="utf-8")
         finally:
             run(["git", "worktree", "remove", "--force", str(source)], root)

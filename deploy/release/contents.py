@@ -81,7 +81,8 @@ def licences(bom: Bom, needed: Collection[str]) -> str:
     for each in sorted(bom["components"], key=lambda each: each["name"].lower()):
         extra = "" if each["name"] in needed else "yes"
         rows.append(f"| {each['name']} | {each['version']} | {_licence(each)} | {extra} |")
-    return "\n".join(["| package | version | licence | extras alone |", "|---|---|---|---|", *rows]) + "\n"
+    head = "## mcserver, mcclient\n\n| package | version | licence | extras alone |\n|---|---|---|---|\n"
+    return head + "\n".join(rows) + "\n"
 
 
 def _licence(component: Bom) -> str:

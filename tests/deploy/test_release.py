@@ -9,6 +9,7 @@ from pathlib import Path
 
 import pytest
 
+from deploy.release import sdk_licences
 from deploy.release.__main__ import build, check
 from deploy.release.contents import licences
 from deploy.release.go_module import set_go_module
@@ -121,8 +122,37 @@ def test_licences_are_those_that_each_component_declares() -> None:
         },
         {"name": "c", "version": "3"},
     ]
-    assert licences({"components": components}, {"A", "c"}).splitlines()[2:] == [
+    assert licences({"components": components}, {"A", "c"}).splitlines()[4:] == [
         "| A | 2 | MIT OR Zlib, Zlib |  |",
         "| b | 1 | MIT | yes |",
         "| c | 3 | not declared |  |",
     ]
+
+
+def test_the_typescript_sdk_needs_one_package_and_none_for_development_is_listed() -> None:
+    (package,) = sdk_licences.of_npm(ROOT / "clients" / "typescript")
+    assert (package.name, package.licence) == ("@msgpack/msgpack", "ISC")
+
+
+def test_the_licence_of_an_artifact_may_stand_in_what_it_descends_from(tmp_path: Path) -> None:
+    space = 'xmlns="http://maven.apache.org/POM/4.0.0"'
+    parent = "<parent><groupId>org.a</groupId><artifactId>all</artifactId><version>1</version></parent>"
+    licence = "<licenses><license><name>EPL-2.0</name></license></licenses>"
+    for name, text in (("all", licence), ("part", parent)):
+        folder = tmp_path / "org" / "a" / name / "1"
+        folder.mkdir(parents=True)
+        (folder / f"{name}-1.pom").write_text(f"<project {space}>{text}</project>")
+    assert sdk_licences.licence_of_pom(tmp_path, "org.a", "part", "1") == "EPL-2.0"
+
+
+@pytest.mark.parametrize(
+    ("text", "licence"),
+    [
+        ("MIT License\n\nPermission is hereby granted, free of\ncharge, to any person", "MIT"),
+        ("Redistribution and use in source\n * Neither the name of", "BSD-3-Clause"),
+        ("all rights reserved", "not declared"),
+    ],
+)
+def test_the_licence_of_a_go_module_is_known_by_its_text(tmp_path: Path, text: str, licence: str) -> None:
+    (tmp_path / "LICENSE.txt").write_text(text)
+    assert sdk_licences.licence_in(tmp_path) == licence
