@@ -1,8 +1,12 @@
-"""Dialogs: each has a name for who cannot see it, and is gone from the page once it is closed."""
+"""Dialogs: each has a name for who cannot see it, and is gone from the page once it is closed.
+
+One that changes something stays, with what is typed in it, until that is done: where it is refused, came too
+late or has no answer, it can be sent again.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Awaitable, Callable
 from typing import Any
 
 from nicegui import ui
@@ -12,41 +16,61 @@ from mcserver.web.translation import t
 
 
 class NamedDialog(ui.dialog):
-    """A dialog that a screen reader announces by name.
-
-    Attributes:
-        delay_s: how late the answer was [s].
-    """
+    """A dialog that a screen reader announces by name."""
 
     def __init__(self, name: str) -> None:
         super().__init__()
         self.props["aria-label"] = name
-        self.delay_s = 0.0
+        self._answer: Any = None
+        self._delay_s = 0.0
 
     def submit(self, result: Any) -> None:
         """Answer."""
-        self.delay_s = event_delay_s.get()
-        super().submit(result)
+        self._answer, self._delay_s = result, event_delay_s.get()
+        self.submitted.set()
+
+    async def next_answer(self) -> Any:
+        """Wait for what is submitted; None: the dialog was closed, or its page.
+
+        What is done next is as late as the answer was, not as what has opened the dialog.
+        """
+        self._answer = None
+        # what was pressed while the answer before was dealt with is dropped
+        self.submitted.clear()
+        if self.value and not self.is_deleted:
+            await self.submitted.wait()
+        event_delay_s.set(self._delay_s)
+        return self._answer
 
 
-async def answer_to(dialog: NamedDialog) -> Any:
-    """Wait for what is submitted: None where the dialog was closed, or its page. It is gone afterwards.
+async def answer_to(dialog: NamedDialog, act: Callable[[Any], Awaitable[bool]] | None = None) -> Any:
+    """Open a dialog, and wait for what is submitted: None where it was closed, or its page. It is gone then.
 
-    What is done next is as late as the answer was, not as what has opened the dialog.
+    Args:
+        act: does what an answer asks for; whether it was done. Where not the dialog stays.
     """
-    answer = await dialog
-    event_delay_s.set(dialog.delay_s)
+    dialog.open()
+    answer = await dialog.next_answer()
+    while act is not None and answer is not None and answer is not False and not await act(answer):
+        answer = await dialog.next_answer()
     if not dialog.is_deleted:
         dialog.delete()
     return answer
 
 
-async def ask(question: str, verb: str, *, colour: str, details: Callable[[], object] | None = None) -> bool:
+async def ask(
+    question: str,
+    verb: str,
+    *,
+    colour: str,
+    details: Callable[[], object] | None = None,
+    act: Callable[[], Awaitable[bool]] | None = None,
+) -> bool:
     """Ask before something is done; whether it shall be.
 
     Args:
         verb: on the button that does it. colour: of that button. details: builds what is shown below the
-            question.
+            question. act: does it; whether it was done. Where not the question stays.
     """
     with NamedDialog(question) as dialog, ui.card().classes("mc-ask"):
         ui.label(question).classes("font-bold break-words")
@@ -55,7 +79,7 @@ async def ask(question: str, verb: str, *, colour: str, details: Callable[[], ob
         with ui.element("div").classes("mc-buttons"):
             ui.button(verb, on_click=lambda: dialog.submit(True)).props(f"color={colour}")
             ui.button(t("Cancel"), on_click=lambda: dialog.submit(False)).props("flat autofocus")
-    return bool(await answer_to(dialog))
+    return bool(await answer_to(dialog, None if act is None else lambda _: act()))
 
 
 async def ask_to_replace(name: str) -> bool:

@@ -203,14 +203,19 @@ class FleetPage:
         if not names:
             return
         verb = t(ORDERS[order][0])
-        # the role may have been taken away while the dialog was open
-        if await ask(
+
+        async def give() -> bool:
+            # the role may have been taken away while the dialog was open
+            return self._allowed(order) and self._tell(
+                ORDERS[order][0], names, await self._fleet.order(order, names, self._visitor.name)
+            )
+
+        await ask(
             t("{verb} {count} machines: {names}?", verb=verb, count=len(names), names=_listed(names)),
             verb,
             colour="negative",
-        ) and self._allowed(order):
-            failures = await self._fleet.order(order, names, self._visitor.name)
-            self._tell(ORDERS[order][0], names, failures)
+            act=give,
+        )
 
     async def _ask_run(self, event: events.GenericEventArguments) -> None:
         if not self._allowed("open"):
@@ -245,12 +250,17 @@ class FleetPage:
                 with ui.element("div").classes("mc-buttons"):
                     ui.button(t("Run"), on_click=lambda: dialog.submit(text.value)).props("color=positive")
                     ui.button(t("Cancel"), on_click=lambda: dialog.submit(None)).props("flat")
-            chosen = await answer_to(dialog)
-            if (chosen or file) and chosen is not None and self._allowed("open"):
-                failures = await self._fleet.run(names, chosen, self._visitor.name, file[0] if file else None)
-                self._tell(mark("queued"), names, failures)
 
-    def _tell(self, what: str, names: list[str], failures: dict[str, BaseException]) -> None:
+            async def run(chosen: str) -> bool:
+                if not (chosen or file) or not self._allowed("open"):
+                    return False
+                failures = await self._fleet.run(names, chosen, self._visitor.name, file[0] if file else None)
+                return self._tell(mark("queued"), names, failures)
+
+            await answer_to(dialog, run)
+
+    def _tell(self, what: str, names: list[str], failures: dict[str, BaseException]) -> bool:
+        """Say what was done at how many machines, and why not at the others; whether at any."""
         log.info("%s: %d machines by %s", what, len(names), self._visitor.name)
         alike: dict[tuple[str, str], list[str]] = {}
         for name, error in failures.items():
@@ -266,6 +276,7 @@ class FleetPage:
             ),
             position="bottom",
         )
+        return len(failures) < len(names)
 
 
 async def _take(into: list[tuple[str, bytes]], text: ui.textarea, event: events.UploadEventArguments) -> None:

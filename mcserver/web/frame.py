@@ -16,7 +16,7 @@ from nicegui.language import Language
 from starlette.middleware.trustedhost import TrustedHostMiddleware
 
 from mcserver.doors.listening import LOOPBACK
-from mcserver.web.resuming import resume_after_cuts, take_events_once
+from mcserver.web.resuming import forget_closed_pages, resume_after_cuts, take_events_once
 from mcserver.web.translation import COOKIE as LANGUAGE_COOKIE
 from mcserver.web.translation import language_for, mark, t
 
@@ -75,6 +75,7 @@ def run_pages(site: FastAPI, title: str) -> None:
     """Have an application serve the pages that were declared with ``ui.page``."""
     nicegui_app.add_static_files("/mc-static", STATIC)
     take_events_once()
+    forget_closed_pages()
     # its own history would send what was missed after what is new: `ResumingOutbox` has another one
     ui.run_with(
         site,

@@ -11,9 +11,22 @@ from mcclient import MotionError
 from mcclient.cli.history import QUESTIONS, SPANS, ask, days_of
 from mcclient.errors import RequestRefused
 
+from mcserver.web.translation import mark
+
 # of one core beside motion servers
 THREADS = 1
-WHATS = ("programs", "faults", "recordings", "who", "slow lines", "running time")
+WHATS = (
+    *("programs", "runs by program", "runs by day", "faults", "fault counts", "recordings", "who"),
+    *("slow lines", "running time", "running time by hour"),
+)
+# what the columns of answers are called, other than those that have no words of their own
+COLUMNS = (
+    *(mark("time"), mark("program"), mark("name"), mark("state"), mark("took s"), mark("client")),
+    *(mark("reason"), mark("code"), mark("axis"), mark("line"), mark("message"), mark("recording")),
+    *(mark("times"), mark("latest"), mark("did"), mark("day"), mark("hour"), mark("running percent")),
+    *(mark("states"), mark("finished"), mark("broken off"), mark("mean s"), mark("taken s")),
+    *(mark("requested s"), mark("stretched by"), mark("bound by")),
+)
 WHENS = tuple(span for span in SPANS if span)
 
 Answer = tuple[list[str], list[tuple[Any, ...]]]

@@ -12,11 +12,13 @@ from __future__ import annotations
 import logging
 from collections import deque
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from typing import Any
 
 from nicegui import Client, core
-from nicegui.outbox import Message, MessageId, Outbox, deleted
+from nicegui.logging import log as framework_log
+from nicegui.outbox import ClientId, Message, MessageId, MessageType, Outbox, Payload, deleted
+from nicegui.slot import Slot
 
 from mcserver.web.delays import DelayGate, event_delay_s
 
@@ -55,6 +57,11 @@ class ResumingOutbox(Outbox):
             del self._taken[next(iter(self._taken))]
         self._taken[document] = number
         return True
+
+    def enqueue_message(self, message_type: MessageType, data: Payload, target_id: ClientId) -> None:
+        """Send a message; none to a page that is gone, which whoever calls has waited for something on."""
+        if not self.client.is_deleted:
+            super().enqueue_message(message_type, data, target_id)
 
     async def _emit(self, message: Message) -> None:
         _, kind, content = message
@@ -96,6 +103,21 @@ def resume_after_cuts(client: Client) -> None:
     """Have a page that is being built go on after a cut link; before anything is said to its browser."""
     client.outbox.stop()
     client.outbox = ResumingOutbox(client)
+
+
+def forget_closed_pages() -> None:
+    """Have no error logged of a handler that shows something on a page closed while it waited."""
+    framework_log.addFilter(_is_of_no_closed_page)
+
+
+def _is_of_no_closed_page(record: logging.LogRecord) -> bool:
+    if record.exc_info is None or not isinstance(record.exc_info[1], RuntimeError):
+        return True
+    for slot in reversed(Slot.get_stack()):
+        # the element of a slot that is gone raises
+        with suppress(RuntimeError):
+            return not slot.parent.client.is_deleted
+    return not Slot.get_stack()
 
 
 def take_events_once() -> None:

@@ -109,6 +109,10 @@ def test_an_offset_is_shifted_from_where_it_is(
         # what it was made from is not so any more
         dialog.get_by_role("button", name="Set", exact=True).click()
         expect(page.get_by_text("The tables have been changed meanwhile")).to_be_visible()
+        # what was typed is still to be read
+        expect(dialog.get_by_label("X [mm]")).to_have_value("2.5000")
+        dialog.get_by_role("button", name="Cancel").click()
+        expect(dialog).to_have_count(0)
         assert all(each.origin.get("0") != 2.5 for each in machine.status().work_offsets)
         expect(rows.get_by_role("row", name="G59 10.000 0.000 0.000")).to_be_visible()
         page.get_by_role("button", name="Change an offset …").click()

@@ -37,7 +37,7 @@ MOST_CLICKS = 5
 # of a phone and a tablet
 HEIGHTS = {360: 740, 768: 1024}
 PASSWORD = "battery staple of {}"
-LONG = "G1010\nG21 G90\nG01 X0 F6000\nG01 X200 F240\nG01 X0 F6000\n"
+LONG = "G1010\nG21 G90\nG01 X0 F6000\nG01 X200 F{feed}\nG01 X0 F6000\n"
 
 
 def table(text: str) -> dict[int, tuple[str, tuple[str, ...]]]:
@@ -196,8 +196,9 @@ class Tasks:
         self.ada.press("Run it", self.ada.dialog())
         expect(self.ada.page.get_by_text(re.compile("^ok.gcode is finished after"))).to_be_visible()
 
-    def run_long(self) -> None:
-        self.ada.upload("long.gcode", LONG)
+    def run_long(self, feed: int = 30) -> None:
+        """Run what does not end by itself while somebody goes to a button by Tab on a busy computer."""
+        self.ada.upload("long.gcode", LONG.format(feed=feed))
         self.ada.button("Run").first.click()
         self.ada.state("running")
 
@@ -283,7 +284,7 @@ class Tasks:
 
     def t17(self) -> None:
         ada = self.ada
-        self.run_long()
+        self.run_long(feed=240)
         ada.clicks.clear()
         ada.page.wait_for_timeout(3000)
         self.server.end(signal.SIGKILL)

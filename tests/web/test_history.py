@@ -127,7 +127,45 @@ def test_a_run_has_its_name_and_its_time_and_a_fault_its_black_box(tmp_path: Pat
     assert '<meter max=100 value="12.5" aria-hidden=true></meter> 12.5<' in table_html(
         (["day", "running_percent"], [("2026-05-05", 12.5)])
     )
+    names, (row,) = ask("runs by program", tmp_path)
+    assert (row[names.index("name")], *row[2:5]) == ("part.nc", 0, 1, 2.0)
     assert ask("faults", tmp_path, machine="cell-2' OR '1'='1")[1] == []
+
+
+def test_runs_are_counted_by_program_and_day_without_moves_by_hand_and_drawn_as_bars(tmp_path: Path) -> None:
+    kept = folder_of(tmp_path)
+    runs = (
+        *(("part.nc", "finished", 0), ("part.nc", "finished", 0), ("part.nc", "aborted", 1)),
+        *(("jog axis 0", "finished", 0), ("manual input", "finished", 1), ("", "finished", 1)),
+    )
+    for seq, (name, state, day) in enumerate(runs):
+        program = f"p{seq}"
+        opened = Event(
+            seq=2 * seq, t=0.0, wall=NOON, instance="i", kind="program.opened", program=program, message=name
+        )
+        ended = dataclasses.replace(
+            ENDED, seq=2 * seq + 1, wall=NOON + day * DAY_S, program=program, state=state
+        )
+        for event in (opened, ended):
+            kept.append(event_rows("cell-1", event))
+    kept.close()
+    _, rows = ask("runs by program", tmp_path)
+    assert [row[1:4] for row in rows] == [("part.nc", 2, 1), ("", 1, 0)]
+    by_day = ask("runs by day", tmp_path)
+    assert [(str(day), *counts) for _, day, *counts in by_day[1]] == [
+        ("2026-03-14", 2, 0),
+        ("2026-03-15", 1, 1),
+    ]
+    assert '<meter max=2 value="1.0" aria-hidden=true></meter> 1<' in table_html(by_day)
+
+
+def test_the_running_time_of_an_hour_is_of_all_days(tmp_path: Path) -> None:
+    kept = folder_of(tmp_path)
+    for wall, running in ((0.0, True), (DAY_S, False), (3600.0, True)):
+        name, row = state_row("cell-1", status(wall))
+        kept.append([(name, row | {"program_state": "running" if running else None})])
+    kept.close()
+    assert ask("running time by hour", tmp_path)[1] == [("cell-1", 12, 50.0, 2), ("cell-1", 13, 100.0, 1)]
 
 
 async def test_the_page_asks_ready_questions_alone(tmp_path: Path) -> None:

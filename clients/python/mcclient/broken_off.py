@@ -13,7 +13,11 @@ ENERGIZE, MANUAL_INPUT, WORK_OFFSET = "energize", "manual input", "work offset"
 # of ``mcctl send``
 SENT = "mcctl send"
 TOOL_STEP = "step tool "
-_MOVES_OF_AXES = ("jog axis ", "jog tool ", "home axis ", "reference axis ", f"{WORK_OFFSET} by ", TOOL_STEP)
+BY_HAND = (ENERGIZE, WORK_OFFSET, MANUAL_INPUT, SENT)
+MOVES_BY_HAND = (
+    *("jog axis ", "jog tool ", "home axis ", "reference axis "),
+    *(f"{WORK_OFFSET} by ", TOOL_STEP),
+)
 
 
 def broken_off(programs: Sequence[ProgramStatus], *, lines_left: bool = False) -> ProgramStatus | None:
@@ -36,7 +40,7 @@ def broken_off(programs: Sequence[ProgramStatus], *, lines_left: bool = False) -
 
 def is_by_hand(name: str) -> bool:
     """Return whether a program of that name is a move by hand, a few lines that somebody typed included."""
-    return name in (ENERGIZE, WORK_OFFSET) or is_typed(name) or name.startswith(_MOVES_OF_AXES)
+    return name in BY_HAND or name.startswith(MOVES_BY_HAND)
 
 
 def is_typed(name: str) -> bool:

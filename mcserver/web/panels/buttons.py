@@ -76,16 +76,21 @@ class ButtonsPanel:
             if agreed is not None:
                 agreed.on_value_change(show)
             show()
-        chosen = await answer_to(dialog)
-        # the role may have been taken away while the dialog was open
-        if chosen is None or not self._may(button):
-            return
-        try:
-            # what it sets is kept with this name
-            name, user = button.name, self._actions.visitor.name
-            self._actions.link.jobs.add_text(f"{name} by {user}", chosen, user)
-        except MotionError as error:
-            show_error(error)
+
+        async def run_it(chosen: str) -> bool:
+            # the role may have been taken away while the dialog was open
+            if not self._may(button):
+                return False
+            try:
+                # what it sets is kept with this name
+                name, user = button.name, self._actions.visitor.name
+                self._actions.link.jobs.add_text(f"{name} by {user}", chosen, user)
+            except MotionError as error:
+                show_error(error)
+                return False
+            return True
+
+        await answer_to(dialog, run_it)
 
     def _may(self, button: ButtonInfo) -> bool:
         roles = CONFIGURERS if button.role == "engineer" else MOVERS

@@ -48,16 +48,23 @@ class ControlPanel:
         if not self._actions.has_role("open"):
             return
         other = self._control.other(self._actions.driver.browser)
-        if other is not None and not await ask(
+        if other is None:
+            await self._take_it()
+            return
+        await ask(
             t("{name} has control of {machine}. Take it?", name=other.name, machine=self._actions.link.name),
             t("Take control"),
             colour="warning",
-        ):
-            return
+            act=self._take_it,
+        )
+
+    async def _take_it(self) -> bool:
         # the role may have been taken away while the dialog was open
-        if self._actions.has_role("open"):
-            self._actions.take_control()
-            self.update()
+        if not self._actions.has_role("open"):
+            return False
+        self._actions.take_control()
+        self.update()
+        return True
 
     def _give_back(self) -> None:
         self._control.give_back(self._actions.driver.browser)

@@ -29,9 +29,13 @@ async def show_dry_run(
     text: str,
     from_line: int,
     switches: Switches,
-    run: Callable[[SimulateReply], None],
+    run: Callable[[SimulateReply], bool],
 ) -> None:
-    """Simulate a program from where the axes are, and show it with a button that runs it."""
+    """Simulate a program from where the axes are, and show it with a button that runs it.
+
+    Args:
+        run: begins it; whether it was.
+    """
     if not actions.allowed("simulate"):
         return
     waiting = ui.notification(
@@ -74,8 +78,8 @@ async def show_dry_run(
             linked.show()
 
         def start_it() -> None:
-            dialog.close()
-            run(report)
+            if run(report):
+                dialog.close()
 
         space.on("ready", draw, args=[])
         word = t("Run it") if from_line <= 1 else t("Run it from line {line}", line=from_line)

@@ -79,13 +79,12 @@ class HomingPanel:
             ui.label(t("Where is axis {name} now? Its limits count from this number on.", name=name))
             number = ui.number(f"{name} [{axis.unit}]", min=-MOST, max=MOST, format="%.4f").props("autofocus")
             with ui.row():
-                ui.button(t("Set the reference"), on_click=lambda: dialog.submit(number.value)).props(
-                    "color=warning"
-                )
+                ui.button(t("Set the reference"), on_click=lambda: dialog.submit(True)).props("color=warning")
                 ui.button(t("Cancel"), on_click=lambda: dialog.submit(None)).props("flat")
-        position = await answer_to(dialog)
-        if position is not None:
-            await self._actions.do(
+
+        async def reference(_: bool) -> bool:
+            position = number.value
+            return position is not None and await self._actions.do(
                 "reference",
                 mark(
                     "reference axis {name} at {position:g} {unit}",
@@ -95,6 +94,8 @@ class HomingPanel:
                 ),
                 lambda machine: machine.reference({axis.index: float(position)}),
             )
+
+        await answer_to(dialog, reference)
 
 
 def phase_of(link: MachineLink, axis: int, *, homed: bool) -> str:

@@ -20,6 +20,8 @@ SHOWN = 100
 # an answer is kept so long [s], whoever asks
 KEPT_S = 10.0
 RECORDING = "recording"
+# columns that are drawn as bars, as percentages are
+COUNTS = frozenset({"times", "finished", "broken_off"})
 
 
 class PastPanel:
@@ -69,9 +71,10 @@ def table_html(answer: Answer) -> str:
     """Return an answer as a table; the machine's own column is left out, for it is its page."""
     names, rows = answer
     columns = [at for at, name in enumerate(names) if name != "machine"]
+    most = {at: _most(names[at], [row[at] for row in rows[:SHOWN]]) for at in columns}
     head = "".join(f"<th scope=col>{html.escape(t(names[at].replace('_', ' ')))}</th>" for at in columns)
     body = "".join(
-        "<tr>" + "".join(f"<td>{_cell(names[at], row[at])}</td>" for at in columns) + "</tr>"
+        "<tr>" + "".join(f"<td>{_cell(_word(names[at], row[at]), most[at])}</td>" for at in columns) + "</tr>"
         for row in rows[:SHOWN]
     )
     return f"<table class='mc-table'><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table>"
@@ -86,11 +89,23 @@ def recordings_of(answer: Answer) -> list[str]:
     return list(dict.fromkeys(str(row[at]) for row in rows[:SHOWN] if row[at]))
 
 
-def _cell(name: str, value: Any) -> str:
-    """Return a cell as HTML, a percentage with its bar."""
+def _word(column: str, value: Any) -> Any:
+    """Return a value, a state in the language of the page."""
+    return t(value) if column == "state" and value else value
+
+
+def _most(column: str, values: list[Any]) -> float:
+    """Return which value the longest bar of a column stands for; 0: it has no bars."""
+    if column.endswith("_percent"):
+        return 100.0
+    return max(values, default=0) if column in COUNTS else 0.0
+
+
+def _cell(value: Any, most: float) -> str:
+    """Return a cell as HTML, beside its bar where the column has some."""
     text = html.escape(_shown(value))
-    bar = isinstance(value, float) and name.endswith("_percent")
-    return f'<meter max=100 value="{value:.1f}" aria-hidden=true></meter> {text}' if bar else text
+    bar = isinstance(value, float | int) and most > 0.0
+    return f'<meter max={most:g} value="{value:.1f}" aria-hidden=true></meter> {text}' if bar else text
 
 
 def _shown(value: Any) -> str:

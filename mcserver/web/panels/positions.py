@@ -83,8 +83,8 @@ class PositionsPanel:
                 button = ui.button(t("Set …"), on_click=self._ask)
                 self._buttons.append(button.props(f'outline dense aria-label="{t("set a work offset")}"'))
 
-    async def _set_zero(self, axis: str, value: float = 0.0, system: int = 0) -> None:
-        """Nothing moves: from now on programs read ``value`` where the axis is."""
+    async def _set_zero(self, axis: str, value: float = 0.0, system: int = 0) -> bool:
+        """Have programs read ``value`` where the axis is, which nothing moves for; whether it was set."""
 
         async def send(machine: Machine) -> None:
             # it would wait for the axes, and set where they are when they come free
@@ -97,10 +97,12 @@ class PositionsPanel:
                 await program.send(f"G21 G90 G10 L20 P{system} {axis}{value:.6f}")
 
         where = mark("the work coordinate system in force") if system == 0 else system_name(system)
-        if await self._actions.do(
+        done = await self._actions.do(
             "open", mark("{axis} reads {value:g} in {where}", axis=axis, value=value, where=where), send
-        ):
+        )
+        if done:
             ui.notify(t("{axis} reads {value:g} here now", axis=axis, value=value), position="bottom")
+        return done
 
     async def _ask(self) -> None:
         if not self._actions.allowed("open"):
@@ -116,9 +118,13 @@ class PositionsPanel:
             with ui.row():
                 ui.button(t("Set"), on_click=lambda: dialog.submit(True)).props("color=primary")
                 ui.button(t("Cancel"), on_click=lambda: dialog.submit(False)).props("flat")
-        wanted = await answer_to(dialog)
-        if wanted and number.value is not None:
-            await self._set_zero(axis.value, float(number.value), system.value)
+
+        async def set_it(_: bool) -> bool:
+            return number.value is not None and await self._set_zero(
+                axis.value, float(number.value), system.value
+            )
+
+        await answer_to(dialog, set_it)
 
 
 def system_name(system: int) -> str:

@@ -391,11 +391,17 @@ class ProgramPanel:
             diagnostics_html(found.diagnostics, f"<p>{html.escape(name)}:</p>") + excerpt
         )
 
-    def _chosen_program(self) -> tuple[str, str, int] | None:
-        """Return name, text and first line of the chosen program; None: there is none, which is said."""
-        name, line = self._choice.value, int(self._from_line.value or 1)
+    def _chosen_name(self) -> str:
+        """Return the name of the chosen program; empty: there is none, which is said."""
+        name = str(self._choice.value or "")
         if not name:
             show_refusal(t("No program is chosen"), t("choose one, or upload it"))
+        return name
+
+    def _chosen_program(self) -> tuple[str, str, int] | None:
+        """Return name, text and first line of the chosen program; None: there is none, which is said."""
+        name, line = self._chosen_name(), int(self._from_line.value or 1)
+        if not name:
             return None
         try:
             return name, self._actions.link.store.read(name), line
@@ -411,9 +417,10 @@ class ProgramPanel:
         switches: Switches,
         middle: Middle = WHOLE,
         report: SimulateReply | None = None,
-    ) -> None:
+    ) -> bool:
+        """Queue a program that somebody has looked at; whether it was."""
         if not self._actions.allowed("open"):
-            return
+            return False
         try:
             self._actions.link.jobs.add(
                 name,
@@ -426,6 +433,8 @@ class ProgramPanel:
             )
         except (MotionError, McError) as error:
             show_error(error)
+            return False
+        return True
 
     async def _run(self) -> None:
         if not self._actions.allowed("open"):
@@ -433,24 +442,26 @@ class ProgramPanel:
         chosen, switches = self._chosen_program(), self._actions.link.jobs.switches
         if chosen is None:
             return
-        middle: Middle | None = WHOLE
+        run = partial(self._queue, *chosen, switches)
         # what begins in the middle begins somewhere else than where the axes are
         if chosen[2] > 1:
-            middle = await ask_run_from(self._actions, *chosen, switches)
-        if middle is not None:
-            self._queue(*chosen, switches, middle)
+            await ask_run_from(self._actions, *chosen, switches, run)
+        else:
+            run()
 
     async def _delete(self) -> None:
-        name = self._choice.value
-        if not name:
-            show_refusal(t("No program is chosen"), t("choose one, or upload it"))
-        elif (
-            self._actions.allowed("open")
-            and await ask(t("Delete {name}?", name=name), t("Delete"), colour="negative")
+        name = self._chosen_name()
+        if not name or not self._actions.allowed("open"):
+            return
+
+        async def delete() -> bool:
             # the role, or control, may have been taken away while the dialog was open
-            and self._actions.allowed("open")
-        ):
+            if not self._actions.allowed("open"):
+                return False
             self._actions.link.store.delete(name)
+            return True
+
+        await ask(t("Delete {name}?", name=name), t("Delete"), colour="negative", act=delete)
 
     async def _dry_run(self) -> None:
         chosen, switches = self._chosen_program(), self._actions.link.jobs.switches

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import html
 from collections.abc import Callable
+from functools import partial
 
 from mcclient import MotionError
 from mcclient.broken_off import broken_off
@@ -21,41 +22,57 @@ from mcserver.web.translation import language, t
 
 
 async def ask_run_from(
-    actions: Actions, name: str, text: str, from_line: int, switches: Switches
-) -> Middle | None:
-    """Show how a program would begin at a line, and ask; None: it shall not."""
+    actions: Actions,
+    name: str,
+    text: str,
+    from_line: int,
+    switches: Switches,
+    run: Callable[[Middle], bool],
+) -> None:
+    """Show how a program would begin at a line, and ask.
+
+    Args:
+        run: begins it; whether it was.
+    """
     lines = text.split("\n")
     if not 1 <= from_line <= len(lines):
         show_refusal(
             t("{name} has no line {line}", name=name, line=from_line),
             t("it has {count} lines", count=len(lines)),
         )
-        return None
+        return
     try:
         shown = await actions.link.connected().continuation(
             before=lines[: from_line - 1], **switches._asdict()
         )
     except MotionError as error:
         show_error(error)
-        return None
+        return
     first = max(1, from_line - 3)
     excerpt = program_excerpt(lines, from_line, {}) if len(lines) > 1 else html.escape(lines[first - 1])
-    return await _ask(
+    await _ask(
         t("Run {name} from line {line}?", name=name, line=from_line),
         t("Run from line {line}", line=from_line),
         shown,
         excerpt,
         Middle(),
+        run,
     )
 
 
-async def ask_to_go_on(actions: Actions, program: ProgramStatus) -> tuple[Continuation, Middle] | None:
-    """Show how a program would go on, and ask; None: it shall not."""
+async def ask_to_go_on(
+    actions: Actions, program: ProgramStatus, go_on: Callable[[Continuation, Middle], bool]
+) -> None:
+    """Show how a program would go on, and ask.
+
+    Args:
+        go_on: begins it; whether it was.
+    """
     try:
         shown = await actions.link.connected().continuation(program.program)
     except MotionError as error:
         show_error(error)
-        return None
+        return
     name = program_name(shown.name or shown.program)
     rows = [
         f'<span class="{"now" if number == shown.line else "mark"}">'
@@ -67,12 +84,18 @@ async def ask_to_go_on(actions: Actions, program: ProgramStatus) -> tuple[Contin
     certain = f"<p>{certain_text(shown.done)}{known}</p>"
     title = t("Go on with {name} at line {line}?", name=name, line=shown.line)
     verb = t("Go on at line {line}", line=shown.line)
-    middle = await _ask(title, verb, shown, certain + text, Middle(shown.program))
-    return None if middle is None else (shown, middle)
+    await _ask(title, verb, shown, certain + text, Middle(shown.program), partial(go_on, shown))
 
 
-async def _ask(title: str, verb: str, shown: Continuation, text: str, middle: Middle) -> Middle | None:
-    """Ask with a button for each answer that there is; None where there is none, or for Cancel."""
+async def _ask(
+    title: str,
+    verb: str,
+    shown: Continuation,
+    text: str,
+    middle: Middle,
+    begin: Callable[[Middle], bool],
+) -> None:
+    """Ask with a button for each answer that there is, and begin as it says."""
     asked = {need.confirm for need in shown.needs}
     with NamedDialog(title) as dialog, ui.card().classes("mc-ask mc-way"):
         ui.label(title).classes("font-bold break-words")
@@ -81,8 +104,11 @@ async def _ask(title: str, verb: str, shown: Continuation, text: str, middle: Mi
             for label, answer in answers_to(asked, verb, middle):
                 ui.button(label, on_click=_submit(dialog, answer)).props("color=positive no-caps")
             ui.button(t("Cancel"), on_click=lambda: dialog.submit(None)).props("flat autofocus")
-    answer = await answer_to(dialog)
-    return answer if isinstance(answer, Middle) else None
+
+    async def act(answer: Middle) -> bool:
+        return begin(answer)
+
+    await answer_to(dialog, act)
 
 
 def _submit(dialog: ui.dialog, answer: Middle) -> Callable[[], None]:
@@ -194,12 +220,15 @@ class RecoveryPanel:
         program = self.program
         if program is None or not self._actions.allowed("continue_program"):
             return
-        answer = await ask_to_go_on(self._actions, program)
+        await ask_to_go_on(self._actions, program, self._begin)
+
+    def _begin(self, shown: Continuation, middle: Middle) -> bool:
         # control may have been taken away while the dialog was open
-        if answer is None or not self._actions.allowed("continue_program"):
-            return
-        shown, middle = answer
+        if not self._actions.allowed("continue_program"):
+            return False
         try:
             self._actions.link.jobs.go_on(shown, self._actions.visitor.name, middle)
         except (MotionError, McError) as error:
             show_error(error)
+            return False
+        return True

@@ -157,8 +157,13 @@ class TablesPanel:
                 number.on_value_change(write)
             fill()
             _buttons(dialog)
-        if await answer_to(dialog) and await self._are_still(tables):
-            await self._change(system.value, line.text, name=name.value or "")
+
+        async def change(_: bool) -> bool:
+            return await self._are_still(tables) and await self._change(
+                system.value, line.text, name=name.value or ""
+            )
+
+        await answer_to(dialog, change)
 
     async def _ask_tool(self) -> None:
         tables = self._tables
@@ -206,17 +211,22 @@ class TablesPanel:
             diameter.on_value_change(write)
             fill()
             _buttons(dialog)
-        if await answer_to(dialog) and number.value and await self._are_still(tables):
+
+        async def change(_: bool) -> bool:
+            if not number.value or not await self._are_still(tables):
+                return False
             tool = tools.get(int(number.value))
             # it may have cut meanwhile: what nobody has touched is not set
             same = used.value is None or used.value == shown_use(tool)
-            await self._change(
+            return await self._change(
                 f"T{int(number.value)}",
                 line.text,
                 name=name.value or "",
                 life_min=life.value or 0.0,
                 used_min=None if same else used.value,
             )
+
+        await answer_to(dialog, change)
 
     async def _are_still(self, shown: Tables) -> bool:
         """Return whether nobody has changed what a dialog was made from; says so where somebody has."""
@@ -238,20 +248,21 @@ class TablesPanel:
         name: str,
         life_min: float | None = None,
         used_min: float | None = None,
-    ) -> None:
-        """Send a line, where there is one, and what else the server keeps of the row.
+    ) -> bool:
+        """Send a line, where there is one, and what else the server keeps of the row; whether all was done.
 
         The line is the last change, and so the one that *Undo* takes back; a new tool is put in by it first.
         """
         new = row not in SYSTEMS and all(row != f"T{tool.number}" for tool in self._known_tools)
         if line and new and not await self._send(f"{row}: {line}", line):
-            return
+            return False
         what = mark("{row}: name and life", row=row)
         done = await self._set_row(what, row=row, name=name, life_min=life_min, used_min=used_min)
         if done and line and not new:
             done = await self._send(f"{row}: {line}", line)
         if done:
             ui.notify(t("{row} is changed", row=row), position="bottom")
+        return done
 
     @property
     def _known_tools(self) -> tuple[ToolRow, ...]:
@@ -276,17 +287,20 @@ class TablesPanel:
                 t("{row} was not in the table before", row=last.row), t("change it, or leave it there")
             )
             return
-        if await ask(
+
+        async def undo() -> bool:
+            if not await self._are_still(tables):
+                return False
+            what = mark("undo {change}", change=change_text(last))
+            return await (self._send(what, line or "") if back is None else self._set_row(what, **back))
+
+        await ask(
             t("Take the last change back? {change}", change=change_text(last)),
             t("Undo"),
             colour="warning",
             details=lambda: ui.label(line or "").classes("font-mono break-all"),
-        ) and await self._are_still(tables):
-            what = mark("undo {change}", change=change_text(last))
-            if back is not None:
-                await self._set_row(what, **back)
-            elif line is not None:
-                await self._send(what, line)
+            act=undo,
+        )
 
 
 def _buttons(dialog: ui.dialog) -> None:

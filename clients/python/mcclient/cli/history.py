@@ -13,6 +13,7 @@ import typer
 from rich.table import Table
 from rich.text import Text
 
+from mcclient.broken_off import BY_HAND, MOVES_BY_HAND
 from mcclient.cli.options import JsonOption
 from mcclient.cli.output import carry_out, results, say, write_json
 from mcclient.errors import RequestRefused
@@ -32,6 +33,24 @@ SPANS = {
     "last month": "time >= now()::TIMESTAMP - INTERVAL 30 DAY",
     "": "true",
 }
+# programs that have ended, with their names and when they began
+_RUNS = (
+    "(SELECT * FROM events WHERE kind = 'program.ended' AND {span})"
+    " LEFT JOIN (SELECT machine, program, any_value(message) FILTER (kind = 'program.opened') AS name,"
+    " min(time) FILTER (kind = 'program.started') AS began FROM events WHERE program IS NOT NULL"
+    " GROUP BY ALL) USING (machine, program)"
+)
+# of those what is no move by hand
+_PROGRAMS = f"{_RUNS} WHERE coalesce(name, '') NOT IN ({', '.join(map(quoted, BY_HAND))})" + "".join(
+    f" AND NOT starts_with(coalesce(name, ''), {quoted(each)})" for each in MOVES_BY_HAND
+)
+_ENDS = (
+    "count(*) FILTER (state = 'finished') AS finished, count(*) FILTER (state <> 'finished') AS broken_off"
+)
+_RUNNING = (
+    "round(100.0 * avg(CASE WHEN program_state = 'running' THEN 1 ELSE 0 END), 1) AS running_percent,"
+    " count(*) AS states FROM states WHERE {span} GROUP BY ALL ORDER BY machine"
+)
 QUESTIONS = {
     # beside a fault the black box that was written for it
     "faults": "SELECT time, machine, coalesce(code, kind) AS code, axis, line, program,"
@@ -43,17 +62,18 @@ QUESTIONS = {
     "fault counts": "SELECT machine, coalesce(code, kind) AS code, count(*) AS times, max(time) AS latest"
     " FROM events WHERE kind IN ('fault', 'estop') AND {span} GROUP BY ALL ORDER BY times DESC",
     "programs": "SELECT time, machine, program, name, state, round(epoch(time - began), 1) AS took_s,"
-    " client, reason FROM (SELECT * FROM events WHERE kind = 'program.ended' AND {span})"
-    " LEFT JOIN (SELECT machine, program, any_value(message) FILTER (kind = 'program.opened') AS name,"
-    " min(time) FILTER (kind = 'program.started') AS began FROM events WHERE program IS NOT NULL"
-    " GROUP BY ALL) USING (machine, program) ORDER BY time DESC",
+    f" client, reason FROM {_RUNS} ORDER BY time DESC",
+    "runs by program": f"SELECT machine, name, {_ENDS},"
+    f" round(avg(epoch(time - began)), 1) AS mean_s, max(time) AS latest FROM {_PROGRAMS}"
+    " GROUP BY machine, name ORDER BY finished DESC, name",
+    "runs by day": f"SELECT machine, CAST(time AS DATE) AS day, {_ENDS} FROM {_PROGRAMS}"
+    " GROUP BY ALL ORDER BY machine, day",
     "recordings": "SELECT time, machine, message AS recording FROM events"
     " WHERE kind = 'recording' AND {span} ORDER BY time DESC",
     "slow lines": "SELECT machine, program, line, end_s - start_s AS taken_s, requested_s, stretched_by,"
     " bound_by FROM lines WHERE stretched_by > 1.05 AND {span} ORDER BY taken_s - requested_s DESC",
-    "running time": "SELECT machine, CAST(time AS DATE) AS day,"
-    " round(100.0 * avg(CASE WHEN program_state = 'running' THEN 1 ELSE 0 END), 1) AS running_percent,"
-    " count(*) AS states FROM states WHERE {span} GROUP BY ALL ORDER BY machine, day",
+    "running time": f"SELECT machine, CAST(time AS DATE) AS day, {_RUNNING}, day",
+    "running time by hour": f"SELECT machine, hour(time) AS hour, {_RUNNING}, hour",
     "who": "SELECT time, machine, client, reason AS did, program, message FROM events"
     " WHERE kind = 'command' AND {span} ORDER BY time DESC",
 }
