@@ -11,7 +11,7 @@ import msgspec
 import typer
 from rich.table import Table
 
-from mcserver.canopen.chirp import chirp_lines
+from mcserver.canopen.chirp import CHIRP_AROUND_S, chirp_lines
 from mcserver.canopen.frequency_response import MeasuredMargins
 from mcserver.canopen.loop_tuning import Loop, check_tunable, judge
 from mcserver.canopen.scope import Scope
@@ -25,9 +25,6 @@ from mcserver.cli.output_file import check_output, write_atomically
 from mcserver.machine.machine_file import load_machine
 from mcserver.planning.start_state import axis_word
 
-# The program of a chirp begins before it is looked at, and ends behind that [s].
-CHIRP_AROUND_S = 4.0
-
 
 def tune(
     axis: AxisArgument,
@@ -37,6 +34,9 @@ def tune(
         str,
         typer.Option("--chirp", metavar="FILE.gcode", help="Write a program that shakes the axis, and end."),
     ] = "",
+    room: Annotated[
+        float, typer.Option("--room", min=0.001, help="No move of the chirp is longer [mm or deg].")
+    ] = math.inf,
     json: JsonOption = False,
 ) -> None:
     """Measure what an axis in mode cst or csv does while a program moves it, and judge its gains."""
@@ -48,7 +48,10 @@ def tune(
         cycle_s = loaded.cycle_s
         if chirp:
             check_output(chirp, (".gcode",))
-            lines = chirp_lines(drive.axis, axis_word(loaded, axis), seconds + CHIRP_AROUND_S, cycle_s)
+            unit = drive.axis.type.si_per_unit
+            lines = chirp_lines(
+                drive.axis, axis_word(loaded, axis), seconds + CHIRP_AROUND_S, cycle_s, unit, room
+            )
             text = "".join(f"{line}\n" for line in lines).encode()
             write_atomically(chirp, lambda stream: stream.writelines((text,)))
     if chirp:
