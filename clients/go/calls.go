@@ -32,6 +32,8 @@ var repeatable = map[string]bool{
 	"drives_scan":      true,
 	"drive_parameters": true,
 	"drives_health":    true,
+	"drive_scope":      true,
+	"drive_tune":       true,
 	"sdo_read":         true,
 }
 
@@ -88,6 +90,8 @@ var deadlines = map[string]time.Duration{
 	"drives_scan":         15 * time.Second,
 	"drive_parameters":    5 * time.Second,
 	"drives_health":       15 * time.Second,
+	"drive_scope":         90 * time.Second,
+	"drive_tune":          90 * time.Second,
 	"sdo_read":            15 * time.Second,
 	"sdo_write":           15 * time.Second,
 }
@@ -403,7 +407,7 @@ func (m *Machine) ModelMesh(ctx context.Context, request ModelMeshRequest) (*Mod
 	return callFor[ModelPart](ctx, m, "model_mesh", paramsOf(request))
 }
 
-// Drives: List every drive on a CAN bus, by axis.
+// Drives: List every drive on a bus, by axis.
 func (m *Machine) Drives(ctx context.Context) ([]DriveInfo, error) {
 	reply, err := callFor[DrivesReply](ctx, m, "drives", nil)
 	if err != nil {
@@ -412,7 +416,8 @@ func (m *Machine) Drives(ctx context.Context) ([]DriveInfo, error) {
 	return reply.Drives, nil
 }
 
-// DrivesScan: Ask every node number of a CAN bus, or of all, who is there. Nothing is configured or started.
+// DrivesScan: Ask who is on a bus, or on all: every node number of CAN, the slaves of EtherCAT. Nothing is
+// configured.
 func (m *Machine) DrivesScan(ctx context.Context, bus string) ([]BusScan, error) {
 	reply, err := callFor[DrivesScanReply](ctx, m, "drives_scan", paramsOf(DrivesScanRequest{Bus: bus}))
 	if err != nil {
@@ -434,6 +439,16 @@ func (m *Machine) DrivesHealth(ctx context.Context, seconds *float64) ([]BusHeal
 		return nil, err
 	}
 	return reply.Buses, nil
+}
+
+// DriveScope: Record every mapped object of an axis in each cycle, around a trigger. Nothing is sent.
+func (m *Machine) DriveScope(ctx context.Context, request DriveScopeRequest) (*DriveTrace, error) {
+	return callFor[DriveTrace](ctx, m, "drive_scope", paramsOf(request))
+}
+
+// DriveTune: Judge the gains of an axis in mode cst or csv by the motion of a program. Nothing is sent.
+func (m *Machine) DriveTune(ctx context.Context, request DriveTuneRequest) (*DriveTuning, error) {
+	return callFor[DriveTuning](ctx, m, "drive_tune", paramsOf(request))
 }
 
 // SdoRead: Read an object of a drive's dictionary.

@@ -118,6 +118,15 @@ const (
 	ToolFrameTool ToolFrame = "tool"
 )
 
+// LoopMode is a word of the wire. A later server may know further ones.
+type LoopMode string
+
+// The words that this version knows.
+const (
+	LoopModeCst LoopMode = "cst"
+	LoopModeCsv LoopMode = "csv"
+)
+
 // MachineState is a word of the wire. A later server may know further ones.
 type MachineState string
 
@@ -439,12 +448,13 @@ type BusHealth struct {
 	FollowingErrors map[string]float64 `msgpack:"following_errors"`
 }
 
-// BusScan: Who is on one bus; `machine_file`: one to start from.
+// BusScan: Who is on one bus; `machine_file`: one to start from. `fieldbus`: kind of the bus.
 type BusScan struct {
 	Bus         string        `msgpack:"bus" mc:"required"`
 	Address     string        `msgpack:"address" mc:"required"`
 	Nodes       []ScannedNode `msgpack:"nodes" mc:"required"`
 	MachineFile string        `msgpack:"machine_file" mc:"required"`
+	Fieldbus    Fieldbus      `msgpack:"fieldbus" mc:"default=can"`
 }
 
 // ButtonInfo: A program of the machine file, or a probing cycle, that people start from a page.
@@ -625,15 +635,16 @@ type Done struct {
 	Programs []string `msgpack:"programs" mc:"required"`
 }
 
-// DriveInfo: One drive on a CAN bus.
+// DriveInfo: One drive on a bus.
 type DriveInfo struct {
 	Axis int64  `msgpack:"axis" mc:"required"`
 	Kind string `msgpack:"kind" mc:"required"`
 	Bus  string `msgpack:"bus" mc:"required"`
-	Node int64  `msgpack:"node" mc:"required"`
+	// Node: on EtherCAT its position.
+	Node int64 `msgpack:"node" mc:"required"`
 	// State: what the server takes it for.
 	State DrivePhase `msgpack:"state" mc:"required"`
-	// Nmt: what its last heartbeat said; empty: none has come.
+	// Nmt: what its last heartbeat said, on EtherCAT its AL state; empty: none has come.
 	Nmt string `msgpack:"nmt"`
 	// HeartbeatAgeS: since its last sign of life [s].
 	HeartbeatAgeS *float64 `msgpack:"heartbeat_age_s"`
@@ -647,7 +658,7 @@ type DriveInfo struct {
 	VendorId *int64 `msgpack:"vendor_id"`
 	// ProductCode: 1000h, 1018h:01, 1018h:02.
 	ProductCode *int64 `msgpack:"product_code"`
-	// Emergency: its last emergency message in words
+	// Emergency: its last emergency message in words, on EtherCAT what 603Fh says
 	Emergency string `msgpack:"emergency"`
 	// EmergencyCode: of that.
 	EmergencyCode *int64 `msgpack:"emergency_code"`
@@ -659,6 +670,8 @@ type DriveInfo struct {
 	Message string `msgpack:"message"`
 	// Monitor: what the machine file wants to see of it, newest values.
 	Monitor []MonitoredValue `msgpack:"monitor"`
+	// Fieldbus: kind of its bus.
+	Fieldbus Fieldbus `msgpack:"fieldbus" mc:"default=can"`
 }
 
 // DriveParameters: What a drive's dictionary has of one axis.
@@ -683,6 +696,66 @@ type DriveParametersRequest struct {
 	Axis int64 `msgpack:"axis" mc:"required"`
 }
 
+// DriveScopeRequest: Every mapped object of an axis's drive in each cycle.
+type DriveScopeRequest struct {
+	Axis int64 `msgpack:"axis" mc:"required"`
+	// Seconds: that are kept.
+	Seconds *float64 `msgpack:"seconds"`
+	// Trigger: such as `following error > 0.05`; empty: at once.
+	Trigger string `msgpack:"trigger"`
+	// Level: fires also where the level is met already.
+	Level bool `msgpack:"level"`
+	// BeforeS: kept before the trigger; nil: a quarter.
+	BeforeS *float64 `msgpack:"before_s"`
+	// TimeoutS: how long the trigger may take.
+	TimeoutS *float64 `msgpack:"timeout_s"`
+}
+
+// DriveTrace: Every mapped object of an axis in each cycle, around a trigger.
+type DriveTrace struct {
+	Axis int64 `msgpack:"axis" mc:"required"`
+	// Cycles: of them.
+	Cycles int64 `msgpack:"cycles" mc:"required"`
+	// CycleS: [s].
+	CycleS float64 `msgpack:"cycle_s" mc:"required"`
+	// BeginS: of the first one, by the trigger, or 0 [s].
+	BeginS float64 `msgpack:"begin_s" mc:"required"`
+	// TriggerUnix: Unix time of time 0 [s].
+	TriggerUnix float64 `msgpack:"trigger_unix" mc:"required"`
+	// Missing: SYNCs that the bus had too few.
+	Missing int64         `msgpack:"missing" mc:"required"`
+	Signals []ScopeSignal `msgpack:"signals" mc:"required"`
+}
+
+// DriveTuneRequest: The gains of an axis in mode cst or csv, by the motion of a program; `seconds`: looked at.
+type DriveTuneRequest struct {
+	Axis    int64    `msgpack:"axis" mc:"required"`
+	Seconds *float64 `msgpack:"seconds"`
+}
+
+// DriveTuning: What a motion tells of a loop in mode cst or csv.
+type DriveTuning struct {
+	Axis int64    `msgpack:"axis" mc:"required"`
+	Mode LoopMode `msgpack:"mode" mc:"required"`
+	// Measured: cst: inertia [kg·m²], friction [N·m], viscous [N·m·s/rad], load [N·m], explained, uncertainty [1];
+	// csv: scale [1], lag, uncertainty [s].
+	Measured map[string]float64 `msgpack:"measured" mc:"required"`
+	// Said: the same in words.
+	Said string `msgpack:"said" mc:"required"`
+	// Loops: that of the machine file, then the proposed one.
+	Loops []TunedLoop `msgpack:"loops" mc:"required"`
+	// Changes: lines of the machine file; none: it fits.
+	Changes []string `msgpack:"changes" mc:"required"`
+	// Remedy: what to do with them.
+	Remedy string `msgpack:"remedy" mc:"required"`
+	// FrequencyHz: the machine file's loop, opened, on the measured response; empty: it is not known.
+	FrequencyHz []float64 `msgpack:"frequency_hz" mc:"required"`
+	// GainDb: the machine file's loop, opened, on the measured response; empty: it is not known.
+	GainDb []float64 `msgpack:"gain_db" mc:"required"`
+	// PhaseDeg: the machine file's loop, opened, on the measured response; empty: it is not known.
+	PhaseDeg []float64 `msgpack:"phase_deg" mc:"required"`
+}
+
 // DrivesHealthReply: By bus.
 type DrivesHealthReply struct {
 	Buses []BusHealth `msgpack:"buses" mc:"required"`
@@ -693,12 +766,12 @@ type DrivesHealthRequest struct {
 	Seconds *float64 `msgpack:"seconds"`
 }
 
-// DrivesReply: By axis; empty where no drive is on a CAN bus.
+// DrivesReply: By axis; empty where no drive is on a bus.
 type DrivesReply struct {
 	Drives []DriveInfo `msgpack:"drives" mc:"required"`
 }
 
-// DrivesRequest: Every drive on a CAN bus.
+// DrivesRequest: Every drive on a bus.
 type DrivesRequest struct{}
 
 // DrivesScanReply: By bus; each with a machine file to start from.
@@ -706,7 +779,7 @@ type DrivesScanReply struct {
 	Buses []BusScan `msgpack:"buses" mc:"required"`
 }
 
-// DrivesScanRequest: Asks every node number of a bus who is there; `bus` empty: of all buses.
+// DrivesScanRequest: Asks who is on a bus: every node number of CAN, every drive of EtherCAT; `bus` empty: on all.
 type DrivesScanRequest struct {
 	Bus string `msgpack:"bus"`
 }
@@ -1529,6 +1602,7 @@ type RunRequestsRequest struct{}
 
 // ScannedNode: One node that answers on a bus.
 type ScannedNode struct {
+	// Node: on EtherCAT the position.
 	Node int64 `msgpack:"node" mc:"required"`
 	// Profile: of 1000h
 	Profile int64 `msgpack:"profile" mc:"required"`
@@ -1547,6 +1621,17 @@ type ScannedNode struct {
 	// Objects: what else it says of itself, by object, such as `"6091:1"`: encoder (608Fh), gear (6091h), feed
 	// (6092h), rated torque (6076h [mN·m]), greatest speed of the motor (6080h [1/min]), travel (607Dh).
 	Objects map[string]int64 `msgpack:"objects"`
+}
+
+// ScopeSignal: What one object had in each cycle.
+type ScopeSignal struct {
+	// Object: such as `6064h:00`; empty: it is computed.
+	Object string `msgpack:"object" mc:"required"`
+	Name   string `msgpack:"name" mc:"required"`
+	// Unit: empty: as the drive has it.
+	Unit string `msgpack:"unit" mc:"required"`
+	// Values: one a cycle, float64, little endian; NaN: nothing came.
+	Values []byte `msgpack:"values" mc:"required"`
 }
 
 // SdoReadRequest: Reads an object of a drive's dictionary (CiA 301).
@@ -1902,6 +1987,27 @@ type ToolRow struct {
 	LifeMin float64 `msgpack:"life_min"`
 	// UsedMin: it has cut, counted in G01 to G03 while its spindle turns.
 	UsedMin float64 `msgpack:"used_min"`
+}
+
+// TunedLoop: Gains of a loop and what they leave.
+type TunedLoop struct {
+	Name string `msgpack:"name" mc:"required"`
+	// Gains: as in `[axis.drive]`.
+	Gains map[string]float64 `msgpack:"gains" mc:"required"`
+	// Least: share of the measured inertia (cst) down and up to which it is stable, or multiple of its gain (csv,
+	// greatest alone); 0: it is not.
+	Least float64 `msgpack:"least" mc:"required"`
+	// Greatest: share of the measured inertia (cst) down and up to which it is stable, or multiple of its gain
+	// (csv, greatest alone); 0: it is not.
+	Greatest float64 `msgpack:"greatest" mc:"required"`
+	// PhaseDeg: left.
+	PhaseDeg float64 `msgpack:"phase_deg" mc:"required"`
+	// CrossoverHz: on the measured response, where it is known.
+	CrossoverHz *float64 `msgpack:"crossover_hz"`
+	// MeasuredPhaseDeg: on the measured response, where it is known.
+	MeasuredPhaseDeg *float64 `msgpack:"measured_phase_deg"`
+	// MeasuredGain: multiple of the gains up to which it is stable on that; nil: beyond what was measured.
+	MeasuredGain *float64 `msgpack:"measured_gain"`
 }
 
 // WayStep: One move of the way, or what is switched on it.

@@ -3,48 +3,62 @@
 from __future__ import annotations
 
 import asyncio
+import math
+import threading
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import closing
 from dataclasses import dataclass
 from typing import Protocol, TypeVar, cast
 
+import msgspec
+import numpy as np
 from canopen.objectdictionary import ODVariable
 
 from mcserver.can.cob import NmtState
 from mcserver.can.open import open_port
+from mcserver.can.pdo import ProcessData
+from mcserver.can.port import CanPort
 from mcserver.canopen.bus_report import bus_report
 from mcserver.canopen.bus_scan import scan_bus
-from mcserver.canopen.canopen_errors import DriveError, object_text
+from mcserver.canopen.canopen_errors import DriveError, Stopped, object_text
 from mcserver.canopen.configuration import PDO_OBJECTS, of_first_axis
-from mcserver.canopen.cycle_samples import signals_of
+from mcserver.canopen.cycle_samples import Signal, signals_of
 from mcserver.canopen.dictionary import DeviceDictionary
+from mcserver.canopen.loop_tuning import Judged, check_tunable, judge
 from mcserver.canopen.node import Node, NodeAxis, Phase
 from mcserver.canopen.node_configuration import SdoClient
 from mcserver.canopen.parameters import encode, parameter_of, parameters_of
+from mcserver.canopen.scope import Scope, ScopeTrace, read_trigger
+from mcserver.canopen.scope_recording import record_cycles
 from mcserver.canopen.service import CanopenService
-from mcserver.canopen.settings import NO_AXIS, DriveSettings, settings_of
+from mcserver.canopen.settings import NO_AXIS, DriveSettings
 from mcserver.canopen.values import TYPES, Value, decode_value, encode_value, type_name
 from mcserver.canopen.views import (
     BusHealth,
     BusScan,
     DriveInfo,
     DriveParameters,
+    DriveTrace,
+    DriveTuning,
     Fieldbus,
     MonitoredValue,
     ParameterInfo,
+    ScopeSignal,
     SdoReply,
     SdoTarget,
     SdoType,
+    TunedLoop,
 )
-from mcserver.drives.cia402.state import power_state
+from mcserver.drives.cia402.drive import cia402_drive
+from mcserver.drives.cia402.state import power_text
 from mcserver.errors import UsageFault
+from mcserver.machine.machine_file import Axis, Machine
 
 T = TypeVar("T")
 
 WORKERS = 4
-# bit 7 of the statusword
-_WARNING = 0x80
 MAX_WAITING = 16
 
 # What the cycle, the supervision and the scaling of positions rest on (CiA 301, CiA 402).
@@ -108,6 +122,10 @@ class LineAccess(Protocol):
     """Drives on EtherCAT; `mcserver.ethercat.operator_line.OperatorLine`."""
 
     @property
+    def machine(self) -> Machine:
+        """As its file describes it."""
+
+    @property
     def drives(self) -> Sequence[LineDrive]:
         """By axis."""
 
@@ -115,8 +133,27 @@ class LineAccess(Protocol):
     def buses(self) -> Sequence[str]:
         """Their names."""
 
-    def health(self, bus: str, seconds: float) -> BusHealth:
-        """Listen on a bus. Raises: RuntimeFault MC424 it cannot be."""
+    def process_data(self) -> dict[int, ProcessData]:
+        """Return what the cycle exchanges with the drives, by axis."""
+
+    def infos(self) -> list[DriveInfo]:
+        """Return the drives as they are; may wait for a second."""
+
+    def scan(self, bus: str) -> BusScan:
+        """Return who was found on a line at its start."""
+
+    def listen(self, bus: str) -> CanPort:
+        """Open a line for listening. Raises: RuntimeFault MC424 it cannot be."""
+
+    def health(
+        self,
+        bus: str,
+        seconds: float,
+        data: Mapping[int, ProcessData],
+        signals: Sequence[Signal],
+        check: Callable[[], None],
+    ) -> BusHealth:
+        """As `bus_report`. Raises: as `listen`."""
 
 
 @dataclass(frozen=True)
@@ -140,6 +177,24 @@ class _NodeDrive:
         return refusal_of_write(index)
 
 
+@dataclass(frozen=True)
+class _OnBus:
+    """A CiA 402 drive as it is on its bus in a cycle."""
+
+    machine: Machine
+    settings: DriveSettings
+    process_data: ProcessData
+    dictionary: DeviceDictionary
+
+    @property
+    def axis(self) -> Axis:
+        return self.machine.axes[self.machine.column_of(self.settings.axis)]
+
+    @property
+    def signals(self) -> list[Signal]:
+        return signals_of(self.axis, self.process_data, self.dictionary, self.settings.node_axis)
+
+
 class OperatorAccess:
     """Drives as operators may reach them; transfers wait in threads of its own.
 
@@ -155,33 +210,43 @@ class OperatorAccess:
         self.line: LineAccess | None = None
         self._waiting = 0
         self._listening = False
+        self._stopping = threading.Event()
         self._pool = ThreadPoolExecutor(WORKERS, thread_name_prefix="canopen operator")
 
     def close(self) -> None:
-        """End the threads; a transfer under way ends first."""
+        """End the threads; a transfer under way ends first, listening at once."""
+        self._stopping.set()
         self._pool.shutdown(wait=True, cancel_futures=True)
 
-    def drives(self) -> list[DriveInfo]:
-        """Return every drive on a CAN bus, by axis."""
+    async def drives(self) -> list[DriveInfo]:
+        """Return every drive on a bus, by axis."""
         now = time.monotonic()
         nodes = [node for node in self._nodes if node.settings.axis != NO_AXIS]
         views = [_view(node, axis, now) for node in nodes for axis in node.axes]
+        line = self.line
+        if line is not None:
+            views += await self._in_thread(line.infos)
         return sorted(views, key=lambda view: view.axis)
 
     async def scan(self, bus: str) -> list[BusScan]:
-        """Ask every node number of a bus, or of all, who is there.
+        """Ask every node number of a CAN bus, and the drives of a line, or of all, who is there.
 
         Raises:
             DriveError: MC559 no such bus. RuntimeFault: MC424 a bus cannot be opened.
         """
-        buses = [] if self._service is None else self._service.buses
-        wanted = [each for each in buses if bus in ("", each.name)]
-        if not wanted:
-            if not buses:
-                raise DriveError("MC559", "this machine has no CAN bus", "a line of EtherCAT is not scanned")
-            names = ", ".join(each.name for each in buses)
-            raise DriveError("MC559", f"there is no bus {bus!r}", f"there is {names}")
-        return await self._in_thread(lambda: [scan_bus(each, "machine") for each in wanted])
+        service, line = self._service, self.line
+        buses = [each for each in ([] if service is None else service.buses) if bus in ("", each.name)]
+        lines = [each for each in ([] if line is None else line.buses) if bus in ("", each)]
+        if not buses and not lines:
+            names = [] if service is None else [each.name for each in service.buses]
+            names += [] if line is None else line.buses
+            raise DriveError("MC559", f"there is no bus {bus!r}", f"there is {', '.join(names)}")
+
+        def scan() -> list[BusScan]:
+            found = [scan_bus(each, "machine") for each in buses]
+            return found if line is None else found + [line.scan(each) for each in lines]
+
+        return await self._in_thread(scan)
 
     def parameters(self, axis: int) -> DriveParameters:
         """Return every object of an axis's drive, by the drive's EDS or the standard; nothing is asked.
@@ -224,13 +289,62 @@ class OperatorAccess:
         Raises:
             DriveError: MC559 somebody has them listened to. RuntimeFault: MC424 a bus cannot be opened.
         """
-        if self._listening:
-            raise DriveError("MC559", "the buses are being listened to", "try again in a moment")
-        self._listening = True
-        try:
-            return await self._in_thread(lambda: self._listen(seconds))
-        finally:
-            self._listening = False
+        return await self._while_listening(lambda: self._health(seconds))
+
+    async def scope(
+        self,
+        axis: int,
+        seconds: float,
+        trigger: str = "",
+        timeout_s: float = 10.0,
+        before_s: float | None = None,
+        *,
+        level: bool = False,
+    ) -> DriveTrace:
+        """Record every mapped object of an axis in each cycle; nothing is sent.
+
+        Args:
+            seconds: that are kept. trigger: as `read_trigger`; empty: at once. timeout_s: how long it may
+                take. before_s: kept before it; None: a quarter. level: fire also where it is met already.
+
+        Raises:
+            DriveError: MC559 no such drive, or somebody else listens. UsageFault: MC568 the trigger.
+            RuntimeFault: MC569 it did not come, MC424.
+        """
+        machine, own = self._listened(axis)
+        fires = read_trigger(trigger, own.signals, edge=not level) if trigger else None
+        lead = 0.0 if fires is None else 0.25 * seconds if before_s is None else min(before_s, seconds)
+        cycles = max(2, round(seconds / machine.cycle_s))
+        before = min(cycles - 1, round(lead / machine.cycle_s))
+        recorder = Scope(own.signals, machine.cycle_s, cycles, before, fires)
+
+        def record() -> DriveTrace:
+            ended_unix, missing = self._record(own, recorder, timeout_s)
+            return _trace_view(recorder.trace(), machine.cycle_s, ended_unix, missing)
+
+        return await self._while_listening(record)
+
+    async def tune(self, axis: int, seconds: float) -> DriveTuning:
+        """Judge the gains of an axis in mode cst or csv by the motion of a program; nothing is sent.
+
+        Args:
+            seconds: for which the motion is looked at.
+
+        Raises:
+            DriveError: MC559. UsageFault: MC095 the loop is the drive's own. RuntimeFault: MC095 the motion
+            tells too little, MC569, MC424.
+        """
+        machine, own = self._listened(axis)
+        check_tunable(own.axis)
+        cycles = max(2, round(seconds / machine.cycle_s))
+        recorder = Scope(own.signals, machine.cycle_s, cycles, 0, None)
+
+        def work() -> DriveTuning:
+            self._record(own, recorder, seconds)
+            found = judge(own.axis, recorder.trace(), machine.cycle_s, own.settings.fieldbus)
+            return _tuning_view(own.axis, found)
+
+        return await self._while_listening(work)
 
     async def sdo_read(self, target: SdoTarget, kind: str | None) -> SdoReply:
         """Read an object; ``kind`` None: by the drive's dictionary.
@@ -290,13 +404,73 @@ class OperatorAccess:
     def _nodes(self) -> list[Node]:
         return [] if self._service is None else self._service.nodes
 
-    def _listen(self, seconds: float) -> list[BusHealth]:
+    async def _while_listening(self, work: Callable[[], T]) -> T:
+        """Return what work that listens gives; one at a time, ended when the server stops."""
+        if self._listening:
+            raise DriveError("MC559", "the buses are being listened to", "try again in a moment")
+        self._listening = True
+        try:
+            return await self._in_thread(work)
+        except Stopped:
+            raise DriveError("MC559", "the server stops", "try again when it runs") from None
+        finally:
+            self._listening = False
+
+    def _check(self) -> None:
+        if self._stopping.is_set():
+            raise Stopped
+
+    def _on_buses(self) -> list[_OnBus]:
+        """Every CiA 402 drive with what of it is on its bus in a cycle."""
+        service, line = self._service, self.line
+        found: list[_OnBus] = []
+        if service is not None:
+            data = service.process_data()
+            for node in service.nodes:
+                for own in node.axes:
+                    index = own.settings.axis
+                    known = service.dictionary(index)
+                    if index in data and known is not None:
+                        found.append(_OnBus(service.machine, own.settings, data[index], known))
+        if line is not None:
+            data = line.process_data()
+            found += [
+                _OnBus(line.machine, each.settings, data[each.settings.axis], each.dictionary)
+                for each in line.drives
+            ]
+        return found
+
+    def _listened(self, axis: int) -> tuple[Machine, _OnBus]:
+        settings = self._find(SdoTarget(0, axis=axis)).settings
+        own = next((each for each in self._on_buses() if each.settings.axis == axis), None)
+        if own is None:
+            raise settings.fault("MC559", f"is {settings.kind}, not CiA 402", "use its maker's own tool")
+        return own.machine, own
+
+    def _record(self, own: _OnBus, scope: Scope, timeout_s: float) -> tuple[float, int]:
+        line, settings = self.line, own.settings
+        on_line = line is not None and settings.fieldbus == "ethercat"
+        port = line.listen(settings.bus) if line is not None and on_line else open_port(settings.address)
+        with closing(port):
+            return record_cycles(port, settings, scope, timeout_s, self._check)
+
+    def _health(self, seconds: float) -> list[BusHealth]:
         service, line = self._service, self.line
         on_can = [] if service is None else service.buses
         on_line = [] if line is None else line.buses
         share = seconds / max(1, len(on_can) + len(on_line))
-        reports = [] if service is None else [_can_health(service, bus.name, share) for bus in on_can]
-        return reports + ([] if line is None else [line.health(bus, share) for bus in on_line])
+        drives, reports = self._on_buses(), []
+        for bus in [*(each.name for each in on_can), *on_line]:
+            own = [each for each in drives if each.settings.bus == bus]
+            data = {each.settings.axis: each.process_data for each in own}
+            signals = [signal for each in own for signal in each.signals]
+            if line is not None and bus in on_line:
+                reports.append(line.health(bus, share, data, signals, self._check))
+            elif service is not None:
+                address = next(each.settings.address for each in service.nodes if each.settings.bus == bus)
+                with closing(open_port(address)) as port:
+                    reports.append(bus_report(service.machine, bus, port, share, data, signals, self._check))
+        return reports
 
     def _find(self, target: SdoTarget) -> _NodeDrive | LineDrive:
         every = [
@@ -364,24 +538,6 @@ class OperatorAccess:
         )
 
 
-def _can_health(service: CanopenService, bus: str, seconds: float) -> BusHealth:
-    machine, data = service.machine, service.process_data()
-    axes = {axis.index: axis for axis in machine.axes}
-    drives = [drive for drive in settings_of(machine) if drive.bus == bus]
-    own = {drive.axis: data[drive.axis] for drive in drives if drive.axis in data}
-    signals = [
-        signal
-        for drive in drives
-        if drive.axis in own and (known := service.dictionary(drive.axis)) is not None
-        for signal in signals_of(axes[drive.axis], own[drive.axis], known, drive.node_axis)
-    ]
-    port = open_port(drives[0].address)
-    try:
-        return bus_report(machine, bus, port, seconds, own, signals)
-    finally:
-        port.close()
-
-
 def _variable(drive: _NodeDrive | LineDrive, target: SdoTarget) -> ODVariable | None:
     """Return an object of the drive's dictionary; None: it does not have it."""
     dictionary = drive.dictionary
@@ -423,6 +579,53 @@ def _view(node: Node, axis: NodeAxis, now: float) -> DriveInfo:
     )
 
 
+def _trace_view(trace: ScopeTrace, cycle_s: float, ended_unix: float, missing: int) -> DriveTrace:
+    return DriveTrace(
+        trace.axis,
+        len(trace.time_s),
+        cycle_s,
+        float(trace.time_s[0]),
+        ended_unix - float(trace.time_s[-1]),
+        missing,
+        [
+            ScopeSignal(place, name, unit, trace.values[:, at].astype("<f8").tobytes())
+            for at, (place, name, unit) in enumerate(
+                zip(trace.objects, trace.names, trace.units, strict=True)
+            )
+        ],
+    )
+
+
+def _tuning_view(axis: Axis, found: Judged) -> DriveTuning:
+    loops = []
+    for (name, gains, margin), measured in zip(found.loops, found.measured_margins, strict=True):
+        loops.append(
+            TunedLoop(
+                name,
+                msgspec.to_builtins(gains),
+                getattr(margin, "least", 0.0),
+                margin.greatest,
+                math.degrees(margin.phase),
+                None if measured is None else measured.crossover_hz,
+                None if measured is None else math.degrees(measured.phase),
+                None if measured is None else measured.gain,
+            )
+        )
+    frequency, opened = found.opened or (np.empty(0), np.empty(0, np.complex128))
+    return DriveTuning(
+        axis.index,
+        "cst" if cia402_drive(axis).mode == "cst" else "csv",
+        msgspec.to_builtins(found.measured),
+        found.said,
+        loops,
+        list(found.changes),
+        found.remedy if found.changes else "",
+        frequency.tolist(),
+        (20.0 * np.log10(np.abs(opened))).tolist(),
+        np.degrees(np.angle(opened)).tolist(),
+    )
+
+
 def _monitored(node: Node, axis: NodeAxis) -> list[MonitoredValue]:
     shown = []
     if axis.settings.streamed is not None:
@@ -441,5 +644,4 @@ def _status(settings: DriveSettings, word: int | None) -> str:
         return ""
     if settings.streamed is not None:
         return settings.streamed.fault_text(word)
-    state = power_state(word).name.lower().replace("_", " ")
-    return state + (", warning" if word & _WARNING else "")
+    return power_text(word)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 
@@ -28,11 +28,13 @@ def bus_report(
     seconds: float,
     data: Mapping[int, ProcessData],
     signals: Sequence[Signal],
+    check: Callable[[], None] = lambda: None,
 ) -> BusHealth:
     """Listen on a bus and count; nothing is sent.
 
     Args:
         port: of the bus. data: process data of its drives, by axis. signals: of all these axes.
+            check: called with each frame; may raise.
     """
     (bitrate,) = (each.bitrate for each in machine.buses if each.name == bus)
     drives = [drive for drive in settings_of(machine) if drive.bus == bus]
@@ -50,6 +52,7 @@ def bus_report(
     began = time.monotonic()
     commands = for_masters(drives[0], port)
     for at_s, identifier, payload in frames_of(port, seconds):
+        check()
         listener.take(at_s, identifier, payload)
         master = master or sign_of_master(identifier, commands)
         row = sampler.take(identifier, payload)

@@ -11,10 +11,11 @@ from mcserver.can.open import open_port
 from mcserver.canopen.canopen_errors import DriveError
 from mcserver.canopen.eds_text import device_of
 from mcserver.canopen.node import Node
+from mcserver.canopen.node_configuration import SdoClient
 from mcserver.canopen.profiles import profile_text
 from mcserver.canopen.scan import DRIVE_OBJECTS, machine_file, modes_of, object_key, scan
 from mcserver.canopen.service_bus import CanopenBus
-from mcserver.canopen.settings import NO_AXIS
+from mcserver.canopen.settings import NO_AXIS, DriveSettings
 from mcserver.canopen.views import BusScan, ScannedNode
 
 # Of each folder so many EDS files are looked into, of each so many bytes: its identity stands at the top.
@@ -78,11 +79,7 @@ def _own(node: Node) -> ScannedNode:
     supported = 0
     objects: dict[str, int] = {}
     if settings.kind == "cia402":
-        supported = _read(node, 0x6502, 0) or 0
-        for place in DRIVE_OBJECTS:
-            value = _read(node, *place)
-            if value is not None:
-                objects[object_key(*place)] = value
+        supported, objects = said_by(node.sdo, settings)
     return ScannedNode(
         settings.node,
         profile,
@@ -96,10 +93,17 @@ def _own(node: Node) -> ScannedNode:
     )
 
 
-def _read(node: Node, index: int, subindex: int) -> int | None:
-    """Return an object of a node's first axis; None where it is lost, or has no such object."""
+def said_by(sdo: SdoClient, settings: DriveSettings) -> tuple[int, dict[str, int]]:
+    """Return 6502h (0: it is not there) and what else a drive says of itself, as `ScannedNode.objects`."""
+    found = {object_key(*place): _read(sdo, settings, *place) for place in DRIVE_OBJECTS}
+    supported = _read(sdo, settings, 0x6502, 0) or 0
+    return supported, {key: value for key, value in found.items() if value is not None}
+
+
+def _read(sdo: SdoClient, settings: DriveSettings, index: int, subindex: int) -> int | None:
+    """Return an object of a drive's axis; None where it is lost, or has no such object."""
     try:
-        payload = node.sdo.upload(index + node.settings.offset, subindex, attempts=1)
+        payload = sdo.upload(index + settings.offset, subindex, attempts=1)
     except DriveError:
         return None
     return int.from_bytes(payload[:4], "little")

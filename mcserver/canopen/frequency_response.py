@@ -87,6 +87,13 @@ def measure_response(command: Array, place: Array, order: int) -> Response | Non
     return Response(at, answer[kept] * delayed / (1.0 - delayed) ** order)
 
 
+def opened_loop(response: Response, controller: Complex, delay: int) -> Complex:
+    """Return the loop of a controller on a response, opened, shape (n,); arguments: `measured_margins`."""
+    # one cycle is in the response
+    late = np.exp(-2j * np.pi * response.frequency * (delay - 1))
+    return np.asarray(controller * response.answer * late)
+
+
 def measured_margins(
     response: Response, controller: Complex, cycle_s: float, delay: int
 ) -> MeasuredMargins | None:
@@ -96,8 +103,7 @@ def measured_margins(
         controller: command by error at each of the response's frequencies, shape (n,). delay: of a reading
             behind its command [cycles].
     """
-    # one cycle is in the response
-    loop = controller * response.answer * np.exp(-2j * np.pi * response.frequency * (delay - 1))
+    loop = opened_loop(response, controller, delay)
     size, left = np.log(np.abs(loop)), np.angle(-loop)
     beside = np.diff(response.frequency) < 1.5 / LENGTH
     crossed = np.flatnonzero(beside & (size[:-1] * size[1:] <= 0.0))

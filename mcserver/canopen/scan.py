@@ -13,7 +13,7 @@ from mcserver.can.cob import GREATEST_NODE, LEAST_NODE, Function
 from mcserver.can.port import CanPort
 from mcserver.canopen.configuration import MODE_BITS, USABLE_MODES
 from mcserver.canopen.profiles import CIA_402, profile_text
-from mcserver.canopen.views import ScannedNode
+from mcserver.canopen.views import Fieldbus, ScannedNode
 
 ROUND_S = 0.005
 ANSWER_S = 0.3
@@ -75,8 +75,10 @@ def modes_of(supported: int) -> list[str]:
     return [short for bit, (short, _) in MODE_BITS.items() if supported >> bit & 1]
 
 
-def machine_file(name: str, address: str, nodes: list[ScannedNode]) -> str:
+def machine_file(name: str, address: str, nodes: list[ScannedNode], fieldbus: Fieldbus = "can") -> str:
     """Return a machine file to start from: what has to be filled in is said there."""
+    line = fieldbus == "ethercat"
+    bus = [f'address = "{address}"', "bitrate = 1000000              # as the interface has it"]
     lines = [
         "# made by mcserver scan: fill in what is marked, then run `mcserver machine check` on it",
         "[machine]",
@@ -85,8 +87,7 @@ def machine_file(name: str, address: str, nodes: list[ScannedNode]) -> str:
         "",
         "[[bus]]",
         'name = "bus"',
-        f'address = "{address}"',
-        "bitrate = 1000000              # as the interface has it",
+        *(['kind = "ethercat"', f'interface = "{address}"'] if line else bus),
     ]
     drives = [node for node in nodes if node.profile == CIA_402]
     for axis, node in enumerate(drives):
@@ -101,7 +102,7 @@ def machine_file(name: str, address: str, nodes: list[ScannedNode]) -> str:
             "[axis.drive]",
             'kind = "cia402"',
             'bus = "bus"',
-            f"node = {node.node}",
+            f"{'position' if line else 'node'} = {node.node}",
             f'mode = "{mode}"'
             + (f"                   # 6502h: {', '.join(node.modes)}" if node.modes else ""),
             *_mechanics(node),

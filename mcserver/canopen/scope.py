@@ -75,7 +75,8 @@ class Scope:
             before the trigger. trigger: None: the first cycle.
 
     Attributes:
-        rows: cycles that were seen. triggered: whether the trigger has come.
+        rows: cycles that were seen. triggered: whether the trigger has come. cycle_s, duration_s: of a
+            cycle, and of all that is kept [s].
     """
 
     def __init__(
@@ -83,7 +84,7 @@ class Scope:
     ) -> None:
         self.triggered = False
         self._signals = list(signals)
-        self._cycle_s = cycle_s
+        self.cycle_s = cycle_s
         self._cycles = cycles
         self._sampler = CycleSampler(signals)
         self._before: deque[list[float]] = deque(maxlen=max(1, before + 1))
@@ -94,6 +95,10 @@ class Scope:
     @property
     def rows(self) -> int:
         return self._sampler.rows
+
+    @property
+    def duration_s(self) -> float:
+        return self._cycles * self.cycle_s
 
     def take(self, identifier: int, payload: bytes) -> bool:
         """Take a frame; True once everything is there."""
@@ -124,7 +129,7 @@ class Scope:
             names.append(FOLLOWING_ERROR)
             units.append(next(signal.unit for signal in self._signals if signal.place == POSITION))
             objects.append("")
-        time_s = np.arange(len(numbers), dtype=np.float64) * self._cycle_s - self._zero * self._cycle_s
+        time_s = np.arange(len(numbers), dtype=np.float64) * self.cycle_s - self._zero * self.cycle_s
         axis = self._signals[0].axis
         return ScopeTrace(axis, tuple(names), tuple(units), tuple(objects), time_s, np.stack(columns, axis=1))
 

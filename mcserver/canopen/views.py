@@ -27,6 +27,7 @@ SdoType = Literal[
     "bytes",
 ]
 Fieldbus = Literal["can", "ethercat"]
+LoopMode = Literal["cst", "csv"]
 # those of `mcserver.canopen.node.Phase`
 DrivePhase = Literal["booting", "operational", "lost", "restarting", "failed", "closed"]
 
@@ -41,14 +42,17 @@ class MonitoredValue(msgspec.Struct, frozen=True, omit_defaults=True):
 
 
 class DriveInfo(msgspec.Struct, frozen=True, omit_defaults=True):
-    """One drive on a CAN bus.
+    """One drive on a bus.
 
     Attributes:
-        state: what the server takes it for. nmt: what its last heartbeat said; empty: none has come.
+        node: on EtherCAT its position. fieldbus: kind of its bus.
+        state: what the server takes it for. nmt: what its last heartbeat said, on EtherCAT its AL state;
+            empty: none has come.
         heartbeat_age_s: since its last sign of life [s].
         statusword: 6041h, or the fault bits of a drive that streams telemetry. status: the same in words.
         device_type, vendor_id, product_code: 1000h, 1018h:01, 1018h:02.
-        emergency: its last emergency message in words; emergency_code, emergency_age_s: of that.
+        emergency: its last emergency message in words, on EtherCAT what 603Fh says; emergency_code,
+            emergency_age_s: of that.
         boot_ups: how often it has started since the server did. message: why its configuration failed.
         monitor: what the machine file wants to see of it, newest values.
     """
@@ -71,13 +75,14 @@ class DriveInfo(msgspec.Struct, frozen=True, omit_defaults=True):
     boot_ups: int = 0
     message: str = ""
     monitor: list[MonitoredValue] = []
+    fieldbus: Fieldbus = "can"
 
 
 class ScannedNode(msgspec.Struct, frozen=True, omit_defaults=True):
     """One node that answers on a bus.
 
     Attributes:
-        profile: of 1000h; what: the same in words. modes: of 6502h.
+        node: on EtherCAT the position. profile: of 1000h; what: the same in words. modes: of 6502h.
         vendor_id … serial: 1018h; None: it does not say.
         axis: of the running machine, whose drive it is. eds: a file that is its by vendor and product.
         objects: what else it says of itself, by object, such as ``"6091:1"``: encoder (608Fh), gear (6091h),
@@ -99,12 +104,13 @@ class ScannedNode(msgspec.Struct, frozen=True, omit_defaults=True):
 
 
 class BusScan(msgspec.Struct, frozen=True):
-    """Who is on one bus; ``machine_file``: one to start from."""
+    """Who is on one bus; ``machine_file``: one to start from. ``fieldbus``: kind of the bus."""
 
     bus: str
     address: str
     nodes: list[ScannedNode]
     machine_file: str
+    fieldbus: Fieldbus = "can"
 
 
 @dataclass(frozen=True)
@@ -225,3 +231,78 @@ class BusHealth(msgspec.Struct):
     master: str = ""
     error_frames: int = 0
     following_errors: dict[str, float] = {}
+
+
+class ScopeSignal(msgspec.Struct, frozen=True):
+    """What one object had in each cycle.
+
+    Attributes:
+        object: such as ``6064h:00``; empty: it is computed. unit: empty: as the drive has it.
+        values: one a cycle, float64, little endian; NaN: nothing came.
+    """
+
+    object: str
+    name: str
+    unit: str
+    values: bytes
+
+
+class DriveTrace(msgspec.Struct, frozen=True):
+    """Every mapped object of an axis in each cycle, around a trigger.
+
+    Attributes:
+        cycles: of them. cycle_s: [s]. begin_s: of the first one, by the trigger, or 0 [s]. trigger_unix: Unix
+            time of time 0 [s]. missing: SYNCs that the bus had too few.
+    """
+
+    axis: int
+    cycles: int
+    cycle_s: float
+    begin_s: float
+    trigger_unix: float
+    missing: int
+    signals: list[ScopeSignal]
+
+
+class TunedLoop(msgspec.Struct, frozen=True, omit_defaults=True):
+    """Gains of a loop and what they leave.
+
+    Attributes:
+        gains: as in ``[axis.drive]``. least, greatest: share of the measured inertia (cst) down and up to
+            which it is stable, or multiple of its gain (csv, greatest alone); 0: it is not. phase_deg: left.
+        crossover_hz, measured_phase_deg: on the measured response, where it is known. measured_gain: multiple
+            of the gains up to which it is stable on that; None: beyond what was measured.
+    """
+
+    name: str
+    gains: dict[str, float]
+    least: float
+    greatest: float
+    phase_deg: float
+    crossover_hz: float | None = None
+    measured_phase_deg: float | None = None
+    measured_gain: float | None = None
+
+
+class DriveTuning(msgspec.Struct, frozen=True):
+    """What a motion tells of a loop in mode cst or csv.
+
+    Attributes:
+        measured: cst: inertia [kg·m²], friction [N·m], viscous [N·m·s/rad], load [N·m], explained,
+            uncertainty [1]; csv: scale [1], lag, uncertainty [s]. said: the same in words.
+        loops: that of the machine file, then the proposed one. changes: lines of the machine file; none: it
+            fits. remedy: what to do with them.
+        frequency_hz, gain_db, phase_deg: the machine file's loop, opened, on the measured response; empty: it
+            is not known.
+    """
+
+    axis: int
+    mode: LoopMode
+    measured: dict[str, float]
+    said: str
+    loops: list[TunedLoop]
+    changes: list[str]
+    remedy: str
+    frequency_hz: list[float]
+    gain_db: list[float]
+    phase_deg: list[float]

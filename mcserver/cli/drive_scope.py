@@ -3,26 +3,22 @@
 from __future__ import annotations
 
 import math
-import time
 from typing import Annotated
 
 import numpy as np
 import typer
 
-from mcserver.can.cob import SYNC
-from mcserver.canopen.bus_frames import frames_of
 from mcserver.canopen.scope import Scope, read_trigger
+from mcserver.canopen.scope_recording import record_cycles
 from mcserver.cli.console import json_answer_on_error, narration, results, write_json
 from mcserver.cli.drive_of_machine import AxisArgument, Described, check_seconds, described, table
 from mcserver.cli.options import JsonOption, MachineOption
 from mcserver.cli.output_file import check_output, write_atomically
-from mcserver.errors import RuntimeFault, UsageFault
+from mcserver.errors import UsageFault
 from mcserver.ethercat.line_health import listen
 from mcserver.machine.machine_file import Machine, load_machine
 
 LONGEST_S = 600.0
-# Without a SYNC for so long no cycle runs.
-NO_SYNC_S = 2.0
 
 
 def scope(
@@ -63,7 +59,7 @@ def scope(
         recorder = Scope(
             drive.signals, cycle_s, max(2, round(seconds / cycle_s)), round(lead / cycle_s), fires
         )
-        ended_unix, missing = record_cycles(described_machine, drive, recorder, timeout, seconds)
+        ended_unix, missing = record(described_machine, drive, recorder, timeout)
         trace = recorder.trace()
         at_trigger = ended_unix - float(trace.time_s[-1])
         from mcserver.recorder.scope_file import write_scope
@@ -104,40 +100,10 @@ def scope(
         )
 
 
-def record_cycles(
-    machine: Machine, drive: Described, recorder: Scope, timeout_s: float, seconds: float
-) -> tuple[float, int]:
-    """Feed a scope until it has everything; return Unix time then [s], and how many SYNCs were too few.
-
-    Raises:
-        RuntimeFault: MC424 the bus; MC569 no SYNC, or the trigger did not come.
-    """
-    axis, bus, cycle_s = drive.settings.axis, drive.settings.bus, machine.cycle_s
-    port = listen(machine, bus)
+def record(machine: Machine, drive: Described, recorder: Scope, timeout_s: float) -> tuple[float, int]:
+    """Feed a scope from a drive's bus. Raises: as `record_cycles`; RuntimeFault MC424 the bus."""
+    port = listen(machine, drive.settings.bus)
     try:
-        if not any(identifier == SYNC for _, identifier, _ in frames_of(port, NO_SYNC_S)):
-            raise RuntimeFault(
-                "MC569",
-                f"bus {bus}: no SYNC came within {NO_SYNC_S:g} s: no cycle runs",
-                "start the server: mcserver run",
-                axis=axis,
-            )
-        began = math.nan
-        for at_s, identifier, payload in frames_of(port, timeout_s + seconds):
-            done = recorder.take(identifier, payload)
-            if recorder.rows == 1 and identifier == SYNC:
-                began = at_s
-            if done:
-                fewer = round((at_s - began) / cycle_s) - (recorder.rows - 1)
-                return time.time(), fewer if fewer > max(2, 0.02 * recorder.rows) else 0
-            if not recorder.triggered and at_s > timeout_s:
-                break
+        return record_cycles(port, drive.settings, recorder, timeout_s)
     finally:
         port.close()
-    what = "the cycle ended" if recorder.triggered else f"the trigger did not come within {timeout_s:g} s"
-    raise RuntimeFault(
-        "MC569",
-        f"axis {axis}: {what}; {recorder.rows} cycles were seen",
-        "another level, or a longer --timeout; --level fires where the level is met already",
-        axis=axis,
-    )

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 
 from mcserver.can.open import open_port
 from mcserver.can.pdo import ProcessData
@@ -34,19 +34,24 @@ def listen(machine: Machine, bus: str) -> CanPort:
 
 
 def bus_health(
-    machine: Machine, bus: str, seconds: float, data: Mapping[int, ProcessData], signals: Sequence[Signal]
+    machine: Machine,
+    bus: str,
+    seconds: float,
+    data: Mapping[int, ProcessData],
+    signals: Sequence[Signal],
+    check: Callable[[], None] = lambda: None,
 ) -> BusHealth:
     """Listen on a bus and count; nothing is sent.
 
     Args:
-        data: process data of its drives, by axis. signals: of all these axes.
+        data, signals, check: as `bus_report`.
 
     Raises:
         ConfigurationError, RuntimeFault: as `listen`.
     """
     port = listen(machine, bus)
     try:
-        found = bus_report(machine, bus, port, seconds, data, signals)
+        found = bus_report(machine, bus, port, seconds, data, signals, check)
     finally:
         port.close()
     if isinstance(port, LineTap):

@@ -1,4 +1,4 @@
-"""Mailboxes of slaves for the server's process: their one master is the process of the cycle, which is asked.
+"""Slaves for the server's process: it asks the process of the cycle, their one master, about them.
 
 A request and its answer are one packet each on a pair of sockets; one transfer at a time, in a thread beside
 the cycle. The pair ends with either of the two processes.
@@ -8,7 +8,8 @@ from __future__ import annotations
 
 import socket
 import threading
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from contextlib import suppress
 
 import msgspec
 
@@ -24,7 +25,7 @@ BUFFER = 4 * LONGEST_PACKET
 JOIN_S = 10.0
 
 
-class Transfer(msgspec.Struct, frozen=True):
+class Transfer(msgspec.Struct, frozen=True, tag=True):
     """An object of an axis's drive; ``payload`` None: it is read."""
 
     axis: int
@@ -34,7 +35,11 @@ class Transfer(msgspec.Struct, frozen=True):
     attempts: int = 0
 
 
-class Transferred(msgspec.Struct, frozen=True):
+class Look(msgspec.Struct, frozen=True, tag=True):
+    """Asks for the states of all slaves."""
+
+
+class Transferred(msgspec.Struct, frozen=True, tag=True):
     """What was read; with a ``code`` the transfer has failed, as a `DriveError` says."""
 
     raw: bytes = b""
@@ -44,8 +49,40 @@ class Transferred(msgspec.Struct, frozen=True):
     details: dict[str, int] = {}
 
 
-_REQUESTS = msgspec.msgpack.Decoder(Transfer)
-_ANSWERS = msgspec.msgpack.Decoder(Transferred)
+class SlaveState(msgspec.Struct, frozen=True):
+    """One slave of a line.
+
+    Attributes:
+        position: on the line, from 0. axis: whose drive it is; None: it is not in the machine file.
+        vendor, product, revision, name: of its EEPROM. device_type: 1000h; None: it was not asked.
+        state: AL state of a drive, as the supervision has seen it last. statusword, error_code: 6041h and
+            603Fh of the latest frame; None: it has none. begun: whether the cycle sends setpoints.
+    """
+
+    bus: str
+    position: int
+    axis: int | None
+    vendor: int
+    product: int
+    revision: int
+    name: str
+    device_type: int | None = None
+    state: int = 0
+    statusword: int | None = None
+    error_code: int | None = None
+    begun: bool = False
+
+
+class SlaveStates(msgspec.Struct, frozen=True, tag=True):
+    """Those of every line, in its order."""
+
+    slaves: tuple[SlaveState, ...]
+
+
+_REQUESTS: msgspec.msgpack.Decoder[Transfer | Look] = msgspec.msgpack.Decoder(Transfer | Look)
+_ANSWERS: msgspec.msgpack.Decoder[Transferred | SlaveStates] = msgspec.msgpack.Decoder(
+    Transferred | SlaveStates
+)
 
 
 def socket_pair() -> tuple[socket.socket, socket.socket]:
@@ -62,11 +99,15 @@ class MailboxServer:
     def __init__(self, descriptor: int) -> None:
         self._socket = socket.socket(fileno=descriptor)
         self._slaves: dict[int, EthercatSlave] = {}
+        self._lines: list[Callable[[], Sequence[SlaveState]]] = []
         self._thread = threading.Thread(target=self._run, name="ethercat mailboxes", daemon=True)
 
-    def add(self, slaves: Sequence[EthercatSlave]) -> None:
-        """Let the drives of a line be asked."""
+    def add(
+        self, slaves: Sequence[EthercatSlave], states: Callable[[], Sequence[SlaveState]] = tuple
+    ) -> None:
+        """Let the drives of a line be asked; ``states``: those of all its slaves now."""
         self._slaves |= {slave.settings.axis: slave for slave in slaves}
+        self._lines.append(states)
 
     def start(self) -> None:
         """Begin to answer."""
@@ -89,7 +130,9 @@ class MailboxServer:
             # the server has ended, or this end was closed
             return
 
-    def _answer(self, asked: Transfer) -> Transferred:
+    def _answer(self, asked: Transfer | Look) -> Transferred | SlaveStates:
+        if isinstance(asked, Look):
+            return SlaveStates(tuple(state for states in self._lines for state in states()))
         sdo = self._slaves[asked.axis].sdo
         try:
             if asked.payload is None:
@@ -111,11 +154,24 @@ class MailboxRelay:
     def ask(self, transfer: Transfer) -> Transferred | None:
         """Return the answer; None: the process of the cycle has ended."""
         with self._lock:
-            try:
-                self._socket.send(msgspec.msgpack.encode(transfer))
-                packet = self._socket.recv(LONGEST_PACKET)
-            except OSError:
-                packet = b""
+            answer = self._asked(transfer)
+        return answer if isinstance(answer, Transferred) else None
+
+    def states(self, patience_s: float) -> tuple[SlaveState, ...] | None:
+        """Return every slave; None: a transfer under way takes longer than that, or the process has ended."""
+        if not self._lock.acquire(timeout=patience_s):
+            return None
+        try:
+            answer = self._asked(Look())
+        finally:
+            self._lock.release()
+        return answer.slaves if isinstance(answer, SlaveStates) else None
+
+    def _asked(self, request: Transfer | Look) -> Transferred | SlaveStates | None:
+        packet = b""
+        with suppress(OSError):
+            self._socket.send(msgspec.msgpack.encode(request))
+            packet = self._socket.recv(LONGEST_PACKET)
         return _ANSWERS.decode(packet) if packet else None
 
 

@@ -3,9 +3,14 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
+import msgspec
+
+from mcserver.canopen.coe import ERROR_CODE
+from mcserver.canopen.process_data import STATUSWORD
 from mcserver.canopen.settings import settings_of
-from mcserver.ethercat.mailbox_relay import MailboxServer
+from mcserver.ethercat.mailbox_relay import MailboxServer, SlaveState
 from mcserver.ethercat.master import EthercatMaster
 from mcserver.ethercat.port import EthercatPort
 from mcserver.ethercat.slave import AlState
@@ -60,5 +65,34 @@ def open_ethercat(machine: Machine, bus: BusConfig, mailboxes: MailboxServer | N
     supervision = EthercatSupervision(master, port)
     supervision.start()
     if mailboxes is not None:
-        mailboxes.add(master.slaves)
+        mailboxes.add(master.slaves, lambda: _states(bus.name, master, port))
     return port
+
+
+def _states(bus: str, master: EthercatMaster, port: EthercatPort) -> Sequence[SlaveState]:
+    """Return every slave of a line now; nothing is sent."""
+    drives = {
+        slave.settings.place: (slave, state) for slave, state in zip(master.slaves, port.states, strict=True)
+    }
+    found = []
+    for position, device in enumerate(master.soem.slaves):
+        shown = SlaveState(bus, position, None, device.man, device.id, device.rev, device.name)
+        if position in drives:
+            slave, state = drives[position]
+            exchanged = device.input if state >= AlState.SAFEOP else b""
+            inputs = slave.planned.tpdos[0]
+            shown = msgspec.structs.replace(
+                shown,
+                axis=slave.settings.axis,
+                device_type=slave.identity.device_type,
+                state=int(state),
+                statusword=_word(exchanged, inputs.offset(STATUSWORD.index)),
+                error_code=_word(exchanged, inputs.offset(ERROR_CODE.index)),
+                begun=port.begun,
+            )
+        found.append(shown)
+    return found
+
+
+def _word(inputs: bytes, at: int | None) -> int | None:
+    return int.from_bytes(inputs[at : at + 2], "little") if inputs and at is not None else None

@@ -10,19 +10,23 @@ from msgspec import Meta
 from mcserver.canopen.views import BusCounts as BusCounts
 from mcserver.canopen.views import BusHealth, BusScan, DriveInfo
 from mcserver.canopen.views import DriveParameters as DriveParameters
+from mcserver.canopen.views import DriveTrace as DriveTrace
+from mcserver.canopen.views import DriveTuning as DriveTuning
 from mcserver.canopen.views import MonitoredValue as MonitoredValue
 from mcserver.canopen.views import NodeHealth as NodeHealth
 from mcserver.canopen.views import ParameterInfo as ParameterInfo
 from mcserver.canopen.views import ScannedNode as ScannedNode
+from mcserver.canopen.views import ScopeSignal as ScopeSignal
 from mcserver.canopen.views import SdoReply as SdoReply
 from mcserver.canopen.views import SdoType as SdoType
+from mcserver.canopen.views import TunedLoop as TunedLoop
 from mcserver.net.messages import AxisIndex, Request
 
 NodeNumber = Annotated[int, Meta(ge=1, le=127)]
 
 
 class DrivesRequest(Request, frozen=True, kw_only=True):
-    """Every drive on a CAN bus."""
+    """Every drive on a bus."""
 
 
 class SdoReadRequest(Request, frozen=True, kw_only=True):
@@ -49,7 +53,7 @@ class SdoWriteRequest(SdoReadRequest, frozen=True, kw_only=True):
 
 
 class DrivesScanRequest(Request, frozen=True, kw_only=True):
-    """Asks every node number of a bus who is there; ``bus`` empty: of all buses."""
+    """Asks who is on a bus: every node number of CAN, every drive of EtherCAT; ``bus`` empty: on all."""
 
     bus: Annotated[str, Meta(max_length=200)] = ""
 
@@ -61,7 +65,7 @@ class DrivesScanReply(msgspec.Struct, frozen=True):
 
 
 class DrivesReply(msgspec.Struct, frozen=True):
-    """By axis; empty where no drive is on a CAN bus."""
+    """By axis; empty where no drive is on a bus."""
 
     drives: list[DriveInfo]
 
@@ -82,3 +86,27 @@ class DrivesHealthReply(msgspec.Struct, frozen=True):
     """By bus."""
 
     buses: list[BusHealth]
+
+
+class DriveScopeRequest(Request, frozen=True, kw_only=True):
+    """Every mapped object of an axis's drive in each cycle.
+
+    Attributes:
+        seconds: that are kept. trigger: such as ``following error > 0.05``; empty: at once. level: fires also
+            where the level is met already. before_s: kept before the trigger; None: a quarter.
+        timeout_s: how long the trigger may take.
+    """
+
+    axis: AxisIndex
+    seconds: Annotated[float, Meta(ge=0.01, le=10.0)] = 2.0
+    trigger: Annotated[str, Meta(max_length=200)] = ""
+    level: bool = False
+    before_s: Annotated[float, Meta(ge=0.0, le=10.0)] | None = None
+    timeout_s: Annotated[float, Meta(ge=0.1, le=60.0)] = 10.0
+
+
+class DriveTuneRequest(Request, frozen=True, kw_only=True):
+    """The gains of an axis in mode cst or csv, by the motion of a program; ``seconds``: looked at."""
+
+    axis: AxisIndex
+    seconds: Annotated[float, Meta(ge=0.5, le=60.0)] = 20.0

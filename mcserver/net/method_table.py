@@ -425,14 +425,15 @@ METHODS: tuple[Method, ...] = (
         deadline_s=SLOW_S,
     ),
     Method(
-        "drives", drive.DrivesRequest, drive.DrivesReply, EVERYBODY, "List every drive on a CAN bus, by axis."
+        "drives", drive.DrivesRequest, drive.DrivesReply, EVERYBODY, "List every drive on a bus, by axis."
     ),
     Method(
         "drives_scan",
         drive.DrivesScanRequest,
         drive.DrivesScanReply,
         CONFIGURERS,
-        "Ask every node number of a CAN bus, or of all, who is there. Nothing is configured or started.",
+        "Ask who is on a bus, or on all: every node number of CAN, the slaves of EtherCAT. "
+        "Nothing is configured.",
         deadline_s=SLOW_S,
     ),
     Method(
@@ -450,6 +451,22 @@ METHODS: tuple[Method, ...] = (
         CONFIGURERS,
         "Listen on the buses for some seconds and count load, lost and late frames. Nothing is sent.",
         deadline_s=SLOW_S,
+    ),
+    Method(
+        "drive_scope",
+        drive.DriveScopeRequest,
+        drive.DriveTrace,
+        CONFIGURERS,
+        "Record every mapped object of an axis in each cycle, around a trigger. Nothing is sent.",
+        deadline_s=WHOLE_FILE_S,
+    ),
+    Method(
+        "drive_tune",
+        drive.DriveTuneRequest,
+        drive.DriveTuning,
+        CONFIGURERS,
+        "Judge the gains of an axis in mode cst or csv by the motion of a program. Nothing is sent.",
+        deadline_s=WHOLE_FILE_S,
     ),
     Method(
         "sdo_read",

@@ -59,7 +59,7 @@ def machine_methods(
         service: the programs.
         jogging: moves by hand.
         checker: checks and simulations.
-        drives: those on CAN buses. recorder: its recordings. None: there are none.
+        drives: those on buses. recorder: its recordings. None: there are none.
 
     Returns:
         The handlers by the names of their methods.
@@ -242,8 +242,8 @@ class ProgramMethods:
             events=log.since(request.since, request.limit),
         )
 
-    def drives(self, _client: str, _request: drive_wire.DrivesRequest) -> drive_wire.DrivesReply:
-        return drive_wire.DrivesReply([] if self._drives is None else self._drives.drives())
+    async def drives(self, _client: str, _request: drive_wire.DrivesRequest) -> drive_wire.DrivesReply:
+        return drive_wire.DrivesReply([] if self._drives is None else await self._drives.drives())
 
     async def drives_scan(
         self, _client: str, request: drive_wire.DrivesScanRequest
@@ -259,6 +259,19 @@ class ProgramMethods:
         self, _client: str, request: drive_wire.DrivesHealthRequest
     ) -> drive_wire.DrivesHealthReply:
         return drive_wire.DrivesHealthReply(await self._reachable.health(request.seconds))
+
+    async def drive_scope(self, _client: str, request: drive_wire.DriveScopeRequest) -> drive_wire.DriveTrace:
+        return await self._reachable.scope(
+            request.axis,
+            request.seconds,
+            request.trigger,
+            request.timeout_s,
+            request.before_s,
+            level=request.level,
+        )
+
+    async def drive_tune(self, _client: str, request: drive_wire.DriveTuneRequest) -> drive_wire.DriveTuning:
+        return await self._reachable.tune(request.axis, request.seconds)
 
     async def sdo_read(self, _client: str, request: drive_wire.SdoReadRequest) -> drive_wire.SdoReply:
         return await self._reachable.sdo_read(_target(request), request.type)

@@ -14,10 +14,13 @@ from mcserver.web.panels.control import ControlPanel
 from mcserver.web.panels.desk_bus import BusPanel
 from mcserver.web.panels.desk_drive import DeskDrive
 from mcserver.web.panels.desk_files import FilesPanel
+from mcserver.web.panels.desk_mapped import MappedPanel
 from mcserver.web.panels.desk_parameters import ParametersPanel
 from mcserver.web.panels.desk_scope import ScopePanel
+from mcserver.web.panels.desk_tune import TunePanel
 from mcserver.web.panels.desk_units import UnitsPanel
 from mcserver.web.panels.drives import DrivesPanel
+from mcserver.web.panels.machine_file import MachineFilePanel
 from mcserver.web.sessions import Visitor
 from mcserver.web.translation import t
 
@@ -54,10 +57,13 @@ class DeskPage:
                     ParametersPanel(self._drive)
                 with ui.element("div").classes("mc-column"):
                     self._scope = ScopePanel(actions)
+                    MappedPanel(actions, self._drive)
                     BusPanel(actions)
                 with ui.element("div").classes("mc-column"):
                     FilesPanel(self._drive)
                     UnitsPanel(self._drive)
+                    TunePanel(actions, self._drive)
+                    MachineFilePanel(actions)
                     self._drives = DrivesPanel(link)
         obey_keys(actions)
         ui.timer(REFRESH_S, self.update)

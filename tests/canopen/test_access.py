@@ -9,12 +9,13 @@ from pathlib import Path
 
 import pytest
 
-from mcserver.can.cob import Function
+from mcserver.can.cob import SYNC, Function
 from mcserver.canopen.access import MAX_WAITING, OperatorAccess
 from mcserver.canopen.canopen_errors import DriveError
 from mcserver.canopen.service_bus import ServiceTimes
 from mcserver.canopen.settings import SdoTimes
 from mcserver.canopen.views import SdoTarget
+from mcserver.errors import RuntimeFault, UsageFault
 from tests.canopen.fake_drives import PRODUCT, VENDOR, FakeDrives
 from tests.canopen.rig import TIMES, RunningHub, Watched, machine_on, wait_until
 
@@ -198,9 +199,11 @@ async def test_drives_are_shown_with_all_that_is_known(access: OperatorAccess, d
     drives.send(Function.TPDO1 + 1, bytes.fromhex("3700080000000000"))
     drives.send(Function.EMCY + 1, bytes.fromhex("1086210000000000"))
     await asyncio.to_thread(
-        wait_until, lambda: access.drives()[0].emergency_code is not None, "the emergency is known"
+        wait_until,
+        lambda: asyncio.run(access.drives())[0].emergency_code is not None,
+        "the emergency is known",
     )
-    first, second = access.drives()
+    first, second = await access.drives()
     assert (first.axis, first.bus, first.node, first.state, first.nmt) == (
         0,
         "left",
@@ -269,6 +272,50 @@ async def test_buses_are_listened_to_one_request_at_a_time(access: OperatorAcces
         await access.health(0.1)
     # whoever asks next is answered
     assert [bus.bus for bus in await listening] == [bus.bus for bus in await access.health(0.1)] == ["left"]
+
+
+async def test_listening_ends_at_once_when_the_server_stops(access: OperatorAccess) -> None:
+    listening = asyncio.create_task(access.scope(0, 9.0, "6064 > 1e9", 60.0))
+    await asyncio.sleep(0)
+    await asyncio.to_thread(access.close)
+    with pytest.raises((DriveError, RuntimeFault), match=r"the server stops|no cycle runs"):
+        await listening
+
+
+async def test_a_scope_of_mapped_objects_is_taken_around_its_trigger(
+    access: OperatorAccess, drives: FakeDrives
+) -> None:
+    recording = asyncio.create_task(access.scope(1, 0.05, "6064 > 2", 20.0, 0.02))
+    at = 0
+    while not recording.done():
+        at += 1
+        drives.send(Function.TPDO1 + 2, struct.pack("<HbI", 0x37, 8, (at % 4) * 1000))
+        drives.send(SYNC, b"")
+        await asyncio.sleep(0)
+    trace = await recording
+    zero = round(-trace.begin_s / trace.cycle_s)
+    assert (trace.axis, trace.cycles) == (1, 5)
+    assert 1 <= zero <= 2
+    (position,) = (each for each in trace.signals if each.object == "6064h:00")
+    assert position.unit == "mm"
+    values = struct.unpack("<5d", position.values)
+    assert values[zero] > 2.0 > values[zero - 1]
+
+
+@pytest.mark.parametrize(
+    ("axis", "trigger", "refused"),
+    [(7, "", "MC559.*axis 7 has no drive"), (0, "voltage > 1", "MC568"), (0, "6064 = 1", "MC568")],
+)
+async def test_a_scope_that_cannot_be_is_refused_before_anything_is_listened_to(
+    access: OperatorAccess, axis: int, trigger: str, refused: str
+) -> None:
+    with pytest.raises((DriveError, UsageFault), match=refused):
+        await access.scope(axis, 1.0, trigger)
+
+
+async def test_a_loop_of_the_drive_s_own_is_not_tuned(access: OperatorAccess) -> None:
+    with pytest.raises(UsageFault, match="MC095"):
+        await access.tune(0, 1.0)
 
 
 async def test_health_counts_what_nodes_and_strangers_send(

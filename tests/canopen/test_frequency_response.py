@@ -163,8 +163,13 @@ def test_an_axis_gets_as_far_as_its_limits_let_it(jerk: float | None, duration: 
 
 def test_a_chirp_is_a_program_without_faults_that_ends_where_it_began_as_quick_as_it_is_written() -> None:
     machine = load_machine("cartesian")
-    lines = chirp_lines(machine.axes[0], "X", 3.0, machine.cycle_s)
+    axis = machine.axes[0]
+    unit = axis.type.si_per_unit
+    lines = chirp_lines(axis, "X", 3.0, machine.cycle_s, unit)
     run = simulate("\n".join(lines), machine)
     assert run.report["diagnostics"] == []
     assert run.report["duration_s"] == pytest.approx(3.0, rel=0.1)
     assert sum(float(line.partition("X")[2]) for line in lines if "X" in line) == pytest.approx(0.0, abs=1e-9)
+    # in less room it begins at a higher frequency
+    short = [float(line.partition("X")[2]) for line in chirp_lines(axis, "X", 3.0, 0.001, unit, 2.0)[2:]]
+    assert 1.7 < max(short) <= 2.0

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import struct
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
@@ -225,7 +226,7 @@ def test_monitored_objects_are_mapped_and_shown(cell: LocalCell) -> None:
 
 
 def _shown(access: object) -> object:
-    (info,) = access.drives()  # type: ignore[attr-defined]
+    (info,) = asyncio.run(access.drives())  # type: ignore[attr-defined]
     (shown,) = info.monitor
     return shown.value
 

@@ -11,6 +11,7 @@ from mcserver.canopen.access import OperatorAccess
 from mcserver.canopen.views import SdoTarget
 from mcserver.drives.bus import DriveFault, DriveMode, DriveState
 from mcserver.errors import McError
+from mcserver.machine.machine_file import parse_machine
 from tests.ethercat.conftest import Start
 from tests.ethercat.rig import Cycle, SimulatedLine, line_of
 
@@ -55,6 +56,7 @@ def test_objects_are_reached_beside_the_cycle_that_is_their_master(energized: On
     access.line = cycle.line
     read: list[object] = []
     refused: list[str] = []
+    files: list[str] = []
 
     async def ask() -> None:
         read.append((await access.sdo_read(SdoTarget(0x1008, axis=1), None)).value)
@@ -66,6 +68,13 @@ def test_objects_are_reached_beside_the_cycle_that_is_their_master(energized: On
             except McError as error:
                 refused.append(error.code)
         read.append(len(await access.health(0.2)))
+        trace = await access.scope(1, 0.1)
+        read.append(sorted({"607Ah:00", "6064h:00", ""} & {each.object for each in trace.signals}))
+        shown = await access.drives()
+        read.append([(each.axis, each.node, each.state, each.nmt, each.status) for each in shown])
+        (scanned,) = await access.scan("line")
+        read.append([(each.node, each.axis, each.what, "csp" in each.modes) for each in scanned.nodes])
+        files.append(scanned.machine_file)
 
     def work() -> int:
         with line.namespace.entered():
@@ -74,7 +83,10 @@ def test_objects_are_reached_beside_the_cycle_that_is_their_master(energized: On
 
     cycle.run_beside(work, wanted=0)
     access.close()
-    assert read == ["Simulated servo drive", 5000, 1]
+    assert read[:4] == ["Simulated servo drive", 5000, 1, ["", "6064h:00", "607Ah:00"]]
+    assert read[4] == [(axis, axis, "operational", "op", "operation enabled") for axis in range(3)]
+    assert read[5] == [(axis, axis, "drive", True) for axis in range(3)]
+    assert [axis.drive.node for axis in parse_machine(files[0]).axes] == [1, 2, 3]
     assert refused == ["MC559"] * 4
     assert access.parameters(1).fieldbus == "ethercat"
     assert access.parameters(1).node == 1

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import asyncio
+import math
+import struct
 from collections.abc import AsyncIterator
 from pathlib import Path
 
@@ -17,11 +19,15 @@ from mcserver.canopen.views import (
     BusScan,
     DriveInfo,
     DriveParameters,
+    DriveTrace,
+    DriveTuning,
     NodeHealth,
     ParameterInfo,
     ScannedNode,
+    ScopeSignal,
     SdoReply,
     SdoTarget,
+    TunedLoop,
     Value,
 )
 from mcserver.net.configuration import NetworkOptions
@@ -36,8 +42,9 @@ class AnsweringDrives:
 
     def __init__(self) -> None:
         self.asked: list[tuple[SdoTarget, str | None, Value | None]] = []
+        self.traced: list[tuple[float, str, float, float | None, bool]] = []
 
-    def drives(self) -> list[DriveInfo]:
+    async def drives(self) -> list[DriveInfo]:
         return [DriveInfo(1, "cia402", "can0", 3, "operational", statusword=0x27, status="operation enabled")]
 
     async def scan(self, bus: str, /) -> list[BusScan]:
@@ -51,6 +58,25 @@ class AnsweringDrives:
     async def health(self, seconds: float, /) -> list[BusHealth]:
         counts = BusCounts(seconds, 100, 0.05, 50, 0.012, [NodeHealth(3, [1], "operational")], {"5FFh": 2})
         return [BusHealth("can0", counts, "SYNC (080h)", 0, {"1": 0.25})]
+
+    async def scope(
+        self,
+        axis: int,
+        seconds: float,
+        trigger: str,
+        timeout_s: float,
+        before_s: float | None,
+        /,
+        *,
+        level: bool,
+    ) -> DriveTrace:
+        self.traced.append((seconds, trigger, timeout_s, before_s, level))
+        signal = ScopeSignal("6064h:00", "Position actual value", "mm", struct.pack("<2d", 1.5, math.nan))
+        return DriveTrace(axis, 2, 0.001, -0.001, 1.7e9, 0, [signal])
+
+    async def tune(self, axis: int, seconds: float, /) -> DriveTuning:
+        loop = TunedLoop("machine file", {"position_gain": 4.0}, 0.1, seconds, 59.0)
+        return DriveTuning(axis, "cst", {"inertia": 4e-5}, "inertia", [loop], [], "", [1.0], [0.5], [-90.0])
 
     async def sdo_read(self, target: SdoTarget, kind: str | None, /) -> SdoReply:
         self.asked.append((target, kind, None))
@@ -219,6 +245,19 @@ async def test_parameters_of_a_drive_come_with_access_and_limits(client: WireCli
         }
     ]
     assert reply["unreadable"] == ["[2001] DataType is missing"]
+
+
+async def test_mapped_objects_and_a_tuning_come_as_they_were_recorded(
+    client: WireClient, answering: AnsweringDrives
+) -> None:
+    trace = await client.call("drive_scope", axis=1, seconds=0.5, trigger="6064 > 1")
+    assert answering.traced == [(0.5, "6064 > 1", 10.0, None, False)]
+    assert struct.unpack("<2d", trace["signals"][0]["values"]) == (1.5, pytest.approx(math.nan, nan_ok=True))
+    tuning = await client.call("drive_tune", axis=1, seconds=3.0)
+    assert (tuning["mode"], tuning["loops"][0]["greatest"]) == ("cst", 3.0)
+    for call in ("drive_scope", "drive_tune"):
+        with pytest.raises(ErrorAnswer, match="MC511"):
+            await client.call(call, axis=1, seconds=1e3)
 
 
 async def test_health_of_the_buses_is_what_was_counted(client: WireClient) -> None:

@@ -61,5 +61,7 @@ class BlockingCalls(Blocking[T]):
     drives_scan = waited(MachineCalls.drives_scan)
     drive_parameters = waited(MachineCalls.drive_parameters)
     drives_health = waited(MachineCalls.drives_health)
+    drive_scope = waited(MachineCalls.drive_scope)
+    drive_tune = waited(MachineCalls.drive_tune)
     sdo_read = waited(MachineCalls.sdo_read)
     sdo_write = waited(MachineCalls.sdo_write)

@@ -804,13 +804,13 @@ class MachineCalls:
         )
 
     async def drives(self, *, deadline_s: float = 5.0) -> tuple[wire.DriveInfo, ...]:
-        """List every drive on a CAN bus, by axis."""
+        """List every drive on a bus, by axis."""
         return (await self._caller.ask(wire.DrivesReply, "drives", {}, deadline_s)).drives
 
     async def drives_scan(self, bus: str = "", *, deadline_s: float = 15.0) -> tuple[wire.BusScan, ...]:
-        """Ask every node number of a CAN bus, or of all, who is there.
+        """Ask who is on a bus, or on all: every node number of CAN, the slaves of EtherCAT.
 
-        Nothing is configured or started.
+        Nothing is configured.
         """
         return (await self._caller.ask(wire.DrivesScanReply, "drives_scan", {"bus": bus}, deadline_s)).buses
 
@@ -831,6 +831,53 @@ class MachineCalls:
         return (
             await self._caller.ask(wire.DrivesHealthReply, "drives_health", {"seconds": seconds}, deadline_s)
         ).buses
+
+    async def drive_scope(
+        self,
+        axis: int,
+        seconds: float = 2.0,
+        *,
+        trigger: str = "",
+        level: bool = False,
+        before_s: float | None = None,
+        timeout_s: float = 10.0,
+        deadline_s: float = 90.0,
+    ) -> wire.DriveTrace:
+        """Record every mapped object of an axis in each cycle, around a trigger.
+
+        Nothing is sent.
+
+        Args:
+            seconds: that are kept.
+            trigger: such as ``following error > 0.05``; empty: at once.
+            level: fires also where the level is met already.
+            before_s: kept before the trigger; None: a quarter.
+            timeout_s: how long the trigger may take.
+        """
+        return await self._caller.ask(
+            wire.DriveTrace,
+            "drive_scope",
+            {
+                "axis": axis,
+                "seconds": seconds,
+                "trigger": trigger,
+                "level": level,
+                "before_s": before_s,
+                "timeout_s": timeout_s,
+            },
+            deadline_s,
+        )
+
+    async def drive_tune(
+        self, axis: int, seconds: float = 20.0, *, deadline_s: float = 90.0
+    ) -> wire.DriveTuning:
+        """Judge the gains of an axis in mode cst or csv by the motion of a program.
+
+        Nothing is sent.
+        """
+        return await self._caller.ask(
+            wire.DriveTuning, "drive_tune", {"axis": axis, "seconds": seconds}, deadline_s
+        )
 
     async def sdo_read(
         self,

@@ -119,6 +119,13 @@ class ToolFrame(Word):
 ToolFrameWord = ToolFrame | Literal["base", "tool"]
 
 
+class LoopMode(Word):
+    """One of the words of the wire."""
+
+    CST = "cst"
+    CSV = "csv"
+
+
 class MachineState(Word):
     """One of the words of the wire."""
 
@@ -557,6 +564,7 @@ class ScannedNode:
     """One node that answers on a bus.
 
     Attributes:
+        node: on EtherCAT the position.
         profile: of 1000h
         what: the same in words.
         modes: of 6502h. vendor_id … serial: 1018h; None: it does not say.
@@ -582,12 +590,16 @@ class ScannedNode:
 
 @dataclass(frozen=True, slots=True)
 class BusScan:
-    """Who is on one bus; ``machine_file``: one to start from."""
+    """Who is on one bus; ``machine_file``: one to start from.
+
+    ``fieldbus``: kind of the bus.
+    """
 
     bus: str
     address: str
     nodes: tuple[ScannedNode, ...]
     machine_file: str
+    fieldbus: Fieldbus = Fieldbus.CAN
 
 
 @dataclass(frozen=True, slots=True)
@@ -838,23 +850,25 @@ class MonitoredValue:
 
 @dataclass(frozen=True, slots=True)
 class DriveInfo:
-    """One drive on a CAN bus.
+    """One drive on a bus.
 
     Attributes:
+        node: on EtherCAT its position.
         state: what the server takes it for.
-        nmt: what its last heartbeat said; empty: none has come.
+        nmt: what its last heartbeat said, on EtherCAT its AL state; empty: none has come.
         heartbeat_age_s: since its last sign of life [s].
         statusword: 6041h, or the fault bits of a drive that streams telemetry.
         status: the same in words.
         device_type: 1000h, 1018h:01, 1018h:02.
         vendor_id: 1000h, 1018h:01, 1018h:02.
         product_code: 1000h, 1018h:01, 1018h:02.
-        emergency: its last emergency message in words
+        emergency: its last emergency message in words, on EtherCAT what 603Fh says
         emergency_code: of that.
         emergency_age_s: of that.
         boot_ups: how often it has started since the server did.
         message: why its configuration failed.
         monitor: what the machine file wants to see of it, newest values.
+        fieldbus: kind of its bus.
     """
 
     axis: int
@@ -875,6 +889,7 @@ class DriveInfo:
     boot_ups: int = 0
     message: str = ""
     monitor: tuple[MonitoredValue, ...] = ()
+    fieldbus: Fieldbus = Fieldbus.CAN
 
 
 @dataclass(frozen=True, slots=True)
@@ -921,6 +936,98 @@ class DriveParameters:
 
 
 @dataclass(frozen=True, slots=True)
+class ScopeSignal:
+    """What one object had in each cycle.
+
+    Attributes:
+        object: such as ``6064h:00``; empty: it is computed.
+        unit: empty: as the drive has it.
+        values: one a cycle, float64, little endian; NaN: nothing came.
+    """
+
+    object: str
+    name: str
+    unit: str
+    values: bytes
+
+
+@dataclass(frozen=True, slots=True)
+class DriveTrace:
+    """Every mapped object of an axis in each cycle, around a trigger.
+
+    Attributes:
+        cycles: of them.
+        cycle_s: [s].
+        begin_s: of the first one, by the trigger, or 0 [s].
+        trigger_unix: Unix time of time 0 [s].
+        missing: SYNCs that the bus had too few.
+    """
+
+    axis: int
+    cycles: int
+    cycle_s: float
+    begin_s: float
+    trigger_unix: float
+    missing: int
+    signals: tuple[ScopeSignal, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class TunedLoop:
+    """Gains of a loop and what they leave.
+
+    Attributes:
+        gains: as in ``[axis.drive]``.
+        least: share of the measured inertia (cst) down and up to which it is stable, or multiple of its
+            gain (csv, greatest alone); 0: it is not.
+        greatest: share of the measured inertia (cst) down and up to which it is stable, or multiple of
+            its gain (csv, greatest alone); 0: it is not.
+        phase_deg: left.
+        crossover_hz: on the measured response, where it is known.
+        measured_phase_deg: on the measured response, where it is known.
+        measured_gain: multiple of the gains up to which it is stable on that; None: beyond what was
+            measured.
+    """
+
+    name: str
+    gains: dict[str, float]
+    least: float
+    greatest: float
+    phase_deg: float
+    crossover_hz: float | None = None
+    measured_phase_deg: float | None = None
+    measured_gain: float | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class DriveTuning:
+    """What a motion tells of a loop in mode cst or csv.
+
+    Attributes:
+        measured: cst: inertia [kg·m²], friction [N·m], viscous [N·m·s/rad], load [N·m], explained,
+            uncertainty [1]; csv: scale [1], lag, uncertainty [s].
+        said: the same in words.
+        loops: that of the machine file, then the proposed one.
+        changes: lines of the machine file; none: it fits.
+        remedy: what to do with them.
+        frequency_hz: the machine file's loop, opened, on the measured response; empty: it is not known.
+        gain_db: the machine file's loop, opened, on the measured response; empty: it is not known.
+        phase_deg: the machine file's loop, opened, on the measured response; empty: it is not known.
+    """
+
+    axis: int
+    mode: LoopMode
+    measured: dict[str, float]
+    said: str
+    loops: tuple[TunedLoop, ...]
+    changes: tuple[str, ...]
+    remedy: str
+    frequency_hz: tuple[float, ...]
+    gain_db: tuple[float, ...]
+    phase_deg: tuple[float, ...]
+
+
+@dataclass(frozen=True, slots=True)
 class DrivesHealthReply:
     """By bus."""
 
@@ -929,7 +1036,7 @@ class DrivesHealthReply:
 
 @dataclass(frozen=True, slots=True)
 class DrivesReply:
-    """By axis; empty where no drive is on a CAN bus."""
+    """By axis; empty where no drive is on a bus."""
 
     drives: tuple[DriveInfo, ...]
 

@@ -9,17 +9,18 @@ use crate::machine::Machine;
 use crate::messages::{
     ArmRequest, BusHealth, BusScan, CheckReply, CheckRequest, CloseReply, CloseRequest, Continuation,
     ContinuationRequest, ContinueReply, ContinueRequest, Done, DriveInfo, DriveParameters,
-    DriveParametersRequest, DrivesHealthReply, DrivesHealthRequest, DrivesReply, DrivesScanReply,
-    DrivesScanRequest, EstopRequest, EventsReply, EventsRequest, HomeReply, HomeRequest, Info, JogReply,
-    JogRequest, MachineFileReply, MachineStatus, ModelMeshRequest, ModelPart, ModelReply, OpenReply,
-    OpenRequest, OverrideReply, OverrideRequest, ProgramRequest, ProgramStatus, ProgramsReply,
-    ProgramsRequest, PutTextReply, PutTextRequest, RecordReply, RecordSaveRequest, RecordStartRequest,
-    RecordStopRequest, RecordingPart, RecordingReadRequest, RecordingsReply, ReferenceRequest, RejectRequest,
-    ResetRequest, RunArmedReply, RunArmedRequest, RunPreviewReply, RunPreviewRequest, RunRequestReply,
-    RunRequestRequest, RunRequestStatus, RunRequestsReply, SdoReadRequest, SdoReply, SdoWriteRequest,
-    ServoReply, ServoRequest, SetInputRequest, SetOutputRequest, SetReply, SetTableRowRequest, SimulateReply,
-    SimulateRequest, StepRequest, SubmitReply, SubmitRequest, Tables, ToolJogReply, ToolJogRequest,
-    WithdrawRequest, WriteMachineFileReply, WriteMachineFileRequest,
+    DriveParametersRequest, DriveScopeRequest, DriveTrace, DriveTuneRequest, DriveTuning, DrivesHealthReply,
+    DrivesHealthRequest, DrivesReply, DrivesScanReply, DrivesScanRequest, EstopRequest, EventsReply,
+    EventsRequest, HomeReply, HomeRequest, Info, JogReply, JogRequest, MachineFileReply, MachineStatus,
+    ModelMeshRequest, ModelPart, ModelReply, OpenReply, OpenRequest, OverrideReply, OverrideRequest,
+    ProgramRequest, ProgramStatus, ProgramsReply, ProgramsRequest, PutTextReply, PutTextRequest, RecordReply,
+    RecordSaveRequest, RecordStartRequest, RecordStopRequest, RecordingPart, RecordingReadRequest,
+    RecordingsReply, ReferenceRequest, RejectRequest, ResetRequest, RunArmedReply, RunArmedRequest,
+    RunPreviewReply, RunPreviewRequest, RunRequestReply, RunRequestRequest, RunRequestStatus,
+    RunRequestsReply, SdoReadRequest, SdoReply, SdoWriteRequest, ServoReply, ServoRequest, SetInputRequest,
+    SetOutputRequest, SetReply, SetTableRowRequest, SimulateReply, SimulateRequest, StepRequest, SubmitReply,
+    SubmitRequest, Tables, ToolJogReply, ToolJogRequest, WithdrawRequest, WriteMachineFileReply,
+    WriteMachineFileRequest,
 };
 
 /// Every remote method of a machine (docs/wire/calls.md); each fails as [`Machine::refresh_info`].
@@ -293,13 +294,14 @@ impl Machine {
         self.ask_within("model_mesh", request, 15).await
     }
 
-    /// List every drive on a CAN bus, by axis.
+    /// List every drive on a bus, by axis.
     pub async fn drives(&self) -> Result<Vec<DriveInfo>> {
         let reply: DrivesReply = self.ask_within("drives", &Nothing {}, 5).await?;
         Ok(reply.drives)
     }
 
-    /// Ask every node number of a CAN bus, or of all, who is there. Nothing is configured or started.
+    /// Ask who is on a bus, or on all: every node number of CAN, the slaves of EtherCAT. Nothing is
+    /// configured.
     pub async fn drives_scan(&self, bus: &str) -> Result<Vec<BusScan>> {
         let reply: DrivesScanReply = self.ask_within("drives_scan", &DrivesScanRequest { bus: bus.to_owned() }, 15).await?;
         Ok(reply.buses)
@@ -315,6 +317,16 @@ impl Machine {
     pub async fn drives_health(&self, seconds: f64) -> Result<Vec<BusHealth>> {
         let reply: DrivesHealthReply = self.ask_within("drives_health", &DrivesHealthRequest { seconds }, 15).await?;
         Ok(reply.buses)
+    }
+
+    /// Record every mapped object of an axis in each cycle, around a trigger. Nothing is sent.
+    pub async fn drive_scope(&self, request: &DriveScopeRequest) -> Result<DriveTrace> {
+        self.ask_within("drive_scope", request, 90).await
+    }
+
+    /// Judge the gains of an axis in mode cst or csv by the motion of a program. Nothing is sent.
+    pub async fn drive_tune(&self, request: &DriveTuneRequest) -> Result<DriveTuning> {
+        self.ask_within("drive_tune", request, 90).await
     }
 
     /// Read an object of a drive's dictionary.

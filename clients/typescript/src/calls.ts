@@ -15,6 +15,10 @@ import type {
   Done,
   DriveInfo,
   DriveParameters,
+  DriveScopeRequest,
+  DriveTrace,
+  DriveTuneRequest,
+  DriveTuning,
   DrivesHealthReply,
   DrivesReply,
   DrivesScanReply,
@@ -126,6 +130,8 @@ export const METHODS: Readonly<Record<string, { deadlineS: number; repeatable: b
   drives_scan: { deadlineS: 15, repeatable: true },
   drive_parameters: { deadlineS: 5, repeatable: true },
   drives_health: { deadlineS: 15, repeatable: true },
+  drive_scope: { deadlineS: 90, repeatable: true },
+  drive_tune: { deadlineS: 90, repeatable: true },
   sdo_read: { deadlineS: 15, repeatable: true },
   sdo_write: { deadlineS: 15, repeatable: false },
 };
@@ -394,12 +400,12 @@ export abstract class MachineCalls {
     return this.call("model_mesh", request);
   }
 
-  /** List every drive on a CAN bus, by axis. */
+  /** List every drive on a bus, by axis. */
   async drives(): Promise<DriveInfo[]> {
     return (await this.call<DrivesReply>("drives")).drives;
   }
 
-  /** Ask every node number of a CAN bus, or of all, who is there. Nothing is configured or started. */
+  /** Ask who is on a bus, or on all: every node number of CAN, the slaves of EtherCAT. Nothing is configured. */
   async drivesScan(bus?: string): Promise<BusScan[]> {
     return (await this.call<DrivesScanReply>("drives_scan", { bus })).buses;
   }
@@ -415,6 +421,16 @@ export abstract class MachineCalls {
   /** Listen on the buses for some seconds and count load, lost and late frames. Nothing is sent. */
   async drivesHealth(seconds?: number): Promise<BusHealth[]> {
     return (await this.call<DrivesHealthReply>("drives_health", { seconds })).buses;
+  }
+
+  /** Record every mapped object of an axis in each cycle, around a trigger. Nothing is sent. */
+  driveScope(request: DriveScopeRequest): Promise<DriveTrace> {
+    return this.call("drive_scope", request);
+  }
+
+  /** Judge the gains of an axis in mode cst or csv by the motion of a program. Nothing is sent. */
+  driveTune(request: DriveTuneRequest): Promise<DriveTuning> {
+    return this.call("drive_tune", request);
   }
 
   /** Read an object of a drive's dictionary. */

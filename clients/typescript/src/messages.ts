@@ -37,6 +37,9 @@ export type Fieldbus =
 export type ToolFrame =
   | "base" | "tool";
 
+export type LoopMode =
+  | "cst" | "csv";
+
 export type MachineState =
   | "ready" | "fault" | "estop";
 
@@ -269,12 +272,13 @@ export interface BusHealth {
   following_errors?: Record<string, number>;
 }
 
-/** Who is on one bus; `machine_file`: one to start from. */
+/** Who is on one bus; `machine_file`: one to start from. `fieldbus`: kind of the bus. */
 export interface BusScan {
   bus: string;
   address: string;
   nodes: ScannedNode[];
   machine_file: string;
+  fieldbus?: Fieldbus;
 }
 
 /** A program of the machine file, or a probing cycle, that people start from a page. */
@@ -457,15 +461,16 @@ export interface Done {
   programs: string[];
 }
 
-/** One drive on a CAN bus. */
+/** One drive on a bus. */
 export interface DriveInfo {
   axis: number;
   kind: string;
   bus: string;
+  /** on EtherCAT its position. */
   node: number;
   /** what the server takes it for. */
   state: DrivePhase;
-  /** what its last heartbeat said; empty: none has come. */
+  /** what its last heartbeat said, on EtherCAT its AL state; empty: none has come. */
   nmt?: string;
   /** since its last sign of life [s]. */
   heartbeat_age_s?: number | null;
@@ -479,7 +484,7 @@ export interface DriveInfo {
   vendor_id?: number | null;
   /** 1000h, 1018h:01, 1018h:02. */
   product_code?: number | null;
-  /** its last emergency message in words */
+  /** its last emergency message in words, on EtherCAT what 603Fh says */
   emergency?: string;
   /** of that. */
   emergency_code?: number | null;
@@ -491,6 +496,8 @@ export interface DriveInfo {
   message?: string;
   /** what the machine file wants to see of it, newest values. */
   monitor?: MonitoredValue[];
+  /** kind of its bus. */
+  fieldbus?: Fieldbus;
 }
 
 /** What a drive's dictionary has of one axis. */
@@ -515,6 +522,68 @@ export interface DriveParametersRequest {
   axis: number;
 }
 
+/** Every mapped object of an axis's drive in each cycle. */
+export interface DriveScopeRequest {
+  axis: number;
+  /** that are kept. */
+  seconds?: number | undefined;
+  /** such as `following error > 0.05`; empty: at once. */
+  trigger?: string | undefined;
+  /** fires also where the level is met already. */
+  level?: boolean | undefined;
+  /** kept before the trigger; null: a quarter. */
+  before_s?: number | null | undefined;
+  /** how long the trigger may take. */
+  timeout_s?: number | undefined;
+}
+
+/** Every mapped object of an axis in each cycle, around a trigger. */
+export interface DriveTrace {
+  axis: number;
+  /** of them. */
+  cycles: number;
+  /** [s]. */
+  cycle_s: number;
+  /** of the first one, by the trigger, or 0 [s]. */
+  begin_s: number;
+  /** Unix time of time 0 [s]. */
+  trigger_unix: number;
+  /** SYNCs that the bus had too few. */
+  missing: number;
+  signals: ScopeSignal[];
+}
+
+/** The gains of an axis in mode cst or csv, by the motion of a program; `seconds`: looked at. */
+export interface DriveTuneRequest {
+  axis: number;
+  seconds?: number | undefined;
+}
+
+/** What a motion tells of a loop in mode cst or csv. */
+export interface DriveTuning {
+  axis: number;
+  mode: LoopMode;
+  /**
+   * cst: inertia [kg·m²], friction [N·m], viscous [N·m·s/rad], load [N·m], explained, uncertainty [1]; csv: scale
+   * [1], lag, uncertainty [s].
+   */
+  measured: Record<string, number>;
+  /** the same in words. */
+  said: string;
+  /** that of the machine file, then the proposed one. */
+  loops: TunedLoop[];
+  /** lines of the machine file; none: it fits. */
+  changes: string[];
+  /** what to do with them. */
+  remedy: string;
+  /** the machine file's loop, opened, on the measured response; empty: it is not known. */
+  frequency_hz: number[];
+  /** the machine file's loop, opened, on the measured response; empty: it is not known. */
+  gain_db: number[];
+  /** the machine file's loop, opened, on the measured response; empty: it is not known. */
+  phase_deg: number[];
+}
+
 /** By bus. */
 export interface DrivesHealthReply {
   buses: BusHealth[];
@@ -525,12 +594,12 @@ export interface DrivesHealthRequest {
   seconds?: number | undefined;
 }
 
-/** By axis; empty where no drive is on a CAN bus. */
+/** By axis; empty where no drive is on a bus. */
 export interface DrivesReply {
   drives: DriveInfo[];
 }
 
-/** Every drive on a CAN bus. */
+/** Every drive on a bus. */
 export interface DrivesRequest {
 }
 
@@ -539,7 +608,7 @@ export interface DrivesScanReply {
   buses: BusScan[];
 }
 
-/** Asks every node number of a bus who is there; `bus` empty: of all buses. */
+/** Asks who is on a bus: every node number of CAN, every drive of EtherCAT; `bus` empty: on all. */
 export interface DrivesScanRequest {
   bus?: string | undefined;
 }
@@ -1377,6 +1446,7 @@ export interface RunRequestsRequest {
 
 /** One node that answers on a bus. */
 export interface ScannedNode {
+  /** on EtherCAT the position. */
   node: number;
   /** of 1000h */
   profile: number;
@@ -1397,6 +1467,17 @@ export interface ScannedNode {
    * rated torque (6076h [mN·m]), greatest speed of the motor (6080h [1/min]), travel (607Dh).
    */
   objects?: Record<string, number>;
+}
+
+/** What one object had in each cycle. */
+export interface ScopeSignal {
+  /** such as `6064h:00`; empty: it is computed. */
+  object: string;
+  name: string;
+  /** empty: as the drive has it. */
+  unit: string;
+  /** one a cycle, float64, little endian; NaN: nothing came. */
+  values: Uint8Array;
 }
 
 /** Reads an object of a drive's dictionary (CiA 301). */
@@ -1769,6 +1850,31 @@ export interface ToolRow {
   life_min?: number;
   /** it has cut, counted in G01 to G03 while its spindle turns. */
   used_min?: number;
+}
+
+/** Gains of a loop and what they leave. */
+export interface TunedLoop {
+  name: string;
+  /** as in `[axis.drive]`. */
+  gains: Record<string, number>;
+  /**
+   * share of the measured inertia (cst) down and up to which it is stable, or multiple of its gain (csv, greatest
+   * alone); 0: it is not.
+   */
+  least: number;
+  /**
+   * share of the measured inertia (cst) down and up to which it is stable, or multiple of its gain (csv, greatest
+   * alone); 0: it is not.
+   */
+  greatest: number;
+  /** left. */
+  phase_deg: number;
+  /** on the measured response, where it is known. */
+  crossover_hz?: number | null;
+  /** on the measured response, where it is known. */
+  measured_phase_deg?: number | null;
+  /** multiple of the gains up to which it is stable on that; null: beyond what was measured. */
+  measured_gain?: number | null;
 }
 
 /** One move of the way, or what is switched on it. */

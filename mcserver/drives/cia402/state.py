@@ -37,6 +37,7 @@ class Controlword(enum.IntEnum):
 
 # Bits of the statusword that tell the state: 0 … 3, 5 (quick stop, active low) and 6.
 STATE_BITS = 0x006F
+_WARNING = 0x80
 # States with power at the motor.
 POWERED = frozenset({PowerState.OPERATION_ENABLED, PowerState.QUICK_STOP_ACTIVE, PowerState.FAULT_REACTION})
 FAULTY = frozenset({PowerState.FAULT_REACTION, PowerState.FAULT})
@@ -62,6 +63,12 @@ def power_state(statusword: int) -> PowerState:
         if statusword & mask == value:
             return state
     return PowerState.NOT_READY
+
+
+def power_text(statusword: int) -> str:
+    """Return the state that a statusword tells in words, and whether it warns."""
+    state = power_state(statusword).name.lower().replace("_", " ")
+    return state + (", warning" if statusword & _WARNING else "")
 
 
 # By statusword & STATE_BITS.

@@ -51,7 +51,6 @@ class UnitsPanel:
             self._said = ui.label("").classes("text-sm break-words").props("role=status")
             self._report = ui.html("", sanitize=False).classes("w-full overflow-x-auto")
             self._report.props(f'tabindex=0 role=region aria-label="{t("Units")}"')
-            self._commands = ui.label("").classes("text-xs break-words")
         drive.on_change(self._on_drive)
         self._on_drive()
 
@@ -60,15 +59,6 @@ class UnitsPanel:
         self._compare_button.set_enabled(False)
         self._said.set_text("")
         self._report.set_content("")
-        drive = self._drive.drive
-        axis = "AXIS" if drive is None else drive.axis
-        self._commands.set_text(
-            t(
-                "On the command line: gains of cst and csv, with margins: {tune}; other objects: {scope}",
-                tune=f"mcserver drives tune {axis}",
-                scope=f"mcserver drives scope {axis}",
-            )
-        )
 
     async def _read(self) -> None:
         scale = await self._drive.read(scale_of)

@@ -1,4 +1,4 @@
-"""Drives on CAN buses: ``drives``, ``drives watch``, ``drives scan``, ``sdo read``, ``sdo write``."""
+"""Drives on buses: ``drives``, ``drives watch``, ``drives scan``, ``sdo read``, ``sdo write``."""
 
 from __future__ import annotations
 
@@ -83,7 +83,7 @@ def scan(
     ] = False,
     json: JsonOption = False,
 ) -> None:
-    """Look who is on the machine's CAN buses: identity, modes, EDS file, axis; nothing is changed."""
+    """Look who is on the machine's buses: identity, modes, EDS file, axis; nothing is changed."""
 
     async def work() -> tuple[BusScan, ...]:
         async with target.open() as one:
@@ -136,7 +136,7 @@ def monitor_lines(drives: tuple[DriveInfo, ...]) -> list[Text]:
 
 
 def drives(target: Target, context: typer.Context, json: JsonOption = False) -> None:
-    """Every drive on a CAN bus: node, heartbeat, statusword, identity, last emergency, monitored objects."""
+    """Every drive on a bus: node, heartbeat, statusword, identity, last emergency, monitored objects."""
     if context.invoked_subcommand is not None:
         return
 
@@ -152,7 +152,7 @@ def drives(target: Target, context: typer.Context, json: JsonOption = False) -> 
         for line in monitor_lines(found):
             results().print(line)
     else:
-        say(f"{name}: no drive is on a CAN bus")
+        say(f"{name}: no drive is on a bus")
 
 
 def drives_table(drives: tuple[DriveInfo, ...]) -> Table:

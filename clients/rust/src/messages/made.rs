@@ -67,6 +67,10 @@ words!(ToolFrame {
     Base = "base", Tool = "tool",
 });
 
+words!(LoopMode {
+    Cst = "cst", Csv = "csv",
+});
+
 words!(MachineState {
     Ready = "ready", Fault = "fault", Estop = "estop",
 });
@@ -354,13 +358,19 @@ pub struct BusHealth {
     pub following_errors: BTreeMap<String, f64>,
 }
 
-/// Who is on one bus; `machine_file`: one to start from.
+/// Who is on one bus; `machine_file`: one to start from. `fieldbus`: kind of the bus.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct BusScan {
     pub bus: String,
     pub address: String,
     pub nodes: Vec<ScannedNode>,
     pub machine_file: String,
+    #[serde(default = "bus_scan_fieldbus")]
+    pub fieldbus: Fieldbus,
+}
+
+fn bus_scan_fieldbus() -> Fieldbus {
+    Fieldbus::Can
 }
 
 /// A program of the machine file, or a probing cycle, that people start from a page.
@@ -585,16 +595,17 @@ pub struct Done {
     pub programs: Vec<String>,
 }
 
-/// One drive on a CAN bus.
+/// One drive on a bus.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct DriveInfo {
     pub axis: u64,
     pub kind: String,
     pub bus: String,
+    /// on EtherCAT its position.
     pub node: u64,
     /// what the server takes it for.
     pub state: DrivePhase,
-    /// what its last heartbeat said; empty: none has come.
+    /// what its last heartbeat said, on EtherCAT its AL state; empty: none has come.
     #[serde(default)]
     pub nmt: String,
     /// since its last sign of life \[s\].
@@ -615,7 +626,7 @@ pub struct DriveInfo {
     /// 1000h, 1018h:01, 1018h:02.
     #[serde(default)]
     pub product_code: Option<u64>,
-    /// its last emergency message in words
+    /// its last emergency message in words, on EtherCAT what 603Fh says
     #[serde(default)]
     pub emergency: String,
     /// of that.
@@ -633,6 +644,13 @@ pub struct DriveInfo {
     /// what the machine file wants to see of it, newest values.
     #[serde(default)]
     pub monitor: Vec<MonitoredValue>,
+    /// kind of its bus.
+    #[serde(default = "drive_info_fieldbus")]
+    pub fieldbus: Fieldbus,
+}
+
+fn drive_info_fieldbus() -> Fieldbus {
+    Fieldbus::Can
 }
 
 /// What a drive's dictionary has of one axis.
@@ -674,6 +692,96 @@ impl DriveParametersRequest {
     }
 }
 
+/// Every mapped object of an axis's drive in each cycle.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct DriveScopeRequest {
+    pub axis: u64,
+    /// that are kept.
+    pub seconds: f64,
+    /// such as `following error > 0.05`; empty: at once.
+    pub trigger: String,
+    /// fires also where the level is met already.
+    pub level: bool,
+    /// kept before the trigger; none: a quarter.
+    pub before_s: Option<f64>,
+    /// how long the trigger may take.
+    pub timeout_s: f64,
+}
+
+impl DriveScopeRequest {
+    /// All that may be left out is as the server has it.
+    #[must_use]
+    pub fn new(axis: u64) -> Self {
+        Self {
+            axis,
+            seconds: 2.0,
+            trigger: String::new(),
+            level: false,
+            before_s: None,
+            timeout_s: 10.0,
+        }
+    }
+}
+
+/// Every mapped object of an axis in each cycle, around a trigger.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct DriveTrace {
+    pub axis: u64,
+    /// of them.
+    pub cycles: u64,
+    /// \[s\].
+    pub cycle_s: f64,
+    /// of the first one, by the trigger, or 0 \[s\].
+    pub begin_s: f64,
+    /// Unix time of time 0 \[s\].
+    pub trigger_unix: f64,
+    /// SYNCs that the bus had too few.
+    pub missing: u64,
+    pub signals: Vec<ScopeSignal>,
+}
+
+/// The gains of an axis in mode cst or csv, by the motion of a program; `seconds`: looked at.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct DriveTuneRequest {
+    pub axis: u64,
+    pub seconds: f64,
+}
+
+impl DriveTuneRequest {
+    /// All that may be left out is as the server has it.
+    #[must_use]
+    pub fn new(axis: u64) -> Self {
+        Self {
+            axis,
+            seconds: 20.0,
+        }
+    }
+}
+
+/// What a motion tells of a loop in mode cst or csv.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct DriveTuning {
+    pub axis: u64,
+    pub mode: LoopMode,
+    /// cst: inertia \[kg·m²\], friction \[N·m\], viscous \[N·m·s/rad\], load \[N·m\], explained, uncertainty
+    /// \[1\]; csv: scale \[1\], lag, uncertainty \[s\].
+    pub measured: BTreeMap<String, f64>,
+    /// the same in words.
+    pub said: String,
+    /// that of the machine file, then the proposed one.
+    pub loops: Vec<TunedLoop>,
+    /// lines of the machine file; none: it fits.
+    pub changes: Vec<String>,
+    /// what to do with them.
+    pub remedy: String,
+    /// the machine file's loop, opened, on the measured response; empty: it is not known.
+    pub frequency_hz: Vec<f64>,
+    /// the machine file's loop, opened, on the measured response; empty: it is not known.
+    pub gain_db: Vec<f64>,
+    /// the machine file's loop, opened, on the measured response; empty: it is not known.
+    pub phase_deg: Vec<f64>,
+}
+
 /// By bus.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct DrivesHealthReply {
@@ -695,13 +803,13 @@ impl Default for DrivesHealthRequest {
     }
 }
 
-/// By axis; empty where no drive is on a CAN bus.
+/// By axis; empty where no drive is on a bus.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct DrivesReply {
     pub drives: Vec<DriveInfo>,
 }
 
-/// Every drive on a CAN bus.
+/// Every drive on a bus.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct DrivesRequest {}
 
@@ -711,7 +819,7 @@ pub struct DrivesScanReply {
     pub buses: Vec<BusScan>,
 }
 
-/// Asks every node number of a bus who is there; `bus` empty: of all buses.
+/// Asks who is on a bus: every node number of CAN, every drive of EtherCAT; `bus` empty: on all.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, Default)]
 pub struct DrivesScanRequest {
     pub bus: String,
@@ -1905,6 +2013,7 @@ pub struct RunRequestsRequest {}
 /// One node that answers on a bus.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct ScannedNode {
+    /// on EtherCAT the position.
     pub node: u64,
     /// of 1000h
     pub profile: u64,
@@ -1931,6 +2040,18 @@ pub struct ScannedNode {
     /// (6092h), rated torque (6076h \[mN·m\]), greatest speed of the motor (6080h \[1/min\]), travel (607Dh).
     #[serde(default)]
     pub objects: BTreeMap<String, u64>,
+}
+
+/// What one object had in each cycle.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct ScopeSignal {
+    /// such as `6064h:00`; empty: it is computed.
+    pub object: String,
+    pub name: String,
+    /// empty: as the drive has it.
+    pub unit: String,
+    /// one a cycle, float64, little endian; NaN: nothing came.
+    pub values: Bytes,
 }
 
 /// Reads an object of a drive's dictionary (CiA 301).
@@ -2464,6 +2585,31 @@ pub struct ToolRow {
     /// it has cut, counted in G01 to G03 while its spindle turns.
     #[serde(default)]
     pub used_min: f64,
+}
+
+/// Gains of a loop and what they leave.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct TunedLoop {
+    pub name: String,
+    /// as in `\[axis.drive\]`.
+    pub gains: BTreeMap<String, f64>,
+    /// share of the measured inertia (cst) down and up to which it is stable, or multiple of its gain (csv,
+    /// greatest alone); 0: it is not.
+    pub least: f64,
+    /// share of the measured inertia (cst) down and up to which it is stable, or multiple of its gain (csv,
+    /// greatest alone); 0: it is not.
+    pub greatest: f64,
+    /// left.
+    pub phase_deg: f64,
+    /// on the measured response, where it is known.
+    #[serde(default)]
+    pub crossover_hz: Option<f64>,
+    /// on the measured response, where it is known.
+    #[serde(default)]
+    pub measured_phase_deg: Option<f64>,
+    /// multiple of the gains up to which it is stable on that; none: beyond what was measured.
+    #[serde(default)]
+    pub measured_gain: Option<f64>,
 }
 
 /// One move of the way, or what is switched on it.

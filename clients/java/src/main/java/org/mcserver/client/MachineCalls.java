@@ -19,7 +19,7 @@ public abstract class MachineCalls {
             "info", "status", "programs", "events", "continuation", "hold", "abort", "machine_file", "tables",
             "estop", "check", "simulate", "run_requests", "run_approvals", "run_preview", "recordings",
             "recording_read", "model", "model_mesh", "drives", "drives_scan", "drive_parameters", "drives_health",
-            "sdo_read");
+            "drive_scope", "drive_tune", "sdo_read");
 
     /** How long a server may take for an answer. */
     static final Map<String, Duration> DEADLINES = Map.ofEntries(
@@ -74,6 +74,8 @@ public abstract class MachineCalls {
             Map.entry("drives_scan", Duration.ofSeconds(15)),
             Map.entry("drive_parameters", Duration.ofSeconds(5)),
             Map.entry("drives_health", Duration.ofSeconds(15)),
+            Map.entry("drive_scope", Duration.ofSeconds(90)),
+            Map.entry("drive_tune", Duration.ofSeconds(90)),
             Map.entry("sdo_read", Duration.ofSeconds(15)),
             Map.entry("sdo_write", Duration.ofSeconds(15)));
 
@@ -342,12 +344,12 @@ public abstract class MachineCalls {
         return ask("model_mesh", Wire.params(request), Messages.ModelPart.class);
     }
 
-    /** List every drive on a CAN bus, by axis. */
+    /** List every drive on a bus, by axis. */
     public CompletableFuture<List<Messages.DriveInfo>> drives() {
         return ask("drives", Map.of(), Messages.DrivesReply.class).thenApply(Messages.DrivesReply::drives);
     }
 
-    /** Ask every node number of a CAN bus, or of all, who is there. Nothing is configured or started. */
+    /** Ask who is on a bus, or on all: every node number of CAN, the slaves of EtherCAT. Nothing is configured. */
     public CompletableFuture<List<Messages.BusScan>> drivesScan(String bus) {
         return ask("drives_scan", Wire.params(new Messages.DrivesScanRequest(bus)), Messages.DrivesScanReply.class).thenApply(Messages.DrivesScanReply::buses);
     }
@@ -363,6 +365,16 @@ public abstract class MachineCalls {
     /** Listen on the buses for some seconds and count load, lost and late frames. Nothing is sent. */
     public CompletableFuture<List<Messages.BusHealth>> drivesHealth(double seconds) {
         return ask("drives_health", Wire.params(new Messages.DrivesHealthRequest(seconds)), Messages.DrivesHealthReply.class).thenApply(Messages.DrivesHealthReply::buses);
+    }
+
+    /** Record every mapped object of an axis in each cycle, around a trigger. Nothing is sent. */
+    public CompletableFuture<Messages.DriveTrace> driveScope(Messages.DriveScopeRequest request) {
+        return ask("drive_scope", Wire.params(request), Messages.DriveTrace.class);
+    }
+
+    /** Judge the gains of an axis in mode cst or csv by the motion of a program. Nothing is sent. */
+    public CompletableFuture<Messages.DriveTuning> driveTune(Messages.DriveTuneRequest request) {
+        return ask("drive_tune", Wire.params(request), Messages.DriveTuning.class);
     }
 
     /** Read an object of a drive's dictionary. */

@@ -129,6 +129,11 @@ public final class Messages {
     }
 
     /** A word of the wire. */
+    public enum LoopMode implements Word {
+        CST, CSV, UNKNOWN
+    }
+
+    /** A word of the wire. */
     public enum MachineState implements Word {
         READY, FAULT, ESTOP, UNKNOWN
     }
@@ -353,8 +358,9 @@ public final class Messages {
             String bus, BusCounts counts, @Sparse String master, @Sparse long errorFrames, @Sparse Map<String, Double>
             followingErrors) {}
 
-    /** Who is on one bus; `machine_file`: one to start from. */
-    public record BusScan(String bus, String address, List<ScannedNode> nodes, String machineFile) {}
+    /** Who is on one bus; `machine_file`: one to start from. `fieldbus`: kind of the bus. */
+    public record BusScan(
+            String bus, String address, List<ScannedNode> nodes, String machineFile, @Sparse("can") Fieldbus fieldbus) {}
 
     /**
      * A program of the machine file, or a probing cycle, that people start from a page.
@@ -574,27 +580,30 @@ public final class Messages {
     public record Done(List<String> programs) {}
 
     /**
-     * One drive on a CAN bus.
+     * One drive on a bus.
+     * @param node on EtherCAT its position.
      * @param state what the server takes it for.
-     * @param nmt what its last heartbeat said; empty: none has come.
+     * @param nmt what its last heartbeat said, on EtherCAT its AL state; empty: none has come.
      * @param heartbeatAgeS since its last sign of life [s].
      * @param statusword 6041h, or the fault bits of a drive that streams telemetry.
      * @param status the same in words.
      * @param deviceType 1000h, 1018h:01, 1018h:02.
      * @param vendorId 1000h, 1018h:01, 1018h:02.
      * @param productCode 1000h, 1018h:01, 1018h:02.
-     * @param emergency its last emergency message in words
+     * @param emergency its last emergency message in words, on EtherCAT what 603Fh says
      * @param emergencyCode of that.
      * @param emergencyAgeS of that.
      * @param bootUps how often it has started since the server did.
      * @param message why its configuration failed.
      * @param monitor what the machine file wants to see of it, newest values.
+     * @param fieldbus kind of its bus.
      */
     public record DriveInfo(
             long axis, String kind, String bus, long node, DrivePhase state, @Sparse String nmt, @Sparse Double
             heartbeatAgeS, @Sparse Long statusword, @Sparse String status, @Sparse Long deviceType, @Sparse Long
             vendorId, @Sparse Long productCode, @Sparse String emergency, @Sparse Long emergencyCode, @Sparse Double
-            emergencyAgeS, @Sparse long bootUps, @Sparse String message, @Sparse List<MonitoredValue> monitor) {}
+            emergencyAgeS, @Sparse long bootUps, @Sparse String message, @Sparse List<MonitoredValue> monitor,
+            @Sparse("can") Fieldbus fieldbus) {}
 
     /**
      * What a drive's dictionary has of one axis.
@@ -611,6 +620,82 @@ public final class Messages {
     /** The objects of an axis's drive. */
     public record DriveParametersRequest(long axis) {}
 
+    /**
+     * Every mapped object of an axis's drive in each cycle.
+     * @param seconds that are kept.
+     * @param trigger such as `following error &gt; 0.05`; empty: at once.
+     * @param level fires also where the level is met already.
+     * @param beforeS kept before the trigger; null: a quarter.
+     * @param timeoutS how long the trigger may take.
+     */
+    public record DriveScopeRequest(
+            long axis, double seconds, String trigger, boolean level, Double beforeS, double timeoutS) {
+        /** All that may be left out as the server has it. */
+        public DriveScopeRequest(long axis) {
+            this(axis, 2.0, "", false, null, 10.0);
+        }
+
+        public DriveScopeRequest withSeconds(double seconds) {
+            return new DriveScopeRequest(axis, seconds, trigger, level, beforeS, timeoutS);
+        }
+
+        public DriveScopeRequest withTrigger(String trigger) {
+            return new DriveScopeRequest(axis, seconds, trigger, level, beforeS, timeoutS);
+        }
+
+        public DriveScopeRequest withLevel(boolean level) {
+            return new DriveScopeRequest(axis, seconds, trigger, level, beforeS, timeoutS);
+        }
+
+        public DriveScopeRequest withBeforeS(Double beforeS) {
+            return new DriveScopeRequest(axis, seconds, trigger, level, beforeS, timeoutS);
+        }
+
+        public DriveScopeRequest withTimeoutS(double timeoutS) {
+            return new DriveScopeRequest(axis, seconds, trigger, level, beforeS, timeoutS);
+        }
+    }
+
+    /**
+     * Every mapped object of an axis in each cycle, around a trigger.
+     * @param cycles of them.
+     * @param cycleS [s].
+     * @param beginS of the first one, by the trigger, or 0 [s].
+     * @param triggerUnix Unix time of time 0 [s].
+     * @param missing SYNCs that the bus had too few.
+     */
+    public record DriveTrace(
+            long axis, long cycles, double cycleS, double beginS, double triggerUnix, long missing, List<ScopeSignal>
+            signals) {}
+
+    /** The gains of an axis in mode cst or csv, by the motion of a program; `seconds`: looked at. */
+    public record DriveTuneRequest(long axis, double seconds) {
+        /** All that may be left out as the server has it. */
+        public DriveTuneRequest(long axis) {
+            this(axis, 20.0);
+        }
+
+        public DriveTuneRequest withSeconds(double seconds) {
+            return new DriveTuneRequest(axis, seconds);
+        }
+    }
+
+    /**
+     * What a motion tells of a loop in mode cst or csv.
+     * @param measured cst: inertia [kg·m²], friction [N·m], viscous [N·m·s/rad], load [N·m], explained,
+     *     uncertainty [1]; csv: scale [1], lag, uncertainty [s].
+     * @param said the same in words.
+     * @param loops that of the machine file, then the proposed one.
+     * @param changes lines of the machine file; none: it fits.
+     * @param remedy what to do with them.
+     * @param frequencyHz the machine file's loop, opened, on the measured response; empty: it is not known.
+     * @param gainDb the machine file's loop, opened, on the measured response; empty: it is not known.
+     * @param phaseDeg the machine file's loop, opened, on the measured response; empty: it is not known.
+     */
+    public record DriveTuning(
+            long axis, LoopMode mode, Map<String, Double> measured, String said, List<TunedLoop> loops, List<String>
+            changes, String remedy, List<Double> frequencyHz, List<Double> gainDb, List<Double> phaseDeg) {}
+
     /** By bus. */
     public record DrivesHealthReply(List<BusHealth> buses) {}
 
@@ -622,16 +707,16 @@ public final class Messages {
         }
     }
 
-    /** By axis; empty where no drive is on a CAN bus. */
+    /** By axis; empty where no drive is on a bus. */
     public record DrivesReply(List<DriveInfo> drives) {}
 
-    /** Every drive on a CAN bus. */
+    /** Every drive on a bus. */
     public record DrivesRequest() {}
 
     /** By bus; each with a machine file to start from. */
     public record DrivesScanReply(List<BusScan> buses) {}
 
-    /** Asks every node number of a bus who is there; `bus` empty: of all buses. */
+    /** Asks who is on a bus: every node number of CAN, every drive of EtherCAT; `bus` empty: on all. */
     public record DrivesScanRequest(String bus) {
         /** All that may be left out as the server has it. */
         public DrivesScanRequest() {
@@ -1423,6 +1508,7 @@ public final class Messages {
 
     /**
      * One node that answers on a bus.
+     * @param node on EtherCAT the position.
      * @param profile of 1000h
      * @param what the same in words.
      * @param modes of 6502h. vendor_id … serial: 1018h; null: it does not say.
@@ -1435,6 +1521,14 @@ public final class Messages {
             long node, long profile, String what, @Sparse Long vendorId, @Sparse Long productCode, @Sparse Long
             revision, @Sparse Long serial, @Sparse List<String> modes, @Sparse Long axis, @Sparse String eds, @Sparse
             Map<String, Long> objects) {}
+
+    /**
+     * What one object had in each cycle.
+     * @param object such as `6064h:00`; empty: it is computed.
+     * @param unit empty: as the drive has it.
+     * @param values one a cycle, float64, little endian; NaN: nothing came.
+     */
+    public record ScopeSignal(String object, String name, String unit, byte[] values) {}
 
     /**
      * Reads an object of a drive's dictionary (CiA 301).
@@ -1831,6 +1925,22 @@ public final class Messages {
     public record ToolRow(
             long number, double length, double diameter, @Sparse boolean changed, @Sparse String name, @Sparse double
             lifeMin, @Sparse double usedMin) {}
+
+    /**
+     * Gains of a loop and what they leave.
+     * @param gains as in `[axis.drive]`.
+     * @param least share of the measured inertia (cst) down and up to which it is stable, or multiple of its gain
+     *     (csv, greatest alone); 0: it is not.
+     * @param greatest share of the measured inertia (cst) down and up to which it is stable, or multiple of its
+     *     gain (csv, greatest alone); 0: it is not.
+     * @param phaseDeg left.
+     * @param crossoverHz on the measured response, where it is known.
+     * @param measuredPhaseDeg on the measured response, where it is known.
+     * @param measuredGain multiple of the gains up to which it is stable on that; null: beyond what was measured.
+     */
+    public record TunedLoop(
+            String name, Map<String, Double> gains, double least, double greatest, double phaseDeg, @Sparse Double
+            crossoverHz, @Sparse Double measuredPhaseDeg, @Sparse Double measuredGain) {}
 
     /**
      * One move of the way, or what is switched on it.
