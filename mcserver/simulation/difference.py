@@ -14,7 +14,7 @@ from mcserver.simulation.tool_poses import ToolPoses
 from mcserver.units import MM
 
 if TYPE_CHECKING:
-    from mcserver.simulation.simulation import Conditions
+    from mcserver.simulation.run import Conditions
 
 Array = NDArray[np.float64]
 
@@ -114,7 +114,8 @@ def difference_from(
     Raises:
         Refused: MC332 the other program has a fault, or one of the runs is too long.
     """
-    from mcserver.simulation.simulation import simulate, solver_of
+    from mcserver.simulation.run import solver_of
+    from mcserver.simulation.simulation import simulate
 
     kept = CycleKeeper()
     given["takers"] = (kept,)

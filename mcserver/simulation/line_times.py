@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from array import array
 from collections.abc import Iterator
 from typing import Any, NamedTuple
 
@@ -17,36 +16,13 @@ from mcserver.planning.line_marks import MOST_PAUSES, LineMarks, MarkFitter
 BLOCK = 4096
 
 
-class _Block:
+class _Columns(NamedTuple):
     """Columns of some lines that follow each other; times in seconds, NaN where not known.
 
-    Those in Python's own arrays take and give one element quickest; ``columns`` are views of them.
+    Attributes:
+        begun, timed: motions of the line that have begun, and those that ask for a time.
+        bound: index of the limit's name, 0: none.
     """
-
-    def __init__(self) -> None:
-        nothing = [math.nan] * BLOCK
-        self.start = array("d", nothing)
-        self.end = array("d", nothing)
-        self.requested = array("d", nothing)
-        self.planning = array("d", bytes(8 * BLOCK))
-        # motions of the line that have begun, and those that ask for a time
-        self.begun = array("i", bytes(4 * BLOCK))
-        self.timed = array("i", bytes(4 * BLOCK))
-        # index of the limit's name, 0: none
-        self.bound = array("i", bytes(4 * BLOCK))
-        self.columns = _Columns(
-            start=np.frombuffer(self.start),
-            end=np.frombuffer(self.end),
-            requested=np.frombuffer(self.requested),
-            planning=np.frombuffer(self.planning),
-            begun=np.frombuffer(self.begun, np.int32),
-            timed=np.frombuffer(self.timed, np.int32),
-            bound=np.frombuffer(self.bound, np.int32),
-        )
-
-
-class _Columns(NamedTuple):
-    """Columns of lines, as of `_Block`."""
 
     start: NDArray[np.float64]
     end: NDArray[np.float64]
@@ -55,6 +31,13 @@ class _Columns(NamedTuple):
     begun: NDArray[np.int32]
     timed: NDArray[np.int32]
     bound: NDArray[np.int32]
+
+    @classmethod
+    def of(cls, count: int) -> _Columns:
+        """Return columns of lines of which nothing is known."""
+        start, end, requested = np.full((3, count), math.nan)
+        begun, timed, bound = np.zeros((3, count), np.int32)
+        return cls(start, end, requested, np.zeros(count), begun, timed, bound)
 
     @property
     def took_time(self) -> NDArray[np.bool_]:
@@ -89,7 +72,7 @@ class LineTimes:
     def __init__(self, *, keep: bool = True, planning: bool = False) -> None:
         self._keep = keep
         self._planning = planning
-        self._blocks: dict[int, _Block] = {}
+        self._blocks: dict[int, _Columns] = {}
         self._bounds: list[str | None] = [None]
         self._bound_index: dict[str, int] = {}
         self._fitter, self._dwell_fitter = MarkFitter(), MarkFitter()
@@ -100,11 +83,11 @@ class LineTimes:
         self._reached_s = 0.0
         self._pauses: list[int] = []
 
-    def _at(self, line: int) -> tuple[_Block, int]:
+    def _at(self, line: int) -> tuple[_Columns, int]:
         number, row = divmod(line, BLOCK)
         block = self._blocks.get(number)
         if block is None:
-            block = self._blocks[number] = _Block()
+            block = self._blocks[number] = _Columns.of(BLOCK)
         return block, row
 
     # ------------------------------------------------------------ notes
@@ -113,7 +96,7 @@ class LineTimes:
         """Add up the times that a line's motions ask for; a canned cycle has several."""
         block, row = self._at(line)
         before = block.requested[row]
-        block.requested[row] = requested_s + (0.0 if math.isnan(before) else before)
+        block.requested[row] = requested_s + (0.0 if np.isnan(before) else before)
         block.timed[row] += 1
 
     def asked_in_columns(self, lines: NDArray[np.int64], requested_s: NDArray[np.float64]) -> None:
@@ -187,7 +170,7 @@ class LineTimes:
         for number in np.unique(numbers).tolist():
             part = np.flatnonzero(numbers == number)
             block, _ = self._at(number * BLOCK)
-            yield block.columns, lines[part] - number * BLOCK, part
+            yield block, lines[part] - number * BLOCK, part
 
     def paused(self, line: int) -> None:
         """Note that a line waits for an operator."""
@@ -213,7 +196,7 @@ class LineTimes:
         """Hand the lines before this one to the marks; whole blocks, unless all lines are kept."""
         for line in range(self._fitted + 1, before):
             block = self._blocks.get(line // BLOCK)
-            end = math.nan if block is None else block.end[line % BLOCK]
+            end = math.nan if block is None else float(block.end[line % BLOCK])
             if end > self._reached_s:
                 self._reached_s = end
             self._fitter.add(line, self._reached_s)
@@ -226,15 +209,15 @@ class LineTimes:
     # ------------------------------------------------------------ lines
 
     def __len__(self) -> int:
-        return sum(int(np.count_nonzero(block.columns.took_time)) for block in self._blocks.values())
+        return sum(int(np.count_nonzero(block.took_time)) for block in self._blocks.values())
 
     def rows(self) -> Iterator[dict[str, Any]]:
         """Return the lines that took time, by start and number, as the report's ``lines``."""
         numbers, starts = [], []
         for number, block in sorted(self._blocks.items()):
-            timed = np.flatnonzero(block.columns.took_time)
+            timed = np.flatnonzero(block.took_time)
             numbers.append(number * BLOCK + timed)
-            starts.append(block.columns.start[timed])
+            starts.append(block.start[timed])
         if not numbers:
             return
         lines = np.concatenate(numbers)
@@ -246,8 +229,8 @@ class LineTimes:
         """Return up to ``most`` lines whose time is the longest against what was asked, by start."""
         found: list[tuple[float, int]] = []
         for number, block in sorted(self._blocks.items()):
-            factor = block.columns.stretched
-            timed = np.flatnonzero(block.columns.took_time)
+            factor = block.stretched
+            timed = np.flatnonzero(block.took_time)
             best = timed[np.argsort(-factor[timed], kind="stable")[:most]]
             found += [(-float(factor[row]), number * BLOCK + int(row)) for row in best]
             found = sorted(found)[:most]
@@ -258,19 +241,17 @@ class LineTimes:
         """Count the lines that a limit stretched."""
         count = 0
         for block in self._blocks.values():
-            columns = block.columns
-            stretched = columns.took_time & (columns.stretched > 1.0 + 1e-9) & (columns.bound != 0)
+            stretched = block.took_time & (block.stretched > 1.0 + 1e-9) & (block.bound != 0)
             count += int(np.count_nonzero(stretched))
         return count
 
     def _rows(self, lines: NDArray[np.int64]) -> list[dict[str, Any]]:
         """Return the rows of some lines, in their order."""
-        columns: list[NDArray[Any]] = [np.empty(len(lines), each) for each in (*"dddd", *"iii")]
+        found = _Columns.of(len(lines))
         for of_block, places, part in self._parts(lines):
-            every: tuple[NDArray[Any], ...] = of_block
-            for own, column in zip(columns, every, strict=True):
+            every: tuple[tuple[NDArray[Any], ...], ...] = (found, of_block)
+            for own, column in zip(*every, strict=True):
                 own[part] = column[places]
-        found = _Columns(*columns)
         lasts = found.end - found.start
         asked = found.requested.astype(object)
         asked[~found.known] = None

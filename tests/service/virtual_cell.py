@@ -11,9 +11,7 @@ from typing import Any
 
 from mcserver.errors import ServiceError
 from mcserver.executor.entries import ExecutorEvent
-from mcserver.executor.envelope_bounds import Envelope
-from mcserver.executor.shm.feedback import FeedbackRing, FeedbackState
-from mcserver.executor.shm.mailbox import CommandMailbox
+from mcserver.executor.shm.feedback import FeedbackState
 from mcserver.executor.shm.rings import ProgramRing
 from mcserver.executor.view import SlotView
 from mcserver.machine.machine_file import Machine
@@ -47,38 +45,15 @@ class _Faces:
 
     def __init__(self, executor: VirtualExecutor) -> None:
         self._executor = executor
+        self.mailbox, self.history = executor.mailbox, executor.history
+        self.sink, self.open_slot = executor.sink, executor.open_slot
         self.epoch = time.time()
         self.alive = True
         self.ending = ""
 
     @property
-    def mailbox(self) -> CommandMailbox:
-        return self._executor.mailbox
-
-    @property
     def feedback(self) -> FeedbackState:
         return self._executor.feedback
-
-    @property
-    def history(self) -> FeedbackRing:
-        return self._executor.history
-
-    def sink(self, slot: int) -> ProgramRing:
-        return self._executor.sink(slot)
-
-    def open_slot(
-        self,
-        slot: int,
-        axes_mask: int | None = None,
-        *,
-        override: float = 1.0,
-        hold: bool = False,
-        unhomed: bool = False,
-        envelope: Envelope | None = None,
-    ) -> ProgramRing:
-        return self._executor.open_slot(
-            slot, axes_mask, override=override, hold=hold, unhomed=unhomed, envelope=envelope
-        )
 
     def beat(self) -> None:
         """Nobody listens."""
