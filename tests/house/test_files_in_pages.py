@@ -59,3 +59,15 @@ def test_no_parameter_of_a_program_begins_a_line_of_prose_where_it_would_be_a_he
         prose = re.sub(r"^```.*?^```", "", page.read_text("utf-8"), flags=re.MULTILINE | re.DOTALL)
         found += [(page.name, line) for line in prose.splitlines() if re.match(r"#+[^\s#]", line)]
     assert found == []
+
+
+def test_no_line_of_prose_is_longer_than_a_screen_of_an_editor() -> None:
+    found = []
+    for page in PAGES:
+        prose = re.sub(r"^ *```.*?^ *```", "", page.read_text("utf-8"), flags=re.MULTILINE | re.DOTALL)
+        found += [
+            (page.name, line)
+            for line in prose.splitlines()
+            if len(line) > 120 and not line.startswith(("|", "[", "!"))
+        ]
+    assert found == []
