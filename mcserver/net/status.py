@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Container, Mapping, Sequence
 
 import msgspec
 import numpy as np
@@ -41,8 +41,9 @@ from mcserver.net.messages import (
 )
 from mcserver.net.table_messages import Tables, ToolRow
 from mcserver.service.approval_basis import server_version
-from mcserver.service.executor_port import Cycles
+from mcserver.service.executor_port import Cycles, Snapshot
 from mcserver.service.line_queue import QUEUE_LINES
+from mcserver.service.reports import AxisState
 from mcserver.service.service import OPEN_PROGRAMS, MachineService
 from mcserver.service.work_offsets import NO_NOTE, WorkOffsets
 from mcserver.simulation.tool_poses import ToolPoses
@@ -147,6 +148,24 @@ class EdgeUnits:
         return rows
 
 
+def axes_at_rest(service: MachineService) -> set[int]:
+    """Return the axes of programs that a feed hold has brought to rest; the executor calls them moving."""
+    held = [each for each in service.current() if each.held and each.slot is not None]
+    slots = service.port.slots() if held else []
+    return {
+        axis for each in held if each.slot is not None and not slots[each.slot].rate for axis in each.axes
+    }
+
+
+def states_shown(snapshot: Snapshot, index: Sequence[int], at_rest: Container[int]) -> list[AxisState]:
+    """Return the axes' states, of those that a feed hold keeps at rest standstill; a search goes on."""
+    rows = zip(index, snapshot.states, snapshot.homed, strict=True)
+    return [
+        "standstill" if state == "moving" and homed and axis in at_rest else state
+        for axis, state, homed in rows
+    ]
+
+
 def machine_status(service: MachineService, units: EdgeUnits) -> MachineStatus:
     """Return the whole machine now."""
     snapshot = service.port.snapshot()
@@ -158,7 +177,7 @@ def machine_status(service: MachineService, units: EdgeUnits) -> MachineStatus:
         setpoint=units.of(snapshot.setpoint),
         velocity=units.of(snapshot.velocity),
         torque=snapshot.torque,
-        state=snapshot.states,
+        state=states_shown(snapshot, units.index, axes_at_rest(service)),
         homed=snapshot.homed,
         skew=units.skew(snapshot.position),
         silent=snapshot.silent,

@@ -20,6 +20,7 @@ from tests.browser.conftest import (
     press,
     serving,
 )
+from tests.browser.test_cuts import cut
 from tests.browser.test_machine_page import wait_for
 from tests.e2e.servers import ServerProcess
 
@@ -127,6 +128,28 @@ def test_an_offset_is_shifted_from_where_it_is(
         dialog.get_by_label("Y [mm]").fill("0")
         dialog.get_by_role("button", name="Set", exact=True).click()
         expect(rows.get_by_role("row", name="G59 12.500 0.000 0.000")).to_be_visible()
+
+
+def test_what_was_set_while_the_link_was_cut_is_refused_and_stands_in_its_dialog_to_be_set_again(
+    page: Page, mill_site: PageProcess
+) -> None:
+    opened(page, mill_site, "mill")
+    rows = page.get_by_role("region", name="Offsets and tools")
+    press(page.get_by_role("button", name="Change an offset …"))
+    dialog = page.get_by_role("dialog", name="Change a work offset")
+    choose(page, dialog.get_by_label("System"), "G58")
+    dialog.get_by_label("X [mm]").fill("58")
+    expect(dialog.get_by_label("line to be sent")).to_have_text("G21 G90 G10 L2 P5 X58")
+    with cut(page):
+        # ten seconds before it comes
+        page.evaluate("() => { const t = performance.now(); performance.now = () => t - 10_000; }")
+        dialog.get_by_role("button", name="Set", exact=True).click()
+        page.evaluate("delete performance.now")
+    expect(page.get_by_text("[MC604]")).to_be_visible()
+    expect(dialog.get_by_label("X [mm]")).to_have_value("58.0000")
+    dialog.get_by_role("button", name="Set", exact=True).click()
+    expect(rows.get_by_role("row", name="G58 58.000 0.000 0.000")).to_be_visible()
+    expect(dialog).to_have_count(0)
 
 
 def test_a_tool_is_measured_named_and_used_and_is_asked_for_when_its_life_is_used_up(

@@ -20,6 +20,7 @@ from mcclient import (
     Report,
     RequestRefused,
 )
+from mcclient.types import AxisState
 
 from tests.e2e.observing import (
     LIMIT_S,
@@ -82,7 +83,9 @@ async def test_hold_stands_still_on_the_path_and_resume_ends_where_programmed(ma
         held = await until(machine, at_rest)
         standing = await until(machine, lambda status: status.t > held.t + 0.3)
         assert (await program.status()).state == "held"
+        assert set(standing.axes.state[:2]) == {AxisState.STANDSTILL}
         await program.resume()
+        await until(machine, lambda status: status.axes.state[0] is AxisState.MOVING)
         await program.override(200)
         await program.finish()
     rest = recording.between(held.t, standing.t)[:, :2]

@@ -120,7 +120,7 @@ def _axes_table(info: Info, status: MachineStatus, rows: int | None) -> Table:
         if homing:
             cells.append(_homed_text(axes.index[row] in homing, homed=axes.homed[row]))
         if axes.skew:
-            cells.append(f"{axes.skew[row]:.3f}" if axes.skew[row] else "")
+            cells.append(f"{axes.skew[row]:.3f}")
         if work is not None:
             index = axes.index[row]
             shown = str(index) in work.origin or (work.rotation and index in (0, 1))
