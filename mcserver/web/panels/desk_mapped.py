@@ -33,7 +33,9 @@ class MappedPanel:
             ui.html(f"<h2>{t('Mapped objects')}</h2>", sanitize=False)
             with ui.row().classes("w-full items-center gap-2"):
                 self._trigger = (
-                    ui.input(t("Trigger by an object"), placeholder="6064 > 10").props("dense").classes("grow min-w-28")
+                    ui.input(t("Trigger by an object"), placeholder="6064 > 10")
+                    .props("dense")
+                    .classes("grow min-w-28")
                 )
                 self._span = (
                     ui.select({each: f"{each:g} s" for each in SPANS_S}, value=2.0, label=t("Span"))
@@ -89,7 +91,8 @@ class MappedPanel:
             at: " ".join(filter(None, [place, name]))
             for at, (place, name) in enumerate(zip(self._trace.objects, self._trace.names, strict=True))
         }
-        moved = [at for at, unit in enumerate(self._trace.units) if unit][:3]
+        known = np.isfinite(self._trace.values).any(axis=0)
+        moved = [at for at, unit in enumerate(self._trace.units) if unit and known[at]][:3]
         for element in (self._curves, self._chart):
             element.set_visibility(True)
         self._save.set_enabled(True)
