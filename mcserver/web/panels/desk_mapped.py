@@ -35,7 +35,7 @@ class MappedPanel:
                 self._trigger = (
                     ui.input(t("Trigger by an object"), placeholder="6064 > 10")
                     .props("dense")
-                    .classes("grow min-w-28")
+                    .classes("grow min-w-28 basis-40")
                 )
                 self._span = (
                     ui.select({each: f"{each:g} s" for each in SPANS_S}, value=2.0, label=t("Span"))
@@ -91,8 +91,8 @@ class MappedPanel:
             at: " ".join(filter(None, [place, name]))
             for at, (place, name) in enumerate(zip(self._trace.objects, self._trace.names, strict=True))
         }
-        known = np.isfinite(self._trace.values).any(axis=0)
-        moved = [at for at, unit in enumerate(self._trace.units) if unit and known[at]][:3]
+        units, columns = self._trace.units, self._trace.values.T
+        moved = [at for at, column in enumerate(columns) if units[at] and np.isfinite(column).any()][:3]
         for element in (self._curves, self._chart):
             element.set_visibility(True)
         self._save.set_enabled(True)
