@@ -33,6 +33,7 @@ SECTIONS = {
     "servo": "servo mode beside Ruckig",
     "can_cycle": "an exchange with CAN drives",
     "ethercat_cycle": "an exchange with EtherCAT drives",
+    "ethercat_mailbox": "late cycles beside a mailbox",
     "canopen_boot": "eight CANopen drives, from nothing to operational",
     "wake_up": "waking up once a millisecond",
     "first_motion": "submit → first motion",

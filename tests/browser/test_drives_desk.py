@@ -297,6 +297,21 @@ def test_a_move_is_caught_by_a_trigger_drawn_and_kept_as_mcap(
         program.send("G1001 P0")
 
 
+def test_mapped_objects_are_recorded_and_a_loop_of_the_drive_s_own_is_not_tuned(
+    page: Page, site: PageProcess
+) -> None:
+    desk_of(page, site, "Y")
+    page.get_by_label("Trigger by an object").fill("voltage > 1")
+    press(page.get_by_role("button", name="Record", exact=True))
+    refused(page, "MC568", "voltage")
+    page.get_by_label("Trigger by an object").fill("")
+    press(page.get_by_role("button", name="Record", exact=True))
+    expect(page.get_by_text("200 cycles")).to_be_visible()
+    expect(page.get_by_role("button", name="Download the trace")).to_be_enabled()
+    press(page.get_by_role("button", name="Measure what moves"))
+    refused(page, "MC095", "the drive's own")
+
+
 def test_a_drive_that_is_gone_is_said_and_the_desk_goes_on(
     page: Page, site: PageProcess, cell: Cell, machine: sync.Machine
 ) -> None:

@@ -33,7 +33,9 @@ class MappedPanel:
             ui.html(f"<h2>{t('Mapped objects')}</h2>", sanitize=False)
             with ui.row().classes("w-full items-center gap-2"):
                 self._trigger = (
-                    ui.input(t("Trigger"), placeholder="6064 > 10").props("dense").classes("grow min-w-28")
+                    ui.input(t("Trigger by an object"), placeholder="6064 > 10")
+                    .props("dense")
+                    .classes("grow min-w-28 basis-40")
                 )
                 self._span = (
                     ui.select({each: f"{each:g} s" for each in SPANS_S}, value=2.0, label=t("Span"))
@@ -42,7 +44,7 @@ class MappedPanel:
                 )
             with ui.element("div").classes("mc-buttons"):
                 self._button = ui.button(t("Record"), on_click=self._record).props("color=primary")
-                self._save = ui.button(t("Download MCAP"), on_click=self._download).props("outline")
+                self._save = ui.button(t("Download the trace"), on_click=self._download).props("outline")
             self._said = ui.label("").classes("text-sm break-words").props("role=status")
             self._curves = (
                 ui.select({}, value=[], multiple=True, label=t("Curves"), on_change=self._draw)
@@ -89,7 +91,8 @@ class MappedPanel:
             at: " ".join(filter(None, [place, name]))
             for at, (place, name) in enumerate(zip(self._trace.objects, self._trace.names, strict=True))
         }
-        moved = [at for at, unit in enumerate(self._trace.units) if unit][:3]
+        units, columns = self._trace.units, self._trace.values.T
+        moved = [at for at, column in enumerate(columns) if units[at] and np.isfinite(column).any()][:3]
         for element in (self._curves, self._chart):
             element.set_visibility(True)
         self._save.set_enabled(True)

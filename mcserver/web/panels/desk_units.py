@@ -43,7 +43,7 @@ class UnitsPanel:
             with ui.row().classes("w-full items-center gap-2"):
                 ui.button(t("Begin a move"), on_click=self._begin).props("outline")
                 self._moved = (
-                    ui.number(t("How far it went, measured")).props("dense").classes("grow min-w-28")
+                    ui.number(t("How far it went, measured")).props("dense").classes("grow min-w-56")
                 )
                 self._compare_button = ui.button(t("Compare the move"), on_click=self._compare).props(
                     "outline"
