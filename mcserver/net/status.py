@@ -158,11 +158,14 @@ def axes_at_rest(service: MachineService) -> set[int]:
 
 
 def states_shown(snapshot: Snapshot, index: Sequence[int], at_rest: Container[int]) -> list[AxisState]:
-    """Return the axes' states, of those that a feed hold keeps at rest standstill; a search goes on."""
-    rows = zip(index, snapshot.states, snapshot.homed, strict=True)
+    """Return the axes' states, of those that a feed hold keeps at rest standstill.
+
+    A search for a reference goes on in it, and so does what follows a conveyor.
+    """
+    rows = zip(index, snapshot.states, snapshot.velocity, strict=True)
     return [
-        "standstill" if state == "moving" and homed and axis in at_rest else state
-        for axis, state, homed in rows
+        "standstill" if state == "moving" and axis in at_rest and not velocity else state
+        for axis, state, velocity in rows
     ]
 
 
