@@ -119,6 +119,8 @@ def test_an_offset_is_shifted_from_where_it_is(
         page.get_by_role("button", name="Change an offset …").click()
         choose(page, dialog.get_by_label("System"), "G59")
         choose(page, dialog.get_by_label("How"), "shift by")
+        # the fields are filled anew for what was chosen
+        expect(dialog.get_by_label("X [mm]")).to_have_value("0.0000")
         dialog.get_by_label("X [mm]").fill("2.5")
         expect(dialog.get_by_label("line to be sent")).to_have_text("G21 G90 G10 L2 P6 X12.5")
         # more than any machine has
