@@ -30,6 +30,7 @@ class Exchange(msgspec.Struct, frozen=True):
         bodies: all that its program has brought up to there; empty: it brings none more.
         work: work systems with zones that it has moved, by number, as of `Mounted`.
         fitted: the tool that is in the spindle from here on, 0: none, of a machine whose shapers go by it.
+        advance: pressure advance of E from here on [s].
     """
 
     line: int
@@ -39,6 +40,7 @@ class Exchange(msgspec.Struct, frozen=True):
     bodies: tuple[GivenBody, ...] = ()
     work: Mapping[int, Mapping[int, float]] = {}
     fitted: int | None = None
+    advance: float | None = None
 
 
 class Mounted(msgspec.Struct, frozen=True):

@@ -516,6 +516,13 @@ def _tool(slot: ProgramSlot, control: Control, _left: float, _waited: bool) -> B
     return None
 
 
+def _advance(slot: ProgramSlot, control: Control, _left: float, _waited: bool) -> Barrier | None:
+    shaper = slot.cycle.bank.shaper
+    if shaper is not None and shaper.advance is not None:
+        shaper.advance.choose(control.value)
+    return None
+
+
 def _passed(slot: ProgramSlot, control: Control, left: float, _waited: bool) -> Barrier | None:
     slot.cycle.emit(EventKind.PASSED, slot.index, control.line, left)
     return None
@@ -548,6 +555,7 @@ _RULES: Mapping[ControlKind, _Rule] = MappingProxyType(
         ControlKind.FOLLOW_FROM: _follow_from,
         ControlKind.PAYLOAD: _payload,
         ControlKind.TOOL: _tool,
+        ControlKind.ADVANCE: _advance,
         ControlKind.PASSED: _passed,
     }
 )

@@ -42,6 +42,7 @@ class ControlKind(enum.IntEnum):
     PROBE = 22  # ``axes`` go straight to ``values`` until the probe changes
     PASSED = 24  # every line through ``line`` has ended: reported, so that it counts as done
     TOOL = 28  # tool ``operation`` is in the spindle from u on, 0: none: its shapers count
+    ADVANCE = 29  # pressure advance of E is ``value`` [s] from u on
     PAYLOAD = 23  # tools of ``operation`` are the chosen ones from u on: their payloads count in torques
     SETTLE = 14  # u stops here until the planner has read the positions (sync): acknowledged by ``token``
     OUTPUT = 15  # output ``channel`` is set to ``value``
@@ -71,9 +72,9 @@ class Control(msgspec.Struct, frozen=True, gc=False):
             `mckinematics.dynamics.JointDynamics.bits_of` has them.
         token: for SETTLE: a number that the executor reports back with the positions.
         channel: for OUTPUT and INPUT: column of the machine's output or input; for THREAD: of the spindle.
-        value: for OUTPUT; for SPEED by the radius the greatest [rad/s]; for THREAD the spindle's speed [1/s];
-            for FOLLOW the share of the accelerations, and its root of the velocities, that axes may take, 0:
-            all.
+        value: for OUTPUT; for ADVANCE K [s]; for SPEED by the radius the greatest [rad/s]; for THREAD the
+            spindle's speed [1/s]; for FOLLOW the share of the accelerations, and its root of the velocities,
+            that axes may take, 0: all.
     """
 
     kind: ControlKind

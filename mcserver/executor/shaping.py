@@ -4,7 +4,8 @@ Everything before it (rows, rates, motions, stops, targets) orders positions as 
 in `FeedbackRow.ordered`; everything behind it (drives, following errors, telemetry) has the shaped ones, in
 `FeedbackRow.setpoint`. Weights are not negative and sum to 1, so every limit that holds for what is ordered
 holds for what drives get. What an axis does for one that it follows besides is added behind that
-(`mcserver.executor.superimposed`).
+(`mcserver.executor.superimposed`), and so is what a printer's E is led by
+(`mcserver.executor.pressure_advance`).
 """
 
 from __future__ import annotations
@@ -13,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mcserver.executor.entries import Array
+from mcserver.executor.pressure_advance import PressureAdvance
 from mcserver.executor.shm.feedback import FeedbackRow
 from mcserver.machine.shaper_section import Shaping
 
@@ -24,13 +26,17 @@ class Shaper:
         delay: by which the path comes later, the same for all axes [cycles].
         tool: that is in the spindle, 0: none, or it is not known.
         added, added_velocity: to what is shaped, shape (K,) [m or rad, per second].
+        advance: of a printer's E; None: it has none.
     """
 
     def __init__(self, shaping: Shaping, row: FeedbackRow, cycle_s: float) -> None:
         self._row = row
         self._cycle = cycle_s
         self.delay = shaping.delay
+        self.advance: PressureAdvance | None = None
         count, length = len(shaping.weights), shaping.length + 1
+        if shaping.lead is not None:
+            self.advance = PressureAdvance(shaping.lead, length, cycle_s)
         # the oldest first, as in the rings
         self._of_tools = {tool: np.zeros((length, count)) for tool in (0, *shaping.tools)}
         for tool, columns in {0: shaping.weights, **shaping.tools}.items():
@@ -38,7 +44,7 @@ class Shaper:
                 self._of_tools[tool][length - len(weights) :, column] = weights[::-1]
         self.tool = 0
         self._weights = self._of_tools[0].copy()
-        self._last = _last_cycles(self._weights)
+        self._last = self._last_cycles(self._weights)
         # those of the tool that is in, and whether an axis has not come to rest with it
         self._next = self._of_tools[0]
         self._changing = False
@@ -67,14 +73,14 @@ class Shaper:
         """
         self.tool = tool
         self._next = self._of_tools.get(tool, self._of_tools[0])
-        self._last = np.maximum(_last_cycles(self._weights), _last_cycles(self._next))
+        self._last = np.maximum(self._last_cycles(self._weights), self._last_cycles(self._next))
         self._change()
 
     def _change(self) -> None:
         """Change weights where all that they count is the same place: that moves nothing."""
         rests = self._age >= self._last
         self._weights[:, rests] = self._next[:, rests]
-        self._last[rests] = _last_cycles(self._next)[rests]
+        self._last[rests] = self._last_cycles(self._next)[rests]
         self._changing = bool((self._next != self._weights).any())
 
     def shape(self) -> None:
@@ -82,6 +88,7 @@ class Shaper:
         row, length = self._row, self._length
         self._age += 1
         self._age[row.ordered != self._positions[self._at]] = 0
+        step = None if self.advance is None else row.ordered - self._positions[self._at]
         at = self._at = (self._at + 1) % length
         for ring, new in ((self._positions, row.ordered), (self._velocities, row.ordered_velocity)):
             ring[at] = ring[at + length] = new
@@ -94,6 +101,10 @@ class Shaper:
         np.add(self._scratch.sum(axis=0, out=self._sum), row.ordered, out=row.setpoint)
         np.multiply(self._velocities[latest], self._weights, out=self._scratch)
         self._scratch.sum(axis=0, out=row.velocity)
+        if self.advance is not None and step is not None:
+            self.advance.lead(at, step)
+            self.added[self.advance.column] = self.advance.offset
+            self.added_velocity[self.advance.column] = self.advance.velocity
         row.setpoint += self.added
         row.velocity += self.added_velocity
 
@@ -108,6 +119,7 @@ class Shaper:
 
         What is ordered is ahead of them by the delay, so that drives go on from there without a jump.
         """
+        self._forget_flow(where)
         row, length = self._row, self._length
         lag = np.arange(length)[::-1, None]
         step = np.where(where, velocity, 0.0)
@@ -132,6 +144,7 @@ class Shaper:
 
     def show(self, where: NDArray[np.bool_], position: Array) -> None:
         """Let axes that nobody orders be where they are, shape (K,)."""
+        self._forget_flow(where)
         row = self._row
         for ring, new in ((self._positions, position), (self._velocities, np.zeros(len(position)))):
             np.copyto(ring, new, where=where)
@@ -143,8 +156,16 @@ class Shaper:
         """Let a column's positions read ``distance`` more from now on."""
         self._positions[:, column] += distance
 
+    def _forget_flow(self, where: NDArray[np.bool_]) -> None:
+        """Let E be led no more, if it is one of these axes, shape (K,)."""
+        if self.advance is not None and where[self.advance.column]:
+            self.advance.clear()
+            self.added[self.advance.column] = self.added_velocity[self.advance.column] = 0.0
 
-def _last_cycles(weights: Array) -> NDArray[np.intp]:
-    """Return how many cycles ago the oldest setpoint was that counts, shape (K,)."""
-    cycles: NDArray[np.intp] = len(weights) - 1 - np.argmax(weights != 0.0, axis=0)
-    return cycles
+    def _last_cycles(self, weights: Array) -> NDArray[np.intp]:
+        """Return how many cycles ago the oldest setpoint was that counts, shape (K,)."""
+        cycles: NDArray[np.intp] = len(weights) - 1 - np.argmax(weights != 0.0, axis=0)
+        if self.advance is not None:
+            column = self.advance.column
+            cycles[column] = max(cycles[column], self.advance.last)
+        return cycles

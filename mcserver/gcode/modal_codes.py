@@ -18,6 +18,8 @@ def modal_codes(modal: ModalState) -> list[str]:
     for code, factor in (("M220", modal.pace), ("M221", modal.flow)):
         if factor != 1.0:
             codes.append(f"{code} S{100.0 * factor:g}")
+    if modal.advance is not None:
+        codes.append(f"M900 K{modal.advance:g}")
     codes.append("G61" if modal.exact_stop else "G64")
     if modal.plane is not None:
         codes.append(f"G{modal.plane}")

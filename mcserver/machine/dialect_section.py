@@ -79,6 +79,7 @@ class Dialect(msgspec.Struct, frozen=True):
         probes: G38.2 … G38.5 act: the machine has a probe.
         cutters: the tool table of the machine file, for G43.
         retraction: what G10 and G11 do until M207 and M208 say otherwise; None: not known.
+        leads: codes of pressure advance act: E has it.
     """
 
     profile: Profile = "reference"
@@ -99,6 +100,7 @@ class Dialect(msgspec.Struct, frozen=True):
     waits: Mapping[str, CodeWait] = {}
     channels: bool = False
     retraction: Retraction | None = None
+    leads: bool = False
 
     @property
     def mapped(self) -> frozenset[str]:

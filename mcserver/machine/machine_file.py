@@ -17,6 +17,7 @@ import msgspec
 from mckinematics.description import EARTH
 
 from mcserver.errors import ConfigurationError
+from mcserver.machine.advance_section import PressureAdvance, check_advance
 from mcserver.machine.bus_load import refuse_overload
 from mcserver.machine.bus_section import BusConfig, read_buses
 from mcserver.machine.button_section import Button, read_buttons
@@ -86,6 +87,7 @@ class Axis(msgspec.Struct, frozen=True):
     ``follow``: the gear or cam by which it follows another axis once it is coupled; None: it cannot.
     ``compensation``: of its mechanics; with it, limits are what is left of the file's for programs.
     ``rollover``: how absolute words of ``cnc`` turn it within one turn (D-139); None: as written.
+    ``pressure_advance``: of a printer's E; with it, limits are what is left of the file's for programs.
     """
 
     index: int
@@ -108,6 +110,7 @@ class Axis(msgspec.Struct, frozen=True):
     gantry: Gantry | None = None
     follow: Follow | None = None
     rollover: Rollover | None = None
+    pressure_advance: PressureAdvance | None = None
 
     @property
     def profiled(self) -> bool:
@@ -380,6 +383,12 @@ def _read_machine(raw: dict[str, Any], folder: Path | None, mistakes: Mistakes) 
         for index, found in check_followers(by_path, follow, tools, bodies, columns, mistakes).items():
             axes[index] = _following(axes[index], found)
         by_path = {path: axes[axis.index] for path, axis in by_path.items()}
+        advances = {path: file["axis"][path[1]].pressure_advance for path in by_path}
+        led = check_advance(by_path, advances, dialect, mistakes)
+        if led is not None:
+            axes[led.index] = led
+            by_path = {path: axes[axis.index] for path, axis in by_path.items()}
+            dialect = msgspec.structs.replace(dialect, leads=True)
         tolerance = motion.path_tolerance_mm * MM
         shaping = check_shapers(by_path, joints, dialect.profile, 1.0 / cycle_hz, tolerance, mistakes)
     urdf = None if kinematics is None else kinematics.urdf

@@ -11,6 +11,7 @@ import msgspec
 from mckinematics.description import EARTH
 from msgspec import Meta
 
+from mcserver.machine.advance_section import PressureAdvanceSection
 from mcserver.machine.button_section import Button
 from mcserver.machine.clearance_section import Body, ClearanceSection, Zone
 from mcserver.machine.compensation_section import CompensationSection
@@ -61,6 +62,7 @@ class AxisSection(msgspec.Struct, frozen=True):
     gantry: GantrySection | None = None
     follow: FollowSection | None = None
     rollover: Rollover | None = None
+    pressure_advance: PressureAdvanceSection | None = None
 
 
 class MachineSection(msgspec.Struct, frozen=True):

@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import msgspec
 from msgspec import Meta
 
+from mcserver.machine.advance_section import Lead
 from mcserver.machine.constraints import Damping
 from mcserver.machine.section_reader import Mistakes
 from mcserver.machine.toml_positions import Path
@@ -109,6 +110,7 @@ class Shaping(msgspec.Struct, frozen=True):
         path_deviation: how far a path may be left by that [m]; a degree counts as a millimetre.
         tools: ``weights`` with a tool in the spindle, by its number; with any other they are as above. The
             figures beside hold with every tool.
+        lead: of a printer's E besides, which is in its figures; None: it is not led.
     """
 
     delay: int
@@ -117,11 +119,14 @@ class Shaping(msgspec.Struct, frozen=True):
     speed_changes: tuple[float, ...]
     path_deviation: float
     tools: Mapping[int, tuple[tuple[float, ...], ...]] = {}
+    lead: Lead | None = None
 
     @property
     def length(self) -> int:
         """Cycles from the end of what comes in to the end of what goes out."""
-        return max(len(each) for kinds in self.kinds for each in kinds) - 1
+        # of the flow in the last cycle of a motion nothing is left in the one behind
+        lead = 0 if self.lead is None else len(self.lead.weights) + 1
+        return max(lead, *(len(each) for kinds in self.kinds for each in kinds)) - 1
 
     @property
     def kinds(self) -> tuple[tuple[tuple[float, ...], ...], ...]:
@@ -132,12 +137,15 @@ class Shaping(msgspec.Struct, frozen=True):
     def of(cls, axes: Sequence[Axis], cycle_s: float) -> Shaping | None:
         """Return the shaping of a machine's axes; None where drives get what is ordered.
 
-        That is where no axis has a shaper, and none follows another one besides.
+        That is where no axis has a shaper, none follows another one besides, and none is led.
         """
         tools = sorted({tool for axis in axes for tool in axis.tool_shapers})
         # one delay with all tools: a change of weights at rest moves nothing
         shapers = [[axis.tool_shapers.get(tool, axis.shaper) for tool in (0, *tools)] for axis in axes]
         means = [each.mean_s() / cycle_s for kinds in shapers for each in kinds if each is not None]
+        led = [axis.pressure_advance for axis in axes if axis.pressure_advance is not None]
+        # the flow is smoothed about the path
+        means += [float(each.half(cycle_s)) for each in led]
         if not means and not any(axis.superimposed for axis in axes):
             return None
         # a whole number, so that axes without a shaper are delayed exactly
@@ -153,10 +161,15 @@ class Shaping(msgspec.Struct, frozen=True):
             changes.append(spread * most)
             scale = 1.0 if axis.type is AxisType.LINEAR else 1e-3 / axis.type.si_per_unit
             path += (scale * deviations[-1]) ** 2
+            if axis.pressure_advance is not None:
+                # beside the path's own: E is where it was ordered wherever nothing flows
+                deviations[-1] += axis.pressure_advance.offset
+                changes[-1] += axis.pressure_advance.velocity
             weights.append(kinds)
         first, *others = zip(*weights, strict=True)
         by_tool = dict(zip(tools, others, strict=True))
-        return cls(delay, first, tuple(deviations), tuple(changes), math.sqrt(path), by_tool)
+        lead = Lead.of(dict(enumerate(axes)), delay, cycle_s)
+        return cls(delay, first, tuple(deviations), tuple(changes), math.sqrt(path), by_tool, lead)
 
 
 def _moment(weights: Sequence[float], delay: int, order: int) -> float:

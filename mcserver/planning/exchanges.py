@@ -1,4 +1,4 @@
-"""Where a program's lines exchange tools with bodies or shapers, bring bodies, or move work systems."""
+"""Where a program's lines exchange tools with bodies or shapers, bring bodies, move work systems, lead E."""
 
 from __future__ import annotations
 
@@ -30,23 +30,26 @@ def work_systems(machine: Machine, frame: Frame | None) -> dict[int, Mapping[int
     return {each: systems.get(each, {}) for each in systems_with_zones(machine)}
 
 
-def shapes_by_tool(machine: Machine) -> bool:
-    """Return whether the tool in the spindle says which shapers count."""
-    return machine.shaping is not None and bool(machine.shaping.tools)
+def changes_setpoints(machine: Machine) -> bool:
+    """Return whether programs say which shapers count, by the tool in the spindle, or what E is led by."""
+    return machine.shaping is not None and bool(machine.shaping.tools or machine.shaping.lead)
 
 
 class Exchanges:
     """Compares what is said of tools and work systems before and behind each line.
 
     Args:
-        frame: that the program starts in.
+        frame: that the program starts in. leads: it says what E is led by: no jog does.
     """
 
-    def __init__(self, machine: Machine, frame: Frame | None) -> None:
+    def __init__(self, machine: Machine, frame: Frame | None, *, leads: bool = True) -> None:
         self._machine = machine
         self._places = places_with_bodies(machine)
-        self._shaped = shapes_by_tool(machine)
+        self._shaped = machine.shaping is not None and bool(machine.shaping.tools)
         self._fitted: int | None = None
+        lead = None if machine.shaping is None else machine.shaping.lead
+        self._led = None if lead is None or not leads else lead.own
+        self._advance: float | None = None
         self._tools: dict[int, int] = {}
         # how many bodies it has brought
         self._given = 0
@@ -58,7 +61,7 @@ class Exchanges:
     def by(self, line: int, modal: ModalState) -> list[Exchange]:
         """Return what a line has exchanged, by the modal state behind it; empty: nothing that has a body."""
         found = [*self._brought(line, modal), *self._of_tools(line, modal), *self._moved(line, modal.frame)]
-        return found + self._shaping(line, modal.frame)
+        return found + self._shaping(line, modal.frame) + self._leading(line, modal)
 
     def _shaping(self, line: int, frame: Frame | None) -> list[Exchange]:
         """Return the tool whose shapers count behind a line, where it is another one; a jog says of none."""
@@ -66,6 +69,16 @@ class Exchanges:
             return []
         self._fitted = frame.changed
         return [Exchange(line, {}, True, {}, fitted=self._fitted)]
+
+    def _leading(self, line: int, modal: ModalState) -> list[Exchange]:
+        """Return what E is led by behind a line, where it is another K, and at a program's first line."""
+        if self._led is None:
+            return []
+        advance = self._led.initial if modal.advance is None else modal.advance
+        if advance == self._advance:
+            return []
+        self._advance = advance
+        return [Exchange(line, {}, True, {}, advance=advance)]
 
     def _brought(self, line: int, modal: ModalState) -> list[Exchange]:
         """Return the bodies that a line has brought; those of before stay until the program's end."""

@@ -311,6 +311,8 @@ class LinePlanner:
             self._exchange = line
             if line.fitted is not None:
                 self.control(ControlKind.TOOL, line.line, operation=line.fitted)
+            if line.advance is not None:
+                self.control(ControlKind.ADVANCE, line.line, value=line.advance)
             self._await_settled(frozenset(), observing=False)
         elif isinstance(line, OutputLine):
             self._set_now(line)

@@ -30,7 +30,7 @@ from mcserver.motion.bound import PlanningError
 from mcserver.motion.canonical import Canonical, PauseLine
 from mcserver.motion.pieces import Rows
 from mcserver.planning.clearance_guard import ClearanceGuard
-from mcserver.planning.exchanges import Exchanges, shapes_by_tool
+from mcserver.planning.exchanges import Exchanges, changes_setpoints
 from mcserver.planning.line_buffer import LineBuffer
 from mcserver.planning.line_planner import LinePlanner
 from mcserver.planning.motion_output import LAST_TOKEN
@@ -122,8 +122,10 @@ class Pipeline:
             switches=start.switches,
         )
         self._expansion = expansion_of(self._interpreter)
-        judged = machine.clearance is not None or shapes_by_tool(machine)
-        self._exchanges = Exchanges(machine, self._interpreter.frame) if judged else None
+        # the print that a jog is beside or in the pause of goes on with its own K
+        leads = not machine_coordinates and (lease is None or machine.dialect.extruder in lease)
+        judged = machine.clearance is not None or changes_setpoints(machine)
+        self._exchanges = Exchanges(machine, self._interpreter.frame, leads=leads) if judged else None
         self._columns = [axis.index for axis in machine.axes]
         self._approach = deque(approach)
         self._machine_coordinates = machine_coordinates

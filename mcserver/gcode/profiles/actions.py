@@ -6,8 +6,10 @@ import math
 
 import msgspec
 
+from mcserver.gcode.profiles.advance_codes import set_advance
 from mcserver.gcode.profiles.codes import (
     ACTING,
+    ADVANCE,
     COMPENSATING,
     DRILLING,
     FACTORS,
@@ -137,6 +139,8 @@ def act_before(block: BlockState, actions: tuple[Action, ...], effects: Effects)
             block.change(relative=tuple(axis for letter, axis in letters.items() if letter not in "UVW"))
         elif code in FACTORS:
             set_factor(block, action)
+        elif code in ADVANCE:
+            set_advance(block, action)
         elif code in ("G90.1", "G91.1"):
             block.change(absolute_centres=code == "G90.1")
         elif code in ("G7", "G8"):

@@ -68,6 +68,9 @@ RETRACTING: Final[Mapping[str, str]] = MappingProxyType(
 )
 # factors of F and of E: they and those above take all words of their line (D-141)
 FACTORS: Final = frozenset({"M220", "M221"})
+# pressure advance of Marlin, RepRapFirmware and Klipper (D-143)
+KLIPPER_ADVANCE: Final = "SET_PRESSURE_ADVANCE"
+ADVANCE: Final = frozenset({"M900", "M572", KLIPPER_ADVANCE})
 _CYCLE_MODES: Final = frozenset({"G80", "G98", "G99"})
 
 # codes of printers that stop until somebody resumes, with what they say to the operator; "": the program ends
@@ -120,6 +123,8 @@ def acting_of(dialect: Dialect) -> frozenset[str]:
         return acting - DIAMETERS
     if dialect.profile == "printer" and dialect.extruder is None:
         return acting - RETRACTING.keys() - {"M221"}
+    if dialect.leads:
+        return acting | (ADVANCE - {KLIPPER_ADVANCE})
     return acting
 
 

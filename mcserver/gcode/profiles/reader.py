@@ -12,10 +12,13 @@ from collections.abc import Callable
 
 from mcserver.gcode.line_faults import FaultList
 from mcserver.gcode.notices import DISPLAY, logging_of
+from mcserver.gcode.profiles.advance_codes import klipper_words
 from mcserver.gcode.profiles.codes import (
+    ADVANCE,
     FACTORS,
     FILES_OF_PRINTERS,
     HARMLESS_MACRO,
+    KLIPPER_ADVANCE,
     MOVING_MACRO,
     RETRACTING,
     VOLUMETRIC,
@@ -52,13 +55,14 @@ _EXPONENT = re.compile(r"E[-+]?[0-9]+")
 _IO_CODE = re.compile(r"M[ \t]*0*6[678](?![0-9])")
 _CHECKSUM = re.compile(r"\*[0-9]+[ \t]*\Z")
 # take all words of their line
-_WHOLE_LINE = {**RETRACTING, **{code: code for code in FACTORS}}
+_WHOLE_LINE = {**RETRACTING, **{code: code for code in (*FACTORS, *ADVANCE)}}
 _RETRACTING = re.compile(r"(?:G[ \t]*0*1[01]|M[ \t]*0*20[78])(?![0-9]|\.0*[1-9])")
 # what may stand behind M200 where E stays a length
 _LENGTH = re.compile(r"(?:[DS]0*\.?0*)?(?:T0)?")
 # waits for somebody, where M400 alone waits for the motion
 _PAUSE_OF_BAMBU = re.compile(r"M400[ \t]+U[ \t]*0*1\b")
 _FACTOR = re.compile(r"M[ \t]*0*22[01](?![0-9]|\.0*[1-9])")
+_ADVANCE = re.compile(r"M[ \t]*0*(?:900|572)(?![0-9]|\.0*[1-9])")
 
 # commands to firmware begin with one of these
 _FIRMWARE = "$!?~"
@@ -142,6 +146,10 @@ class ProfileReader:
             code = code[: said.start(1)] + " " * (len(code) - said.start(1))
         macro = _MACRO.match(code)
         if macro is not None and macro[1] not in ("IF", "WHILE"):
+            if macro[1] == KLIPPER_ADVANCE and self._dialect.leads:
+                words = klipper_words(code, macro.end(1), faults)
+                action = Action(macro[1], (macro.start(1) + 1, macro.end(1) + 1), words)
+                return _line(number, text, code, [], faults, ProfileWords((action,)))
             if HARMLESS_MACRO.match(macro[1]) or macro[1] in self._dialect.ignore:
                 return nothing(macro[1])
             faults.add(
@@ -179,7 +187,8 @@ class ProfileReader:
             return nothing()
         code = _CHECKSUM.sub(lambda match: " " * len(match[0]), code)
         retracting = self._dialect.extruder is not None and _RETRACTING.search(code)
-        if retracting or (self._dialect.profile == "printer" and _FACTOR.search(code)):
+        leading = self._dialect.leads and _ADVANCE.search(code)
+        if retracting or leading or (self._dialect.profile == "printer" and _FACTOR.search(code)):
             return self._whole_line(text, code, number, faults)
         words, profile = self._sorter.sort(self._words(code, faults), code, faults)
         return _line(number, text, code, words, faults, profile)

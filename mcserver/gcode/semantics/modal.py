@@ -67,6 +67,7 @@ class ModalState(msgspec.Struct, frozen=True):
         relative: axes whose words are increments under G90 too (M83).
         flow: what words of a printer's E are multiplied by (M221). pace: what F is multiplied by (M220), and
             kept_pace: the one that M220 R brings back (D-141).
+        advance: K that E is led by [s] (D-143); None: as the machine file has it.
         coupled: axes that follow others (G1060), each with the line since which it does.
         computed: parameters and subprograms of the lines before, where a program starts in its middle.
         bodies: that the program has brought so far (D-131).
@@ -96,6 +97,7 @@ class ModalState(msgspec.Struct, frozen=True):
     flow: float = 1.0
     pace: float = 1.0
     kept_pace: float = 1.0
+    advance: float | None = None
     carried: tuple[int, ...] = ()
     coupled: tuple[tuple[int, int], ...] = ()
     bodies: tuple[GivenBody, ...] = ()

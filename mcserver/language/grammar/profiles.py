@@ -13,6 +13,7 @@ from types import MappingProxyType
 
 from mcserver.gcode.profiles.codes import (
     ACTING,
+    ADVANCE,
     DRILLING,
     FACTORS,
     IGNORED,
@@ -199,6 +200,8 @@ def _special_blocks(machine: Machine) -> list[Expression]:
         blocks += [Ref("dwell-code"), seq(Ref("factor-code"), opt(Ref("per-cent")))]
         if machine.dialect.retraction is not None:
             blocks.append(Ref("retraction-code"))
+        if machine.dialect.leads:
+            blocks.append(seq(Ref("advance-code"), opt(Ref("advance"))))
         blocks.append(seq(Ref("home-code"), Ref("home-option")))
     return blocks
 
@@ -258,6 +261,8 @@ def _tokens(machine: Machine) -> dict[str, Expression]:
         "home-code": _codes({"G28", "G30"} & acting or {"G28"}),
         "retraction-code": _codes({"G10", "G11"}),
         "factor-code": _codes(FACTORS & acting_of(dialect) or FACTORS),
+        "advance-code": _codes({"M900"}),
+        "advance": word("K", _advances(machine)),
         "per-cent": word("S", Ref("positive")),
         "home-option": seq(char("W"), Ref("space")),
         "spindle-code": _codes({"M3", "M4", "M5"}),
@@ -296,7 +301,7 @@ def _tokens(machine: Machine) -> dict[str, Expression]:
     for axis in machine.axes:
         words[f"axis-{axis.index}"] = _axis(axis.index, machine)
     if printer:
-        names = [name for name in ignored - acting if name[0] == "G" or "." not in name]
+        names = [name for name in ignored - acting_of(dialect) if name[0] == "G" or "." not in name]
         words["idle"] = seq(
             choice(
                 seq(_bare_codes(name for name in names if name[0] == "G")),
@@ -338,8 +343,16 @@ def _macros(machine: Machine) -> list[Expression]:
     names: list[Expression] = [text(name) for name in own]
     if machine.dialect.profile == "printer":
         tail = many(Chars((("A", "Z"), ("a", "z"), ("_", "_"))))
-        names += [seq(text(family), tail) for family in _MACRO_FAMILIES]
+        families = [each for each in _MACRO_FAMILIES if each not in ADVANCE or not machine.dialect.leads]
+        names += [seq(text(family), tail) for family in families]
     return names
+
+
+def _advances(machine: Machine) -> Expression:
+    """Build K of pressure advance in steps of a tenth of the greatest."""
+    shaping = machine.shaping
+    greatest = 0.0 if shaping is None or shaping.lead is None else shaping.lead.own.greatest
+    return choice(*(text(f"{greatest * tenths / 10.0:.6f}") for tenths in range(10 if greatest else 1)))
 
 
 def _lettered(machine: Machine) -> list[int]:
