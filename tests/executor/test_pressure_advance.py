@@ -10,14 +10,17 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mcserver.executor.entries import Array
+from mcserver.executor.fault_codes import FaultCode
 from mcserver.gcode.modal_codes import modal_codes
 from mcserver.gcode.semantics.interpreter import Interpreter
+from mcserver.language.grammar.dialect import build_grammar
 from mcserver.machine.machine_file import Machine, parse_machine
 from mcserver.machine.section_reader import MachineFileRejected
 from mcserver.simulation.simulation import simulate
 from mcserver.units import MM
 from tests.executor.test_couplings import LAW, Coupled
 from tests.gcode.test_retraction import faults
+from tests.language.grammar_reader import Recognizer
 from tests.limits import broken_limits
 from tests.machine_text import axes_text
 
@@ -29,11 +32,16 @@ MIXED = "M83\nF6000\nG1 E0.5\nG1 X20 E0.8\nG1 Y20 E1\nG1 E-2 F2400\nG0 X0 Y0\nG1
 
 
 def machine(
-    initial: float = 0.0, *, more: str = "", advance: str = ADVANCE, profile: str = "printer"
+    initial: float = 0.0,
+    *,
+    more: str = "",
+    advance: str = ADVANCE,
+    profile: str = "printer",
+    drive: str = "ideal",
 ) -> Machine:
     xyz = axes_text((0, 1, 2), velocity=300.0, acceleration=3000.0)
     keys = f"{advance.replace('INITIAL', str(initial))}\n{more}"
-    extruder = axes_text((E,), velocity=120.0, acceleration=5000.0, keys=keys)
+    extruder = axes_text((E,), velocity=120.0, acceleration=5000.0, keys=keys, drive=drive)
     return parse_machine(
         f'[machine]\nname = "p"\n[motion]\npath_tolerance_mm = 0.05\n[dialect]\nprofile = "{profile}"\n'
         f"letters = {{ E = {E} }}\n{xyz}{extruder}"
@@ -100,6 +108,10 @@ def _abort(each: Coupled) -> None:
     each.executor.mailbox.abort(0)
 
 
+def _stop(each: Coupled) -> None:
+    each.executor.mailbox.emergency_stop()
+
+
 def _hold(each: Coupled) -> None:
     each.executor.mailbox.set_hold(True, 0)
 
@@ -120,17 +132,43 @@ def _override(share: float) -> Callable[[Coupled], None]:
         max_size=6,
     ),
     st.integers(300, 2000),
+    st.sampled_from([_abort, _stop]),
 )
 def test_whatever_is_ordered_limits_are_kept_and_a_stop_leaves_e_where_it_was_ordered(
-    orders: dict[int, Callable[[Coupled], None]], at: int
+    orders: dict[int, Callable[[Coupled], None]], at: int, end: Callable[[Coupled], None]
 ) -> None:
     cell = Coupled(MACHINE, f"{MIXED * 2}M900 K0.02\n{MIXED}M2")
-    cell.play({**orders, at: _abort})
+    cell.play({**orders, at: end})
     assert broken(np.array(cell.rows)) == []
     row, shaper = cell.executor.executor.row, cell.executor.executor.bank.shaper
     assert shaper is not None
     assert row.setpoint[COLUMN] == row.ordered[COLUMN]
     assert shaper.added[COLUMN] == 0.0
+
+
+def test_a_drive_that_fails_in_a_print_has_no_offset_left() -> None:
+    cell = Coupled(machine(K, drive="simulated"), f"{SQUARE.format(feed=3600)}M2")
+    cell.play({450: lambda each: each.bus.trip(COLUMN)})
+    assert cell.faults == [FaultCode.OVER_TEMPERATURE]
+    row, shaper = cell.executor.executor.row, cell.executor.executor.bank.shaper
+    assert shaper is not None
+    assert row.setpoint[COLUMN] == row.ordered[COLUMN]
+    assert shaper.added[COLUMN] == 0.0
+
+
+def test_a_new_k_comes_in_where_no_flow_counts_whoever_orders_it() -> None:
+    cell = Coupled(MACHINE, f"{SQUARE.format(feed=3600)}M2")
+    shaper = cell.executor.executor.bank.shaper
+    assert shaper is not None
+    advance = shaper.advance
+    assert advance is not None
+    cell.step(400)
+    advance.choose(0.01)
+    cell.step()
+    assert advance.gain == K
+    cell.play()
+    assert advance.gain == 0.01
+    assert broken(np.array(cell.rows)) == []
 
 
 @pytest.mark.parametrize(
@@ -175,6 +213,14 @@ def test_what_it_cannot_do_is_refused(text: str, code: str) -> None:
     assert faults(text, MACHINE) == [code]
     # without the section these lines have no effect
     assert faults(text, machine(advance="")) == ["MC142"]
+
+
+def test_the_grammar_has_k_of_the_file_and_no_other() -> None:
+    accepts = Recognizer(build_grammar(MACHINE)).accepts
+    lines = ("M900 K0.02", "M900 K9", "M572 S9", "SET_PRESSURE_ADVANCE ADVANCE=9")
+    assert [line for line in lines if accepts(line)] == ["M900 K0.02"]
+    without = Recognizer(build_grammar(machine(advance=""))).accepts
+    assert all(without(line) for line in lines)
 
 
 @pytest.mark.parametrize(

@@ -352,7 +352,9 @@ def _advances(machine: Machine) -> Expression:
     """Build K of pressure advance in steps of a tenth of the greatest."""
     shaping = machine.shaping
     greatest = 0.0 if shaping is None or shaping.lead is None else shaping.lead.own.greatest
-    return choice(*(text(f"{greatest * tenths / 10.0:.6f}") for tenths in range(10 if greatest else 1)))
+    shown = {f"{greatest * tenths / 10.0:.6f}".rstrip("0").rstrip(".") for tenths in range(10)}
+    # longer ones first, as readers may take the first that fits
+    return choice(*(text(each) for each in sorted(shown, key=lambda each: (-len(each), each))))
 
 
 def _lettered(machine: Machine) -> list[int]:
