@@ -147,8 +147,8 @@ class ProfileReader:
         macro = _MACRO.match(code)
         if macro is not None and macro[1] not in ("IF", "WHILE"):
             if macro[1] == KLIPPER_ADVANCE and self._dialect.leads:
-                words = klipper_words(code, macro.end(1), faults)
-                action = Action(macro[1], (macro.start(1) + 1, macro.end(1) + 1), words)
+                given = klipper_words(code, macro.end(1), faults)
+                action = Action(macro[1], (macro.start(1) + 1, macro.end(1) + 1), given)
                 return _line(number, text, code, [], faults, ProfileWords((action,)))
             if HARMLESS_MACRO.match(macro[1]) or macro[1] in self._dialect.ignore:
                 return nothing(macro[1])
