@@ -173,7 +173,12 @@ def test_a_new_k_comes_in_where_no_flow_counts_whoever_orders_it() -> None:
 
 @pytest.mark.parametrize(
     "code",
-    ["M900 K0.05", "M572 D0 S0.05", "SET_PRESSURE_ADVANCE EXTRUDER=extruder ADVANCE=0.05 SMOOTH_TIME=0.04"],
+    [
+        "M900 K0.05",
+        "M900 K0.05 L1000 M10",
+        "M572 D0 S0.05",
+        "SET_PRESSURE_ADVANCE EXTRUDER=extruder ADVANCE=0.05 SMOOTH_TIME=0.04",
+    ],
 )
 def test_each_code_sets_k_from_its_line_on(code: str) -> None:
     before, behind = SQUARE.format(feed=3600), f"G4 P100\n{SQUARE.format(feed=6000)}M2"
