@@ -11,11 +11,16 @@ from mcserver.gcode.text.profile_words import Action, ProfileWord
 
 # K, the extruder and the smooth time
 _WORDS = {"M900": ("K", "T", None), "M572": ("S", "D", "W"), KLIPPER_ADVANCE: ("K", "T", "W")}
-# Bambu Studio says beside K how its firmware is to take it
-_BESIDE = {"M900": "LM"}
+# Bambu Studio says behind K how its firmware is to take it
+_CURVE = re.compile(r"(?<=[0-9.])[ \t]*L[ \t]*[0-9.]+[ \t]*M[ \t]*[0-9.]+[ \t]*\Z")
 _PARAMETER = re.compile(r"[ \t]*([A-Z_]+)[ \t]*=[ \t]*([^ \t=]+)")
 _NUMBERS = {"ADVANCE": "K", "SMOOTH_TIME": "W"}
 _NUMBER = re.compile(r"[-+]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)")
+
+
+def without_curve(code: str) -> str:
+    """Return a line without what Bambu Studio writes behind K, as long as it was."""
+    return _CURVE.sub(lambda match: " " * len(match[0]), code)
 
 
 def klipper_words(code: str, start: int, faults: FaultList) -> dict[str, ProfileWord]:
@@ -49,8 +54,6 @@ def set_advance(block: BlockState, action: Action) -> None:
     assert own is not None  # without it these codes do not act
     gain, number, smooth = _WORDS[code]
     for letter, word in words.items():
-        if letter in _BESIDE.get(code, ""):
-            continue
         if letter not in _WORDS[code]:
             taken = " ".join(each for each in _WORDS[code] if each is not None)
             faults.add("MC113", f"{code} takes no {letter}", word.span, f"it takes {taken}")

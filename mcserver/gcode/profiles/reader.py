@@ -12,7 +12,7 @@ from collections.abc import Callable
 
 from mcserver.gcode.line_faults import FaultList
 from mcserver.gcode.notices import DISPLAY, logging_of
-from mcserver.gcode.profiles.advance_codes import klipper_words
+from mcserver.gcode.profiles.advance_codes import klipper_words, without_curve
 from mcserver.gcode.profiles.codes import (
     ADVANCE,
     FACTORS,
@@ -188,6 +188,7 @@ class ProfileReader:
         code = _CHECKSUM.sub(lambda match: " " * len(match[0]), code)
         retracting = self._dialect.extruder is not None and _RETRACTING.search(code)
         leading = self._dialect.leads and _ADVANCE.search(code)
+        code = without_curve(code) if leading else code
         if retracting or leading or (self._dialect.profile == "printer" and _FACTOR.search(code)):
             return self._whole_line(text, code, number, faults)
         words, profile = self._sorter.sort(self._words(code, faults), code, faults)
