@@ -83,14 +83,26 @@ class Bridge:
         client = self._client
         if client is None:
             return
+        sending = asyncio.ensure_future(self._publish(client, messages))
+        broken = asyncio.ensure_future(self._broken.wait())
         try:
-            for each in messages:
-                await client.publish(each.topic, each.payload, each.qos, each.retain, timeout=SEND_S)
-        except aiomqtt.MqttError as error:
+            # a broker that has gone acknowledges nothing
+            await asyncio.wait([sending, broken], return_when=asyncio.FIRST_COMPLETED)
+        finally:
+            broken.cancel()
+            sending.cancel()
+            (error,) = await asyncio.gather(sending, return_exceptions=True)
+        if isinstance(error, (aiomqtt.MqttError, asyncio.CancelledError)):
             # what is not sent is said at the beginning of the next connection
             log.info("the broker does not take messages: %s", error)
             self._client = None
             self._broken.set()
+        elif error is not None:
+            raise error
+
+    async def _publish(self, client: aiomqtt.Client, messages: Iterable[Message]) -> None:
+        for each in messages:
+            await client.publish(each.topic, each.payload, each.qos, each.retain, timeout=SEND_S)
 
     async def keep_connected(self, broker: Broker) -> None:
         while True:
@@ -116,21 +128,26 @@ class Bridge:
     async def _serve(self, client: aiomqtt.Client) -> None:
         """Publish over a connection until it breaks."""
         self._broken.clear()
-        if self._publisher.commands:
-            await client.subscribe(self._publisher.commands)
-        await self._begin(client)
-        ending = [asyncio.ensure_future(self._obey(client)), asyncio.ensure_future(self._broken.wait())]
+        reading = asyncio.ensure_future(self._obey(client))
+        reading.add_done_callback(self._lose)
         try:
-            ended, _ = await asyncio.wait(ending, return_when=asyncio.FIRST_COMPLETED)
-            for task in ended:
-                task.result()
+            if self._publisher.commands:
+                await client.subscribe(self._publisher.commands)
+            await self._begin(client)
+            await self._broken.wait()
         finally:
-            for task in ending:
-                task.cancel()
             async with self._order:
-                if self._client is not None:
-                    await self._send([self._publisher.end()])
+                await self._send([self._publisher.end()])
                 self._client = None
+            reading.cancel()
+        if reading.done():
+            reading.result()
+
+    def _lose(self, reading: asyncio.Task[None]) -> None:
+        """Take why a connection has ended: only who reads is told."""
+        self._broken.set()
+        if not reading.cancelled():
+            reading.exception()
 
     async def _obey(self, client: aiomqtt.Client) -> None:
         async for message in client.messages:

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import gc
 import importlib
+import itertools
 import shutil
 import socket
 import subprocess
@@ -165,3 +167,51 @@ async def test_a_host_of_another_make_reads_births_and_data_and_again_after_a_ki
         await bridge.see({"cell-1": {**VALUES, "axes/X/position": -3.0}})
         mosquitto.start()
         assert await host.ask_for_births() == {**VALUES, "axes/X/position": -3.0}
+
+
+async def test_a_bridge_ends_with_its_broker_at_once_and_leaves_no_exception_behind(
+    mosquitto: Mosquitto, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("mcserver.mqtt.bridge.SEND_S", 10 * LIMIT_S)
+    left: list[str] = []
+    asyncio.get_running_loop().set_exception_handler(lambda _, context: left.append(context["message"]))
+    for publisher in (PlainTopics("mc"), SparkplugNode("site", "cell", time.time)):
+        async with asyncio.timeout(LIMIT_S), bridged(mosquitto, publisher) as bridge:
+            hearing = asyncio.ensure_future(heard(mosquitto, "#", 1))
+            positions = itertools.count(1.0)
+            while not hearing.done():
+                await bridge.see({"cell-1": {**VALUES, "axes/X/position": next(positions)}})
+                await asyncio.wait([hearing], timeout=0.1)
+            await bridge.see({"cell-1": VALUES})
+            mosquitto.kill()
+        mosquitto.start()
+    gc.collect()
+    assert not [message for message in left if "never retrieved" in message]
+
+
+async def test_a_host_hears_the_death_of_a_bridge_that_is_killed_and_its_birth_when_it_is_back(
+    mosquitto: Mosquitto, sparkplug: Any
+) -> None:
+    command = [sys.executable, "-m", "mcserver", "mqtt", f"mqtt://127.0.0.1:{mosquitto.port}"]
+    command += ["--sparkplug", "site/cell", "--connect", f"tcp/127.0.0.1:{free_port()}"]
+    async with aiomqtt.Client("127.0.0.1", mosquitto.port) as client, asyncio.timeout(LIMIT_S):
+        await client.subscribe("spBv1.0/site/+/cell", qos=1)
+        messages = aiter(client.messages)
+
+        async def birth_or_death(kind: Any) -> int:
+            """Its number, by the library's own reading."""
+            message = await anext(messages)
+            assert sparkplug.Topic.from_str(str(message.topic)).message_type.name == kind.__name__.upper()
+            said = kind.decode(message.payload)
+            number = said.bd_seq_metric if kind is sparkplug.NDeath else said.metrics[0]
+            assert number.name == "bdSeq"
+            return int(number.value)
+
+        for _ in range(2):
+            bridge = subprocess.Popen(command, stdout=subprocess.DEVNULL)
+            try:
+                born = await birth_or_death(sparkplug.NBirth)
+            finally:
+                bridge.kill()
+                bridge.wait()
+            assert await birth_or_death(sparkplug.NDeath) == born
