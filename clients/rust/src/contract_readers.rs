@@ -4,6 +4,7 @@ use crate::contract_tests::{Read, reader};
 use crate::messages;
 
 /// The reader of a message that a server sends as a map.
+#[allow(clippy::too_many_lines)] // a row a message
 pub fn reader_of(message: &str) -> Option<Read> {
     Some(match message {
         "Ack" => reader::<messages::Ack>,
