@@ -106,7 +106,8 @@ def _readers(model: Model) -> str:
     return (
         f"{MADE}\nuse crate::contract_tests::{{Read, reader}};\nuse crate::messages;\n\n"
         "/// The reader of a message that a server sends as a map.\n"
-        f"#[allow(clippy::too_many_lines)] // a row a message\npub fn reader_of(message: &str) -> Option<Read> {{\n    Some(match message {{\n{arms}"
+        "#[allow(clippy::too_many_lines)] // a row a message\n"
+        f"pub fn reader_of(message: &str) -> Option<Read> {{\n    Some(match message {{\n{arms}"
         "        _ => return None,\n    })\n}\n"
     )
 
