@@ -149,23 +149,24 @@ class EdgeUnits:
 
 
 def axes_at_rest(service: MachineService) -> set[int]:
-    """Return the axes of programs that a feed hold has brought to rest; the executor calls them moving."""
+    """Return the axes of programs that a feed hold has brought to rest; the executor calls them moving.
+
+    One that may follow a conveyor goes on with it.
+    """
+    going_on = {axis.index for axis in service.machine.axes if axis.superimposed is not None}
     held = [each for each in service.current() if each.held and each.slot is not None]
     slots = service.port.slots() if held else []
     return {
         axis for each in held if each.slot is not None and not slots[each.slot].rate for axis in each.axes
-    }
+    } - going_on
 
 
 def states_shown(snapshot: Snapshot, index: Sequence[int], at_rest: Container[int]) -> list[AxisState]:
-    """Return the axes' states, of those that a feed hold keeps at rest standstill.
-
-    A search for a reference goes on in it, and so does what follows a conveyor.
-    """
-    rows = zip(index, snapshot.states, snapshot.velocity, strict=True)
+    """Return the axes' states, of those that a feed hold keeps at rest standstill; a search goes on."""
+    rows = zip(index, snapshot.states, snapshot.homed or [True] * len(index), strict=True)
     return [
-        "standstill" if state == "moving" and axis in at_rest and not velocity else state
-        for axis, state, velocity in rows
+        "standstill" if state == "moving" and homed and axis in at_rest else state
+        for axis, state, homed in rows
     ]
 
 
