@@ -24,8 +24,6 @@ expect = playwright.expect
 DEAF = "() => { window.socket.io.engine.transport.ws.onmessage = () => {}; }"
 DUMB = "() => { window.socket.io.engine.transport.ws.send = () => {}; }"
 CUT = "() => { window.whole = (window.whole ?? 0) + 1; window.socket.io.engine.close(); }"
-# an attempt to get it back that hangs, as where packets are dropped
-HANGS = """() => window.socket.listeners("connect_error").forEach((each) => each(new Error("timeout")))"""
 BACK = "() => window.whole && window.socket.connected"
 
 
@@ -34,7 +32,6 @@ def cut(page: Page) -> Iterator[None]:
     """Cut the link for as long as it is wanted; the page may not be loaded anew afterwards."""
     page.context.set_offline(True)
     page.evaluate(CUT)
-    page.evaluate(HANGS)
     yield
     page.context.set_offline(False)
     page.wait_for_function(BACK)

@@ -114,11 +114,6 @@
       if (socket.connected) send(each);
       return socket;
     };
-    // an attempt to get the link back that hangs is followed by others; the framework would load the page anew for it,
-    // which is lost where there is no link
-    const onError = socket.listeners("connect_error");
-    socket.off("connect_error");
-    socket.on("connect_error", (error) => { if (error.message !== "timeout") onError.forEach((each) => each(error)); });
     // a page that is loaded anew says what it cannot know: its process is another one, or has given it up
     const lost = sessionStorage.getItem(UNCERTAIN);
     sessionStorage.removeItem(UNCERTAIN);
