@@ -107,11 +107,13 @@ func (s *stream) targets(now, counts float64) error {
 	if err := s.open(); err != nil {
 		return err
 	}
-	if s.unanswered == nil {
-		s.unanswered = &now
+	if s.sentAt != nil {
+		// a sender that stood still for longer has not listened meanwhile
+		s.silent += min(now-*s.sentAt, unansweredFor)
 	}
-	if silent := now - *s.unanswered; silent > counts+unansweredFor {
-		return unreachable(CodeNobodyAnswers, fmt.Sprintf("the server has not answered for %.1f s", silent),
+	s.sentAt = &now
+	if s.silent > counts+unansweredFor {
+		return unreachable(CodeNobodyAnswers, fmt.Sprintf("the server has not answered for %.1f s", s.silent),
 			"where it is gone the axes have stopped: once it is there, open servo mode anew")
 	}
 	return nil

@@ -36,8 +36,10 @@ type stream struct {
 	// lines were given up while it was not known whether they had arrived: the server's number is the right one
 	adrift     bool
 	chunkLines int
-	// when the first targets were sent since the server was heard, by the sender's clock; nil: none were
-	unanswered *float64
+	// when targets were sent last since the server was heard, by the sender's clock; nil: none were
+	sentAt *float64
+	// how long the server has been silent up to then [s]
+	silent float64
 }
 
 func newStream(opened *OpenReply) *stream {
@@ -149,7 +151,7 @@ func (s *stream) acknowledged(ack *Ack) {
 	if ack.Program != s.program {
 		return
 	}
-	s.unanswered = nil
+	s.sentAt, s.silent = nil, 0
 	s.report(ack)
 	if s.isOld(ack) {
 		return

@@ -38,6 +38,7 @@ def target_sequences() -> list[dict[str, Any]]:
         _end(),
         _silence(),
         _unanswered(),
+        _stood_still(),
     )
     return [script.sequence() for script in made]
 
@@ -236,6 +237,22 @@ def _unanswered() -> TargetScript:
     script.give_in_vain([[2.3, 2.0]], "MC530")
     script.ends("running")
     script.give([[2.4, 2.0]])
+    return script
+
+
+def _stood_still() -> TargetScript:
+    script = TargetScript(
+        "stood still",
+        "a sender that stood still (in a debugger, say) has not listened meanwhile: it hears"
+        " what has become of its targets, not that the server was silent",
+    )
+    script.give([[2.0, 2.0]])
+    script.passes(5.0)
+    script.give([[2.1, 2.0]])
+    script.passes(0.01)
+    script.give([[2.2, 2.0]])
+    script.ends("aborted", "MC465: no targets came in time")
+    script.give_in_vain([[2.3, 2.0]], "MC535", says="(MC465: no targets came in time)")
     return script
 
 

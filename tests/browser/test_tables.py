@@ -94,6 +94,8 @@ def test_an_offset_is_set_named_and_taken_back_at_every_width(
         page.get_by_role("button", name="Undo …").click()
         page.get_by_role("dialog").get_by_role("button", name="Undo", exact=True).click()
         wait_for(machine, page, lambda status: not zero_of(status.work_offsets, system))
+    # the page knows it, too: the next change is made from there
+    expect(rows.get_by_text(f"{system}: X {width} → 0")).to_be_visible()
 
 
 def test_an_offset_is_shifted_from_where_it_is(
@@ -107,14 +109,18 @@ def test_an_offset_is_shifted_from_where_it_is(
         dialog.get_by_label("X [mm]").fill("2.5")
         with machine.program("offset") as program:
             program.send("G10 L2 P6 X10")
+            program.send("G10 L2 P1 Y7")
         # what it was made from is not so any more
         dialog.get_by_role("button", name="Set", exact=True).click()
         expect(page.get_by_text("The tables have been changed meanwhile")).to_be_visible()
-        # what was typed is still to be read
-        expect(dialog.get_by_label("X [mm]")).to_have_value("2.5000")
-        dialog.get_by_role("button", name="Cancel").click()
-        expect(dialog).to_have_count(0)
         assert all(each.origin.get("0") != 2.5 for each in machine.status().work_offsets)
+        # what was typed is still there, and what was not shows what another one has set
+        expect(dialog.get_by_label("X [mm]")).to_have_value("2.5000")
+        expect(dialog.get_by_label("Y [mm]")).to_have_value("7.0000")
+        expect(dialog.get_by_label("line to be sent")).to_have_text("G21 G90 G10 L2 P1 X2.5")
+        dialog.get_by_role("button", name="Set", exact=True).click()
+        expect(dialog).to_have_count(0)
+        expect(rows.get_by_role("row", name="G54 2.500 7.000 0.000")).to_be_visible()
         expect(rows.get_by_role("row", name="G59 10.000 0.000 0.000")).to_be_visible()
         page.get_by_role("button", name="Change an offset …").click()
         choose(page, dialog.get_by_label("System"), "G59")

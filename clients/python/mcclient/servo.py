@@ -58,8 +58,9 @@ class Servo:
         self._counts_s = counts_s
         self._clock = clock
         self._seq = 0
-        # when the first targets were sent since the server was heard
-        self._unanswered: float | None = None
+        # when targets were sent last since the server was heard, and how long it has been silent before [s]
+        self._asked: float | None = None
+        self._silent_s = 0.0
         self._ended = asyncio.Event()
         self._last: Ack | ProgramStatus | None = None
         # the server has come back, perhaps another start of it, which knows nothing of these targets
@@ -103,13 +104,14 @@ class Servo:
         if self.state in ENDED:
             raise endings.closed(self.state, Extent(self.id, 0, 0))
         now, counts_s = self._clock(), self._counts_s if counts_s is None else counts_s
-        if self._unanswered is None:
-            self._unanswered = now
-        silent_s = now - self._unanswered
-        if silent_s > counts_s + UNANSWERED_S:
+        if self._asked is not None:
+            # a sender that stood still for longer has not listened meanwhile
+            self._silent_s += min(now - self._asked, UNANSWERED_S)
+        self._asked = now
+        if self._silent_s > counts_s + UNANSWERED_S:
             raise NobodyAnswers(
                 "MC530",
-                f"the server has not answered for {silent_s:.1f} s",
+                f"the server has not answered for {self._silent_s:.1f} s",
                 "where it is gone the axes have stopped: once it is there, open servo mode anew",
             )
         self._seq += 1
@@ -200,7 +202,7 @@ class Servo:
 
     def _hear(self, report: Ack | ProgramStatus) -> None:
         """Take how the program is; the first end that is heard of stays."""
-        self._unanswered = None
+        self._asked, self._silent_s = None, 0.0
         if not self._ended.is_set():
             self._last = report
             if report.state in ENDED:

@@ -58,8 +58,10 @@ pub(crate) struct Core {
     /// When the server was heard last; none: what is known may be old.
     heard_at: Option<Duration>,
     doubt: Duration,
-    /// When the first targets were sent since the server was heard, by the sender's clock [s].
-    unanswered: Option<f64>,
+    /// When targets were sent last since the server was heard, by the sender's clock [s].
+    asked: Option<f64>,
+    /// How long the server has been silent up to then [s].
+    silent: f64,
 }
 
 impl Core {
@@ -77,7 +79,8 @@ impl Core {
             heard: 0,
             heard_at: Some(Duration::ZERO),
             doubt: FIRST_DOUBT,
-            unanswered: None,
+            asked: None,
+            silent: 0.0,
         }
     }
 
@@ -229,9 +232,12 @@ impl Core {
     /// Sees whether targets can be sent now, by the sender's clock, which count for some seconds.
     pub fn check_targets(&mut self, now: f64, counts: f64) -> Result<(), Error> {
         self.check_open()?;
-        let silent = now - *self.unanswered.get_or_insert(now);
-        if silent > counts + UNANSWERED_S {
-            return Err(Error::unanswered(silent));
+        if let Some(asked) = self.asked.replace(now) {
+            // a sender that stood still for longer has not listened meanwhile
+            self.silent += (now - asked).min(UNANSWERED_S);
+        }
+        if self.silent > counts + UNANSWERED_S {
+            return Err(Error::unanswered(self.silent));
         }
         Ok(())
     }
@@ -297,7 +303,8 @@ impl Core {
 
     /// Takes what the server says of the program, which may be older than what is known.
     pub fn on_ack(&mut self, ack: &Ack, now: Duration) {
-        self.unanswered = None;
+        self.asked = None;
+        self.silent = 0.0;
         if ack.rejections > self.rejections {
             self.hear_rejection(ack, now);
         }

@@ -30,8 +30,10 @@ export class Program {
   #stop: (() => void) | null = null;
   #turn: Promise<void> = Promise.resolve();
   #heard = Date.now();
-  /** When the first targets were sent since the server was heard, by the sender's clock [s]; null: none were. */
-  unanswered: number | null = null;
+  /** When targets were sent last since the server was heard, by the sender's clock [s]; null: none were. */
+  asked: number | null = null;
+  /** How long the server has been silent up to then [s]. */
+  silentS = 0;
   /** What `waitDone` has rejected with. */
   #told: MotionError | null = null;
 
@@ -268,7 +270,8 @@ export class Program {
   /** Takes what the server says. */
   #hear(apply: (window: LineWindow) => void): void {
     this.#heard = Date.now();
-    this.unanswered = null;
+    this.asked = null;
+    this.silentS = 0;
     this.#change(apply);
   }
 

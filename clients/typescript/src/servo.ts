@@ -56,9 +56,11 @@ export class Servo {
     if (this.failure) throw this.failure;
     if (this.program.ended) throw new RequestRefused("MC536", `the program takes no more targets: it is ${this.state}`, "open another one");
     const now = this.clock(), countsS = targets.countsS ?? this.countsS;
-    const silent = now - (this.program.unanswered ??= now);
-    if (silent > countsS + UNANSWERED_S) {
-      throw new NobodyAnswers("MC530", `the server has not answered for ${silent.toFixed(1)} s`, "where it is gone the axes have stopped: once it is there, open servo mode anew");
+    // a sender that stood still for longer has not listened meanwhile
+    if (this.program.asked !== null) this.program.silentS += Math.min(now - this.program.asked, UNANSWERED_S);
+    this.program.asked = now;
+    if (this.program.silentS > countsS + UNANSWERED_S) {
+      throw new NobodyAnswers("MC530", `the server has not answered for ${this.program.silentS.toFixed(1)} s`, "where it is gone the axes have stopped: once it is there, open servo mode anew");
     }
     const message = [
       ++this.#seq, now, countsS, rows(targets.positions), rows(targets.velocities), targets.times ?? null,

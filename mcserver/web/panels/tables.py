@@ -106,8 +106,7 @@ class TablesPanel:
         tables = self._tables
         if not self._actions.allowed("open") or tables is None or self._info is None:
             return
-        origins = {each.system: {**each.origin, ANGLE: each.rotation} for each in tables.offsets}
-        names = tables.names
+        shows, origins, names = tables, _origins(tables), tables.names
         with NamedDialog(t("Change a work offset")) as dialog, ui.card().classes("mc-ask"):
             ui.label(t("Where programs read zero. Nothing moves."))
             system = ui.select(
@@ -129,12 +128,15 @@ class TablesPanel:
             name = ui.input(t("Name"), value=names.get("G54", "")).props("maxlength=60")
             line = ui.label("").classes("font-mono break-all").props(f'aria-label="{t("line to be sent")}"')
 
+            def shown() -> dict[str, Any]:
+                origin = {} if way.value else origins.get(system.value, {})
+                return {axis: round(origin.get(axis, 0.0), 6) for axis in fields}
+
             def fill() -> None:
-                origin = origins.get(system.value, {})
                 # an angle is set, never shifted
                 fields[ANGLE].set_visibility(not way.value)
-                for axis, field in fields.items():
-                    field.set_value(0.0 if way.value else round(origin.get(axis, 0.0), 6))
+                for axis, value in shown().items():
+                    fields[axis].set_value(value)
                 name.set_value(names.get(system.value, ""))
                 write()
 
@@ -159,9 +161,22 @@ class TablesPanel:
             _buttons(dialog)
 
         async def change(_: bool) -> bool:
-            return await self._are_still(tables) and await self._change(
-                system.value, line.text, name=name.value or ""
-            )
+            nonlocal shows, origins, names
+            newest = await self._newest(shows)
+            if newest is None:
+                return False
+            if newest is not shows:
+                # what was typed stays; what was not touched is as it is now, or it would be set back
+                untouched = [axis for axis, value in shown().items() if fields[axis].value == value]
+                same_name = name.value == names.get(system.value, "")
+                shows, origins, names = newest, _origins(newest), newest.names
+                for axis in untouched:
+                    fields[axis].set_value(shown()[axis])
+                if same_name:
+                    name.set_value(names.get(system.value, ""))
+                write()
+                return False
+            return await self._change(system.value, line.text, name=name.value or "")
 
         await answer_to(dialog, change)
 
@@ -169,7 +184,7 @@ class TablesPanel:
         tables = self._tables
         if not self._actions.allowed("open") or tables is None:
             return
-        tools = {each.number: each for each in tables.tools}
+        shows, tools = tables, {each.number: each for each in tables.tools}
         with NamedDialog(t("Change a tool")) as dialog, ui.card().classes("mc-ask"):
             ui.label(t("Length for G43 and diameter. A G43 before does not see the change."))
             number = ui.number(t("Tool"), value=min(tools, default=1), min=1, max=99999, format="%d")
@@ -184,13 +199,19 @@ class TablesPanel:
                 )
             line = ui.label("").classes("font-mono break-all").props(f'aria-label="{t("line to be sent")}"')
 
-            def fill() -> None:
+            def shown() -> dict[Any, Any]:
                 tool = tools.get(int(number.value or 0))
-                length.set_value(None if tool is None else round(tool.length, 6))
-                diameter.set_value(0.0 if tool is None else round(tool.diameter, 6))
-                name.set_value("" if tool is None else tool.name)
-                life.set_value(0.0 if tool is None else tool.life_min)
-                used.set_value(shown_use(tool))
+                return {
+                    length: None if tool is None else round(tool.length, 6),
+                    diameter: 0.0 if tool is None else round(tool.diameter, 6),
+                    name: "" if tool is None else tool.name,
+                    life: 0.0 if tool is None else tool.life_min,
+                    used: shown_use(tool),
+                }
+
+            def fill() -> None:
+                for field, value in shown().items():
+                    field.set_value(value)
                 write()
 
             def write() -> None:
@@ -213,7 +234,18 @@ class TablesPanel:
             _buttons(dialog)
 
         async def change(_: bool) -> bool:
-            if not number.value or not await self._are_still(tables):
+            nonlocal tables, tools
+            nonlocal shows, tools
+            newest = None if not number.value else await self._newest(shows)
+            if newest is None:
+                return False
+            if newest is not shows:
+                touched = [field for field, value in shown().items() if field.value != value]
+                shows, tools = newest, {each.number: each for each in newest.tools}
+                for field, value in shown().items():
+                    if field not in touched:
+                        field.set_value(value)
+                write()
                 return False
             tool = tools.get(int(number.value))
             # it may have cut meanwhile: what nobody has touched is not set
@@ -228,17 +260,20 @@ class TablesPanel:
 
         await answer_to(dialog, change)
 
-    async def _are_still(self, shown: Tables) -> bool:
-        """Return whether nobody has changed what a dialog was made from; says so where somebody has."""
+    async def _newest(self, shown: Tables) -> Tables | None:
+        """Return the tables; those that a dialog shows where nobody has changed them since, else it is said.
+
+        None: they are not known now, which is said, too.
+        """
         try:
-            now = await self._actions.link.connected().tables()
+            newest = await self._actions.link.connected().tables()
         except MotionError as error:
             show_error(error)
-            return False
-        if now.changes[:1] == shown.changes[:1]:
-            return True
+            return None
+        if newest.changes[:1] == shown.changes[:1]:
+            return shown
         show_refusal(t("The tables have been changed meanwhile"), t("look at them, then change them again"))
-        return False
+        return newest
 
     async def _change(
         self,
@@ -289,8 +324,10 @@ class TablesPanel:
             return
 
         async def undo() -> bool:
-            if not await self._are_still(tables):
-                return False
+            newest = await self._newest(tables)
+            if newest is not tables:
+                # the question was about a change that is not the last one any more
+                return newest is not None
             what = mark("undo {change}", change=change_text(last))
             return await (self._send(what, line or "") if back is None else self._set_row(what, **back))
 
@@ -307,6 +344,10 @@ def _buttons(dialog: ui.dialog) -> None:
     with ui.element("div").classes("mc-buttons"):
         ui.button(t("Set"), on_click=lambda: dialog.submit(True)).props("color=primary")
         ui.button(t("Cancel"), on_click=lambda: dialog.submit(False)).props("flat")
+
+
+def _origins(tables: Tables) -> dict[str, dict[str, float]]:
+    return {each.system: {**each.origin, ANGLE: each.rotation} for each in tables.offsets}
 
 
 def shown_use(tool: ToolRow | None) -> float:

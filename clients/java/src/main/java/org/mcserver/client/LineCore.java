@@ -56,8 +56,10 @@ final class LineCore {
     private boolean reported;
     /** The last one of a streamed line: it stays when the line has been corrected. */
     private MotionException rejection;
-    /** When the first targets were sent since the server was heard, by the sender's clock [s]; null: none were. */
-    private Double unanswered;
+    /** When targets were sent last since the server was heard, by the sender's clock [s]; null: none were. */
+    private Double asked;
+    /** How long the server has been silent up to then [s]. */
+    private double silent;
 
     LineCore(Messages.OpenReply opened) {
         this(opened, CHUNK_LINES);
@@ -190,10 +192,11 @@ final class LineCore {
     /** Sees whether targets can be sent now, by the sender's clock, which count for some seconds. */
     void checkTargets(double now, double countsS) {
         checkOpen();
-        if (unanswered == null) {
-            unanswered = now;
+        if (asked != null) {
+            // a sender that stood still for longer has not listened meanwhile
+            silent += Math.min(now - asked, UNANSWERED_S);
         }
-        double silent = now - unanswered;
+        asked = now;
         if (silent > countsS + UNANSWERED_S) {
             throw new MotionException.NobodyAnswers(
                     "MC530", String.format(Locale.ROOT, "the server has not answered for %.1f s", silent),
@@ -331,7 +334,8 @@ final class LineCore {
     }
 
     void onAck(Messages.Ack ack) {
-        unanswered = null;
+        asked = null;
+        silent = 0;
         hearRejection(ack);
         // from before a rejection that is known; that a program has ended is never too old
         if (ack.rejections() < rejections && !ENDED.contains(ack.state())) {
