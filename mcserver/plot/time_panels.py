@@ -18,8 +18,9 @@ LEAST_BARS = 8
 # Share of a limit from which on it is drawn without being asked for.
 NEAR_LIMIT = 0.6
 MOST_ERRORS = 3
-# Longest name of an axis in their legend.
-LONGEST_NAME = 6
+# Longest name of an axis in the legend of following errors, and in a title.
+LONGEST_IN_LEGEND = 6
+LONGEST_IN_TITLE = 8
 SHADES = ("#4477aa", "#ee6677", "#228833")
 QUANTITIES = ("velocity", "acceleration", "jerk")
 
@@ -70,10 +71,14 @@ def draw_derivative(axes: Any, scene: Scene, trace: AxisTrace, order: int, *, to
         said = f"{peak:,.0f} of {limit:,.0f} {unit} ({100.0 * peak / limit:.0f} %)"
     else:
         said = f"peak {peak:,.0f} {unit}, not limited"
-    axes.set_title(f"{trace.name} {QUANTITIES[order]}")
+    axes.set_title(f"{_short_name(trace, LONGEST_IN_TITLE)} {QUANTITIES[order]}")
     axes.set_title(said.replace(",", "\u2009"), loc="right", fontsize=8, fontweight="normal", color=FAINT_INK)
     axes.yaxis.set_major_formatter(EngFormatter(sep="\u2009"))
     axes.margins(x=0.01)
+
+
+def _short_name(trace: AxisTrace, longest: int) -> str:
+    return trace.name if len(trace.name) <= longest else f"axis {trace.index}"
 
 
 def draw_following_errors(axes: Any, scene: Scene) -> None:
@@ -83,9 +88,7 @@ def draw_following_errors(axes: Any, scene: Scene) -> None:
         key=lambda each: -each[0],
     )[:MOST_ERRORS]
     for (peak, trace), shade in zip(errors, SHADES, strict=False):
-        # names of joints are too long for three beside each other
-        name = trace.name if len(trace.name) <= LONGEST_NAME else f"axis {trace.index}"
-        label = f"{name}: ±{peak:.3g}"
+        label = f"{_short_name(trace, LONGEST_IN_LEGEND)}: ±{peak:.3g}"
         axes.plot(scene.time, trace.following_error, color=shade, linewidth=1.0, label=label)
     if errors:
         # above the panel, where it hides nothing

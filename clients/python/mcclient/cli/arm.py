@@ -200,7 +200,8 @@ def requests_table(requests: list[dict[str, Any]]) -> Table:
     """Build a row for each request; names are shown as they are, without control characters."""
     table = Table(box=None, pad_edge=False, header_style="bold")
     for title in ("hash", "state", "client", "name", "moves", "lasts", "left", "override", "picture"):
-        table.add_column(title, overflow="fold")
+        # a path that is read by another program is one line
+        table.add_column(title, overflow="fold", no_wrap=title == "picture" and not results().is_terminal)
     for each in requests:
         cells = (
             each["sha256"][:SHOWN_HASH],
