@@ -61,7 +61,7 @@ def python_peers() -> Path:
     """Return the folder that has those of Python, to be put on the path."""
     pip = [sys.executable, "-m", "pip", "--disable-pip-version-check", "install", "--quiet", "--no-compile"]
     options = ["--no-deps", "--require-hashes", "--upgrade", "--target", str(PYTHON), "-r", str(REQUIREMENTS)]
-    outputs = [PYTHON / "iaiops", PYTHON / "pysparkplug"]
+    outputs = [PYTHON / each for each in ("grafana_foundation_sdk", "iaiops", "pysparkplug")]
     build_once("peers", [REQUIREMENTS], outputs, lambda: build([*pip, *options], ROOT))
     return PYTHON
 

@@ -110,6 +110,8 @@ class Bridge:
             client = aiomqtt.Client(
                 broker.host,
                 broker.port,
+                # a broker ends what it still has of a killed process, with its will, before it takes this one
+                identifier=will.topic,
                 username=broker.user,
                 password=broker.password,
                 will=aiomqtt.Will(will.topic, will.payload, will.qos, will.retain),

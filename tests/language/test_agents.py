@@ -27,6 +27,7 @@ from mcserver.language.rules import rules
 from mcserver.machine.machine_file import load_machine, parse_machine
 from mcserver.recorder.messages import ServiceEvents, StartRecording, StopRecording
 from mcserver.service.approval_basis import server_version
+from mcserver.service.arming import MAX_TEXT
 from mcserver.service.reports import Event, LineReport
 from tests.machine_text import axes_text
 from tests.recorder.rig import Rig
@@ -195,6 +196,39 @@ async def test_faults_and_drafts() -> None:
         assert "G01 X10 Y10" in drafted["text"]
         for wrong in ({"axes": "XX"}, {"axes": "XYZ"}, {"feed": 0}, {"points": []}, {"points": [[1e30, 0]]}):
             assert "MC511" in refusal(await client.call_tool("draft_from_points", {**square, **wrong}))
+
+
+@pytest.mark.parametrize(
+    ("tool", "arguments", "said"),
+    [
+        ("check", {}, "check: text: Field required; see the schema of check"),
+        ("check", {"text": 5}, "check: text: Input should be a valid string"),
+        ("check", {"text": "x" * (MAX_TEXT + 1)}, "should have at most"),
+        ("simulate", {"text": "", "against": "x" * (MAX_TEXT + 1)}, "simulate: against: String should have"),
+        ("draft_from_points", {"points": [[0, "a"]], "feed": 1}, "draft_from_points: points.0.1: Input"),
+        ("abort", {"programm": "p-1"}, "abort has no argument 'programm'; it takes program"),
+        ("status", {"all": True}, "status has no argument 'all'; it takes none"),
+        ("wait_run", {"program": "p", "seconds": 1e9}, "wait_run: seconds: Input should be less than"),
+        ("arm", {}, "there is no tool 'arm'; one of machine_info,"),
+    ],
+)
+async def test_an_argument_that_a_tool_cannot_take_has_a_code_and_a_remedy(
+    tool: str, arguments: dict[str, Any], said: str
+) -> None:
+    server = build_server(AgentTools(CARTESIAN, "cartesian", connect=["tcp/127.0.0.1:1"]))
+    async with Client(server) as client:
+        words = refusal(await client.call_tool(tool, arguments))
+    assert words.startswith("MC511: ")
+    assert said in words
+
+
+async def test_no_tool_takes_a_missing_or_an_unknown_argument() -> None:
+    server = build_server(AgentTools(CARTESIAN, "cartesian", connect=["tcp/127.0.0.1:1"]))
+    async with Client(server) as client:
+        for tool in (await client.list_tools()).tools:
+            wrong = [{"unheard_of": 1}, {}] if tool.input_schema.get("required") else [{"unheard_of": 1}]
+            for arguments in wrong:
+                assert "MC511: " in refusal(await client.call_tool(tool.name, arguments)), tool.name
 
 
 def test_a_draft_is_right_on_the_machine() -> None:

@@ -8,6 +8,7 @@ import gc
 import importlib
 import itertools
 import shutil
+import signal
 import socket
 import subprocess
 import sys
@@ -215,3 +216,40 @@ async def test_a_host_hears_the_death_of_a_bridge_that_is_killed_and_its_birth_w
                 bridge.kill()
                 bridge.wait()
             assert await birth_or_death(sparkplug.NDeath) == born
+
+
+@pytest.mark.parametrize("options", [["--sparkplug", "site/cell"], ["--prefix", "mc"]])
+async def test_the_death_of_a_bridge_that_hangs_comes_before_the_next_one_is_there(
+    mosquitto: Mosquitto, options: list[str]
+) -> None:
+    command = [sys.executable, "-m", "mcserver", "mqtt", f"mqtt://127.0.0.1:{mosquitto.port}", *options]
+    command += ["--connect", f"tcp/127.0.0.1:{free_port()}"]
+    async with aiomqtt.Client("127.0.0.1", mosquitto.port) as client, asyncio.timeout(LIMIT_S):
+        await client.subscribe([("spBv1.0/site/+/cell", 1), ("mc/status", 1)])
+        messages = aiter(client.messages)
+
+        async def said() -> str:
+            """Which birth or death it is."""
+            message = await anext(messages)
+            assert isinstance(message.payload, bytes)
+            topic = str(message.topic)
+            return message.payload.decode() if topic == "mc/status" else topic.split("/")[2]
+
+        first = subprocess.Popen(command, stdout=subprocess.DEVNULL)
+        bridges = [first]
+        try:
+            born = await said()
+            # its connection stays as it is where a computer has lost its power, or a cable is out
+            first.send_signal(signal.SIGSTOP)
+            bridges.append(subprocess.Popen(command, stdout=subprocess.DEVNULL))
+            died = await said()
+            assert died == {"online": "offline", "NBIRTH": "NDEATH"}[born]
+            assert await said() == born
+            first.kill()
+            first.wait()
+            await client.publish("mc/status", "last")
+            assert await said() == "last"
+        finally:
+            for bridge in bridges:
+                bridge.kill()
+                bridge.wait()

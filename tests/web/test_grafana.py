@@ -2,16 +2,24 @@
 
 from __future__ import annotations
 
+import importlib
 import json
 import re
+import shutil
+import subprocess
+import sys
+from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import Any
 
 import duckdb
+import pytest
 import yaml
 from mcclient.types import AxesStatus, MachineStatus, ProgramStatus
 
 from mcserver.web.fleet import Fleet, Seen
 from mcserver.web.metrics import metrics_text
+from tests.peers import python_peers
 from tests.web.test_history import filled
 from tests.wire_values import wire_value
 
@@ -52,6 +60,58 @@ def exported(tmp_path: Path) -> dict[str, set[str]]:
     return found
 
 
+@pytest.fixture
+def schema(monkeypatch: pytest.MonkeyPatch) -> Callable[[Any], list[str]]:
+    """What of a dashboard Grafana's own models of its schema do not know."""
+    monkeypatch.setattr(sys, "path", [*sys.path, str(python_peers())])
+    importlib.import_module("grafana_foundation_sdk.cog.plugins").register_default_plugins()
+    model = importlib.import_module("grafana_foundation_sdk.models.dashboard").Dashboard
+    encoder = importlib.import_module("grafana_foundation_sdk.cog.encoder").JSONEncoder
+
+    def unknown(given: Any, read: Any, place: str) -> Iterator[str]:
+        if isinstance(given, dict) and isinstance(read, dict):
+            for name, value in given.items():
+                yield from unknown(value, read.get(name), f"{place}.{name}")
+        elif isinstance(given, list) and isinstance(read, list) and len(given) == len(read):
+            for number, (one, other) in enumerate(zip(given, read, strict=True)):
+                yield from unknown(one, other, f"{place}[{number}]")
+        elif given != read:
+            yield place
+
+    def judge(dashboard: Any) -> list[str]:
+        return list(unknown(dashboard, json.loads(encoder().encode(model.from_json(dashboard))), ""))
+
+    return judge
+
+
+@pytest.mark.parametrize("file", [DASHBOARD, HISTORY], ids=lambda file: file.name)
+def test_grafana_s_own_schema_knows_all_of_a_dashboard(file: Path, schema: Callable[[Any], list[str]]) -> None:
+    dashboard = json.loads(file.read_text("utf-8"))
+    assert schema(dashboard) == []
+    panel = dashboard["panels"][4]
+    panel["gridPosition"] = panel.pop("gridPos")
+    assert schema(dashboard) == [".panels[4].gridPosition"]
+    panel["gridPos"] = panel.pop("gridPosition")
+    panel["fieldConfig"]["default"] = panel["fieldConfig"].pop("defaults")
+    assert schema(dashboard) == [".panels[4].fieldConfig.default"]
+
+
+@pytest.mark.parametrize("file", [DASHBOARD, HISTORY], ids=lambda file: file.name)
+def test_no_panel_lies_over_another_or_beside_the_grid(file: Path) -> None:
+    taken: set[tuple[int, int]] = set()
+    for panel in json.loads(file.read_text("utf-8"))["panels"]:
+        assert panel["type"] in ("stat", "table", "timeseries")
+        place = panel["gridPos"]
+        assert place["x"] + place["w"] <= 24
+        cells = {
+            (place["x"] + right, place["y"] + down)
+            for right in range(place["w"])
+            for down in range(place["h"])
+        }
+        assert not cells & taken, panel["title"]
+        taken |= cells
+
+
 def test_every_metric_and_label_of_the_dashboard_exists(tmp_path: Path) -> None:
     known = exported(tmp_path)
     dashboard = json.loads(DASHBOARD.read_text("utf-8"))
@@ -84,6 +144,15 @@ def test_every_metric_and_label_of_the_alerts_exists(tmp_path: Path) -> None:
         named = re.findall(r"\$labels\.(\w+)", rule["annotations"]["summary"])
         assert set(named) <= {"machine"}
         assert rule["annotations"]["remedy"]
+
+
+def test_each_alert_fires_for_what_it_is_meant_for_alone() -> None:
+    promtool = shutil.which("promtool")
+    if promtool is None:
+        pytest.skip("promtool (Debian: prometheus) is not installed")
+    rules = Path(__file__).with_name("alerts_test.yml")
+    judged = subprocess.run([promtool, "test", "rules", str(rules)], capture_output=True, text=True)
+    assert judged.returncode == 0, judged.stdout
 
 
 def asked_of(query: str, folder: Path) -> str:

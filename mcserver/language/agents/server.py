@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import asyncio
 import base64
-import functools
 import sys
 import tempfile
-from collections.abc import AsyncIterator, Awaitable, Callable
+from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 from pathlib import Path
 from typing import Annotated, Any
@@ -17,8 +16,8 @@ from mcclient import Machine as RemoteMachine
 from mcclient.errors import MotionError
 from mcp.server.mcpserver import Context, MCPServer
 from mcp.server.mcpserver.exceptions import ToolError
-from mcp.types import CallToolResult, ImageContent, TextContent, ToolAnnotations
-from pydantic import Field, WithJsonSchema
+from mcp.types import CallToolResult, ImageContent, InputRequiredResult, TextContent, ToolAnnotations
+from pydantic import Field, ValidationError, WithJsonSchema
 
 from mcserver.errors import McError, Refused
 from mcserver.language.agents.knowledge import dialect_topic, draft, fault_facts, machine_facts
@@ -27,17 +26,19 @@ from mcserver.language.profile_codes import profile_codes
 from mcserver.machine.clearance_section import AGENT
 from mcserver.machine.machine_file import Machine
 from mcserver.service.approval_basis import server_version
-from mcserver.service.arming import hash_of
+from mcserver.service.arming import MAX_TEXT, hash_of
 from mcserver.simulation.assertions import Assertion
 from mcserver.simulation.program_checker import ProgramChecker
 
-MAX_TEXT = 256 * 1024  # characters of a program
 MAX_SHOWN_LINES = 200  # of a simulation's report
 PICTURE_S = 300.0
 MOST_WAITED_S = 600.0
 LOOK_S = 0.25
 OVER = frozenset({"finished", "aborted", "faulted", "rejected", "lost", "interrupted"})
-Text = Annotated[str, Field(description="The program: lines of G-code, to the last character.")]
+Text = Annotated[
+    str,
+    Field(max_length=MAX_TEXT, description="The program: lines of G-code, to the last character."),
+]
 Which = Annotated[
     str | None, Field(description="Id of a program, as status and run_armed give it; null: all.")
 ]
@@ -123,9 +124,6 @@ class AgentTools:
         """Every fault of a program's text, with line, column, hint and, where one remedy is certain, an edit.
         No motion is planned: what it touches is found by simulate.
         """
-        refused = _too_long(text)
-        if refused is not None:
-            return refused
         found = await self._checker.check(CLIENT, text, None)
         faulty = any(each.severity == "error" for each in found)
         return {"ok": not faulty, "diagnostics": [each.as_json() for each in found]}
@@ -149,19 +147,16 @@ class AgentTools:
         against: Annotated[
             str | None,
             Field(
+                max_length=MAX_TEXT,
                 description="Another program: the answer's `difference` has by axis how far its setpoints are"
-                " from this one's at the same time, by tip how far the paths are apart, with line and time."
+                " from this one's at the same time, by tip how far the paths are apart, with line and time.",
             ),
         ] = None,
     ) -> CallToolResult:
         """Run a program on a virtual clock: duration, times of lines, ends and extents of axes, clearance."""
-        report = _too_long(text) or _too_long(against or "")
-        if report is None:
-            asked = _assertions(assertions or [])
-            simulated = await self._checker.simulate(
-                CLIENT, text, assertions=asked, against=against, role=AGENT
-            )
-            report = simulated[0]
+        asked = _assertions(assertions or [])
+        simulated = await self._checker.simulate(CLIENT, text, assertions=asked, against=against, role=AGENT)
+        report = simulated[0]
         lines = report.get("lines", [])
         shown = {**report, "lines": lines[:MAX_SHOWN_LINES], "lines_in_all": len(lines)}
         content: list[Any] = [TextContent(type="text", text=msgspec.json.encode(shown).decode())]
@@ -220,9 +215,6 @@ class AgentTools:
         ] = None,
     ) -> dict[str, Any]:
         """Ask for a run. Nothing moves: a person arms this very text, or does not; then call run_armed."""
-        refused = _too_long(text)
-        if refused is not None:
-            return refused
         asked = await (await self._server()).request_run(text, name[:200], axes=axes)
         return dict(msgspec.to_builtins(asked))
 
@@ -308,31 +300,39 @@ def _assertions(asked: list[dict[str, Any]]) -> list[Assertion]:
         raise Refused("MC331", f"assertions: {error}", "what, of, least, most") from error
 
 
-def _too_long(text: str) -> dict[str, Any] | None:
-    if len(text) <= MAX_TEXT:
-        return None
-    fault = {
-        "code": "MC574",
-        "severity": "error",
-        "message": f"the text is longer than {MAX_TEXT} characters",
-    }
-    return {"ok": False, "diagnostics": [fault]}
+class _CodedServer(MCPServer[Any]):
+    """Tells an agent each refusal of a tool, and each argument that a tool cannot take, with its code."""
 
-
-Call = Callable[..., Awaitable[Any]]
-
-
-def _coded(call: Call) -> Call:
-    """Let a refusal reach the agent with its code and hint, as an error of the tool."""
-
-    @functools.wraps(call)
-    async def coded(*arguments: Any, **named: Any) -> Any:
+    async def call_tool(
+        self, name: str, arguments: dict[str, Any], context: Context[Any, Any] | None = None
+    ) -> CallToolResult | InputRequiredResult:
         try:
-            return await call(*arguments, **named)
-        except (McError, MotionError) as error:
-            raise ToolError(f"{error.code}: {error.message}; {error.hint}") from error
+            # a misspelt argument would be left out, and `abort` would end all programs in place of one
+            await self._require_known(name, arguments)
+            return await super().call_tool(name, arguments, context)
+        except (McError, ToolError) as error:
+            cause = error if isinstance(error, McError) else error.__cause__
+            if isinstance(cause, ValidationError):
+                first = cause.errors(include_url=False, include_input=False)[0]
+                where = ".".join(str(each) for each in first["loc"])
+                cause = Refused("MC511", f"{name}: {where}: {first['msg']}", f"see the schema of {name}")
+            if isinstance(cause, McError | MotionError):
+                raise ToolError(f"{cause.code}: {cause.message}; {cause.hint}") from error
+            raise
 
-    return coded
+    async def _require_known(self, name: str, arguments: dict[str, Any]) -> None:
+        """Check the names of a tool and of its arguments.
+
+        Raises:
+            Refused: MC511 there is no such tool, or it has no such argument.
+        """
+        tools = {each.name: each for each in await self.list_tools()}
+        if name not in tools:
+            raise Refused("MC511", f"there is no tool {name[:60]!r}", f"one of {', '.join(tools)}")
+        known = tools[name].input_schema.get("properties", {})
+        for unknown in arguments.keys() - known.keys():
+            hint = f"it takes {', '.join(known) or 'none'}"
+            raise Refused("MC511", f"{name} has no argument {unknown[:60]!r}", hint)
 
 
 def build_server(tools: AgentTools) -> MCPServer[Any]:
@@ -345,7 +345,7 @@ def build_server(tools: AgentTools) -> MCPServer[Any]:
         finally:
             await tools.close()
 
-    server: MCPServer[Any] = MCPServer(
+    server: MCPServer[Any] = _CodedServer(
         "mcserver", instructions=INSTRUCTIONS, version=server_version(), lifespan=lifespan
     )
 
@@ -359,21 +359,14 @@ def build_server(tools: AgentTools) -> MCPServer[Any]:
         """Axes with their words, travels and limits, and tools."""
         return msgspec.json.encode(machine_facts(tools.machine)).decode()
 
-    reading: list[Call] = [
-        tools.machine_info,
-        tools.dialect,
-        tools.check,
-        tools.simulate,
-        tools.explain_fault,
-    ]
-    reading += [tools.draft_from_points, tools.recordings]
-    for tool in reading:
-        server.tool(annotations=READS)(_coded(tool))
+    offline = (tools.machine_info, tools.dialect, tools.check, tools.simulate, tools.explain_fault)
+    for tool in (*offline, tools.draft_from_points, tools.recordings):
+        server.tool(annotations=READS)(tool)
     if tools.online:
         for tool in (tools.status, tools.wait_run):
-            server.tool(annotations=READS)(_coded(tool))
+            server.tool(annotations=READS)(tool)
         for tool in (tools.request_run, tools.withdraw):
-            server.tool(annotations=ASKS)(_coded(tool))
+            server.tool(annotations=ASKS)(tool)
         for tool in (tools.run_armed, tools.hold, tools.abort):
-            server.tool(annotations=ACTS)(_coded(tool))
+            server.tool(annotations=ACTS)(tool)
     return server
