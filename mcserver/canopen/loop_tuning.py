@@ -6,12 +6,13 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from types import MappingProxyType
-from typing import TypeAlias
+from typing import Generic, TypeAlias, TypeVar
 
 from mcserver.canopen.cycle_samples import Array
 from mcserver.canopen.frequency_response import (
     Complex,
     MeasuredMargins,
+    Response,
     measure_response,
     measured_margins,
     opened_loop,
@@ -51,6 +52,7 @@ SHARES = tuple(1.0 / 1.1**step for step in range(32))
 INERTIA_FITS, SCALE_FITS = 0.2, 0.02
 
 Loop: TypeAlias = tuple[str, TorqueGains | SpeedGains, Margins | SpeedMargins]
+G = TypeVar("G", TorqueGains, SpeedGains)
 
 
 @dataclass(frozen=True)
@@ -71,6 +73,35 @@ class Judged:
     opened: tuple[Array, Complex] | None
     changes: Sequence[str]
     remedy: str
+
+
+@dataclass(frozen=True)
+class _OnResponse(Generic[G]):
+    """Loops on what was measured.
+
+    Attributes:
+        response: None: it is not known. controller: of a loop by gains, frequencies and cycle. delay: as
+            `measured_margins`.
+    """
+
+    response: Response | None
+    controller: Callable[[G, Array, float], Complex]
+    cycle_s: float
+    delay: int
+
+    def margins(self, gains: G) -> MeasuredMargins | None:
+        """Return the margins with these gains; None: they are not known."""
+        if self.response is None:
+            return None
+        loop = self.controller(gains, self.response.frequency, self.cycle_s)
+        return measured_margins(self.response, loop, self.cycle_s, self.delay)
+
+    def opened(self, gains: G) -> tuple[Array, Complex] | None:
+        """Return frequencies [Hz] and the loop there, opened, shape (n,); None: it is not known."""
+        if self.response is None:
+            return None
+        loop = self.controller(gains, self.response.frequency, self.cycle_s)
+        return self.response.frequency / self.cycle_s, opened_loop(self.response, loop, self.delay)
 
 
 def check_tunable(axis: Axis) -> Cia402Drive:
@@ -112,17 +143,8 @@ def _judge_torque(axis: Axis, known: Cia402Drive, trace: ScopeTrace, cycle_s: fl
     torque, place = _columns(trace, "6071h:00", "6064h:00")
     turn = axis.travel_per_motor_turn / axis.type.si_per_unit
     response = measure_response(torque, place * (TURN / turn), 2)
-
-    def measured(gains: TorqueGains) -> MeasuredMargins | None:
-        if response is None:
-            return None
-        loop = torque_controller(gains, response.frequency, cycle_s)
-        return measured_margins(response, loop, cycle_s, delay)
-
-    found = [measured(gains) for _, gains, _ in loops]
-    opened = None
-    if response is not None:
-        opened = opened_loop(response, torque_controller(now, response.frequency, cycle_s), delay)
+    measured = _OnResponse(response, torque_controller, cycle_s, delay)
+    found = [measured.margins(gains) for _, gains, _ in loops]
     margin = loops[0][2]
     holds = margin.least <= LEAST_INERTIA and margin.greatest >= GREATEST_GAIN and margin.phase >= LEAST_PHASE
     changes = []
@@ -130,7 +152,7 @@ def _judge_torque(axis: Axis, known: Cia402Drive, trace: ScopeTrace, cycle_s: fl
         changes.append(f"inertia = {load.inertia:.4g}   # in [axis.drive]: the file has {known.inertia:g}")
     elif _is_little(found[0]):
         # the load rings: all gains in one proportion
-        calmer = _calmer(lambda share: measured(_scaled(now, share)))
+        calmer = _calmer(lambda share: measured.margins(_scaled(now, share)))
         changes += [
             f"{name} = {value:.4g}   # in [axis.drive]: less, for the load rings"
             for name, value in asdict(_scaled(now, calmer)).items()
@@ -143,7 +165,7 @@ def _judge_torque(axis: Axis, known: Cia402Drive, trace: ScopeTrace, cycle_s: fl
         f"{100 * load.explained:.1f} % explained",
         loops,
         found,
-        None if response is None or opened is None else (response.frequency / cycle_s, opened),
+        measured.opened(now),
         changes,
         "the machine file does not fit: give this inertia, and leave velocity_gain, position_gain and "
         "integral_time_s out",
@@ -160,32 +182,28 @@ def _judge_speed(axis: Axis, known: Cia402Drive, trace: ScopeTrace, cycle_s: flo
         raise _untold(axis, "how it follows speeds", "its speed and its position have opposite signs")
     now = SpeedGains(known.position_gain, known.integral_time_s or 0.0)
     best = proposed_gains(measured, now, cycle_s, delay)
-    loops = [
-        (name, gains, speed_margins(gains, measured, cycle_s, delay))
-        for name, gains in (("machine file", now), ("by this drive", best))
-    ]
-
-    def on_response(gains: SpeedGains) -> MeasuredMargins | None:
-        if response is None:
-            return None
-        loop = speed_controller(gains, response.frequency, cycle_s)
-        return measured_margins(response, loop, cycle_s, delay)
-
-    response = measure_response(speed, place, 1)
-    found = [on_response(gains) for _, gains, _ in loops]
-    opened = None
-    if response is not None:
-        opened = opened_loop(response, speed_controller(now, response.frequency, cycle_s), delay)
-    margin = loops[0][2]
     changes = []
+    unit = 1.0
     if abs(measured.scale - 1.0) > SCALE_FITS:
         assert known.encoder is not None
+        unit = measured.scale
         counts = known.velocity_counts_per_motor_rev or known.encoder[0] / known.encoder[1]
-        changes.append(
-            f"velocity_counts_per_motor_rev = {counts / measured.scale:.6g}   # in [axis.drive]: 60FFh"
-        )
+        changes.append(f"velocity_counts_per_motor_rev = {counts / unit:.6g}   # in [axis.drive]: 60FFh")
+
+    def corrected(gains: SpeedGains) -> SpeedGains:
+        """Return the gains that act now as these will with the unit of 60FFh that is proposed."""
+        return replace(gains, position_gain=gains.position_gain / unit)
+
+    response = _OnResponse(measure_response(speed, place, 1), speed_controller, cycle_s, delay)
+    loops, found = [], []
+    for name, gains, acting in (("machine file", now, now), ("by this drive", best, corrected(best))):
+        loops.append((name, gains, speed_margins(acting, measured, cycle_s, delay)))
+        found.append(response.margins(acting))
+    margin = loops[0][2]
     if margin.greatest < GREATEST_GAIN or margin.phase < LEAST_PHASE or _is_little(found[0]):
-        share = _calmer(lambda each: on_response(replace(best, position_gain=each * best.position_gain)))
+        share = _calmer(
+            lambda each: response.margins(corrected(replace(best, position_gain=each * best.position_gain)))
+        )
         changes.append(
             f"position_gain = {share * best.position_gain:.4g}   # in [axis.drive]: the file has "
             f"{now.position_gain:g}"
@@ -196,7 +214,7 @@ def _judge_speed(axis: Axis, known: Cia402Drive, trace: ScopeTrace, cycle_s: flo
         f"(± {1e3 * measured.uncertainty:.2f}) late besides the bus",
         loops,
         found,
-        None if response is None or opened is None else (response.frequency / cycle_s, opened),
+        response.opened(now),
         changes,
         "the machine file does not fit: change it so",
     )

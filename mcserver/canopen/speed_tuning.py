@@ -16,6 +16,8 @@ from mcserver.canopen.frequency_response import Complex
 from mcserver.canopen.torque_tuning import FREQUENCIES, LEAST_WINDOWS, WINDOW
 from mcserver.drives.cia402.loop_gains import USUAL_GAIN, lateness
 
+# Share of its way by which a window may differ from the rest, to count.
+MOST_OFF = 0.25
 # Phase that a proposed gain leaves [rad].
 PHASE = math.radians(60.0)
 
@@ -57,7 +59,8 @@ class SpeedMargins:
 def measure_speed(speed: Array, place: Array, cycle_s: float) -> MeasuredSpeed | None:
     """Fit how far and how late an axis follows speeds, by least squares over windows.
 
-    Over a window an axis that is late by T goes scale · (sum of speeds · dt - T · change of the speed).
+    Over a window an axis that is late by T goes scale · (sum of speeds · dt - T · change of the speed). A
+    drive goes by its own clock, so where a SYNC comes late it goes further: such windows do not count.
 
     Args:
         speed: ordered before the SYNC of each cycle, shape (n,) [mm/s or deg/s].
@@ -74,6 +77,12 @@ def measure_speed(speed: Array, place: Array, cycle_s: float) -> MeasuredSpeed |
     )
     kept = np.isfinite(went) & np.isfinite(basis).all(axis=1)
     basis, went = basis[kept], went[kept]
+    way = np.abs(speed[span[kept]]).sum(axis=1) * cycle_s
+    if not len(went):
+        return None
+    found, *_ = np.linalg.lstsq(basis, went, rcond=None)
+    usual = np.abs(went - basis @ found) <= MOST_OFF * abs(found[0]) * way
+    basis, went = basis[usual], went[usual]
     if len(went) < LEAST_WINDOWS or np.linalg.matrix_rank(basis) < 2:
         return None
     found, *_ = np.linalg.lstsq(basis, went, rcond=None)

@@ -69,7 +69,7 @@ class Margins:
 
 
 def measure_load(torque: Array, angle: Array, cycle_s: float) -> MeasuredLoad | None:
-    """Fit inertia, friction and load to a motion, by least squares over windows in which it moves one way.
+    """Fit inertia, friction and load to a motion, by least squares over windows in which it never stands.
 
     With torques that are constant from SYNC to SYNC the change of speed over a window is the sum of the means
     of two torques each, exactly, so no acceleration has to be taken from an encoder's steps.
@@ -84,17 +84,18 @@ def measure_load(torque: Array, angle: Array, cycle_s: float) -> MeasuredLoad | 
     starts = np.arange(1, len(angle) - WINDOW, WINDOW)
     span = starts[:, None] + np.arange(WINDOW)
     moved = np.diff(angle)
+    # dry friction of a cycle goes by where it went; what stands may be held by any
     way = np.sign(moved[span])
-    one_way = np.isfinite(moved[span]).all(axis=1) & (way == way[:, :1]).all(axis=1) & (way[:, 0] != 0.0)
+    moving = np.isfinite(way).all(axis=1) & way.all(axis=1)
     impulse = 0.5 * cycle_s * (torque[span] + torque[span - 1]).sum(axis=1)
-    kept = one_way & np.isfinite(impulse) & np.isfinite(moved[starts - 1])
+    kept = moving & np.isfinite(impulse) & np.isfinite(moved[starts - 1])
     if kept.sum() < LEAST_WINDOWS:
         return None
-    starts, impulse, way = starts[kept], impulse[kept], way[kept, 0]
+    starts, impulse, rubbed = starts[kept], impulse[kept], cycle_s * way[kept].sum(axis=1)
     ends, passed = starts + WINDOW, WINDOW * cycle_s
     faster = (moved[ends - 1] - moved[starts - 1]) / cycle_s
     basis = np.stack(
-        [faster, way * passed, angle[ends - 1] - angle[starts - 1], np.full(len(starts), passed)], axis=1
+        [faster, rubbed, angle[ends - 1] - angle[starts - 1], np.full(len(starts), passed)], axis=1
     )
     scale = np.abs(basis).max(axis=0)
     if not (scale > 0.0).all() or np.linalg.cond(basis / scale) > 1e3:

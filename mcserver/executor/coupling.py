@@ -16,7 +16,7 @@ from mcserver.executor.fault_codes import FaultCode
 from mcserver.executor.leading_curves import Gear, curve_of
 from mcserver.executor.spindle_following import MeasuredPlace
 from mcserver.executor.target_follower import UNBOUNDED, Bounds, tracking_limits
-from mcserver.machine.machine_file import Machine
+from mcserver.machine.machine_file import Axis, Machine
 from mcserver.motion.kernels.target_tracking import MAX_ACCELERATION, MAX_JERK, VELOCITY, follow_targets
 
 # Readings before which the speed of a measured leader is not known well enough to be in step with it.
@@ -84,12 +84,23 @@ class Leader:
         return self._place - self.shifted, self._speed, acceleration
 
 
+def coupled_limits(axis: Axis, place: float, within: Bounds, *, free: bool) -> Array:
+    """Return limits of a follower at a place [m or rad]; where something else bounds it, its own beside.
+
+    Args:
+        within: what bounds it besides its own. free: its travel does not count.
+    """
+    bounds = (within,) if within == UNBOUNDED else (within, UNBOUNDED)
+    return np.array([tracking_limits(axis, place, free=free, within=each) for each in bounds])
+
+
 class Coupling:
     """A follower and its leader.
 
     Args:
         column: of the follower, at rest. slot, generation: of the program that couples it.
-        within: what bounds the follower besides its own limits. free: its travel does not count.
+        place: where what follows begins [m or rad]. within: what bounds the follower besides its own limits.
+        limits: as `coupled_limits`.
 
     Attributes:
         tolerance: [m or rad].
@@ -99,6 +110,8 @@ class Coupling:
 
     # whether it is to take up what has not come yet
     waits = False
+    # whether the follower moves by programs, too, and what follows is an offset to these
+    superimposed = False
 
     def __init__(
         self,
@@ -107,12 +120,11 @@ class Coupling:
         column: int,
         slot: int,
         generation: int,
+        place: float,
         within: Bounds,
-        *,
-        free: bool,
+        limits: Array,
     ) -> None:
-        axis = machine.axes[column]
-        follow = axis.follow
+        follow = machine.axes[column].follow
         assert follow is not None
         self.column, self.slot, self.generation = column, slot, generation
         self.tolerance = follow.tolerance
@@ -121,20 +133,16 @@ class Coupling:
         self.leader = Leader(
             bank, machine.column_of(follow.leader), machine.cycle_s, measured=follow.measured
         )
-        place = float(self._row.ordered[column])
-        self._within = within
-        # beside it where it would be by its own limits alone
-        bounds = (within,) if within == UNBOUNDED else (within, UNBOUNDED)
-        self._limits = np.array([tracking_limits(axis, place, free=free, within=each) for each in bounds])
-        self._states: Array = np.array([[place, 0.0, 0.0]] * len(bounds))
+        self._within, self._limits = within, limits
+        self._states: Array = np.array([[place, 0.0, 0.0]] * len(limits))
         self.state: Array = self._states[0]
         self._target, self._targets = np.zeros(3), np.zeros_like(self._states)
         # of the follower's positions, against those of the curve
         self._ahead = 0.0
         self.error, self.in_step, self.ending = 0.0, False, False
         value = self._curve.at(self.leader.start)[0]
-        if isinstance(self._curve, Gear):
-            # a gear has no place of its own: it goes on from where the two are
+        if self.superimposed or isinstance(self._curve, Gear):
+            # a gear has no place of its own, nor has an offset: it goes on from where the two are
             self._ahead = place - value
         self.apart = place - self._ahead - value
 

@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from mcserver.executor.axes import AxisBank
-from mcserver.executor.coupling import Coupling
+from mcserver.executor.coupling import Coupling, coupled_limits
 from mcserver.executor.fault_codes import FaultCode
 from mcserver.executor.independent import IndependentMotions
 from mcserver.executor.superimposed import NotedWorks, SuperimposedCoupling
@@ -40,8 +40,10 @@ class Couplings:
         if self._machine.axes[column].superimposed is not None:
             noted = self.works.of(column)
             return SuperimposedCoupling(self._machine, self._bank, column, slot, generation, noted)
+        place = float(self._bank.row.ordered[column])
         free = bool(self._motions.unlimited >> column & 1)
-        return Coupling(self._machine, self._bank, column, slot, generation, within, free=free)
+        limits = coupled_limits(self._machine.axes[column], place, within, free=free)
+        return Coupling(self._machine, self._bank, column, slot, generation, place, within, limits)
 
     def couple(self, coupling: Coupling) -> None:
         """Let a column follow its leader from this cycle on."""
@@ -142,8 +144,7 @@ class Couplings:
 
     def _hold(self, engaged: tuple[Coupling, ...]) -> None:
         self.engaged = engaged
-        superimposed = self.superimposed()
-        self.tied = sum(1 << each.column for each in engaged)
-        self.mask = self.tied & ~superimposed
+        self.tied = self.all_following
+        self.mask = self.tied & ~self.superimposed()
         for each in engaged:
             self.tied |= 0 if each.leader.measured else 1 << each.leader.column

@@ -47,15 +47,11 @@ class SuperimposedCoupling(Coupling):
         own = machine.axes[column].superimposed
         assert own is not None
         assert bank.shaper is not None
-        super().__init__(machine, bank, column, slot, generation, Bounds(own.low, own.high), free=False)
+        limits = np.array([[*own.limits, own.low, own.high], [*own.limits, -np.inf, np.inf]])
+        super().__init__(machine, bank, column, slot, generation, 0.0, Bounds(own.low, own.high), limits)
         self._shaper, self._noted, self._after = bank.shaper, noted, own.after
-        self._limits = np.array([[*own.limits, own.low, own.high], [*own.limits, -np.inf, np.inf]])
-        self._states[:] = 0.0
-        self.apart = 0.0
         # it waits for a work: the leader's place at which the offset is 0 is not known yet
         self.waits = noted is not None
-        if noted is None:
-            self._begin(self.leader.start)
 
     def _begin(self, place: float) -> None:
         """Let the offset be 0 where the leader is at a place."""

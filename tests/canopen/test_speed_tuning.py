@@ -49,6 +49,18 @@ def test_scale_and_lag_of_a_drive_come_out_of_a_motion(scale: float, lag: float)
     assert found.uncertainty < 1e-4
 
 
+def test_what_a_drive_goes_while_a_sync_is_late_does_not_count() -> None:
+    at = np.arange(5000) * CYCLE_S
+    speed = 80.0 * np.sin(15.0 * at) * np.sin(2.0 * at)
+    place = driven(speed, 1.0, 0.004)
+    for late in range(170, 5000, 450):
+        place[late:] += 30.0 * CYCLE_S * speed[late]
+    found = measure_speed(speed, place, CYCLE_S)
+    assert found is not None
+    assert found.scale == pytest.approx(1.0, rel=0.01)
+    assert found.lag == pytest.approx(0.004, abs=2e-4)
+
+
 def test_speeds_that_do_not_change_or_move_nothing_tell_nothing() -> None:
     even = np.full(2000, 5.0)
     assert measure_speed(even, np.arange(2000) * 5.0 * CYCLE_S, CYCLE_S) is None

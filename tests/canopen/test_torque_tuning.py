@@ -74,6 +74,17 @@ def test_dry_friction_is_told_from_inertia() -> None:
     assert found.friction == pytest.approx(0.008, rel=0.05)
 
 
+@pytest.mark.parametrize("rate", [20.0, 60.0])
+def test_an_axis_that_only_shakes_is_measured_through_its_turns(rate: float) -> None:
+    """A chirp with little room turns more often than once in each window."""
+    at = np.arange(4000) * CYCLE_S
+    torque = 0.05 * np.sign(np.sin(rate * (1.0 + at) * at))
+    found = measure_load(torque, np.round(ordered(torque, 0.008), 5), CYCLE_S)
+    assert found is not None
+    assert found.inertia == pytest.approx(1e-4, rel=0.02)
+    assert found.explained > 0.9
+
+
 def test_what_does_not_move_or_moves_evenly_tells_nothing() -> None:
     rng = np.random.default_rng(5)
     torque = rng.normal(0.0, 0.01, 2000)
