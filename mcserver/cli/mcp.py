@@ -59,7 +59,8 @@ def mcp(
             "MC017", "standard input needs no token, origin or TLS", "leave them out, or give --http"
         )
     try:
-        from mcserver.language.agents.http import HttpAddress, read_token, serve
+        from mcserver.doors.listening import Address
+        from mcserver.language.agents.http import AgentAccess, read_token, serve
         from mcserver.language.agents.server import AgentTools, build_server
     except ImportError as error:
         raise ConfigurationError(
@@ -68,12 +69,12 @@ def mcp(
             "install the extra: pip install 'mcserver[mcp]'",
         ) from error
     token = read_token(token_file) if token_file is not None else None
-    address = HttpAddress(host, port, token, tuple(origin or ()), certificate, key)
+    access = AgentAccess(Address(host, port, certificate, key), token, tuple(origin or ()))
     if http:
-        address.require_protection()
+        access.require_protection()
     server = build_server(AgentTools(described, machine, connect=connect, zenoh=zenoh, recordings=recordings))
     if http:
-        serve(server, address)
+        serve(server, access)
     else:
         server.run("stdio")
 

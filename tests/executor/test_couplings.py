@@ -3,20 +3,19 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import HealthCheck, Phase, given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
-from mcserver.drives.simulated import SimulatedBus
-from mcserver.executor.entries import Array, ControlKind, EventKind
+from mcserver.executor.entries import ControlKind, EventKind
 from mcserver.executor.envelope_bounds import Envelope
 from mcserver.executor.fault_codes import FaultCode
-from mcserver.executor.leading_curves import Cam, curve_of
+from mcserver.executor.leading_curves import Cam
 from mcserver.executor.shm.feedback import SlotState
 from mcserver.gcode.program_check import check_program
 from mcserver.machine.follow_section import cam_points
@@ -26,9 +25,8 @@ from mcserver.machine.section_reader import MachineFileRejected
 from mcserver.motion.canonical import AxisOperation
 from mcserver.simulation.simulation import simulate
 from mcserver.units import DEGREE, MM
-from tests.executor.planned import Planned
+from tests.executor.coupled import LAW, Coupled, abort, hold, under_orders
 from tests.executor.rig import Rig
-from tests.limits import broken_limits, limits_of
 from tests.machine_text import axes_text
 
 # X leads; Y is free; [3] is geared to X, [4] has a cam over it, [6] follows the belt [5]
@@ -65,54 +63,6 @@ def text(gear: str = GEAR, cam: str = CAM, line: str = LINE, travel: float = 100
 
 
 MACHINE = parse_machine(text())
-LAW = settings(
-    max_examples=6,
-    phases=(Phase.explicit, Phase.generate),
-    derandomize=True,
-    database=None,
-    suppress_health_check=list(HealthCheck),
-)
-
-
-class Coupled(Planned):
-    """A program, played to its end with orders on the way."""
-
-    def play(
-        self, orders: Mapping[int, Callable[[Coupled], None]] | None = None, cycles: int = 20_000
-    ) -> Coupled:
-        for cycle in range(cycles):
-            if orders and cycle in orders:
-                orders[cycle](self)
-            self.step()
-            if self.ended and self.executor.at_rest:
-                return self
-        raise AssertionError("no end")
-
-    @property
-    def bus(self) -> SimulatedBus:
-        found = [each for each in self.executor.executor.bank.buses if isinstance(each, SimulatedBus)]
-        return found[0]
-
-    def column(self, axis: int) -> int:
-        """The column of an axis."""
-        return self.machine.column_of(axis)
-
-    def setpoints(self, axis: int) -> Array:
-        return np.array(self.rows)[:, self.machine.column_of(axis)]
-
-    def broken(self, *, jerk: bool = True, but: tuple[int, ...] = (5,)) -> list[str]:
-        """Limits that setpoints pass in any cycle."""
-        limits = np.array(limits_of(self.machine))
-        kept = [n for n, axis in enumerate(self.machine.axes) if axis.index not in but]
-        return broken_limits(np.array(self.rows)[:, kept], limits[: 3 if jerk else 2, kept])
-
-    def beside(self, axis: int, until: int | None = None) -> Array:
-        """How far a follower is from where its leader's setpoint has it [m or rad]."""
-        follow = self.machine.axes[self.machine.column_of(axis)].follow
-        assert follow is not None
-        curve = curve_of(follow)
-        led = np.array([curve.at(place)[0] for place in self.setpoints(follow.leader).tolist()])
-        return np.abs(self.setpoints(axis) - led)[:until]
 
 
 def test_followers_are_in_step_through_lines_arcs_rapids_and_overrides() -> None:
@@ -150,43 +100,14 @@ def test_how_far_a_follower_is_beside_its_leader_follows_from_what_its_limits_sp
     assert cell.broken() == []
 
 
-def _abort(each: Coupled) -> None:
-    each.executor.mailbox.abort(0)
-
-
-def _stop(each: Coupled) -> None:
-    each.executor.mailbox.emergency_stop()
-
-
-def _hold(each: Coupled) -> None:
-    each.executor.mailbox.set_hold(True, 0)
-
-
-def _resume(each: Coupled) -> None:
-    each.executor.mailbox.set_hold(False, 0)
-
-
-def _override(share: float) -> Callable[[Coupled], None]:
-    return lambda each: each.executor.mailbox.set_override(share, 0)
-
-
-@LAW
-@given(
-    st.dictionaries(
-        st.integers(30, 2500),
-        st.sampled_from([_hold, _resume, _override(0.2), _override(1.0), _override(1.5)]),
-        max_size=8,
-    ),
-    st.integers(100, 2500),
-    st.sampled_from([_abort, _stop]),
-)
+@under_orders(2500, ends_from=100)
 def test_whatever_is_ordered_limits_are_kept_and_a_stop_leaves_both_at_rest(
     orders: dict[int, Callable[[Coupled], None]], at: int, end: Callable[[Coupled], None]
 ) -> None:
     cell = Coupled(MACHINE, MOVES.format(WAY))
     cell.play({**orders, at: end})
-    assert cell.broken(jerk=end is _abort) == []
-    if end is _abort:
+    assert cell.broken(jerk=end is abort) == []
+    if end is abort:
         # the leader comes to rest on its path, and what follows it in step
         assert cell.beside(3).max() < 1e-3 * DEGREE
         assert cell.faults == []
@@ -334,7 +255,7 @@ def test_a_stalled_cycle_ends_it_where_the_axes_stand() -> None:
 def test_a_hold_holds_both() -> None:
     cell = Coupled(MACHINE, MOVES.format("G1 X300 F9000"))
     cell.step(800)
-    _hold(cell)
+    hold(cell)
     cell.step(1000)
     assert cell.executor.feedback.slots[0].state == SlotState.HELD
     assert cell.beside(3).max() < 1e-3 * DEGREE

@@ -6,8 +6,6 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
 from mcserver.executor.entries import Array
 from mcserver.executor.fault_codes import FaultCode
@@ -18,7 +16,7 @@ from mcserver.machine.machine_file import Machine, parse_machine
 from mcserver.machine.section_reader import MachineFileRejected
 from mcserver.simulation.simulation import simulate
 from mcserver.units import MM
-from tests.executor.test_couplings import LAW, Coupled
+from tests.executor.coupled import Coupled, under_orders
 from tests.gcode.test_retraction import faults
 from tests.language.grammar_reader import Recognizer
 from tests.limits import broken_limits
@@ -104,36 +102,7 @@ def test_the_file_keeps_limits_for_it_and_its_path_is_left_no_further() -> None:
     assert (shaping.path_deviation, shaping.delay) == (0.0, 20)
 
 
-def _abort(each: Coupled) -> None:
-    each.executor.mailbox.abort(0)
-
-
-def _stop(each: Coupled) -> None:
-    each.executor.mailbox.emergency_stop()
-
-
-def _hold(each: Coupled) -> None:
-    each.executor.mailbox.set_hold(True, 0)
-
-
-def _resume(each: Coupled) -> None:
-    each.executor.mailbox.set_hold(False, 0)
-
-
-def _override(share: float) -> Callable[[Coupled], None]:
-    return lambda each: each.executor.mailbox.set_override(share, 0)
-
-
-@LAW
-@given(
-    st.dictionaries(
-        st.integers(30, 2000),
-        st.sampled_from([_hold, _resume, _override(0.2), _override(1.0), _override(1.5)]),
-        max_size=6,
-    ),
-    st.integers(300, 2000),
-    st.sampled_from([_abort, _stop]),
-)
+@under_orders(2000, ends_from=300)
 def test_whatever_is_ordered_limits_are_kept_and_a_stop_leaves_e_where_it_was_ordered(
     orders: dict[int, Callable[[Coupled], None]], at: int, end: Callable[[Coupled], None]
 ) -> None:

@@ -15,7 +15,7 @@ from mcserver.gcode.program_check import check_program
 from mcserver.machine.machine_file import Machine, parse_machine
 from mcserver.machine.section_reader import MachineFileRejected
 from mcserver.units import MM
-from tests.executor.test_couplings import LAW, Coupled
+from tests.executor.coupled import LAW, Coupled, abort, hold, resume, under_orders
 from tests.limits import broken_limits
 from tests.machine_text import axes_text
 
@@ -106,47 +106,18 @@ def test_what_comes_behind_g1061_is_in_the_frame_that_stands() -> None:
     assert cell.setpoints(0)[-1] == pytest.approx(20.0 * MM, abs=1e-9)
 
 
-def _abort(each: Coupled) -> None:
-    each.executor.mailbox.abort(0)
-
-
-def _stop(each: Coupled) -> None:
-    each.executor.mailbox.emergency_stop()
-
-
-def _hold(each: Coupled) -> None:
-    each.executor.mailbox.set_hold(True, 0)
-
-
-def _resume(each: Coupled) -> None:
-    each.executor.mailbox.set_hold(False, 0)
-
-
-def _override(share: float) -> Callable[[Coupled], None]:
-    return lambda each: each.executor.mailbox.set_override(share, 0)
-
-
-@LAW
-@given(
-    st.dictionaries(
-        st.integers(30, 2500),
-        st.sampled_from([_hold, _resume, _override(0.2), _override(1.0), _override(1.5)]),
-        max_size=8,
-    ),
-    st.integers(320, 2500),
-    st.sampled_from([_abort, _stop]),
-)
+@under_orders(2500, ends_from=320)
 def test_whatever_is_ordered_limits_are_kept_and_a_stop_leaves_the_axis_at_rest(
     orders: dict[int, Callable[[Coupled], None]], at: int, end: Callable[[Coupled], None]
 ) -> None:
     cell = Picker(MACHINE, f"{BELT}G1060 P0\n{SHAPE * 3}G1061\nM2")
     cell.play({**orders, at: end})
-    assert cell.broken(jerk=end is _abort) == []
+    assert cell.broken(jerk=end is abort) == []
     executor = cell.executor.executor
     assert executor._cycle.couplings.engaged == ()
     assert executor.bank.shaper is not None
     assert not executor.bank.shaper.added.any()
-    if end is _abort:
+    if end is abort:
         assert cell.faults == []
         assert np.diff(cell.setpoints(0))[-1] == 0.0
 
@@ -184,7 +155,7 @@ def test_an_axis_whose_drive_fails_has_no_offset_left() -> None:
 
 def test_in_a_feed_hold_the_tool_stands_on_the_work_that_goes_on() -> None:
     cell = Picker(MACHINE, f"{BELT}G1060 P0\n{SHAPE}G1061\nM2")
-    cell.play({700: _hold, 1500: _resume})
+    cell.play({700: hold, 1500: resume})
     assert cell.faults == []
     assert np.ptp((cell.setpoints(0) - cell.offsets)[1200:1490]) < 0.02 * MM
     assert np.ptp(cell.setpoints(0)[1200:1490]) > 0.015

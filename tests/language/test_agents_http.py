@@ -13,20 +13,22 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from starlette.types import Message, Receive, Scope, Send
 
 from mcserver.cli.app import run_command_line
+from mcserver.doors.listening import Address
 from mcserver.errors import ConfigurationError
-from mcserver.language.agents.http import Guard, HttpAddress, Message, Receive, Scope, Send, read_token
+from mcserver.language.agents.http import AgentAccess, Guard, read_token
 
 TOKEN = "0123456789abcdef0123456789abcdef"
-FAR = HttpAddress("0.0.0.0", 8808, TOKEN, ("https://cell.example",))
+FAR = AgentAccess(Address("0.0.0.0", 8808), TOKEN, ("https://cell.example",))
 
 
 async def _open_house(scope: Scope, receive: Receive, send: Send) -> None:  # noqa: ARG001
     await send({"type": "http.response.start", "status": 200, "headers": []})
 
 
-async def status(address: HttpAddress, *headers: tuple[bytes, bytes], kind: str = "http") -> int | None:
+async def status(access: AgentAccess, *headers: tuple[bytes, bytes], kind: str = "http") -> int | None:
     sent: list[Message] = []
 
     async def receive() -> Message:
@@ -35,7 +37,7 @@ async def status(address: HttpAddress, *headers: tuple[bytes, bytes], kind: str 
     async def send(message: Message) -> None:
         sent.append(message)
 
-    await Guard(_open_house, address)({"type": kind, "headers": list(headers)}, receive, send)
+    await Guard(_open_house, access)({"type": kind, "headers": list(headers)}, receive, send)
     return sent[0]["status"] if sent else None
 
 
@@ -72,17 +74,16 @@ async def test_the_guard_serves_no_web_socket() -> None:
 def test_other_addresses_need_the_token_and_tls(tmp_path: Path) -> None:
     pem = tmp_path / "site.pem"
     pem.write_text("a certificate")
-    HttpAddress("127.0.0.1", 1).require_protection()
-    HttpAddress("0.0.0.0", 1, TOKEN, (), pem, pem).require_protection()
-    for open_address in (
-        HttpAddress("0.0.0.0", 1),
-        HttpAddress("0.0.0.0", 1, TOKEN),
-        HttpAddress("::", 1, None, (), pem, pem),
-        HttpAddress("127.0.0.1", 1, None, (), pem, None),
-        HttpAddress("127.0.0.1", 1, None, (), pem, tmp_path / "absent"),
+    AgentAccess(Address("127.0.0.1", 1)).require_protection()
+    AgentAccess(Address("0.0.0.0", 1, pem, pem), TOKEN).require_protection()
+    for reached in (
+        AgentAccess(Address("0.0.0.0", 1)),
+        AgentAccess(Address("0.0.0.0", 1), TOKEN),
+        AgentAccess(Address("::", 1, pem, pem)),
+        AgentAccess(Address("127.0.0.1", 1, pem)),
     ):
         with pytest.raises(ConfigurationError, match="MC082"):
-            open_address.require_protection()
+            reached.require_protection()
 
 
 @pytest.mark.parametrize(
