@@ -85,7 +85,9 @@ def schema(monkeypatch: pytest.MonkeyPatch) -> Callable[[Any], list[str]]:
 
 
 @pytest.mark.parametrize("file", [DASHBOARD, HISTORY], ids=lambda file: file.name)
-def test_grafana_s_own_schema_knows_all_of_a_dashboard(file: Path, schema: Callable[[Any], list[str]]) -> None:
+def test_grafana_s_own_schema_knows_all_of_a_dashboard(
+    file: Path, schema: Callable[[Any], list[str]]
+) -> None:
     dashboard = json.loads(file.read_text("utf-8"))
     assert schema(dashboard) == []
     panel = dashboard["panels"][4]
