@@ -60,8 +60,11 @@ def exported(tmp_path: Path) -> dict[str, set[str]]:
     return found
 
 
+Judge = Callable[[Any], list[str]]
+
+
 @pytest.fixture
-def schema(monkeypatch: pytest.MonkeyPatch) -> Callable[[Any], list[str]]:
+def schema(monkeypatch: pytest.MonkeyPatch) -> Judge:
     """What of a dashboard Grafana's own models of its schema do not know."""
     monkeypatch.setattr(sys, "path", [*sys.path, str(python_peers())])
     importlib.import_module("grafana_foundation_sdk.cog.plugins").register_default_plugins()
