@@ -11,7 +11,7 @@ import typer
 
 from mcserver.cli.console import narration
 from mcserver.cli.options import ConnectOption, ZenohConfigOption
-from mcserver.cli.serving import require_packages, run_until_stopped, say_lost
+from mcserver.cli.serving import require_packages, run_until_stopped
 
 if TYPE_CHECKING:
     from mcclient.fleet import FleetLink
@@ -79,7 +79,7 @@ async def _run(kept: HistoryFolder, connect: tuple[str, ...], zenoh: Path | None
     async def watch(link: FleetLink) -> None:
         await _collect(kept, link, events, states_hz)
 
-    await keep_link(watch, say_lost, connect=connect, config_file=zenoh)
+    await keep_link(watch, connect=connect, config_file=zenoh)
 
 
 async def _collect(kept: HistoryFolder, link: FleetLink, events: FleetEvents, states_hz: float) -> None:

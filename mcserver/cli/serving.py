@@ -15,8 +15,6 @@ from mcserver.errors import NEEDS_LINUX, ConfigurationError
 if TYPE_CHECKING:
     from collections.abc import Callable, Coroutine
 
-    from mcclient import MotionError
-
     from mcserver.net.roles import Role
 
 
@@ -57,11 +55,6 @@ def role_of(name: str, code: str) -> Role:
         return Role(name)
     except ValueError:
         raise ConfigurationError(code, f"there is no role {name!r}", roles_named(EVERYBODY)) from None
-
-
-def say_lost(error: MotionError) -> None:
-    """Say that a process which watches all machines has lost them for now."""
-    narration().print(f"{error.message}; trying again")
 
 
 def run_until_stopped(main: Coroutine[object, object, None]) -> None:

@@ -12,7 +12,7 @@ import typer
 
 from mcserver.cli.console import narration
 from mcserver.cli.options import ConnectOption, ZenohConfigOption
-from mcserver.cli.serving import require_packages, say_lost
+from mcserver.cli.serving import require_packages
 
 if TYPE_CHECKING:
     from mcclient.fleet import FleetLink
@@ -63,4 +63,4 @@ async def _run(hooks: list[Hook], connect: tuple[str, ...], zenoh: Path | None) 
                         receiver.take(machine, event)
                 await asyncio.sleep(PERIOD_S)
 
-        await keep_link(watch, say_lost, connect=connect, config_file=zenoh)
+        await keep_link(watch, connect=connect, config_file=zenoh)

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import aiomqtt
 import msgspec
-from mcclient import MachineStatus, MotionError
+from mcclient import MachineStatus
 from mcclient.fleet import FleetLink, keep_states
 
 from mcserver.mqtt.metrics import Value, metrics_of
@@ -51,7 +51,7 @@ class Bridge:
         async with asyncio.TaskGroup() as group:
             group.create_task(self.keep_connected(broker))
             watching = keep_states(
-                self._look, self._lost, period_s=self._period_s, connect=connect, config_file=config_file
+                self._look, period_s=self._period_s, connect=connect, config_file=config_file
             )
             group.create_task(watching)
 
@@ -75,9 +75,6 @@ class Bridge:
 
     async def _look(self, _: FleetLink, states: Mapping[str, MachineStatus]) -> None:
         await self.see({name: metrics_of(status) for name, status in states.items()})
-
-    def _lost(self, error: MotionError) -> None:
-        log.info("%s; trying again", error.message)
 
     async def _send(self, messages: Iterable[Message]) -> None:
         client = self._client
@@ -105,6 +102,7 @@ class Bridge:
             await client.publish(each.topic, each.payload, each.qos, each.retain, timeout=SEND_S)
 
     async def keep_connected(self, broker: Broker) -> None:
+        said = ""
         while True:
             will = self._publisher.will()
             client = aiomqtt.Client(
@@ -121,9 +119,12 @@ class Bridge:
             )
             try:
                 async with client:
+                    said = ""
                     await self._serve(client)
             except aiomqtt.MqttError as error:
-                log.info("no broker at %s:%d: %s; trying again", broker.host, broker.port, error)
+                if str(error) != said:
+                    said = str(error)
+                    log.warning("no broker at %s:%d: %s; trying again", broker.host, broker.port, said)
             self._client = None
             await asyncio.sleep(RETRY_S)
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
-import logging
 import secrets
 import socket
 from collections.abc import AsyncIterator, Mapping
@@ -24,8 +23,6 @@ from starlette.routing import Route
 from mcserver.doors.limits import BodyLimit, DoorLimits
 from mcserver.doors.listening import LOOPBACK, Address, listen, serve_until_stopped
 from mcserver.mtconnect.agent import Agent, Refusal, interval_of
-
-log = logging.getLogger(__name__)
 
 XML = "text/xml"
 
@@ -77,8 +74,7 @@ async def collect(agent: Agent, options: AgentOptions) -> None:
     async def see(link: FleetLink, found: Mapping[str, MachineStatus]) -> None:
         await look(agent, link, found)
 
-    def lost(error: MotionError) -> None:
-        log.info("%s; trying again", error.message)
+    def lost(_: MotionError) -> None:
         for name in agent.devices:
             agent.see(name, None)
 

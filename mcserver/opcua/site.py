@@ -25,8 +25,6 @@ from mcserver.opcua.nodesets import Model, load
 from mcserver.opcua.orders import Order, carry_out
 from mcserver.web.users import read_users
 
-log = logging.getLogger(__name__)
-
 MOST_MACHINES = 1000
 # between two looks at a tool table [s]
 TOOLS_S = 10.0
@@ -147,8 +145,7 @@ async def serve(options: OpcUaOptions) -> None:
     async with serving(options) as machines:
         lost: set[asyncio.Task[None]] = set()
 
-        def lose(error: MotionError) -> None:
-            log.info("%s; trying again", error.message)
+        def lose(_: MotionError) -> None:
             lost.add(asyncio.ensure_future(machines.lose()))
             lost.difference_update([each for each in lost if each.done()])
 

@@ -34,9 +34,7 @@ class Bridge:
 
     async def run(self) -> None:
         """Run until it is cancelled."""
-        await keep_link(
-            self._watch, self._lost, connect=self._options.connect, config_file=self._options.config_file
-        )
+        await keep_link(self._watch, connect=self._options.connect, config_file=self._options.config_file)
 
     async def _watch(self, link: FleetLink) -> None:
         options = self._options
@@ -96,6 +94,3 @@ class Bridge:
         task = self._nodes.pop(name)
         task.cancel()
         await asyncio.gather(task, return_exceptions=True)
-
-    def _lost(self, error: MotionError) -> None:
-        self._say(f"{error.message}; trying again")

@@ -60,8 +60,11 @@ def exported(tmp_path: Path) -> dict[str, set[str]]:
     return found
 
 
+Judge = Callable[[Any], list[str]]
+
+
 @pytest.fixture
-def schema(monkeypatch: pytest.MonkeyPatch) -> Callable[[Any], list[str]]:
+def schema(monkeypatch: pytest.MonkeyPatch) -> Judge:
     """What of a dashboard Grafana's own models of its schema do not know."""
     monkeypatch.setattr(sys, "path", [*sys.path, str(python_peers())])
     importlib.import_module("grafana_foundation_sdk.cog.plugins").register_default_plugins()
@@ -85,7 +88,9 @@ def schema(monkeypatch: pytest.MonkeyPatch) -> Callable[[Any], list[str]]:
 
 
 @pytest.mark.parametrize("file", [DASHBOARD, HISTORY], ids=lambda file: file.name)
-def test_grafana_s_own_schema_knows_all_of_a_dashboard(file: Path, schema: Callable[[Any], list[str]]) -> None:
+def test_grafana_s_own_schema_knows_all_of_a_dashboard(
+    file: Path, schema: Callable[[Any], list[str]]
+) -> None:
     dashboard = json.loads(file.read_text("utf-8"))
     assert schema(dashboard) == []
     panel = dashboard["panels"][4]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import itertools
+import logging
 from collections.abc import Awaitable, Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Self
@@ -17,6 +18,8 @@ from mcclient.presence import Presence
 from mcclient.transport import Link, endpoints_of, user_of
 from mcclient.types import EventsReply, Info, MachineStatus, Tables
 from mcclient.wire import decode
+
+log = logging.getLogger(__name__)
 
 ORDER_S = 3.0
 RETRY_S = 2.0
@@ -150,32 +153,40 @@ class FleetLink:
 
 async def keep_link(
     use: Callable[[FleetLink], Awaitable[None]],
-    lost: Callable[[MotionError], None],
+    lost: Callable[[MotionError], None] | None = None,
     *,
     connect: Sequence[str] = (),
     config_file: Path | None = None,
 ) -> None:
     """Use a link to all machines, and another one whenever that breaks, until it is cancelled.
 
+    Why one breaks or is not to be had is logged, once as long as it is the same.
+
     Args:
         use: ends by a `MotionError` where the network cannot be asked. lost: is told of each.
         connect: endpoints; empty: this computer. config_file: a Zenoh configuration.
     """
+    said = ""
     while True:
         try:
             link = await FleetLink.open(connect or None, config_file=config_file)
+            said = ""
             try:
                 await use(link)
             finally:
                 await link.close()
         except MotionError as error:
-            lost(error)
+            if error.message != said:
+                said = error.message
+                log.warning("%s; trying again", said)
+            if lost is not None:
+                lost(error)
         await asyncio.sleep(RETRY_S)
 
 
 async def keep_states(
     see: Callable[[FleetLink, Mapping[str, MachineStatus]], Awaitable[None]],
-    lost: Callable[[MotionError], None],
+    lost: Callable[[MotionError], None] | None = None,
     *,
     period_s: float,
     connect: Sequence[str] = (),
