@@ -1,6 +1,7 @@
 """How late a browser's messages are: what was held up on the way must not move anything when it comes.
 
-The browser sends its own clock every 2 s, and with whatever is pressed (static/page.js, resuming.py).
+The browser sends its own clock with each sign of life that it confirms, and with whatever is pressed
+(static/page.js, resuming.py).
 """
 
 from __future__ import annotations

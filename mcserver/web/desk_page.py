@@ -21,6 +21,7 @@ from mcserver.web.panels.desk_tune import TunePanel
 from mcserver.web.panels.desk_units import UnitsPanel
 from mcserver.web.panels.drives import DrivesPanel
 from mcserver.web.panels.machine_file import MachineFilePanel
+from mcserver.web.resuming import outbox_of
 from mcserver.web.sessions import Visitor
 from mcserver.web.translation import t
 
@@ -38,7 +39,9 @@ class DeskPage:
         self._visitor = visitor
         self._link = link
         self._beat = 0
-        actions = Actions(Driver(ui.context.client.id, visitor), link)
+        client = ui.context.client
+        self._outbox = outbox_of(client)
+        actions = Actions(Driver(client.id, visitor), link)
         with header(actions):
             ui.link(link.name, f"/machine/{quote(link.name)}").classes("text-white font-bold")
             self._state = StateLabel()
@@ -72,11 +75,13 @@ class DeskPage:
     async def update(self) -> None:
         """Show the newest state."""
         if self._beat % BEAT_EVERY == 0:
-            ui.run_javascript("mcAlive()")
+            self._outbox.send_sign_of_life()
             if not self._visitor.is_known() or not self._visitor.may(METHOD):
                 ui.navigate.reload()
                 return
         self._beat += 1
+        if self._outbox.is_behind:
+            return
         self._state.update(self._link)
         self._control.update()
         self._drive.update()

@@ -43,7 +43,7 @@ class NamedDialog(ui.dialog):
         return self._answer
 
 
-async def answer_to(dialog: NamedDialog, act: Callable[[Any], Awaitable[bool]] | None = None) -> Any:
+async def answer_to(dialog: NamedDialog, act: Callable[[Any], Awaitable[bool]]) -> Any:
     """Open a dialog, and wait for what is submitted: None where it was closed, or its page. It is gone then.
 
     Args:
@@ -51,7 +51,7 @@ async def answer_to(dialog: NamedDialog, act: Callable[[Any], Awaitable[bool]] |
     """
     dialog.open()
     answer = await dialog.next_answer()
-    while act is not None and answer is not None and answer is not False and not await act(answer):
+    while answer is not None and answer is not False and not await act(answer):
         answer = await dialog.next_answer()
     if not dialog.is_deleted:
         dialog.delete()
@@ -63,14 +63,14 @@ async def ask(
     verb: str,
     *,
     colour: str,
+    act: Callable[[], Awaitable[bool]],
     details: Callable[[], object] | None = None,
-    act: Callable[[], Awaitable[bool]] | None = None,
 ) -> bool:
-    """Ask before something is done; whether it shall be.
+    """Ask before something is done, and do it; whether it was done.
 
     Args:
-        verb: on the button that does it. colour: of that button. details: builds what is shown below the
-            question. act: does it; whether it was done. Where not the question stays.
+        verb: on the button that does it. colour: of that button. act: does it; whether it was done. Where not
+            the question stays. details: builds what is shown below the question.
     """
     with NamedDialog(question) as dialog, ui.card().classes("mc-ask"):
         ui.label(question).classes("font-bold break-words")
@@ -79,9 +79,4 @@ async def ask(
         with ui.element("div").classes("mc-buttons"):
             ui.button(verb, on_click=lambda: dialog.submit(True)).props(f"color={colour}")
             ui.button(t("Cancel"), on_click=lambda: dialog.submit(False)).props("flat autofocus")
-    return bool(await answer_to(dialog, None if act is None else lambda _: act()))
-
-
-async def ask_to_replace(name: str) -> bool:
-    """Ask before a kept program gets another text; whether it shall."""
-    return await ask(t("{name} is kept already. Replace it?", name=name), t("Replace"), colour="warning")
+    return bool(await answer_to(dialog, lambda _: act()))

@@ -19,6 +19,7 @@ from mcserver.web.dialogs import NamedDialog, answer_to, ask
 from mcserver.web.fleet import VISITOR_LINKS, Fleet
 from mcserver.web.fleet_table import STATES, grid_options, machine_row
 from mcserver.web.menu import add_menu
+from mcserver.web.resuming import outbox_of
 from mcserver.web.sessions import Visitor
 from mcserver.web.store import MAX_PROGRAM_BYTES
 from mcserver.web.translation import mark, t
@@ -65,6 +66,7 @@ class FleetPage:
         self._visitor = visitor
         self._fleet = fleet
         self._sent: dict[str, dict[str, Any]] = {}
+        self._outbox = outbox_of(ui.context.client)
         with ui.header(elevated=True).classes("items-center justify-between no-wrap py-1 px-2 bg-slate-900"):
             ui.label(t("Machines")).classes("font-bold text-lg")
             self._summary = ui.label("").props("role=status").classes("mc-summary")
@@ -116,9 +118,11 @@ class FleetPage:
 
     def update(self) -> None:
         """Send the rows that have changed, and a sign of life: a page that gets none says so."""
-        ui.run_javascript("mcAlive()")
+        self._outbox.send_sign_of_life()
         if not self._visitor.is_known():
             ui.navigate.reload()
+            return
+        if self._outbox.is_behind:
             return
         rows = {
             name: machine_row(seen, self._fleet.running_today, self._fleet.jobs_of(name))

@@ -40,6 +40,7 @@ from mcserver.web.panels.tables import TablesPanel
 from mcserver.web.panels.teach import TeachPanel
 from mcserver.web.panels.tool_jog import ToolJogPanel
 from mcserver.web.past import Past
+from mcserver.web.resuming import outbox_of
 from mcserver.web.sessions import Visitor
 from mcserver.web.translation import mark, t
 
@@ -49,7 +50,7 @@ FOLLOW_S = 0.01
 # charts, pictures and lists, in refreshes: drawing them is what costs a phone its battery
 SLOW_EVERY = 4
 # signs of life, in refreshes: a page that gets none says so
-BEAT_EVERY = 10
+BEAT_EVERY = 5
 # between two questions to the server [s]
 SLOW_S = 1.0
 # a message of what has ended stays this long [ms]
@@ -65,6 +66,7 @@ class MachinePage:
         self._link = link
         self._visitor = visitor
         client = ui.context.client
+        self._outbox = outbox_of(client)
         self._actions = actions = Actions(Driver(client.id, visitor), link)
         self._announcer = Announcer(link.name)
         self._turn = 0
@@ -147,7 +149,7 @@ class MachinePage:
     async def _follow(self) -> None:
         """Show where the axes are as soon as the server says it, not at the next refresh."""
         await self._link.next_status()
-        if self._link.machine is not None:
+        if self._link.machine is not None and not self._outbox.is_behind:
             self._positions.update(self._link.machine.info)
 
     async def ask(self) -> None:
@@ -209,11 +211,13 @@ class MachinePage:
     def update(self) -> None:
         """Show the newest state."""
         if self._beat % BEAT_EVERY == 0:
-            ui.run_javascript("mcAlive()")
+            self._outbox.send_sign_of_life()
             if not self._visitor.is_known():
                 ui.navigate.reload()
                 return
         self._beat += 1
+        if self._outbox.is_behind:
+            return
         status, machine = self._link.status, self._link.machine
         word = self._state.update(self._link)
         self._control.update()

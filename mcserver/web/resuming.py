@@ -5,13 +5,18 @@ it an open dialog, what is ticked, and what was typed. Here a message that was l
 element only its newest state. In the other direction each event has a number of its document and the time
 at which it was made, is sent again until it is confirmed (static/page.js), and is taken once. Whether it is
 too late is judged where it acts (MC604).
+
+A browser that draws slower than it is sent what to draw would show older and older states as new ones, and
+press by press the answers would come later, until its link is given up. It confirms signs of life, and where
+it is behind nothing but answers is sent to it: what it has not seen is drawn later, from what is then.
 """
 
 from __future__ import annotations
 
 import logging
+import time
 from collections import deque
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from typing import Any
 
@@ -28,6 +33,8 @@ log = logging.getLogger(__name__)
 MOST_MESSAGES = 4000
 # that show one page, one after the other
 MOST_DOCUMENTS = 8
+# a browser that has not confirmed a sign of life for so long [s] is slower than what it is sent
+BEHIND_S = 0.5
 
 
 class ResumingOutbox(Outbox):
@@ -35,17 +42,22 @@ class ResumingOutbox(Outbox):
 
     Args:
         client: the page that it is of, which has a connection or will have one.
+        clock: seconds, never stepping.
 
     Attributes:
         gate: of its browser.
     """
 
-    def __init__(self, client: Client) -> None:
+    def __init__(self, client: Client, clock: Callable[[], float] = time.monotonic) -> None:
         super().__init__(client)
+        self._clock = clock
+        self._sign = self._confirmed = 0
+        self._sign_at = 0.0
         self._taken: dict[str, int] = {}
         self.gate = DelayGate()
         self._newest: dict[int, MessageId] = {}
         self._said: deque[tuple[MessageId, Message]] = deque()
+        self._is_sending = False
         # none before it is kept
         self._kept_from: MessageId = 0
 
@@ -57,6 +69,22 @@ class ResumingOutbox(Outbox):
             del self._taken[next(iter(self._taken))]
         self._taken[document] = number
         return True
+
+    @property
+    def is_behind(self) -> bool:
+        """Whether the browser has not yet come to what it was sent a while ago."""
+        return self._confirmed < self._sign and self._clock() - self._sign_at > BEHIND_S
+
+    def send_sign_of_life(self) -> None:
+        """Send one, once the one before is confirmed: a page that gets none says that nothing comes."""
+        if self._confirmed == self._sign:
+            self._sign += 1
+            self._sign_at = self._clock()
+            self.enqueue_message("run_javascript", {"code": f"mcAlive({self._sign})"}, self.client.id)
+
+    def confirm(self, sign: int) -> None:
+        """Take the number of a sign of life that the browser has come to."""
+        self._confirmed = max(self._confirmed, min(sign, self._sign))
 
     def enqueue_message(self, message_type: MessageType, data: Payload, target_id: ClientId) -> None:
         """Send a message; none to a page that is gone, which whoever calls has waited for something on."""
@@ -71,11 +99,16 @@ class ResumingOutbox(Outbox):
             self._said.append((self.next_message_id, message))
             if len(self._said) > MOST_MESSAGES:
                 self._kept_from = self._said.popleft()[0] + 1
-        await super()._emit(message)
+        self._is_sending = True
+        try:
+            await super()._emit(message)
+        finally:
+            self._is_sending = False
 
     def try_rewind(self, target_message_id: MessageId) -> None:
         """Send what the browser has not got: all from that message on."""
-        if target_message_id == self.next_message_id:
+        # one that is being sent goes by the link that was there as that began
+        if target_message_id == self.next_message_id and not self._is_sending:
             return
         if target_message_id < self._kept_from:
             super().try_rewind(target_message_id)
@@ -139,6 +172,7 @@ def take_events_once() -> None:
             outbox = _outbox(event)
             if outbox is not None:
                 outbox.gate.observe(event["sent_s"])
+                outbox.confirm(event["sign"])
 
     core.sio.on("event", take_once)
     core.sio.on("clock", take_clock)
@@ -151,6 +185,13 @@ def _only_of_a_page() -> Iterator[None]:
         yield
     except (AttributeError, LookupError, TypeError, ValueError) as error:
         log.info("an event of no element of the page: %s: %s", type(error).__name__, error)
+
+
+def outbox_of(client: Client) -> ResumingOutbox:
+    """Return the outbox of a page that `resume_after_cuts` was called for."""
+    outbox = client.outbox
+    assert isinstance(outbox, ResumingOutbox)
+    return outbox
 
 
 def _outbox(event: dict[str, Any]) -> ResumingOutbox | None:

@@ -10,7 +10,7 @@ import pytest
 from mcclient import sync
 
 from tests.browser.conftest import LIMIT_MS, TRIES, WIDE, PageProcess, opened, playwright
-from tests.browser.test_machine_page import upload
+from tests.browser.test_machine_page import OUTLASTING, upload
 
 if TYPE_CHECKING:
     from playwright.sync_api import Page
@@ -44,7 +44,7 @@ def use(page: Page) -> None:
     """
     field = page.get_by_label("G-code line")
     for _ in range(TRIES):
-        upload(page, "used.gcode", "G1010\nG91\nG01 X20 F60\n")
+        upload(page, "used.gcode", OUTLASTING)
         field.fill("G02 X100 Y0 R1")
         field.press("Enter")
         refused = page.get_by_text(re.compile(r"\^+ .*\[MC104\]")).first

@@ -13,7 +13,7 @@ from mcclient import sync
 from mcserver.web.users import Role, add_user
 from tests.browser.conftest import LIMIT_MS, TRIES, WIDE, PageProcess, opened, page_of, playwright, press
 from tests.browser.test_fleet_page import log_in
-from tests.browser.test_machine_page import at_rest, held_until, stands, upload, wait_for
+from tests.browser.test_machine_page import OUTLASTING, at_rest, held_until, stands, upload, wait_for
 from tests.e2e.servers import ServerProcess
 
 if TYPE_CHECKING:
@@ -72,7 +72,7 @@ def test_who_drives_is_seen_by_all_and_others_are_refused_but_may_stop(
     for page in (ada, bob):
         expect(page.get_by_text("Nobody has control", exact=True)).to_be_visible()
     # the first action takes control: who is alone notices nothing of it
-    upload(ada, "slow.gcode", "G1010\nG91\nG01 X200 F60\n")
+    upload(ada, "slow.gcode", OUTLASTING)
     ada.get_by_role("button", name="Run", exact=True).first.click()
     expect(ada.get_by_text("You have control", exact=True)).to_be_visible()
     expect(bob.get_by_text(re.compile(r"^ada \(browser \w+\) has control$"))).to_be_visible()
@@ -86,9 +86,7 @@ def test_who_drives_is_seen_by_all_and_others_are_refused_but_may_stop(
     bob.locator("[data-estop]").click()
     wait_for(machine, bob, lambda status: status.state == "estop")
     # it is for the one who drives to say that the cause is removed
-    for close in bob.locator(".q-notification").get_by_role("button", name="close").all():
-        close.click()
-    expect(refused).to_have_count(0)
+    close_all(bob.locator(".q-notification").filter(has=refused))
     bob.get_by_role("button", name="Reset").click()
     expect(refused).to_be_visible()
     ada.get_by_role("button", name="Reset").click()
@@ -142,13 +140,22 @@ def test_control_is_given_back_by_a_button_by_a_closed_page_and_by_the_end_of_a_
 
 def press_until(button: Locator, said: Locator) -> None:
     """Press a button until a sentence comes: on a busy computer a press may be refused as too late."""
-    late = button.page.get_by_text(re.compile(r"\[MC604\]"))
+    late = button.page.locator(".q-notification").filter(has_text="[MC604]")
     for _ in range(TRIES):
         button.click()
         expect(said.or_(late).first).to_be_visible()
         if said.count():
             return
+        # what is said of the next press is told from what was said of this one
+        close_all(late)
     raise AssertionError("every press was late")
+
+
+def close_all(notifications: Locator) -> None:
+    """Close what is said; what goes by itself meanwhile need not be closed."""
+    buttons = notifications.get_by_role("button", name="close")
+    buttons.evaluate_all("(buttons) => buttons.forEach((each) => each.click())")
+    expect(notifications).to_have_count(0)
 
 
 def take_control(page: Page) -> None:

@@ -12,7 +12,7 @@ import pytest
 from mcclient import sync
 
 from tests.browser.conftest import PageProcess, opened, page_of, playwright
-from tests.browser.test_machine_page import upload, wait_for
+from tests.browser.test_machine_page import OUTLASTING, stands, upload, wait_for
 
 if TYPE_CHECKING:
     from playwright.sync_api import Page
@@ -24,6 +24,19 @@ expect = playwright.expect
 DEAF = "() => { window.socket.io.engine.transport.ws.onmessage = () => {}; }"
 DUMB = "() => { window.socket.io.engine.transport.ws.send = () => {}; }"
 CUT = "() => { window.whole = (window.whole ?? 0) + 1; window.socket.io.engine.close(); }"
+# a browser that is busy with something else: what comes waits
+BUSY = """() => {
+  const { ws } = window.socket.io.engine.transport, take = ws.onmessage;
+  window.waiting = [];
+  ws.onmessage = (message) => window.waiting.push(message);
+  window.goOn = () => { ws.onmessage = take; window.waiting.forEach((each) => take(each)); };
+}"""
+# how many wait that the page's process has sent on its own, and whether as many did two seconds ago
+NO_MORE = """() => {
+  const now = performance.now(), count = window.waiting.length;
+  if (window.waited?.count !== count) window.waited = { count, since: now };
+  return count > 0 && now - window.waited.since > 2000;
+}"""
 BACK = "() => window.whole && window.socket.connected"
 
 
@@ -72,6 +85,29 @@ def test_a_dialog_its_text_and_what_is_typed_stay_and_what_was_missed_is_shown(
     line.press("Enter")
     expect(page.get_by_text("G1010 done")).to_be_visible()
     assert page.evaluate("window.whole") == 1
+
+
+def test_a_browser_that_is_behind_is_sent_no_more_until_it_has_drawn_that_and_then_what_is_so_by_then(
+    page: Page, site: PageProcess, machine: sync.Machine
+) -> None:
+    opened(page, site)
+    upload(page, "moving.gcode", OUTLASTING)
+    page.get_by_role("button", name="Run", exact=True).first.click()
+    expect(page.get_by_role("status")).to_have_text("running")
+    shown, before = page.locator(".mc-positions td.n").first, machine.status().axes.position[0]
+    page.evaluate(BUSY)
+    page.wait_for_function(NO_MORE)
+    assert not stands(machine.status())
+    # what is old says so
+    expect(page.locator("body.mc-silent")).to_have_count(1)
+    machine.abort()
+    rest = wait_for(machine, page, stands).axes.position[0]
+    assert rest > before + 1.0
+    at_rest = re.compile(rf"^{rest:.3f}\b")
+    expect(shown).not_to_have_text(at_rest)
+    page.evaluate("window.goOn()")
+    expect(shown).to_have_text(at_rest)
+    expect(page.locator("body.mc-silent")).to_have_count(0)
 
 
 def run_line(page: Page, line: str) -> None:

@@ -11,6 +11,7 @@ from mcclient import MachineStatus, sync
 
 from tests.browser.conftest import (
     LIMIT_MS,
+    LIMIT_S,
     TRIES,
     PageProcess,
     expect_no_overflow,
@@ -29,6 +30,8 @@ LOOK_MS = 25
 LOOKS = LIMIT_MS // LOOK_MS
 # a minute at 10 %, with room for a browser on a busy computer
 LONG = "G1010\nG01 X2000 F20000\n"
+# for as long as a test may take, a millimetre each second
+OUTLASTING = f"G1010\nG91\nG01 X{LIMIT_S:g} F60\n"
 
 
 def wait_for(machine: sync.Machine, page: Page, wanted: Callable[[MachineStatus], bool]) -> MachineStatus:

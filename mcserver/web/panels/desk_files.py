@@ -143,17 +143,6 @@ class FilesPanel:
             return
         parameters = self._drive.parameters
         content = self._report.content
-        if not await ask(
-            t(
-                "Write what differs from {name} into the drive of {axis}?",
-                name=name,
-                axis=axis_name(drive.axis),
-            ),
-            t("Restore"),
-            colour="warning",
-            details=lambda: ui.html(content, sanitize=False).classes("w-full overflow-auto max-h-[50vh]"),
-        ):
-            return
         written: list[str] = []
 
         def restore(desk: Desk) -> Sequence[Parameter]:
@@ -164,9 +153,25 @@ class FilesPanel:
                 lambda each, was, now: written.append(f"{each.title}: {was} → {now}"),
             )
 
-        done = await self._drive.write(mark("restore {name}", name=name), restore)
-        if done is None and not written:
-            # it was refused as a whole, which is said; what differs still does
+        done: Sequence[Parameter] | None = None
+
+        async def write() -> bool:
+            nonlocal done
+            done = await self._drive.write(mark("restore {name}", name=name), restore)
+            # where it was refused as a whole, which is said, what differs still does
+            return done is not None or bool(written)
+
+        if not await ask(
+            t(
+                "Write what differs from {name} into the drive of {axis}?",
+                name=name,
+                axis=axis_name(drive.axis),
+            ),
+            t("Restore"),
+            colour="warning",
+            act=write,
+            details=lambda: ui.html(content, sanitize=False).classes("w-full overflow-auto max-h-[50vh]"),
+        ):
             return
         shown = "".join(f"<li>{html.escape(each)}</li>" for each in written)
         said = (

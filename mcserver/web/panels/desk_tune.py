@@ -79,15 +79,16 @@ class TunePanel:
             unit=axis.unit,
             rate=HIGHEST_SHARE / machine.info.cycle_s,
         )
-        if not await ask(question, t("Shake"), colour="warning"):
-            return
 
         async def queue(connected: Machine) -> None:
             text = "\n".join(self._lines(axis, connected.info.cycle_s, room))
             jobs, visitor = self._actions.link.jobs, self._actions.visitor
             jobs.add_text(f"chirp {axis_name(axis.index)}", text, visitor.name)
 
-        if await self._actions.do("open", mark("shake {axis}", axis=axis_name(axis.index)), queue):
+        name = mark("shake {axis}", axis=axis_name(axis.index))
+        if await ask(
+            question, t("Shake"), colour="warning", act=lambda: self._actions.do("open", name, queue)
+        ):
             await self._measure()
 
     def _lines(self, axis: AxisInfo, cycle_s: float, room: float) -> list[str]:

@@ -7,7 +7,7 @@ from nicegui import ui
 
 from mcserver.errors import McError
 from mcserver.web.actions import Actions, show_error, show_refusal
-from mcserver.web.dialogs import ask_to_replace
+from mcserver.web.dialogs import ask
 from mcserver.web.open_programs import refusal_of
 from mcserver.web.panels.tool_jog import ToolJogPanel, pose_of
 from mcserver.web.tool_steps import opening_lines, pose_line
@@ -74,11 +74,23 @@ class TeachPanel:
         if not self._actions.has_role("open"):
             return
         store = self._actions.link.store
+
+        async def keep() -> bool:
+            try:
+                store.write(name, text.encode("utf-8"))
+            except McError as error:
+                show_error(error)
+                return False
+            ui.notify(t("{name} is kept", name=name), position="bottom")
+            return True
+
         try:
-            if store.has(name) and not await ask_to_replace(name):
-                return
-            store.write(name, text.encode("utf-8"))
+            known = store.has(name)
         except McError as error:
             show_error(error)
+            return
+        if known:
+            question = t("{name} is kept already. Replace it?", name=name)
+            await ask(question, t("Replace"), colour="warning", act=keep)
         else:
-            ui.notify(t("{name} is kept", name=name), position="bottom")
+            await keep()

@@ -76,14 +76,16 @@
 
   // what a page shows when nothing comes any more is old, and looks like the truth: say so
   const SILENT_MS = 3000;
-  let alive = null;
-  window.mcAlive = () => {
+  let alive = null, sign = 0, tellTime = null;
+  window.mcAlive = (number) => {
+    sign = number;
     if (alive === null) {
       sendSurely();
       bringBack();
       bar.observe(document.querySelector(".q-header"));
     }
     alive = performance.now();
+    tellTime();
     document.body.classList.remove("mc-silent");
   };
   setInterval(() => {
@@ -126,11 +128,10 @@
       const names = new Set([...unconfirmed.values()].map((each) => each.doing).filter(Boolean));
       if (names.size) sessionStorage.setItem(UNCERTAIN, [...names].join(", "));
     });
-    // so that the page's process can tell what was held up on the way: of a page that has just been opened, too
-    const tellTime = () => { if (socket.connected) emit("clock", { client_id: window.clientId, sent_s: now_s() }); };
+    // so that the page's process can tell what was held up on the way, and how far this browser has come in what it was
+    // sent (resuming.py)
+    tellTime = () => { if (socket.connected) emit("clock", { client_id: window.clientId, sent_s: now_s(), sign }); };
     socket.on("connect", () => { tellTime(); unconfirmed.forEach(send); });
-    tellTime();
-    setInterval(tellTime, 2000);
   };
 
   // What is looked for in the fleet's table is found here, whatever becomes of the link. It stays in the address, from
