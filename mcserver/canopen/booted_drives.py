@@ -17,7 +17,8 @@ from mcserver.errors import ConfigurationError
 from mcserver.machine.machine_file import Machine
 
 if TYPE_CHECKING:
-    from mcserver.canopen.access import LineAccess, OperatorAccess
+    from mcserver.canopen.access import OperatorAccess
+    from mcserver.canopen.reachable_drives import LineAccess
     from mcserver.canopen.service import CanopenService
 
 EVENTS_WAITING = 256
@@ -58,7 +59,7 @@ class CanDrives:
             from mcserver.canopen.access import OperatorAccess
 
             self.access = OperatorAccess(None)
-        self.access.line = line
+        self.access.reachable.line = line
 
     @contextlib.contextmanager
     def published(self, publish: OnEvent) -> Iterator[None]:

@@ -14,13 +14,13 @@ from dataclasses import dataclass
 from typing import Protocol
 
 from mcserver.can.open import open_port
-from mcserver.canopen.access import moves_by_sdo
 from mcserver.canopen.bus_frames import wait_for_frames
 from mcserver.canopen.canopen_errors import DriveError
 from mcserver.canopen.listening import Listening, for_masters, refuse_other_masters, sign_of_master
 from mcserver.canopen.network import PortNetwork
 from mcserver.canopen.node_configuration import SdoClient
 from mcserver.canopen.parameters import Parameter, encode
+from mcserver.canopen.reachable_drives import moves_by_sdo
 from mcserver.canopen.sdo import NodeSdo
 from mcserver.canopen.settings import STORING, DriveSettings
 from mcserver.canopen.values import Value, decode_value

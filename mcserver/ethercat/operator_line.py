@@ -11,12 +11,12 @@ import msgspec
 
 from mcserver.can.pdo import ProcessData
 from mcserver.can.port import CanPort
-from mcserver.canopen.access import LineDrive
 from mcserver.canopen.bus_scan import said_by
 from mcserver.canopen.coe import configure_coe
 from mcserver.canopen.cycle_samples import Signal
 from mcserver.canopen.description import dictionary_of
 from mcserver.canopen.profiles import profile_text
+from mcserver.canopen.reachable_drives import LineDrive
 from mcserver.canopen.scan import machine_file, modes_of
 from mcserver.canopen.settings import settings_of
 from mcserver.canopen.views import BusHealth, BusScan, DriveInfo, DrivePhase, ScannedNode
@@ -32,7 +32,7 @@ PATIENCE_S = 1.0
 
 
 class OperatorLine:
-    """As `mcserver.canopen.access.LineAccess`.
+    """As `mcserver.canopen.reachable_drives.LineAccess`.
 
     Args:
         machine: as its file describes it. end: the server's, of `socket_pair`.

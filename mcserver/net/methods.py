@@ -258,10 +258,10 @@ class ProgramMethods:
     async def drives_health(
         self, _client: str, request: drive_wire.DrivesHealthRequest
     ) -> drive_wire.DrivesHealthReply:
-        return drive_wire.DrivesHealthReply(await self._reachable.health(request.seconds))
+        return drive_wire.DrivesHealthReply(await self._reachable.listening.health(request.seconds))
 
     async def drive_scope(self, _client: str, request: drive_wire.DriveScopeRequest) -> drive_wire.DriveTrace:
-        return await self._reachable.scope(
+        return await self._reachable.listening.scope(
             request.axis,
             request.seconds,
             request.trigger,
@@ -271,7 +271,7 @@ class ProgramMethods:
         )
 
     async def drive_tune(self, _client: str, request: drive_wire.DriveTuneRequest) -> drive_wire.DriveTuning:
-        return await self._reachable.tune(request.axis, request.seconds)
+        return await self._reachable.listening.tune(request.axis, request.seconds)
 
     async def sdo_read(self, _client: str, request: drive_wire.SdoReadRequest) -> drive_wire.SdoReply:
         return await self._reachable.sdo_read(_target(request), request.type)

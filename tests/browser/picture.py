@@ -13,7 +13,7 @@ from playwright.sync_api import Browser, sync_playwright
 from tests.browser.conftest import CHROMIUM, FLAGS, LIMIT_MS, PageProcess
 from tests.e2e.servers import ROOT, CommandProcess, ServerProcess
 from tests.e2e_can.cell import running
-from tests.e2e_can.machines import Raw, slides
+from tests.e2e_can.machines import Raw, buses, slides
 
 
 def draw(folder: Path) -> None:
@@ -59,8 +59,11 @@ def draw_desk(browser: Browser, output: Path) -> None:
     def build(addresses: Sequence[str]) -> Raw:
         raw = slides(addresses, 250.0, 2)
         raw["machine"]["name"] = "cell-1"
+        # a busy computer stops a process for seconds
+        raw["bus"] = buses(addresses, silence_cycles=1000)
         for axis in raw["axis"]:
             axis["drive"]["eds"] = str(ROOT / "mcserver" / "drive_sim" / "cia402.eds")
+            axis["drive"] |= {"heartbeat_ms": 10_000, "command_timeout_ms": 60_000, "sdo_timeout_ms": 3000}
         return raw
 
     with (
@@ -70,7 +73,7 @@ def draw_desk(browser: Browser, output: Path) -> None:
     ):
         site = PageProcess(cell.server.endpoint, Path(temporary) / "programs")
         try:
-            page = browser.new_page(viewport={"width": 1600, "height": 900})
+            page = browser.new_page(viewport={"width": 1600, "height": 1060})
             page.set_default_timeout(LIMIT_MS)
             page.goto(f"{site.url}machine/cell-1/drives")
             page.get_by_label("Search: words").fill("torque")

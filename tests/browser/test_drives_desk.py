@@ -26,7 +26,7 @@ from tests.browser.conftest import (
 from tests.browser.test_accessibility import nothing_serious_as_worn
 from tests.e2e.servers import ROOT
 from tests.e2e_can.cell import Cell, running
-from tests.e2e_can.machines import Raw, buses, slides
+from tests.e2e_can.machines import Raw, buses, in_mode, slides
 
 if TYPE_CHECKING:
     from playwright.sync_api import Page
@@ -310,6 +310,48 @@ def test_mapped_objects_are_recorded_and_a_loop_of_the_drive_s_own_is_not_tuned(
     expect(page.get_by_role("button", name="Download the trace")).to_be_enabled()
     press(page.get_by_role("button", name="Measure what moves"))
     refused(page, "MC095", "the drive's own")
+
+
+def test_an_axis_is_shaken_and_its_gains_are_judged(
+    tmp_path: Path, page: Page, request: pytest.FixtureRequest
+) -> None:
+    def build(addresses: Sequence[str]) -> Raw:
+        raw = slides(addresses, 100.0, 1)
+        in_mode(raw, 0, "csv")
+        raw["bus"] = buses(addresses, silence_cycles=1000)
+        raw["axis"][0]["drive"] |= {**UNHURRIED, "eds": str(SHIPPED_EDS)}
+        return raw
+
+    with (
+        running(tmp_path, build, channels=1, processes=[(1,)]) as made,
+        page_of(made.server.endpoint, tmp_path / "programs") as site,
+    ):
+        request.addfinalizer(lambda: page.goto("about:blank"))
+        desk_of(page, site)
+        card = page.locator(".mc-card").filter(has=page.get_by_role("heading", name="Tune", exact=True))
+        report = card.get_by_role("region", name="Tune")
+        choose(page, card.get_by_label("Span"), "10 s")
+        # without a length nothing is asked, and nothing moves
+        page.get_by_label("Longest move").fill("")
+        press(page.get_by_role("button", name="Shake and measure"))
+        expect(page.get_by_text("no length was given")).to_be_visible()
+        page.get_by_label("Longest move").fill("15")
+        press(page.get_by_role("button", name="Shake and measure"))
+        dialog = page.get_by_role("dialog")
+        expect(dialog).to_contain_text("up to 15 mm towards greater positions, up to 10 Hz")
+        press(dialog.get_by_role("button", name="Shake", exact=True))
+        expect(page.get_by_text("the motion is measured for 10 s")).to_be_visible()
+        # a cycle of 10 ms, readings of which are 2 late: 0.1 / 10 ms, stable up to some 10 times that
+        own = report.get_by_role("row", name=re.compile("^by this drive"))
+        expect(own).to_contain_text(re.compile(r"by this drive\s*10\s*0\s*(9|1\d)\.\d\s*8\d°"))
+        expect(report.get_by_role("row", name=re.compile("^machine file"))).to_be_visible()
+        scale = report.get_by_role("row", name=re.compile("^scale")).inner_text().split()[-1]
+        assert float(scale) == pytest.approx(1.0, abs=0.05)
+        with sync.Machine.connect("slides", made.server.endpoint) as machine:
+            # the program is a job of its own, which comes back to where it began
+            while machine.programs(ended=False):
+                pass
+            assert machine.status().axes.position[0] == pytest.approx(0.0, abs=0.5)
 
 
 def test_a_drive_that_is_gone_is_said_and_the_desk_goes_on(

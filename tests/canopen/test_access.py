@@ -140,7 +140,9 @@ async def test_what_cannot_be_written_is_refused(
 async def test_limits_of_the_drive_s_dictionary_hold_unless_a_type_is_given(
     access: OperatorAccess, drives: FakeDrives
 ) -> None:
-    dictionary = access._service.dictionary(0)
+    service = access.reachable.service
+    assert service is not None
+    dictionary = service.dictionary(0)
     assert dictionary is not None
     window = dictionary.get_variable(0x6065)
     assert window is not None
@@ -266,16 +268,20 @@ def test_parameters_are_those_of_the_eds_and_what_makes_no_sense_in_it_is_said(
 
 
 async def test_buses_are_listened_to_one_request_at_a_time(access: OperatorAccess) -> None:
-    listening = asyncio.create_task(access.health(0.1))
+    listening = asyncio.create_task(access.listening.health(0.1))
     await asyncio.sleep(0)
     with pytest.raises(DriveError, match=r"MC559.*being listened to"):
-        await access.health(0.1)
+        await access.listening.health(0.1)
     # whoever asks next is answered
-    assert [bus.bus for bus in await listening] == [bus.bus for bus in await access.health(0.1)] == ["left"]
+    assert (
+        [bus.bus for bus in await listening]
+        == [bus.bus for bus in await access.listening.health(0.1)]
+        == ["left"]
+    )
 
 
 async def test_listening_ends_at_once_when_the_server_stops(access: OperatorAccess) -> None:
-    listening = asyncio.create_task(access.scope(0, 9.0, "6064 > 1e9", 60.0))
+    listening = asyncio.create_task(access.listening.scope(0, 9.0, "6064 > 1e9", 60.0))
     await asyncio.sleep(0)
     await asyncio.to_thread(access.close)
     with pytest.raises((DriveError, RuntimeFault), match=r"the server stops|no cycle runs"):
@@ -285,7 +291,7 @@ async def test_listening_ends_at_once_when_the_server_stops(access: OperatorAcce
 async def test_a_scope_of_mapped_objects_is_taken_around_its_trigger(
     access: OperatorAccess, drives: FakeDrives
 ) -> None:
-    recording = asyncio.create_task(access.scope(1, 0.05, "6064 > 2", 20.0, 0.02))
+    recording = asyncio.create_task(access.listening.scope(1, 0.05, "6064 > 2", 20.0, 0.02))
     at = 0
     while not recording.done():
         at += 1
@@ -310,12 +316,12 @@ async def test_a_scope_that_cannot_be_is_refused_before_anything_is_listened_to(
     access: OperatorAccess, axis: int, trigger: str, refused: str
 ) -> None:
     with pytest.raises((DriveError, UsageFault), match=refused):
-        await access.scope(axis, 1.0, trigger)
+        await access.listening.scope(axis, 1.0, trigger)
 
 
 async def test_a_loop_of_the_drive_s_own_is_not_tuned(access: OperatorAccess) -> None:
     with pytest.raises(UsageFault, match="MC095"):
-        await access.tune(0, 1.0)
+        await access.listening.tune(0, 1.0)
 
 
 async def test_health_counts_what_nodes_and_strangers_send(
@@ -323,7 +329,7 @@ async def test_health_counts_what_nodes_and_strangers_send(
 ) -> None:
     # a busy computer may give the listener no time while anything comes
     for _ in range(50):
-        listening = asyncio.create_task(access.health(0.3))
+        listening = asyncio.create_task(access.listening.health(0.3))
         while not listening.done():
             drives.send(Function.EMCY + 2, bytes.fromhex("1086210000000000"))
             drives.send(0x5FF, b"")

@@ -53,7 +53,7 @@ def test_a_lost_frame_is_ridden_through(energized: On) -> None:
 def test_objects_are_reached_beside_the_cycle_that_is_their_master(energized: On) -> None:
     line, cycle = energized
     access = OperatorAccess(None)
-    access.line = cycle.line
+    access.reachable.line = cycle.line
     read: list[object] = []
     refused: list[str] = []
     files: list[str] = []
@@ -67,8 +67,8 @@ def test_objects_are_reached_beside_the_cycle_that_is_their_master(energized: On
                 await access.sdo_write(SdoTarget(index, axis=1), "u32", 0)
             except McError as error:
                 refused.append(error.code)
-        read.append(len(await access.health(0.2)))
-        trace = await access.scope(1, 0.1)
+        read.append(len(await access.listening.health(0.2)))
+        trace = await access.listening.scope(1, 0.1)
         read.append(sorted({"607Ah:00", "6064h:00", ""} & {each.object for each in trace.signals}))
         shown = await access.drives()
         read.append([(each.axis, each.node, each.state, each.nmt, each.status) for each in shown])
