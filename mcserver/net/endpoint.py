@@ -250,7 +250,7 @@ class MachineEndpoint:
                 request = self._stop_request(sample.payload.to_bytes())
                 copy = copies.is_copy(request.request)
                 if not copy:
-                    service.port.emergency_stop()
+                    service.port.orders.emergency_stop()
                 stops.push(Stop(request, copy))
             else:
                 strays.push(sample)

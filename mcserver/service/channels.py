@@ -111,7 +111,7 @@ class Channels:
                 "abort the program, or wait for its end",
                 program=program,
             )
-        self._port.set_output(column, level)
+        self._port.orders.set_output(column, level)
         return level
 
     def set_input(self, name: str, value: Level) -> float:
@@ -129,7 +129,7 @@ class Channels:
                 "only a simulated input can be set",
                 name=name,
             )
-        self._port.set_input(column, level)
+        self._port.orders.set_input(column, level)
         return level
 
     def _interlocks(self, test: Callable[[Input, float], bool]) -> list[str]:

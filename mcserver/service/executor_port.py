@@ -14,7 +14,8 @@ from mcserver.executor.client import ExecutorProcess
 from mcserver.executor.entries import Control
 from mcserver.executor.envelope_bounds import Envelope
 from mcserver.executor.shm.feedback import LATE, TIME, Block, homed_of, silent_of
-from mcserver.executor.shm.target_box import Targets
+from mcserver.executor.shm.mailbox import CommandMailbox
+from mcserver.executor.shm.target_box import TargetBox
 from mcserver.executor.view import SlotView
 from mcserver.machine.machine_file import Machine
 from mcserver.service.reports import AxisState
@@ -68,8 +69,7 @@ class Snapshot(msgspec.Struct, frozen=True):
 class ExecutorPort:
     """Commands to one machine's executor and reports from it.
 
-    `beat` belongs to the heartbeat's thread; `emergency_stop` and what only reads may be called from any
-    thread; all else belongs to the loop.
+    `orders` may be given, and what only reads may be called, from any thread; all else belongs to the loop.
 
     Args:
         machine: its axes, in the order of the executor's columns.
@@ -109,57 +109,18 @@ class ExecutorPort:
         for control in controls:
             sink.put_control(control)
 
-    def put_targets(self, slot: int, targets: Targets) -> None:
-        """Give the slot's axes, which follow targets, the newest ones."""
-        self._executor.sink(slot).targets.put(targets)
+    @property
+    def orders(self) -> CommandMailbox:
+        """Orders to the slots' programs and to the machine."""
+        return self._executor.mailbox
 
-    def close_targets(self, slot: int) -> None:
-        """Say that no more targets come."""
-        self._executor.sink(slot).targets.close()
-
-    def beat(self) -> None:
-        """Say that the server is alive; without it motion stops."""
-        self._executor.beat()
+    def targets(self, slot: int) -> TargetBox:
+        """Return where the newest targets of the slot's axes are put."""
+        return self._executor.sink(slot).targets
 
     def slots(self) -> list[SlotView]:
         """Return where every slot's program is now."""
         return [SlotView(u, rate) for u, rate, *_ in self._executor.history.newest_slots()]
-
-    def hold(self, slot: int) -> None:
-        """Ramp the slot's rate to 0 along the path."""
-        self._executor.mailbox.set_hold(True, slot)
-
-    def resume(self, slot: int) -> None:
-        """Ramp the rate back."""
-        self._executor.mailbox.resume(slot)
-
-    def end_pause(self, slot: int) -> None:
-        """End M00 and M01."""
-        self._executor.mailbox.end_pause(slot)
-
-    def override(self, slot: int, ratio: float) -> None:
-        """Feed override, 1 as programmed."""
-        self._executor.mailbox.set_override(ratio, slot)
-
-    def abort(self, slot: int) -> None:
-        """Stop along the path, empty the rings and report STOPPED."""
-        self._executor.mailbox.abort(slot)
-
-    def set_output(self, column: int, value: float) -> None:
-        """Set an output of the machine."""
-        self._executor.mailbox.set_output(column, value)
-
-    def set_input(self, column: int, value: float) -> None:
-        """Set a simulated input of the machine."""
-        self._executor.mailbox.set_input(column, value)
-
-    def stop_all(self) -> None:
-        """Abort every program and stop every axis within its limits; axes stay energized."""
-        self._executor.mailbox.stop()
-
-    def emergency_stop(self) -> None:
-        """Stop every axis as its drive's emergency stop does; latched until `reset`."""
-        self._executor.mailbox.emergency_stop()
 
     def reset(self, axes: frozenset[int]) -> None:
         """Clear latched faults of these axes, and the emergency stop."""

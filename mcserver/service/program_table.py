@@ -149,7 +149,7 @@ class ProgramTable:
         self.machine_file = machine_digest(machine)
         # inputs that hold the programs now, by column
         self._holding: set[int] = set()
-        self.heartbeat = Heartbeat(port.beat, lambda: self.planner.last_seen)
+        self.heartbeat = Heartbeat(port.orders.beat, lambda: self.planner.last_seen)
 
     def start_state(self, modal: ModalState | None = None, switches: Switches = AS_WRITTEN) -> StartState:
         """Return what a program that begins now starts from."""
@@ -259,7 +259,7 @@ class ProgramTable:
         program.state = "ending"
         program.dismiss(Verdict.TAKEN)
         self.planner.send(HaltProgram(program.program))
-        self.port.abort(program.slot)
+        self.port.orders.abort(program.slot)
         self.acks.acknowledge(program)
 
     def end_pause(self, program: Program) -> None:
@@ -269,7 +269,7 @@ class ProgramTable:
         end = self.pauses.end(program)
         program.frame = end.frame or program.frame
         self.planner.send(EndPause(program.program, end))
-        self.port.end_pause(program.slot)
+        self.port.orders.end_pause(program.slot)
         # what was to be done is done
         program.paused, program.asks_for, program.notice = False, None, ""
 

@@ -372,7 +372,7 @@ class MachineService:
         for program in chosen:
             program.held = True
             if program.slot is not None:
-                self.port.hold(program.slot)
+                self.port.orders.set_hold(True, program.slot)
                 self._table.enter(program, "held")
             self._table.publish("program.held", program)
         return chosen
@@ -407,7 +407,7 @@ class MachineService:
         for program in chosen:
             held, program.held, program.zone_switch, program.held_by = program.held, False, None, ""
             if program.slot is not None and held:
-                self.port.resume(program.slot)
+                self.port.orders.resume(program.slot)
             else:
                 self._table.end_pause(program)
             if program.slot is not None:
@@ -422,7 +422,7 @@ class MachineService:
             self._table.stop(program, "aborted", reason)
         if program_id is None:
             # axes that move by themselves too (G1020, G1030, G1040)
-            self.port.stop_all()
+            self.port.orders.stop()
         return chosen
 
     def set_override(self, ratio: float, program_id: str | None) -> list[Program]:
@@ -435,7 +435,7 @@ class MachineService:
         for program in chosen:
             program.override = min(ratio, program.override_limit)
             if program.slot is not None:
-                self.port.override(program.slot, program.override)
+                self.port.orders.set_override(program.override, program.slot)
         self.events.publish("override", program=program_id, percent=100.0 * ratio)
         return chosen
 

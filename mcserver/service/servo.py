@@ -234,7 +234,7 @@ def put_targets(service: MachineService, program: Program, message: TargetMessag
         now = Now(snapshot.time, np.array(setpoint), min(1.0, program.override))
     targets = program.targets.take(message, now)
     if targets is not None:
-        service.port.put_targets(program.slot, targets)
+        service.port.targets(program.slot).put(targets)
 
 
 def _answer(service: MachineService, program: Program) -> None:
@@ -246,4 +246,4 @@ def _answer(service: MachineService, program: Program) -> None:
 def close_targets(service: MachineService, program: Program) -> None:
     """Let a program in servo mode go on to its last targets and end there; others are left alone."""
     if program.targets is not None and program.slot is not None:
-        service.port.close_targets(program.slot)
+        service.port.targets(program.slot).close()

@@ -58,7 +58,7 @@ class StopLatch:
     def emergency_stop(self, client: str, reason: str) -> None:
         """Latch the stop, here and in the executor; a stop that is latched already is confirmed again."""
         self.stops += 1
-        self._port.emergency_stop()
+        self._port.orders.emergency_stop()
         if self._latched:
             self._confirm()
             return

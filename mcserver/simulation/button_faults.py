@@ -11,7 +11,7 @@ from mcserver.machine.button_section import PLACE, Button, filled
 from mcserver.machine.machine_file import Machine
 from mcserver.machine.toml_positions import Position, find_positions
 from mcserver.planning.start_state import StartState
-from mcserver.simulation.program_checker import check_text
+from mcserver.simulation.foresight import check_text
 
 
 def find_button_faults(machine: Machine, source: str) -> list[Diagnostic]:

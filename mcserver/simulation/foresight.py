@@ -12,7 +12,7 @@ import os
 import sys
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from multiprocessing.connection import Connection
 from pathlib import Path
@@ -237,16 +237,25 @@ def lines_in(path: str) -> Iterator[str]:
 def check_file(
     path: str, machine: Machine, start: StartState, kinematics: Kinematics | None = None
 ) -> list[Diagnostic]:
-    """Find the faults of a file, as `mcserver.simulation.program_checker.check_text`; runs in the worker.
+    """Find the faults of a file, as `check_text`; runs in the worker."""
+    return _check(lines_in(path), machine, start, kinematics)
 
-    Args:
-        kinematics: of the machine's tools; None: they are built.
-    """
+
+def check_text(text: str, machine: Machine, start: StartState) -> list[Diagnostic]:
+    """`mcserver.gcode.program_check.check_lines` with the machine's kinematics; runs in the worker."""
+    from mcserver.gcode.text.source import split_lines
+
+    return _check(split_lines(text), machine, start)
+
+
+def _check(
+    lines: Iterable[str], machine: Machine, start: StartState, kinematics: Kinematics | None = None
+) -> list[Diagnostic]:
     from mcserver.gcode.program_check import check_lines
     from mcserver.machine.machine_kinematics import build_kinematics
 
     return check_lines(
-        lines_in(path),
+        lines,
         machine,
         kinematics or build_kinematics(machine),
         positions=start.positions,

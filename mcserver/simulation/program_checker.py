@@ -24,7 +24,7 @@ from mcserver.machine.machine_file import Machine
 from mcserver.planning.line_marks import LineMarks
 from mcserver.planning.start_state import StartState
 from mcserver.simulation.assertions import Assertion
-from mcserver.simulation.foresight import Foresight, Listener, check_file
+from mcserver.simulation.foresight import Foresight, Listener, check_file, check_text
 from mcserver.simulation.preview import Preview
 from mcserver.simulation.worker_process import end_with_parent
 
@@ -269,23 +269,6 @@ def prepare_worker() -> None:
     if sys.platform != "win32":
         os.nice(NICE)
     end_with_parent()
-
-
-def check_text(text: str, machine: Machine, start: StartState) -> list[Diagnostic]:
-    """`mcserver.gcode.program_check.check_lines` with the machine's kinematics; runs in the worker."""
-    from mcserver.gcode.program_check import check_lines
-    from mcserver.gcode.text.source import split_lines
-    from mcserver.machine.machine_kinematics import build_kinematics
-
-    kinematics = build_kinematics(machine)
-    return check_lines(
-        split_lines(text),
-        machine,
-        kinematics,
-        positions=start.positions,
-        frame=start.frame,
-        switches=start.switches,
-    )
 
 
 def simulate_text(

@@ -3,45 +3,19 @@
 from __future__ import annotations
 
 import re
-import signal
-import time
 from collections.abc import Iterator
-from pathlib import Path
 
 import pytest
-from mcclient import sync
 
-from tests.browser.conftest import LIMIT_S, PageProcess, opened, page_of, playwright
+from tests.browser.conftest import PageProcess, opened, page_of, playwright
+from tests.e2e.broken_off import killed_in_line_6, mill, stands_at_the_end
 from tests.e2e.servers import ServerProcess
-
-RECOVERY = "[recovery]\nsafe_axis = 2\nsafe_position = 40.0\napproach_velocity = 100.0\n"
-PART = [
-    "G1010",
-    "G94 F6000",
-    "G00 Z10",
-    "G00 X100 Y40",
-    "G01 Z-5",
-    "G01 X300 F600",
-    "G01 X320 F6000",
-    "G00 Z10",
-]
-
-
-def machine_file(folder: Path) -> Path:
-    axes = "".join(
-        f'[[axis]]\nindex = {index}\ntype = "linear"\nmax_velocity = 200.0\nmax_acceleration = 2000.0\n'
-        "min_position = -200.0\nmax_position = 500.0\n"
-        for index in range(3)
-    )
-    path = folder / "mill.toml"
-    path.write_text(f'[machine]\nname = "mill"\ncycle_hz = 250\n{axes}{RECOVERY}', "utf-8")
-    return path
 
 
 @pytest.fixture(scope="module")
 def own_server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[ServerProcess]:
     folder = tmp_path_factory.mktemp("mill")
-    made = ServerProcess(folder, str(machine_file(folder)), "mill")
+    made = ServerProcess(folder, mill(folder), "mill")
     made.start()
     yield made
     made.close()
@@ -56,16 +30,7 @@ def own_site(own_server: ServerProcess, tmp_path_factory: pytest.TempPathFactory
 def test_a_program_goes_on_by_the_page_after_the_server_was_killed(
     page: playwright.Page, own_server: ServerProcess, own_site: PageProcess
 ) -> None:
-    with sync.Machine.connect("mill", own_server.endpoint) as machine:
-        program = machine.program("part.nc")
-        program.send_lines(PART)
-        program.close()
-        deadline = time.monotonic() + LIMIT_S
-        while program.done_through < 5 or machine.status().axes.setpoint[0] < 105.0:
-            assert time.monotonic() < deadline
-            time.sleep(0.05)
-        own_server.end(signal.SIGKILL)
-        own_server.start()
+    killed_in_line_6(own_server)
     opened(page, own_site, "mill")
     expect = playwright.expect
     card = page.get_by_role("region", name="Broken off")
@@ -85,5 +50,4 @@ def test_a_program_goes_on_by_the_page_after_the_server_was_killed(
     dialog.get_by_role("button", name="Go on at line 6").click()
     expect(page.get_by_text(re.compile("^part.nc is finished after"))).to_be_visible()
     expect(card).to_be_hidden()
-    with sync.Machine.connect("mill", own_server.endpoint) as machine:
-        assert machine.status().axes.setpoint[:3] == pytest.approx((320.0, 40.0, 10.0), abs=0.05)
+    stands_at_the_end(own_server)

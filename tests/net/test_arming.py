@@ -14,8 +14,9 @@ from mcserver.errors import Diagnostic
 from mcserver.executor.envelope_bounds import Envelope
 from mcserver.planning.line_marks import LineMarks
 from mcserver.planning.start_state import StartState
+from mcserver.simulation.foresight import check_text
 from mcserver.simulation.preview import Preview
-from mcserver.simulation.program_checker import ProgramChecker, check_text
+from mcserver.simulation.program_checker import ProgramChecker
 from tests.net.client import ErrorAnswer, WireClient
 from tests.net.conftest import Rig
 from tests.service.fakes import FakePipeline

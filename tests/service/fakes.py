@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import asyncio
-import re
 import threading
 import time
 from collections import deque
@@ -14,6 +13,7 @@ import numpy as np
 
 from mcserver.errors import Diagnostic, ProgramRejected
 from mcserver.executor.entries import EventKind, ExecutorEvent
+from mcserver.executor.shm.mailbox import CommandMailbox
 from mcserver.executor.shm.rings import ProgramRing
 from mcserver.executor.view import SlotView
 from mcserver.gcode.semantics.modal import ModalState
@@ -41,12 +41,6 @@ THREE_AXES = (
 )
 
 
-# of the executor: each is remembered with what it was given
-_OF_SLOTS = "hold resume override end_pause put_targets close_targets"
-_OF_THE_MACHINE = "reset stop_all emergency_stop set_output set_input"
-ORDERS = frozenset(re.findall(r"\w+", f"{_OF_SLOTS} {_OF_THE_MACHINE}"))
-
-
 @cache
 def three_axes(name: str = "bench") -> Machine:
     """Linear axes 0 and 1, rotary axis 2."""
@@ -59,6 +53,7 @@ class FakePort:
     def __init__(self, machine: Machine) -> None:
         self.machine = machine
         self.epoch = time.time()
+        self.orders = self
         self.calls: list[tuple[object, ...]] = []
         self.beats = 0
         self.closed = False
@@ -102,7 +97,7 @@ class FakePort:
 
     def __getattr__(self, name: str) -> Callable[..., None]:
         """Make an order that is only remembered."""
-        if name not in ORDERS:
+        if not hasattr(CommandMailbox, name):
             raise AttributeError(name)
         return lambda *values: self.calls.append((name, *values))
 

@@ -79,10 +79,10 @@ class Port(FakePort):
                 self.happen(event.kind, event.program, code=event.code, values=event.values)
 
     def set_output(self, column: int, value: float) -> None:
-        self.real.set_output(column, value)
+        self.real.orders.set_output(column, value)
 
     def set_input(self, column: int, value: float) -> None:
-        self.real.set_input(column, value)
+        self.real.orders.set_input(column, value)
 
     def snapshot(self) -> Any:
         return self.real.snapshot()

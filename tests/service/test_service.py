@@ -205,8 +205,8 @@ async def test_hold_and_resume_reach_the_executor(bench: Bench) -> None:
     assert program.state == "held"
     bench.service.resume(program.program)
     assert program.state == "running"
-    assert [call for call in bench.port.calls if call[0] in ("hold", "resume")] == [
-        ("hold", 0),
+    assert [call for call in bench.port.calls if call[0] in ("set_hold", "resume")] == [
+        ("set_hold", True, 0),
         ("resume", 0),
     ]
 

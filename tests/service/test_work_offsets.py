@@ -16,7 +16,7 @@ from mcserver.motion.canonical import MotionLine, RapidGroup
 from mcserver.planning.start_state import StartState, frame_changes
 from mcserver.planning.state_before import state_before
 from mcserver.service.work_offsets import WorkOffsets
-from mcserver.simulation.program_checker import check_text
+from mcserver.simulation.foresight import check_text
 from mcserver.simulation.simulation import simulate
 
 MILL = load_machine(str(Path(__file__).parents[1] / "corpus" / "cnc.toml"))
