@@ -6,7 +6,7 @@ import asyncio
 import base64
 import sys
 import tempfile
-from collections.abc import AsyncIterator
+from collections.abc import AsyncIterator, Awaitable, Callable
 from contextlib import asynccontextmanager
 from pathlib import Path
 from typing import Annotated, Any
@@ -359,14 +359,14 @@ def build_server(tools: AgentTools) -> MCPServer[Any]:
         """Axes with their words, travels and limits, and tools."""
         return msgspec.json.encode(machine_facts(tools.machine)).decode()
 
-    offline = (tools.machine_info, tools.dialect, tools.check, tools.simulate, tools.explain_fault)
-    for tool in (*offline, tools.draft_from_points, tools.recordings):
-        server.tool(annotations=READS)(tool)
+    def add(annotations: ToolAnnotations, *methods: Callable[..., Awaitable[Any]]) -> None:
+        for method in methods:
+            server.tool(annotations=annotations)(method)
+
+    add(READS, tools.machine_info, tools.dialect, tools.check, tools.simulate, tools.explain_fault)
+    add(READS, tools.draft_from_points, tools.recordings)
     if tools.online:
-        for tool in (tools.status, tools.wait_run):
-            server.tool(annotations=READS)(tool)
-        for tool in (tools.request_run, tools.withdraw):
-            server.tool(annotations=ASKS)(tool)
-        for tool in (tools.run_armed, tools.hold, tools.abort):
-            server.tool(annotations=ACTS)(tool)
+        add(READS, tools.status, tools.wait_run)
+        add(ASKS, tools.request_run, tools.withdraw)
+        add(ACTS, tools.run_armed, tools.hold, tools.abort)
     return server
