@@ -363,8 +363,8 @@ def build_server(tools: AgentTools) -> MCPServer[Any]:
     for tool in (*offline, tools.draft_from_points, tools.recordings):
         server.tool(annotations=READS)(tool)
     if tools.online:
-        for tool in (tools.status, tools.wait_run):
-            server.tool(annotations=READS)(tool)
+        for question in (tools.status, tools.wait_run):
+            server.tool(annotations=READS)(question)
         for tool in (tools.request_run, tools.withdraw):
             server.tool(annotations=ASKS)(tool)
         for tool in (tools.run_armed, tools.hold, tools.abort):
