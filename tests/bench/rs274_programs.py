@@ -327,7 +327,7 @@ def _moves_in(output: str) -> list[Move]:
     axes, unit = (0, 1, 2), 1.0
     zeros = {"G5X": (0.0, 0.0, 0.0), "G92": (0.0, 0.0, 0.0)}
     turn = 1.0 + 0.0j
-    for kind, text in re.findall(r"([A-Z0-9_]+)\(([^)]*)\)", output):
+    for kind, text in re.findall(r"(?:N[0-9]+)?([A-Z0-9_]+)\(([^)]*)\)", output):
         numbers = [float(each) for each in re.findall(r"-?[0-9]+\.[0-9]+|-?[0-9]+(?![0-9.])", text)]
         if kind == "SELECT_PLANE":
             axes = {"XY": (0, 1, 2), "XZ": (2, 0, 1), "YZ": (1, 2, 0)}[text[-2:]]

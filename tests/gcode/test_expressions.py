@@ -9,8 +9,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mcserver.gcode.program_check import check_program
+from mcserver.machine.machine_file import parse_machine
 from tests.bench.rs274_programs import MACHINE, moves_here
 from tests.gcode.test_inputs_and_outputs import machine
+from tests.machine_text import axes_text
 
 
 def value(text: str, *before: str) -> float:
@@ -77,6 +79,17 @@ def test_positions_and_offsets_are_read_as_they_are_before_the_line() -> None:
     assert moves[2] == pytest.approx((4.0, 2.0, 4.0))
     # absolute 4 mm in inches, in a system whose zero is at 5 mm
     assert moves[3][0] == pytest.approx(9.0)
+
+
+def test_the_diameter_of_the_tool_fitted_is_read_in_mm() -> None:
+    head = '[machine]\nname = "mill"\n[dialect]\nprofile = "cnc"\n'
+    mill = parse_machine(
+        f"{head}[[cutter]]\nnumber = 3\nlength_mm = 5\ndiameter_mm = 6\n{axes_text((0, 1, 2))}"
+    )
+    moves, fault = moves_here("G1 F9 X#5410\nT3 M6\nX#5410\nG10 L1 P3 R4\nX#5410 Y#5400\nT0 M6\nX#5410", mill)
+    assert not fault
+    assert [move[0] for move in moves] == [0.0, 6.0, 8.0, 0.0]
+    assert moves[2][1] == 3.0
 
 
 @pytest.mark.parametrize(

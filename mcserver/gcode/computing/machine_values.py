@@ -10,7 +10,7 @@ import msgspec
 from mcserver.gcode.computing.expressions import ComputingError
 from mcserver.gcode.line_faults import Span
 from mcserver.gcode.profiles.directions import back
-from mcserver.gcode.profiles.frame import Frame
+from mcserver.gcode.profiles.frame import Frame, tool_table
 from mcserver.gcode.profiles.transformation import Transformation
 from mcserver.gcode.semantics.interpreter import Interpreter
 from mcserver.gcode.semantics.program_units import axis_scale, length_scale
@@ -26,6 +26,7 @@ _TOOL = 5400
 _G92_ON = 5210
 _SYSTEM = 5220
 _OFFSETS_OF_TOOL = 5401
+_DIAMETER_OF_TOOL = 5410
 _POSITIONS = 5420
 _MACHINE_POSITIONS = 5021
 _PROBE = 5061
@@ -151,6 +152,9 @@ class MachineValues:
         }
         if number in single:
             return single[number]
+        if number == _DIAMETER_OF_TOOL:
+            fitted = tool_table(self._machine, frame).get(frame.changed or 0)
+            return 0.0 if fitted is None else fitted.diameter / MM
         if number >= _PROBE:
             raise ComputingError("MC162", f"#{number} is not known here", span, "see docs/dialect.md, D-82")
         return None
