@@ -82,7 +82,7 @@ class ResumingOutbox(Outbox):
             self._sign_at = self._clock()
             self.enqueue_message("run_javascript", {"code": f"mcAlive({self._sign})"}, self.client.id)
 
-    def confirm(self, sign: int) -> None:
+    def on_confirmed(self, sign: int) -> None:
         """Take the number of a sign of life that the browser has come to."""
         self._confirmed = max(self._confirmed, min(sign, self._sign))
 
@@ -172,7 +172,7 @@ def take_events_once() -> None:
             outbox = _outbox(event)
             if outbox is not None:
                 outbox.gate.observe(event["sent_s"])
-                outbox.confirm(event["sign"])
+                outbox.on_confirmed(event["sign"])
 
     core.sio.on("event", take_once)
     core.sio.on("clock", take_clock)

@@ -36,14 +36,14 @@ async def test_a_browser_is_behind_until_it_has_come_to_the_last_sign_of_life() 
     assert outbox.is_behind
     # another one would make what is old look new
     outbox.send_sign_of_life()
-    outbox.confirm(0)
+    outbox.on_confirmed(0)
     assert outbox.is_behind
-    outbox.confirm(1)
+    outbox.on_confirmed(1)
     assert not outbox.is_behind
     outbox.send_sign_of_life()
     assert signs(outbox) == ["mcAlive(1)", "mcAlive(2)"]
     # one that was never sent
-    outbox.confirm(7)
+    outbox.on_confirmed(7)
     outbox.send_sign_of_life()
     clock[0] += 1.0
     assert outbox.is_behind
