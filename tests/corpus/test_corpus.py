@@ -390,6 +390,7 @@ def test_m112_ends_the_program_of_a_printer() -> None:
         ("G50 X100 Z200", "cnc", "MC141"),
         ("G50 S3000", "cnc", "MC141"),
         ("M206 X5", "printer", "MC141"),
+        ("G61 X Y Z", "printer", "MC110"),
         ("M290 Z0.1", "printer", "MC141"),
         ("G43.4 H1", "cnc", "MC171"),
         ("G12.1", "cnc", "MC110"),

@@ -87,7 +87,13 @@ class WordSorter:
             if word.letter in "GM":
                 name = code_name(word.letter, word.value)
                 last = word
-                if name in SETTINGS or name == "G61.1":
+                if name == "G61" and self._dialect.profile == "printer":
+                    # Marlin's moves to where G60 was; RS274/NGC's exact stop is G61.1, too
+                    if name in self.ignored:
+                        ignored.append(name)
+                    else:
+                        self.refuse(word, name, faults)
+                elif name in SETTINGS or name == "G61.1":
                     settings.append(word if name != "G61.1" else msgspec.structs.replace(word, text="61"))
                 elif name in _HOLES and self._dialect.profile == "cnc" and _COUNT.search(code):
                     shown = f"holes on a circle or a line ({name} of Haas's mills) are not placed here"
