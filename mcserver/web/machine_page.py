@@ -155,7 +155,7 @@ class MachinePage:
     async def ask(self) -> None:
         """Refresh what the server is asked for, not what it says by itself."""
         machine = self._link.machine
-        if machine is not None:
+        if machine is not None and not self._outbox.is_behind:
             await self._recovery.update()
             await self._recordings.update()
             await self._drives.update(machine.info)

@@ -24,18 +24,18 @@ expect = playwright.expect
 DEAF = "() => { window.socket.io.engine.transport.ws.onmessage = () => {}; }"
 DUMB = "() => { window.socket.io.engine.transport.ws.send = () => {}; }"
 CUT = "() => { window.whole = (window.whole ?? 0) + 1; window.socket.io.engine.close(); }"
-# a browser that is busy with something else: what comes waits
+# a browser that is busy with something else: what comes waits, but for what keeps the link
 BUSY = """() => {
   const { ws } = window.socket.io.engine.transport, take = ws.onmessage;
   window.waiting = [];
-  ws.onmessage = (message) => window.waiting.push(message);
+  ws.onmessage = (message) => message.data === "2" ? take(message) : window.waiting.push(message);
   window.goOn = () => { ws.onmessage = take; window.waiting.forEach((each) => take(each)); };
 }"""
-# how many wait that the page's process has sent on its own, and whether as many did two seconds ago
+# how many wait that the page's process has sent on its own, and whether as many did five seconds ago
 NO_MORE = """() => {
   const now = performance.now(), count = window.waiting.length;
   if (window.waited?.count !== count) window.waited = { count, since: now };
-  return count > 0 && now - window.waited.since > 2000;
+  return count > 0 && now - window.waited.since > 5000;
 }"""
 BACK = "() => window.whole && window.socket.connected"
 
