@@ -35,6 +35,8 @@ MOST_MESSAGES = 4000
 MOST_DOCUMENTS = 8
 # a browser that has not confirmed a sign of life for so long [s] is slower than what it is sent
 BEHIND_S = 0.5
+# and for so long: it may never have got it, as where its link broke [s]
+LOST_S = 10.0
 
 
 class ResumingOutbox(Outbox):
@@ -76,8 +78,8 @@ class ResumingOutbox(Outbox):
         return self._confirmed < self._sign and self._clock() - self._sign_at > BEHIND_S
 
     def send_sign_of_life(self) -> None:
-        """Send one, once the one before is confirmed: a page that gets none says that nothing comes."""
-        if self._confirmed == self._sign:
+        """Send one, once the one before is confirmed or lost: a page that gets none says that nothing comes."""
+        if self._confirmed == self._sign or self._clock() - self._sign_at > LOST_S:
             self._sign += 1
             self._sign_at = self._clock()
             self.enqueue_message("run_javascript", {"code": f"mcAlive({self._sign})"}, self.client.id)

@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 from nicegui import Client, core, ui
 
-from mcserver.web.resuming import BEHIND_S, ResumingOutbox
+from mcserver.web.resuming import BEHIND_S, LOST_S, ResumingOutbox
 
 
 def made(clock: list[float]) -> tuple[Client, ResumingOutbox]:
@@ -47,6 +47,11 @@ async def test_a_browser_is_behind_until_it_has_come_to_the_last_sign_of_life() 
     outbox.send_sign_of_life()
     clock[0] += 1.0
     assert outbox.is_behind
+    clock[0] += LOST_S
+    outbox.send_sign_of_life()
+    assert signs(outbox)[-1] == "mcAlive(4)"
+    outbox.on_confirmed(4)
+    assert not outbox.is_behind
     client.delete()
 
 
