@@ -78,7 +78,7 @@ class ResumingOutbox(Outbox):
         return self._confirmed < self._sign and self._clock() - self._sign_at > BEHIND_S
 
     def send_sign_of_life(self) -> None:
-        """Send one, once the one before is confirmed or lost: a page that gets none says that nothing comes."""
+        """Send one, once the one before is confirmed or lost: a page that gets none says so."""
         if self._confirmed == self._sign or self._clock() - self._sign_at > LOST_S:
             self._sign += 1
             self._sign_at = self._clock()
