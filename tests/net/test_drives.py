@@ -43,6 +43,7 @@ class AnsweringDrives:
     def __init__(self) -> None:
         self.asked: list[tuple[SdoTarget, str | None, Value | None]] = []
         self.traced: list[tuple[float, str, float, float | None, bool]] = []
+        self.listening = self
 
     async def drives(self) -> list[DriveInfo]:
         return [DriveInfo(1, "cia402", "can0", 3, "operational", statusword=0x27, status="operation enabled")]
