@@ -1,8 +1,8 @@
 """Viewers of the operator's page without a browser: ``python -m tests.bench.page_viewers URL COUNT``.
 
-Each loads the page and holds its WebSocket as a browser does, takes what comes, acknowledges it, and says
-that its pictures are there. Prints a line when all are connected, runs until its input ends, and prints what
-came as JSON.
+Each loads the page and holds its WebSocket as a browser does, takes what comes, acknowledges it, confirms
+signs of life, and says that its pictures are there. Prints a line when all are connected, runs until its
+input ends, and prints what came as JSON.
 """
 
 from __future__ import annotations
@@ -22,6 +22,7 @@ import socketio
 SOCKET = "_nicegui_ws/socket.io"
 _CLIENT = re.compile(r"'client_id': '([0-9a-f-]+)'")
 _SPACE = re.compile(r'"(\d+)":\{"tag":"nicegui-space".*?"events":\[(.*?)\]\}')
+_ALIVE = re.compile(r"mcAlive\((\d+)\)")
 _READY = re.compile(r'"listener_id":"([0-9a-f-]+)","type":"ready"')
 
 
@@ -63,10 +64,17 @@ class Viewer:
     async def close(self) -> None:
         await self._socket.disconnect()
 
-    def _on_message(self, _event: str, *data: Any) -> None:
+    async def _on_message(self, _event: str, *data: Any) -> None:
         self.messages += 1
-        if data and isinstance(data[0], dict) and "_id" in data[0]:
+        if not data or not isinstance(data[0], dict):
+            return
+        if "_id" in data[0]:
             self._next = int(data[0]["_id"]) + 1
+        sign = _ALIVE.search(data[0].get("code", ""))
+        if sign is not None:
+            # a browser that does not confirm it is sent nothing more to draw
+            told = {"client_id": self._client, "sent_s": time.time(), "sign": int(sign[1])}
+            await self._socket.emit("clock", told)
 
 
 async def run(url: str, count: int) -> None:
