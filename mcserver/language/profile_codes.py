@@ -5,7 +5,16 @@ from __future__ import annotations
 import re
 from collections.abc import Collection
 
-from mcserver.gcode.profiles.codes import IGNORED, MOTIONS, PROBING, PROGRAM, REFUSED, SETTINGS, acting_of
+from mcserver.gcode.profiles.codes import (
+    IGNORED,
+    MOTIONS,
+    PROBING,
+    PROGRAM,
+    REFUSED,
+    SETTINGS,
+    acting_of,
+    settings_of,
+)
 from mcserver.gcode.text.command_table import COMMANDS
 from mcserver.language.rules import rules
 from mcserver.machine.machine_file import Machine
@@ -35,8 +44,8 @@ def acting_codes(machine: Machine) -> frozenset[str]:
     probing = frozenset[str]() if machine.probe is None else PROBING
     own = frozenset(spec.name for spec in COMMANDS) if machine.dialect.profile == "reference" else frozenset()
     mapped = machine.dialect.mapped
-    acting = acting_of(machine.dialect)
-    return acting | SETTINGS | MOTIONS | PROGRAM | outputs | inputs | probing | own | mapped
+    acting = acting_of(machine.dialect) | settings_of(machine.dialect.profile)
+    return acting | MOTIONS | PROGRAM | outputs | inputs | probing | own | mapped
 
 
 def in_order(codes: Collection[str]) -> list[str]:

@@ -115,6 +115,11 @@ ACTING: Final[Mapping[str, frozenset[str]]] = MappingProxyType(
 )
 
 
+def settings_of(profile: str) -> frozenset[str]:
+    """Return the settings of a profile: Marlin's G61 moves to where G60 was (exact stop: G61.1 there)."""
+    return SETTINGS - {"G61"} if profile == "printer" else SETTINGS
+
+
 def acting_of(dialect: Dialect) -> frozenset[str]:
     """Return the codes of a profile that act on a machine, beside those that its file maps."""
     acting = ACTING[dialect.profile]

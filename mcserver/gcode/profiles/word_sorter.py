@@ -18,12 +18,12 @@ from mcserver.gcode.profiles.codes import (
     REFUSED,
     RIGID_TAPS,
     SET_OUTPUTS,
-    SETTINGS,
     SILENT,
     SPINDLE,
     TAKES_AXES,
     acting_of,
     code_name,
+    settings_of,
 )
 from mcserver.gcode.profiles.polar_words import POLAR_LETTERS, as_axis_words
 from mcserver.gcode.text.profile_words import Action, ProfileWords
@@ -52,6 +52,7 @@ class WordSorter:
 
     def __init__(self, dialect: Dialect) -> None:
         self._dialect = dialect
+        self._settings = settings_of(dialect.profile)
         self.acting = acting_of(dialect) | dialect.mapped
         if dialect.channels:
             self.acting |= IO_WORDS.keys()
@@ -87,13 +88,7 @@ class WordSorter:
             if word.letter in "GM":
                 name = code_name(word.letter, word.value)
                 last = word
-                if name == "G61" and self._dialect.profile == "printer":
-                    # Marlin's moves to where G60 was; RS274/NGC's exact stop is G61.1, too
-                    if name in self.ignored:
-                        ignored.append(name)
-                    else:
-                        self.refuse(word, name, faults)
-                elif name in SETTINGS or name == "G61.1":
+                if name in self._settings or name == "G61.1":
                     settings.append(word if name != "G61.1" else msgspec.structs.replace(word, text="61"))
                 elif name in _HOLES and self._dialect.profile == "cnc" and _COUNT.search(code):
                     shown = f"holes on a circle or a line ({name} of Haas's mills) are not placed here"

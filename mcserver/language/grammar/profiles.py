@@ -19,10 +19,10 @@ from mcserver.gcode.profiles.codes import (
     IGNORED,
     LATHE,
     PROBING,
-    SETTINGS,
     SILENT,
     TAPPING,
     acting_of,
+    settings_of,
 )
 from mcserver.gcode.profiles.frame import LENGTH_AXIS
 from mcserver.gcode.text.words import AXIS_LETTERS, INCREMENTAL_LETTERS
@@ -240,7 +240,7 @@ def _tokens(machine: Machine) -> dict[str, Expression]:
     printer = dialect.profile == "printer"
     # printers' codes without effect take a line of their own, with whatever stands behind them
     idle = frozenset() if printer else (ignored | SILENT) - LATHE  # with words G50 is a lathe's
-    settings = SETTINGS | (_WORDLESS & acting) | idle
+    settings = settings_of(dialect.profile) | (_WORDLESS & acting) | idle
     rest = opt(Ref("blank"), many(all_but("();\r\n")))
     outer, inner = all_but("()\r\n"), seq(char("("), many(all_but("();\r\n")), char(")"))
     numbers = sorted(axis.index for axis in machine.axes)
