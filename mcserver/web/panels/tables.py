@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import html
 import time
+from collections.abc import Sequence
 from typing import Any
 
 from mcclient import Info, Machine, MotionError
@@ -106,11 +107,11 @@ class TablesPanel:
         tables = self._tables
         if not self._actions.allowed("open") or tables is None or self._info is None:
             return
-        shows, origins, names = tables, _origins(tables), tables.names
+        shows = tables
         with NamedDialog(t("Change a work offset")) as dialog, ui.card().classes("mc-ask"):
             ui.label(t("Where programs read zero. Nothing moves."))
             system = ui.select(
-                {each: f"{each} {names.get(each, '')}".strip() for each in SYSTEMS},
+                {each: f"{each} {shows.names.get(each, '')}".strip() for each in SYSTEMS},
                 value="G54",
                 label=t("System"),
             ).classes("min-w-28")
@@ -125,23 +126,22 @@ class TablesPanel:
                 fields[ANGLE] = ui.number(t("Angle R [deg]"), min=-360.0, max=360.0, format="%.4f").classes(
                     "w-28"
                 )
-            name = ui.input(t("Name"), value=names.get("G54", "")).props("maxlength=60")
+            name = ui.input(t("Name"), value=shows.names.get("G54", "")).props("maxlength=60")
             line = ui.label("").classes("font-mono break-all").props(f'aria-label="{t("line to be sent")}"')
 
-            def shown() -> dict[str, Any]:
-                origin = {} if way.value else origins.get(system.value, {})
-                return {axis: round(origin.get(axis, 0.0), 6) for axis in fields}
+            def shown() -> dict[Any, Any]:
+                origin = {} if way.value else _origin(shows, system.value)
+                places = {field: round(origin.get(axis, 0.0), 6) for axis, field in fields.items()}
+                return {**places, name: shows.names.get(system.value, "")}
 
             def fill() -> None:
                 # an angle is set, never shifted
                 fields[ANGLE].set_visibility(not way.value)
-                for axis, value in shown().items():
-                    fields[axis].set_value(value)
-                name.set_value(names.get(system.value, ""))
+                _fill(shown())
                 write()
 
             def write() -> None:
-                origin = origins.get(system.value, {})
+                origin = _origin(shows, system.value)
                 # where it would be: what G10 L2 does under G91 depends on the controller, and is refused
                 places = {
                     axis: field.value + (origin.get(axis, 0.0) if way.value else 0.0)
@@ -161,19 +161,14 @@ class TablesPanel:
             _buttons(dialog)
 
         async def change(_: bool) -> bool:
-            nonlocal shows, origins, names
+            nonlocal shows
             newest = await self._newest(shows)
             if newest is None:
                 return False
             if newest is not shows:
-                # what was typed stays; what was not touched is as it is now, or it would be set back
-                untouched = [axis for axis, value in shown().items() if fields[axis].value == value]
-                same_name = name.value == names.get(system.value, "")
-                shows, origins, names = newest, _origins(newest), newest.names
-                for axis in untouched:
-                    fields[axis].set_value(shown()[axis])
-                if same_name:
-                    name.set_value(names.get(system.value, ""))
+                typed = _typed(shown())
+                shows = newest
+                _fill(shown(), but=typed)
                 write()
                 return False
             return await self._change(system.value, line.text, name=name.value or "")
@@ -184,10 +179,16 @@ class TablesPanel:
         tables = self._tables
         if not self._actions.allowed("open") or tables is None:
             return
-        shows, tools = tables, {each.number: each for each in tables.tools}
+        shows = tables
         with NamedDialog(t("Change a tool")) as dialog, ui.card().classes("mc-ask"):
             ui.label(t("Length for G43 and diameter. A G43 before does not see the change."))
-            number = ui.number(t("Tool"), value=min(tools, default=1), min=1, max=99999, format="%d")
+            number = ui.number(
+                t("Tool"),
+                value=min((each.number for each in shows.tools), default=1),
+                min=1,
+                max=99999,
+                format="%d",
+            )
             length = ui.number(t("Length [mm]"), min=-MOST, max=MOST, format="%.4f")
             diameter = ui.number(t("Diameter [mm]"), min=0.0, max=MOST, format="%.4f")
             name = ui.input(t("Name")).props("maxlength=60")
@@ -200,7 +201,7 @@ class TablesPanel:
             line = ui.label("").classes("font-mono break-all").props(f'aria-label="{t("line to be sent")}"')
 
             def shown() -> dict[Any, Any]:
-                tool = tools.get(int(number.value or 0))
+                tool = _tool(shows, number.value)
                 return {
                     length: None if tool is None else round(tool.length, 6),
                     diameter: 0.0 if tool is None else round(tool.diameter, 6),
@@ -210,13 +211,12 @@ class TablesPanel:
                 }
 
             def fill() -> None:
-                for field, value in shown().items():
-                    field.set_value(value)
+                _fill(shown())
                 write()
 
             def write() -> None:
                 known = number.value and length.value is not None and diameter.value is not None
-                tool = tools.get(int(number.value or 0))
+                tool = _tool(shows, number.value)
                 same = (
                     known
                     and tool is not None
@@ -234,20 +234,17 @@ class TablesPanel:
             _buttons(dialog)
 
         async def change(_: bool) -> bool:
-            nonlocal tables, tools
-            nonlocal shows, tools
+            nonlocal shows
             newest = None if not number.value else await self._newest(shows)
             if newest is None:
                 return False
             if newest is not shows:
-                touched = [field for field, value in shown().items() if field.value != value]
-                shows, tools = newest, {each.number: each for each in newest.tools}
-                for field, value in shown().items():
-                    if field not in touched:
-                        field.set_value(value)
+                typed = _typed(shown())
+                shows = newest
+                _fill(shown(), but=typed)
                 write()
                 return False
-            tool = tools.get(int(number.value))
+            tool = _tool(shows, number.value)
             # it may have cut meanwhile: what nobody has touched is not set
             same = used.value is None or used.value == shown_use(tool)
             return await self._change(
@@ -346,8 +343,25 @@ def _buttons(dialog: ui.dialog) -> None:
         ui.button(t("Cancel"), on_click=lambda: dialog.submit(False)).props("flat")
 
 
-def _origins(tables: Tables) -> dict[str, dict[str, float]]:
-    return {each.system: {**each.origin, ANGLE: each.rotation} for each in tables.offsets}
+def _typed(shown: dict[Any, Any]) -> list[Any]:
+    """Return the fields of a dialog that somebody has given another value than it shows."""
+    return [field for field, value in shown.items() if field.value != value]
+
+
+def _fill(shown: dict[Any, Any], but: Sequence[Any] = ()) -> None:
+    """Give fields what a dialog shows, but those with what was typed: the rest would be set back by it."""
+    for field, value in shown.items():
+        if field not in but:
+            field.set_value(value)
+
+
+def _origin(tables: Tables, system: str) -> dict[str, float]:
+    found = (each for each in tables.offsets if each.system == system)
+    return next(({**each.origin, ANGLE: each.rotation} for each in found), {})
+
+
+def _tool(tables: Tables, number: float | None) -> ToolRow | None:
+    return next((each for each in tables.tools if each.number == int(number or 0)), None)
 
 
 def shown_use(tool: ToolRow | None) -> float:
