@@ -70,8 +70,6 @@ def mcp(
         ) from error
     token = read_token(token_file) if token_file is not None else None
     access = AgentAccess(Address(host, port, certificate, key), token, tuple(origin or ()))
-    if http:
-        access.require_protection()
     server = build_server(AgentTools(described, machine, connect=connect, zenoh=zenoh, recordings=recordings))
     if http:
         serve(server, access)
