@@ -12,7 +12,7 @@ MADE = {
     "X+": "{axis_name(axis.index)}{sign}",
     "Z+": "{word}{sign}",
     "X": "{axis_name(axis.index)} [{axis.unit}]",
-    "G55": "{each} {names.get(each, '')}",
+    "G55": "{each} {shows.names.get(each, '')}",
     "Zero X": "Zero {name}",
     "step 1": "step {step:g}",
     "50 %": "{percent} %",
