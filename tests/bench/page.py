@@ -23,7 +23,7 @@ from tests.bench.telemetry import cpu_share
 from tests.e2e.servers import ROOT, environment
 
 VIEWERS = (1, 10, 50)
-MACHINES = 1000
+FLEETS = (500, 1000)
 CALLS = 300
 CALLS_S = 5.0
 # one long slow move after the other: something changes in every state
@@ -68,17 +68,18 @@ def _machine_page() -> list[Figure]:
 
 def _fleet_page() -> list[Figure]:
     found = []
-    with fleet() as endpoint, page(endpoint) as (process, url):
-        for count in (1, 10):
-            with viewers(url, count, settle_s=20.0):
-                share = cpu_share(process.pid)
-            what = f"CPU of the page, {count} on the fleet of {MACHINES}"
-            found.append(Figure(what, share, "% of a core"))
+    for machines in FLEETS:
+        with fleet(machines) as endpoint, page(endpoint) as (process, url):
+            for count in (1, 10):
+                with viewers(url, count, settle_s=20.0):
+                    share = cpu_share(process.pid)
+                what = f"CPU of the page, {count} on the fleet of {machines}"
+                found.append(Figure(what, share, "% of a core"))
     return found
 
 
 @contextmanager
-def fleet(machines: int = MACHINES) -> Iterator[str]:
+def fleet(machines: int) -> Iterator[str]:
     """Light machines in a process of their own; their endpoint."""
     endpoint = f"tcp/127.0.0.1:{free_port()}"
     command = [sys.executable, "-m", "mcserver", "fleet-sim", "--machines", str(machines)]
