@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 
 import numpy as np
@@ -9,9 +10,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from mcserver.motion.canonical import FeedGroup
 from mcserver.motion.geometry.curves import Array
-from mcserver.motion.kernels.node_phases import exceed_limits
+from mcserver.motion.kernels.node_phases import exceed_limits, to_phases
 from mcserver.motion.kernels.path_speed import quicker_phases
+from mcserver.motion.kernels.phases import PHASE
 from mcserver.motion.kernels.sample_limits import run_of
 from mcserver.motion.profile.faster_stretches import KnotProfile
 from mcserver.motion.profile.velocity_profile import join_phases
@@ -26,7 +29,7 @@ from tests.motion.measure import (
     acceleration_ratio,
     jerk_ratio,
 )
-from tests.motion.support import Commit, Motion, Move, alike, plan, polyline
+from tests.motion.support import Commit, Motion, Move, alike, at_speed, in_time, line_curve, plan, polyline
 
 JERK, TOLERANCE = 50_000.0, 2e-5
 
@@ -217,3 +220,34 @@ def test_a_phase_is_looked_at_where_its_speed_turns(turn: float, by_feed: bool) 
     limits, over = np.array([[limit], [1e9], [1e9]]), np.empty((1, 3))
     assert exceed_limits(phases, demand, np.full(2, np.inf), fed, limits, 0.0, over)
     assert over[0, 0] == pytest.approx(peak / 1.0009)
+
+
+@pytest.mark.parametrize("speed", [0.3, 1e-3, 1e-6])
+def test_phases_from_node_to_node_meet_at_every_node_however_slowly_they_begin(speed: float) -> None:
+    nodes = np.linspace(0.0, 0.01, 60)
+    b = speed * speed + 6.0 * nodes
+    phases = np.empty((len(nodes) - 1, PHASE))
+    assert to_phases(nodes, b, (0.0, 3.0), phases)
+    lasts, position, velocity, acceleration, jerk = phases.T
+    moved = lasts * (velocity + lasts * (acceleration / 2.0 + lasts * jerk / 6.0))
+    assert position + moved == pytest.approx(nodes[1:], abs=1e-12)
+
+
+def test_lines_too_quick_for_the_axes_flow_as_the_same_path_without_a_time_does() -> None:
+    machine = alike(2, velocity=500.0, jerk=100_000.0)
+    curve = lissajous(1.0, 2.0, 0.7)
+    points = chords_of(curve, 5e-4)
+    lines = [line_curve(machine, (0, 1), a.tolist(), b.tolist()) for a, b in itertools.pairwise(points)]
+    commits = [Commit(at, 60.0) for at in range(40, len(lines), 40)]
+
+    def took(groups: list[FeedGroup]) -> float:
+        moves = [Move(group, tolerance=TOLERANCE) for group in groups]
+        motion = plan(machine, moves, start=points[0], commits=commits)
+        speed = np.linalg.norm(motion.velocity, axis=1)
+        # it is never near rest between its ends
+        assert speed[50:-50].min() > 0.02
+        assert jerk_ratio(motion) <= JERK_SLACK
+        return motion.duration
+
+    fed = took([at_speed(0.5, line) for line in lines])
+    assert took([in_time(1e-3, line) for line in lines]) <= 1.05 * fed

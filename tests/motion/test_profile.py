@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 import math
+from typing import NamedTuple
 
 import numpy as np
 import pytest
@@ -14,14 +15,16 @@ from mcserver.motion.geometry.segment import AxisLimits
 from mcserver.motion.kernels.phases import PHASE, PHASES_PER_MOVE, moves_to_phases
 from mcserver.motion.kernels.ramp_kernels import (
     MAX_MOVES,
+    MAX_TABLE_ROWS,
     MOVE,
     min_time_moves,
     ramp_distance,
     ramp_time,
     reachable_speed,
 )
+from mcserver.motion.kernels.sample_limits import make_limit_table
 from mcserver.motion.kernels.timed_moves import EARLY, KEPT, LATE, moves_in_time
-from mcserver.motion.limits.path_limits import AccelerationLimit, RunLimits, sample_rows
+from mcserver.motion.limits.path_limits import RunLimits, sample_rows
 from mcserver.motion.profile.velocity_profile import Phases, join_phases
 from tests.motion.measure import rest_to_rest
 from tests.motion.support import alike
@@ -35,11 +38,19 @@ A_DAY = 86_400.0
 SHARES = st.sampled_from([0.0, 0.1, 0.7, 1.0])
 
 
+class AccelerationLimit(NamedTuple):
+    """A row of a limit table: up to this speed this acceleration and jerk are free."""
+
+    velocity: float
+    acceleration: float
+    jerk: float
+
+
 Table = list[AccelerationLimit]
 
 
 def rows_of(table: Table) -> np.ndarray:
-    return np.array([(row.velocity, row.acceleration, row.jerk) for row in table])
+    return np.array(table)
 
 
 def phases_of(moves: np.ndarray, count: int) -> Phases:
@@ -273,8 +284,11 @@ def test_a_limit_table_is_the_same_whatever_is_beside_its_group(beside: float) -
     line[0, 0], line[0, -2:] = 1.0, math.inf
     alone = RunLimits(bend, np.array([0, 1]), np.array([0.1]), limits)
     other = RunLimits(np.concatenate((line, bend)), np.array([0, 1, 2]), np.array([beside, 0.1]), limits)
-    assert len(alone.limit_table(0, 1)) > 3
-    assert other.limit_table(1, 2) == alone.limit_table(0, 1)
+    tables = np.zeros((2, MAX_TABLE_ROWS, 3))
+    count = make_limit_table(alone.run, 0, 1, 0.0, tables[0])
+    assert count > 3
+    assert make_limit_table(other.run, 1, 2, 0.0, tables[1]) == count
+    assert np.array_equal(tables[0], tables[1])
 
 
 @given(LIMIT_TABLES, DISTANCES, st.sampled_from([1.0, 1.001, 1.2, 3.0, 50.0]))

@@ -13,9 +13,9 @@ from mcserver.motion.kernels.sample_limits import TINY
 # What phases may take in the end, of F and of the axes' limits; and of the greatest speeds by bends, which
 # leave something for acceleration.
 PHASE_LIMITS, PHASE_SPEED = (1.0009, 1.003, 1.035), 1.01
-# Newton's steps for the time from node to node; corrections of the speed at the end, and the share of it that
-# may be lacking.
-NEWTON, SPREADS, SAME_SPEED = 4, 12, 1e-12
+# Newton's steps for the time from node to node, at least and at most, and how far from the node they may end,
+# as a share of the way; corrections of the speed at the end, and the share of it that may be lacking.
+NEWTON, SAME_PLACE, SPREADS, SAME_SPEED = (4, 30), 1e-12, 12, 1e-12
 
 # Columns of a node's demand for each axis: |q'|, |q''|, |q'''| and steps of q''.
 SLOPE, BEND, TWIST, STEP = range(4)
@@ -23,13 +23,19 @@ SLOPE, BEND, TWIST, STEP = range(4)
 
 @compiled
 def _drive(nodes: Array, acceleration: Array, speed: float, phases: Array) -> float:
-    """Write phases from node to node by accelerations there, linear in time; return the speed at the end."""
+    """Write phases from node to node by accelerations there, linear in time; return the speed at the end, NaN
+    where a node is not reached.
+    """
     for i in range(len(nodes) - 1):
         far, a0, a1 = nodes[i + 1] - nodes[i], acceleration[i], acceleration[i + 1]
         t = far / max(speed, TINY)
-        for _ in range(NEWTON):
-            short = t * (speed + t * (2.0 * a0 + a1) / 6.0) - far
-            t -= short / max(speed + t * (2.0 * a0 + a1) / 3.0, TINY)
+        for step in range(NEWTON[1] + 1):
+            beyond = t * (speed + t * (2.0 * a0 + a1) / 6.0) - far
+            if step >= NEWTON[0] and abs(beyond) <= SAME_PLACE * far:
+                break
+            t -= beyond / max(speed + t * (2.0 * a0 + a1) / 3.0, TINY)
+        else:
+            return math.nan
         phases[i, 0], phases[i, 1], phases[i, 2] = t, nodes[i], speed
         phases[i, 3], phases[i, 4] = a0, (a1 - a0) / t
         speed += 0.5 * t * (a0 + a1)
@@ -64,7 +70,7 @@ def to_phases(nodes: Array, b: Array, accelerations: tuple[float, float], phases
         before, lacks = lacks, end - _drive(nodes, acceleration, start, phases)
         if abs(lacks) <= SAME_SPEED * end:
             return True
-        if before == lacks:
+        if before == lacks or math.isnan(lacks):
             return False
         part *= lacks / (before - lacks)
     return False

@@ -21,20 +21,8 @@ from mcserver.motion.geometry.spline_curve import spline_part
 from mcserver.motion.kernels.arc_segments import arc_samples
 from mcserver.motion.kernels.junctions import PrecedingEnd, junction_vmax_of, line_sample
 from mcserver.motion.kernels.polynomials import KINDS, limit_of, polynomial_samples
-from mcserver.motion.kernels.ramp_kernels import MAX_TABLE_ROWS
-from mcserver.motion.kernels.sample_limits import Run, make_limit_table, min_limits, run_of
+from mcserver.motion.kernels.sample_limits import Run, min_limits, run_of
 from mcserver.motion.limits.torque_samples import torque_places, vertex_torques, widen, with_torques
-
-
-@dataclass(frozen=True)
-class AccelerationLimit:
-    """A row of an acceleration-limit table: up to speed ``velocity`` this acceleration and jerk are free
-    along the path (SI along σ).
-    """
-
-    velocity: float
-    acceleration: float
-    jerk: float
 
 
 class SpeedLimit(NamedTuple):
@@ -132,12 +120,6 @@ class RunLimits:
         1.
         """
         return min_limits(self.run.free_at_vmax, left, right)
-
-    def limit_table(self, left: int, right: int) -> list[AccelerationLimit]:
-        """Return the acceleration-limit table of a stretch with a rest at an end."""
-        table = np.empty((MAX_TABLE_ROWS, 3))
-        count = make_limit_table(self.run, left, right, 0.0, table)
-        return [AccelerationLimit(*row) for row in table[:count].tolist()]
 
 
 @dataclass(frozen=True)

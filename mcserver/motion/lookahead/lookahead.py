@@ -8,7 +8,6 @@ the tangent is. Its nodes are the joints, each with the greatest speed at which 
 from __future__ import annotations
 
 import contextlib
-import math
 from dataclasses import dataclass
 
 import msgspec
@@ -37,10 +36,10 @@ from mcserver.motion.limits.path_limits import (
 )
 from mcserver.motion.limits.segment_table import SegmentTable, empty_columns
 from mcserver.motion.limits.torque_samples import spline_with_torques
-from mcserver.motion.lookahead.missed_times import late_groups, none_early, released
+from mcserver.motion.lookahead.missed_times import flowing, late_groups, none_early, released
 from mcserver.motion.lookahead.planned_run import PlannedRun
 from mcserver.motion.lookahead.time_domain_corner import Stop, TimeDomainBlend, TimeDomainBlends
-from mcserver.motion.profile.faster_stretches import KnotProfile, quicker_stretches
+from mcserver.motion.profile.faster_stretches import KnotProfile, quicker_stretches, single_segments
 from mcserver.motion.profile.profile_solver import KnotSolver, Solution
 from mcserver.motion.profile.velocity_profile import Phases, join_phases
 
@@ -259,8 +258,8 @@ class Lookahead:
 
     def _run_of(self, law: _Law) -> PlannedRun:
         bound_by: list[Bound | None] = [None] * len(self.table)
-        for group in law.late:
-            bound_by[law.groups.starts[group]] = self._bound_of_late(law, group)
+        if law.late:
+            self._late_bounds(law, bound_by)
         self._feed_bounds(law.times, bound_by)
         if self._limits.torque is not None:
             self._torque_bounds(law, bound_by)
@@ -309,27 +308,38 @@ class Lookahead:
         samples = _Samples.of(self.table, groups)
 
         def attempt(junction_vmax: Array) -> Solution:
-            vmax = np.fmin(groups.segment_vmax, np.where(solver.kept_mean, solver.means, math.inf))
+            vmax = np.minimum(groups.segment_vmax, solver.flow_vmax)
             solver.run = RunLimits(samples.under(junction_vmax), groups.offset, vmax, self._limits)
             bound = junction_vmax.copy()
             limit_junctions(bound, solver.run.segment_vmax)
             return solver.solve(bound)
 
         junction_vmax = solver.nominal_speeds()
-        solution = attempt(junction_vmax)
+        try:
+            solution = attempt(junction_vmax)
+        except PlanningError:
+            solution = flowing(solver, junction_vmax, groups.edges, attempt)
         if solution.late and solver.raise_speeds(solution.late, solution.speeds, junction_vmax):
             solution = attempt(junction_vmax)
         if solution.late:
             solution = released(solver, solution, junction_vmax, groups.edges, attempt)
         if solution.early:
             solution = none_early(solver, solution, junction_vmax, attempt)
-        profile = KnotProfile(solution.phases, solution.knots, solution.first)
-        if not self.table.timed.any():
-            feeds = segments.columns.feed
-            passed, stops = segments.passed > 0.0, self.stop_is_last
-            profile = quicker_stretches(
-                solver.run.run, groups, feeds, self._limits, profile, passed, stops=stops
-            )
+        columns = segments.columns
+        vertices = (columns.vertex_before != 0)[groups.starts] | (columns.vertex_after != 0)[groups.starts]
+        timed, late = ~np.isnan(solver.durations), np.zeros(len(groups.starts), np.bool_)
+        late[late_groups(solver, solution.times(groups.edges))] = True
+        profile = quicker_stretches(
+            solver.run.run,
+            groups,
+            # one that is late flows at no more than its mean speed, or it would end before its T
+            np.fmin(np.minimum.reduceat(columns.feed, groups.starts), solver.means),
+            self._limits,
+            KnotProfile(solution.phases, solution.knots, solution.first),
+            single_segments(groups, timed & vertices, passed=segments.passed > 0.0),
+            in_time=timed & ~late,
+            stops=self.stop_is_last,
+        )
         phases = join_phases(profile.phases, float(groups.edges[-1]), profile.uncut)
         times = phases.time_at(groups.bounds)
         # at knots the velocity profile's own times are exact; where the motion rests, positions tell time
@@ -341,24 +351,42 @@ class Lookahead:
         held = np.zeros(len(self.table), np.bool_)
         held[groups.starts] = solver.held
         at_edges = np.append(times[groups.starts], times[-1])
-        late = late_groups(solver, at_edges) if self.table.timed.any() else []
-        return _Law(groups, solution, phases, times, held, late, solver.run)
+        return _Law(groups, solution, phases, times, held, late_groups(solver, at_edges), solver.run)
 
-    def _bound_of_late(self, law: _Law, group: int) -> Bound:
-        """Return the limit that stretches a group beyond its T."""
-        first = int(law.groups.starts[group])
-        low, high = law.phases.span(*law.phases.time_at(law.groups.edges[group : group + 2]).tolist())
-        rows = law.phases.rows[low:high]
-        peak = max(float(rows[:, 2].max()), float(rows[-1, 2] + rows[-1, 0] * rows[-1, 3]))
-        if peak >= 0.999 * self.table.columns.axis_vmax[first]:
-            limit = self.table.limit_of(first)
-            return self._limits.bound(limit.column, limit.kind)
+    def _late_bounds(self, law: _Law, bound_by: list[Bound | None]) -> None:
+        """Name the limit that stretches each late group beyond its T: the greatest speed or acceleration
+        that was reached, else jerk.
+        """
+        late, phases = np.array(law.late), law.phases
+        first = law.groups.starts[late]
+        times = phases.time_at(law.groups.edges)
+        low = np.clip(np.searchsorted(phases.start, times[late], side="right") - 1, 0, None)
+        high = np.maximum(np.searchsorted(phases.start, times[late + 1], side="left"), low + 1)
+        ends = np.column_stack((low, high)).ravel()
+
+        def greatest(values: Array) -> Array:
+            """Return the greatest of the phases of each group."""
+            found: Array = np.maximum.reduceat(np.append(values, 0.0), ends)[::2]
+            return found
+
+        last = phases.velocity + phases.rows[:, 0] * phases.acceleration
+        peak = np.maximum(greatest(phases.velocity), last[high - 1])
         _, most_acceleration, most_jerk = self._limits.of_samples
-        slope = np.maximum(self.table.samples_of(first)[:, : len(most_jerk)].max(axis=0), 1e-300)
-        strongest = float(np.abs(rows[:, 3]).max())
-        if strongest >= 0.999 * min(level.acceleration for level in law.limits.limit_table(group, group + 1)):
-            return self._limits.bound(int(np.argmin(most_acceleration / slope)), "acceleration")
-        return self._limits.bound(int(np.argmin(most_jerk / slope)), "jerk")
+        run = law.limits.run
+        slope = np.maximum.reduceat(run.rows[:, : len(most_jerk)], run.offset[:-1])[late].clip(1e-300)
+        accelerated = greatest(np.abs(phases.acceleration)) >= 0.999 * run.free_at_vmax[late, 0]
+        columns = np.where(
+            accelerated, np.argmin(most_acceleration / slope, axis=1), np.argmin(most_jerk / slope, axis=1)
+        )
+        for index, speed, column, by_acceleration in zip(
+            first.tolist(), peak.tolist(), columns.tolist(), accelerated.tolist(), strict=True
+        ):
+            limit = self.table.limit_of(index)
+            bound_by[index] = (
+                self._limits.bound(limit.column, limit.kind)
+                if speed >= 0.999 * limit.velocity
+                else self._limits.bound(column, "acceleration" if by_acceleration else "jerk")
+            )
 
     def _feed_bounds(self, times: Array, bound_by: list[Bound | None]) -> None:
         columns = self.table.columns

@@ -4,6 +4,7 @@ lines do; lower speeds beside those that would end before it, or a stop, may let
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 
 import numpy as np
@@ -22,6 +23,54 @@ SLOWDOWNS = 4
 # Plans in which lines that cannot keep their T are told from those that can, before all of the former keep
 # to their mean speeds.
 RELEASES = 6
+
+
+def flowing(
+    solver: KnotSolver, junction_vmax: Array, edges: Array, attempt: Callable[[Array], Solution]
+) -> Solution:
+    """Let all lines flow into each other as feed lines do, those that would end before their T by that at no
+    more than their mean speed: the speed that is there already may leave no plan in which each begins and
+    ends without acceleration.
+
+    Raises:
+        PlanningError: that speed leaves no such plan either, or no line has a T.
+    """
+    timed, solver.held = solver.held, np.zeros_like(solver.held)
+    junction_vmax[:] = solver.nominal_speeds()
+    # where no line has a T, this asks for what has failed already
+    solution = attempt(junction_vmax)
+    kept, falling = np.zeros_like(timed), 0
+    for turn in range(RELEASES):
+        early = timed & _missed(-np.diff(solution.times(edges)), -solver.durations)
+        if not early.any():
+            return solution
+        if not (early & ~kept).any():
+            break
+        kept |= early if turn < RELEASES - 2 else timed
+        solution, falling = _at_means(solver, kept, falling, lambda: attempt(junction_vmax))
+    raise PlanningError(solver.first_line)
+
+
+def _at_means(
+    solver: KnotSolver, kept: NDArray[np.bool_], falling: int, attempt: Callable[[], Solution]
+) -> tuple[Solution, int]:
+    """Plan with some lines at no more than their mean speeds, but for as many at the beginning as it takes.
+
+    Args:
+        kept: which. falling: how many at the beginning may be as fast as the motion is already.
+
+    Returns:
+        The plan, and how many those were.
+    """
+    while True:
+        solver.flow_vmax = np.where(kept, solver.means, math.inf)
+        np.copyto(solver.flow_vmax[:falling], np.fmax(solver.means[:falling], solver.entry))
+        try:
+            return attempt(), falling
+        except PlanningError:
+            if falling >= len(kept):
+                raise
+            falling = max(2 * falling, 1)
 
 
 def released(
@@ -51,7 +100,7 @@ def released(
             free |= late
             solver.held = solver.held & ~late
         free &= ~early
-        solver.kept_mean = solver.kept_mean | early
+        solver.flow_vmax = np.where(early, solver.means, solver.flow_vmax)
         nominal, opened = solver.nominal_speeds(), np.append(late, False) | np.append(False, late)
         # speeds that were raised stay, and stops
         np.copyto(junction_vmax, nominal, where=opened & (junction_vmax > 0.0) & (junction_vmax < nominal))
@@ -59,7 +108,7 @@ def released(
             solution = attempt(junction_vmax)
         except PlanningError:
             # the speed that is there already leaves no other
-            solver.held, solver.kept_mean = timed, np.zeros(len(free), np.bool_)
+            solver.held, solver.flow_vmax = timed, np.full(len(free), math.inf)
             junction_vmax[:] = held_speeds
             return held
     return solution

@@ -59,19 +59,21 @@ def node_spacing(limits: AxisLimits) -> float:
 def quicker_stretches(
     run: Run,
     groups: Groups,
-    feeds: Array,
+    feed: Array,
     limits: AxisLimits,
     given: KnotProfile,
-    passed: bool,
+    single: NDArray[np.bool_],
     *,
+    in_time: NDArray[np.bool_],
     stops: bool = False,
 ) -> KnotProfile:
     """Solve the stretches between knots with speed anew.
 
     Args:
-        feeds: of the run's segments, speeds by F, shape (s,).
-        given: the profile as `KnotSolver` gives it. passed: a part of the first segment has been passed
-            already.
+        feed: greatest speeds of the groups by F, or by a T that they cannot keep, shape (n,).
+        given: the profile as `KnotSolver` gives it. single: groups whose samples stand evenly along them,
+            shape (n,). in_time: groups that take their T, and stay as they are, shape (n,). stops: the motion
+            ends with the stop at the end, which is then quickened too.
     """
     if not np.isfinite(limits.jerk).all():
         return given
@@ -80,14 +82,15 @@ def quicker_stretches(
     known = _Known(
         run,
         groups.edges,
-        _single_segments(groups, passed),
+        single,
         _at_vertices(run),
-        _feeds_of(groups, feeds),
+        feed,
         profile,
         given,
         np.append(profile.start, profile.duration)[first],
         np.append(phases[:, 2], 0.0)[first],
         node_spacing(limits),
+        np.logical_or.reduceat(in_time, knots[:-1]),
         stops,
     )
     parts: list[Array] = []
@@ -127,14 +130,31 @@ def quicker_stretches(
     )
 
 
+def single_segments(groups: Groups, with_vertices: NDArray[np.bool_], *, passed: bool) -> NDArray[np.bool_]:
+    """Return which groups are one whole segment, along which samples stand evenly, shape (n,).
+
+    Args:
+        with_vertices: groups whose samples have those of vertices behind them, shape (n,).
+        passed: a part of the first segment has been passed already.
+    """
+    ends = np.append(groups.starts[1:], len(groups.bounds) - 1)
+    single: NDArray[np.bool_] = (ends - groups.starts == 1) & ~with_vertices
+    # parts of one long segment share its samples
+    single[1:] &= groups.starts[1:] != groups.starts[:-1]
+    if passed:
+        single[0] = False
+    return single
+
+
 @dataclass(frozen=True)
 class _Known:
     """What is known of a run.
 
     Attributes:
-        single: groups that are one whole segment. at_vertex: groups with a vertex, which have all that is
-            about it. feed: least speed by F of the groups. profile, given: as `KnotSolver` gives it.
-        moments, speeds: at the knots [s]. apart: time between nodes [s]. stops: see `quicker_stretches`.
+        single, feed, stops: see `quicker_stretches`. at_vertex: groups with a vertex, which have all that is
+            about it. profile, given: as `KnotSolver` gives it.
+        moments, speeds: at the knots [s]. apart: time between nodes [s]. kept: which knots have a group that
+            takes its T between them and the next one, shape (k-1,).
     """
 
     run: Run
@@ -147,6 +167,7 @@ class _Known:
     moments: Array
     speeds: Array
     apart: float
+    kept: NDArray[np.bool_]
     stops: bool
 
     def solved_anew(self, index: int, last: int) -> tuple[Array, bool]:
@@ -157,6 +178,8 @@ class _Known:
         """
         given = self.given
         rows = given.phases[given.first[index] : given.first[last]]
+        if self.kept[index]:
+            return rows[:0], False
         rests = bool(self.speeds[index] <= 0.0), bool(self.speeds[last] <= 0.0)
         inner = _inner(rows, rests, self.apart)
         if inner is None or (rests[1] and last == len(given.knots) - 1 and not self.stops):
@@ -204,14 +227,16 @@ class _Known:
     def stretch_end(self, index: int, longest: float) -> int:
         """Return the last knot of the stretch that begins at a knot.
 
-        All of them up to the next rest, as long as that takes no longer than ``longest`` [s]; then the
-        slowest bottleneck behind the first part: there the bend rather than what is about it says how fast it
-        is, so a stretch loses nothing by an end without acceleration. Without a bottleneck, the slowest knot
-        of the last half. As long as lines come, the stop at the very end is left as it is: a plan is cut
-        before it.
+        All of them up to the next rest, or to a group that takes its T, as long as that takes no longer than
+        ``longest`` [s]; then the slowest bottleneck behind the first part: there the bend rather than what is
+        about it says how fast it is, so a stretch loses nothing by an end without acceleration. Without a
+        bottleneck, the slowest knot of the last half. As long as lines come, the stop at the very end is left
+        as it is: a plan is cut before it.
         """
         last, final = index + 1, len(self.speeds) - 1
-        while last < final and self.speeds[last] > 0.0:
+        if self.kept[index]:
+            return last
+        while last < final and self.speeds[last] > 0.0 and not self.kept[last]:
             if last + 1 == final and self.speeds[final] <= 0.0 and not self.stops:
                 break
             if self.moments[last + 1] - self.moments[index] > longest:
@@ -257,20 +282,3 @@ def _at_vertices(run: Run) -> NDArray[np.bool_]:
     steps = (run.rows[:, 3 * width : 4 * width] > 0.0).any(axis=1)
     found: NDArray[np.bool_] = np.logical_or.reduceat(steps, run.offset[:-1])
     return found
-
-
-def _feeds_of(groups: Groups, feeds: Array) -> Array:
-    """Return the least speed by F of the segments of each group, shape (n,)."""
-    least: Array = np.minimum.reduceat(feeds, groups.starts)
-    return least
-
-
-def _single_segments(groups: Groups, passed: bool) -> NDArray[np.bool_]:
-    """Return which groups are one whole segment, shape (n,)."""
-    ends = np.append(groups.starts[1:], len(groups.bounds) - 1)
-    single: NDArray[np.bool_] = ends - groups.starts == 1
-    # parts of one long segment share its samples
-    single[1:] &= groups.starts[1:] != groups.starts[:-1]
-    if passed:
-        single[0] = False
-    return single

@@ -62,8 +62,8 @@ class KnotSolver:
 
     Attributes:
         run: limits of the groups, set before each `solve`. durations: T of the groups, NaN without one,
-            shape (n,) [s]. held: those that are to take it, and stand between knots therefore. kept_mean:
-            those that cannot, and that nothing but their mean speed keeps from ending too soon.
+            shape (n,) [s]. held: those that are to take it, and stand between knots therefore.
+            flow_vmax: greatest speeds of those that cannot, and would end too soon with more, shape (n,).
     """
 
     def __init__(self, table: SegmentTable, groups: Groups, entry: float) -> None:
@@ -71,9 +71,14 @@ class KnotSolver:
         self._groups = groups
         self.durations = table.columns.duration[groups.starts]
         self.held = ~np.isnan(self.durations)
-        self.kept_mean = np.zeros(len(self.held), np.bool_)
+        self.flow_vmax = np.full(len(self.held), math.inf)
         self.run: RunLimits
-        self._entry = entry
+        self.entry = entry
+
+    @property
+    def first_line(self) -> int:
+        """Number of the line under way."""
+        return self._table.segments[0].line
 
     def nominal_speeds(self) -> Array:
         """Return the greatest speeds at the groups' ends with the mean speeds of held ones at both of
@@ -108,7 +113,7 @@ class KnotSolver:
                 junction_vmax,
                 durations,
                 first,
-                self._entry,
+                self.entry,
                 required_only,
             )
             if status == SOLVED:
