@@ -328,7 +328,8 @@ class Lookahead:
         columns = segments.columns
         vertices = (columns.vertex_before != 0)[groups.starts] | (columns.vertex_after != 0)[groups.starts]
         timed, late = ~np.isnan(solver.durations), np.zeros(len(groups.starts), np.bool_)
-        late[late_groups(solver, solution.times(groups.edges))] = True
+        if timed.any():
+            late[late_groups(solver, solution.times(groups.edges))] = True
         profile = quicker_stretches(
             solver.run.run,
             groups,
