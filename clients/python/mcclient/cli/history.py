@@ -121,7 +121,8 @@ def history(
     for row in rows:
         table.add_row(*(Text("" if value is None else _plain(value)) for value in row))
     results().print(table)
-    say(f"{len(rows)} rows" + (f", the first {MOST_ROWS}" if len(rows) == MOST_ROWS else ""))
+    more = f", the first {MOST_ROWS}" if len(rows) == MOST_ROWS else ""
+    say(f"{len(rows)} row{'' if len(rows) == 1 else 's'}{more}")
 
 
 def _plain(value: object) -> str:
