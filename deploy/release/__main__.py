@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import argparse
 import datetime
+import importlib.util
 import sys
 import tempfile
 from pathlib import Path
@@ -99,6 +100,8 @@ def main() -> int:
             return 0
         version = check(ROOT)
         if chosen.what == "build":
+            if chosen.sign and not importlib.util.find_spec("sigstore"):
+                raise NotReleasable(["signing needs sigstore: pip install sigstore"])
             build(ROOT, chosen.output.resolve(), version, frozenset(chosen.without.split(",")))
             if chosen.sign:
                 run([sys.executable, "-m", "sigstore", "sign", str(chosen.output / "SHA256SUMS")], ROOT)

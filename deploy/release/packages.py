@@ -86,7 +86,9 @@ def build_npm(root: Path, output: Path, _version: str) -> None:
 def build_jar(root: Path, output: Path, _version: str) -> None:
     """Build the Java SDK's jar, and its description for a repository."""
     folder = root / "clients" / "java"
-    run(["mvn", "--quiet", "--batch-mode", "-DskipTests", "package"], folder)
+    time = run(["git", "log", "-1", "--format=%cI"], root).strip()
+    options = ["--quiet", "--batch-mode", "-DskipTests", f"-Dproject.build.outputTimestamp={time}"]
+    run(["mvn", *options, "package"], folder)
     _copy(folder / "target", "mcclient-*.jar", output)
     shutil.copy(folder / "pom.xml", output / "mcclient.pom")
 
@@ -94,7 +96,9 @@ def build_jar(root: Path, output: Path, _version: str) -> None:
 def build_go(root: Path, output: Path, version: str) -> None:
     """Build the Go SDK's sources; a proxy takes them from the tag ``clients/go/vVERSION``."""
     archive = output / f"mcclient-go-{version}.zip"
-    run(["git", "archive", "--format", "zip", "--output", str(archive), "HEAD:clients/go"], root)
+    # of the commit, whose time its files carry: a folder's tree (HEAD:clients/go) has none
+    words = ["git", "archive", "--format", "zip", "--output", str(archive), "HEAD"]
+    run(words, root / "clients" / "go", {"TZ": "UTC"})
 
 
 OTHERS: Mapping[str, Callable[[Path, Path, str], None]] = {

@@ -13,11 +13,14 @@ import typer
 from typer.cli import get_docs_for_click
 
 import mcserver.cli.app
+from deploy.site.references import codes_of, codes_page, keys_page
 
 # what a link or a picture of Markdown points to, without the place in the page
 LINK = re.compile(r"\]\(\s*<?([^)\s#>]+)")
 # for those who work on the repository, and made from other pages
 LEFT_OUT = ("mcserver/", "tests/", ".")
+# folders whose pages say what codes mean
+EXPLAIN = ("docs", "deploy")
 HERE = Path(__file__).parent
 
 API = """# API of the Python SDK
@@ -44,8 +47,17 @@ def write_source(root: Path, target: Path) -> None:
     made = target / "pages" / "docs"
     (made / "commands.md").write_text(_commands(), "utf-8")
     (made / "api.md").write_text(API, "utf-8")
+    (made / "keys.md").write_text(keys_page(), "utf-8")
+    texts = {page.as_posix(): (root / page).read_text("utf-8") for page in pages if page.parts[0] in EXPLAIN}
+    (made / "codes.md").write_text(codes_page(codes_of(root), texts, "docs/codes.md"), "utf-8")
     # a question finds questions and guides first
-    last = (made / "api.md", made / "commands.md", target / "pages" / "CHANGELOG.md")
+    last = (
+        made / "api.md",
+        made / "commands.md",
+        made / "codes.md",
+        made / "keys.md",
+        target / "pages" / "CHANGELOG.md",
+    )
     boosts = [(page, 0.1) for page in last]
     boosts += [(page, 0.3) for page in (made / "wire").glob("*.md")] + [(made / "questions.md", 2.0)]
     for page, boost in boosts:

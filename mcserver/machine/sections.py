@@ -45,14 +45,14 @@ class AxisSection(msgspec.Struct, frozen=True):
 
     index: AxisNumber
     type: Literal["linear", "rotary"]
-    max_velocity: Limit
-    max_acceleration: Limit
+    max_velocity: Positive
+    max_acceleration: Positive
     max_jerk: Limit | None = None
     min_position: float | None = None
     max_position: float | None = None
-    in_position: Limit = 0.01
+    in_position: Positive = 0.01
     max_following_error: Limit | None = None
-    units_per_motor_rev: Limit | None = None
+    units_per_motor_rev: Positive | None = None
     max_torque: Torque | None = None
     drive: AnyDrive = Drive()
     homing: HomingSection | None = None

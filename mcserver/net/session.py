@@ -88,7 +88,7 @@ class ZenohSession:
         """Open a session without blocking the loop.
 
         Raises:
-            ServiceError: MC522 the endpoint cannot be listened on.
+            ServiceError: MC522 the endpoint cannot be listened on, or the router not be reached.
         """
         try:
             session = await asyncio.to_thread(zenoh.open, config)
@@ -96,7 +96,7 @@ class ZenohSession:
             raise ServiceError(
                 "MC522",
                 f"Zenoh cannot be opened: {plain(error)}",
-                "is the port taken by another server? see --listen",
+                "does the router run that it is to reach? is the port taken by another server? see --listen",
             ) from error
         return cls(session)
 

@@ -30,3 +30,7 @@ def test_each_tool_is_shown_with_its_pose_and_units() -> None:
 
 def test_a_machine_without_tools_has_no_table_of_them() -> None:
     assert "tool" not in shown()
+
+
+def test_where_no_program_runs_earlier_ones_are_not_denied() -> None:
+    assert "no program runs; mcctl programs lists earlier ones" in shown()

@@ -5,6 +5,7 @@ from __future__ import annotations
 import datetime
 import shutil
 import subprocess
+import zipfile
 from pathlib import Path
 
 import pytest
@@ -13,6 +14,7 @@ from deploy.release import sdk_licences
 from deploy.release.__main__ import build, check
 from deploy.release.contents import licences
 from deploy.release.go_module import set_go_module
+from deploy.release.packages import build_go
 from deploy.release.versions import MANIFESTS, NotReleasable, changes_of, set_version, version_of
 
 ROOT = Path(__file__).parents[2]
@@ -105,6 +107,21 @@ def test_the_path_of_the_go_module_is_set_in_all_that_names_it(project: Path) ->
 def test_a_path_from_which_go_cannot_fetch_the_module_is_refused(project: Path, path: str) -> None:
     with pytest.raises(NotReleasable):
         set_go_module(project, path)
+
+
+def test_the_files_of_the_go_module_carry_the_time_of_the_commit(
+    project: Path, tmp_path_factory: pytest.TempPathFactory, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (project / "clients" / "go").mkdir()
+    (project / "clients" / "go" / "go.mod").write_text("module mcserver.example/mcclient\n")
+    monkeypatch.setenv("GIT_COMMITTER_DATE", "2030-01-02T03:04:06Z")
+    commit(project)
+    monkeypatch.setenv("TZ", "Asia/Tokyo")
+    output = tmp_path_factory.mktemp("out")
+    build_go(project, output, "7.1.0")
+    with zipfile.ZipFile(output / "mcclient-go-7.1.0.zip") as archive:
+        (file,) = archive.infolist()
+    assert (file.filename, file.date_time) == ("go.mod", (2030, 1, 2, 3, 4, 6))
 
 
 def test_a_folder_with_files_is_left_alone(project: Path) -> None:

@@ -9,10 +9,10 @@ from typing import get_args
 
 import msgspec
 
+from deploy.site.references import codes_of, codes_page, keys_page
 from mcserver.machine.sections import MachineFile
 
 ROOT = Path(__file__).parents[2]
-SOURCES = ("mcserver", "clients/python/mcclient")
 # agreed with a drive at boot-up, not written in a file
 NOT_IN_FILES = frozenset({"process_data"})
 
@@ -34,10 +34,34 @@ def keys_of(kind: object) -> Iterator[str]:
 
 
 def test_every_code_stands_in_a_page_as_it_is_searched_for() -> None:
-    texts = (file.read_text("utf-8") for top in SOURCES for file in ROOT.joinpath(top).rglob("*.py"))
-    codes = {code for text in texts for code in re.findall(r'"(MC\d{3})"', text)}
+    codes = codes_of(ROOT)
     assert len(codes) > 250
-    assert codes - set(re.findall(r"MC\d{3}", pages())) == set()
+    assert set(codes) - set(re.findall(r"MC\d{3}", pages())) == set()
+
+
+def test_the_site_s_page_of_codes_has_what_pages_say_of_each() -> None:
+    texts = {
+        "docs/a.md": "# A\n\n| `MC101` | a [link](b.md) | mend it |\n",
+        "docs/wire/b.md": "# B\n\nMC103\n",
+    }
+    assert codes_page(["MC101", "MC103"], texts, "docs/codes.md").splitlines()[4:] == [
+        "## MC101",
+        "",
+        "- a link · mend it ([A](a.md))",
+        "",
+        "## MC103",
+        "",
+        "- see [B](wire/b.md)",
+    ]
+    spans = {"docs/a.md": "# A\n\n| MC030 … MC032, MC035 | homing |\n"}
+    assert codes_page(["MC031", "MC035"], spans, "docs/codes.md").count("- homing ([A](a.md))") == 2
+
+
+def test_the_site_s_page_of_keys_has_each_with_what_it_takes() -> None:
+    page = keys_page()
+    assert {key for key in keys_of(MachineFile) if f"| `{key}` |" not in page} == set()
+    assert "| `cycle_hz` | number ≥ 10, ≤ 10000 | `1000.0` | 1000 is usual |" in page
+    assert "| `axis` | list of [AxisSection](#AxisSection) | needed |  |" in page
 
 
 def test_every_key_of_a_machine_file_stands_in_a_page() -> None:

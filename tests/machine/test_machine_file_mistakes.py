@@ -92,6 +92,11 @@ def test_numbers_that_no_limit_can_have_are_refused(keys: str, line: int) -> Non
     assert (fault.line, fault.hint != "") == (line, True)
 
 
+def test_a_key_that_is_needed_is_not_advised_to_be_left_out() -> None:
+    (fault,) = mistakes(axis().replace("max_velocity = 1.0", "max_velocity = 0"))
+    assert (fault.code, fault.hint) == ("MC004", "give a number above 0")
+
+
 def test_a_key_of_another_kind_of_drive_names_its_kind() -> None:
     drive = 'kind = "cia402"\nbus = "can0"\nnode = 1\ncounts_per_motor_rev = 4\npole_pairs = 3'
     (fault,) = mistakes(axis("units_per_motor_rev = 1.0", drive))

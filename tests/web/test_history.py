@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import duckdb
+import fsspec
 import pytest
 from mcclient import Event
 from mcclient.cli.history import QUESTIONS, SPANS, ask, days_of, sql_of
@@ -258,6 +259,27 @@ def test_files_move_to_a_store_one_that_fails_stays_and_questions_are_answered_t
     assert rows == [(20,)]
     with pytest.raises(RequestRefused, match="no history"):
         ask("faults", "memory://site/other")
+
+
+class Closed(fsspec.AbstractFileSystem):  # type: ignore[misc]
+    """A store without keys to it."""
+
+    protocol = "closed"
+
+    def glob(self, *_words: object, **_named: object) -> list[str]:
+        raise PermissionError("unable to locate credentials")
+
+
+def test_a_history_that_cannot_be_read_is_refused_with_the_reason(tmp_path: Path) -> None:
+    fsspec.register_implementation("closed", Closed, clobber=True)
+    with pytest.raises(RequestRefused, match=r"closed://site cannot be read: .*credentials") as refused:
+        ask("faults", "closed://site")
+    assert (refused.value.code, "\n" in refused.value.message) == ("MC511", False)
+    filled(tmp_path)
+    (damaged, *_) = tmp_path.glob("events/*/*.parquet")
+    damaged.write_bytes(b"no Parquet, but long enough for its magic")
+    with pytest.raises(RequestRefused, match="cannot be read"):
+        ask("faults", tmp_path)
 
 
 def test_a_store_that_cannot_be_meant_is_refused() -> None:

@@ -121,7 +121,8 @@ def history(
     for row in rows:
         table.add_row(*(Text("" if value is None else _plain(value)) for value in row))
     results().print(table)
-    say(f"{len(rows)} rows" + (f", the first {MOST_ROWS}" if len(rows) == MOST_ROWS else ""))
+    more = f", the first {MOST_ROWS}" if len(rows) == MOST_ROWS else ""
+    say(f"{len(rows)} row{'' if len(rows) == 1 else 's'}{more}")
 
 
 def _plain(value: object) -> str:
@@ -179,7 +180,8 @@ def ask(
         machine: the only one that is asked about. threads: the most that DuckDB may use.
 
     Raises:
-        RequestRefused: MC511 there is no history, DuckDB is missing, or the question cannot be understood.
+        RequestRefused: MC511 there is no history, or it cannot be read, DuckDB is missing, or the question
+            cannot be understood.
     """
     if importlib.util.find_spec("duckdb") is None:
         raise RequestRefused("MC511", "mcctl history needs duckdb", "pip install 'mcclient[record]'")
@@ -192,23 +194,14 @@ def ask(
             connection.execute(f"SET threads = {threads:d}")
         if "://" in str(folder):
             _reach_store(connection, str(folder))
-        # of many days a listing of all files takes longer than the answer
-        wanted = ["*"] if days is None else [each.isoformat() for each in days]
-        found = {table: [f"{folder}/{table}/day={day}/*.parquet" for day in wanted] for table in TABLES}
-        paths = {table: [each for each in found[table] if _has_files(connection, each)] for table in TABLES}
-        there = [table for table in TABLES if paths[table]]
-        if not there:
+        try:
+            there = _declare_views(connection, str(folder), days, machine)
+        except duckdb.Error as error:
             raise RequestRefused(
-                "MC511", f"{folder} has no history", f"mcserver history {folder} writes it; --folder names it"
-            )
-        for table in there:
-            files = ", ".join(map(quoted, paths[table]))
-            rows = f"SELECT * FROM read_parquet([{files}], hive_partitioning = true)"
-            if machine is not None:
-                rows += f" WHERE machine = {quoted(machine)}"
-            if table in KEYS:
-                rows += f" QUALIFY row_number() OVER (PARTITION BY day, {KEYS[table]}) = 1"
-            connection.execute(f"CREATE VIEW {table} AS {rows}")
+                "MC511",
+                f"{folder} cannot be read: {_why(error)}",
+                "of a store, keys and endpoint stand in the environment, such as AWS_ACCESS_KEY_ID",
+            ) from error
         try:
             cursor = connection.execute(sql_of(question))
             names = [column[0] for column in cursor.description or []]
@@ -216,9 +209,41 @@ def ask(
         except duckdb.Error as error:
             raise RequestRefused(
                 "MC511",
-                str(error).strip().splitlines()[0],
+                _why(error),
                 "SQL over " + ", ".join(there) + "; or one of: " + ", ".join(QUESTIONS),
             ) from error
+
+
+def _declare_views(connection: Any, folder: str, days: list[date] | None, machine: str | None) -> list[str]:
+    """Make a view of each table that has files, and return their names.
+
+    Raises:
+        RequestRefused: MC511 there is no history.
+    """
+    # of many days a listing of all files takes longer than the answer
+    wanted = ["*"] if days is None else [each.isoformat() for each in days]
+    found = {table: [f"{folder}/{table}/day={day}/*.parquet" for day in wanted] for table in TABLES}
+    paths = {table: [each for each in found[table] if _has_files(connection, each)] for table in TABLES}
+    there = [table for table in TABLES if paths[table]]
+    if not there:
+        raise RequestRefused(
+            "MC511", f"{folder} has no history", f"mcserver history {folder} writes it; --folder names it"
+        )
+    for table in there:
+        files = ", ".join(map(quoted, paths[table]))
+        rows = f"SELECT * FROM read_parquet([{files}], hive_partitioning = true)"
+        if machine is not None:
+            rows += f" WHERE machine = {quoted(machine)}"
+        if table in KEYS:
+            rows += f" QUALIFY row_number() OVER (PARTITION BY day, {KEYS[table]}) = 1"
+        connection.execute(f"CREATE VIEW {table} AS {rows}")
+    return there
+
+
+def _why(error: Exception) -> str:
+    """Return the line of an error that says what it is; of a store's package DuckDB has a whole traceback."""
+    lines = str(error).strip().partition("\n\nLINE ")[0].splitlines()
+    return lines[-1 if lines[0].startswith("Traceback") else 0]
 
 
 def _reach_store(connection: Any, address: str) -> None:

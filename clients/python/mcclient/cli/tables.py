@@ -48,7 +48,9 @@ def machine_view(
         parts.append(_tools_table(status))
     living = [program for program in status.programs if program.ended_at is None]
     shown = living or list(status.programs)[:3]
-    parts.append(programs_table(shown) if shown else Text("no programs", style="dim"))
+    # those that ended go after seconds, and none of an earlier server is here
+    none = Text("no program runs; mcctl programs lists earlier ones", style="dim")
+    parts.append(programs_table(shown) if shown else none)
     waiting = [program for program in living if program.state == "paused" and program.notice]
     parts += [Text(f"{program.program} waits: {program.notice}", style="yellow") for program in waiting]
     parts += [
