@@ -124,8 +124,9 @@ def build_site(sessions: Sessions, fleet: Fleet, *, secure: bool, host: str) -> 
                 401,
             )
         response = RedirectResponse(_inside(then), 303)
-        # a proxy that ends TLS says so; whoever else says it makes the cookie no weaker
-        tls = secure or request.headers.get("x-forwarded-proto", "").strip().lower() == "https"
+        # a proxy that ends TLS says so, the first of several; whoever else says it makes the cookie no weaker
+        outermost = request.headers.get("x-forwarded-proto", "").partition(",")[0]
+        tls = secure or outermost.strip().lower() == "https"
         response.set_cookie(COOKIE, token, httponly=True, samesite="strict", secure=tls)
         return response
 

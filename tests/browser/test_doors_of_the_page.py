@@ -59,7 +59,7 @@ def test_no_other_site_frames_the_page_and_metrics_are_for_this_computer_itself(
 
 def test_a_cookie_is_secure_behind_a_proxy_that_ends_tls(site: PageProcess) -> None:
     form = b"name=olga&password=olgas-password&then=//evil.example"
-    headers = {"X-Forwarded-Proto": "https"}
+    headers = {"X-Forwarded-Proto": "https, http"}
     request = urllib.request.Request(f"{site.url}login", data=form, headers=headers)
 
     class Stay(urllib.request.HTTPRedirectHandler):
