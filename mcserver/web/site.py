@@ -211,7 +211,8 @@ def _from_here(request: Request) -> bool:
 
 def _inside(path: str) -> str:
     """Return a path of this site; ``/`` for anything else."""
-    return path if re.fullmatch(r"/[A-Za-z0-9_./%~?=&+-]*", path) and not path.startswith("//") else "/"
+    # what an address has; browsers take a backslash for a slash
+    return path if re.fullmatch(r"/[!-\[\]-~]*", path) and not path.startswith("//") else "/"
 
 
 def _login_page(request: Request, message: str, then: str) -> str:
