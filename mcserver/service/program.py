@@ -133,6 +133,7 @@ class Program:
         self.reason = ""
         self.last_reported_credit = queue.limit
         self.last_reported_started = 0
+        self.journaled_started = 0
         self._ended_status: ProgramStatus | None = None
         self._waiting: deque[tuple[int, asyncio.Future[Verdict]]] = deque()
         self._waiting_for_journal: deque[tuple[int, asyncio.Future[Verdict]]] = deque()

@@ -81,16 +81,21 @@ class ProgressReports:
     def _write(self, program: Program) -> None:
         progress = program.progress
         ended, done = progress.take_ended(), progress.done
-        if ended or done > program.done:
+        # also of a line that has only begun: after a crash it tells that the program has run
+        if ended or done > program.done or progress.started > program.journaled_started:
             self._writing.add(program.program)
             committed = partial(self._committed, program, done, ended)
+            program.journaled_started = progress.started
             self._journal.progress(program.program, progress.started, done, committed)
 
     def _committed(self, program: Program, done: int, ended: Sequence[LineReport]) -> None:
         self._writing.discard(program.program)
-        program.done = max(program.done, done)
+        moved, program.done = done > program.done, max(program.done, done)
         if ended:
             self._publish("lines.ended", program, lines=list(ended))
-        self._acknowledge(program)
-        if not program.over and (program.progress.done > program.done or program.progress.any_ended):
+        if ended or moved:
+            self._acknowledge(program)
+        progress = program.progress
+        more = progress.done > program.done or progress.started > program.journaled_started
+        if not program.over and (more or progress.any_ended):
             self.moved(program)

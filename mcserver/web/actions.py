@@ -129,6 +129,24 @@ class Actions:
             return False
         return True
 
+    async def hold(self) -> None:
+        """Hold what runs; what is still being checked does not start."""
+
+        async def hold(machine: Machine) -> None:
+            self.link.jobs.stop_checking()
+            await machine.hold()
+
+        await self.do("hold", mark("hold"), hold)
+
+    async def abort(self) -> None:
+        """End what runs; what is still being checked does not start."""
+
+        async def abort(machine: Machine) -> None:
+            self.link.jobs.stop_checking()
+            await machine.abort()
+
+        await self.do("abort", mark("abort"), abort)
+
     async def emergency_stop(self) -> None:
         """Every visitor may stop; what waits in the queue does not start either."""
         self.link.jobs.stop()

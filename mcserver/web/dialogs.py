@@ -64,19 +64,33 @@ async def ask(
     *,
     colour: str,
     act: Callable[[], Awaitable[bool]],
+    stop: Callable[[], object] = lambda: None,
     details: Callable[[], object] | None = None,
 ) -> bool:
     """Ask before something is done, and do it; whether it was done.
 
     Args:
         verb: on the button that does it. colour: of that button. act: does it; whether it was done. Where not
-            the question stays. details: builds what is shown below the question.
+            the question stays. stop: ends it early, for who cancels meanwhile.
+        details: builds what is shown below the question.
     """
     with NamedDialog(question) as dialog, ui.card().classes("mc-ask"):
         ui.label(question).classes("font-bold break-words")
         if details is not None:
             details()
         with ui.element("div").classes("mc-buttons"):
-            ui.button(verb, on_click=lambda: dialog.submit(True)).props(f"color={colour}")
-            ui.button(t("Cancel"), on_click=lambda: dialog.submit(False)).props("flat autofocus")
-    return bool(await answer_to(dialog, lambda _: act()))
+            do = ui.button(verb, on_click=lambda: dialog.submit(True)).props(f"color={colour}")
+            ui.button(t("Cancel"), on_click=lambda: cancel()).props("flat autofocus")
+
+    def cancel() -> None:
+        dialog.close()
+        stop()
+
+    async def acting(_: bool) -> bool:
+        do.props("loading")
+        try:
+            return await act()
+        finally:
+            do.props(remove="loading")
+
+    return bool(await answer_to(dialog, acting))

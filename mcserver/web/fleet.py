@@ -162,6 +162,8 @@ class Fleet:
         async def give(link: FleetLink, name: str) -> None:
             if needs_control(method):
                 self._refuse_driven(name, visitor)
+            elif name in self._links:
+                self._links[name].jobs.stop_checking()
             await link.order(name, method)
 
         return await self._each(names, give)

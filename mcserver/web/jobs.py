@@ -257,6 +257,7 @@ class JobQueue:
             # nothing is left of what was stopped: this is a new start
             self.stopped = False
         self.waiting.append(job)
+        self._link.acts.append((time.time(), job.user, mark("run {name}", name=job.name)))
         if self.running is not None:
             self._look_ahead(job)
         self._begin()
@@ -278,6 +279,11 @@ class JobQueue:
         self.stopped = True
         while self.waiting:
             self.waiting.popleft().state = JobState.CANCELLED
+
+    def stop_checking(self) -> None:
+        """Keep what is still being checked from starting: somebody has stopped what runs."""
+        if self.running is not None and self.running.state is JobState.CHECKING:
+            self.stopped = True
 
     async def step(self, done: int) -> None:
         """Start the next line of the job that runs in single step, and the blank ones behind it.
@@ -381,19 +387,24 @@ class JobQueue:
         job.start = dict(zip(status.axes.index, status.axes.setpoint, strict=True))
         if job.from_line == 1 and not job.middle.program:
             await self._check(machine, job)
+        self._refuse_stopped(job)
+        # behind the check, which would wait for it
+        self._look_ahead(job)
+        program = await self._opened(machine, job)
+        job.program, job.state = program.id, JobState.RUNNING
+        async with program:
+            # it may have been stopped while the server opened it
+            self._refuse_stopped(job)
+            if not job.middle.whole:
+                await program.send_lines(job.lines[program.given_through :])
+
+    def _refuse_stopped(self, job: Job) -> None:
         if self.stopped:
             raise MotionError(
                 "MC062",
                 mark("{name} was being checked as the queue was stopped", name=job.name),
                 mark("run it again"),
             )
-        # behind the check, which would wait for it
-        self._look_ahead(job)
-        program = await self._opened(machine, job)
-        job.program, job.state = program.id, JobState.RUNNING
-        async with program:
-            if not job.middle.whole:
-                await program.send_lines(job.lines[program.given_through :])
 
     async def _opened(self, machine: Machine, job: Job) -> Program:
         middle = job.middle

@@ -83,8 +83,11 @@ class MachineLink:
 
     @property
     def online(self) -> bool:
-        """Whether its server is there now."""
-        return self.machine is not None and self.machine.online
+        """Whether its server is there now, and `status` is not what an earlier start of it has said."""
+        machine, status = self.machine, self.status
+        return (
+            machine is not None and machine.online and (status is None or status.instance == machine.instance)
+        )
 
     @property
     def in_use(self) -> bool:

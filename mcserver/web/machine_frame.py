@@ -11,7 +11,7 @@ from mcserver.web.actions import Actions
 from mcserver.web.formatting import banner
 from mcserver.web.link import MachineLink
 from mcserver.web.menu import add_menu
-from mcserver.web.translation import mark, t
+from mcserver.web.translation import t
 
 
 class StateLabel:
@@ -49,7 +49,7 @@ def obey_keys(actions: Actions) -> None:
         if event.args.get("key") == "estop":
             await actions.emergency_stop()
         else:
-            await actions.do("hold", mark("hold"), lambda machine: machine.hold())
+            await actions.hold()
 
     ui.on("mc_key", obey)
 

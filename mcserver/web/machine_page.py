@@ -165,16 +165,12 @@ class MachinePage:
         do = self._actions.do
         with ui.card().classes("mc-card"):
             with ui.element("div").classes("mc-buttons"):
-                ui.button(
-                    t("Hold"), on_click=lambda: do("hold", mark("hold"), lambda machine: machine.hold())
-                ).props("color=warning")
+                ui.button(t("Hold"), on_click=self._actions.hold).props("color=warning")
                 ui.button(
                     t("Resume"),
                     on_click=lambda: do("resume", mark("resume"), lambda machine: machine.resume()),
                 ).props("color=positive")
-                ui.button(
-                    t("Abort"), on_click=lambda: do("abort", mark("abort"), lambda machine: machine.abort())
-                ).props("color=negative outline")
+                ui.button(t("Abort"), on_click=self._actions.abort).props("color=negative outline")
                 ui.button(t("Energize"), on_click=self._energize).props("outline")
             self._control = ControlPanel(self._actions)
             self._override_label = ui.label("").classes("font-bold mt-2")
@@ -183,8 +179,8 @@ class MachinePage:
                     ui.button(f"{percent} %", on_click=lambda percent=percent: self._override(percent)).props(
                         "outline dense"
                     )
-                ui.button("−5", on_click=lambda: self._override_by(-5)).props("outline dense")
-                ui.button("+5", on_click=lambda: self._override_by(5)).props("outline dense")
+                ui.button("−5", on_click=lambda: self._override_by(-5)).props("outline dense data-often")
+                ui.button("+5", on_click=lambda: self._override_by(5)).props("outline dense data-often")
 
     async def _override(self, percent: float) -> None:
         await self._actions.do(
@@ -200,7 +196,7 @@ class MachinePage:
 
     async def _energize(self) -> None:
         async def capture(machine: Machine) -> None:
-            refusal = refusal_of(await machine.programs(ended=False), WHY)
+            refusal = refusal_of(self._link, await machine.programs(ended=False), WHY)
             if refusal is not None:
                 raise refusal
             async with machine.program(ENERGIZE, at_pause=True) as program:

@@ -1,16 +1,30 @@
-"""Why something cannot be done at a machine now: a program is open."""
+"""Programs that are open: whose they are, and what cannot be done at a machine meanwhile."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 
 from mcclient import MotionError, ProgramStatus
+from mcclient.broken_off import is_by_hand
 
 from mcserver.web.formatting import is_live
+from mcserver.web.link import MachineLink
+from mcserver.web.machine_words import program_name
 from mcserver.web.translation import t
 
 
-def refusal_of(programs: Sequence[ProgramStatus], why: str) -> MotionError | None:
+def who(link: MachineLink, program: ProgramStatus) -> str:
+    """Return whose a program is: of those of this page the person's name, where it is known."""
+    job = next((job for job in link.jobs.begun if job.program == program.program), None)
+    if job is not None:
+        return job.user
+    if link.machine is None or program.client != link.machine.client:
+        return program.client
+    _, said, person = program.name.rpartition(" by ")
+    return person if said and is_by_hand(program.name) else t("this page")
+
+
+def refusal_of(link: MachineLink, programs: Sequence[ProgramStatus], why: str) -> MotionError | None:
     """Return the refusal (MC512) where a program is open; None where none is, or it stands at a pause.
 
     Args:
@@ -26,8 +40,8 @@ def refusal_of(programs: Sequence[ProgramStatus], why: str) -> MotionError | Non
         "MC512",
         t(
             "{program} of {client} is {state}: {why}",
-            program=program.name or program.program,
-            client=program.client,
+            program=program_name(program.name or program.program),
+            client=who(link, program),
             state=t(program.state),
             why=t(why),
         ),

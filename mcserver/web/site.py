@@ -124,8 +124,9 @@ def build_site(sessions: Sessions, fleet: Fleet, *, secure: bool, host: str) -> 
                 401,
             )
         response = RedirectResponse(_inside(then), 303)
-        # a proxy that ends TLS says so; whoever else says it makes the cookie no weaker
-        tls = secure or request.headers.get("x-forwarded-proto", "").strip().lower() == "https"
+        # a proxy that ends TLS says so, the first of several; whoever else says it makes the cookie no weaker
+        outermost = request.headers.get("x-forwarded-proto", "").partition(",")[0]
+        tls = secure or outermost.strip().lower() == "https"
         response.set_cookie(COOKIE, token, httponly=True, samesite="strict", secure=tls)
         return response
 
@@ -210,7 +211,8 @@ def _from_here(request: Request) -> bool:
 
 def _inside(path: str) -> str:
     """Return a path of this site; ``/`` for anything else."""
-    return path if re.fullmatch(r"/[A-Za-z0-9_./%~?=&+-]*", path) and not path.startswith("//") else "/"
+    # what an address has; browsers take a backslash for a slash
+    return path if re.fullmatch(r"/[!-\[\]-~]*", path) and not path.startswith("//") else "/"
 
 
 def _login_page(request: Request, message: str, then: str) -> str:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import urllib.error
+import urllib.parse
 import urllib.request
 from collections.abc import Iterator
 
@@ -57,9 +58,20 @@ def test_no_other_site_frames_the_page_and_metrics_are_for_this_computer_itself(
         assert answered(urllib.request.Request(url, headers=foreign))[0] == 403
 
 
-def test_a_cookie_is_secure_behind_a_proxy_that_ends_tls(site: PageProcess) -> None:
-    form = b"name=olga&password=olgas-password&then=//evil.example"
-    headers = {"X-Forwarded-Proto": "https"}
+@pytest.mark.parametrize(
+    ("then", "led"),
+    [
+        ("//evil.example", "/"),
+        ("/\\evil.example", "/"),
+        ("/x\r\nSet-Cookie: a=b", "/"),
+        ("/?search=a*,(b)&group=hall-2", "/?search=a*,(b)&group=hall-2"),
+    ],
+)
+def test_a_cookie_is_secure_behind_a_proxy_that_ends_tls_and_the_way_stays_on_this_site(
+    site: PageProcess, then: str, led: str
+) -> None:
+    form = urllib.parse.urlencode({"name": "olga", "password": "olgas-password", "then": then}).encode()
+    headers = {"X-Forwarded-Proto": "https, http"}
     request = urllib.request.Request(f"{site.url}login", data=form, headers=headers)
 
     class Stay(urllib.request.HTTPRedirectHandler):
@@ -69,5 +81,5 @@ def test_a_cookie_is_secure_behind_a_proxy_that_ends_tls(site: PageProcess) -> N
     with pytest.raises(urllib.error.HTTPError) as answer:
         urllib.request.build_opener(Stay).open(request)
     answer.value.close()
-    assert answer.value.headers["location"] == "/"
+    assert answer.value.headers["location"] == led
     assert "Secure" in answer.value.headers["set-cookie"]

@@ -87,12 +87,14 @@ def test_a_file_is_uploaded_run_held_overridden_and_finished(
     expect(page.get_by_text("three.gcode: no faults")).to_be_visible()
     page.get_by_role("button", name="10 %", exact=True).click()
     expect(page.get_by_text("Override 10 %", exact=True)).to_be_visible()
-    page.get_by_role("button", name="Run", exact=True).first.click()
+    # who clicks twice wants it once
+    page.get_by_role("button", name="Run", exact=True).first.dblclick()
     expect(page.get_by_role("status")).to_have_text("running")
     page.get_by_role("button", name="Hold").click()
     expect(page.get_by_role("status")).to_have_text("held")
     held = wait_for(machine, page, stands)
     assert held.programs[-1].state == "held"  # the newest
+    expect(page.get_by_role("button", name="remove three.gcode from the queue")).to_have_count(0)
     page.get_by_role("button", name="200 %").click()
     expect(page.get_by_text("Override 200 %", exact=True)).to_be_visible()
     page.get_by_role("button", name="Resume").click()
@@ -215,6 +217,7 @@ def test_a_line_typed_in_runs_and_a_wrong_one_is_shown_with_its_column(
     field.fill("G1020 X12")
     field.press("Enter")
     wait_for(machine, page, lambda status: abs(status.axes.position[0] - 12.0) < 0.01)
+    expect(page.get_by_text("manual input by local · finished", exact=True)).to_be_visible()
     field.fill("G02 X100 Y0 R1")
     field.press("Enter")
     expect(page.get_by_text(re.compile(r"\^+ .*\[MC104\]"))).to_be_visible()

@@ -78,7 +78,8 @@ def test_an_offset_is_set_named_and_taken_back_at_every_width(
     page.set_viewport_size({"width": width, "height": 800})
     opened(page, mill_site, "mill")
     rows = page.get_by_role("region", name="Offsets and tools")
-    page.get_by_role("button", name="Change an offset …").click()
+    # one dialog, also for who clicks twice
+    page.get_by_role("button", name="Change an offset …").dblclick()
     dialog = page.get_by_role("dialog", name="Change a work offset")
     choose(page, dialog.get_by_label("System"), system)
     dialog.get_by_label("X [mm]").fill(f"{width}")

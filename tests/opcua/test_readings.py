@@ -52,7 +52,7 @@ def test_a_program_decides_the_states_of_channel_and_machine(
 
 @pytest.mark.parametrize(
     ("name", "channel", "operation"),
-    [("part.nc", 0, 1), ("manual input", 1, 0), ("jog axis X", 2, 0), ("home axis X", 2, 0)],
+    [("part.nc", 0, 1), ("manual input by ada", 1, 0), ("jog axis X", 2, 0), ("home axis X", 2, 0)],
 )
 def test_what_is_moved_by_hand_is_no_automatic_operation(name: str, channel: int, operation: int) -> None:
     found = read(state(programs=(program("running", name),)))

@@ -299,8 +299,10 @@ class WaitingJournal:
 
     def __init__(self) -> None:
         self.waiting: list[tuple[int, Callable[[], None]]] = []
+        self.started = 0
 
-    def progress(self, _program: str, _started: int, done: int, committed: Callable[[], None]) -> None:
+    def progress(self, _program: str, started: int, done: int, committed: Callable[[], None]) -> None:
+        self.started = started
         self.waiting.append((done, committed))
 
     def commit(self) -> None:
@@ -326,6 +328,10 @@ class Reported:
             self.program.progress.passed(self.program.progress.done + 1)
             self._reports.moved(self.program)
 
+    def begin(self, line: int) -> None:
+        self.program.progress.line_started(line, 0.0)
+        self._reports.moved(self.program)
+
 
 def test_what_has_ended_goes_to_the_journal_with_the_tick_or_so_many_lines() -> None:
     reported = Reported()
@@ -347,6 +353,21 @@ def test_one_record_is_on_its_way_and_the_next_has_all_that_came_meanwhile() -> 
     reported.journal.commit()
     assert reported.program.done == LINES
     assert [done for done, _ in reported.journal.waiting] == [10 * LINES]
+
+
+def test_a_line_that_has_only_begun_is_in_the_journal_also_behind_one_that_moves_nothing() -> None:
+    reported = Reported()
+    reported.run(1)
+    reported.ticks.pop()()
+    # while that record is on its way
+    reported.begin(2)
+    reported.ticks.pop()()
+    reported.journal.commit()
+    assert (reported.journal.waiting, reported.journal.started) == ([], 0)
+    reported.ticks.pop()()
+    assert ([done for done, _ in reported.journal.waiting], reported.journal.started) == ([1], 2)
+    reported.journal.commit()
+    assert (reported.journal.waiting, reported.ticks) == ([], [])
 
 
 BEGINNINGS: dict[str, Callable[[VirtualCell], Awaitable[Program]]] = {

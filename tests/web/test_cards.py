@@ -32,7 +32,7 @@ from mcserver.net.status import axis_info
 from mcserver.web.control import Control
 from mcserver.web.jobs import path_from_line
 from mcserver.web.link import MachineLink, joints_of
-from mcserver.web.open_programs import refusal_of
+from mcserver.web.open_programs import refusal_of, who
 from mcserver.web.panels.dry_run import report_html
 from mcserver.web.panels.homing import phase_of
 from mcserver.web.panels.messages import black_box_of, event_row
@@ -88,6 +88,7 @@ def link(**values: Any) -> MachineLink:
         "visitors": {},
         "acts": [],
         "control": Control(lambda: 0.0),
+        "jobs": SimpleNamespace(begun=[]),
     }
     return cast("MachineLink", SimpleNamespace(**{**known, **values}))
 
@@ -156,19 +157,41 @@ def test_zero_is_refused_as_mcctl_refuses_it_while_a_program_is_open(state: str,
         wire_value(ProgramStatus, "p-1", "finished"),
         wire_value(ProgramStatus, "p-2", state, name="part.gcode", client="hmi"),
     )
-    refusal = refusal_of(programs, WHY)
+    refusal = refusal_of(link(), programs, WHY)
     assert (refusal is not None) is refused
     if refusal is not None:
         assert refusal.code == "MC512"
         assert refusal.message == f"part.gcode of hmi is {state}: zero is set where the axes stand"
 
 
+def test_a_program_of_this_page_is_named_by_its_person_and_never_by_the_page_s_id() -> None:
+    job = SimpleNamespace(program="p-1", user="ann")
+    here = link(machine=SimpleNamespace(client="web-1"), jobs=SimpleNamespace(begun=[job]))
+    for client, name, person in (
+        ("web-1", "part by ada.gcode", "this page"),
+        ("web-1", "manual input by bob", "bob"),
+        ("web-1", "jog axis 0 by cyd (browser 12ab)", "cyd (browser 12ab)"),
+        ("hmi", "jog axis 0", "hmi"),
+    ):
+        assert who(here, wire_value(ProgramStatus, "p-2", "running", name=name, client=client)) == person
+    mine = wire_value(ProgramStatus, "p-1", "running", name="part.gcode", client="web-1")
+    assert who(here, mine) == "ann"
+
+
+def test_what_an_earlier_start_of_a_server_has_said_is_not_what_is_so() -> None:
+    server = SimpleNamespace(online=True, instance=STATUS.instance)
+    assert MachineLink.online.fget(link(machine=server))
+    server.instance = "the next"
+    assert not MachineLink.online.fget(link(machine=server))
+    assert MachineLink.online.fget(link(machine=server, status=None))
+
+
 def test_zero_can_be_set_at_a_pause_whoever_waits_for_its_end() -> None:
     paused = wire_value(ProgramStatus, "p-1", "paused", name="part.gcode", client="hmi")
     waiting = wire_value(ProgramStatus, "p-2", "queued", name="next.gcode", client="hmi")
     jog = wire_value(ProgramStatus, "p-3", "running", name="jog axis 0", client="hmi")
-    assert refusal_of((paused, waiting), WHY) is None
-    assert refusal_of((paused, waiting, jog), WHY) is not None
+    assert refusal_of(link(), (paused, waiting), WHY) is None
+    assert refusal_of(link(), (paused, waiting, jog), WHY) is not None
 
 
 def test_homing_says_what_it_is_at_only_while_its_program_runs() -> None:

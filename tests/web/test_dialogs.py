@@ -7,7 +7,7 @@ import asyncio
 from nicegui import Client, ui
 
 from mcserver.web.delays import event_delay_s
-from mcserver.web.dialogs import NamedDialog, answer_to
+from mcserver.web.dialogs import NamedDialog, answer_to, ask
 
 
 def dialog_with(value: str = "") -> tuple[NamedDialog, ui.input]:
@@ -81,3 +81,31 @@ async def test_a_dialog_that_is_closed_while_it_is_being_done_is_gone_afterwards
     going.set()
     assert await answer is None
     assert dialog.is_deleted
+
+
+async def test_who_cancels_while_it_is_being_done_stops_it() -> None:
+    stopped = asyncio.Event()
+    client = Client(ui.page("/dialogs"))
+
+    async def act() -> bool:
+        await stopped.wait()
+        return True
+
+    async def asked() -> bool:
+        with client:
+            return await ask("Restore?", "Restore", colour="warning", act=act, stop=stopped.set)
+
+    answer = asyncio.ensure_future(asked())
+    await turns()
+    buttons = {each.text: each for each in client.elements.values() if isinstance(each, ui.button)}
+    press(buttons["Restore"])
+    await turns()
+    assert buttons["Restore"].props["loading"]
+    press(buttons["Cancel"])
+    assert await answer
+
+
+def press(button: ui.button) -> None:
+    """Press as a browser's message does."""
+    (listener,) = button._event_listeners
+    button._handle_event({"listener_id": listener, "args": []})

@@ -137,7 +137,7 @@ def test_runs_are_counted_by_program_and_day_without_moves_by_hand_and_drawn_as_
     kept = folder_of(tmp_path)
     runs = (
         *(("part.nc", "finished", 0), ("part.nc", "finished", 0), ("part.nc", "aborted", 1)),
-        *(("jog axis 0", "finished", 0), ("manual input", "finished", 1), ("", "finished", 1)),
+        *(("jog axis 0", "finished", 0), ("manual input by ada", "finished", 1), ("", "finished", 1)),
     )
     for seq, (name, state, day) in enumerate(runs):
         program = f"p{seq}"

@@ -63,8 +63,10 @@ def queue_of(bench: Bench, folder: Path) -> JobQueue:
     store = ProgramStore(folder)
     for name in ("a.gcode", "b.gcode"):
         store.write(name, b"G01 X1 F600\n")
-    runs = LastRuns(folder / ".runs.json")
-    return JobQueue(cast("MachineLink", SimpleNamespace(connected=lambda: bench, last_runs=runs)), store)
+    link = SimpleNamespace(
+        connected=lambda: bench, last_runs=LastRuns(folder / ".runs.json"), acts=[], machine=None
+    )
+    return JobQueue(cast("MachineLink", link), store)
 
 
 async def ended(queue: JobQueue, count: int) -> None:
@@ -99,6 +101,38 @@ async def test_an_emergency_stop_during_the_check_keeps_the_program_from_startin
     queue.start_again()
     await ended(queue, 2)
     assert bench.opened == ["b.gcode"]
+    await queue.close()
+
+
+@pytest.mark.parametrize("at", ["check", "program"])
+async def test_a_hold_or_an_abort_before_a_program_runs_keeps_it_from_starting(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, at: str
+) -> None:
+    bench = Bench()
+    queue = queue_of(bench, tmp_path)
+    sent: list[str] = []
+    asked = getattr(bench, at)
+
+    async def stopped(*arguments: Any, **options: Any) -> Any:
+        queue.stop_checking()
+        return await asked(*arguments, **options)
+
+    async def send_lines(_: Opened, lines: list[str]) -> None:
+        sent.extend(lines)
+
+    monkeypatch.setattr(bench, at, stopped)
+    monkeypatch.setattr(Opened, "send_lines", send_lines)
+    job = queue.add("a.gcode", "ann")
+    await ended(queue, 1)
+    assert (job.state, job.message, sent) == (
+        JobState.FAILED,
+        "a.gcode was being checked as the queue was stopped",
+        [],
+    )
+    monkeypatch.undo()
+    queue.add("b.gcode", "ann")
+    await ended(queue, 2)
+    assert queue.ended[0].state is JobState.FINISHED
     await queue.close()
 
 

@@ -60,7 +60,9 @@ def test_the_newest_program_that_was_broken_off_can_go_on_unless_something_runs(
     assert broken_off([ran("part.nc", "finished", 1.0, 9)]) is None
 
 
-@pytest.mark.parametrize("name", ["manual input", "mcctl send", "work offset", "energize", "jog axis 1"])
+@pytest.mark.parametrize(
+    "name", ["manual input by ada", "manual input", "mcctl send", "work offset", "energize", "jog axis 1"]
+)
 def test_what_moves_axes_by_hand_is_no_program_to_go_on_with(name: str) -> None:
     part = ran("part.nc", "interrupted", 1.0)
     assert broken_off([ran(name, "faulted", 2.0), part]) == part

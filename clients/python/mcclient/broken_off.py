@@ -16,7 +16,7 @@ TOOL_STEP = "step tool "
 BY_HAND = (ENERGIZE, WORK_OFFSET, MANUAL_INPUT, SENT)
 MOVES_BY_HAND = (
     *("jog axis ", "jog tool ", "home axis ", "reference axis "),
-    *(f"{WORK_OFFSET} by ", TOOL_STEP),
+    *(f"{WORK_OFFSET} by ", f"{MANUAL_INPUT} by ", TOOL_STEP),
 )
 
 
@@ -45,4 +45,4 @@ def is_by_hand(name: str) -> bool:
 
 def is_typed(name: str) -> bool:
     """Return whether a program of that name is lines that somebody typed."""
-    return name in (MANUAL_INPUT, SENT)
+    return name in (MANUAL_INPUT, SENT) or name.startswith(f"{MANUAL_INPUT} by ")

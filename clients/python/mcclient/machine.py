@@ -188,6 +188,12 @@ class Machine(MachineCalls):
         """Whether the server is there now."""
         return self._presence.online
 
+    @property
+    def instance(self) -> str:
+        """Which start of the server is there now, as states and events name it; empty: none is."""
+        server = self._presence.server
+        return "" if server is None else server.instance
+
     async def refresh_info(self, *, deadline_s: float = DEADLINE_S) -> Info:
         """Asks again now; after a start of the server that is done anyway."""
         info = await self.ask_info(deadline_s=deadline_s)

@@ -170,6 +170,7 @@ class FilesPanel:
             t("Restore"),
             colour="warning",
             act=write,
+            stop=self._drive.stop,
             details=lambda: ui.html(content, sanitize=False).classes("w-full overflow-auto max-h-[50vh]"),
         ):
             return

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import html
 
-from mcclient import Machine, MotionError, ProgramRejected
+from mcclient import MotionError, ProgramRejected
 from mcclient.broken_off import MANUAL_INPUT
 from nicegui import events, ui
 
@@ -72,7 +72,7 @@ class MdiPanel:
         self._place = len(self._history)
         self._show(f"&gt; {html.escape(line)}")
         try:
-            await _run_line(self._actions.link.connected(), line)
+            await self._run_line(line)
         except ProgramRejected as error:
             first = error.diagnostics[0]
             width = max(1, first.end_column - first.column)
@@ -83,6 +83,17 @@ class MdiPanel:
         else:
             self._show(f"{html.escape(line)}   {t('done')}")
 
+    async def _run_line(self, line: str) -> None:
+        link, user = self._actions.link, self._actions.visitor.name
+        machine = link.connected()
+        refusal = refusal_of(link, await machine.programs(ended=False), WHY)
+        if refusal is not None:
+            raise refusal
+        # what it sets is kept with this name
+        async with machine.program(f"{MANUAL_INPUT} by {user}", at_pause=True) as program:
+            self._actions.note(line)
+            await program.send(line)
+
     def _show_refusal(self, line: str, message: str, hint: str) -> None:
         remedy = f"\n= {html.escape(page_hint(hint))}" if hint else ""
         self._show(f'{html.escape(line)}\n<span class="text-negative">{html.escape(message)}</span>{remedy}')
@@ -91,11 +102,3 @@ class MdiPanel:
         self._answer.set_content(
             f'<pre class="mc-program" tabindex="0" aria-label="{t("Answer")}">{content}</pre>'
         )
-
-
-async def _run_line(machine: Machine, line: str) -> None:
-    refusal = refusal_of(await machine.programs(ended=False), WHY)
-    if refusal is not None:
-        raise refusal
-    async with machine.program(MANUAL_INPUT, at_pause=True) as program:
-        await program.send(line)

@@ -60,7 +60,7 @@ class PositionsPanel:
             offsets = offsets_html(status, info)
             if offsets != self._offsets.content:
                 self._offsets.set_content(offsets)
-            self._allow(refusal_of(status.programs, WHY))
+            self._allow(refusal_of(link, status.programs, WHY))
 
     def _allow(self, refusal: MotionError | None) -> None:
         """Say on the buttons why they do nothing now."""
@@ -88,7 +88,7 @@ class PositionsPanel:
 
         async def send(machine: Machine) -> None:
             # it would wait for the axes, and set where they are when they come free
-            refusal = refusal_of(await machine.programs(ended=False), WHY)
+            refusal = refusal_of(self._actions.link, await machine.programs(ended=False), WHY)
             if refusal is not None:
                 raise refusal
             async with machine.program(

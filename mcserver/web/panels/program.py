@@ -32,6 +32,7 @@ from mcserver.web.formatting import (
 from mcserver.web.jobs import WHOLE, Job, JobState, Middle, Switches
 from mcserver.web.last_runs import LastRun
 from mcserver.web.machine_words import program_name
+from mcserver.web.open_programs import who
 from mcserver.web.panels.dry_run import show_dry_run
 from mcserver.web.panels.queue import QueuePanel
 from mcserver.web.panels.run_from import RecoveryPanel, ask_run_from
@@ -98,7 +99,7 @@ class ProgramPanel:
                 f'aria-label="{t("progress")}"'
             )
             self._times = ui.label("")
-            self._next = ui.button(t("Next line"), on_click=self._step).props("color=positive")
+            self._next = ui.button(t("Next line"), on_click=self._step).props("color=positive data-often")
             self._next.set_visibility(False)
             self._text = ui.html("", sanitize=False).classes("w-full")
         with ui.card().classes("mc-card"):
@@ -178,9 +179,10 @@ class ProgramPanel:
         share = min(1.0, line / total) if total else 0.0
         if program.duration_s is not None:
             share = program.progress
+        name, person = program_name(program.name or program.program), who(self._actions.link, program)
         self._title.set_text(
-            f"{program_name(program.name or program.program)} · {t(program.state)} · "
-            + t("by {name}", name=job.user if job else program.client)
+            f"{name} · {t(program.state)}"
+            + ("" if name.endswith(f" {person}") else f" · {t('by {name}', name=person)}")
             + (f" · {t('Single step')}" if job is not None and job.single_step else "")
             + "".join(f" · {t(each)}" for each in switches_said(program.block_delete, program.optional_stop))
         )

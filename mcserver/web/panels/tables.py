@@ -75,7 +75,7 @@ class TablesPanel:
         self._tool.set_visibility(self._tables.tool_table)
         # not before: a button that is seen has to do something
         self._card.set_visibility(True)
-        refusal = refusal_of(status.programs, WHY)
+        refusal = refusal_of(link, status.programs, WHY)
         self._waits_for.set_text(
             "" if refusal is None else f"{refusal.message} [{refusal.code}]: {refusal.hint}"
         )
@@ -91,7 +91,7 @@ class TablesPanel:
 
     async def _send(self, what: str, line: str) -> bool:
         async def send(machine: Machine) -> None:
-            refusal = refusal_of(await machine.programs(ended=False), WHY)
+            refusal = refusal_of(self._actions.link, await machine.programs(ended=False), WHY)
             if refusal is not None:
                 raise refusal
             async with machine.program(

@@ -48,7 +48,7 @@ class TeachPanel:
             return
         try:
             status = await self._actions.link.connected().status()
-            refusal = refusal_of(status.programs, WHY)
+            refusal = refusal_of(self._actions.link, status.programs, WHY)
             if refusal is not None:
                 raise refusal
             line = pose_line(tool, pose_of(status.tools, tool), self._jog.speed)

@@ -145,7 +145,7 @@ class ToolJogPanel:
     async def _move(self, tool: ToolInfo, word: str, amount: float, frame: Frame, speed: float) -> None:
         async def step(machine: Machine) -> None:
             status = await machine.status()
-            refusal = refusal_of(status.programs, WHY)
+            refusal = refusal_of(self._actions.link, status.programs, WHY)
             if refusal is not None:
                 raise refusal
             lines = step_lines(tool, pose_of(status.tools, tool), word, amount, speed=speed, frame=frame)

@@ -51,6 +51,20 @@
   window.addEventListener("pagehide", release);
   window.addEventListener("offline", release);
 
+  // The second press of a double click would run a program twice, or ask twice. Of fingers browsers do not count them.
+  const TWICE_MS = 500;
+  const OFTEN = "[data-estop], [data-often]";
+  let before = { button: null, at: 0 };
+  document.addEventListener("click", (event) => {
+    const button = event.target.closest?.("button") ?? null, at = event.timeStamp;
+    const twice = event.detail > 1 || (event.pointerType === "touch" && at - before.at < TWICE_MS);
+    const again = twice && button && button === before.button && !button.matches(OFTEN);
+    before = { button, at };
+    if (!again) return;
+    event.preventDefault();
+    event.stopImmediatePropagation();
+  }, true);
+
   // A click is for what was pressed: where something has come above it meanwhile, another button is below the
   // finger when it is let go, or none.
   const SAME_PLACE = 10;
