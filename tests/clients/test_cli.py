@@ -112,6 +112,14 @@ def test_switches_of_the_operator_reach_each_call_of_a_run(
     assert asked.keys() == {"check", "simulate", "open"}
 
 
+def test_a_run_asks_what_is_answered_at_once_before_what_may_take_minutes(
+    mcctl: Run, server: FakeServer, tmp_path: Path
+) -> None:
+    # where access rules forbid it nothing is answered at all
+    assert mcctl("run", write(tmp_path, "G01 X1"))[0] == 0
+    assert [request["text"] for method, request in server.requests if method == "check"] == ["", "G01 X1\n"]
+
+
 def test_a_rejected_line_is_shown_with_a_caret_and_is_exit_code_4(mcctl: Run) -> None:
     code, out, err = mcctl("send", "G01 X1", "BAD X2")
     assert (code, out) == (4, "")
