@@ -233,7 +233,7 @@ def _view(node: Node, axis: NodeAxis, now: float) -> DriveInfo:
         node=settings.node,
         state=node.phase.value,
         nmt="" if node.nmt is None else node.nmt.name.lower().replace("_", "-"),
-        heartbeat_age_s=None if node.seen_at is None else max(0.0, now - node.seen_at),
+        heartbeat_age_s=None if node.heard_at is None else max(0.0, now - node.heard_at),
         statusword=word,
         status=_status(settings, word),
         device_type=node.identity.device_type,

@@ -78,7 +78,7 @@ class NodeBoot:
         """
         if node.nmt is not NmtState.STOPPED:
             return
-        limit = node.silence_limit_s or FIRST_PATIENCE_S
+        limit = node.silence_limit_s
         for command in (NmtCommand.ENTER_PRE_OPERATIONAL, NmtCommand.RESET_COMMUNICATION):
             self.check_stopping()
             self._command(node, command)
@@ -106,7 +106,7 @@ class NodeBoot:
             DriveError: MC555 it stays in another state. Stopped.
         """
         limit = node.silence_limit_s
-        if limit is None:
+        if not node.settings.heartbeat_ms:
             # its boot-up message is the last that it says of its state
             node.nmt = None
             self._command(node, NmtCommand.START)

@@ -20,7 +20,7 @@ from mcserver.canopen.settings import DriveSettings
 # Heartbeats that may stay out, and the least time that counts as silence: a loaded computer reads late [s].
 MISSED_HEARTBEATS = 3
 LEAST_SILENCE_S = 0.5
-# Telemetry of drives without a heartbeat comes at least so often [s].
+# Telemetry and process data of drives without a heartbeat come at least so often [s].
 TELEMETRY_SILENCE_S = 1.0
 # Emergency messages that wait to be reported; those beyond are counted.
 MAX_EMERGENCIES = 16
@@ -200,24 +200,30 @@ class Node:
         self._payloads.clear()
 
     @property
-    def silence_limit_s(self) -> float | None:
-        """Silence that means it is gone [s]; None: it is not watched."""
-        if not self.settings.has_profile:
+    def silence_limit_s(self) -> float:
+        """Silence that means it is gone [s]."""
+        if not self.settings.has_profile or self._unbeating:
             return TELEMETRY_SILENCE_S
-        if self.settings.heartbeat_ms == 0:
-            return None
         return max(LEAST_SILENCE_S, MISSED_HEARTBEATS * self.settings.heartbeat_ms / 1000.0)
+
+    @property
+    def _unbeating(self) -> bool:
+        return self.settings.has_profile and self.settings.heartbeat_ms == 0
+
+    @property
+    def heard_at(self) -> float | None:
+        """When its last sign of life came: its heartbeat or, of one without, its process data."""
+        if self._unbeating and self.exchanged_at is not None:
+            return self.exchanged_at
+        return self.seen_at
 
     def is_silent(self, now: float) -> bool:
         """Return whether it has been silent for too long."""
-        limit = self.silence_limit_s
-        if limit is None:
+        if self._unbeating and self.exchanged_at is None:
+            # no cycle exchanges process data with it yet
             return False
-        seen = self.seen_at
-        if self.settings.has_profile and self.settings.heartbeat_ms == 0:
-            # without a heartbeat its process data are its signs of life, once the cycle exchanges them
-            seen = self.exchanged_at
-        return seen is None or now - seen > limit
+        heard = self.heard_at
+        return heard is None or now - heard > self.silence_limit_s
 
     def wait(self, until: Callable[[], bool], timeout_s: float) -> bool:
         """Wait for something that a heartbeat, a boot-up or telemetry brings; whether it came."""

@@ -226,6 +226,29 @@ def test_closing_while_a_node_is_configured_again_ends_soon(cell: BusCell) -> No
     assert [each.name for each in threading.enumerate() if each.name.startswith("canopen")] == []
 
 
+def test_a_drive_without_heartbeat_is_watched_by_its_process_data(cell: BusCell) -> None:
+    drives, service = cell.booted(1, keys="heartbeat_ms = 0")
+    wait_until(lambda: drives[1].state is NmtState.OPERATIONAL, "operational")
+    drives.send(Function.TPDO1 + 1, b"\x40\x02\x08\x00\x00\x00\x00")
+    wait_until(lambda: service.nodes[0].exchanged_at is not None, "process data")
+    # another master stops it: nothing says so
+    drives[1].state = NmtState.STOPPED
+    lost = cell.watched.expect("drive.lost")
+    assert (lost.axis, lost.code) == (0, "MC557")
+    assert "no process data for 1 s" in lost.message
+    cell.watched.expect("drive.rebooted")
+    cell.watched.expect("drive.started")
+    wait_until(lambda: drives[1].state is NmtState.OPERATIONAL, "operational again")
+
+
+def test_what_is_heard_of_a_drive_without_heartbeat_is_its_process_data(cell: BusCell) -> None:
+    drives, service = cell.booted(1, keys="heartbeat_ms = 0")
+    drives.send(Function.TPDO1 + 1, b"\x40\x02\x08\x00\x00\x00\x00")
+    node = service.nodes[0]
+    wait_until(lambda: node.exchanged_at is not None, "process data")
+    assert node.heard_at == node.exchanged_at
+
+
 def test_a_drive_without_heartbeat_is_configured_again_once_for_each_boot_up(cell: BusCell) -> None:
     drives, _ = cell.booted(1, keys="heartbeat_ms = 0")
     drives.reboot(1)
