@@ -43,6 +43,10 @@ QUICK_STOP_ON_LOSS = 3
 _STOPS_ON_LOSS = (2, 1)
 # Exponents of 60C2h, those of most drives first: some take milliseconds alone.
 _EXPONENTS = (-3, -4, -5, -6, -2, -1, 0)
+_NO_HEARTBEAT = (
+    "set heartbeat_ms = 0, and the drive is watched by its process data, or to a time that it takes; "
+    "check `eds`"
+)
 _OTHER_CYCLE = (
     "the drive does not take this cycle; cycle_hz = 1000, 500, 250, 200, 125 and 100 are whole milliseconds, "
     "which most drives take"
@@ -233,10 +237,11 @@ class _Writer:
                 0x1017,
                 0,
                 "the EDS has no heartbeat",
-                "set heartbeat_ms = 0: the drive is watched by its process data then, or check `eds`",
+                _NO_HEARTBEAT,
             )
         else:
-            yield self._dictionary.number(0x1017, 0, self._drive.heartbeat_ms, what)
+            write = self._dictionary.number(0x1017, 0, self._drive.heartbeat_ms, what)
+            yield replace(write, remedy=_NO_HEARTBEAT)
         watched = master << 16 | MASTER_HEARTBEAT_TIMEOUT_MS
         yield from self._dictionary.if_there(0x1016, 1, watched, "heartbeat of the master to watch")
 

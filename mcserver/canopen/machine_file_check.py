@@ -54,9 +54,9 @@ def _evidence(drive: DriveSettings, described: Description) -> list[Diagnostic]:
     """Say what the EDS leaves open, or says against the device being such a drive."""
     found = []
     known = DriveDictionary(drive, described.dictionary)
-    device_type = known.default(0x1000)
+    device_type = known.device_type
     if device_type is None:
-        what = "the EDS does not say what the device is (1000h has no value)"
+        what = "the EDS does not say what the device is (1000h gives no number)"
         found.append(_warning(drive, what, "is it the file of this drive? At boot-up the drive is asked"))
     elif device_type & 0xFFFF != CIA_402:
         what = f"the EDS is of {device_text(device_type)}, not of a drive (1000h = 0x{device_type:08X})"

@@ -78,7 +78,7 @@ def configure_node(
                 raise DriveError(
                     error.code,
                     f"{error.message} ({write.what})",
-                    write.remedy if write.remedy and code in OUT_OF_RANGE else error.hint,
+                    write.remedy if write.remedy and code in OUT_OF_RANGE | ABSENT else error.hint,
                     axis=node.settings.axis,
                     **error.details,
                 ) from None

@@ -27,7 +27,8 @@ class SdoWrite:
         doubt: with `verify`, where the object holds something else this is only said.
         spare_pdo: name of the PDO that the drive may refuse: it is switched off then, and not used.
         instead: what serves nearly as well, best first, where the value is out of the drive's range.
-        remedy: what to do where the drive refuses it; empty: what the abort code says.
+        remedy: what to do where the drive does not have it or does not take the value; empty: what the abort
+            code says.
     """
 
     index: int
@@ -109,9 +110,14 @@ class DriveDictionary:
         return variable
 
     @property
+    def device_type(self) -> int | None:
+        """1000h by the EDS; None where it does not say it, or not as a number: the drive itself is asked."""
+        return None if (0x1000, 0) in self.objects.unreadable else self.default(0x1000)
+
+    @property
     def other_device(self) -> str:
         """What the EDS is of, in words, where it is not of a drive."""
-        device_type = self.default(0x1000)
+        device_type = self.device_type
         if device_type is None or device_type & 0xFFFF == CIA_402 or self.drive.kind != "cia402":
             return ""
         return f": it is of {device_text(device_type)}, not of a drive"

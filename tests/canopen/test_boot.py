@@ -127,6 +127,15 @@ def test_a_device_without_heartbeat_and_without_eds_needs_none(cell: BusCell) ->
     wait_until(lambda: drives[1].state is NmtState.OPERATIONAL, "the drive operational")
 
 
+def test_a_device_without_heartbeat_of_which_one_is_wanted_is_refused_with_the_key_to_change(
+    cell: BusCell,
+) -> None:
+    cell.make_drives(1)[1].aborts[0x1017, 0] = 0x0602_0000
+    with pytest.raises(DriveError, match=r"MC553.*1017h:00.*heartbeat") as found:
+        cell.start(1)
+    assert "heartbeat_ms = 0" in found.value.hint
+
+
 def test_how_long_a_node_may_take_to_appear_is_a_key_of_its_bus(cell: BusCell) -> None:
     cell.make_drives(1)
     machine = machine_on(cell.hub.address(), [9])
