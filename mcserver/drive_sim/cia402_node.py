@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from fractions import Fraction
 
 from mcserver.can.pdo_layout import Mode
 from mcserver.drive_sim.canopen_node import NEVER, CanopenNode, Transmit
@@ -37,6 +38,8 @@ UNLOCKED_PERIODS = 4.0
 UNLOCKED_S = 0.05
 SHORTEST_PERIOD_S, LONGEST_PERIOD_S = 1e-4, 1.0
 FOLLOWING_ERROR = 0x8611
+# Motor revolutions that 608Fh counts increments over, at most.
+MOST_REVOLUTIONS = 1 << 16
 # Bit of 60FDh (CiA 402).
 HOME_SWITCH = 1 << 2
 CYCLIC = (Mode.CYCLIC_POSITION, Mode.CYCLIC_VELOCITY, Mode.CYCLIC_TORQUE)
@@ -82,12 +85,15 @@ class Cia402Node(CanopenNode):
     def _equip(self, identity: Identity) -> None:
         """Write into the dictionary what the device itself is."""
         rated = max(1, round(self.motor.hardware.rated_torque * 1e3))
+        increments = Fraction(self.motor.hardware.increments_per_turn).limit_denominator(MOST_REVOLUTIONS)
         values = {
             (0x1018, 1): identity.vendor_id,
             (0x1018, 2): identity.product_code,
             (0x1018, 3): identity.revision,
             (0x1018, 4): identity.serial_number,
             (0x6076, 0): rated,
+            (0x608F, 1): increments.numerator,
+            (0x608F, 2): increments.denominator,
         }
         for (index, subindex), value in values.items():
             if value:

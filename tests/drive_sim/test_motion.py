@@ -312,6 +312,13 @@ def test_gear_and_feed_make_the_units_of_position(bench: Bench) -> None:
     assert bench.position == 72_000
 
 
+@pytest.mark.parametrize(("increments", "pair"), [(20_000.0, (20_000, 1)), (10_000 / 3, (10_000, 3))])
+def test_a_drive_says_the_encoder_that_it_has(increments: float, pair: tuple[int, int]) -> None:
+    bench = Bench(position=3.0, hardware=Hardware(increments_per_turn=increments)).boot()
+    assert tuple(bench.node.store.entry(0x608F, subindex).value for subindex in (1, 2)) == pair
+    assert bench.position == 3 * increments
+
+
 def test_an_unwritten_feed_constant_leaves_increments(bench: Bench) -> None:
     bench = Bench(position=3.0, hardware=Hardware(increments_per_turn=4096)).boot()
     bench.write(0x608F, 1, "I", 4096)
