@@ -40,7 +40,7 @@ class EthercatPort:
         on_close: called once. period_ns: of the cycle.
 
     Attributes:
-        states: AL state of each slave; the supervision replaces the tuple.
+        states: AL state of each slave; the supervision replaces the tuple. told: those that the cycle knows.
         clocked: a slave has a distributed clock, which the cycle has to follow.
         begun: setpoints are sent: before, nothing keeps a slave from falling out of OP again.
         troubled: called where an answer is missing.
@@ -82,7 +82,7 @@ class EthercatPort:
         ]
         self._heartbeats = [Function.HEARTBEAT + slave.settings.node for slave in slaves]
         self._errors = [b"\x00\x00"] * len(slaves)
-        self._told: tuple[AlState, ...] = self.states
+        self.told: tuple[AlState, ...] = self.states
         self._under_way = False
         self._gone = 0
 
@@ -177,9 +177,9 @@ class EthercatPort:
     def _told_states(self, frames: list[Frame]) -> list[Frame]:
         """What supervision has found goes along, as an NMT slave would say it."""
         states = self.states
-        if states is not self._told:
-            for identifier, before, now in zip(self._heartbeats, self._told, states, strict=True):
+        if states is not self.told:
+            for identifier, before, now in zip(self._heartbeats, self.told, states, strict=True):
                 if now is not before and now in _NMT_OF:
                     frames.append((identifier, bytes((_NMT_OF[now],))))
-            self._told = states
+            self.told = states
         return frames
