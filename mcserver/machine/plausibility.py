@@ -13,8 +13,10 @@ from mcserver.errors import Diagnostic
 from mcserver.machine.drive import CanDrive
 from mcserver.machine.machine_file import Axis, Machine, axis_name
 
-# What limits a follower needs for each that its leader takes, to be in step by a micrometre.
+# What limits a follower needs for each that its leader takes, to be in step by what its cycle lets it be.
 GEAR_SPARE = 1.3
+# With so much jerk for each of its leader's it is nearer to its place, by this share of what it is else.
+GEAR_CALM, CALM_SHARE = 1.5, 0.2
 
 
 def find_doubts(machine: Machine) -> list[Diagnostic]:
@@ -27,7 +29,7 @@ def find_doubts(machine: Machine) -> list[Diagnostic]:
         MC022  a drive on a bus that lacks a part
         MC023  a tolerance wider than the allowed following error
         MC024  feed-forward of a torque that no model gives
-        MC094  a gear whose axis has nothing to spare beside its leader
+        MC094  a gear whose axis has nothing to spare beside its leader, or whose cycle is too long for it
     """
     doubts: list[Diagnostic] = []
     for axis in machine.axes:
@@ -47,19 +49,35 @@ def _doubts_of_gear(machine: Machine, axis: Axis) -> list[Diagnostic]:
     ratio = abs(follow.ratio)
     # a feed may be lower than the leader's greatest velocity, but acceleration and jerk are used up
     limits = {"max_acceleration": axis.max_acceleration, "max_jerk": axis.max_jerk}
+    doubts = []
     short = [key for key, own in limits.items() if own < GEAR_SPARE * ratio * getattr(leader, key)]
-    if not short:
-        return []
-    return [
-        _warning(
-            "MC094",
-            axis,
-            f"by its gear axis {axis_name(leader.index)} takes too much of its {' and '.join(short)}: it may "
-            "fall out of step",
-            f"lower them of axis {axis_name(leader.index)}, or raise these: a follower needs "
-            f"{GEAR_SPARE:g} times what its leader takes",
+    if short:
+        doubts.append(
+            _warning(
+                "MC094",
+                axis,
+                f"by its gear axis {axis_name(leader.index)} takes too much of its {' and '.join(short)}: it "
+                "may fall out of step",
+                f"lower them of axis {axis_name(leader.index)}, or raise these: a follower needs "
+                f"{GEAR_SPARE:g} times what its leader takes",
+            )
         )
-    ]
+    calm = math.isfinite(leader.max_jerk) and axis.max_jerk >= GEAR_CALM * ratio * leader.max_jerk
+    step = min(leader.max_jerk * machine.cycle_s, leader.max_acceleration) * machine.cycle_s**2
+    beside = ratio * step * (CALM_SHARE if calm else 1.0)
+    if beside > follow.tolerance:
+        shown = beside / axis.type.si_per_unit
+        doubts.append(
+            _warning(
+                "MC094",
+                axis,
+                f"at {machine.cycle_hz:g} Hz it may be {shown:.2g} {axis.type.unit} beside its place: "
+                "out of tolerance",
+                f"a greater cycle_hz, a max_jerk of axis {axis_name(leader.index)} that is lower, and "
+                f"{GEAR_CALM:g} times as much of this one, or a wider tolerance",
+            )
+        )
+    return doubts
 
 
 def _doubts_of_torque(machine: Machine, axis: Axis) -> list[Diagnostic]:

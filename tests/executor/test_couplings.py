@@ -80,6 +80,28 @@ def test_followers_are_in_step_through_lines_arcs_rapids_and_overrides() -> None
     assert cell.broken() == []
 
 
+@pytest.mark.parametrize(
+    ("cycle_hz", "jerk", "doubted"),
+    [(1000.0, 20_000.0, False), (100.0, 20_000.0, True), (100.0, 4000.0, True), (100.0, None, True)],
+)
+def test_a_gear_whose_tolerance_the_cycle_is_too_long_for_is_warned_of(
+    cycle_hz: float, jerk: float | None, doubted: bool
+) -> None:
+    own, its = ("", "") if jerk is None else (f"max_jerk = {1.3 * jerk}\n", f"max_jerk = {jerk}")
+    axes = axes_text((0,), velocity=80.0, acceleration=800.0, keys=its) + axes_text(
+        (1,),
+        velocity=104.0,
+        acceleration=1040.0,
+        keys=f"{own}follow = {{ leader = 0, ratio = 1.0, tolerance = 0.002 }}",
+    )
+    machine = parse_machine(f'[machine]\nname = "slow"\ncycle_hz = {cycle_hz}\n{axes}')
+    doubts = [each for each in find_doubts(machine) if each.code == "MC094"]
+    assert ["at 100 Hz it may be" in each.message for each in doubts] == [True] * doubted
+    way = "".join(f"G1 X{place}\n" for place in (100, 0, 3, 0, 40, 20, 21, 0))
+    cell = Coupled(machine, f"G1010\nG90 G94\nG1060 P1\nF4800\n{way}G1061\nM2").play()
+    assert (FaultCode.OUT_OF_STEP in cell.faults) is doubted
+
+
 @pytest.mark.parametrize(("spare", "beside"), [(1.3, 1e-4 * MM), (1.0, 2.0 * MM)])
 def test_how_far_a_follower_is_beside_its_leader_follows_from_what_its_limits_spare(
     spare: float, beside: float
