@@ -96,7 +96,9 @@ async def booted(
     if any(bus.kind == "ethercat" for bus in machine.buses):
         # these drives are booted by the process of the cycle, the one master of their bus
         from mcserver.canopen.coe import agreed_on_ethercat
+        from mcserver.canopen.machine_file_check import refuse_soft_loops
 
+        refuse_soft_loops(machine)
         drives.machine = machine = agreed_on_ethercat(machine)
     service = None
     if uses_can(machine):
@@ -122,6 +124,7 @@ def _start(
 ) -> tuple[CanopenService, OperatorAccess]:
     try:
         from mcserver.canopen.access import OperatorAccess
+        from mcserver.canopen.machine_file_check import refuse_soft_loops
         from mcserver.canopen.service import CanopenService
     except ModuleNotFoundError as error:
         if (error.name or "").partition(".")[0] not in ("can", "canopen"):
@@ -131,6 +134,7 @@ def _start(
             f"drives on a CAN bus need the package {error.name}, which is not installed",
             "pip install canopen python-can",
         ) from error
+    refuse_soft_loops(machine)
     service = CanopenService.start(
         machine, drives.on_event, on_progress, stopping=stopping, take_over=take_over
     )

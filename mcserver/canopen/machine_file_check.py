@@ -50,6 +50,18 @@ def check_drives(machine: Machine) -> list[Diagnostic]:
     return found
 
 
+def refuse_soft_loops(machine: Machine) -> None:
+    """Refuse, before anything is switched on, a torque loop that cannot hold its axis within tolerance.
+
+    Raises:
+        ConfigurationError: MC552.
+    """
+    for drive in settings_of(machine):
+        for found in _soft_loops(drive, machine) if drive.kind == "cia402" else ():
+            if found.severity == "error":
+                raise ConfigurationError(found.code, found.message, found.hint)
+
+
 def _evidence(drive: DriveSettings, described: Description) -> list[Diagnostic]:
     """Say what the EDS leaves open, or says against the device being such a drive."""
     found = []

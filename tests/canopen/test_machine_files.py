@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import json
 import subprocess
 import sys
@@ -10,14 +11,17 @@ from pathlib import Path
 import msgspec
 import pytest
 
+from mcserver.canopen.booted_drives import booted
 from mcserver.canopen.drive_faults import find_drive_faults
 from mcserver.cli.app import run_command_line
 from mcserver.doctor import State
 from mcserver.doctor.can import CanFacts, CanInterface
 from mcserver.doctor.machine import BusFacts, judge_buses
-from mcserver.machine.machine_file import Machine, load_machine
+from mcserver.errors import ConfigurationError
+from mcserver.machine.machine_file import Machine, load_machine, parse_machine
 from tests.canopen.rig import RunningHub, machine_on
 from tests.cli.command import ROOT
+from tests.ethercat.rig import line_of
 from tests.machine_text import axes_text
 
 Capture = pytest.CaptureFixture[str]
@@ -90,6 +94,21 @@ def test_a_torque_loop_that_the_bus_makes_too_soft_for_its_own_tolerance_is_refu
     assert [each.severity for each in found] == ([] if severity is None else [severity])
     # 0.1 / T · 0.2 · 0.1 / T = 5 /s² at 50 Hz
     assert cycle_hz > 50.0 or "100 mm/s² holds the axis 20 mm off" in found[0].message
+
+
+@pytest.mark.parametrize("kind", ["can", "ethercat"])
+def test_a_server_does_not_start_with_a_torque_loop_that_is_too_soft(kind: str) -> None:
+    keys = 'mode = "cst"\nrated_torque = 1.0\ninertia = 1e-3'
+    machine = machine_on(NOWHERE, [1], keys, axis_keys="max_following_error = 50.0", cycle_hz=50.0)
+    if kind == "ethercat":
+        machine = msgspec.structs.replace(parse_machine(line_of(1, drive=keys)), cycle_hz=50.0)
+
+    async def start() -> None:
+        async with booted(machine, print, lambda: False):
+            pass
+
+    with pytest.raises(ConfigurationError, match=r"MC552.*torque loop is soft at 50 Hz"):
+        asyncio.run(start())
 
 
 @pytest.mark.parametrize(
