@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import select
 import time
 from collections.abc import Callable, Iterator
@@ -29,14 +30,19 @@ def wait_for_frames(port: _Described, wait: Callable[[float], object] = time.sle
     waiting.poll(ROUND_S * 1000.0)
 
 
-def frames_of(port: CanPort, duration_s: float) -> Iterator[tuple[float, int, bytes]]:
+def frames_of(
+    port: CanPort, duration_s: float, silence_s: float = math.inf
+) -> Iterator[tuple[float, int, bytes]]:
     """Yield (time [s] since the begin, identifier, payload) of every frame that comes within a duration.
 
-    The times are those at which this process reads, milliseconds after the wire's.
+    The times are those at which this process reads, milliseconds after the wire's. It ends where no frame
+    comes for ``silence_s``.
     """
     began = time.monotonic()
-    while (now := time.monotonic() - began) < duration_s:
+    heard = 0.0
+    while (now := time.monotonic() - began) < min(duration_s, heard + silence_s):
         wait_for_frames(port)
         now = time.monotonic() - began
         for identifier, payload in port.drain():
+            heard = now
             yield now, identifier, bytes(payload)

@@ -31,7 +31,7 @@ def record_cycles(
             raises `Stopped`.
 
     Raises:
-        RuntimeFault: MC569 no SYNC, or the trigger did not come. Stopped.
+        RuntimeFault: MC569 no SYNC comes, or not any more, or the trigger did not come. Stopped.
     """
     for _, identifier, _ in frames_of(port, NO_SYNC_S):
         check()
@@ -44,21 +44,27 @@ def record_cycles(
             "start the server: mcserver run",
             axis=drive.axis,
         )
-    began = math.nan
-    for at_s, identifier, payload in frames_of(port, timeout_s + recorder.duration_s):
+    began, synced = math.nan, 0.0
+    what, remedy = "the cycle ended", "see that the server runs, and that the bus is there"
+    for at_s, identifier, payload in frames_of(port, timeout_s + recorder.duration_s, NO_SYNC_S):
         check()
         done = recorder.take(identifier, payload)
-        if recorder.rows == 1 and identifier == SYNC:
-            began = at_s
+        if identifier == SYNC:
+            synced = at_s
+            if recorder.rows == 1:
+                began = at_s
         if done:
             fewer = round((at_s - began) / recorder.cycle_s) - (recorder.rows - 1)
             return time.time(), fewer if fewer > max(2, 0.02 * recorder.rows) else 0
-        if not recorder.triggered and at_s > timeout_s:
+        if at_s - synced > NO_SYNC_S:
             break
-    what = "the cycle ended" if recorder.triggered else f"the trigger did not come within {timeout_s:g} s"
+        if not recorder.triggered and at_s > timeout_s:
+            what = f"the trigger did not come within {timeout_s:g} s"
+            remedy = "another level, or a longer time; a level that is met already fires where it is asked so"
+            break
     raise RuntimeFault(
         "MC569",
         f"axis {drive.axis}: {what}; {recorder.rows} cycles were seen",
-        "another level, or a longer time; a level that is met already fires where it is asked so",
+        remedy,
         axis=drive.axis,
     )

@@ -7,6 +7,8 @@ import math
 import struct
 import threading
 from collections.abc import Callable, Sequence
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -15,10 +17,12 @@ from mcap_protobuf.decoder import DecoderFactory
 
 from mcserver.can.cob import SYNC, Function
 from mcserver.can.pdo import MappedObject, MappedPdo, ProcessData
+from mcserver.canopen import scope_recording
 from mcserver.canopen.cycle_samples import Signal, signals_of
 from mcserver.canopen.dictionary import generic_dictionary
 from mcserver.canopen.scope import Scope, ScopeTrace, Trigger, find_signal, read_trigger
-from mcserver.errors import UsageFault
+from mcserver.canopen.settings import settings_of
+from mcserver.errors import RuntimeFault, UsageFault
 from mcserver.plot.scope_picture import draw_scope, panels_of
 from mcserver.recorder.scope_file import field_names, write_scope
 from tests.canopen.fake_drives import FakeDrives
@@ -257,6 +261,18 @@ def test_a_trigger_that_does_not_come_leaves_no_file(desk: Desk, cycling: FakeDr
     assert (code, said["diagnostics"][0]["code"]) == (1, "MC569")
     assert not output.exists()
     assert cycling.heard == {}
+
+
+@pytest.mark.parametrize("others", [[], [(Function.HEARTBEAT + 1, b"\x05")]], ids=["silent", "heartbeats"])
+def test_a_cycle_that_ends_ends_the_recording_too(
+    monkeypatch: pytest.MonkeyPatch, others: list[tuple[int, bytes]]
+) -> None:
+    monkeypatch.setattr(scope_recording, "NO_SYNC_S", 0.1)
+    cycles = [[(SYNC, b"")] for _ in range(5)]
+    port: Any = SimpleNamespace(fileno=lambda: -1, drain=lambda: cycles.pop() if cycles else others)
+    (drive,) = settings_of(machine_on("socketcand:127.0.0.1:9/can0", [1]))
+    with pytest.raises(RuntimeFault, match=r"MC569.*the cycle ended"):
+        scope_recording.record_cycles(port, drive, Scope(signals(), 0.01, 1000, 0, None), 1e6)
 
 
 def test_without_a_cycle_there_is_nothing_to_record(desk: Desk) -> None:
