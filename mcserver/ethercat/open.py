@@ -71,8 +71,10 @@ def open_ethercat(machine: Machine, bus: BusConfig, mailboxes: MailboxServer | N
 
 def _states(bus: str, master: EthercatMaster, port: EthercatPort) -> Sequence[SlaveState]:
     """Return every slave of a line now; nothing is sent."""
+    # while no frame comes back nobody is asked, and nobody answers
+    states = port.states if port.flowing else (AlState.NONE,) * len(master.slaves)
     drives = {
-        slave.settings.place: (slave, state) for slave, state in zip(master.slaves, port.states, strict=True)
+        slave.settings.place: (slave, state) for slave, state in zip(master.slaves, states, strict=True)
     }
     found = []
     for position, device in enumerate(master.soem.slaves):

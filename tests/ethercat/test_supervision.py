@@ -5,6 +5,7 @@ from __future__ import annotations
 from types import SimpleNamespace
 from typing import Any
 
+from mcserver.ethercat.open import _states
 from mcserver.ethercat.slave import AL_STATUS, ERROR, AlState
 from mcserver.ethercat.supervision import EthercatSupervision
 
@@ -43,3 +44,20 @@ def test_a_slave_that_has_left_op_stays_there_until_the_cycle_knows_it() -> None
     while supervision.round():
         pass
     assert (port.states, slave.status) == ((AlState.OP,), AlState.OP)
+
+
+def test_drives_are_shown_as_silent_while_no_frame_comes_back() -> None:
+    device = SimpleNamespace(man=1, id=2, rev=3, name="drive", input=bytes(9))
+    inputs = SimpleNamespace(offset=lambda _index: 0)
+    slave = SimpleNamespace(
+        settings=SimpleNamespace(place=0, axis=0),
+        planned=SimpleNamespace(tpdos=[inputs]),
+        identity=SimpleNamespace(device_type=0x20192),
+    )
+    master: Any = SimpleNamespace(slaves=[slave], soem=SimpleNamespace(slaves=[device]))
+    shown = []
+    for flowing in (True, False):
+        port: Any = SimpleNamespace(states=(AlState.OP,), flowing=flowing, begun=True)
+        (found,) = _states("line", master, port)
+        shown.append((found.state, found.statusword))
+    assert shown == [(AlState.OP, 0), (AlState.NONE, None)]
