@@ -114,6 +114,12 @@ def test_a_planner_that_ends_at_its_start_is_refused(executor: ExecutorProcess) 
     assert "ended by signal 9" in refused.value.message
 
 
+def test_a_planner_whose_server_has_given_up_its_start_ends_without_a_word(executor: ExecutorProcess) -> None:
+    child = PlannerChild(executor.machine, executor)
+    child.pipe.close()
+    assert child.process.wait(60.0) == 0
+
+
 def test_a_planner_that_the_server_ends_as_it_never_gets_ready_is_said_to_be_that(
     executor: ExecutorProcess, monkeypatch: pytest.MonkeyPatch
 ) -> None:
