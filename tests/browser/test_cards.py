@@ -89,6 +89,8 @@ def test_a_robot_homes_is_seen_and_set_to_zero(
     expect(page.get_by_text("by a switch: not homed")).to_be_visible()
     page.wait_for_function(f"{SPACE.format('.mc-space')}.axisParts.size === 1")
     page.get_by_role("button", name="Energize").click()
+    # until then the axis is taken
+    expect(page.get_by_text("energize · finished")).to_be_visible()
     page.get_by_role("button", name="home axis X").click()
     expect(page.get_by_text("by a switch: homed")).to_be_visible()
     with sync.Machine.connect("crane", crane.endpoint) as machine:

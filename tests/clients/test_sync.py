@@ -95,7 +95,7 @@ def test_telemetry_and_events_are_plain_iterators(server: FakeServer) -> None:
     ("blocking", "asynchronous", "left_out"),
     [
         # what is made of several awaits, or of no use to a caller who waits
-        (Machine, mcclient.Machine, {"online", "hash_of", "read_recording"}),
+        (Machine, mcclient.Machine, {"online", "instance", "hash_of", "read_recording"}),
         (Program, mcclient.Program, {"ended", "credit", "failure", "wait_accepted", "wait_done", "leave"}),
     ],
 )
