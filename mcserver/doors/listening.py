@@ -18,6 +18,8 @@ from typing import Any, cast
 
 import msgspec
 import uvicorn
+from starlette.applications import Starlette
+from starlette.middleware.trustedhost import TrustedHostMiddleware
 from starlette.requests import HTTPConnection
 from starlette.types import ASGIApp
 from uvicorn.middleware.proxy_headers import ProxyHeadersMiddleware
@@ -33,6 +35,7 @@ OWN_PACKAGES = frozenset({"mcserver", "mcclient"})
 # lines of a log about what clients send, of each logger in a period [s]
 MOST_LINES, PERIOD_S = 10, 60.0
 LOOPBACK = frozenset({"127.0.0.1", "::1", "localhost"})
+OWN_HOSTS = ("127.0.0.1", "[::1]", "localhost")  # as a Host header names them
 
 
 class Address(msgspec.Struct, frozen=True):
@@ -118,6 +121,11 @@ def require_usable(certificate: Path, key: Path | None) -> None:
             f"the certificate {certificate} cannot be used with the key {key}: {error.strerror or error}",
             "give the PEM files of a certificate and of its own key",
         ) from error
+
+
+def refuse_foreign_hosts(app: Starlette) -> None:
+    """Keep a page of another site out that resolves its name to this computer."""
+    app.add_middleware(TrustedHostMiddleware, allowed_hosts=OWN_HOSTS)
 
 
 async def serve_until_stopped(

@@ -8,10 +8,9 @@ from pathlib import Path
 
 import msgspec
 from fastapi import FastAPI, WebSocket
-from starlette.middleware.trustedhost import TrustedHostMiddleware
 
 from mcserver.doors.limits import BodyLimit, DoorLimits
-from mcserver.doors.listening import LOOPBACK, Address, Protection, listen, serve_until_stopped
+from mcserver.doors.listening import Address, Protection, listen, refuse_foreign_hosts, serve_until_stopped
 from mcserver.gateway.http import MAX_BODY_BYTES, HttpSessions, build_http
 from mcserver.gateway.tokens import read_tokens
 from mcserver.gateway.websocket import Sessions
@@ -97,8 +96,7 @@ def build_app(sessions: Sessions, http: HttpSessions, *, local: bool) -> FastAPI
         title="Motion server gateway", version="1", lifespan=lifespan, docs_url=None, redoc_url=None
     )
     if local:
-        # a page of another site that resolves its name to this computer must not get in
-        app.add_middleware(TrustedHostMiddleware, allowed_hosts=[*LOOPBACK, "[::1]"])
+        refuse_foreign_hosts(app)
     build_http(app, http)
 
     @app.websocket("/v1/ws")

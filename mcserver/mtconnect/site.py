@@ -14,14 +14,12 @@ import msgspec
 from mcclient import MachineStatus, MotionError
 from mcclient.fleet import FleetLink, keep_states
 from starlette.applications import Starlette
-from starlette.middleware import Middleware
-from starlette.middleware.trustedhost import TrustedHostMiddleware
 from starlette.requests import Request
 from starlette.responses import Response, StreamingResponse
 from starlette.routing import Route
 
 from mcserver.doors.limits import BodyLimit, DoorLimits
-from mcserver.doors.listening import LOOPBACK, Address, listen, serve_until_stopped
+from mcserver.doors.listening import LOOPBACK, Address, listen, refuse_foreign_hosts, serve_until_stopped
 from mcserver.mtconnect.agent import Agent, Refusal, interval_of
 
 XML = "text/xml"
@@ -132,13 +130,14 @@ def build_app(agent: Agent, *, lifespan: object = None, local: bool = True) -> S
     for name, answer in methods:
         routes += [Route(f"/{name}", answer), Route(f"/{{device}}/{name}", answer)]
     routes += [Route("/asset/{asset}", asset), Route("/assets/{asset}", asset), Route("/{device}", probe)]
-    return Starlette(
+    app = Starlette(
         routes=routes,
-        # a page of another site that resolves its name to this computer must not get in
-        middleware=[Middleware(TrustedHostMiddleware, allowed_hosts=[*LOOPBACK, "[::1]"])] if local else [],
         exception_handlers={Refusal: refuse, 404: unknown, 405: unknown},
         lifespan=lifespan,  # type: ignore[arg-type]
     )
+    if local:
+        refuse_foreign_hosts(app)
+    return app
 
 
 async def multipart(documents: AsyncIterator[bytes], boundary: str) -> AsyncIterator[bytes]:

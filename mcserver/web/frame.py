@@ -13,9 +13,8 @@ from fastapi import FastAPI, Request, Response
 from nicegui import app as nicegui_app
 from nicegui import ui
 from nicegui.language import Language
-from starlette.middleware.trustedhost import TrustedHostMiddleware
 
-from mcserver.doors.listening import LOOPBACK
+from mcserver.doors.listening import refuse_foreign_hosts
 from mcserver.web.resuming import forget_closed_pages, resume_after_cuts, take_events_once
 from mcserver.web.translation import COOKIE as LANGUAGE_COOKIE
 from mcserver.web.translation import language_for, mark, t
@@ -51,16 +50,11 @@ BROWSER_TEXTS = (
 STYLE_TEXTS = (mark(" – old: nothing comes"), mark(" (no link)"))
 
 
-def new_site(host: str | None) -> FastAPI:
-    """Return an application without pages.
-
-    Args:
-        host: by which it is reached without a login; None: it has one.
-    """
+def new_site(*, local: bool) -> FastAPI:
+    """Return an application without pages; ``local``: it is reached by names of this computer alone."""
     site = FastAPI(openapi_url=None)
-    if host is not None:
-        # a page of another site that resolves its name to this computer must not get in
-        site.add_middleware(TrustedHostMiddleware, allowed_hosts=[*LOOPBACK, "[::1]", host])
+    if local:
+        refuse_foreign_hosts(site)
 
     @site.middleware("http")
     async def add_headers(request: Request, call_next: Callable[[Request], Awaitable[Response]]) -> Response:

@@ -86,7 +86,7 @@ async def serve(options: WebOptions) -> None:
     sessions = Sessions(users, time.monotonic)
     past = None if options.history is None else Past(options.history)
     fleet = Fleet(options.connect, options.config_file, options.folder, past)
-    site = build_site(sessions, fleet, secure=address.certificate is not None, host=address.host)
+    site = build_site(sessions, fleet, secure=address.certificate is not None)
     listener = listen(address.host, address.port)
     fleet.start()
     try:
@@ -102,9 +102,9 @@ async def serve(options: WebOptions) -> None:
         await fleet.close()
 
 
-def build_site(sessions: Sessions, fleet: Fleet, *, secure: bool, host: str) -> FastAPI:
+def build_site(sessions: Sessions, fleet: Fleet, *, secure: bool) -> FastAPI:
     """The application: ``/`` the fleet, ``/machine/{name}`` and its ``/drives``, ``/login``, ``/metrics``."""
-    site = new_site(None if sessions.needs_login else host)
+    site = new_site(local=not sessions.needs_login)
 
     @site.get("/login", response_class=HTMLResponse)
     def login_form(request: Request, then: str = "/") -> str:
@@ -205,7 +205,7 @@ def _to_login(request: Request) -> Response:
 def _from_here(request: Request) -> bool:
     """Whether a request comes from this computer itself: not by a proxy, nor by a page of another site."""
     near = request.client is not None and request.client.host in LOOPBACK
-    named = (request.url.hostname or "") in (*LOOPBACK, "::1")
+    named = request.url.hostname in LOOPBACK
     return near and named and not any(name in request.headers for name in _PROXIED)
 
 

@@ -48,7 +48,7 @@ async def serve_view(name: str, replay: Replay, model: bytes, address: Address) 
     Raises:
         ServiceError: MC065 the address cannot be listened on.
     """
-    site = new_site(address.host if address.host in LOOPBACK else None)
+    site = new_site(local=address.host in LOOPBACK)
 
     @site.get("/model")
     def parts() -> Response:

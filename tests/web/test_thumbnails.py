@@ -110,7 +110,7 @@ def door(tmp_path: Path) -> tuple[FastAPI, Any]:
             SimpleNamespace(store=store, jobs=SimpleNamespace(begun=[job])) if name == "bench" else None
         )
     )
-    return new_site(None), fleet
+    return new_site(local=False), fleet
 
 
 def test_the_door_gives_pictures_and_nothing_else(door: tuple[FastAPI, Any]) -> None:

@@ -16,7 +16,7 @@ from starlette.responses import PlainTextResponse
 from starlette.types import ASGIApp, Receive, Scope, Send
 
 from mcserver.doors.limits import BodyLimit, DoorLimits
-from mcserver.doors.listening import LOOPBACK, Address, Protection, listen, serve_until_stopped
+from mcserver.doors.listening import LOOPBACK, OWN_HOSTS, Address, Protection, listen, serve_until_stopped
 from mcserver.errors import ConfigurationError
 
 MIN_TOKEN = 20  # characters: what is shorter can be guessed
@@ -121,12 +121,11 @@ def protect(server: MCPServer[Any], access: AgentAccess) -> ASGIApp:
 
     On this computer the Host header has to name it too: a page whose name was bound anew cannot get in.
     """
-    own = [f"[{name}]" if ":" in name else name for name in LOOPBACK]
     security = TransportSecuritySettings(
         enable_dns_rebinding_protection=access.local,
-        allowed_hosts=[f"{name}:*" for name in own],
+        allowed_hosts=[f"{name}:*" for name in OWN_HOSTS],
         allowed_origins=[
-            *(f"{scheme}://{name}:*" for name in own for scheme in ("http", "https")),
+            *(f"{scheme}://{name}:*" for name in OWN_HOSTS for scheme in ("http", "https")),
             *access.origins,
         ],
     )
