@@ -26,8 +26,8 @@ from mcserver.web.sessions import Visitor
 from mcserver.web.translation import t
 
 REFRESH_S = 0.25
-# signs of life, and questions to the server, in refreshes
-BEAT_EVERY = 4
+# between two questions to the server [s]
+SLOW_S = 1.0
 # what only engineers may call
 METHOD = "sdo_write"
 
@@ -36,11 +36,8 @@ class DeskPage:
     """Built once for each browser that opens it."""
 
     def __init__(self, visitor: Visitor, link: MachineLink) -> None:
-        self._visitor = visitor
         self._link = link
-        self._beat = 0
         client = ui.context.client
-        self._outbox = outbox_of(client)
         actions = Actions(Driver(client.id, visitor), link)
         with header(actions):
             ui.link(link.name, f"/machine/{quote(link.name)}").classes("text-white font-bold")
@@ -69,25 +66,21 @@ class DeskPage:
                     MachineFilePanel(actions)
                     self._drives = DrivesPanel(link)
         obey_keys(actions)
-        ui.timer(REFRESH_S, self.update)
+        refresh = {REFRESH_S: self.update, SLOW_S: self.ask}
+        outbox_of(client).timer.start(lambda: visitor.may(METHOD), refresh)
         Presence(actions, self._stop)
 
-    async def update(self) -> None:
+    def update(self) -> None:
         """Show the newest state."""
-        if self._beat % BEAT_EVERY == 0:
-            self._outbox.send_sign_of_life()
-            if not self._visitor.is_known() or not self._visitor.may(METHOD):
-                ui.navigate.reload()
-                return
-        self._beat += 1
-        if self._outbox.is_behind:
-            return
         self._state.update(self._link)
         self._control.update()
         self._drive.update()
         self._scope.update()
+
+    async def ask(self) -> None:
+        """Refresh what the server is asked for."""
         machine = self._link.machine
-        if machine is not None and self._beat % BEAT_EVERY == 1:
+        if machine is not None:
             await self._drive.look(machine)
             await self._drives.update(machine.info)
 

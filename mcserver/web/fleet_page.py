@@ -66,7 +66,6 @@ class FleetPage:
         self._visitor = visitor
         self._fleet = fleet
         self._sent: dict[str, dict[str, Any]] = {}
-        self._outbox = outbox_of(ui.context.client)
         with ui.header(elevated=True).classes("items-center justify-between no-wrap py-1 px-2 bg-slate-900"):
             ui.label(t("Machines")).classes("font-bold text-lg")
             self._summary = ui.label("").props("role=status").classes("mc-summary")
@@ -113,17 +112,10 @@ class FleetPage:
                     "min-w-48"
                 )
         ui.on("mc_key", self._on_key)
-        ui.timer(REFRESH_S, self.update)
-        ui.timer(0.1, self.update, once=True)
+        outbox_of(ui.context.client).timer.start(visitor.is_known, {REFRESH_S: self.update})
 
     def update(self) -> None:
-        """Send the rows that have changed, and a sign of life: a page that gets none says so."""
-        self._outbox.send_sign_of_life()
-        if not self._visitor.is_known():
-            ui.navigate.reload()
-            return
-        if self._outbox.is_behind:
-            return
+        """Send the rows that have changed."""
         rows = {
             name: machine_row(seen, self._fleet.running_today, self._fleet.jobs_of(name))
             for name, seen in self._fleet.machines.items()

@@ -49,8 +49,6 @@ REFRESH_S = 0.1
 FOLLOW_S = 0.01
 # charts, pictures and lists, in refreshes: drawing them is what costs a phone its battery
 SLOW_EVERY = 4
-# signs of life, in refreshes: a page that gets none says so
-BEAT_EVERY = 5
 # between two questions to the server [s]
 SLOW_S = 1.0
 # a message of what has ended stays this long [ms]
@@ -64,13 +62,10 @@ class MachinePage:
 
     def __init__(self, visitor: Visitor, link: MachineLink, past: Past | None) -> None:
         self._link = link
-        self._visitor = visitor
         client = ui.context.client
-        self._outbox = outbox_of(client)
         self._actions = actions = Actions(Driver(client.id, visitor), link)
         self._announcer = Announcer(link.name)
         self._turn = 0
-        self._beat = 0
         self._title = ""
         self._stale: bool | None = None
         with header(actions):
@@ -138,9 +133,8 @@ class MachinePage:
         obey_keys(actions)
         if not visitor.may("open"):
             client.on_connect(lambda: ui.run_javascript("mcWatchOnly()"))
-        ui.timer(REFRESH_S, self.update)
-        ui.timer(SLOW_S, self.ask)
-        ui.timer(FOLLOW_S, self._follow)
+        refresh = {REFRESH_S: self.update, SLOW_S: self.ask, FOLLOW_S: self._follow}
+        outbox_of(client).timer.start(visitor.is_known, refresh)
         client.on_disconnect(self._held.release)
         client.on_disconnect(self._tool_jog.drop)
         Presence(actions)
@@ -149,13 +143,13 @@ class MachinePage:
     async def _follow(self) -> None:
         """Show where the axes are as soon as the server says it, not at the next refresh."""
         await self._link.next_status()
-        if self._link.machine is not None and not self._outbox.is_behind:
+        if self._link.machine is not None:
             self._positions.update(self._link.machine.info)
 
     async def ask(self) -> None:
         """Refresh what the server is asked for, not what it says by itself."""
         machine = self._link.machine
-        if machine is not None and not self._outbox.is_behind:
+        if machine is not None:
             await self._recovery.update()
             await self._recordings.update()
             await self._drives.update(machine.info)
@@ -206,14 +200,6 @@ class MachinePage:
 
     def update(self) -> None:
         """Show the newest state."""
-        if self._beat % BEAT_EVERY == 0:
-            self._outbox.send_sign_of_life()
-            if not self._visitor.is_known():
-                ui.navigate.reload()
-                return
-        self._beat += 1
-        if self._outbox.is_behind:
-            return
         status, machine = self._link.status, self._link.machine
         word = self._state.update(self._link)
         self._control.update()

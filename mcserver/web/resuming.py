@@ -5,18 +5,13 @@ it an open dialog, what is ticked, and what was typed. Here a message that was l
 element only its newest state. In the other direction each event has a number of its document and the time
 at which it was made, is sent again until it is confirmed (static/page.js), and is taken once. Whether it is
 too late is judged where it acts (MC604).
-
-A browser that draws slower than it is sent what to draw would show older and older states as new ones, and
-press by press the answers would come later, until its link is given up. It confirms signs of life, and where
-it is behind nothing but answers is sent to it: what it has not seen is drawn later, from what is then.
 """
 
 from __future__ import annotations
 
 import logging
-import time
 from collections import deque
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from typing import Any
 
@@ -26,6 +21,7 @@ from nicegui.outbox import ClientId, Message, MessageId, MessageType, Outbox, Pa
 from nicegui.slot import Slot
 
 from mcserver.web.delays import DelayGate, event_delay_s
+from mcserver.web.page_timer import PageTimer
 
 log = logging.getLogger(__name__)
 
@@ -33,10 +29,6 @@ log = logging.getLogger(__name__)
 MOST_MESSAGES = 4000
 # that show one page, one after the other
 MOST_DOCUMENTS = 8
-# a browser that has not confirmed a sign of life for so long [s] is slower than what it is sent
-BEHIND_S = 0.5
-# and for so long: it may never have got it, as where its link broke [s]
-LOST_S = 10.0
 
 
 class ResumingOutbox(Outbox):
@@ -44,19 +36,16 @@ class ResumingOutbox(Outbox):
 
     Args:
         client: the page that it is of, which has a connection or will have one.
-        clock: seconds, never stepping.
 
     Attributes:
-        gate: of its browser.
+        gate, timer: of its browser.
     """
 
-    def __init__(self, client: Client, clock: Callable[[], float] = time.monotonic) -> None:
+    def __init__(self, client: Client) -> None:
         super().__init__(client)
-        self._clock = clock
-        self._sign = self._confirmed = 0
-        self._sign_at = 0.0
         self._taken: dict[str, int] = {}
         self.gate = DelayGate()
+        self.timer = PageTimer(lambda code: self.enqueue_message("run_javascript", {"code": code}, client.id))
         self._newest: dict[int, MessageId] = {}
         self._said: deque[tuple[MessageId, Message]] = deque()
         self._is_sending = False
@@ -71,22 +60,6 @@ class ResumingOutbox(Outbox):
             del self._taken[next(iter(self._taken))]
         self._taken[document] = number
         return True
-
-    @property
-    def is_behind(self) -> bool:
-        """Whether the browser has not yet come to what it was sent a while ago."""
-        return self._confirmed < self._sign and self._clock() - self._sign_at > BEHIND_S
-
-    def send_sign_of_life(self) -> None:
-        """Send one, once the one before is confirmed or lost: a page that gets none says so."""
-        if self._confirmed == self._sign or self._clock() - self._sign_at > LOST_S:
-            self._sign += 1
-            self._sign_at = self._clock()
-            self.enqueue_message("run_javascript", {"code": f"mcAlive({self._sign})"}, self.client.id)
-
-    def on_confirmed(self, sign: int) -> None:
-        """Take the number of a sign of life that the browser has come to."""
-        self._confirmed = max(self._confirmed, min(sign, self._sign))
 
     def enqueue_message(self, message_type: MessageType, data: Payload, target_id: ClientId) -> None:
         """Send a message; none to a page that is gone, which whoever calls has waited for something on."""
@@ -174,7 +147,7 @@ def take_events_once() -> None:
             outbox = _outbox(event)
             if outbox is not None:
                 outbox.gate.observe(event["sent_s"])
-                outbox.on_confirmed(event["sign"])
+                outbox.timer.on_confirmed(event["sign"])
 
     core.sio.on("event", take_once)
     core.sio.on("clock", take_clock)

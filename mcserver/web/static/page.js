@@ -143,7 +143,7 @@
       if (names.size) sessionStorage.setItem(UNCERTAIN, [...names].join(", "));
     });
     // so that the page's process can tell what was held up on the way, and how far this browser has come in what it was
-    // sent (resuming.py)
+    // sent (page_timer.py)
     tellTime = () => { if (socket.connected) emit("clock", { client_id: window.clientId, sent_s: now_s(), sign }); };
     socket.on("connect", () => { tellTime(); unconfirmed.forEach(send); });
   };
