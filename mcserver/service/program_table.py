@@ -482,7 +482,9 @@ class ProgramTable:
             self._end_at_rest()
 
     def _fail(self, program: Program, found: Diagnostic) -> None:
-        """Stop a program for what the planner has found."""
+        """Stop a program for what the planner has found; it may say so again until it hears of the stop."""
+        if program.over or program.state == "ending":
+            return
         fault = Fault(
             code=found.code,
             message=found.message,
@@ -491,6 +493,11 @@ class ProgramTable:
             line=found.line,
             t=self.time.now(),
         )
+        if not program.by_hand:
+            # nothing is latched; a person who jogs is told by the jog's end
+            self.events.publish(
+                "fault", fault=fault, program=fault.program, line=fault.line, message=fault.message
+            )
         self.stop(program, "faulted", fault.message, fault)
 
     def _end_at_rest(self) -> None:

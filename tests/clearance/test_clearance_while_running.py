@@ -49,6 +49,7 @@ async def test_a_program_stops_before_what_it_would_hit_and_names_line_and_bodie
     assert "'tool'" in program.fault.message
     assert "'vise'" in program.fault.message
     assert program.fault.hint
+    assert [event.fault for event in cell.events if event.kind == "fault"] == [program.fault]
     assert program.done == 2
     assert LAST_X - 0.3 <= place(cell, 0) <= LAST_X + 0.02
 
@@ -86,6 +87,8 @@ async def test_a_held_jog_stops_at_the_margin_and_may_go_back(make: Make) -> Non
     here = place(cell, 0)
     for _ in range(3):
         assert (await jog(cell, 0, 5.0, distance=1.0)).state == "faulted"
+    # whoever jogs sees it: nobody else is called
+    assert not [event for event in cell.events if event.kind == "fault"]
     assert here <= place(cell, 0) <= LAST_X + 0.02
     back = await jog(cell, 0, 50.0, distance=-10.0)
     assert (back.state, back.fault) == ("finished", None)

@@ -353,6 +353,8 @@ async def test_a_defect_of_the_planner_ends_the_program_and_not_the_service(benc
     ack = await bench.until_acked(program.program, state="faulted")
     assert ack.fault is not None
     assert ack.fault.code == "MC516"
+    told = next(event for event in bench.events if event.kind == "fault")
+    assert (told.fault, told.program) == (ack.fault, program.program)
     again = await bench.service.open("hmi")
     await bench.service.lines.submit("hmi", again.program, 1, ["move"])
     await bench.until_acked(again.program, done=1)
