@@ -81,7 +81,7 @@ def read_programs(path: Path, *, limit: int, program: str | None = None) -> list
                 credit=0,
                 closed=True,
                 override=100.0,
-                progress=_share(done - start + 1, accepted - start + 1),
+                progress=1.0 if state == "finished" else _share(done - start + 1, accepted - start + 1),
                 fault=None if fault is None else msgspec.msgpack.decode(fault, type=Fault),
                 resume_of=resume_of,
                 opened_at=opened,

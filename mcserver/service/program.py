@@ -229,9 +229,12 @@ class Program:
 
     def _share(self) -> float:
         """Return the share of its time that has passed; of its accepted lines where its time is not known."""
+        if self.state == "finished":
+            # also where lines behind M2 have not run
+            return 1.0
         by_time = self.clock.fraction()
         if by_time is not None:
-            return 1.0 if self.state == "finished" else by_time
+            return by_time
         total = self.journaled - self.start_line + 1
         return min(1.0, max(0.0, (self.progress.done - self.start_line + 1) / total)) if total else 0.0
 

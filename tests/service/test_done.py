@@ -5,6 +5,7 @@ from __future__ import annotations
 import pytest
 
 from mcserver.machine.machine_file import Machine, parse_machine
+from mcserver.service.journal_reader import read_programs
 from mcserver.service.program import Program
 from mcserver.service.program_options import ProgramOptions
 from tests.machine_text import axes_text
@@ -96,4 +97,7 @@ async def test_lines_behind_a_faulty_one_are_not_done_where_the_program_ends_the
 
 async def test_what_an_end_of_program_leaves_out_is_not_done(cell: VirtualCell) -> None:
     program = await cell.run("G04 P0", "M30", "G04 P0", "G04 P0")
-    assert (program.state, program.done) == ("finished", 2)
+    assert (program.state, program.done, program.status().progress) == ("finished", 2, 1.0)
+    # nor does it lack to the program, also for a server that has been started anew
+    (kept,) = read_programs(cell.service.options.journal, limit=1)
+    assert (kept.state, kept.done, kept.accepted, kept.progress) == ("finished", 2, 4, 1.0)
