@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from typing import Any
 
 import pytest
-from mcclient.cli.progress import Snapshot
+from mcclient.cli.progress import Snapshot, eta_text
 
 from mcserver.gcode.switches import Switches
 from mcserver.machine.machine_file import builtin_text, parse_machine
@@ -116,6 +116,18 @@ def test_the_simulated_time_goes_before_every_estimate() -> None:
     assert Snapshot(**common, elapsed_s=1.0, planned_s=2.0).eta_s == pytest.approx(9.0)  # type: ignore[arg-type]
     known = Snapshot(**common, elapsed_s=1.0, planned_s=2.0, remaining_s=4.0, share=0.2)  # type: ignore[arg-type]
     assert (known.eta_s, known.fraction) == (4.0, 0.2)
+    assert eta_text(known) == "0:04"
+
+
+def test_a_time_left_that_is_no_simulation_says_what_it_is() -> None:
+    def shown(done: int, total: int | None = 10, **more: Any) -> str:
+        return eta_text(Snapshot("running", 5, total, 5, done, "", 100.0, 30.0, **more))
+
+    # on the way to its first line, and of a stream, only what is planned is known
+    assert shown(4, planned_s=2.0) == "at least 0:02"
+    assert shown(7, None, planned_s=2.0) == "at least 0:02"
+    assert shown(7, planned_s=2.0) == "about 0:30"
+    assert shown(4) == "-"
 
 
 def test_a_simulation_that_comes_late_finds_the_time_that_a_long_line_has_run() -> None:

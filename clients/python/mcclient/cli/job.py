@@ -237,7 +237,8 @@ class Job:
             self._display.update(shown)
             self._source.forget(program.done_through - 1)
             await asyncio.sleep(REFRESH_S)
-            if shown.state == "running" and not shown.waits_for:
+            begun = self._status is not None and self._status.line > 0
+            if shown.state == "running" and begun and not shown.waits_for:
                 self._ran_s += time.monotonic() - since
 
     def _snapshot(self, program: Program, online: bool) -> Snapshot:

@@ -37,7 +37,8 @@ class Snapshot:
         notice: what the program said last to its operator.
         simulated: share of the lines that the simulation has reached; below 1 the times are estimates.
         pauses: lines to come that wait for an operator; their waits are not in the times.
-        elapsed_s: for how long it has run, without holds, pauses and waits for inputs.
+        elapsed_s: for how long its lines have run, without holds, pauses, waits for inputs and the way to the
+            first one.
         waits_for: the input, or the program, that it waits for; empty: for none.
         behind: the programs that have the axes, and which; empty: it waits for none.
         online: the server is there.
@@ -115,11 +116,16 @@ def duration(seconds: float | None) -> str:
 
 
 def eta_text(snapshot: Snapshot) -> str:
-    """``1:05``, ``about 1:05 (12 % simulated)``, ``1:05 + 2 pauses``."""
+    """``1:05``, ``about 1:05 (12 % simulated)``, ``1:05 + 2 pauses``; unsimulated ``about 1:05`` by the lines
+    done, ``at least 0:05`` where only what is planned is known."""
     shown = duration(snapshot.eta_s)
-    if snapshot.remaining_s is not None and snapshot.simulated < 1.0:
+    if snapshot.eta_s is None:
+        return shown
+    if snapshot.remaining_s is None:
+        return f"about {shown}" if snapshot.fraction else f"at least {shown}"
+    if snapshot.simulated < 1.0:
         shown = f"about {shown} ({100.0 * snapshot.simulated:.0f} % simulated)"
-    if snapshot.remaining_s is not None and snapshot.pauses:
+    if snapshot.pauses:
         shown += f" + {snapshot.pauses} pause{'s' * (snapshot.pauses != 1)}"
     return shown
 
