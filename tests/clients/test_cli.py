@@ -196,7 +196,9 @@ def test_a_fault_while_running_is_exit_code_1(mcctl: Run, tmp_path: Path) -> Non
 def test_run_from_a_line_gives_the_lines_before_for_their_modal_state(
     mcctl: Run, server: FakeServer, tmp_path: Path
 ) -> None:
-    assert mcctl("run", write(tmp_path, "G91", "G01 X1 F5", "X2", "X3"), "--from-line", "3")[0] == 0
+    code, _, said = mcctl("run", write(tmp_path, "G91", "G01 X1 F5", "X2", "X3"), "--from-line", "3")
+    assert code == 0
+    assert "finished, 2 lines in " in said
     opened = next(request for method, request in server.requests if method == "open")
     assert (opened["start_line"], opened["before"]) == (3, ["G91", "G01 X1 F5"])
     assert [(number, text) for _, number, text in server.executed] == [(3, "X2"), (4, "X3")]

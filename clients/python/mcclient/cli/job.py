@@ -309,7 +309,8 @@ class Job:
             "diagnostics": [],
         }
         if error is None:
-            say(f"{self._source.name}: finished, {program.done_through} lines in {duration(took)}", "green")
+            lines = program.done_through - self._options.from_line + 1
+            say(f"{self._source.name}: finished, {lines} lines in {duration(took)}", "green")
         elif isinstance(error, ProgramRejected):
             self._show_rejection(error)
             say(f"{self._source.name} is rejected at line {error.line}; lines before it have run", "bold red")
