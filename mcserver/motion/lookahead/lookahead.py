@@ -318,6 +318,8 @@ class Lookahead:
         try:
             solution = attempt(junction_vmax)
         except PlanningError:
+            if not solver.held.any():
+                raise
             solution = flowing(solver, junction_vmax, groups.edges, attempt)
         if solution.late and solver.raise_speeds(solution.late, solution.speeds, junction_vmax):
             solution = attempt(junction_vmax)
@@ -325,22 +327,7 @@ class Lookahead:
             solution = released(solver, solution, junction_vmax, groups.edges, attempt)
         if solution.early:
             solution = none_early(solver, solution, junction_vmax, attempt)
-        columns = segments.columns
-        vertices = (columns.vertex_before != 0)[groups.starts] | (columns.vertex_after != 0)[groups.starts]
-        timed, late = ~np.isnan(solver.durations), np.zeros(len(groups.starts), np.bool_)
-        if timed.any():
-            late[late_groups(solver, solution.times(groups.edges))] = True
-        profile = quicker_stretches(
-            solver.run.run,
-            groups,
-            # one that is late flows at no more than its mean speed, or it would end before its T
-            np.fmin(np.minimum.reduceat(columns.feed, groups.starts), solver.means),
-            self._limits,
-            KnotProfile(solution.phases, solution.knots, solution.first),
-            single_segments(groups, timed & vertices, passed=segments.passed > 0.0),
-            in_time=timed & ~late,
-            stops=self.stop_is_last,
-        )
+        profile = self._quickened(segments, groups, solver, solution)
         phases = join_phases(profile.phases, float(groups.edges[-1]), profile.uncut)
         times = phases.time_at(groups.bounds)
         # at knots the velocity profile's own times are exact; where the motion rests, positions tell time
@@ -353,6 +340,27 @@ class Lookahead:
         held[groups.starts] = solver.held
         at_edges = np.append(times[groups.starts], times[-1])
         return _Law(groups, solution, phases, times, held, late_groups(solver, at_edges), solver.run)
+
+    def _quickened(
+        self, segments: Segments, groups: Groups, solver: KnotSolver, solution: Solution
+    ) -> KnotProfile:
+        """Solve the stretches anew that have no line which takes its T."""
+        columns = segments.columns
+        vertices = (columns.vertex_before != 0)[groups.starts] | (columns.vertex_after != 0)[groups.starts]
+        timed, late = ~np.isnan(solver.durations), np.zeros(len(groups.starts), np.bool_)
+        if timed.any():
+            late[late_groups(solver, solution.times(groups.edges))] = True
+        return quicker_stretches(
+            solver.run.run,
+            groups,
+            # one that is late flows at no more than its mean speed, or it would end before its T
+            np.fmin(np.minimum.reduceat(columns.feed, groups.starts), solver.means),
+            self._limits,
+            KnotProfile(solution.phases, solution.knots, solution.first),
+            single_segments(groups, timed & vertices, passed=segments.passed > 0.0),
+            in_time=timed & ~late,
+            stops=self.stop_is_last,
+        )
 
     def _late_bounds(self, law: _Law, bound_by: list[Bound | None]) -> None:
         """Name the limit that stretches each late group beyond its T: the greatest speed or acceleration

@@ -33,11 +33,10 @@ def flowing(
     ends without acceleration.
 
     Raises:
-        PlanningError: that speed leaves no such plan either, or no line has a T.
+        PlanningError: that speed leaves no such plan either.
     """
     timed, solver.held = solver.held, np.zeros_like(solver.held)
     junction_vmax[:] = solver.nominal_speeds()
-    # where no line has a T, this asks for what has failed already
     solution = attempt(junction_vmax)
     kept, falling = np.zeros_like(timed), 0
     for turn in range(RELEASES):
