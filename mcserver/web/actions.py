@@ -131,21 +131,18 @@ class Actions:
 
     async def hold(self) -> None:
         """Hold what runs; what is still being checked does not start."""
-
-        async def hold(machine: Machine) -> None:
-            self.link.jobs.stop_checking()
-            await machine.hold()
-
-        await self.do("hold", mark("hold"), hold)
+        await self._stop("hold", mark("hold"), lambda machine: machine.hold())
 
     async def abort(self) -> None:
         """End what runs; what is still being checked does not start."""
+        await self._stop("abort", mark("abort"), lambda machine: machine.abort())
 
-        async def abort(machine: Machine) -> None:
+    async def _stop(self, method: str, name: str, order: Action) -> None:
+        async def stop(machine: Machine) -> None:
             self.link.jobs.stop_checking()
-            await machine.abort()
+            await order(machine)
 
-        await self.do("abort", mark("abort"), abort)
+        await self.do(method, name, stop)
 
     async def emergency_stop(self) -> None:
         """Every visitor may stop; what waits in the queue does not start either."""

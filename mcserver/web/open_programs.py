@@ -24,6 +24,13 @@ def who(link: MachineLink, program: ProgramStatus) -> str:
     return person if said and is_by_hand(program.name) else t("this page")
 
 
+def refuse_open(link: MachineLink, programs: Sequence[ProgramStatus], why: str) -> None:
+    """Raise what `refusal_of` returns."""
+    refusal = refusal_of(link, programs, why)
+    if refusal is not None:
+        raise refusal
+
+
 def refusal_of(link: MachineLink, programs: Sequence[ProgramStatus], why: str) -> MotionError | None:
     """Return the refusal (MC512) where a program is open; None where none is, or it stands at a pause.
 

@@ -11,7 +11,7 @@ from nicegui import events, ui
 from mcserver.gcode.text.command_table import COMMANDS
 from mcserver.web.actions import Actions
 from mcserver.web.formatting import page_hint
-from mcserver.web.open_programs import refusal_of
+from mcserver.web.open_programs import refuse_open
 from mcserver.web.translation import mark, t
 
 HISTORY = 50
@@ -86,9 +86,7 @@ class MdiPanel:
     async def _run_line(self, line: str) -> None:
         link, user = self._actions.link, self._actions.visitor.name
         machine = link.connected()
-        refusal = refusal_of(link, await machine.programs(ended=False), WHY)
-        if refusal is not None:
-            raise refusal
+        refuse_open(link, await machine.programs(ended=False), WHY)
         # what it sets is kept with this name
         async with machine.program(f"{MANUAL_INPUT} by {user}", at_pause=True) as program:
             self._actions.note(line)

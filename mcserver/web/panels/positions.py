@@ -16,7 +16,7 @@ from mcserver.machine.work_systems import WORK_SYSTEMS
 from mcserver.web.actions import Actions
 from mcserver.web.dialogs import NamedDialog, answer_to
 from mcserver.web.formatting import MOST, axis_name, position_text, velocity_text
-from mcserver.web.open_programs import refusal_of
+from mcserver.web.open_programs import refusal_of, refuse_open
 from mcserver.web.translation import mark, t
 
 # Axes with a button: those with a letter.
@@ -88,9 +88,7 @@ class PositionsPanel:
 
         async def send(machine: Machine) -> None:
             # it would wait for the axes, and set where they are when they come free
-            refusal = refusal_of(self._actions.link, await machine.programs(ended=False), WHY)
-            if refusal is not None:
-                raise refusal
+            refuse_open(self._actions.link, await machine.programs(ended=False), WHY)
             async with machine.program(
                 f"{WORK_OFFSET} by {self._actions.visitor.name}", at_pause=True
             ) as program:

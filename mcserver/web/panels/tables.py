@@ -25,7 +25,7 @@ from mcserver.web.actions import Actions, show_error, show_refusal
 from mcserver.web.dialogs import NamedDialog, answer_to, ask
 from mcserver.web.formatting import MOST, axis_name, position_text
 from mcserver.web.machine_words import program_name
-from mcserver.web.open_programs import refusal_of
+from mcserver.web.open_programs import refusal_of, refuse_open
 from mcserver.web.translation import mark, t
 
 PERIOD_S = 1.0
@@ -91,9 +91,7 @@ class TablesPanel:
 
     async def _send(self, what: str, line: str) -> bool:
         async def send(machine: Machine) -> None:
-            refusal = refusal_of(self._actions.link, await machine.programs(ended=False), WHY)
-            if refusal is not None:
-                raise refusal
+            refuse_open(self._actions.link, await machine.programs(ended=False), WHY)
             async with machine.program(
                 f"{WORK_OFFSET} by {self._actions.visitor.name}", at_pause=True
             ) as program:

@@ -8,7 +8,7 @@ from nicegui import ui
 from mcserver.errors import McError
 from mcserver.web.actions import Actions, show_error, show_refusal
 from mcserver.web.dialogs import ask
-from mcserver.web.open_programs import refusal_of
+from mcserver.web.open_programs import refuse_open
 from mcserver.web.panels.tool_jog import ToolJogPanel, pose_of
 from mcserver.web.tool_steps import opening_lines, pose_line
 from mcserver.web.translation import mark, t
@@ -48,9 +48,7 @@ class TeachPanel:
             return
         try:
             status = await self._actions.link.connected().status()
-            refusal = refusal_of(self._actions.link, status.programs, WHY)
-            if refusal is not None:
-                raise refusal
+            refuse_open(self._actions.link, status.programs, WHY)
             line = pose_line(tool, pose_of(status.tools, tool), self._jog.speed)
         except MotionError as error:
             show_error(error)

@@ -11,7 +11,7 @@ from nicegui import ui
 
 from mcserver.web.actions import Actions, show_refusal
 from mcserver.web.jogging import HOLD_S, Move
-from mcserver.web.open_programs import refusal_of
+from mcserver.web.open_programs import refuse_open
 from mcserver.web.panels.held_buttons import HeldButtons, JogPad
 from mcserver.web.tool_steps import Frame, step_lines
 from mcserver.web.translation import mark, t
@@ -145,9 +145,7 @@ class ToolJogPanel:
     async def _move(self, tool: ToolInfo, word: str, amount: float, frame: Frame, speed: float) -> None:
         async def step(machine: Machine) -> None:
             status = await machine.status()
-            refusal = refusal_of(self._actions.link, status.programs, WHY)
-            if refusal is not None:
-                raise refusal
+            refuse_open(self._actions.link, status.programs, WHY)
             lines = step_lines(tool, pose_of(status.tools, tool), word, amount, speed=speed, frame=frame)
             name = f"{TOOL_STEP}{word} by {self._actions.driver.name}"
             async with machine.program(name, axes=tool.axes) as program:
