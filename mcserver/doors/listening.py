@@ -35,7 +35,8 @@ OWN_PACKAGES = frozenset({"mcserver", "mcclient"})
 # lines of a log about what clients send, of each logger in a period [s]
 MOST_LINES, PERIOD_S = 10, 60.0
 LOOPBACK = frozenset({"127.0.0.1", "::1", "localhost"})
-OWN_HOSTS = ("127.0.0.1", "[::1]", "localhost")  # as a Host header names them
+# as a Host header names them
+OWN_HOSTS = tuple(f"[{name}]" if ":" in name else name for name in sorted(LOOPBACK))
 
 
 class Address(msgspec.Struct, frozen=True):

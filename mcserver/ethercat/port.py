@@ -40,7 +40,8 @@ class EthercatPort:
         on_close: called once. period_ns: of the cycle.
 
     Attributes:
-        states: AL state of each slave; the supervision replaces the tuple. told: those that the cycle knows.
+        states: AL state of each slave; the supervision replaces the tuple. reported: those that the cycle
+            has been given.
         clocked: a slave has a distributed clock, which the cycle has to follow.
         begun: setpoints are sent: before, nothing keeps a slave from falling out of OP again.
         troubled: called where an answer is missing.
@@ -82,7 +83,7 @@ class EthercatPort:
         ]
         self._heartbeats = [Function.HEARTBEAT + slave.settings.node for slave in slaves]
         self._errors = [b"\x00\x00"] * len(slaves)
-        self.told: tuple[AlState, ...] = self.states
+        self.reported: tuple[AlState, ...] = self.states
         self._under_way = False
         self._gone = 0
 
@@ -109,7 +110,7 @@ class EthercatPort:
 
     def drain(self) -> list[Frame]:
         if not self._under_way:
-            return self._told_states([])
+            return self._report_states([])
         self._under_way = False
         counted = self._soem.receive_processdata(LATE_US)
         states = self.states
@@ -119,7 +120,7 @@ class EthercatPort:
             self._gone += 1
             self.counters.down = self._gone >= self._silence
             self.troubled()
-            return self._told_states([])
+            return self._report_states([])
         self._gone = 0
         self.counters.down = False
         self.counters.received += 1
@@ -127,7 +128,7 @@ class EthercatPort:
         if counted != expected and counted != expected - OUTPUT_COUNT * safe:
             self.counters.malformed += 1
             self.troubled()
-            return self._told_states([])
+            return self._report_states([])
         frames: list[Frame] = []
         for number, (device, answer, emergency, at) in enumerate(self._inputs):
             if states[number] < AlState.SAFEOP:
@@ -138,7 +139,7 @@ class EthercatPort:
                 self._errors[number] = payload[at : at + 2]
                 code = int.from_bytes(payload[at : at + 2], "little")
                 frames.append((emergency, _EMERGENCY.pack(code, 1 if code else 0)))
-        return self._told_states(frames)
+        return self._report_states(frames)
 
     def close(self) -> None:
         if not self._closed:
@@ -174,12 +175,12 @@ class EthercatPort:
             self.counters.unsent += 1
         return self._under_way
 
-    def _told_states(self, frames: list[Frame]) -> list[Frame]:
+    def _report_states(self, frames: list[Frame]) -> list[Frame]:
         """What supervision has found goes along, as an NMT slave would say it."""
         states = self.states
-        if states is not self.told:
-            for identifier, before, now in zip(self._heartbeats, self.told, states, strict=True):
+        if states is not self.reported:
+            for identifier, before, now in zip(self._heartbeats, self.reported, states, strict=True):
                 if now is not before and now in _NMT_OF:
                     frames.append((identifier, bytes((_NMT_OF[now],))))
-            self.told = states
+            self.reported = states
         return frames

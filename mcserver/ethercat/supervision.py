@@ -95,7 +95,7 @@ class EthercatSupervision:
         for number, (state, failed, code) in enumerate(found):
             if state is AlState.OP and not failed:
                 self._failures[number] = 0
-            elif state is before[number] is port.told[number] and now >= self._retry_at[number]:
+            elif state is before[number] is port.reported[number] and now >= self._retry_at[number]:
                 # the cycle knows it: the axis is latched
                 self._step(number, state, failed, code)
         return any(state is not AlState.OP for state in states)

@@ -494,7 +494,7 @@ class ProgramTable:
             t=self.time.now(),
         )
         if not program.by_hand:
-            # nothing is latched; a person who jogs is told by the jog's end
+            # nothing is latched; a person who jogs hears it by the jog's end
             self.events.publish(
                 "fault", fault=fault, program=fault.program, line=fault.line, message=fault.message
             )

@@ -34,13 +34,13 @@ def test_a_slave_that_has_left_op_stays_there_until_the_cycle_knows_it() -> None
         soem=SimpleNamespace(read_state=lambda: AlState(slave.status & 0x0F)),
         why=lambda code: f"{code:04X}h",
     )
-    port: Any = SimpleNamespace(states=(AlState.OP,), told=(AlState.OP,), flowing=True, begun=True)
+    port: Any = SimpleNamespace(states=(AlState.OP,), reported=(AlState.OP,), flowing=True, begun=True)
     supervision = EthercatSupervision(master, port)
     slave.status = AlState.SAFEOP | ERROR
     for _ in range(10):
         assert supervision.round()
     assert (port.states, slave.status) == ((AlState.SAFEOP,), AlState.SAFEOP | ERROR)
-    port.told = port.states
+    port.reported = port.states
     while supervision.round():
         pass
     assert (port.states, slave.status) == ((AlState.OP,), AlState.OP)
