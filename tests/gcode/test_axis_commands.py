@@ -4,12 +4,14 @@ import msgspec
 import pytest
 
 from mcserver.errors import ProgramRejected
+from mcserver.gcode.semantics.interpreter import Interpreter
 from mcserver.gcode.text.parser import scan_line
+from mcserver.machine.dialect_section import Dialect
 from mcserver.machine.follow_section import Follow
 from mcserver.motion.canonical import AxisLine, AxisOperation, MotionLine
 from mcserver.planning.start_state import StartState
 from mcserver.planning.state_before import state_before
-from tests.gcode.support import Gantries, Program, feeding, machine_of
+from tests.gcode.support import CARTESIAN, Gantries, Program, feeding, machine_of
 
 TOOLED = machine_of("0:linear 1:linear 2:linear 3:linear", "3:0,1,2")
 
@@ -194,3 +196,20 @@ def test_a_program_does_not_start_where_an_axis_follows_another_one() -> None:
         state_before(lines, 3, machine, StartState.of(machine))
     assert [fault.code for fault in caught.value.diagnostics] == ["MC347"]
     assert state_before(lines, 5, machine, StartState.of(machine)).unknown == {3}
+
+
+def test_what_an_approach_has_captured_is_not_captured_again_by_the_first_move() -> None:
+    machine = msgspec.structs.replace(CARTESIAN, dialect=Dialect(profile="cnc", auto_capture=True))
+    for captured in ((), (0, 2), tuple(axis.index for axis in machine.axes)):
+        program = Interpreter(machine, machine_coordinates=True)
+        if captured:
+            program.interpret_text(" ".join(f"G1010 P{axis}" for axis in captured), 0)
+            program.sync_positions(dict.fromkeys(captured, 0.01))
+        program.interpret_text("G61 G93 F60 G01 [0]10", 0)
+        program.begin_program()
+        move = program.parse("G1 Z5 F600", 1)
+        capture = program.capture_before(move)
+        rest = tuple(axis.index for axis in machine.axes if axis.index not in captured)
+        assert (() if capture is None else capture.axes) == rest
+        # no line has to stop before it in order to ask where they are
+        assert not program.axes_to_sync(move) & set(captured)

@@ -69,6 +69,8 @@ class Interpreter:
         self._ended = False
         self._compensation: Compensation | None = None
         self._capture_due = machine.dialect.auto_capture
+        # axes that lines of the approach have captured
+        self._captured: set[int] = set()
         self._parse = reader_of(machine.dialect)
         # what the program begins with, while lines of its approach or of a jog are read
         self._program = self._modal if machine_coordinates else None
@@ -201,7 +203,12 @@ class Interpreter:
             return []
         if _idle(parsed):
             return []
-        return self._interpret_block(parsed)
+        values = self._interpret_block(parsed)
+        if self._program is not None:
+            for value in values:
+                if isinstance(value, AxisLine) and value.operation is AxisOperation.CAPTURE:
+                    self._captured.update(value.axes)
+        return values
 
     def interpret_text(self, text: str, number: int) -> list[Canonical]:
         """Parse and interpret one line.
@@ -218,12 +225,15 @@ class Interpreter:
     def capture_before(self, parsed: ParsedLine) -> AxisLine | None:
         """Return the capture of all leased axes that the program's first move needs ahead of it (D-67).
 
-        Only on machines with ``capture = "auto"``, and once a program.
+        Only on machines with ``capture = "auto"``, and once a program. What its approach has captured is not
+        captured again: where those axes are is known, and no later line has to stop to ask.
         """
         if not self._capture_due or self._ended or self._program is not None or not _moves(parsed):
             return None
         self._capture_due = False
-        axes = tuple(sorted(self._setup.leased))
+        axes = tuple(sorted(self._setup.leased - self._captured))
+        if not axes:
+            return None
         self._commanded.invalidate(axes)
         return AxisLine(parsed.number, AxisOperation.CAPTURE, axes)
 
