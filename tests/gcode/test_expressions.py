@@ -92,6 +92,15 @@ def test_the_diameter_of_the_tool_fitted_is_read_in_mm() -> None:
     assert moves[2][1] == 3.0
 
 
+def test_the_language_and_what_it_is_read_by_are_those_of_linuxcnc() -> None:
+    moves, fault = moves_here(
+        "G1 F9 X#<_vmajor> Y#<_task> Z#<_ccomp>\nG41.1 D2\nX50 Z#<_ccomp>\nX#5600 Z#5601"
+    )
+    assert not fault
+    assert moves[0][:3] == (2.9, 1.0, 400.0)
+    assert moves[1][2] == 410.0
+
+
 @pytest.mark.parametrize(
     ("line", "code", "column"),
     [

@@ -149,6 +149,9 @@ class MachineValues:
             _G92_ON: float(frame.g92_on and bool(frame.g92)),
             _SYSTEM: float(frame.system),
             _TOOL: float(frame.changed or 0),
+            # faults of a tool changer: there is none
+            5600: 0.0,
+            5601: 0.0,
         }
         if number in single:
             return single[number]
@@ -166,6 +169,7 @@ class MachineValues:
             return self.position(_LETTERS.index(name[5:].upper()), span, absolute=True)
         if len(name) == len("_x") and name[1:].upper() in _LETTERS:
             return self.position(_LETTERS.index(name[1:].upper()), span, absolute=False)
+        compensated = self._interpreter.compensation
         motion = 80.0 if modal.motion is None else float(modal.motion)
         if modal.motion is None and frame.cycle is not None:
             motion = float(frame.cycle.code[1:])
@@ -198,6 +202,14 @@ class MachineValues:
             "_rpm": frame.spindle_rpm,
             "_current_tool": float(frame.changed or 0),
             "_selected_tool": float(frame.tool),
+            "_ccomp": {1: 410.0, -1: 420.0}.get(0 if compensated is None else compensated.side, 400.0),
+            "_metric_machine": 1.0,
+            "_remap_level": 0.0,
+            # a check computes what the run will
+            "_task": 1.0,
+            # of LinuxCNC whose language this is
+            "_vmajor": 2.9,
+            "_vminor": 0.0,
         }
         return known.get(name)
 
