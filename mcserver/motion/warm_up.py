@@ -213,7 +213,7 @@ def _drive_quicker(limits: AxisLimits) -> None:
     offset, edges = np.array([0, 2]), np.array([0.0, 0.01])
     run = run_of(rows, offset, np.ones(1), limits.rows, limits.cycle)
     nodes, speeds = np.linspace(0.0, 0.01, 9), np.full(9, 0.1)
-    quicker_phases(run, edges, np.ones(1, np.bool_), np.ones(1), 0, 1, nodes, speeds, (0.0, 0.0))
+    quicker_phases(run, edges, np.ones((1, 4)), np.ones(1), 0, 1, nodes, speeds, (0.0, 0.0))
 
 
 def main(part: str | None = None) -> None:

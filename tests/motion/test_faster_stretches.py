@@ -173,7 +173,7 @@ def test_a_stretch_keeps_the_speeds_and_the_length_that_it_is_given() -> None:
     run = run_of(rows, np.arange(count + 1), np.full(count, 0.2), LIMITS, 1e-3)
     nodes, speeds = np.linspace(0.0, edges[-1], 90), np.full(90, 0.05)
     phases, _ = quicker_phases(
-        run, edges, np.zeros(count, np.bool_), np.full(count, 0.2), 0, count, nodes, speeds, (0.0, 0.0)
+        run, edges, np.zeros((count, 4)), np.full(count, 0.2), 0, count, nodes, speeds, (0.0, 0.0)
     )
     profile = join_phases(phases, float(edges[-1]))
     assert profile.duration < 0.95 * edges[-1] / 0.05
@@ -184,6 +184,28 @@ def test_a_stretch_keeps_the_speeds_and_the_length_that_it_is_given() -> None:
     place = last[1] + last[0] * (last[2] + last[0] * (last[3] / 2.0 + last[0] * last[4] / 6.0))
     assert place == pytest.approx(edges[-1], abs=1e-12)
     assert np.abs(phases[:, 4]).max() <= 50.0 * 1.035
+
+
+@pytest.mark.parametrize("trimmed", ["start", "end"])
+def test_samples_of_a_trimmed_segment_count_where_they_stand(trimmed: str) -> None:
+    # half of a segment is left, along which curvature rises: as fast as with samples of that half alone
+    rows, _ = bend(17)
+    rows[:, 2] = rows[:, 3] = 20.0 + 80.0 * np.linspace(0.0, 1.0, 17)
+    far, steep = 0.03, 8
+    half = rows[steep:] if trimmed == "start" else rows[: steep + 1]
+    edges, nodes, speeds = np.array([0.0, far]), np.linspace(0.0, far, 90), np.full(90, 0.05)
+    start = -far if trimmed == "start" else 0.0
+    found = []
+    for samples, span in ((half, (0.0, far)), (rows, (start, 2.0 * far))):
+        run = run_of(samples, np.array([0, len(samples)]), np.full(1, 0.2), LIMITS, 1e-3)
+        # of a segment as a whole, trimmed or not
+        run.sample_vmax[:] = run.segment_vmax[:] = 0.098
+        spans = np.array([[*span, len(samples), 0.0]])
+        phases, _ = quicker_phases(run, edges, spans, np.full(1, 0.2), 0, 1, nodes, speeds, (0.0, 0.0))
+        found.append(float(phases[:, 0].sum()))
+    assert found[0] > 0.0
+    # but for the sample beside the cut, which counts for the nodes next to it
+    assert found[1] == pytest.approx(found[0], rel=5e-3)
 
 
 @pytest.mark.parametrize("spoilt", ["vertex", "nothing to gain", "too fast"])
@@ -199,8 +221,8 @@ def test_what_has_no_better_profile_is_left_as_it_was(spoilt: str) -> None:
     if spoilt == "too fast":
         speeds[:] = 0.3
     nodes = np.linspace(0.0, edges[-1], 90)
-    single, feed = np.zeros(count, np.bool_), np.full(count, 0.2)
-    phases, looked = quicker_phases(run, edges, single, feed, 0, count, nodes, speeds, (0.0, 0.0))
+    spans, feed = np.zeros((count, 4)), np.full(count, 0.2)
+    phases, looked = quicker_phases(run, edges, spans, feed, 0, count, nodes, speeds, (0.0, 0.0))
     assert len(phases) == 0
     assert not looked
 

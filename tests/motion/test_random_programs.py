@@ -54,6 +54,13 @@ def test_a_stretch_that_is_solved_as_a_whole_keeps_its_speeds_between_nodes(seed
     assert broken_laws(plan(machine, moves, commits=commits)) == []
 
 
+# 2004369: limits of an arc were looked at as if the corner behind it had not trimmed it.
+@pytest.mark.parametrize("seed", [2004369])
+def test_a_rounded_corner_changes_no_limits_of_the_arcs_beside_it(seed: int) -> None:
+    machine, moves, commits = program_of(seed)
+    assert broken_laws(plan(machine, moves, commits=commits)) == []
+
+
 # 70886: rows of an exact path by luck ask for a jerk that a path of such vertices does not have between them.
 # 21260: a change to 100 % began so near to it that u stayed between rows, where a vertex was passed.
 @pytest.mark.parametrize("seed", [70886, 21260])

@@ -28,7 +28,8 @@ class SegmentColumns(NamedTuple):
     """What is known of each of n segments by itself, shape (n,) each.
 
     Attributes:
-        length: along σ [m or rad]. junction_vmax: greatest speed at the start, by the junction with the
+        length: along σ [m or rad]. begin, whole: of that of its curve, which its samples stand on: where it
+            begins, and how long it is before it is trimmed [m or rad]. junction_vmax: greatest speed at the start, by the junction with the
             segment before [m/s or rad/s along σ]. segment_vmax: greatest speed on it, by its feed and the
             axes.
         axis_vmax: by the axes alone. feed: by its feed alone. requested: time asked for [s]. duration: T
@@ -40,6 +41,8 @@ class SegmentColumns(NamedTuple):
     """
 
     length: Array
+    begin: Array
+    whole: Array
     junction_vmax: Array
     segment_vmax: Array
     axis_vmax: Array

@@ -188,7 +188,8 @@ def write_columns(
         columns.sample_end[i - 1] += 1
         columns.vertex_after[i - 1] = 1
     feed = timing[0] * scale
-    columns.length[i], columns.junction_vmax[i] = scale, junction_vmax
+    columns.length[i], columns.begin[i], columns.whole[i] = scale, 0.0, scale
+    columns.junction_vmax[i] = junction_vmax
     columns.axis_vmax[i], columns.feed[i], columns.segment_vmax[i] = axis_vmax, feed, min(axis_vmax, feed)
     columns.requested[i], columns.duration[i] = timing[1], timing[2]
     columns.limit_column[i], columns.limit_kind[i] = column, kind

@@ -74,7 +74,7 @@ class _Nodes(NamedTuple):
 def _gather(
     run: Run,
     edges: Array,
-    single: NDArray[np.bool_],
+    spans: Array,
     feed: Array,
     left: int,
     right: int,
@@ -86,8 +86,9 @@ def _gather(
     """Write what each node's surroundings, up to the nodes beside it, ask for at the worst.
 
     Args:
-        single: groups that are one whole segment, on which samples stand evenly, shape (n,). feed: the
-            groups' speeds by F, shape (n,).
+        spans: where samples stand along σ, shape (n, 4): the first one, how far from it the last, and how
+            many, evenly spaced, 0: they count for all of the group; then whether a vertex at its start has
+            one behind them. feed: the groups' speeds by F, shape (n,).
         nodes: along σ, shape (m,), from the edge ``left`` to the edge ``right``.
         demand: written, shape (m, 4, K), |q'|, |q''|, |q'''| and steps of q''. cap: written, the greatest
             b, shape (m,). fed: written, the speed by F, shape (m,).
@@ -111,14 +112,21 @@ def _gather(
         for at in range(first, node + 1):
             fed[at] = min(fed[at], feed[group])
         count = run.offset[group + 1] - run.offset[group]
-        spread = single[group] and 1 < count < WHOLE_TURNS
+        start, length, own = spans[group, 0], spans[group, 1], int(spans[group, 2])
+        spread = 1 < own < WHOLE_TURNS
         for i in range(count):
             row = run.rows[run.offset[group] + i]
             begin, end = first, node
             if spread:
-                # a sample counts for the nodes about it and about the samples beside it
-                before = low + (high - low) * max(i - 1, 0) / (count - 1)
-                behind = low + (high - low) * min(i + 1, count - 1) / (count - 1)
+                # a sample counts for the nodes about it and about the samples beside it, that of a vertex
+                # for its end of the group
+                before = start + length * max(i - 1, 0) / (own - 1)
+                behind = start + length * min(i + 1, own - 1) / (own - 1)
+                if i >= own:
+                    before = behind = low if i - own < spans[group, 3] else high
+                elif before >= high or behind <= low:
+                    # of what has been trimmed away
+                    continue
                 while begin < node and nodes[begin + 1] < before:
                     begin += 1
                 while end > begin and nodes[end - 1] > behind:
@@ -368,7 +376,7 @@ def _minimize(b: Array, nodes: _Nodes) -> bool:
 def quicker_phases(
     run: Run,
     edges: Array,
-    single: NDArray[np.bool_],
+    spans: Array,
     feed: Array,
     left: int,
     right: int,
@@ -379,7 +387,7 @@ def quicker_phases(
     """Return phases from the edge ``left`` to the edge ``right`` that take less time than those given.
 
     Args:
-        single, feed: see `_gather`. nodes, speeds: places along σ from edge to edge and the speeds there,
+        spans, feed: see `_gather`. nodes, speeds: places along σ from edge to edge and the speeds there,
             shape (m,), m ≥ 5; positive, without acceleration at both ends.
 
     Returns:
@@ -389,7 +397,7 @@ def quicker_phases(
     count, width = len(nodes), run.limits.shape[1]
     demand, cap, fed = np.empty((count, 4, width)), np.empty(count), np.empty(count)
     nothing = np.empty((0, PHASE))
-    if not _gather(run, edges, single, feed, left, right, nodes, demand, cap, fed):
+    if not _gather(run, edges, spans, feed, left, right, nodes, demand, cap, fed):
         return nothing, False
     if demand[:, BEND].max() == 0.0:
         # nothing changes along a straight line

@@ -167,6 +167,8 @@ class SegmentTable:
         feed = segment.feed * segment.scale
         values = (
             segment.extent,
+            segment.begin * segment.scale,
+            segment.scale,
             junction_vmax,
             min(limit.velocity, feed),
             limit.velocity,
@@ -219,7 +221,8 @@ class SegmentTable:
         columns = empty_columns(len(parts))
         plan = parts.columns(0, len(parts))
         scale, begin, finish = plan.spans.T
-        columns.length[:], columns.feed[:] = scale * (finish - begin), plan.feed * scale
+        columns.length[:], columns.begin[:], columns.whole[:] = scale * (finish - begin), scale * begin, scale
+        columns.feed[:] = plan.feed * scale
         columns.requested[:] = plan.requested
         columns.junction_vmax[:] = np.inf
         columns.axis_vmax[:] = vmax
@@ -245,6 +248,7 @@ class SegmentTable:
             self._passed += (segment.begin - self.segments[0].begin) * segment.scale
         self.segments[index] = segment
         self.columns.length[index] = segment.extent
+        self.columns.begin[index] = segment.begin * segment.scale
         self.columns.duration[index] = _duration_of(segment)
 
     def set_feed_scale(self, scale: float, first: int = 0) -> None:

@@ -39,7 +39,7 @@ from mcserver.motion.limits.torque_samples import spline_with_torques
 from mcserver.motion.lookahead.missed_times import flowing, late_groups, none_early, released
 from mcserver.motion.lookahead.planned_run import PlannedRun
 from mcserver.motion.lookahead.time_domain_corner import Stop, TimeDomainBlend, TimeDomainBlends
-from mcserver.motion.profile.faster_stretches import KnotProfile, quicker_stretches, single_segments
+from mcserver.motion.profile.faster_stretches import KnotProfile, quicker_stretches, sample_spans
 from mcserver.motion.profile.profile_solver import KnotSolver, Solution
 from mcserver.motion.profile.velocity_profile import Phases, join_phases
 
@@ -346,7 +346,6 @@ class Lookahead:
     ) -> KnotProfile:
         """Solve the stretches anew that have no line which takes its T."""
         columns = segments.columns
-        vertices = (columns.vertex_before != 0)[groups.starts] | (columns.vertex_after != 0)[groups.starts]
         timed, late = ~np.isnan(solver.durations), np.zeros(len(groups.starts), np.bool_)
         if timed.any():
             late[late_groups(solver, solution.times(groups.edges))] = True
@@ -357,7 +356,7 @@ class Lookahead:
             np.fmin(np.minimum.reduceat(columns.feed, groups.starts), solver.means),
             self._limits,
             KnotProfile(solution.phases, solution.knots, solution.first),
-            single_segments(groups, timed & vertices, passed=segments.passed > 0.0),
+            sample_spans(groups, columns),
             in_time=timed & ~late,
             stops=self.stop_is_last,
         )
