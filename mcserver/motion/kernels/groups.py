@@ -28,10 +28,10 @@ class SegmentColumns(NamedTuple):
     """What is known of each of n segments by itself, shape (n,) each.
 
     Attributes:
-        length: along σ [m or rad]. begin, whole: of that of its curve, which its samples stand on: where it
-            begins, and how long it is before it is trimmed [m or rad]. junction_vmax: greatest speed at the start, by the junction with the
-            segment before [m/s or rad/s along σ]. segment_vmax: greatest speed on it, by its feed and the
-            axes.
+        length: along σ [m or rad]. whole: length of the curve before it was trimmed, which is the part that
+            its samples stand on; begin: where on that the segment begins [m or rad].
+        junction_vmax: greatest speed at the start, by the junction with the segment before [m/s or rad/s
+            along σ]. segment_vmax: greatest speed on it, by its feed and the axes.
         axis_vmax: by the axes alone. feed: by its feed alone. requested: time asked for [s]. duration: T
             under G93, NaN without one [s]. tolerance: how far a stop at its start may be rounded [m].
         limit_column, limit_kind: the machine's column and the kind of limit that ``axis_vmax`` is by.

@@ -141,8 +141,8 @@ def sample_spans(groups: Groups, columns: SegmentColumns) -> Array:
     single[:-1] &= own_start
     before = columns.vertex_before[first]
     own = np.diff(groups.offset) - before - columns.vertex_after[first]
-    spans = (groups.bounds[first] - columns.begin[first], columns.whole[first], np.where(single, own, 0), before)
-    return np.column_stack(spans)
+    start = groups.bounds[first] - columns.begin[first]
+    return np.column_stack((start, columns.whole[first], np.where(single, own, 0), before))
 
 
 @dataclass(frozen=True)
