@@ -14,9 +14,6 @@ from typing import Any
 import msgspec
 
 from mcserver.clearance.mounted import Mounted
-from mcserver.errors import Diagnostic
-from mcserver.executor.entries import EventKind, ExecutorEvent
-from mcserver.executor.fault_codes import WARNINGS, FaultCode
 from mcserver.gcode.profiles.frame import Frame
 from mcserver.gcode.semantics.modal import ModalState
 from mcserver.gcode.switches import AS_WRITTEN, Switches
@@ -27,25 +24,12 @@ from mcserver.planning.client import PlannerProcess
 from mcserver.planning.planner_messages import (
     Begin,
     CloseProgram,
-    Consumed,
-    ContactAhead,
-    Dropped,
     DropProgram,
     EndPause,
-    ExecutorEvents,
-    FrameChanged,
     HaltProgram,
-    LineRejected,
     Lines,
     OnPlannerEvents,
     PipelineRequest,
-    Planned,
-    PlannerEvent,
-    PlannerFailed,
-    ProgramMessage,
-    ToolsExchanged,
-    Validated,
-    WaitChanged,
 )
 from mcserver.planning.start_state import StartState
 from mcserver.service.acknowledgements import AckSender
@@ -53,17 +37,19 @@ from mcserver.service.axis_reports import AxisReports
 from mcserver.service.disk_watch import DiskWatch
 from mcserver.service.event_log import EventLog
 from mcserver.service.executor_port import ExecutorPort
-from mcserver.service.fault_latch import FaultLatch, fault_of
+from mcserver.service.executor_reports import ExecutorReports
+from mcserver.service.fault_latch import FaultLatch
 from mcserver.service.heartbeat import Heartbeat
 from mcserver.service.journal import Journal
 from mcserver.service.journal_repair import JournalLock, prepare_journal
 from mcserver.service.leases import Grant, LeaseTable
 from mcserver.service.line_queue import LineBatch
 from mcserver.service.pauses import Pauses
+from mcserver.service.planner_reports import PlannerReports
 from mcserver.service.program import Program, Verdict, give
 from mcserver.service.progress_reports import ProgressReports
 from mcserver.service.references import References, references_file
-from mcserver.service.reports import Ack, Event, Fault, ProgramState, wire_diagnostic
+from mcserver.service.reports import Ack, Event, Fault, ProgramState
 from mcserver.service.reports import EventKind as Kind
 from mcserver.service.service_options import ServiceOptions
 from mcserver.service.start_of_programs import start_state
@@ -75,8 +61,6 @@ log = logging.getLogger(__name__)
 ENDED_PROGRAMS = 100
 # Lines that the journal had already, in one message to the planner.
 KNOWN_LINES = 10_000
-# Between two looks whether the programs of a planner that has ended are at rest.
-AT_REST_S = 0.02
 
 
 class ProgramTable:
@@ -87,6 +71,7 @@ class ProgramTable:
         faults: latched until a reset. time: of this start.
         offsets: work coordinate systems and tools, which outlive programs and the server.
         references: of axes, which outlive the server. axis_reports: of homing and probing.
+        executor: what the executor's events do to programs. progress_reports: of what has moved.
         pauses: of programs. mounted: tools that have bodies, as programs have said.
         journal_damage: of the journal as it was found at this start; None: it is sound.
         journal_failure: why the journal cannot be written now; empty: it can.
@@ -104,8 +89,6 @@ class ProgramTable:
     ) -> None:
         self.port = port
         self._machine = machine
-        self._inputs = [each.name for each in machine.inputs]
-        self._outputs = [each.name for each in machine.outputs]
         self.options = options
         self.programs: dict[str, Program] = {}
         self.leases = LeaseTable()
@@ -128,7 +111,7 @@ class ProgramTable:
         except BaseException:
             self._lock.release()
             raise
-        self._progress = ProgressReports(self._loop, self.journal, self.publish, self.acks.acknowledge)
+        self.progress_reports = ProgressReports(self._loop, self.journal, self.publish, self.acks.acknowledge)
         self.offsets = WorkOffsets(
             offsets_file(options.journal),
             machine.dialect.cutters,
@@ -140,15 +123,14 @@ class ProgramTable:
         self.mounted = Mounted()
         self.pauses = Pauses(machine, self.leases, self.programs, self.journal, self.start_state)
         self.disk = DiskWatch(self._loop, self.journal, self.events, options.clock)
-        self.planner = planner(self._planner_events)
+        self.planner = planner(PlannerReports(self).take)
         # called for a stop that the executor has latched by itself
         self.on_machine_stop: Callable[[Fault], None] = self.faults.latch
         # called once a program has ended
         self.on_program_ended: Callable[[Program], None] = lambda _program: None
         # digest of the machine file, see `machine_digest`
         self.machine_file = machine_digest(machine)
-        # inputs that hold the programs now, by column
-        self._holding: set[int] = set()
+        self.executor = ExecutorReports(machine, self)
         self.heartbeat = Heartbeat(port.orders.beat, lambda: self.planner.last_seen)
 
     def start_state(self, modal: ModalState | None = None, switches: Switches = AS_WRITTEN) -> StartState:
@@ -202,7 +184,7 @@ class ProgramTable:
             assert isinstance(taken, LineBatch)
             command = Lines(program.program, program.epoch, taken.first, taken.lines)
             self.journal.after(partial(self._lines_committed, program, command))
-        self._start(self.leases.request(program.program, program.axes, at_pause=program.at_pause))
+        self.start(self.leases.request(program.program, program.axes, at_pause=program.at_pause))
 
     def lines(self, program: Program, first: int, lines: Sequence[str]) -> None:
         """Give lines that the program's queue has taken to the journal, and from there to the planner."""
@@ -254,7 +236,7 @@ class ProgramTable:
         program.fault = fault
         # an executor that has died brings nothing to rest
         if program.slot is None or not self.port.alive():
-            self._end(program, as_state)
+            self.end(program, as_state)
             return
         program.state = "ending"
         program.dismiss(Verdict.TAKEN)
@@ -284,7 +266,8 @@ class ProgramTable:
             program.settle()
             self.acks.acknowledge(program)
 
-    def _start(self, grants: Sequence[Grant]) -> None:
+    def start(self, grants: Sequence[Grant]) -> None:
+        """Let programs begin that have got their axes."""
         for grant in grants:
             program = self.programs[grant.program]
             if self.references.may_move(grant.axes):
@@ -301,7 +284,7 @@ class ProgramTable:
         program.slot = grant.slot
         program.begun = self.port.snapshot().time
         # as the executor does by itself
-        program.held, program.held_by = program.held or bool(self._holding), self._holders()
+        program.held, program.held_by = program.held or self.executor.holding, self.executor.holders
         # here, so that no hold or abort can reach the executor before it
         self.port.begin(
             grant.slot,
@@ -347,7 +330,7 @@ class ProgramTable:
         """Return whether the planner has the program: where bodies may touch also one without lines."""
         return not program.controls or self._machine.clearance is not None
 
-    def _end(self, program: Program, state: ProgramState) -> None:
+    def end(self, program: Program, state: ProgramState) -> None:
         """Give the axes of a program that is over to the next one; its end is said when it is journaled."""
         if program.over:
             return
@@ -357,7 +340,7 @@ class ProgramTable:
         program.closed = True
         program.slot = None
         program.dismiss(Verdict.TAKEN)
-        self._progress.end(program)
+        self.progress_reports.end(program)
         self.offsets.save_use()
         done, at = program.progress.done, self.options.clock()
         committed = partial(self._end_committed, program, done, at)
@@ -366,7 +349,7 @@ class ProgramTable:
         self.pauses.forget(program)
         self.on_program_ended(program)
         # all of a program without a planner is in its slot already
-        self._start(self.leases.release(program.program, planned=self._planned(program)))
+        self.start(self.leases.release(program.program, planned=self._planned(program)))
 
     def _end_committed(self, program: Program, done: int, at: float) -> None:
         program.done = max(program.done, done)
@@ -414,303 +397,13 @@ class ProgramTable:
         log.warning("the journal can be written again")
         self.events.publish("warning", reason="MC519", message="the journal can be written again")
 
-    # ------------------------------------------------------------ from the planner
-
-    def _planner_events(self, events: Sequence[PlannerEvent]) -> None:
-        for event in events:
-            if isinstance(event, ExecutorEvents):
-                for each in event.events:
-                    self._executor_event(each)
-                continue
-            if isinstance(event, PlannerFailed):
-                self._planner_failed(event)
-                continue
-            if isinstance(event, Dropped):
-                self._start(self.leases.forgotten(event.program))
-                continue
-            program = self.programs.get(event.program)
-            if program is None or program.over:
-                continue
-            match event:
-                case Consumed():
-                    self._consumed(program, event)
-                case FrameChanged():
-                    before, program.frame = program.frame, event.frame
-                    program.tool_use.behind(event.line, event.frame)
-                    self.offsets.keep(
-                        event.frame,
-                        before=before,
-                        wall=self.options.clock(),
-                        client=program.client,
-                        program=program.program,
-                        name=program.name,
-                    )
-                    self.pauses.offsets_changed()
-                case ToolsExchanged():
-                    self.mounted = self.mounted.behind(event.exchange)
-                    if event.exchange.fitted is not None:
-                        self.offsets.fit(event.exchange.fitted)
-                case ProgramMessage():
-                    program.messages.append(event)
-                case Planned():
-                    program.progress.planned(event.reports)
-                    program.tool_use.planned(event.reports)
-                case Validated():
-                    self._validated(program, event)
-                case LineRejected():
-                    self._line_rejected(program, event)
-                case WaitChanged():
-                    program.waits_before = event.waits_for
-                    found = event.diagnostic
-                    if found is not None:
-                        message = f"waits: {found.message}"
-                        self.publish("program.message", program, line=found.line, message=message)
-                case ContactAhead():
-                    self._fail(program, event.diagnostic)
-
-    def _planner_failed(self, event: PlannerFailed) -> None:
-        """Stop the program that the planner failed with, or all of them."""
-        for program in list(self.programs.values()):
-            if program.over or event.program not in ("", program.program):
-                continue
-            message = f"the planner failed: {event.message}"
-            hint = "this is a defect of the server; its log tells more. Open the program again"
-            self._fail(program, Diagnostic("MC516", message, program.progress.started, hint=hint))
-        if not event.program:
-            # it puts nothing any more, and the next one knows none of them
-            self._start(self.leases.forgotten(None))
-            self._end_at_rest()
-
-    def _fail(self, program: Program, found: Diagnostic) -> None:
-        """Stop a program for what the planner has found; it may say so again until it hears of the stop."""
-        if program.over or program.state == "ending":
-            return
-        fault = Fault(
-            code=found.code,
-            message=found.message,
-            hint=found.hint,
-            program=program.program,
-            line=found.line,
-            t=self.time.now(),
-        )
-        if not program.by_hand:
-            # nothing is latched; a person who jogs hears it by the jog's end
-            self.events.publish(
-                "fault", fault=fault, program=fault.program, line=fault.line, message=fault.message
-            )
-        self.stop(program, "faulted", fault.message, fault)
-
-    def _end_at_rest(self) -> None:
-        """End programs that are at rest after the planner's process has ended: the executor's event that says
-        so may have gone with it."""
-        ending = [program for program in self.programs.values() if program.state == "ending"]
-        for program in ending:
-            if program.slot is not None and self.port.ended(program.slot):
-                self._end(program, program.ended_as)
-        if ending:
-            self._loop.call_later(AT_REST_S, self._end_at_rest)
-
-    def _consumed(self, program: Program, event: Consumed) -> None:
-        if event.through > program.queue.accepted:
-            # of lines before a rejection
-            return
-        program.queue.consume(event.through)
-        limit = program.queue.limit
-        if program.last_reported_credit < limit // 4 and program.credit > limit // 2:
-            self.acks.acknowledge(program)
-
-    def _validated(self, program: Program, event: Validated) -> None:
-        program.validated = max(program.validated, event.through)
-        program.planned_end_u = event.end_u
-        program.settle()
-
-    def _line_rejected(self, program: Program, event: LineRejected) -> None:
-        if event.epoch != program.epoch:
-            return
-        diagnostics = [wire_diagnostic(diagnostic) for diagnostic in event.diagnostics]
-        program.reject(event.line, diagnostics)
-        self.journal.rejected(program.program, event.line)
-        self.publish("line.rejected", program, line=event.line, diagnostics=diagnostics)
-        if event.final or program.closed:
-            program.closed = True
-            program.ended_as = "rejected"
-        self.acks.acknowledge(program)
-
-    # ------------------------------------------------------------ from the executor
-
-    def _executor_event(self, event: ExecutorEvent) -> None:
-        program = self._in_slot(event.program)
-        if event.kind is EventKind.FAULT:
-            self._fault(event, program)
-            return
-        if self.axis_reports.handle(event, None if program is None else program.program):
-            return
-        if program is None or event.time < program.begun:
-            # of the program that was in the slot before, whose end was seen without this
-            return
-        if event.line == 0 and event.kind in (EventKind.LINE_START, EventKind.LINE_END, EventKind.AXIS_DONE):
-            # on the way to the first line
-            return
-        begins = event.kind in (EventKind.LINE_START, EventKind.PAUSED)
-        if begins and program.approach and not program.progress.started:
-            program.notice = ""
-        if event.kind is EventKind.LINE_START:
-            program.progress.line_started(event.line, event.time)
-            self._say(program, event.line)
-            self._progress.moved(program)
-        elif event.kind is EventKind.LINE_END:
-            start = program.progress.line_ended(event.line, event.time)
-            self._count(program, *program.tool_use.ended(event.line, start, event.time))
-            self._progress.moved(program)
-        elif event.kind is EventKind.PASSED:
-            program.progress.passed(event.line)
-            self._progress.moved(program)
-        elif event.kind is EventKind.INPUT_WAIT:
-            program.waits_for = self._inputs[event.token]
-        elif event.kind is EventKind.INPUT:
-            program.waits_for = ""
-            name = self._inputs[event.token] if event.token < len(self._inputs) else ""
-            value, waited = event.values
-            message = f"{name} = {value:g} after {waited:.3f} s"
-            self.publish("input.read", program, line=event.line, message=message)
-        elif event.kind is EventKind.PAUSED:
-            self._say(program, event.line)
-            program.paused, program.paused_at = True, event.line
-            worn = self.offsets.worn_text(program.asks_for)
-            if worn:
-                program.notice = f"{program.notice} · {worn}"
-            if program.state != "ending":
-                self.pauses.began(program, event.line, event.token)
-            self.enter(program, "paused")
-            self.publish("program.paused", program, line=event.line, message=program.notice)
-        elif event.kind is EventKind.FINISHED:
-            self._say(program, event.line)
-            program.progress.passed(event.line)
-            self._end(program, program.ended_as)
-        elif event.kind is EventKind.STOPPED:
-            if event.token:
-                self._say_in_thread(program, event.line)
-            self._end(program, "aborted" if program.ended_as == "finished" else program.ended_as)
-
-    def _say_in_thread(self, program: Program, line: int) -> None:
-        """Say that a program was stopped where a tool may stand in a thread: axes by themselves break it."""
-        said = f"it was stopped within the thread of line {line}: get the tool out before an axis moves"
-        program.reason = f"{program.reason}; {said}" if program.reason else said
-        if program.fault is not None:
-            hint = f"{program.fault.hint}; {said}" if program.fault.hint else said
-            program.fault = msgspec.structs.replace(program.fault, hint=hint)
-
-    def _fault(self, event: ExecutorEvent, program: Program | None) -> None:
-        fault = fault_of(event, None if program is None else program.program, self._inputs, self._outputs)
-        if event.code in WARNINGS:
-            message = f"{fault.message}: {fault.hint}"
-            where = {"program": fault.program, "line": fault.line, "axis": fault.axis}
-            self.events.publish("warning", reason=fault.code, message=message, **where)
-            self._interlock(event, fault, program)
-            if event.code == FaultCode.TARGETS_LOST and program is not None:
-                # the executor ends it
-                program.reason = f"{fault.code}: {fault.message}"
-            return
-        if event.code == FaultCode.INTERLOCK_STOP:
-            if program is None:
-                self.on_machine_stop(fault)
-            return
-        if event.code == FaultCode.EMERGENCY_STOP:
-            # latched and reported by whoever asked for it; what came while axes still come to rest ends by it
-            if program is not None:
-                self.stop(program, "faulted", fault.message, fault)
-            return
-        # the executor ends those whose motion a stall has interrupted, each by a fault of its own
-        stalled_machine = event.code == FaultCode.CYCLE_STALLED and program is None
-        if not stalled_machine:
-            # before anybody hears of it
-            self.faults.latch(fault)
-        self.events.publish(
-            "fault", fault=fault, program=fault.program, line=fault.line, message=fault.message
-        )
-        if stalled_machine:
-            return
-        hit = [] if program is None else [program]
-        if program is not None:
-            program.progress.faulted(event.line, lost=event.axis >= 0)
-        if program is None and fault.axis is None:
-            # a fault of the whole machine ends every program, one of an idle axis none
-            hit = [each for each in self.programs.values() if not each.over]
-        for each in hit:
-            self.stop(each, "faulted", fault.message, fault)
-
-    def _interlock(self, event: ExecutorEvent, fault: Fault, met: Program | None) -> None:
-        """Note that an input holds the programs, or does so no more: they stay held until resumed.
-
-        Args:
-            met: the program before whose axes an input has switched on a zone.
-        """
-        if event.code == FaultCode.ZONE_HOLD:
-            if met is not None and not met.over:
-                met.zone_switch = int(event.values[1])
-                met.held_by = self._inputs[int(event.values[0])]
-                self._hold_for(met, fault)
-            return
-        holds = event.code == FaultCode.INTERLOCK_HOLD
-        if not holds and event.code != FaultCode.INTERLOCK_FREE:
-            return
-        inputs = {int(event.values[0])}
-        self._holding = self._holding | inputs if holds else self._holding - inputs
-        for program in self.programs.values():
-            if program.over or program.slot is None:
-                continue
-            if program.zone_switch is None:
-                program.held_by = self._holders()
-            if holds:
-                self._hold_for(program, fault)
-
-    def _holders(self) -> str:
-        """Return the names of the inputs that hold all programs."""
-        return ", ".join(self._inputs[each] for each in sorted(self._holding))
-
-    def _hold_for(self, program: Program, fault: Fault) -> None:
-        """Note that the executor holds a program for an input."""
-        if not program.held:
-            program.held = True
-            self.enter(program, "held")
-            self.publish("program.held", program, reason=fault.code, message=fault.message)
-
-    def program_in(self, slot: int) -> str | None:
-        """Return the id of the program in an executor's slot."""
-        program = self._in_slot(slot)
-        return None if program is None else program.program
+    # ------------------------------------------------------------ out
 
     def _record(self, fault: Fault) -> None:
         self.journal.fault(fault, self.options.clock())
-
-    def _in_slot(self, slot: int) -> Program | None:
-        for program in self.programs.values():
-            if program.slot == slot and not program.over:
-                return program
-        return None
-
-    def _count(self, program: Program, tool: int, seconds: float) -> None:
-        """Count what a line has cut, and say once that a tool's life is used up."""
-        if tool and self.offsets.cut(tool, seconds):
-            message = f"{self.offsets.worn_text(tool)}; its next change waits for that"
-            self.events.publish("warning", reason="MC603", message=message, program=program.program)
-
-    # ------------------------------------------------------------ out
 
     def publish(self, kind: Kind, program: Program, **values: Any) -> None:
         """An event about a program."""
         self.events.publish(
             kind, program=program.program, client=program.client, state=program.state, **values
         )
-
-    def _say(self, program: Program, line: int) -> None:
-        """Publish what lines through this one say to the operator."""
-        said: list[str] = []
-        while program.messages and program.messages[0].line <= line:
-            found = program.messages.popleft()
-            said.append(found.message)
-            program.asks_for = found.tool
-            self.publish("program.message", program, line=found.line, message=found.message)
-        if said:
-            # what is said on the way to one pause belongs together
-            program.notice = " · ".join(said[-3:])

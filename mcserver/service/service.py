@@ -104,7 +104,7 @@ class MachineService:
             on_event=on_event,
         )
         self.acks = self._table.acks
-        self.channels = Channels(machine, port, self._table.program_in)
+        self.channels = Channels(machine, port, self._table.executor.program_in)
         self.lines = LineIntake(self._table, self._loop)
         self.latch = StopLatch(self._table, port, self._loop, self._journal_stop)
         self._table.on_machine_stop = self.latch.stopped_by_machine

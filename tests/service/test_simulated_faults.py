@@ -9,6 +9,7 @@ import pytest
 
 from mcserver.planning.planner_messages import Validated
 from mcserver.service import line_intake, program_table
+from mcserver.service.planner_reports import PlannerReports
 from mcserver.service.program import Program
 from mcserver.service.program_table import ProgramTable
 from mcserver.service.progress import LineProgress
@@ -82,13 +83,13 @@ def _simulate_many(count: int, folder: Path) -> None:
 
 
 def _say_what_is_planned(monkeypatch: pytest.MonkeyPatch) -> None:
-    validated = ProgramTable._validated
+    validated = PlannerReports._validated
 
-    def planned(table: ProgramTable, program: Program, event: Validated) -> None:
+    def planned(reports: PlannerReports, program: Program, event: Validated) -> None:
         program.progress.passed(event.through)
-        validated(table, program, event)
+        validated(reports, program, event)
 
-    monkeypatch.setattr(ProgramTable, "_validated", planned)
+    monkeypatch.setattr(PlannerReports, "_validated", planned)
 
 
 def _say_before_the_journal(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -102,13 +103,13 @@ def _say_before_the_journal(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def _end_before_the_journal(monkeypatch: pytest.MonkeyPatch) -> None:
-    end = ProgramTable._end
+    end = ProgramTable.end
 
     def ahead(table: ProgramTable, program: Program, state: ProgramState) -> None:
         end(table, program, state)
         program.state = program.ended_as
 
-    monkeypatch.setattr(ProgramTable, "_end", ahead)
+    monkeypatch.setattr(ProgramTable, "end", ahead)
 
 
 def _count_what_other_axes_pass(monkeypatch: pytest.MonkeyPatch) -> None:
