@@ -317,4 +317,5 @@ class FakeMethods:
             "type": request["type"] or "u16",
             "value": value,
             "raw": raw,
+            "fieldbus": "ethercat" if request["axis"] == 3 else "can",
         }
