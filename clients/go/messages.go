@@ -1648,16 +1648,20 @@ type SdoReadRequest struct {
 	Type *SdoType `msgpack:"type"`
 }
 
-// SdoReply: An object's value, read or written; `raw`: the bytes, little endian. `bytes` are shown as text.
+// SdoReply: An object's value, read or written; `bytes` are shown as text.
 type SdoReply struct {
-	Axis     int64   `msgpack:"axis" mc:"required"`
-	Bus      string  `msgpack:"bus" mc:"required"`
+	Axis int64  `msgpack:"axis" mc:"required"`
+	Bus  string `msgpack:"bus" mc:"required"`
+	// Node: on EtherCAT its position.
 	Node     int64   `msgpack:"node" mc:"required"`
 	Index    int64   `msgpack:"index" mc:"required"`
 	Subindex int64   `msgpack:"subindex" mc:"required"`
 	Type     SdoType `msgpack:"type" mc:"required"`
 	Value    Value   `msgpack:"value" mc:"required"`
-	Raw      []byte  `msgpack:"raw" mc:"required"`
+	// Raw: the bytes, little endian.
+	Raw []byte `msgpack:"raw" mc:"required"`
+	// Fieldbus: kind of its bus.
+	Fieldbus Fieldbus `msgpack:"fieldbus" mc:"default=can"`
 }
 
 // SdoWriteRequest: Writes an object; `value` may be text: a number such as `0x10`, or hexadecimal for `bytes`.

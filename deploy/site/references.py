@@ -70,14 +70,16 @@ def keys_page() -> str:
     ]
     for name, section in msgspec.json.schema(MachineFile)["$defs"].items():
         title = section.get("description", name).splitlines()[0].rstrip(".").replace("``", "`")
-        rows = ["| key | value | default | hint |", "|---|---|---|---|"]
+        # a heading each, which the search ranks above the pages that mention a key
+        keys = []
         for key, value in section["properties"].items():
             needed = key in section.get("required", ())
             default = "" if needed or value.get("default", ()) in ({}, [], None, ()) else value["default"]
             shown = "" if default == "" or isinstance(default, dict) else f"`{json.dumps(default)}`"
-            cells = [f"`{key}`", _value(value), "needed" if needed else shown, _hint(value)]
-            rows.append("| " + " | ".join(cell.replace("|", "\\|") for cell in cells) + " |")
-        parts.append(f'<a id="{name}"></a>\n## {title}\n\n' + "\n".join(rows) + "\n")
+            default = "needed" if needed else shown and f"default {shown}"
+            cells = [_value(value), default, _hint(value), f"of {title}"]
+            keys.append(f"#### `{key}`\n\n" + " · ".join(cell for cell in cells if cell) + "\n")
+        parts.append(f'<a id="{name}"></a>\n## {title}\n\n' + "\n".join(keys))
     return "\n".join(parts)
 
 

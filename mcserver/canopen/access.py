@@ -218,7 +218,15 @@ def _value(settings: DriveSettings, target: SdoTarget, kind: str, value: Value, 
     # a name of `TYPES`
     named = cast(SdoType, kind)
     return SdoReply(
-        settings.axis, settings.bus, settings.place, target.index, target.subindex, named, value, raw
+        settings.axis,
+        settings.bus,
+        settings.place,
+        target.index,
+        target.subindex,
+        named,
+        value,
+        raw,
+        cast(Fieldbus, settings.fieldbus),
     )
 
 

@@ -125,7 +125,11 @@ class SdoTarget:
 
 
 class SdoReply(msgspec.Struct, frozen=True):
-    """An object's value, read or written; ``raw``: the bytes, little endian. ``bytes`` are shown as text."""
+    """An object's value, read or written; ``bytes`` are shown as text.
+
+    Attributes:
+        node: on EtherCAT its position. raw: the bytes, little endian. fieldbus: kind of its bus.
+    """
 
     axis: int
     bus: str
@@ -135,6 +139,7 @@ class SdoReply(msgspec.Struct, frozen=True):
     type: SdoType
     value: bool | int | float | str
     raw: bytes
+    fieldbus: Fieldbus = "can"
 
 
 class ParameterInfo(msgspec.Struct, frozen=True, omit_defaults=True):

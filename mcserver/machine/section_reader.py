@@ -178,17 +178,16 @@ def _floats(value: object) -> Iterator[float]:
 
 
 def _read_leaf(value: object, kind: Any, path: Path, mistakes: Mistakes) -> object:
+    bare, hint = _unannotated(kind)
     for number in _floats(value):
         if not math.isfinite(number):
-            mistakes.add(
-                path, f"{number} is not a finite number", "leave the key out where there is no limit"
-            )
+            hint = hint or "leave the key out where there is no limit"
+            mistakes.add(path, f"{number} is not a finite number", hint)
             return None
     try:
         return msgspec.convert(value, kind)
     except msgspec.ValidationError as error:
         reason = str(error).replace("`", "").replace("Expected", "expected", 1).replace(" - at $", " at ")
-    bare, hint = _unannotated(kind)
     choices = get_args(bare) if get_origin(bare) is Literal else ()
     if choices:
         mistakes.add(

@@ -101,11 +101,12 @@ class Journal:
             self._thread = threading.Thread(target=self._run, name="journal", daemon=True)
             self._thread.start()
 
-    def server_started(self, instance: str, at: float) -> None:
+    def server_started(self, instance: str, at: float, on_committed: OnCommitted | None = None) -> None:
         """Record this start; programs of earlier instances that had not ended become ``interrupted``."""
         self._put(
             "UPDATE programs SET state='interrupted', ended_at=? WHERE ended_at IS NULL AND instance<>?",
             (at, instance),
+            on_committed,
         )
         self._append("starts", instance=instance, started_at=at)
 

@@ -47,10 +47,18 @@ def read_programs(path: Path, *, limit: int, program: str | None = None) -> list
     A program that was never ended counts as ``interrupted``; whoever runs now knows better about its own.
     """
     where, values = ("WHERE program=?", (program, limit)) if program else ("", (limit,))
+    return _read_statuses(path, f"{where} ORDER BY id DESC LIMIT ?", values)
+
+
+def read_unended(path: Path) -> list[ProgramStatus]:
+    """Programs in the journal that were never ended, oldest first: before a start, what it finds
+    interrupted."""
+    return _read_statuses(path, "WHERE ended_at IS NULL ORDER BY id", ())
+
+
+def _read_statuses(path: Path, which: str, values: tuple[object, ...]) -> list[ProgramStatus]:
     with _reading(path) as connection:
-        rows = connection.execute(
-            f"SELECT {_COLUMNS} FROM programs {where} ORDER BY id DESC LIMIT ?", values
-        ).fetchall()
+        rows = connection.execute(f"SELECT {_COLUMNS} FROM programs {which}", values).fetchall()
     found = []
     for (
         name,

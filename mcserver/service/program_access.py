@@ -20,7 +20,10 @@ def find_program(programs: Mapping[str, AnyProgram], program_id: str) -> AnyProg
     program = programs.get(program_id)
     if program is None:
         raise Refused(
-            "MC503", f"there is no program {program_id}", "list them with `programs`", program=program_id
+            "MC503",
+            f"the server has opened no program {program_id} since it started",
+            "`programs` lists those before, too: mcctl continue goes on with an interrupted one",
+            program=program_id,
         )
     return program
 

@@ -11,6 +11,7 @@ import logging
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from functools import partial
 
 from mcserver.clearance.mounted import Mounted
 from mcserver.errors import Refused
@@ -29,7 +30,7 @@ from mcserver.service.channels import Channels
 from mcserver.service.event_log import EventLog
 from mcserver.service.executor_port import ExecutorPort
 from mcserver.service.forecasts import Forecasts
-from mcserver.service.journal_reader import read_programs
+from mcserver.service.journal_reader import read_programs, read_unended
 from mcserver.service.kept_texts import KeptTexts
 from mcserver.service.line_intake import LineIntake
 from mcserver.service.line_queue import QUEUE_LINES, LineQueue
@@ -123,8 +124,10 @@ class MachineService:
     # ------------------------------------------------------------ life
 
     def start(self) -> None:
-        """Begin: what an earlier start left open counts as interrupted."""
-        self._table.journal.server_started(self.options.instance, self.options.clock())
+        """Begin: what an earlier start left open counts as interrupted, which is said once it is
+        journaled."""
+        interrupted = partial(self._say_interrupted, read_unended(self.options.journal))
+        self._table.journal.server_started(self.options.instance, self.options.clock(), interrupted)
         self._table.planner.start()
         self._table.heartbeat.start()
         self._table.disk.start()
@@ -596,6 +599,17 @@ class MachineService:
         # what gathers before a journal that cannot be written stays bounded
         if not self._table.journal_failure:
             self._table.journal.command(self.options.clock(), client, method, program, detail)
+
+    def _say_interrupted(self, programs: Sequence[ProgramStatus]) -> None:
+        for program in programs:
+            self.events.publish(
+                "program.ended",
+                program=program.program,
+                client=program.client,
+                state="interrupted",
+                line=program.done,
+                reason="the server that ran it went away",
+            )
 
     def _say_lost_references(self) -> None:
         """Say which references of an earlier start do not hold now."""

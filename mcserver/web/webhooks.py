@@ -25,7 +25,8 @@ from mcserver.errors import ConfigurationError
 
 log = logging.getLogger(__name__)
 
-EventName = Literal["finished", "aborted", "rejected", "fault", "estop"]
+EventName = Literal["finished", "aborted", "rejected", "interrupted", "fault", "estop"]
+BY_DEFAULT: tuple[EventName, ...] = ("finished", "interrupted", "fault", "estop")
 MAX_HOOKS = 32
 # Messages that wait for one receiver; what comes beyond is dropped and counted.
 MAX_WAITING = 200
@@ -34,7 +35,12 @@ FIRST_PAUSE_S, LONGEST_PAUSE_S = 1.0, 60.0
 # Of a receiver that asks for another try.
 AGAIN = frozenset({408, 425, 429})
 LEAST_SECRET = 16
-ENDINGS: dict[str, EventName] = {"finished": "finished", "aborted": "aborted", "rejected": "rejected"}
+ENDINGS: dict[str, EventName] = {
+    "finished": "finished",
+    "aborted": "aborted",
+    "rejected": "rejected",
+    "interrupted": "interrupted",
+}
 
 
 class HookSection(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -46,7 +52,7 @@ class HookSection(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """
 
     url: str
-    events: Annotated[tuple[EventName, ...], Meta(min_length=1)] = ("finished", "fault", "estop")
+    events: Annotated[tuple[EventName, ...], Meta(min_length=1)] = BY_DEFAULT
     machines: tuple[str, ...] = ("*",)
     secret_env: str = ""
     secret_file: str = ""

@@ -294,6 +294,9 @@ class FakeMethods:
             ]
         }
 
+    def _do_record_start(self, request: dict[str, Any]) -> dict[str, Any]:
+        return {"name": f"{request['name']} for {request['max_s']} s"}
+
     def _do_sdo_read(self, request: dict[str, Any]) -> dict[str, Any]:
         if request["index"] == 0x2345:
             raise Refusal(
@@ -317,4 +320,5 @@ class FakeMethods:
             "type": request["type"] or "u16",
             "value": value,
             "raw": raw,
+            "fieldbus": "ethercat" if request["axis"] == 3 else "can",
         }

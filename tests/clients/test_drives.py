@@ -66,6 +66,7 @@ def test_mcctl_sdo_reads_and_writes(mcctl: Run) -> None:
     assert mcctl("sdo", "write", "2", "2000:3", "-5", "--type", "i16")[1].startswith(
         "axis 2 (node 5 on can0)  2000h:03  i16  -5"
     )
+    assert mcctl("sdo", "read", "3", "6041")[1].startswith("axis 3 (position 5 on can0)  6041h:00")
     shown = json.loads(mcctl("sdo", "read", "2", "0x6041", "--json")[1])
     assert (shown["ok"], shown["value"], shown["raw"]) == (True, 0x1637, "3716")
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import AsyncIterator, Sequence
+from collections.abc import AsyncIterator, Callable, Sequence
 
 import numpy as np
 import pytest
@@ -68,3 +68,10 @@ def test_points_that_are_no_grid_are_refused_with_what_is_missing(
     with pytest.raises(MotionError, match=says) as refused:
         mesh_of(points)
     assert refused.value.code == "MC093"
+
+
+def test_a_grid_over_one_axis_twice_is_refused_before_anything_is_waited_for(
+    mcctl: Callable[..., tuple[int, str, str]],
+) -> None:
+    code, _, err = mcctl("mesh", "Z", "X", "X")
+    assert (code, "MC511" in err) == (2, True)

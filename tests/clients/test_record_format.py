@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -23,6 +24,13 @@ def test_a_format_names_the_file_where_nobody_has(
     output: Path | None, format: Format | None, name: str
 ) -> None:
     assert _file_name(output, format, "cell-1", 1773500966.0) == Path(name)
+
+
+def test_a_recording_on_the_server_is_started_and_told_when_to_end(
+    mcctl: Callable[..., tuple[int, str, str]],
+) -> None:
+    code, _, err = mcctl("record", "start", "milling", "--seconds", "90")
+    assert (code, err) == (0, "cell: milling for 90.0 s recording\n")
 
 
 @pytest.mark.parametrize("options", [[], ["--output", "a.csv", "--format", "parquet"], ["--format", "xls"]])

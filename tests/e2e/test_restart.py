@@ -81,10 +81,17 @@ async def test_a_killed_server_shows_the_program_interrupted_and_moves_nothing(
         program, error = await killed_in_the_slow_line(machine, own_server)
         assert (error.program, error.accepted, error.done) == (program.id, len(MODAL), SLOW - 1)
         assert f"continue_program({program.id!r})" in error.hint
-        assert f"line {SLOW} may have begun" in error.message
+        assert f"line {SLOW} of {len(MODAL)} may have begun" in error.message
+        with pytest.raises(ProgramInterrupted, match="MC534: "):
+            await program.abort()
+        with pytest.raises(RequestRefused, match="MC503: "):
+            await machine.hold(program.id)
 
         found = await known(machine, program.id)
         assert (found.state, found.accepted, found.done) == ("interrupted", len(MODAL), SLOW - 1)
+        events = (await machine.past_events(0)).events
+        (end,) = [each for each in events if each.kind == "program.ended"]
+        assert (end.program, end.state, end.line) == (program.id, "interrupted", SLOW - 1)
         async with recorded(machine) as recording:
             status = await machine.status()
             assert status.programs == ()

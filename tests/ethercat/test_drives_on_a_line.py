@@ -59,7 +59,8 @@ def test_objects_are_reached_beside_the_cycle_that_is_their_master(energized: On
     files: list[str] = []
 
     async def ask() -> None:
-        read.append((await access.sdo_read(SdoTarget(0x1008, axis=1), None)).value)
+        named = await access.sdo_read(SdoTarget(0x1008, axis=1), None)
+        read.append((named.value, named.fieldbus, named.node))
         await access.sdo_write(SdoTarget(0x6065, axis=1), None, 5000)
         read.append((await access.sdo_read(SdoTarget(0x6065, axis=1), None)).value)
         for index in (0x6040, 0x6091, 0x1C12, 0x1C32):
@@ -83,7 +84,7 @@ def test_objects_are_reached_beside_the_cycle_that_is_their_master(energized: On
 
     cycle.run_beside(work, wanted=0)
     access.close()
-    assert read[:4] == ["Simulated servo drive", 5000, 1, ["", "6064h:00", "607Ah:00"]]
+    assert read[:4] == [("Simulated servo drive", "ethercat", 1), 5000, 1, ["", "6064h:00", "607Ah:00"]]
     assert read[4] == [(axis, axis, "operational", "op", "operation enabled") for axis in range(3)]
     assert read[5] == [(axis, axis, "drive", True) for axis in range(3)]
     assert [axis.drive.node for axis in parse_machine(files[0]).axes] == [1, 2, 3]

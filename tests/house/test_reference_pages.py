@@ -59,9 +59,13 @@ def test_the_site_s_page_of_codes_has_what_pages_say_of_each() -> None:
 
 def test_the_site_s_page_of_keys_has_each_with_what_it_takes() -> None:
     page = keys_page()
-    assert {key for key in keys_of(MachineFile) if f"| `{key}` |" not in page} == set()
-    assert "| `cycle_hz` | number ≥ 10, ≤ 10000 | `1000.0` | 1000 is usual |" in page
-    assert "| `axis` | list of [AxisSection](#AxisSection) | needed |  |" in page
+    # a heading each, as of codes: the search puts these first
+    assert {key for key in keys_of(MachineFile) if f"\n#### `{key}`\n" not in page} == set()
+    assert (
+        "#### `cycle_hz`\n\nnumber ≥ 10, ≤ 10000 · default `1000.0` · 1000 is usual · of `[machine]`\n"
+        in page
+    )
+    assert "#### `axis`\n\nlist of [AxisSection](#AxisSection) · needed · of A whole machine file\n" in page
 
 
 def test_every_key_of_a_machine_file_stands_in_a_page() -> None:

@@ -202,3 +202,11 @@ def test_a_number_in_a_list_that_is_not_finite_is_refused_too(key: str) -> None:
     with pytest.raises(MachineFileRejected) as caught:
         parse_machine(f'[machine]\nname = "a"\n{axis}{key}')
     assert "is not a finite number" in caught.value.diagnostics[0].message
+
+
+def test_the_remedy_of_a_number_that_is_not_finite_leaves_no_key_out_that_is_needed() -> None:
+    axis = '[[axis]]\nindex = 2\ntype = "linear"\nmax_velocity = inf\nmax_acceleration = 1.0\n'
+    with pytest.raises(MachineFileRejected) as caught:
+        parse_machine(f'[machine]\nname = "a"\n{axis}max_jerk = inf')
+    hints = [each.hint for each in caught.value.diagnostics]
+    assert hints == ["give a number above 0", "leave the key out where there is no limit"]

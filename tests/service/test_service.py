@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import asyncio
+import shutil
+import sqlite3
 from collections.abc import AsyncIterator
+from contextlib import closing
 from pathlib import Path
 
 import pytest
@@ -12,9 +15,10 @@ from mcserver.errors import RejectedLines, ServiceError
 from mcserver.executor.entries import EventKind
 from mcserver.executor.fault_codes import FaultCode
 from mcserver.gcode.semantics.modal import ModalState
+from mcserver.service.commit_record import commit_record_path
 from mcserver.service.program import Program
 from mcserver.service.program_options import ProgramOptions
-from mcserver.service.reports import Fault
+from mcserver.service.reports import Event, Fault
 from mcserver.service.service import CLIENT_PROGRAMS
 from mcserver.service.stop_latch import CONFIRM_PERIOD_S
 from tests.service.conftest import LIMIT_S, Bench
@@ -483,6 +487,31 @@ async def test_one_client_cannot_hold_all_programs(bench: Bench) -> None:
     with pytest.raises(ServiceError, match="MC508: "):
         await bench.service.open("greedy")
     assert (await bench.service.open("modest")).state == "queued"
+
+
+async def test_the_next_start_says_once_that_a_program_of_a_killed_server_has_ended(tmp_path: Path) -> None:
+    killed = Bench(tmp_path / "journal.db")
+    killed.service.start()
+    program = await killed.opened("G90")
+    await killed.until_acked(program.program, done=1)
+    await killed.service.journal_written()
+    journal, found = tmp_path / "journal.db", tmp_path / "found.db"
+    with closing(sqlite3.connect(journal)) as left, closing(sqlite3.connect(found)) as copy:
+        left.backup(copy)
+    shutil.copy(commit_record_path(journal), commit_record_path(found))
+    await killed.service.stop()
+
+    said: list[Event] = []
+    for instance in ("two", "three"):
+        again = Bench(found, instance)
+        again.service.start()
+        await again.service.journal_written()
+        assert again.kinds()[0] == "server.started"
+        said += [event for event in again.events if event.kind == "program.ended"]
+        await again.service.stop()
+    (end,) = said
+    assert (end.program, end.client, end.state, end.line) == (program.program, "hmi", "interrupted", 1)
+    assert (end.instance, end.reason) == ("two", "the server that ran it went away")
 
 
 @pytest.mark.parametrize("start_line", [1, 2])

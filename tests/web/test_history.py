@@ -160,6 +160,30 @@ def test_runs_are_counted_by_program_and_day_without_moves_by_hand_and_drawn_as_
     assert '<meter max=2 value="1.0" aria-hidden=true></meter> 1<' in table_html(by_day)
 
 
+def test_an_interrupted_run_is_broken_off_and_its_time_until_the_next_start_is_none(tmp_path: Path) -> None:
+    kept = folder_of(tmp_path)
+    for seq, (program, state, wall) in enumerate((("p1", "finished", 4.0), ("p2", "interrupted", 3600.0))):
+        begun = Event(
+            seq=3 * seq,
+            t=0.0,
+            wall=NOON,
+            instance="i",
+            kind="program.opened",
+            program=program,
+            message="a.nc",
+        )
+        kept.append(event_rows("cell-1", begun))
+        began = dataclasses.replace(begun, seq=3 * seq + 1, kind="program.started", message="")
+        kept.append(event_rows("cell-1", began))
+        ended = dataclasses.replace(ENDED, seq=3 * seq + 2, wall=NOON + wall, program=program, state=state)
+        kept.append(event_rows("cell-1", ended))
+    kept.close()
+    names, rows = ask("programs", tmp_path)
+    assert [row[names.index("took_s")] for row in rows] == [None, 4.0]
+    names, (row,) = ask("runs by program", tmp_path)
+    assert row[1:5] == ("a.nc", 1, 1, 4.0)
+
+
 def test_the_running_time_of_an_hour_is_of_all_days(tmp_path: Path) -> None:
     kept = folder_of(tmp_path)
     for wall, running in ((0.0, True), (DAY_S, False), (3600.0, True)):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import dataclasses
 import hashlib
 import hmac
 import json
@@ -72,6 +73,14 @@ async def test_a_message_is_signed_and_says_what_happened() -> None:
         "MC407",
         2,
     )
+
+
+async def test_a_program_whose_server_was_killed_is_told_of_by_default() -> None:
+    rig = Rig(ok)
+    rig.receiver.take("cell-1", dataclasses.replace(FINISHED, state="interrupted"))
+    await rig.settle()
+    (request,) = rig.requests
+    assert json.loads(request.content)["event"] == "interrupted"
 
 
 async def test_only_what_is_wanted_is_sent() -> None:

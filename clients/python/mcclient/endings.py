@@ -63,10 +63,10 @@ def rejected(line: int, extent: Extent, diagnostics: tuple[Diagnostic, ...]) -> 
 
 def interrupted(extent: Extent) -> ProgramInterrupted:
     following = extent.done + 1
+    more = f", line {following} of {extent.accepted} may have begun" if following <= extent.accepted else ""
     return ProgramInterrupted(
         "MC534",
-        f"the server that ran the program went away; lines through {extent.done} are done, "
-        f"line {following} may have begun",
+        f"the server that ran the program went away; lines through {extent.done} are done{more}",
         f"once the machine is clear, machine.continue_program({extent.program!r}), or mcctl continue",
         **extent._asdict(),
     )

@@ -247,23 +247,32 @@ class Program:
 
     async def hold(self) -> None:
         """Feed hold along the path."""
-        await self._caller.call("hold", {"program": self.id})
+        await self._order("hold")
 
     async def resume(self) -> None:
         """Ends a hold, M00 or M01."""
-        await self._caller.call("resume", {"program": self.id})
+        await self._order("resume")
 
     async def step(self) -> None:
         """Starts the next line of a program opened with ``step=True``."""
-        await self._caller.call("step", {"program": self.id})
+        await self._order("step")
 
     async def abort(self, *, deadline_s: float = DEADLINE_S) -> None:
         """Stops along the path and drops the rest; the program ends as aborted."""
-        await self._caller.call("abort", {"program": self.id}, deadline_s=deadline_s)
+        await self._order("abort", deadline_s=deadline_s)
 
     async def override(self, percent: float) -> None:
         """Feed override of this program; 100 is as programmed."""
-        await self._caller.call("override", {"percent": percent, "program": self.id})
+        await self._order("override", percent=percent)
+
+    async def _order(self, method: str, *, deadline_s: float = DEADLINE_S, **request: object) -> None:
+        """Give an order; of a program that a restart has interrupted that is raised, not an unknown id."""
+        try:
+            await self._caller.call(method, {"program": self.id, **request}, deadline_s=deadline_s)
+        except RequestRefused as error:
+            if error.code == "MC503":
+                raise await self._stream.translated(error) from error
+            raise
 
     async def status(self) -> ProgramStatus:
         """Return the program as the server knows it.

@@ -1826,9 +1826,12 @@ class RunRequestsReply:
 
 @dataclass(frozen=True, slots=True)
 class SdoReply:
-    """An object's value, read or written; ``raw``: the bytes, little endian.
+    """An object's value, read or written; ``bytes`` are shown as text.
 
-    ``bytes`` are shown as text.
+    Attributes:
+        node: on EtherCAT its position.
+        raw: the bytes, little endian.
+        fieldbus: kind of its bus.
     """
 
     axis: int
@@ -1839,6 +1842,7 @@ class SdoReply:
     type: SdoType
     value: Value
     raw: bytes
+    fieldbus: Fieldbus = Fieldbus.CAN
 
 
 @dataclass(frozen=True, slots=True)

@@ -1494,16 +1494,20 @@ export interface SdoReadRequest {
   type?: SdoType | null | undefined;
 }
 
-/** An object's value, read or written; `raw`: the bytes, little endian. `bytes` are shown as text. */
+/** An object's value, read or written; `bytes` are shown as text. */
 export interface SdoReply {
   axis: number;
   bus: string;
+  /** on EtherCAT its position. */
   node: number;
   index: number;
   subindex: number;
   type: SdoType;
   value: boolean | number | string;
+  /** the bytes, little endian. */
   raw: Uint8Array;
+  /** kind of its bus. */
+  fieldbus?: Fieldbus;
 }
 
 /** Writes an object; `value` may be text: a number such as `0x10`, or hexadecimal for `bytes`. */

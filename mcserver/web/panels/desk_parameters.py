@@ -96,14 +96,14 @@ class ParametersPanel:
             await self._read_one()
 
     async def _read_one(self) -> None:
-        chosen = self._chosen
+        chosen, before = self._chosen, self._value.value
         if chosen is not None:
             reading = await self._drive.read(lambda desk: desk.read(chosen))
             if reading is not None:
-                self._show([reading])
+                self._show([reading], before)
 
     async def _read_shown(self) -> None:
-        wanted = [each for each in self._shown if each.readable]
+        wanted, before = [each for each in self._shown if each.readable], self._value.value
 
         def read(desk: Desk) -> list[Reading | tuple[Parameter, str]]:
             found: list[Reading | tuple[Parameter, str]] = []
@@ -118,7 +118,7 @@ class ParametersPanel:
 
         found = await self._drive.read(read)
         if found is not None:
-            self._show([each for each in found if isinstance(each, Reading)])
+            self._show([each for each in found if isinstance(each, Reading)], before)
             refused = [each for each in found if not isinstance(each, Reading)]
             for parameter, why in refused:
                 self._values[parameter] = "–"
@@ -126,7 +126,8 @@ class ParametersPanel:
             self._search()
 
     async def _write(self) -> None:
-        chosen, value = self._chosen, str(self._value.value or "").strip()
+        chosen, before = self._chosen, self._value.value
+        value = str(before or "").strip()
         if chosen is None:
             return
         try:
@@ -140,7 +141,7 @@ class ParametersPanel:
             lambda desk: desk.write(chosen, value),
         )
         if reading is not None:
-            self._show([reading])
+            self._show([reading], before)
             self._said.set_text(
                 t(
                     "{parameter} is {value}: kept until the drive is switched off, unless it is saved",
@@ -157,10 +158,15 @@ class ParametersPanel:
         if await self._drive.write(mark("save the drive's parameters (1010h)"), save):
             self._said.set_text(t("the drive has stored its parameters"))
 
-    def _show(self, readings: list[Reading]) -> None:
+    def _show(self, readings: list[Reading], before: object) -> None:
+        """Show readings, the chosen parameter's in the field too, unless somebody has typed there meanwhile.
+
+        Args:
+            before: what the field held as they were asked for.
+        """
         for each in readings:
             self._values[each.parameter] = value_text(each)
-            if each.parameter is self._chosen:
+            if each.parameter is self._chosen and self._value.value == before:
                 self._value.set_value(str(each.value))
         self._rows.show({each: self._values.get(each, "") for each in self._shown})
 

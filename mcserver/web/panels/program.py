@@ -123,6 +123,8 @@ class ProgramPanel:
             with ui.row().classes("items-center w-full"):
                 self._choice = Choice([], label=t("Program"), with_input=True).classes("grow min-w-40")
                 self._from_line = ui.number(t("From line"), value=1, min=1, format="%d").classes("w-24")
+                # empty is the whole program
+                self._from_line.props("placeholder=1 stack-label")
             self._choice.add_slot("option", OPTION % json.dumps(f"{self._address}/programs/"))
             self._chosen = Picture()
             self._last_run = ui.label("").classes("text-sm")

@@ -16,7 +16,7 @@ from mcclient.cli.options import JsonOption, Target, with_target
 from mcclient.cli.output import carry_out, errors_shown, results, say, write_json, write_text
 from mcclient.cli.step import step
 from mcclient.errors import RequestRefused
-from mcclient.types import BusScan, DriveInfo, SdoReply, SdoType
+from mcclient.types import BusScan, DriveInfo, Fieldbus, SdoReply, SdoType
 
 AxisArgument = Annotated[int, typer.Argument(min=0, max=63, metavar="AXIS", help="Whose drive.")]
 ObjectArgument = Annotated[
@@ -31,6 +31,8 @@ TypeOption = Annotated[
         help="bool, u8 … u64, i8 … i64, f32, f64, str, utf16 or bytes; default: by the drive's EDS.",
     ),
 ]
+# what a drive's number is on its bus
+_PLACES = {Fieldbus.CAN: "node", Fieldbus.ETHERCAT: "position"}
 _STYLES = {"operational": "green", "booting": "yellow", "restarting": "yellow", "closed": "dim"}
 
 
@@ -104,7 +106,7 @@ def scan(
 def scan_table(found: BusScan) -> Table:
     """One row a node."""
     table = Table(box=None, pad_edge=False, header_style="bold")
-    for title in ("node", "axis", "what", "vendor", "product", "modes", "EDS"):
+    for title in (_PLACES[found.fieldbus], "axis", "what", "vendor", "product", "modes", "EDS"):
         table.add_column(title)
     for node in found.nodes:
         table.add_row(
@@ -159,7 +161,7 @@ def drives_table(drives: tuple[DriveInfo, ...]) -> Table:
     """One row a drive."""
     table = Table(box=None, pad_edge=False, header_style="bold")
     table.add_column("axis", justify="right")
-    for title in ("bus", "node", "state", "nmt"):
+    for title in ("bus", " or ".join(sorted({_PLACES[each.fieldbus] for each in drives})), "state", "nmt"):
         table.add_column(title, no_wrap=True)
     table.add_column("heard", justify="right", no_wrap=True)
     for title in ("status", "vendor", "product", "boots"):
@@ -272,7 +274,7 @@ def _tell(found: SdoReply, as_json: bool) -> None:
     if as_json:
         shown = {
             name: getattr(found, name)
-            for name in ("axis", "bus", "node", "index", "subindex", "type", "value")
+            for name in ("axis", "bus", "fieldbus", "node", "index", "subindex", "type", "value")
         }
         write_json({"ok": True, **shown, "raw": found.raw.hex()})
         return
@@ -282,5 +284,5 @@ def _tell(found: SdoReply, as_json: bool) -> None:
         shown_value = f"{value} (0x{int.from_bytes(found.raw, 'little'):0{width}X})"
     else:
         shown_value = str(value)
-    who = f"axis {found.axis} (node {found.node} on {found.bus})"
+    who = f"axis {found.axis} ({_PLACES[found.fieldbus]} {found.node} on {found.bus})"
     results().print(f"{who}  {place}  {found.type}  {shown_value}")

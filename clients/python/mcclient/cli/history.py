@@ -47,6 +47,8 @@ _PROGRAMS = f"{_RUNS} WHERE coalesce(name, '') NOT IN ({', '.join(map(quoted, BY
 _ENDS = (
     "count(*) FILTER (state = 'finished') AS finished, count(*) FILTER (state <> 'finished') AS broken_off"
 )
+# the end of an interrupted run is said at the next start of its server, whenever that is
+_TOOK_S = "CASE WHEN state <> 'interrupted' THEN epoch(time - began) END"
 _RUNNING = (
     "round(100.0 * avg(CASE WHEN program_state = 'running' THEN 1 ELSE 0 END), 1) AS running_percent,"
     " count(*) AS states FROM states WHERE {span} GROUP BY ALL ORDER BY machine"
@@ -61,10 +63,10 @@ QUESTIONS = {
     " FROM events WHERE kind IN ('fault', 'estop') AND {span} ORDER BY time DESC",
     "fault counts": "SELECT machine, coalesce(code, kind) AS code, count(*) AS times, max(time) AS latest"
     " FROM events WHERE kind IN ('fault', 'estop') AND {span} GROUP BY ALL ORDER BY times DESC",
-    "programs": "SELECT time, machine, program, name, state, round(epoch(time - began), 1) AS took_s,"
+    "programs": f"SELECT time, machine, program, name, state, round({_TOOK_S}, 1) AS took_s,"
     f" client, reason FROM {_RUNS} ORDER BY time DESC",
     "runs by program": f"SELECT machine, name, {_ENDS},"
-    f" round(avg(epoch(time - began)), 1) AS mean_s, max(time) AS latest FROM {_PROGRAMS}"
+    f" round(avg({_TOOK_S}), 1) AS mean_s, max(time) AS latest FROM {_PROGRAMS}"
     " GROUP BY machine, name ORDER BY finished DESC, name",
     "runs by day": f"SELECT machine, CAST(time AS DATE) AS day, {_ENDS} FROM {_PROGRAMS}"
     " GROUP BY ALL ORDER BY machine, day",

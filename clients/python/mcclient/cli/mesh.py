@@ -10,7 +10,7 @@ import typer
 
 from mcclient.cli.options import JsonOption, Target, axis_of
 from mcclient.cli.output import carry_out, results, say, write_json
-from mcclient.errors import MotionError
+from mcclient.errors import MotionError, RequestRefused
 from mcclient.types import Event
 
 # Places that differ by less are in one row or column of the mesh [mm].
@@ -32,6 +32,8 @@ def mesh(
     async def work() -> tuple[tuple[int, int], dict[str, Any]]:
         async with target.open() as one:
             numbers = [axis_of(text, one.info).index for text in (axis, first, second)]
+            if len(set(numbers)) < len(numbers):
+                raise RequestRefused("MC511", "an axis is named twice", "such as: mcctl mesh Z X Y")
             events = one.events()
             say(f"{one.name}: waiting for a program that probes")
             points = await probed(events, numbers)

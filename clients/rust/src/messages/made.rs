@@ -2085,18 +2085,27 @@ impl SdoReadRequest {
     }
 }
 
-/// An object's value, read or written; `raw`: the bytes, little endian. `bytes` are shown as text.
+/// An object's value, read or written; `bytes` are shown as text.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct SdoReply {
     pub axis: u64,
     pub bus: String,
+    /// on EtherCAT its position.
     pub node: u64,
     pub index: u64,
     pub subindex: u64,
     #[serde(rename = "type")]
     pub kind: SdoType,
     pub value: Value,
+    /// the bytes, little endian.
     pub raw: Bytes,
+    /// kind of its bus.
+    #[serde(default = "sdo_reply_fieldbus")]
+    pub fieldbus: Fieldbus,
+}
+
+fn sdo_reply_fieldbus() -> Fieldbus {
+    Fieldbus::Can
 }
 
 /// Writes an object; `value` may be text: a number such as `0x10`, or hexadecimal for `bytes`.

@@ -1564,9 +1564,15 @@ public final class Messages {
         }
     }
 
-    /** An object's value, read or written; `raw`: the bytes, little endian. `bytes` are shown as text. */
+    /**
+     * An object's value, read or written; `bytes` are shown as text.
+     * @param node on EtherCAT its position.
+     * @param raw the bytes, little endian.
+     * @param fieldbus kind of its bus.
+     */
     public record SdoReply(
-            long axis, String bus, long node, long index, long subindex, SdoType type, Object value, byte[] raw) {}
+            long axis, String bus, long node, long index, long subindex, SdoType type, Object value, byte[] raw,
+            @Sparse("can") Fieldbus fieldbus) {}
 
     /** Writes an object; `value` may be text: a number such as `0x10`, or hexadecimal for `bytes`. */
     public record SdoWriteRequest(
