@@ -7,7 +7,7 @@ import contextlib
 import enum
 import os
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Awaitable, Callable, Sequence
 from datetime import datetime
 from pathlib import Path
 from typing import Annotated, Any
@@ -163,7 +163,7 @@ def start(
     json: JsonOption = False,
 ) -> None:
     """Record every cycle into a file on the server from now on."""
-    _order("recording", json, target, lambda one: one.record_start(name, seconds))
+    _order("recording", json, target, lambda one: one.record_start(name, max_s=seconds))
 
 
 def stop(target: Target, name: NameArgument = "", json: JsonOption = False) -> None:
@@ -180,7 +180,7 @@ def save(
     _order("written", json, target, lambda one: one.record_save(reason))
 
 
-def _order(word: str, json: bool, target: Target, order: Any) -> None:
+def _order(word: str, json: bool, target: Target, order: Callable[[Machine], Awaitable[str]]) -> None:
     async def work() -> tuple[str, str]:
         async with target.open() as one:
             return one.name, await order(one)
