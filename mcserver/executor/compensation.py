@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from mcserver.executor.entries import Array
 from mcserver.executor.error_tables import ErrorTable, MeshErrors, PitchErrors, SquareErrors
 from mcserver.executor.shm.feedback import FeedbackRow
-from mcserver.machine.machine_file import Machine
+from mcserver.machine.machine_file import Axis, Machine
 
 # A setpoint that comes back by less has not turned, it is rounded [m or rad].
 TURNED = 1e-8
@@ -28,6 +28,7 @@ class Compensator:
         correction, rate: shape (K,), what drives get beside position and velocity [m or rad, per second].
         unsettled: shape (K,), whether backlash is being taken up.
         homed: shape (K,), which axes know where they are; set anew in each cycle.
+        tables: errors of axes by where they are.
     """
 
     def __init__(self, machine: Machine, row: FeedbackRow) -> None:
@@ -42,7 +43,7 @@ class Compensator:
         self.unsettled: NDArray[np.bool_] = np.zeros(count, np.bool_)
         self._cycle = machine.cycle_s
         self.homed: NDArray[np.bool_] = np.ones(count, np.bool_)
-        self._tables: list[_Table] = []
+        self.tables: list[CountedErrors] = []
         columns, half, limits = [], [], []
         for column, axis in enumerate(machine.axes):
             found = axis.compensation
@@ -50,13 +51,8 @@ class Compensator:
                 continue
             columns.append(column)
             half.append(0.5 * found.backlash)
-            # of the limits in the file, of which programs have the rest
-            share = found.share / (1.0 - found.reserve)
-            # of a table alone nothing may be left: it is small, and jumps at the reference alone
-            share = share if share > 0.0 else 1.0
-            most = [share * each for each in (axis.max_velocity, axis.max_acceleration, axis.max_jerk)]
-            limits.append([*most, -FARTHEST, FARTHEST])
-            self._tables += [_Table(each, len(columns) - 1) for each in _tables_of(machine, column)]
+            limits.append(_limits_of(axis, found.share))
+            self.tables += [CountedErrors(each, len(columns) - 1) for each in _tables_of(machine, column)]
         # what follows has one entry for each compensated axis
         self._columns = np.array(columns, np.intp)
         self._half, self._limits = np.array(half), np.array(limits)
@@ -80,7 +76,7 @@ class Compensator:
         targets[:, 0] = np.where(held, self._direction * self._half, states[:, 0])
         states[~held, 1:] = 0.0
         errors, rates = np.zeros(len(columns)), np.zeros(len(columns))
-        for table in self._tables:
+        for table in self.tables:
             jump = table.look(row, on, self.homed)
             errors[table.place] += table.error
             rates[table.place] += table.rate
@@ -93,24 +89,44 @@ class Compensator:
     def shift(self, column: int, distance: float) -> None:
         """Let a column's positions read ``distance`` more from now on."""
         self._furthest[self._columns == column] += distance
-        for table in self._tables:
+        for table in self.tables:
             table.moved |= column in table.errors.sources
 
+    def change(self, table: CountedErrors, axis: Axis, share: float) -> None:
+        """Note that a table counts otherwise from now on, and which share of its axis's limits goes there."""
+        table.moved = True
+        self._limits[table.place] = _limits_of(axis, share)
+        # until the next cycle has looked
+        self.unsettled[table.errors.column] = True
 
-class _Table:
+
+def _limits_of(axis: Axis, share: float) -> list[float]:
+    """Return what corrections that jump or take up backlash keep to, by a share of the limits in the file."""
+    found = axis.compensation
+    assert found is not None
+    # of the limits in the file programs have the rest
+    share /= 1.0 - found.reserve
+    # of a table alone nothing may be left: it is small, and jumps at the reference alone
+    share = share if share > 0.0 else 1.0
+    most = [share * each for each in (axis.max_velocity, axis.max_acceleration, axis.max_jerk)]
+    return [*most, -FARTHEST, FARTHEST]
+
+
+class CountedErrors:
     """An error of an axis, as it counts now.
 
     Args:
         place: of its axis among the compensated ones.
 
     Attributes:
-        error, rate: in this cycle. moved: its places read something else than in the cycle before.
+        error, rate: in this cycle. on: it counts.
+        moved: it, or its places, read something else than in the cycle before.
     """
 
     def __init__(self, errors: ErrorTable, place: int) -> None:
         self.errors, self.place = errors, place
         self.error = self.rate = 0.0
-        self.moved = True
+        self.on = self.moved = True
         self._known = False
 
     def look(self, row: FeedbackRow, held: NDArray[np.bool_], homed: NDArray[np.bool_]) -> float:
@@ -121,7 +137,7 @@ class _Table:
             # what is off is pushed about: the error stays until its place is held again
             self.rate, self.moved = 0.0, True
             return 0.0
-        known = bool(homed[sources].all())
+        known = self.on and bool(homed[sources].all())
         self.error, self.rate = self.errors.at(row.setpoint, row.velocity) if known else (0.0, 0.0)
         jumped, self.moved = self.moved or known != self._known, False
         self._known = known

@@ -37,6 +37,7 @@ WAITING = frozenset(
         ControlKind.REFERENCE,
         ControlKind.PROBE,
         ControlKind.THREAD,
+        ControlKind.MESH,
     )
 )
 # Where lines begin and end: all other kinds have greater numbers.

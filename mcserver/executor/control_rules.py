@@ -34,7 +34,7 @@ from mcserver.executor.thread_pass import ThreadPass
 from mcserver.executor.trajectories import TrajectoryError
 from mcserver.machine.follow_section import Superimposed
 from mcserver.machine.machine_file import Axis
-from mcserver.motion.canonical import AxisOperation, SurfaceSpeed, WaitMode
+from mcserver.motion.canonical import AxisOperation, MeshUse, SurfaceSpeed, WaitMode
 
 if TYPE_CHECKING:
     from mcserver.executor.slot import ProgramSlot
@@ -523,6 +523,19 @@ def _advance(slot: ProgramSlot, control: Control, _left: float, _waited: bool) -
     return None
 
 
+def _mesh(slot: ProgramSlot, control: Control, _left: float, _waited: bool) -> Barrier | None:
+    cycle, use = slot.cycle, MeshUse(control.operation)
+    _check_lease(slot, control.axes)
+    _refuse(slot, control.axes & cycle.motions.mask, FaultCode.AXIS_BUSY)
+    assert cycle.bed is not None
+    if use is MeshUse.MET:
+        _check_homed(slot, control.axes)
+        cycle.bed.take()
+    else:
+        cycle.bed.switch(on=use is MeshUse.ON)
+    return None
+
+
 def _passed(slot: ProgramSlot, control: Control, left: float, _waited: bool) -> Barrier | None:
     slot.cycle.emit(EventKind.PASSED, slot.index, control.line, left)
     return None
@@ -556,6 +569,7 @@ _RULES: Mapping[ControlKind, _Rule] = MappingProxyType(
         ControlKind.PAYLOAD: _payload,
         ControlKind.TOOL: _tool,
         ControlKind.ADVANCE: _advance,
+        ControlKind.MESH: _mesh,
         ControlKind.PASSED: _passed,
     }
 )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -20,6 +21,9 @@ from mcserver.executor.shm.event_ring import EventRing
 from mcserver.executor.torque_feed_forward import TorqueFeedForward
 from mcserver.machine.machine_file import Machine
 
+if TYPE_CHECKING:
+    from mcserver.executor.bed_mesh import BedMesh
+
 
 class Cycle:
     """State of the running cycle, and the machine it is about.
@@ -29,7 +33,7 @@ class Cycle:
         estop: the emergency stop is latched.
         io: inputs and outputs. profiled: axes whose drives make their profiles themselves.
         feed_forward: torques for drives that take them along; None where none does.
-        number: of the cycle.
+        number: of the cycle. bed: the mesh that programs probe; None: there is none.
         history: shape (exact_stop_cycles, K), the latest encoder readings; that of cycle n in row n %
             exact_stop_cycles.
         gantries: pairs of drives. couplings: axes that follow others.
@@ -63,6 +67,7 @@ class Cycle:
         self.couplings = Couplings(machine, bank, motions)
         self.shifted: list[Callable[[int, float], None]] = [self.gantries.shift, self.couplings.shift]
         self.homed = HomedAxes(machine, bank, self.shifted, assume=assume_homed)
+        self.bed: BedMesh | None = None
         self._events = events
 
     @property

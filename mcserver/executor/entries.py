@@ -43,6 +43,7 @@ class ControlKind(enum.IntEnum):
     PASSED = 24  # every line through ``line`` has ended: reported, so that it counts as done
     TOOL = 28  # tool ``operation`` is in the spindle from u on, 0: none: its shapers count
     ADVANCE = 29  # pressure advance of E is ``value`` [s] from u on
+    MESH = 30  # the mesh of a printer's bed counts as ``operation`` says (`MeshUse`) from u on
     PAYLOAD = 23  # tools of ``operation`` are the chosen ones from u on: their payloads count in torques
     SETTLE = 14  # u stops here until the planner has read the positions (sync): acknowledged by ``token``
     OUTPUT = 15  # output ``channel`` is set to ``value``
@@ -67,10 +68,11 @@ class Control(msgspec.Struct, frozen=True, gc=False):
             speed of ``axes`` together that its value is for [m/s or rad/s]; 0: any.
         operation: for PROBE: a `ProbeKind`; for SPEED: 1 where column ``channel`` leads it, whose value is
             the place of the spindle's axis; for THREAD: 1 where it taps; for AXIS: index of the operation in
-            ``list(AxisOperation)``; for FINISH: 1 where a faulty line has ended the program, whose outputs
-            become safe; for INPUT: a `WaitMode`; for PAYLOAD: tools, as
+            ``list(AxisOperation)``; for MESH: a `MeshUse`; for FINISH: 1 where a faulty line has ended the
+            program, whose outputs become safe; for INPUT: a `WaitMode`; for PAYLOAD: tools, as
             `mckinematics.dynamics.JointDynamics.bits_of` has them.
-        token: for SETTLE: a number that the executor reports back with the positions.
+        token: for SETTLE: a number that the executor reports back with the positions; for PROBE 1 where what
+            it meets is a point of the mesh of the bed.
         channel: for OUTPUT and INPUT: column of the machine's output or input; for THREAD: of the spindle.
         value: for OUTPUT; for ADVANCE K [s]; for SPEED by the radius the greatest [rad/s]; for THREAD the
             spindle's speed [1/s]; for FOLLOW the share of the accelerations, and its root of the velocities,

@@ -13,6 +13,7 @@ from mcserver.drives.bus import DriveBus, DriveMode
 from mcserver.drives.io_bus import IoBus
 from mcserver.executor.axes import AxisBank
 from mcserver.executor.barriers import Dwell, InputWait
+from mcserver.executor.bed_mesh import BedMesh
 from mcserver.executor.block import Block
 from mcserver.executor.block_playing import play_block
 from mcserver.executor.cycle import Cycle
@@ -84,6 +85,7 @@ class Executor:
         # inputs that held the machine in the cycle before
         self._holding: tuple[int, ...] = ()
         self._cycle = Cycle(machine, self.bank, self.motions, self._io, events, assume_homed=assume_homed)
+        self._cycle.bed = BedMesh.of(machine, self.bank.compensator)
         self._cycle.homed.restore(references or {})
         self._slots = tuple(ProgramSlot(index, ring, self._cycle) for index, ring in enumerate(rings))
         # slots that have had a program; the others cost no time

@@ -84,6 +84,8 @@ class FaultCode(enum.IntEnum):
     LEADER_LOST = 473
     COUPLED = 474
     WINDOW_LEFT = 475
+    BED_TOO_FAR = 476
+    BED_TOO_STEEP = 477
 
 
 # Codes that are reported and stop no program.
@@ -457,6 +459,14 @@ _TEXT: dict[int, tuple[str, str]] = {
     FaultCode.WINDOW_LEFT: (
         "what axis {axis} follows has come to the end of the window of its [axis.follow]",
         "end with G1061 before; a slower leader, a quicker program or a wider window",
+    ),
+    FaultCode.BED_TOO_FAR: (
+        "the bed is further off than greatest in the machine file; the mesh of axis {axis} stays as it was",
+        "clean the nozzle, home the axis, level it, look at the probe and `at`, or give a larger greatest",
+    ),
+    FaultCode.BED_TOO_STEEP: (
+        "the bed changes faster than reserve of axis {axis} lets it follow; its mesh stays as it was",
+        "level the bed, raise reserve, lower the limits of the axes over it, or put the points further apart",
     ),
     FaultCode.NO_TRAJECTORY: (
         "no motion of axis {axis} to its target keeps its limits",

@@ -32,9 +32,10 @@ class Contact:
         for column, each in enumerate(cycle.machine.inputs):
             if each.digital and each.number == probe.input:
                 self._column = column
+        planes = [(cycle.machine.column_of(axis), place) for axis, place in probe.planes.items()]
         simulated = self._column is None or cycle.machine.inputs[self._column].source is None
         self._planes = (
-            [(cycle.machine.column_of(axis), place) for axis, place in probe.planes.items()]
+            [(column, place + _lift(cycle, column)) for column, place in planes]
             if simulated or cycle.homed.assumed
             else []
         )
@@ -75,6 +76,11 @@ class Contact:
                 break
         found: Array = self._before + share * (now - self._before)
         return found
+
+
+def _lift(cycle: Cycle, column: int) -> float:
+    """Return by how much positions of a column are more than where it is, for the mesh of a bed [m]."""
+    return 0.0 if cycle.bed is None else cycle.bed.error_of(column)
 
 
 class Probes(Barrier):
@@ -135,6 +141,8 @@ class Probes(Barrier):
         if found is None and self._contact.at_end and self._kind.towards:
             found = self._cycle.row.actual
         place = self._cycle.row.actual if found is None else found
+        if found is not None and self._control.token and self._cycle.bed is not None:
+            self._cycle.bed.meet(found, real=not self._contact.at_end)
         reported = self._cycle.emit(
             EventKind.PROBED,
             self._slot,

@@ -12,6 +12,7 @@ from mcserver.errors import Diagnostic, ProgramRejected
 from mcserver.gcode.computing.expansion import Expansion
 from mcserver.gcode.computing.machine_values import Source
 from mcserver.gcode.computing.macro_expansion import expansion_of
+from mcserver.gcode.lost_planes import LostPlanes
 from mcserver.gcode.profiles.codes import CONSEQUENCES, LATHE, SPINDLE
 from mcserver.gcode.profiles.frame import Frame
 from mcserver.gcode.semantics.interpreter import Interpreter
@@ -39,6 +40,8 @@ CHANGES_OF_A_BEAM = 5
 LONG_WAIT = 100.0
 # codes and macros that are not done here: each is said once, with the count of its lines
 _OF_CODES = frozenset({"MC110", "MC141", "MC145"})
+# these, too: of tilted planes
+_SAID_ONCE = _OF_CODES | {"MC175"}
 MOST_FAULTS = 20_000  # a file with more is not one for this machine, and its faults must not fill the memory
 _COMMENTS = re.compile(r"\([^()]*\)?|;.*|%.*")
 
@@ -148,6 +151,9 @@ def _check_line(interpreter: Interpreter, expansion: Expansion, parsed: ParsedLi
         survey.value(capture)
     faults, values = interpreter.check_line(parsed)
     expansion.interpreted(values)
+    frame = interpreter.frame
+    tilted = frame is not None and frame.plane is not None
+    faults = survey.planes.told(_COMMENTS.sub("", parsed.text).upper(), faults, tilted=tilted)
     survey.faults(faults if parsed.origin is None else survey.unsaid(faults))
     if parsed.profile is not None:
         survey.profile_words(parsed.profile, parsed.number)
@@ -160,11 +166,16 @@ def _code(line: str) -> bool:
 
 
 class _Survey:
-    """What a check finds: faults line by line, and what is said once for the whole program."""
+    """What a check finds: faults line by line, and what is said once for the whole program.
+
+    Attributes:
+        empty: the file has no code. planes: leaves out what follows from tilted planes that are refused.
+    """
 
     def __init__(self, machine: Machine, at_rest: bool) -> None:
         self._at_rest = at_rest
         self.empty = False
+        self.planes = LostPlanes()
         self._dialect = machine.dialect
         self._lasers = frozenset(at for at, each in enumerate(machine.outputs) if each.laser)
         self._found: list[Diagnostic] = []
@@ -208,7 +219,7 @@ class _Survey:
                 self._computes += 1
                 if self._computes == 1:
                     self._found = [fault]
-            elif fault.code in _OF_CODES and not (self._computes or self._dialect.reference):
+            elif fault.code in _SAID_ONCE and not (self._computes or self._dialect.reference):
                 self._refused(fault)
             elif fault.severity == "warning":
                 if len(self._warnings) < MOST_FAULTS:

@@ -47,13 +47,14 @@ class CompensationSection(msgspec.Struct, frozen=True):
 class Compensation(msgspec.Struct, frozen=True):
     """The same in SI; ``pitch_errors`` ascend, ``square_errors`` are slopes [m/m] by axis number.
 
-    share: of the limits in the file that backlash gets.
+    share: of the limits in the file that backlash gets. beside_pitch: that errors of pitch leave.
     """
 
     backlash: float
     pitch_errors: tuple[tuple[float, float], ...]
     reserve: float
     share: float
+    beside_pitch: float
     square_errors: tuple[tuple[int, float], ...] = ()
     mesh: Mesh | None = None
 
@@ -105,6 +106,7 @@ def read_compensation(
         section.backlash * scale,
         tuple(errors),
         section.reserve,
+        left,
         left,
         square_errors_in_si(section.square_errors),
         None if section.mesh is None else section.mesh.scaled(scale),

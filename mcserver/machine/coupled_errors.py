@@ -7,7 +7,7 @@ is bounded, as that of a table of pitch errors is.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, Annotated
 
 import msgspec
@@ -15,6 +15,7 @@ import numpy as np
 from msgspec import Meta
 
 from mcserver.machine.constraints import LEAST_STEP, ascending
+from mcserver.machine.mesh_probe import MeshProbe
 from mcserver.machine.section_reader import Mistakes
 from mcserver.machine.toml_positions import Path
 from mcserver.units import MM, AxisType
@@ -37,7 +38,8 @@ class Mesh(msgspec.Struct, frozen=True):
         axes: the two or three that it lies over. first, second, third: where its points are on them,
             ascending; ``third`` is empty over two.
         errors: how much further than programmed the load is there: of each point on the second axis a row
-            over the first, and all these again for each point on the third.
+            over the first, and all these again for each point on the third; none where it is probed: all 0.
+        probe: how programs of a printer probe it.
     """
 
     axes: Annotated[
@@ -45,15 +47,18 @@ class Mesh(msgspec.Struct, frozen=True):
     ]
     first: _Numbers
     second: _Numbers
-    errors: Annotated[list[list[Error]], Meta(description="rows of errors, of 10 mm at most")]
+    errors: Annotated[list[list[Error]], Meta(description="rows of errors, of 10 mm at most")] = []
     third: Annotated[list[float], Meta(max_length=200, description="2 to 200 numbers")] = []
+    probe: MeshProbe | None = None
 
     def scaled(self, factor: float) -> Mesh:
         """Return the mesh in another unit."""
         first, second, third = (
             [factor * each for each in along] for along in (self.first, self.second, self.third)
         )
-        return Mesh(self.axes, first, second, [[factor * each for each in row] for row in self.errors], third)
+        errors = [[factor * each for each in row] for row in self.errors]
+        probe = None if self.probe is None else self.probe.scaled(factor)
+        return Mesh(self.axes, first, second, errors, third, probe)
 
     @property
     def places(self) -> list[list[float]]:
@@ -63,7 +68,8 @@ class Mesh(msgspec.Struct, frozen=True):
     @property
     def heights(self) -> np.ndarray:
         """The errors by their points on the first axis, the second, and the third."""
-        return np.array(self.errors).reshape([len(each) for each in reversed(self.places)]).T
+        counts = [len(each) for each in reversed(self.places)]
+        return (np.array(self.errors) if self.errors else np.zeros(counts)).reshape(counts).T
 
     @property
     def wrong(self) -> str:
@@ -73,6 +79,8 @@ class Mesh(msgspec.Struct, frozen=True):
         if not all(map(ascending, self.places)):
             return f"the positions do not ascend by {LEAST_STEP} or more"
         rows = len(self.second) * max(1, len(self.third))
+        if self.probe is not None and not self.errors:
+            return ""
         if [len(row) for row in self.errors] != [len(self.first)] * rows:
             return f"it needs {rows} rows of {len(self.first)} errors"
         return ""
@@ -134,6 +142,31 @@ def mesh_need(mesh: Mesh, motions: Sequence[Motion]) -> Motion:
     return Motion(velocity, acceleration, jerk)
 
 
+def motions_of(axes: Iterable[Axis]) -> dict[int, Motion]:
+    """Return the greatest motions of axes by programs, by number."""
+    return {each.index: Motion(each.max_velocity, each.max_acceleration, each.max_jerk) for each in axes}
+
+
+def share_needed(axis: Axis, motions: Mapping[int, Motion], mesh: Mesh | None) -> float:
+    """Return which share of its limits in the file an axis needs for its square errors and a mesh in SI.
+
+    Args:
+        motions: of the axes that these lie over, at the least, by number.
+    """
+    found = axis.compensation
+    assert found is not None
+    needs = [square_need(slope, motions[each]) for each, slope in found.square_errors]
+    if mesh is not None:
+        needs.append(mesh_need(mesh, [motions[each] for each in mesh.axes]))
+    kept = 1.0 - found.reserve
+    return max(
+        math.fsum(need.velocity for need in needs) * kept / axis.max_velocity,
+        math.fsum(need.acceleration for need in needs) * kept / axis.max_acceleration,
+        # an axis without a limit of jerk takes any
+        math.fsum(need.jerk for need in needs) * kept / axis.max_jerk if axis.max_jerk < math.inf else 0.0,
+    )
+
+
 def check_coupled(axes: Mapping[Path, Axis], mistakes: Mistakes, least: float) -> dict[int, float]:
     """Return the shares that backlash and jumps of a correction have behind errors that other axes cause.
 
@@ -162,30 +195,15 @@ def check_coupled(axes: Mapping[Path, Axis], mistakes: Mistakes, least: float) -
                 key, "square_errors and mesh are of linear axes over others", "name these by number", "MC092"
             )
             continue
-        motions = {
-            each.index: Motion(each.max_velocity, each.max_acceleration, each.max_jerk)
-            for each in named
-            if each is not None
-        }
-        needs = [square_need(slope, motions[each]) for each, slope in found.square_errors]
-        if found.mesh is not None:
-            needs.append(mesh_need(found.mesh, [motions[each] for each in found.mesh.axes]))
-        kept = 1.0 - found.reserve
-        shares = (
-            math.fsum(need.velocity for need in needs) * kept / axis.max_velocity,
-            math.fsum(need.acceleration for need in needs) * kept / axis.max_acceleration,
-            # an axis without a limit of jerk takes any
-            math.fsum(need.jerk for need in needs) * kept / axis.max_jerk
-            if axis.max_jerk < math.inf
-            else 0.0,
-        )
-        left[axis.index] = found.share - max(shares)
+        motions = motions_of(each for each in named if each is not None)
+        needed = share_needed(axis, motions, found.mesh)
+        left[axis.index] = found.share - needed
         if not left[axis.index] >= least:
             of = ", ".join(map(str, sorted(set(sources))))
-            needed, kept_for_it = 100.0 * max(shares), 100.0 * (found.share - least)
+            taken, kept_for_it = 100.0 * needed, 100.0 * (found.share - least)
             mistakes.add(
                 key,
-                f"at the limits of axes {of} square_errors and mesh take {needed:.1f} % of this one's",
+                f"at the limits of axes {of} square_errors and mesh take {taken:.1f} % of this one's",
                 f"{kept_for_it:.3g} % are kept for them: raise reserve, give the other axes a max_jerk, "
                 "or put the points of the mesh further apart",
                 "MC092",

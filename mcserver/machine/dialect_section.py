@@ -80,6 +80,7 @@ class Dialect(msgspec.Struct, frozen=True):
         cutters: the tool table of the machine file, for G43.
         retraction: what G10 and G11 do until M207 and M208 say otherwise; None: not known.
         leads: codes of pressure advance act: E has it.
+        mesh_axis: whose mesh G29 probes; None: there is none, and codes of it do not act.
     """
 
     profile: Profile = "reference"
@@ -101,6 +102,7 @@ class Dialect(msgspec.Struct, frozen=True):
     channels: bool = False
     retraction: Retraction | None = None
     leads: bool = False
+    mesh_axis: int | None = None
 
     @property
     def mapped(self) -> frozenset[str]:

@@ -51,6 +51,7 @@ from mcserver.machine.homing_section import (
 )
 from mcserver.machine.io_process_data import check_nodes
 from mcserver.machine.io_section import Input, Output, read_inputs, read_outputs
+from mcserver.machine.mesh_probe import check_mesh_probe
 from mcserver.machine.recovery_section import Recovery, read_recovery
 from mcserver.machine.section_reader import Mistakes, read_keys
 from mcserver.machine.sections import (
@@ -376,6 +377,8 @@ def _read_machine(raw: dict[str, Any], folder: Path | None, mistakes: Mistakes) 
             axes[index] = msgspec.structs.replace(
                 axes[index], compensation=msgspec.structs.replace(told, share=share)
             )
+        probed = check_mesh_probe(by_path, dialect, mistakes, probes=probe is not None)
+        dialect = msgspec.structs.replace(dialect, mesh_axis=probed)
         bodies = file.get("body") or ()
         check_gantries(by_path, tools, bodies, mistakes)
         follow = {path[:-1]: file["axis"][path[1]].follow for path, _, _ in drives}

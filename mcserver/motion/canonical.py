@@ -337,7 +337,8 @@ class ProbeLine(msgspec.Struct, frozen=True):
 
     Attributes:
         targets: of ``axes`` [m or rad]. speed: along the line [m/s]. requested: T to the targets [s].
-        length: to the targets [m].
+        length: to the targets [m]. mesh: what it meets is a point of the mesh of the bed, and a rapid of its
+            axis is behind it.
     """
 
     line: int
@@ -347,6 +348,23 @@ class ProbeLine(msgspec.Struct, frozen=True):
     speed: float
     requested: float
     length: float
+    mesh: bool = False
+
+
+class MeshUse(enum.IntEnum):
+    """What becomes of the mesh of a printer's bed (D-144)."""
+
+    OFF = 0
+    ON = 1
+    MET = 2  # it is what was probed, and counts
+
+
+class MeshLine(msgspec.Struct, frozen=True):
+    """The mesh of the bed counts otherwise behind it; ``axes``: that it is of, and lies over."""
+
+    line: int
+    use: MeshUse
+    axes: tuple[int, ...]
 
 
 class ThreadLine(msgspec.Struct, frozen=True):
@@ -416,7 +434,9 @@ class EndLine(msgspec.Struct, frozen=True):
     line: int
 
 
-Canonical = MotionLine | AxisLine | ProbeLine | ThreadLine | PauseLine | OutputLine | InputLine | EndLine
+Canonical = (
+    MotionLine | AxisLine | ProbeLine | MeshLine | ThreadLine | PauseLine | OutputLine | InputLine | EndLine
+)
 
 
 def requested_of(line: MotionLine) -> float | None:

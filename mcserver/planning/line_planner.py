@@ -25,6 +25,7 @@ from mcserver.motion.canonical import (
     FeedGroup,
     Group,
     InputLine,
+    MeshLine,
     MotionLine,
     OutputLine,
     PathBatch,
@@ -298,6 +299,8 @@ class LinePlanner:
             self._axis_line(line)
         elif isinstance(line, ProbeLine):
             self._probe(line)
+        elif isinstance(line, MeshLine):
+            self._mesh(line)
         elif isinstance(line, ThreadLine):
             self._thread(line)
         elif isinstance(line, PauseLine):
@@ -559,9 +562,21 @@ class LinePlanner:
             line.targets,
             seconds=line.speed,
             operation=int(line.kind),
+            token=int(line.mesh),
         )
         self.control(ControlKind.LINE_END, line.line)
+        if line.mesh:
+            # what is behind it goes by rapids, wherever it ended
+            return
         self._await_settled(frozenset(line.axes), observing=True)
+
+    def _mesh(self, line: MeshLine) -> None:
+        """Have the mesh of the bed count otherwise where its axes rest, and wait until they are there."""
+        self.reports.append(Report(ReportKind.PLANNED, line.line))
+        self._begin_at_rest(line.line, line.axes)
+        self.control(ControlKind.MESH, line.line, axes=self._mask(line.axes), operation=int(line.use))
+        self.output.put(self._wait(line.line, line.axes))
+        self.control(ControlKind.LINE_END, line.line)
 
     def _thread(self, line: ThreadLine) -> None:
         """Let the executor follow the spindle to the end of a pass (D-89)."""
@@ -587,16 +602,20 @@ class LinePlanner:
         self, kind: ControlKind, line: int, axes: tuple[int, ...], targets: tuple[float, ...], **more: Any
     ) -> None:
         """Begin a line whose motion along a straight way is the executor's."""
+        self._begin_at_rest(line, axes)
+        row = [0.0] * self._width
+        for axis, target in zip(axes, targets, strict=True):
+            row[self._columns[axis]] = target
+        self.control(kind, line, axes=self._mask(axes), values=tuple(row), **more)
+
+    def _begin_at_rest(self, line: int, axes: tuple[int, ...]) -> None:
+        """Begin a line where independent motion of its axes has ended."""
         self.motion.to_whole_cycle()
         moving = tuple(sorted(self._independent.intersection(axes)))
         if moving:
             self.output.put(self._wait(line, moving))
             self._independent -= set(moving)
         self.control(ControlKind.LINE_START, line)
-        row = [0.0] * self._width
-        for axis, target in zip(axes, targets, strict=True):
-            row[self._columns[axis]] = target
-        self.control(kind, line, axes=self._mask(axes), values=tuple(row), **more)
 
     def _ask_energized(self, line: MotionLine, axes: frozenset[int]) -> None:
         """Have the executor check axes that no capture of this program holds (D-27): it faults, or they

@@ -115,8 +115,12 @@ async def test_a_fault_a_killed_recorder_and_a_killed_server(
         assert (await machine.status()).t > 0.0
         listening.cancel()
 
-    get = ("record", "get", "cut", "--connect", boxed.endpoint, "-o", str(tmp_path / "cut.mcap"))
-    shown = await asyncio.to_thread(mcctl, *get)
+    order = ("--connect", boxed.endpoint)
+    for words in (("start", "kept", "--seconds", "600"), ("stop", "kept"), ("list",)):
+        shown = await asyncio.to_thread(mcctl, "record", *words, *order)
+        assert shown.returncode == 0, shown.stderr
+    assert "kept" in shown.stdout
+    shown = await asyncio.to_thread(mcctl, "record", "get", "cut", *order, "-o", str(tmp_path / "cut.mcap"))
     assert shown.returncode == 0, shown.stderr
     assert (tmp_path / "cut.mcap").read_bytes() == (folder / "cut.mcap").read_bytes()
 

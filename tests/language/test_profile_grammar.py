@@ -20,6 +20,7 @@ from mcserver.language.grammar.expressions import Grammar
 from mcserver.language.grammar.notations import Notation, write_grammar
 from mcserver.machine.machine_file import Machine, load_machine, parse_machine
 from tests.language.grammar_reader import Recognizer, pattern_of, read_grammar
+from tests.machine_text import axes_text
 
 CORPUS = Path(__file__).resolve().parents[1] / "corpus"
 PROFILES = ("cnc", "printer", "robot")
@@ -153,6 +154,25 @@ def test_a_machine_with_inputs_outputs_and_a_probe_has_their_codes() -> None:
     read = reader_of(machine.dialect)
     assert [fault for line in right for fault in read(line, 2).faults] == []
     random = Random(6)
+    for _ in range(200):
+        line = derive(build_grammar(machine), random, "line")
+        assert read(line, 2).faults == (), line
+
+
+def test_a_printer_that_probes_its_bed_has_the_codes_of_its_mesh() -> None:
+    assert machine_of("printer").dialect.mesh_axis is None
+    mesh = "[axis.compensation.mesh]\naxes = [0, 1]\nfirst = [10.0, 90.0]\nsecond = [10.0, 90.0]\n"
+    mesh += "[axis.compensation.mesh.probe]\nspeed = 5.0\nclear = 3.0\ngreatest = 0.4\n"
+    text = '[machine]\nname = "bed"\n[dialect]\nprofile = "printer"\n[probe]\nsimulated_at = { Z = 0.0 }\n'
+    for index in range(3):
+        keys = "max_jerk = 50000.0\nmin_position = -5.0\nmax_position = 100.0\n"
+        text += axes_text([index], keys=keys + (mesh if index == 2 else ""))
+    machine = parse_machine(text)
+    accepts = Recognizer(build_grammar(machine)).accepts
+    assert [line for line in ("G29", "M420 S1", "M420S0", "M421") if not accepts(line)] == []
+    assert [line for line in ("G29 S5", "M420 S2", "M420", "BED_MESH_CLEAR X") if accepts(line)] == []
+    read = reader_of(machine.dialect)
+    random = Random(8)
     for _ in range(200):
         line = derive(build_grammar(machine), random, "line")
         assert read(line, 2).faults == (), line

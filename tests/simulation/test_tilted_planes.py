@@ -14,6 +14,7 @@ import pytest
 from mcserver.errors import ProgramRejected
 from mcserver.gcode.modal_codes import modal_codes
 from mcserver.gcode.profiles.frame import Frame
+from mcserver.gcode.program_check import check_program
 from mcserver.gcode.semantics.interpreter import Interpreter
 from mcserver.machine.machine_file import Machine
 from mcserver.machine.machine_kinematics import build_kinematics
@@ -392,6 +393,38 @@ def test_a_position_beyond_the_travel_is_not_taken_and_none_is_refused(tmp_path:
 )
 def test_what_could_go_elsewhere_is_refused(trunnion: Machine, lines: list[str], code: str) -> None:
     assert faults(trunnion, *BEGIN, *lines) == [(code, len(BEGIN) + len(lines))]
+
+
+REFUSED = "G68.2 P4 X0 Y0 Z0 I0 J0 K0"
+ON_IT = ("F100 G53.1", "G0 X5 Y5 Z9000", "G2 X9 Y5 I2", "G0 C30")
+
+
+@pytest.mark.parametrize(
+    ("lines", "told"),
+    [
+        ((REFUSED, *ON_IT), [(1, "P4 is not read")]),
+        ((REFUSED, *ON_IT, "G69", "G0 Z0", REFUSED, *ON_IT), [(1, "P4 is not read (2 lines)")]),
+        ((POINTS[0], POINTS[2], POINTS[2], *ON_IT), [(2, "here G68.2 P2 needs Q2")]),
+        (("G68.2 P3 Q1 X1 Y2 Z3 I1", VECTORS[1], *ON_IT), [(1, "G68.2 P3 takes")]),
+        ((POINTS[0], *ON_IT), [(2, "P2 is not complete")]),
+        (
+            (PLANE, "G0 X5 Y5 Z5", "G1 X6 Y6 Z6 F100"),
+            [(2, "does not stand on the tilted plane yet (2 lines)")],
+        ),
+        # what stands in such a line by itself, and what comes when the plane has ended, is told
+        ((REFUSED, "G53.1", "G2 X5 Y5", "G69", "G0 Z9000"), [(1, "P4"), (3, "neither R nor"), (5, "beyond")]),
+        ((REFUSED, *ON_IT, PLANE.replace("G68.2", "G68.2 Q2")), [(1, "P4"), (6, "P0 takes no Q")]),
+        (("G53.1", "G0 Z9000"), [(1, "no G68.2"), (2, "beyond")]),
+    ],
+)
+def test_a_plane_that_is_refused_is_told_once_and_nothing_that_follows_from_it(
+    trunnion: Machine, lines: tuple[str, ...], told: list[tuple[int, str]]
+) -> None:
+    text = "\n".join((*lines, "M2"))
+    found = check_program(text, trunnion, build_kinematics(trunnion))
+    errors = [each for each in found if each.severity == "error"]
+    assert [each.line for each in errors] == [line for line, _ in told], errors
+    assert all(says in each.message for each, (_, says) in zip(errors, told, strict=True)), errors
 
 
 def test_a_head_s_plane_has_no_compensation_and_a_machine_without_kinematics_no_plane(tmp_path: Path) -> None:

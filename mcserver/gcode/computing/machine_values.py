@@ -16,7 +16,7 @@ from mcserver.gcode.semantics.interpreter import Interpreter
 from mcserver.gcode.semantics.program_units import axis_scale, length_scale
 from mcserver.gcode.text.words import INCREMENTAL_LETTERS, axis_letters
 from mcserver.machine.work_systems import ANGLE, SYSTEM_NUMBERS
-from mcserver.motion.canonical import Canonical, InputLine, ProbeLine, WaitMode
+from mcserver.motion.canonical import Canonical, InputLine, MeshLine, MeshUse, ProbeLine, WaitMode
 from mcserver.units import DEGREE, MM
 
 _LETTERS = "XYZABCUVW"
@@ -106,6 +106,12 @@ class MachineValues:
                 self._probe = _Probe(dict(modal.shift or {}), modal.inch, self._transformation)
                 if self._source is Source.ASSUMED:
                     self.probed(self._interpreter.positions, tripped=value.kind.towards)
+            elif isinstance(value, MeshLine):
+                if value.use is MeshUse.MET and self._source is Source.ASSUMED:
+                    probe = self._machine.probe
+                    simulated = probe is not None and bool(probe.planes)
+                    where = "at simulated_at of [probe]" if simulated else "where it should be"
+                    self._assume(f"G29 meets the bed {where}")
             elif isinstance(value, InputLine):
                 self._input = None
                 if self._source is Source.ASSUMED:

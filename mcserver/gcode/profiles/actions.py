@@ -7,9 +7,11 @@ import math
 import msgspec
 
 from mcserver.gcode.profiles.advance_codes import set_advance
+from mcserver.gcode.profiles.bed_mesh_codes import set_bed_mesh
 from mcserver.gcode.profiles.codes import (
     ACTING,
     ADVANCE,
+    BED_MESH,
     COMPENSATING,
     DRILLING,
     FACTORS,
@@ -193,6 +195,8 @@ def act_after(block: BlockState, actions: tuple[Action, ...], effects: Effects) 
             transform(block, action)
         elif action.code in RETRACTING.values():
             effects.after += retract(block, action)
+        elif action.code in BED_MESH:
+            effects.after += set_bed_mesh(block, action)
         elif action.code == "G68.2":
             tilt(block, action)
         elif action.code == "G53.1":
@@ -354,11 +358,9 @@ def _go_home(block: BlockState, action: Action, effects: Effects) -> None:
         _rapid(block, action, through, effects)
     _rapid(block, action, {axis: stored_end(block, axis, home.get(axis, 0.0)) for axis in axes}, effects)
     block.transformation = transformation.without(axes)
-    retracted = block.frame.retracted
-    if retracted is not None and LENGTH_AXIS in axes:
+    if LENGTH_AXIS in axes:
         # a Z that is homed is lifted no longer (Marlin)
-        kept = {axis: offset for axis, offset in retracted.items() if axis != LENGTH_AXIS}
-        block.frame = msgspec.structs.replace(block.frame, retracted=kept)
+        block.frame = block.frame.unlifted
 
 
 def _rapid(block: BlockState, action: Action, targets: dict[int, float], effects: Effects) -> None:

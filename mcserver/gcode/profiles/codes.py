@@ -71,6 +71,8 @@ FACTORS: Final = frozenset({"M220", "M221"})
 # pressure advance of Marlin, RepRapFirmware and Klipper (D-143)
 KLIPPER_ADVANCE: Final = "SET_PRESSURE_ADVANCE"
 ADVANCE: Final = frozenset({"M900", "M572", KLIPPER_ADVANCE})
+# the mesh of a printer's bed, of Marlin; Klipper's macros become one of them (D-144)
+BED_MESH: Final = frozenset({"G29", "M420"})
 _CYCLE_MODES: Final = frozenset({"G80", "G98", "G99"})
 
 # codes of printers that stop until somebody resumes, with what they say to the operator; "": the program ends
@@ -127,10 +129,10 @@ def acting_of(dialect: Dialect) -> frozenset[str]:
         # G7 is another code on its controllers
         return acting - DIAMETERS
     if dialect.profile == "printer" and dialect.extruder is None:
-        return acting - RETRACTING.keys() - {"M221"}
+        acting = acting - RETRACTING.keys() - {"M221"}
     if dialect.leads:
-        return acting | (ADVANCE - {KLIPPER_ADVANCE})
-    return acting
+        acting = acting | (ADVANCE - {KLIPPER_ADVANCE})
+    return acting if dialect.mesh_axis is None else acting | BED_MESH
 
 
 # act in every profile of a machine that has a probe
@@ -148,7 +150,7 @@ TAKES_AXES: Final = (
 
 # actions that move axes
 MOVING: Final = (
-    frozenset({"G28", "G30", "G53.1", "M19", "REPEAT", "RETRACT", "RECOVER"})
+    frozenset({"G28", "G29", "G30", "G53.1", "M19", "REPEAT", "RETRACT", "RECOVER"})
     | PROBING
     | DRILLING
     | THREADING
@@ -327,7 +329,7 @@ CONSEQUENCES: Final = (
     ),
     (
         re.compile(r"(?:G29(?:\.[0-9]+)?|G80|M420|BED_MESH\w*)\Z"),
-        "nothing is probed: the bed is as the mesh of Z in the machine file has it, flat without one",
+        "nothing is probed by it: the bed is as the mesh of Z that counts has it, flat without one",
     ),
     (re.compile(r"M622\Z"), "what stands between M622 and M623 is done in any case"),
     (re.compile(r"M808\Z"), "nothing is repeated"),

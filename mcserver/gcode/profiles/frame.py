@@ -178,6 +178,14 @@ class Frame(msgspec.Struct, frozen=True):
         return total or None
 
     @property
+    def unlifted(self) -> Frame:
+        """The frame where Z is not lifted by a retraction any more."""
+        retracted = self.retracted
+        if retracted is not None:
+            retracted = {axis: offset for axis, offset in retracted.items() if axis != LENGTH_AXIS}
+        return msgspec.structs.replace(self, retracted=retracted)
+
+    @property
     def fitted(self) -> int:
         """Number of the tool in the spindle: of the last M6, before any of the last T."""
         return self.tool if self.changed is None else self.changed

@@ -13,8 +13,10 @@ from collections.abc import Callable
 from mcserver.gcode.line_faults import FaultList
 from mcserver.gcode.notices import DISPLAY, logging_of
 from mcserver.gcode.profiles.advance_codes import klipper_words, without_curve
+from mcserver.gcode.profiles.bed_mesh_codes import bed_mesh_macro
 from mcserver.gcode.profiles.codes import (
     ADVANCE,
+    BED_MESH,
     FACTORS,
     FILES_OF_PRINTERS,
     HARMLESS_MACRO,
@@ -55,7 +57,7 @@ _EXPONENT = re.compile(r"E[-+]?[0-9]+")
 _IO_CODE = re.compile(r"M[ \t]*0*6[678](?![0-9])")
 _CHECKSUM = re.compile(r"\*[0-9]+[ \t]*\Z")
 # take all words of their line
-_WHOLE_LINE = {**RETRACTING, **{code: code for code in (*FACTORS, *ADVANCE)}}
+_WHOLE_LINE = {**RETRACTING, **{code: code for code in (*FACTORS, *ADVANCE, *BED_MESH)}}
 _RETRACTING = re.compile(r"(?:G[ \t]*0*1[01]|M[ \t]*0*20[78])(?![0-9]|\.0*[1-9])")
 # what may stand behind M200 where E stays a length
 _LENGTH = re.compile(r"(?:[DS]0*\.?0*)?(?:T0)?")
@@ -63,6 +65,7 @@ _LENGTH = re.compile(r"(?:[DS]0*\.?0*)?(?:T0)?")
 _PAUSE_OF_BAMBU = re.compile(r"M400[ \t]+U[ \t]*0*1\b")
 _FACTOR = re.compile(r"M[ \t]*0*22[01](?![0-9]|\.0*[1-9])")
 _ADVANCE = re.compile(r"M[ \t]*0*(?:900|572)(?![0-9]|\.0*[1-9])")
+_BED_MESH = re.compile(r"(?:G[ \t]*0*29|M[ \t]*0*420)(?![0-9]|\.0*[1-9])")
 
 # commands to firmware begin with one of these
 _FIRMWARE = "$!?~"
@@ -150,6 +153,12 @@ class ProfileReader:
                 given = klipper_words(code, macro.end(1), faults)
                 action = Action(macro[1], (macro.start(1) + 1, macro.end(1) + 1), given)
                 return _line(number, text, code, [], faults, ProfileWords((action,)))
+            if self._dialect.mesh_axis is not None:
+                span = (macro.start(1) + 1, macro.end(1) + 1)
+                found = bed_mesh_macro(macro[1], code, span, faults)
+                if found is not None or faults.found:
+                    own = () if found is None else (found,)
+                    return _line(number, text, code, [], faults, ProfileWords(own))
             if HARMLESS_MACRO.match(macro[1]) or macro[1] in self._dialect.ignore:
                 return nothing(macro[1])
             faults.add(
@@ -189,7 +198,8 @@ class ProfileReader:
         retracting = self._dialect.extruder is not None and _RETRACTING.search(code)
         leading = self._dialect.leads and _ADVANCE.search(code)
         code = without_curve(code) if leading else code
-        if retracting or leading or (self._dialect.profile == "printer" and _FACTOR.search(code)):
+        meshing = self._dialect.mesh_axis is not None and _BED_MESH.search(code)
+        if retracting or leading or meshing or (self._dialect.profile == "printer" and _FACTOR.search(code)):
             return self._whole_line(text, code, number, faults)
         words, profile = self._sorter.sort(self._words(code, faults), code, faults)
         return _line(number, text, code, words, faults, profile)
@@ -198,6 +208,7 @@ class ProfileReader:
         """Give a retraction, what sets it, or a factor all words of the line: Z, F and B are its own."""
         words = [word for word in self._words(code, faults) if word.letter != "N"]
         actions: tuple[Action, ...] = ()
+        ignored: tuple[str, ...] = ()
         name = code_name(words[0].letter, words[0].value) if words else ""
         others = [word for word in words if word.letter in "GM"][name in _WHOLE_LINE :]
         if others:
@@ -210,8 +221,11 @@ class ProfileReader:
                 if own[word.letter] is not word:
                     again = own[word.letter].span
                     faults.add("MC111", f"{word.letter} stands twice in one line", again, "keep one of them")
+            # Marlin's height at which the mesh has faded out
+            fades = name == "M420" and own.pop("Z", None) is not None
+            ignored = ("Z beside M420",) if fades else ()
             actions = () if faults.found else (Action(_WHOLE_LINE[name], words[0].span, own),)
-        return _line(number, text, code, [], faults, ProfileWords(actions))
+        return _line(number, text, code, [], faults, ProfileWords(actions, ignored=ignored))
 
     def _words(self, code: str, faults: FaultList) -> list[Word]:
         words: list[Word] = []

@@ -69,7 +69,7 @@ def find_axes_to_sync(
     # what the encoder reads decides offsets and where G28 goes from
     needed |= {word.axis for action in actions for word in action.axes}
     spindle = setup.machine.dialect.spindle
-    if codes & {"G28", "G30"}:
+    if codes & {"G28", "G29", "G30"}:
         # the spindle goes nowhere with them, and turns on
         needed |= set(unsynced) - {spindle}
     if codes & _FROM_XYZ:

@@ -65,6 +65,8 @@ _EXAMPLES: Mapping[int, str] = MappingProxyType(
         _VECTORS: "such as G68.2 P3 Q1 X0 Y0 Z0 I1 J0 K1 and G68.2 P3 Q2 I-1 J0 K1",
     }
 )
+# how the refusal of a line begins that is not the next one of its plane
+OUT_OF_ORDER = "here G68.2"
 _ORDERS = frozenset({123, 132, 213, 231, 312, 321})
 
 
@@ -148,7 +150,7 @@ def _check_sequence(before: Sequence[PlaneLine], form: int, number: int) -> None
     expected = {before[-1].number + 1} if before else {0, 1} if form == _POINTS else {1}
     if number not in expected:
         shown = " or ".join(f"Q{each}" for each in sorted(expected))
-        raise _Refusal(f"here G68.2 P{form} needs {shown}", _EXAMPLES[form])
+        raise _Refusal(f"{OUT_OF_ORDER} P{form} needs {shown}", _EXAMPLES[form])
 
 
 def _incomplete(lines: Sequence[PlaneLine]) -> str:

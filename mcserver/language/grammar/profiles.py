@@ -202,6 +202,8 @@ def _special_blocks(machine: Machine) -> list[Expression]:
             blocks.append(Ref("retraction-code"))
         if machine.dialect.leads:
             blocks.append(seq(Ref("advance-code"), opt(Ref("advance"))))
+        if machine.dialect.mesh_axis is not None:
+            blocks += [Ref("bed-code"), seq(Ref("mesh-code"), Ref("mesh-use"))]
         blocks.append(seq(Ref("home-code"), Ref("home-option")))
     return blocks
 
@@ -263,6 +265,9 @@ def _tokens(machine: Machine) -> dict[str, Expression]:
         "factor-code": _codes(FACTORS & acting_of(dialect) or FACTORS),
         "advance-code": _codes({"M900"}),
         "advance": word("K", _advances(machine)),
+        "bed-code": _codes({"G29"}),
+        "mesh-code": _codes({"M420"}),
+        "mesh-use": word("S", whole((0, 1))),
         "per-cent": word("S", Ref("positive")),
         "home-option": seq(char("W"), Ref("space")),
         "spindle-code": _codes({"M3", "M4", "M5"}),
@@ -343,7 +348,10 @@ def _macros(machine: Machine) -> list[Expression]:
     names: list[Expression] = [text(name) for name in own]
     if machine.dialect.profile == "printer":
         tail = many(Chars((("A", "Z"), ("a", "z"), ("_", "_"))))
-        families = [each for each in _MACRO_FAMILIES if each not in ADVANCE or not machine.dialect.leads]
+        acting = (ADVANCE if machine.dialect.leads else frozenset[str]()) | (
+            set() if machine.dialect.mesh_axis is None else {"BED_MESH"}
+        )
+        families = [each for each in _MACRO_FAMILIES if each not in acting]
         names += [seq(text(family), tail) for family in families]
     return names
 

@@ -1,0 +1,44 @@
+"""What a check says behind a tilted plane that is refused: nothing that follows from it (D-111)."""
+
+from __future__ import annotations
+
+import re
+
+from mcserver.errors import Diagnostic
+from mcserver.gcode.semantics.tilted_planes import OUT_OF_ORDER
+
+_CODE = re.compile(r"G[ \t]*0*(68[ \t]*\.20*|53[ \t]*\.10*|69)(?![0-9.])")
+# faults of the plane, and of where it would have taken the axes
+_FOLLOWING = frozenset({"MC175", "MC176", "MC201"})
+
+
+class LostPlanes:
+    """Follows one program's G68.2, G53.1 and G69, as a check reads them."""
+
+    def __init__(self) -> None:
+        self._lost = False
+
+    def told(self, code: str, faults: tuple[Diagnostic, ...], *, tilted: bool) -> tuple[Diagnostic, ...]:
+        """Return the faults of a line that do not follow from a plane refused before.
+
+        Args:
+            code: the line without comments, in capitals. tilted: there is a plane behind it.
+        """
+        codes = {match[1][:2] for match in _CODE.finditer(code)}
+        if not (codes or self._lost):
+            return faults
+        tilts = "68" in codes
+        told = tuple(
+            fault
+            for fault in faults
+            if not self._lost
+            or fault.code not in _FOLLOWING
+            or (tilts and not fault.message.startswith(OUT_OF_ORDER))
+        )
+        refused = any(fault.severity == "error" for fault in faults)
+        if "69" in codes or tilts:
+            self._lost = tilts and refused
+        elif codes and refused and tilted:
+            # the tool does not come to stand on it
+            self._lost = True
+        return told
