@@ -1,4 +1,4 @@
-"""What bounds the time of a segment, and the error where no velocity profile keeps the limits."""
+"""The limit that a segment's time is due to, and the error for a path without a velocity profile."""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
 """Canonical motion, in SI: what a line of G-code means, and the seam between dialect and motion.
 
-The interpreter of `mcserver.gcode` gives one of these for each line that does something; the planner
-turns it into setpoints. Plain frozen values that a test can compare.
+The interpreter of `mcserver.gcode` makes one of these values of each line that does something; the planner
+turns them into setpoints. They are frozen and compare by value.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from mcserver.motion.geometry.curves import ArcCurve, Array, Curve, LineCurve
 
-# Comma groups whose T differ by no more than this share have one T.
+# Comma groups whose times T differ by no more than this share are taken to have the same T.
 SAME_TIME = 1e-9
 
 
@@ -32,7 +32,7 @@ class AxisOperation(enum.Enum):
 
     @property
     def energized(self) -> bool | None:
-        """Whether its axes hold their positions behind it; None: as before."""
+        """Whether the operation leaves its axes energized and holding position; None: unchanged."""
         if self in (AxisOperation.COUPLE, AxisOperation.UNCOUPLE):
             return None
         return self is AxisOperation.CAPTURE
@@ -42,13 +42,12 @@ class FeedGroup(msgspec.Struct, frozen=True):
     """One comma group of G01-G03: concatenated commands that share one path fraction (D-31).
 
     Attributes:
-        curves: in reading order; the first one sets the time. No axis is in two of them.
+        curves: in reading order; ``reference`` sets the time. No axis is in two of them.
         duration: G93: T = 60/F [s]; None under G94.
         speed: G94: path speed of the curve that sets the time [m/s or rad/s]; None under G93.
         requested: T that the program asks for [s]: 60/F, or length/F.
         reference: index in ``curves`` of the command whose length and speed set the time.
-        carried: tools that the program has chosen by then, the last one last; what of them has a payload
-            moves with its joint.
+        carried: tools chosen before this line, the latest last; the payload of each moves with its joint.
     """
 
     curves: tuple[Curve, ...]
@@ -64,8 +63,10 @@ class FeedGroup(msgspec.Struct, frozen=True):
 
 
 class RapidGroup(msgspec.Struct, frozen=True):
-    """G00 (``wait``) or G1020 (no wait): every axis by itself to its target [m or rad]; ``carried`` as of
-    `FeedGroup`.
+    """G00 (``wait``) or G1020 (no wait): each axis moves independently to its target [m or rad].
+
+    Attributes:
+        carried: as in `FeedGroup`.
     """
 
     axes: tuple[int, ...]
@@ -75,10 +76,11 @@ class RapidGroup(msgspec.Struct, frozen=True):
 
 
 class SurfaceSpeed(msgspec.Struct, frozen=True):
-    """G96: how fast a spindle turns at the tool's distance from its axis (D-120).
+    """G96, constant surface speed: the spindle's speed follows from the tool's radius (D-120).
 
     Attributes:
-        axis: whose place is the distance from ``zero`` [m]. speed: at the tool [m/s]. greatest: [rad/s].
+        axis: its distance from ``zero`` [m] is the radius. speed: at the surface [m/s].
+        greatest: speed of the spindle [rad/s].
     """
 
     axis: int
@@ -87,7 +89,7 @@ class SurfaceSpeed(msgspec.Struct, frozen=True):
     greatest: float
 
     def at(self, place: float) -> float:
-        """Return the spindle's speed where the axis is at ``place`` [rad/s]."""
+        """Return the spindle's speed with the axis at ``place`` [rad/s]."""
         radius = abs(place - self.zero)
         return self.greatest if self.speed >= self.greatest * radius else self.speed / radius
 
@@ -96,7 +98,8 @@ class SpeedGroup(msgspec.Struct, frozen=True):
     """G1030 and the spindle: velocities of the axes [m/s or rad/s], converted from motor RPM.
 
     Attributes:
-        surface: what leads the one axis from then on; its velocity is that of now. None: nothing does.
+        surface: constant surface speed that sets the one axis's velocity from then on; ``velocities`` has
+            the first value. None: the velocities stay.
     """
 
     axes: tuple[int, ...]
@@ -127,7 +130,7 @@ class MotionLine(msgspec.Struct, frozen=True):
         line: number of the line in the file or program, from 1.
         groups: the comma groups in reading order; they start together.
         exact_stop: G61, G09 or G00: the line ends when the encoders are in tolerance (D-34).
-        tolerance: path tolerance in force, how far its corners may be rounded [m]; 0 keeps the path.
+        tolerance: path tolerance for rounding its corners [m]; 0: exact path.
         feed_length: sum of the linear lengths of its G01-G03 commands [m].
     """
 
@@ -142,7 +145,7 @@ class OutputSetting(msgspec.Struct, frozen=True):
     """Set the machine's output of a column to a value in its unit.
 
     Attributes:
-        scaled: of a laser: times the share that the speed is of the programmed one (D-77).
+        scaled: multiply a laser's power by actual path speed / programmed path speed (D-77).
     """
 
     column: int
@@ -154,8 +157,8 @@ class OutputLine(msgspec.Struct, frozen=True):
     """M62 to M65, M67, M68: set outputs.
 
     Attributes:
-        with_motion: in the cycle in which the next motion begins (D-70); else where the motion before them
-            has ended (D-71).
+        with_motion: set in the cycle in which the next motion begins (D-70); else once the motion before has
+            ended (D-71).
     """
 
     line: int
@@ -182,21 +185,22 @@ class SpeedOutputs(msgspec.Struct, frozen=True, eq=False):
 
 
 class PathBatch(msgspec.Struct, frozen=True, eq=False):
-    """Consecutive lines of one G01, G02 or G03 each, over whatever axes each names, in columns: the same as
-    that many `MotionLine`, without an object a line.
+    """Consecutive lines of one G01, G02 or G03 each, as columns of numbers: n `MotionLine` without their
+    objects. Lines may name different axes.
 
     Attributes:
         lines: shape (n,), numbers of the lines in the file or program, increasing.
         axes: K axis numbers, all that any line moves. points: shape (n+1, K), where the first line starts and
             where each line ends [m or rad].
-        frames: axes of curves, as `Curve.axes` has them. frame: shape (n,), which of them each line has.
+        frames: the distinct sets of axes, each as in `Curve.axes`. frame: shape (n,), each line's index in
+            ``frames``.
         centres: of arcs, as `ArcCurve.centre`, shape (n, 2) [m]; NaN for lines.
         sweeps: of arcs, as `ArcCurve.sweep`, shape (n,) [rad]; 0 for lines.
         lengths: shape (n,), as `Curve.length`. travels: shape (n,), the linear part of each [m].
         requested: shape (n,), T that the program asks for [s]: 60/F, or length/F.
         speeds: G94: path speeds, shape (n,) [m/s or rad/s]; None under G93, where T is ``requested``.
-        exact_stop, tolerance: as of `MotionLine`, the same for all.
-        outputs: that S sets; None: no line has one that does.
+        exact_stop, tolerance: as in `MotionLine`, the same for all lines.
+        outputs: that S sets; None: no line has an S that sets any.
     """
 
     lines: NDArray[np.int64]
@@ -227,7 +231,7 @@ class PathBatch(msgspec.Struct, frozen=True, eq=False):
         at = slice(first, behind)
         frame = self.frame[at]
         if (frame == frame[0]).all():
-            # lines between two rapids: nothing is sorted for a few of them
+            # a few lines between two rapids mostly share one frame: spare them the sort of np.unique
             used, frame = [int(frame[0])], np.zeros_like(frame)
         else:
             found, frame = np.unique(frame, return_inverse=True)
@@ -252,7 +256,7 @@ class PathBatch(msgspec.Struct, frozen=True, eq=False):
         )
 
     def first_beyond(self, axes: set[int]) -> tuple[int, tuple[int, ...]] | None:
-        """Return the number and the axes of the first line that moves one that is not among ``axes``."""
+        """Return number and axes of the first line that moves an axis outside of ``axes``."""
         beyond = [not axes.issuperset(frame) for frame in self.frames]
         if not any(beyond):
             return None
@@ -303,9 +307,9 @@ class PathBatch(msgspec.Struct, frozen=True, eq=False):
 
 
 class AxisLine(msgspec.Struct, frozen=True):
-    """G1000-G1011, G1060 and G1061 for ``axes``, once the motion before them has ended.
+    """An axis command (G1000-G1011, G1060, G1061), executed once the motion before it has ended.
 
-    A line may hold several axis commands; each becomes one AxisLine in reading order.
+    A line with several axis commands gives one AxisLine each, in reading order.
     """
 
     line: int
@@ -316,24 +320,24 @@ class AxisLine(msgspec.Struct, frozen=True):
 class ProbeKind(enum.IntEnum):
     """G38.2 … G38.5 (D-74)."""
 
-    TOWARDS = 2  # until contact, which has to come
-    TOWARDS_OR_ON = 3  # until contact, or to the end
-    AWAY = 4  # until contact is lost, which has to come
+    TOWARDS = 2  # until contact; a fault without it
+    TOWARDS_OR_ON = 3  # until contact or the target
+    AWAY = 4  # until contact is lost; a fault otherwise
     AWAY_OR_ON = 5
 
     @property
     def towards(self) -> bool:
-        """Whether it ends with contact made."""
+        """Whether the move ends when contact is made, not lost."""
         return self in (ProbeKind.TOWARDS, ProbeKind.TOWARDS_OR_ON)
 
     @property
     def needs(self) -> bool:
-        """Whether it is a fault to come to the end without that."""
+        """Whether reaching the target without that change of contact is a fault."""
         return self in (ProbeKind.TOWARDS, ProbeKind.AWAY)
 
 
 class ProbeLine(msgspec.Struct, frozen=True):
-    """A straight move that ends where the probe changes; what follows starts from there.
+    """G38: a straight move that ends where the probe's contact changes; the next move starts there.
 
     Attributes:
         targets: of ``axes`` [m or rad]. speed: along the line [m/s]. requested: T to the targets [s].
@@ -368,12 +372,12 @@ class MeshLine(msgspec.Struct, frozen=True):
 
 
 class ThreadLine(msgspec.Struct, frozen=True):
-    """G33: a straight move from rest to rest along which the axes follow the turns of the spindle (D-89).
+    """G33: a straight move from rest to rest, synchronized to the angle of the spindle (D-89).
 
     Attributes:
-        targets: of ``axes`` [m]. length: to the targets [m]. pitch: way along the line a turn [m].
-        spindle: its axis. turns_s: its speed by S, negative under M4 [1/s].
-        taps: the spindle is reversed at the targets, and the axes go back to where they started (D-89).
+        targets: of ``axes`` [m]. length: to the targets [m]. pitch: travel along the line per turn [m].
+        spindle: its axis. turns_s: its programmed speed S, negative under M4 [1/s].
+        taps: rigid tapping: at the targets the spindle reverses and the axes return to the start (D-89).
     """
 
     line: int
@@ -392,16 +396,16 @@ class ThreadLine(msgspec.Struct, frozen=True):
 
     @property
     def travel(self) -> float:
-        """Way of the axes [m]."""
+        """Distance that the axes cover, there and back when tapping [m]."""
         return 2.0 * self.length if self.taps else self.length
 
 
 class PauseLine(msgspec.Struct, frozen=True):
-    """M00, M01 or a tool change: motion before it ends, then the program waits to be resumed.
+    """M00, M01 or a tool change: motion ends, then the program waits to be resumed.
 
     Attributes:
-        notice: what the operator has to do; empty: the line's comment says it, if it has one.
-        tool: that is to be fitted, 0 for none; None: it is no tool change.
+        notice: what the operator has to do; empty: show the line's comment, if any.
+        tool: tool to fit, 0 to fit none; None: not a tool change.
     """
 
     line: int
@@ -420,7 +424,7 @@ class WaitMode(enum.IntEnum):
 
 
 class InputLine(msgspec.Struct, frozen=True):
-    """M66: motion before it ends, then an input is read, or waited for up to ``timeout`` [s] (D-72)."""
+    """M66: motion ends, then an input is read, or waited for up to ``timeout`` [s] (D-72)."""
 
     line: int
     column: int
@@ -440,7 +444,7 @@ Canonical = (
 
 
 def requested_of(line: MotionLine) -> float | None:
-    """Return the requested time of a line [s], that of its longest group; None where none requests one."""
+    """Return a line's requested time, the longest of its groups' [s]; None where no group requests one."""
     times = [
         group.requested if isinstance(group, FeedGroup) else group.seconds
         for group in line.groups
@@ -451,31 +455,29 @@ def requested_of(line: MotionLine) -> float | None:
 
 
 def dwell_of(line: MotionLine) -> float:
-    """Return for how long a line dwells and does nothing else [s]; beside other groups a dwell is stretched
-    with them.
-    """
+    """Return the dwell of a line that only dwells, else 0 [s]."""
     (first, *others) = line.groups or (None,)
     return first.seconds if isinstance(first, DwellGroup) and not others else 0.0
 
 
 def moves_axes(line: MotionLine) -> bool:
-    """Return True if a line is motion for M62: one of G00 to G03, or G1020."""
+    """Return whether a line counts as motion for M62: G00 to G03, or G1020."""
     return any(isinstance(group, FeedGroup | RapidGroup) for group in line.groups)
 
 
 def may_flow(line: MotionLine) -> bool:
-    """Return whether a line may flow into its neighbours: one feed group, or comma groups of feed alone
-    without an exact stop (D-32).
+    """Return whether a line may join its neighbours without a stop (D-32).
+
+    It may if it is one feed group, or several feed groups without an exact stop.
     """
     feeds = sum(isinstance(group, FeedGroup) for group in line.groups)
     return feeds == len(line.groups) > 0 and (feeds == 1 or not line.exact_stop)
 
 
 def one_path(line: MotionLine) -> FeedGroup | None:
-    """Return the feed group that a line is; comma groups that have one T are one together (D-32).
+    """Return a line's feed groups as one group; None where they are no single path.
 
-    Returns:
-        None where the line is anything else.
+    They are one path if they have the same T (D-32).
     """
     groups = [group for group in line.groups if isinstance(group, FeedGroup)]
     if len(groups) < len(line.groups) or not groups:

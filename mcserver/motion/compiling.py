@@ -1,6 +1,6 @@
-"""The first start after an installation: who compiles the kernels, who waits for it, and who need not.
+"""The first start after an installation: which process compiles the kernels, and which ones wait for it.
 
-Light, for those who only wait for it: neither numba nor a kernel is imported here.
+Imports neither numba nor a kernel, so that a process that only waits starts fast.
 """
 
 from __future__ import annotations
@@ -23,15 +23,15 @@ COMPILING_EXECUTOR = (
     "programs are planned without machine code until the planner's is there, too …"
 )
 PLAIN = "planning without machine code, which is made in the background, once for this computer"
-# A start from the cache is over before this [s].
+# A start from the cache takes less than this [s].
 PATIENCE_S = 3.0
-# Lines of a program that are planned in less time than compiling takes, at 5-50 ms a line.
+# A program of up to so many lines is planned sooner in plain Python (5-50 ms a line) than compiled for.
 SHORT_LINES = 300
-# Of the process that compiles in the background.
+# Niceness of the process that compiles in the background.
 NICE = 10
-# Lets a process run kernels as plain Python.
+# Environment in which a process runs kernels as plain Python.
 DISABLE_JIT = {"NUMBA_DISABLE_JIT": "1"}
-# The argument of the process in the background.
+# Argument of the process that compiles in the background.
 BACKGROUND = "background"
 
 
@@ -41,7 +41,7 @@ def plain_kernels() -> bool:
 
 
 def needs_compiler() -> bool:
-    """Return whether kernels have to be compiled, and can be kept: another process may do so meanwhile."""
+    """Return whether kernels are missing from a cache that can be written: another process may fill it."""
     folder = cache_folder()
     keeps = folder is not None and os.access(folder, os.W_OK)
     return keeps and not (plain_kernels() or kernels_kept())
@@ -58,7 +58,7 @@ def note_kernels_kept() -> None:
 
 
 def _marker() -> str:
-    """Name the file that marks all as compiled: by sources around the kernels, versions, and processor."""
+    """Name the file that marks all kernels as compiled, by a digest of sources, versions and processor."""
     digest = hashlib.sha256()
     folder = Path(__file__).parent
     for path in sorted(folder.rglob("*.py")):
@@ -81,10 +81,7 @@ def _processor() -> str:
 
 
 def use_plain_kernels() -> bool:
-    """Let this process run kernels as plain Python; return whether that is still possible.
-
-    It is not where they have been imported already.
-    """
+    """Make this process run kernels as plain Python; return False if they have been imported already."""
     if "mcserver.motion.kernels.compiled" in sys.modules:
         return False
     os.environ.update(DISABLE_JIT)
@@ -92,9 +89,9 @@ def use_plain_kernels() -> bool:
 
 
 def start_compiling() -> None:
-    """Start a process that compiles all kernels and outlives this one, unless one is at it.
+    """Start a process that compiles all kernels and outlives this one.
 
-    None is started where nothing could be kept.
+    Does nothing without a cache folder, or while another process compiles.
     """
     if cache_folder() is not None:
         with compiling_alone(wait=False) as alone:
@@ -121,10 +118,10 @@ def start_warm_up(part: str) -> subprocess.Popen[bytes]:
 
 @contextlib.contextmanager
 def compiling_alone(*, wait: bool = True) -> Iterator[bool]:
-    """Wait until no other process of this user compiles these sources: several first starts share the work.
+    """Hold the lock on compiling these sources, so that several first starts do not repeat the work.
 
     Yields:
-        Whether none does; where nothing can be locked, none is known of.
+        False where another process holds it and ``wait`` is False; True also where no file can be locked.
     """
     folder = cache_folder()
     if folder is None:
@@ -140,12 +137,12 @@ def _locked(folder: Path, stack: contextlib.ExitStack, wait: bool) -> bool:
     import fcntl
 
     try:
-        # closing it ends the lock, as the end of a process does
+        # the lock ends when the file is closed or the process ends
         lock = stack.enter_context((folder / f"lock-{_marker()}").open("ab"))
         fcntl.flock(lock, fcntl.LOCK_EX | (0 if wait else fcntl.LOCK_NB))
     except BlockingIOError:
         return False
     except OSError:
-        # read-only, or a disk that knows no locks
+        # the folder is read-only, or its file system has no locks
         return True
     return True

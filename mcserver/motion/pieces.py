@@ -1,4 +1,4 @@
-"""Output of the planner: rows, where lines begin and end, and the columns that rows drive."""
+"""Output of the planner: setpoint rows, where lines begin and end, and which columns the rows drive."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from mcserver.motion.bound import Bound
 
-# Rows in one piece of output.
+# Most rows in one piece of output.
 PIECE = 1000
 
 
@@ -19,13 +19,13 @@ class Rows:
     """Setpoint rows at u = first, first + 1, …
 
     Attributes:
-        first: u of the first row; what lies between the row before and it is not driven by rows (waits).
+        first: u of the first row; between pieces of rows there may be gaps (waits).
         position, velocity: shape (n, K) [m, rad; per second]; read only where the mask says.
         axes: bit mask of the columns that each row drives, shape (n,).
         line: number of the line that each row belongs to, shape (n,).
-        torque: what each row asks of joints with limited torque, shape (n, 3, J) (`row_torques`); None: of
-            none.
-        feed_scale: feed override that each row is planned for, shape (n,) [1]; None: all 1.
+        torque: load of each row on the joints with limited torque, shape (n, 3, J) (`row_torques`); None: no
+            joint has a limit.
+        feed_scale: feed scale that each row is planned for, shape (n,) [1]; None: all 1.
     """
 
     first: int
@@ -40,7 +40,7 @@ class Rows:
         return len(self.line)
 
     def part(self, start: int, end: int) -> Rows:
-        """Return the rows at these places."""
+        """Return rows ``start`` … ``end`` - 1."""
         part = slice(start, end)
         return Rows(
             self.first + start,
@@ -58,7 +58,8 @@ class LineEdges:
     """Where lines begin and end, in columns.
 
     Attributes:
-        u: in order, shape (n,) [cycles]. line: their numbers. ends: which of them end, the others begin.
+        u: non-decreasing, shape (n,) [cycles]. line: numbers of the lines. ends: True where a line ends,
+            False where one begins.
     """
 
     u: NDArray[np.float64]
@@ -69,12 +70,12 @@ class LineEdges:
         return len(self.u)
 
     def part(self, part: slice) -> LineEdges:
-        """Return some of them."""
+        """Return the edges of a slice."""
         return LineEdges(self.u[part], self.line[part], self.ends[part])
 
 
 class LineBound(msgspec.Struct, frozen=True):
-    """A limit has stretched the line."""
+    """A limit makes the line take longer than requested."""
 
     line: int
     bound: Bound
@@ -89,7 +90,7 @@ class Activation(msgspec.Struct, frozen=True):
 
 
 class Deactivation(msgspec.Struct, frozen=True):
-    """Rows no longer drive the columns of ``mask`` from u on; ``position`` (K,) is where they stay."""
+    """Rows no longer drive the columns of ``mask`` from u on; these stay at ``position`` (K,)."""
 
     u: float
     line: int

@@ -1,8 +1,8 @@
-"""Segments that flow into each other, as one velocity profile that ends at rest: a planner's window.
+"""The lookahead window: segments planned as one velocity profile that ends at rest.
 
-Lines that may be chords of a curve wait at its end until it is known what comes behind them; the last corner
-is rounded, and the last curve goes on, as more comes. Whatever is changed, a motion under way keeps a stop
-that it is sure to reach.
+Lines that may be chords of a curve wait at the window's end until the lines after them are known. Appending
+may still round the last corner and extend the last curve. Whatever is changed, a motion under way keeps a
+plan that stops it on its path.
 """
 
 from __future__ import annotations
@@ -22,7 +22,8 @@ from mcserver.motion.lookahead.lookahead import Lookahead
 from mcserver.motion.lookahead.planned_run import PlannedRun
 from mcserver.motion.smoothing.chord_smoothing import ChordSmoother, Item, OpenCurve, SmoothRun
 
-# What is left to a motion before the part of a curve that may still change: its speed has to follow [s].
+# Committed motion keeps this distance in time from the part of a curve that may still change, so that its
+# speed can adapt to the change [s].
 ADAPT_S = 0.05
 
 
@@ -30,9 +31,9 @@ class PlannedWindow:
     """The lookahead window: segments that are not committed yet, and their velocity profile.
 
     Attributes:
-        lookahead: the segments. plan: of all of them; None: some came since the last one.
-        reserve: how what is left was planned when it was last committed from: it ends at rest; None: the
-            window begins at rest.
+        lookahead: the segments. plan: of all of them; None: segments have come since the last plan.
+        reserve: the part of the last committed plan that has not been handed over, down to its stop; None:
+            the window begins at rest.
     """
 
     def __init__(self, limits: AxisLimits) -> None:
@@ -41,12 +42,12 @@ class PlannedWindow:
         self.lookahead = Lookahead(limits)
         self.plan: PlannedRun | None = None
         self.reserve: PlannedRun | None = None
-        # lines that may be chords of a curve, and what of the curve at the window's end may still change
+        # lines that may be chords of a curve, and the part of the last curve that may still change
         self._chords = SegmentList()
         self._open: OpenCurve | None = None
 
     def __len__(self) -> int:
-        """Count the segments, and the lines that wait to come in."""
+        """Count the segments, and the chords that wait to be appended."""
         return len(self.lookahead.table) + len(self._chords)
 
     @property
@@ -57,7 +58,7 @@ class PlannedWindow:
     # ------------------------------------------------------------------ what comes in
 
     def append(self, segment: Segment, *, from_rest: bool = False) -> None:
-        """Append a segment that travels, which says how far the corner before it may be rounded.
+        """Append a segment that travels; its tolerance says how far the corner before it may be rounded.
 
         Args:
             from_rest: the motion stops before it.
@@ -94,14 +95,14 @@ class PlannedWindow:
         self.lookahead.append_path(lines, from_rest=from_rest)
 
     def _append(self, segment: Segment, *, from_rest: bool = False) -> None:
-        # what was planned ends before it, and so does a curve
+        # plan and curve end before this segment
         self.plan = self._open = None
         if segment.tolerance > 0.0 and self.lookahead.table and self._round(segment):
             return
         self.lookahead.append(segment, from_rest=from_rest)
 
     def _round(self, segment: Segment) -> bool:
-        """Round the corner before ``segment``, if that is faster; return False where the corner stays."""
+        """Append ``segment`` behind a rounded corner, if that is faster; return False if nothing was done."""
         table = self.lookahead.table
         before = table.segments[-1]
         if not before.closes:
@@ -115,29 +116,30 @@ class PlannedWindow:
             part.active = segment.active
             self.lookahead.append(part)
         under_way = self.reserve is not None and count <= self.reserve.window
-        # the stop that is held in reserve runs to the untrimmed end: only a plan that is sure to hold may
-        # take its place
+        # the reserve stops at the untrimmed end, which is gone: round only if a new plan replaces it
         if under_way and not self._plan_in_reserve():
             table.put_back(saved)
             return False
         return True
 
     def _plan_in_reserve(self) -> bool:
-        """Plan the window and hold that in reserve for what comes behind; return False, and nothing changed,
-        where no plan exists, or a line would end before its T.
+        """Plan the window and make that the reserve.
+
+        Returns:
+            False, with nothing changed, where no plan exists or a line would end before its T.
         """
         try:
             plan = self.lookahead.plan()
         except PlanningError:
             return False
         if plan.ends_early:
-            # the line under way had the rest of its T without this
+            # without this change the line under way keeps its T
             return False
         self.plan = self.reserve = plan
         return True
 
     def take_chords(self) -> None:
-        """Let the lines that wait into the window, chords among them as parts of a curve."""
+        """Append the lines that wait, smoothing chords of a curve among them."""
         lines, self._chords = self._chords, SegmentList()
         if not lines:
             return
@@ -168,13 +170,13 @@ class PlannedWindow:
             self._append(line)
 
     def _put(self, count: int, last: Segment | None, items: list[Item]) -> bool:
-        """Put items behind the first ``count`` segments of the window, where nothing else stays.
+        """Replace all but the first ``count`` segments of the window by items.
 
         Args:
-            last: what is left of the last of these segments; None: all of it.
+            last: the last of these segments, trimmed; None: whole.
 
         Returns:
-            False, and nothing changed, where the motion under way may not be able to stop on that.
+            False, with nothing changed, where the motion under way may not be able to stop on the new path.
         """
         table = self.lookahead.table
         trimmed = last is not None and last is not table.segments[-1]
@@ -197,8 +199,7 @@ class PlannedWindow:
             self._open = items[-1].open
         if not checked:
             return True
-        # the stop that is held in reserve runs to the end that was there: only a plan that is sure to hold
-        # may take its place
+        # the reserve stops at the former end, which is gone: change it only if a new plan replaces it
         if not self._plan_in_reserve():
             table.put_back(saved)
             self._open, self.reserve = None, reserve
@@ -218,24 +219,27 @@ class PlannedWindow:
             try:
                 plan = self.lookahead.plan()
                 if plan.ends_early and is_under_way(table) and reserve is not None and not reserve.ends_early:
-                    # the stop in reserve leaves the line under way its T
+                    # the reserve keeps the T of the line under way
                     raise PlanningError(table.segments[0].line)
                 self.plan = plan
             except PlanningError:
-                # the stop in reserve is a velocity profile too, if nothing has come behind it
+                # the reserve plans the whole window if no segment has come since
                 if reserve is None or reserve.window < len(table):
                     raise
                 self.plan = reserve
         return self.plan
 
     def end_here(self) -> None:
-        """Plan the stop at the end for good: no more lines come that it might be cut for."""
+        """Make the stop at the window's end final: no more lines come."""
         if not self.lookahead.stop_is_last and self.lookahead.table.bends_at_end:
             self.lookahead.stop_is_last = True
             self.plan = None
 
     def settled_until(self, plan: PlannedRun) -> float:
-        """Return until when nothing of the open curve begins, with time to adapt to what it becomes [s]."""
+        """Return the time until which a plan may be committed without touching the open curve [s].
+
+        Leaves `ADAPT_S` before the curve begins; infinite without an open curve.
+        """
         if self._open is None:
             return math.inf
         first = len(self.lookahead.table) - len(self._open.chords)
@@ -243,26 +247,27 @@ class PlannedWindow:
         return max(float(plan.times[index]) - ADAPT_S, 0.0)
 
     def drop_until(self, plan: PlannedRun, moment: float) -> None:
-        """Drop what its plan drives up to a moment [s]; what is left goes on at the speed reached there, and
-        is driven as it is planned if nothing more comes.
+        """Drop what a plan has driven by a moment [s].
+
+        The rest begins at the speed reached there, and keeps its plan until more lines come.
         """
         rest = plan.after(moment)
         table = self.lookahead.table
         table.drop(plan.window_at(moment))
         if self._open is not None:
-            # what of the curve is under way stays as it is
+            # the part of the curve that is under way no longer changes
             under_way = len(self._open.chords) - len(table) + 1
             self._open = self._open.without(max(under_way, 0))
         first = rest.segments[0]
         if first.begin > table.segments[0].begin:
-            # what is left of a segment under way, with what is left of its T
+            # the rest of a segment under way, with the rest of its T
             now = table.segments[0].lasting_less(plan.spent(moment), first.feed_scale)
             table.replace(0, msgspec.structs.replace(now, begin=first.begin, opens=False))
         self.lookahead.entry = max(float(rest.phases.velocity[0]), 0.0)
         self.reserve = self.plan = rest
 
     def drop_reserve(self) -> PlannedRun:
-        """Drop what the stop in reserve drives, and return that; what is left begins at rest.
+        """Drop the segments that the reserve drives, and return it; the rest begins at rest.
 
         Raises:
             PlanningError: the window begins at rest already: its first segment cannot be planned.
@@ -276,6 +281,6 @@ class PlannedWindow:
         return reserve
 
     def clear(self) -> None:
-        """Drop all segments: what comes next begins at rest."""
+        """Drop all segments; the next one begins at rest."""
         self.lookahead = Lookahead(self._limits)
         self._open = self.reserve = self.plan = None

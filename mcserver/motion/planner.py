@@ -1,9 +1,9 @@
 """The planner of one program: feed groups in, setpoint rows out, with a window that always ends at rest.
 
-The window holds segments that flow into each other. Its velocity profile always comes to rest at its end. A
-stretch is committed from the window's beginning up to a moment without acceleration that lies before
-that stop; what is left starts there at the speed reached, and is planned anew as more lines arrive. So
-the motion can always stop on the path, and never stops where more lines are there in time.
+The window holds segments without a stop between them; its velocity profile comes to rest at its end. A part
+is committed from the window's beginning up to a moment without acceleration that lies before that stop; the
+rest starts there at the speed reached, and is planned anew as more lines arrive. So the motion can always
+stop on the path, and stops only where the next lines come too late.
 """
 
 from __future__ import annotations
@@ -35,19 +35,19 @@ from mcserver.motion.planned_window import PlannedWindow
 from mcserver.motion.run_output import RunOutput
 from mcserver.units import AxisType
 
-# Segments that come into the window between two plans of a stream, and the most that it holds: enough for any
-# stopping distance made of short lines.
+# Segments that the window is first filled with before it is planned.
 WINDOW = 512
+# Most segments that the window is filled with: enough for any stopping distance made of short lines.
 LARGEST_WINDOW = 8192
 
 
 class MotionPlanner:
-    """Plan the feed groups of one program and give setpoint rows, piece by piece.
+    """Plan the feed groups of one program and return setpoint rows, piece by piece.
 
     Attributes:
-        u: end of what has been committed, on the program's time axis [cycles].
-        position: commanded end of all columns, shape (K,) [m or rad].
-        feed_scale: that what is not committed yet is planned at: the override above 100 %, else 1.
+        u: end of the committed motion, on the program's time axis [cycles].
+        position: where the last appended segment ends, shape (K,) [m or rad].
+        feed_scale: for motion that is not committed yet: the override where above 100 %, else 1.
     """
 
     def __init__(self, machine: Machine, position: Array, dynamics: JointDynamics | None = None) -> None:
@@ -68,27 +68,27 @@ class MotionPlanner:
 
     @property
     def torque_stop(self) -> int:
-        """Return the longest stop that the torques of what has been committed ask for [cycles]."""
+        """Longest stop that the torques of the committed rows need [cycles]."""
         return 0 if self._torques is None else self._torques.longest_stop
 
     @property
     def pending(self) -> int:
-        """Number of segments in the window, and of lines that wait to come into it."""
+        """Number of segments in the window and of chords that wait to be appended to it."""
         return len(self._window)
 
     @property
     def full(self) -> bool:
-        """Whether enough has come for the stop at the window's end to lie well behind what is committed."""
+        """Whether the window is long enough to be planned: its stop is well after the next part to commit."""
         return self.pending >= self._size
 
     @property
     def moving(self) -> bool:
-        """Whether what has been committed ends with a speed."""
+        """Whether the committed motion ends at a speed above 0."""
         return self._window.moving
 
     @property
     def end_u(self) -> float:
-        """Where all that is in the window ends [cycles]."""
+        """Where the motion in the window ends [cycles]."""
         self._window.take_chords()
         if not self._window.lookahead.table:
             return self.u
@@ -98,13 +98,16 @@ class MotionPlanner:
             return self.u
 
     def segment(self, group: FeedGroup, line: int) -> Segment:
-        """Return the segment of a group; the commanded position advances to its end."""
+        """Return the segment of a group; `position` advances to its end."""
         segment = segment_of(group, line, self._slots, self._linear, self.feed_scale)
         anchor(segment, self.position)
         return segment
 
     def comma_line(self, groups: list[FeedGroup], line: int, tolerance: float) -> CommaLine | None:
-        """Return a line of several groups as one that flows; None: it has to stand (`comma_line`)."""
+        """Return a line of several groups for `append`; None: it has to start from rest (`comma_line`).
+
+        `position` advances to its end.
+        """
         axes = MachineAxes(self._limits, self._slots, self._linear, self.feed_scale)
         found = comma_line(groups, line, tolerance, self.position, axes)
         if found is not None:
@@ -124,7 +127,7 @@ class MotionPlanner:
         Args:
             from_rest: the motion stops before it.
             tolerance: how far the corner before it may be rounded [m].
-            companions: what runs beside it.
+            companions: motions of the line's other groups, parallel to it.
         """
         from_rest = self._companions.begins_at_rest(segment, companions, from_rest=from_rest)
         self._active |= segment.mask if companions is None else segment.mask | companions.mask
@@ -133,13 +136,13 @@ class MotionPlanner:
         self._window.append(segment, from_rest=from_rest)
 
     def append_run(self, run: PathBatch, *, from_rest: bool = False, tolerance: float = 0.0) -> bool:
-        """Append a batch of lines; return False, with nothing done, where one does not travel, or torques
-        are limited.
-
-        The commanded position moves on to its end.
+        """Append a batch of lines; `position` advances to its end.
 
         Args:
             from_rest: the motion stops before it. tolerance: how far the corner before it may be rounded [m].
+
+        Returns:
+            False, with nothing done, where a line does not travel or torques are limited.
         """
         if self._limits.torque is not None:
             return False
@@ -159,7 +162,7 @@ class MotionPlanner:
         return True
 
     def _solved(self) -> PlannedRun:
-        """Return the velocity profile of all that is in the window, as `PlannedWindow.solved` does."""
+        """Return the window's velocity profile (`PlannedWindow.solved`), which lasts until companions end."""
         window = self._window
         window.plan = self._companions.last_to_end(window.lookahead, window.solved(), self.u)
         return window.plan
@@ -167,27 +170,26 @@ class MotionPlanner:
     # ------------------------------------------------------------------ committing
 
     def follow_feed_scale(self) -> None:
-        """Plan what is not committed again where it has another feed scale."""
+        """Plan the window again if its feed scale has changed."""
         window = self._window
         window.take_chords()
         if self._companions.present or not window.lookahead.table:
-            # what runs beside its lines is planned already
+            # the companions' velocity profiles are fixed already
             return
         found = plan_at_feed_scale(window.lookahead, self.feed_scale)
         if found is not None:
             window.plan = found
 
     def commit(self, want: float = math.inf, *, closing: bool = False) -> Iterator[Piece] | None:
-        """Commit up to ``want`` [cycles] or a little more, but not the stop at the window's end.
+        """Commit motion up to ``want`` [cycles] or a little more, but not the stop at the window's end.
 
-        What is left begins at the speed reached, and keeps its plan until more lines or another feed scale
-        come.
+        The rest begins at the speed reached, and keeps its plan until lines come or the feed scale changes.
 
         Args:
-            want: infinite: as much as may be. closing: no more lines come into the window.
+            want: infinite: as much as possible. closing: no more lines come into the window.
 
         Returns:
-            The output, to be taken in full before the next call; None where only the stop is left.
+            The output, to be consumed in full before the next call; None where only the stop is left.
         """
         self.follow_feed_scale()
         if not self._window.lookahead.table:
@@ -206,16 +208,16 @@ class MotionPlanner:
         )
         settled = math.inf if closing else self._window.settled_until(plan)
         if moment > settled and (math.isinf(want) or wanted <= settled):
-            # what a curve still changes in is handed over only if it is needed
+            # commit a part of the curve that may still change only if the executor needs it
             moment = last_steady(plan, settled)
         if moment < wanted:
-            # what is left is planned again with each plan: the more that is, the more has to come
+            # each plan repeats the work on the rest: the longer that is, the more segments to wait for
             left = self.pending if moment < self._cycle else self.pending - plan.window_at(moment)
             left = max(left, WINDOW // 2)
             self._size = min(left + max(WINDOW, left) // 2, LARGEST_WINDOW)
         if moment < self._cycle:
-            # less than a cycle is not worth a new plan, and a trace of rounding would go on for ever: the
-            # window has to grow before the next one
+            # less than a cycle is not worth a plan, and a rounding error would be committed for ever: let
+            # the window grow first
             return None
         moment = plan.at_end(moment)
         origin, self.u = self.u, self.u + moment / self._cycle
@@ -223,17 +225,17 @@ class MotionPlanner:
         return self._output.pieces(plan, origin, math.floor(self.u + CYCLE_ROUNDING), moment)
 
     def _fall_back(self) -> Iterator[Piece]:
-        """Commit the stop that was planned before the last segments came; they go on from there.
+        """Commit the window's reserve, a stop before the latest segments, which then begin at rest.
 
         Raises:
-            PlanningError: no plan exists: the motion stands, and its first segment cannot be planned.
+            PlanningError: the motion is at rest already: the first segment has no velocity profile.
         """
         plan = self._window.drop_reserve()
         origin, self.u = self.u, self.u + plan.phases.duration / self._cycle
         return self._output.pieces(plan, origin, math.floor(self.u + CYCLE_ROUNDING), math.inf)
 
     def close(self) -> Iterator[Piece]:
-        """Commit all that is in the window, its stop included."""
+        """Commit the whole window, its stop included."""
         self.follow_feed_scale()
         if not self._window.lookahead.table:
             return iter(())
@@ -243,7 +245,7 @@ class MotionPlanner:
         except PlanningError:
             return itertools.chain(self._fall_back(), self._close_rest())
         origin, end = self.u, self.u + plan.phases.duration / self._cycle
-        # the row at the first whole cycle holds the target; what follows starts there
+        # the row at the first whole cycle holds the target; the next motion starts there
         self.u = float(whole_cycle(end))
         self._size = WINDOW
         self._window.clear()
@@ -270,20 +272,20 @@ class MotionPlanner:
         self.u += cycles
 
     def to_whole_cycle(self) -> None:
-        """Advance to a whole cycle, where waits stand."""
+        """Advance to a whole cycle: waits begin at one."""
         self.u = float(whole_cycle(self.u))
 
     def together(
         self, groups: list[FeedGroup], line: int
     ) -> tuple[Iterator[Piece], list[PlannedRun | None], float]:
-        """Plan groups that start together, each with a velocity profile of its own from rest to rest (D-32).
+        """Plan groups that start together, each with its own velocity profile from rest to rest (D-32).
 
         Returns:
-            The output, which ends with the longest group, the groups' velocity profiles (None: no travel),
-            and where the longest one ends on the program's time axis [cycles].
+            The output, which ends with the longest group; the groups' velocity profiles (None: no travel);
+            where the longest one ends on the program's time axis [cycles].
 
         Raises:
-            PlanningError: a group has no velocity profile, or their torques together cannot be kept.
+            PlanningError: a group has no velocity profile, or their sum exceeds a torque limit.
         """
         base = self.position.copy()
         segments = [self.segment(group, line) for group in groups]

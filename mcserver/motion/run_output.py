@@ -1,4 +1,4 @@
-"""Output of planned runs: rows, and between them what begins and ends."""
+"""Output of planned runs: setpoint rows, with edges of lines and activations of columns between them."""
 
 from __future__ import annotations
 
@@ -25,11 +25,11 @@ class RunOutput:
     """Output of one program's runs, one after the other.
 
     Args:
-        cycle: between rows [s]. companions: what runs beside the runs. torques: of the rows; None: nobody
-            asks for them.
+        cycle: between rows [s]. companions: motions parallel to the runs. torques: adds torques to rows;
+            None: no joint's torque is limited.
 
     Attributes:
-        announced: mask of the columns that rows drive by what has been put out.
+        announced: mask of the columns whose `Activation` has been output.
     """
 
     def __init__(self, cycle: float, companions: CompanionMotions, torques: TorqueOfRows | None) -> None:
@@ -39,15 +39,15 @@ class RunOutput:
         self.announced = 0
 
     def pieces(self, plan: PlannedRun, origin: float, last: int, until: float) -> Iterator[Piece]:
-        """Yield rows first_row(origin) … ``last``, with all that happens before ``until`` [s].
+        """Yield rows first_row(origin) … ``last``, and edges, bounds and activations before ``until`` [s].
 
-        Each piece of rows comes behind what stands before its last row; edges are in order of u.
-        Where the run closes, rounding does not put an edge behind its last row.
+        All that lies before a piece's last row comes before that piece; edges are in order of u. Where the
+        run closes (``until`` infinite), no edge lies after its last row, whatever the rounding.
         """
         self._companions.begin(plan, origin, until, last)
         latest = float(last) if math.isinf(until) else math.inf
         times = plan.times
-        # with the one that begins where the rows end
+        # one more: the segment that begins where the rows end
         count = min(int(np.searchsorted(times[:-1], until)) + 1, len(times) - 1)
         path = plan.segments.columns(0, count)
         happenings = _Happenings.of(plan, path, origin, until, latest, self._cycle, self.announced)
@@ -64,7 +64,7 @@ class RunOutput:
             self._companions.put_on(rows)
             np.bitwise_and(rows.axes, np.uint64(self.announced), out=rows.axes)
             for activation in starting:
-                # rows drive no column before its activation, which may stand a rounding error behind a row
+                # no row drives a column before its activation, which rounding may put just after a row
                 early = max(math.floor(activation.u + CYCLE_ROUNDING) - low + 1, 0)
                 rows.axes[:early] &= np.uint64(~activation.mask & _ALL)
             yield rows if self._torques is None else self._torques.on_plan(rows, plan, origin)
@@ -77,11 +77,12 @@ class RunOutput:
 
 @dataclass
 class _Happenings:
-    """What happens along a run, in order.
+    """Edges, activations and bounds along a run, each kind in order.
 
     Attributes:
-        edges: of lines. rows: the last row that stands before each of them, shape (n,).
-        activations: each with its row and how many edges come before it. bounds: each with its row.
+        edges: of lines. rows: the last row before each edge, shape (n,).
+        activations: each with the last row before it, and the number of edges before it.
+        bounds: each with the last row before it.
     """
 
     edges: LineEdges
@@ -103,20 +104,22 @@ class _Happenings:
         cycle: float,
         announced: int,
     ) -> _Happenings:
-        """Return those of a run that starts at u = ``origin`` [cycles] before ``until`` [s]; none is behind
-        ``latest`` [cycles].
+        """Return those of a run before a time.
 
         Args:
             path: columns of its first segments, at least of those that begin before ``until``.
+            origin: u of the run's start [cycles]. until: along the run [s].
+            latest: edges and activations after it are put there [cycles].
+            announced: mask of the columns that are already activated.
         """
         times = plan.times
         count = int(np.searchsorted(times[:-1], until))
-        # in order, whatever rounding has made of the times
+        # rounding may disorder the times
         at = np.maximum.accumulate(origin + times[: count + 1] / cycle)
         before = np.floor(at + CYCLE_ROUNDING).astype(np.int64)
         places = np.minimum(at, latest)
         ended = times[1 : count + 1] <= until
-        # a line is put out where it begins, and where it ends
+        # two edges a line: where it begins, and where it ends
         which = np.column_stack((path.opens[:count], path.closes[:count] & ended)).ravel()
         lines = np.repeat(path.line[:count], 2)[which]
         ends = np.tile(np.array([False, True]), count)[which]
@@ -134,7 +137,7 @@ class _Happenings:
         return cls(edges, _beside(before)[which], activations, bounds)
 
     def before(self, row: int | None) -> Iterator[Piece]:
-        """Yield what is left with rows before ``row``; None: all of it."""
+        """Yield what has not been yielded and lies before ``row``; None: all of it."""
         bounds, activations = self.bounds, self.activations
         while self._bounds_passed < len(bounds) and (row is None or bounds[self._bounds_passed][0] < row):
             yield bounds[self._bounds_passed][1]
@@ -156,13 +159,13 @@ class _Happenings:
 
 
 def _beside(values: NDArray[T]) -> NDArray[T]:
-    """Return the values at the start and at the end of each segment, one after the other."""
+    """Return start and end value of each segment, interleaved: shape (n+1,) to (2n,)."""
     beside: NDArray[T] = np.column_stack((values[:-1], values[1:])).ravel()
     return beside
 
 
 def _joining(active: NDArray[np.uint64], announced: int) -> list[tuple[int, int]]:
-    """Return the segments with which columns join the motion, and the masks of these columns."""
+    """Return the segments at which columns join the motion, each with the mask of these columns."""
     found: list[tuple[int, int]] = []
     (changes,) = np.nonzero(active[1:] != active[:-1])
     for index in [0, *(changes + 1).tolist()] if len(active) else []:

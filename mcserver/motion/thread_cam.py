@@ -1,9 +1,8 @@
-"""A thread as an electronic cam: the place along its line by the turns of the spindle.
+"""A thread as an electronic cam: position along its line as a function of the spindle's angle.
 
-The cam is planned over time at a greatest speed of the spindle: a ramp from rest to the speed of the pitch,
-a cruise, and a ramp to rest. Whoever plays it lets this plan time pass as the spindle turns, so the lead is
-that of the pitch at any speed of the spindle up to that one, and passes at different speeds fall into each
-other.
+The cam is planned over time at the greatest speed of the spindle: a ramp from rest to the speed of the pitch,
+a cruise, and a ramp to rest. The executor lets this plan time pass in proportion to the spindle's angle, so
+the lead is the pitch at any lower spindle speed, and passes at different speeds cut the same groove.
 """
 
 from __future__ import annotations
@@ -15,18 +14,18 @@ from dataclasses import dataclass
 from mcserver.machine.machine_file import Axis
 from mcserver.units import TURN
 
-# The spindle may be so much faster than its S.
+# Greatest speed of the spindle, as a multiple of its S.
 MOST_SPEED = 1.1
 # Shares of the axes' acceleration and jerk that ramps are planned with; the rest is for changes of the
 # spindle's speed.
 RAMP_ACCELERATION, RAMP_JERK = 0.7, 0.5
-# Shares of the jerk on a ramp that are for 3·a·ṙ and for v·r̈, r being the share of the spindle's speed.
+# Shares of the jerk on a ramp for the terms 3·a·ṙ and v·r̈, r being spindle speed / greatest speed.
 _OF_SLOPE, _OF_CURVATURE = 0.25, 0.25
-# An axis without a jerk limit is planned to take this long for its acceleration [s].
+# An axis without a jerk limit is planned to reach its acceleration in this time [s].
 JERK_TIME_S = 0.005
-# Plan time before the ramp to rest, in which changes of the speed come down to what a ramp leaves [s].
+# Plan time before the ramp to rest in which changes of speed decay to what a ramp allows [s].
 APPROACH_S = 0.05
-# Differences of setpoints over cycles are rounded.
+# Margin for the rounding of setpoint differences over a cycle.
 _ROUNDING = 0.98
 
 
@@ -44,8 +43,8 @@ class ThreadCam:
 
     Attributes:
         length: of the line [m]. speed: of the cruise [m/s].
-        greatest_speed: that the axes allow along the line [m/s]. acceleration, jerk: likewise [m/s², m/s³].
-        taps: the cruise has no end: the spindle is reversed, and the cam is played back to where it began.
+        greatest_speed, acceleration, jerk: limits of the axes along the line [m/s, m/s², m/s³].
+        taps: the cruise has no end: the spindle reverses, and the cam is played backwards to its start.
     """
 
     length: float
@@ -66,7 +65,7 @@ class ThreadCam:
 
     @property
     def ramp_length(self) -> float:
-        """Length of each ramp, where the pitch is not yet, or no longer, that of the thread [m]."""
+        """Length of each ramp, on which the lead is less than the pitch [m]."""
         return 0.5 * self.speed * self.ramp_s
 
     @property
@@ -75,7 +74,7 @@ class ThreadCam:
         return math.inf if self.taps else self.length / self.speed + self.ramp_s
 
     def at(self, time: float) -> tuple[float, float, float]:
-        """Return the place along the line and its first two derivatives by plan time [m, m/s, m/s²]."""
+        """Return position, velocity and acceleration along the line at a plan time [m, m/s, m/s²]."""
         if 2.0 * time > self.duration:
             place, speed, acceleration = self._from_rest(self.duration - time)
             return self.length - place, speed, -acceleration
@@ -98,15 +97,15 @@ class ThreadCam:
         return self.ramp_length - self.speed * left, self.speed, 0.0
 
     def follows(self, acceleration: float) -> bool:
-        """Return whether the cruise can follow a spindle that changes its speed.
+        """Return whether the cruise can follow an acceleration of the spindle.
 
         Args:
-            acceleration: of the spindle times the pitch [m/s²].
+            acceleration: of the spindle, times the pitch [m/s²].
         """
         return acceleration / self.speed <= self.rate_limits(0.5 * self.duration).slope
 
     def rate_limits(self, time: float) -> RateLimits:
-        """Return what changes of the rate keep every axis's limits at a plan time.
+        """Return the limits of changes of the rate that keep every axis's limits at a plan time.
 
         With s(τ), τ̇ = r: s̈ = s''·r² + s'·ṙ, and s⃛ = s'''·r³ + 3·s''·r·ṙ + s'·r̈, at rates of 0 to 1.
         """
@@ -124,22 +123,22 @@ class ThreadCam:
 
 
 def stopping_seconds(spindle: Axis, turns_s: float) -> float:
-    """Return the time in which a spindle comes to rest at its acceleration and jerk [s]."""
+    """Return the stopping time of a spindle under its acceleration and jerk limits [s]."""
     speed, acceleration, jerk = turns_s * TURN, spindle.max_acceleration, spindle.max_jerk
     rise = min(acceleration / jerk, math.sqrt(speed / jerk))
     return speed / acceleration + rise if speed * jerk >= acceleration**2 else 2.0 * rise
 
 
 def stopping_turns(spindle: Axis, turns_s: float) -> float:
-    """Return the turns in which a spindle comes to rest at its acceleration and jerk [1]."""
+    """Return the turns that a spindle needs to stop under its acceleration and jerk limits [1]."""
     return 0.5 * turns_s * stopping_seconds(spindle, turns_s)
 
 
 def least_tapping(cam: ThreadCam, stopping: float) -> float:
-    """Return the least length of a tapping move: the spindle is reversed on the cruise [m].
+    """Return the least length of a tapping move: the spindle has to reverse on the cruise [m].
 
     Args:
-        stopping: way on which it comes to rest [m].
+        stopping: travel while the spindle stops [m].
     """
     return cam.ramp_length + 1.2 * APPROACH_S * cam.speed + stopping
 
@@ -150,7 +149,7 @@ def plan_cam(
     """Plan a pass along a straight line.
 
     Args:
-        axes, travel: those that move, and how far each does [m]. pitch: way along the line a turn [m].
+        axes, travel: the axes, and the travel of each [m]. pitch: travel along the line per turn [m].
         turns_s: the spindle's S [1/s].
     """
     length = math.hypot(*travel)

@@ -1,6 +1,6 @@
-"""Get the planner ready before its first line: its loops are compiled or read from the cache.
+"""Compile the planner's kernels, or read them from the cache, before its first line.
 
-``python -m mcserver.motion.warm_up`` does so for the processes that come after it.
+``python -m mcserver.motion.warm_up`` fills the cache for later processes.
 """
 
 from __future__ import annotations
@@ -43,12 +43,12 @@ from mcserver.motion.lookahead.setpoint_sampling import sample
 from mcserver.motion.smoothing.chord_smoothing import ChordSmoother, SmoothRun
 
 _SLOTS = {0: 0, 1: 1}
-# A helper that takes longer is not waited for [s].
+# Longest wait for the helper process [s].
 _HELPER_S = 300.0
 
 
 class Part(Enum):
-    """What is compiled at one time, by one process."""
+    """A share of the kernels, compiled by one process."""
 
     LINES = "lines"
     CORNERS = "corners"
@@ -57,7 +57,7 @@ class Part(Enum):
 def warm_up() -> None:
     """Read all kernels from the cache, which takes half a second, or compile them.
 
-    All that a program may ask for is called here: what is compiled while one runs makes its motion wait.
+    Calls every kernel that a program may need: one compiled while a program runs would delay its motion.
     """
     if plain_kernels():
         return
@@ -72,12 +72,12 @@ def warm_up() -> None:
 
 
 def _compile() -> None:
-    """Compile in two processes; what both need is compiled by the one that comes to it first."""
+    """Compile in two processes; a kernel that both need is compiled by whichever gets to it first."""
     helper = start_warm_up(Part.CORNERS.value) if _cores() > 1 and cache_folder() else None
     try:
         _call(Part.LINES)
         if helper is not None:
-            # what it has not made, or could not keep, is compiled here
+            # what the helper has not compiled, or could not store, is compiled here
             with contextlib.suppress(subprocess.TimeoutExpired):
                 helper.wait(_HELPER_S)
         _call(Part.CORNERS)
@@ -111,7 +111,7 @@ def _call(*parts: Part) -> None:
 
 
 def _plan_lines(limits: AxisLimits) -> None:
-    """Plan a line and an arc in columns and a line behind them, sample them, and find times on them."""
+    """Plan and sample a line and an arc in columns and a line after them, and time a group of them."""
     turn = math.pi / 2.0
     lengths = np.array([0.01, 0.01 * turn])
     points = np.array([[0.0, 0.0], [0.01, 0.0], [0.02, 0.01]])
@@ -151,7 +151,7 @@ def _segment(group: FeedGroup, line: int, position: Array) -> Segment:
 
 
 def _find_trajectories() -> None:
-    """Find trajectories about a corner, which needs nothing that planning lines needs."""
+    """Find trajectories around a corner; shares no kernel with `_plan_lines`."""
     trajectories = np.zeros((2, PHASES, 5))
     pair = np.ones((2, 2))
     min_time_trajectories(np.ones((2, 5)), pair, 1.0, True, trajectories)
@@ -172,7 +172,7 @@ def _round_corners(limits: AxisLimits) -> None:
         after = _segment(FeedGroup((second,), requested=0.1, speed=0.1), 2, np.array([0.01, 0.0]))
         after.tolerance = 2e-3
         best_blend(window, after, limits)
-        # whichever way round the corner is the best one, all of them are called
+        # whichever rounding was best, call the kernels of all of them
         if after.straight:
             assert straight_blend(window.table.segments[-1], after, HANDLE, TOLERANCE_SHARES, limits, 0.0)
         window.append(after)
@@ -182,7 +182,7 @@ def _round_corners(limits: AxisLimits) -> None:
 
 
 def _smooth_chords(limits: AxisLimits) -> None:
-    """Compile what chords of a curve take."""
+    """Compile the smoothing of chords of a curve."""
     lines = []
     position = np.zeros(2)
     for number in range(1, 6):
@@ -200,7 +200,7 @@ def _smooth_chords(limits: AxisLimits) -> None:
 
 
 def _follow() -> None:
-    """Compile what cycles of simulated drives take."""
+    """Compile the cycles of simulated drives."""
     pair = np.ones((2, 2))
     cycles = (0, 256, 1e-15)
     servos = (np.ones((7, 2)), np.ones((2, 4, 2)), np.ones((3, 2)), np.ones(2, np.int8))
@@ -208,7 +208,7 @@ def _follow() -> None:
 
 
 def _drive_quicker(limits: AxisLimits) -> None:
-    """Compile what a stretch with acceleration at its knots takes."""
+    """Compile the search for phases with acceleration at knots."""
     rows = np.ones((2, 5 * len(limits.velocity) + 2))
     offset, edges = np.array([0, 2]), np.array([0.0, 0.01])
     run = run_of(rows, offset, np.ones(1), limits.rows, limits.cycle)
@@ -217,9 +217,9 @@ def _drive_quicker(limits: AxisLimits) -> None:
 
 
 def main(part: str | None = None) -> None:
-    """Compile a part, or all of it; in the background only where no other process does."""
+    """Compile a part, or all; in the background, do nothing while another process compiles."""
     if part == BACKGROUND:
-        # those who wait for something come first
+        # do not slow down anything that somebody waits for
         if sys.platform != "win32":
             os.nice(NICE)
         with compiling_alone(wait=False) as alone:

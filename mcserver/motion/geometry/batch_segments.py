@@ -1,4 +1,4 @@
-"""The segments of a `PathBatch`: lines and arcs on end in all columns of the machine."""
+"""The segments of a `PathBatch`: consecutive lines and arcs in all columns of the machine."""
 
 from __future__ import annotations
 
@@ -23,11 +23,11 @@ def segments_of_batch(
     feed_scale: float = 1.0,
     active: int = 0,
 ) -> SegmentRows | None:
-    """Return the segments from a ``position`` of all columns, shape (K,); None where a line does not travel.
+    """Return the segments of a batch; None where a line does not travel.
 
     Args:
-        slots, linear, feed_scale: as of `segment_of`. active: mask of the columns that the motion has moved
-            before.
+        position: of all columns where the batch starts, shape (K,). slots, linear, feed_scale: as in
+            `segment_of`. active: mask of the columns that the motion has moved before.
     """
     count, width = len(run), len(position)
     columns = tuple(np.array([slots[axis] for axis in frame], np.intp) for frame in run.frames)
@@ -102,10 +102,10 @@ def _feeds(run: PathBatch, lengths: Array) -> Array:
 def _arcs(
     points: Array, planes: NDArray[np.intp], curved: NDArray[np.intp], run: PathBatch
 ) -> tuple[Array, Array]:
-    """Return the rows of arcs, shape (m, `ARC`), and `SegmentRows.ends` of them in their planes, (4, m, 2).
+    """Return the arcs' rows, shape (m, `ARC`), and their `SegmentRows.ends` in their planes, (4, m, 2).
 
     Args:
-        planes: columns of their planes' axes, shape (m, 2). curved: which of the run's lines they are, (m,).
+        planes: columns of their planes' axes, shape (m, 2). curved: indices of the arcs in the batch, (m,).
     """
     centres, sweeps = run.centres[curved], run.sweeps[curved]
     x0, y0 = (points[curved[:, None], planes] - centres).T

@@ -1,9 +1,9 @@
-"""Corners rounded within a tolerance: a quintic between two segments, with continuous tangent and curvature.
+"""Corner blends within a tolerance: a quintic between two segments, with continuous tangent and curvature.
 
 The blend leaves the first segment at a distance d before the vertex and joins the second one at d
-behind it. Its Bezier points continue the tangents and bends of both, so that velocity and acceleration
+after it. Its Bezier points continue tangent and curvature of both, so that velocity and acceleration
 are continuous in every axis. Its largest distance from the programmed path, in either direction, is
-measured and d reduced until it fits (D-35, D-36).
+measured, and d reduced until it is within the tolerance (D-35, D-36).
 """
 
 from __future__ import annotations
@@ -30,9 +30,9 @@ from mcserver.units import MM
 
 # Share of a segment that a blend at one of its ends may use: two blends never meet.
 SHARE = 0.49
-# Tangents that nearly oppose each other cannot be rounded: the curve would turn on the spot.
+# Least cosine of the turn that is rounded: a curve between nearly opposite tangents would turn on the spot.
 REVERSAL = -0.95
-# A tool's speed between two samples of a blend passes that at both by less than this share.
+# Bound on a tool's speed between two samples of a blend, as a multiple of the greater of theirs.
 BETWEEN_SAMPLES = 1.001
 _S = np.linspace(0.0, 1.0, POLYNOMIAL_SAMPLES)
 
@@ -59,10 +59,11 @@ def blend(
 
     Args:
         tolerance: largest distance from the programmed path [m].
-        per_axis: weight of each column in that distance, shape (K,): 1 for metres; for radians what makes a
-            degree count as a millimetre.
+        per_axis: weight of each column in that distance, shape (K,): 1 for metres; radians are weighted so
+            that a degree counts as a millimetre.
         handle_share: share of d that a Bezier handle takes at a right angle.
-        per_joint: weight of each column that moves a tool: its distance is measured there; None: at the tool.
+        per_joint: weight of each column in the distance of joints that move a tool, shape (K,); None:
+            measure that distance at the tool.
     """
     if not (can_be_rounded(before) and can_be_rounded(after)):
         return None
@@ -77,7 +78,7 @@ def blend(
         if not np.isfinite(metric).all():
             return None
     longest = SHARE * min(_length_in(before), _length_in(after))
-    # the corner of two lines is missed by 0.22 to 0.3 d |t2 - t1|
+    # the blend of two lines passes the vertex at 0.22 to 0.3 d |t2 - t1|
     deviation_per_distance = 0.22 * float(np.linalg.norm(metric @ (t2 - t1)))
     distance = min(longest, tolerance / deviation_per_distance) if deviation_per_distance > 0.0 else longest
     cosine = float(t1 @ t2)
@@ -98,13 +99,14 @@ def blend(
 
 
 def can_be_rounded(segment: Segment) -> bool:
-    """Return whether a segment's corners may be rounded: lines, arcs, tool paths with known rates."""
+    """Return whether a segment's corners may be rounded: those of lines, arcs, tool paths with a Jacobian."""
     return all(curve.roundable for curve in segment.curves)
 
 
 def may_be_passed_in_time(segment: Segment) -> bool:
-    """Return whether a stop at a segment's ends may be passed by ramps that overlap: lines and arcs under
-    G94; tool paths keep near their pose, G93 lines their time.
+    """Return whether a stop at a segment's ends may be replaced by a time-domain blend.
+
+    Lines and arcs under G94 may; tool paths have to stay near their pose, and G93 lines have to keep T.
     """
     return segment.duration is None and all(
         curve.roundable and curve.tool_rates is None for curve in segment.curves
@@ -112,14 +114,14 @@ def may_be_passed_in_time(segment: Segment) -> bool:
 
 
 def corner_metric(before: Segment, after: Segment, per_axis: Array) -> Array:
-    """Return what turns displacements of the columns near a corner into those that its tolerance is for.
+    """Return the matrix from displacements of the columns to those that the path tolerance bounds.
 
     Args:
         per_axis: as for `blend`.
 
     Returns:
-        Shape (m, K): a row for each column that is no tool's, and X Y Z [m] and the turn (a degree as a
-        millimetre) of each tool that either segment moves, by its Jacobian at the corner.
+        Shape (m, K): a row for each column that moves no tool; for each tool that either segment moves, its
+        Jacobian at the corner: rows for X Y Z [m], and for its rotation (a degree as a millimetre).
     """
     own = np.ones(len(per_axis), np.bool_)
     rows: list[Array] = []
@@ -138,11 +140,11 @@ def corner_metric(before: Segment, after: Segment, per_axis: Array) -> Array:
 
 
 def joint_weights(before: Segment, after: Segment, limits: AxisLimits) -> Array | None:
-    """Return what each column weighs where a corner is measured at a tool's joints, shape (K,): the
-    path tolerance for a joint's own.
+    """Return the weights of columns for a corner whose deviation is measured at a tool's joints.
 
     Returns:
-        None where no joint of the tool may differ, or the corner is no tool's.
+        Path tolerance / joint tolerance, shape (K,); None without a joint tolerance, or where neither
+        segment moves a tool.
     """
     allowed = limits.joint_tolerance
     if allowed is None or not _moves_tool(before, after).any():
@@ -163,7 +165,7 @@ def _moves_tool(before: Segment, after: Segment) -> NDArray[np.bool_]:
 
 
 def _length_in(segment: Segment) -> float:
-    """Length of what remains of a segment, all columns together; of a tool's path its shorter end counts."""
+    """Return the remaining length of a segment over all columns; for a tool's path, a lower estimate."""
     rate = min(length_of(segment.first), length_of(segment.last))
     return rate * (segment.finish - segment.begin)
 
@@ -176,7 +178,7 @@ def _fit(
     width = len(before.base)
     p0, v0, a0 = _at(before, leave, width)
     p5, v5, a5 = _at(after, join, width)
-    # columns that only one of the two moves rest where that one begins or ends
+    # a column that only one of the two moves rests where that segment begins or ends
     p0 = np.where(_moved(before, width), p0, after.base)
     end = _at(before, before.finish, width)[0]
     p5 = np.where(_moved(after, width), p5, np.where(_moved(before, width), end, after.base))
@@ -190,7 +192,7 @@ def _fit(
     points = np.stack([p0, p1, p2, p3, p4, p5])
     power = np.empty_like(points)
     power_basis(points, power)
-    # columns that rest keep their place to the last bit
+    # columns at rest keep their position to the last bit
     power[1:] *= np.isin(np.arange(width), columns)
     weight = metric[:, columns].T
     error = deviation(
@@ -204,7 +206,7 @@ def _fit(
 
 @dataclass(frozen=True)
 class _Side:
-    """The line to which half of a blend belongs.
+    """The line to which half of a blend belongs, as ``segment``.
 
     Attributes:
         mask, base: of the blend. length: |dp/ds| of the line where it meets the blend.
@@ -217,9 +219,7 @@ class _Side:
 
 
 def _between(before: Segment, after: Segment, leave: float, join: float, power: Array) -> Blend | None:
-    """Return two segments trimmed at s = ``leave`` and ``join``, with the curve of ``power`` between
-    them.
-    """
+    """Return two segments trimmed at s = ``leave`` and ``join``, with the polynomial between them."""
     mask = before.mask | after.mask
     columns = columns_of(mask)
     width = len(before.base)
@@ -258,10 +258,11 @@ def straight_blend(
     """Round the corner of two straight segments with the share of the tolerance that takes least time.
 
     Args:
-        gain: what the corner, if it is a stop, takes less than the lines to it and from it [s].
+        shares: of the tolerance, to choose from. gain: time that a time-domain blend would save if the corner
+            is a stop [s].
 
     Returns:
-        None where the corner itself is passed as soon, or cannot be rounded.
+        None where no blend is faster than the corner itself, or the corner cannot be rounded.
     """
     if not (can_be_rounded(before) and can_be_rounded(after)):
         return None
@@ -294,8 +295,9 @@ def straight_blend(
 
 
 def _handle(share: float, cosine: float) -> float:
-    """Return the share of d for a Bezier handle: 0.4 spaces the points of a straight blend evenly, so
-    that dp/ds is constant.
+    """Return the share of d for a Bezier handle, shorter at sharp turns.
+
+    At a turn of 0 a share of 0.4 spaces the Bezier points evenly, so that dp/ds is constant.
     """
     return share + 0.13 * min(cosine, 0.0)
 
@@ -314,11 +316,11 @@ def _at(segment: Segment, s: float, width: int) -> tuple[Array, Array, Array]:
 
 
 def _half(power: Array, low: float, columns: NDArray[np.intp], side: _Side) -> Segment | None:
-    """Return half of a blend, from ``low`` on, as a segment; None where the curve nearly stands still
-    somewhere.
+    """Return half of a blend as a segment; None where dp/ds nearly vanishes.
 
     Args:
-        power: coefficients in all columns, shape (n, K), constant first. columns: those that move.
+        power: coefficients in all columns, shape (n, K), constant first. low: parameter at which the half
+            begins, 0 or 0.5. columns: those that move.
     """
     part = np.empty_like(power)
     restrict_polynomial(power, low, 0.5, part)
@@ -327,7 +329,7 @@ def _half(power: Array, low: float, columns: NDArray[np.intp], side: _Side) -> S
     polynomial_samples(part, 1.0, rows, speeds)
     if speeds.min() <= 1e-3 * speeds.max():
         return None
-    # the path speed of the line it belongs to is kept where the parameter runs fastest
+    # keep the path speed of its line where dp/ds is greatest
     feed = side.segment.feed * side.length / float(speeds.max())
     if not side.segment.only_feed_columns:
         counted = PolynomialCurve((), part[:, side.segment.feed_columns], 0.0).derivatives(_S)[0]
@@ -362,14 +364,14 @@ def _half(power: Array, low: float, columns: NDArray[np.intp], side: _Side) -> S
 
 
 def _keep_feed_of_tool(half: Segment, line: Segment, end: int) -> None:
-    """Let half of a blend keep the feed rate of its line at the tool, if inverse kinematics moves it.
+    """Limit half of a blend to the feed rate of its line at the tool, if inverse kinematics moves the tool.
 
-    The joints of a tool that turns much on its way go far for a path that is short, and what they add at the
-    tool nearly cancels: of its Jacobian a small change is a large one of its speed. So |J(q)·dq/ds| is taken
-    at the joints' own places q all along the blend, which are not those of the line.
+    The joints of a tool that rotates much on a short path travel far, and their contributions to the tool's
+    speed nearly cancel: a small change of the Jacobian changes that speed much. So |J(q)·dq/ds| is evaluated
+    at the blend's own joint positions q, which are not those of the line.
 
     Args:
-        half: is changed. end: of the line that the blend is at, 0 or 1.
+        half: is changed. end: s of the line at the vertex, 0 or 1.
     """
     for curve, columns in zip(line.curves, line.columns, strict=True):
         if curve.tool_rates is None:
@@ -390,8 +392,10 @@ def _keep_feed_of_tool(half: Segment, line: Segment, end: int) -> None:
 
 
 def sample_programmed_path(before: Segment, after: Segment, leave: float, join: float) -> Array:
-    """Return the programmed path between two points about a vertex, which is in the middle, shape (33,
-    width).
+    """Return points of the programmed path around a vertex, which is the middle one, shape (33, K).
+
+    Args:
+        leave, join: s on ``before`` and ``after`` at which they begin and end.
     """
     width = len(before.base)
     first = before.sample(np.linspace(leave, before.finish, 17))[0]
@@ -403,12 +407,12 @@ def sample_programmed_path(before: Segment, after: Segment, leave: float, join: 
 
 
 def deviation(rounded: Array, programmed: Array, *, straight: bool) -> float:
-    """Return the largest distance between two paths about a corner, in either direction [m].
+    """Return the largest distance between two paths around a corner, in either direction [m].
 
     Args:
-        rounded, programmed: weighted points, shape (n, K). straight: what was programmed is two lines.
+        rounded, programmed: weighted points, shape (n, K). straight: the programmed path is two lines.
     """
-    # sampling an arc by 16 chords misses its bow by this much
+    # the programmed points are chords of an arc
     chord_error = 0.0 if straight else chord_error_of(programmed)
     return (
         max(max_distance_to_polyline(rounded, programmed), max_distance_to_polyline(programmed, rounded))
@@ -418,9 +422,7 @@ def deviation(rounded: Array, programmed: Array, *, straight: bool) -> float:
 
 
 def chord_error_of(points: Array) -> float:
-    """Return the chord error (sagitta) of a polyline through evenly spaced points of arcs; the vertex is
-    in the middle.
-    """
+    """Return the chord error (sagitta) of evenly spaced points on two arcs that meet at the middle point."""
     second = points[2:] - 2.0 * points[1:-1] + points[:-2]
     corner = len(points) // 2 - 1
     second[corner] = 0.0

@@ -1,7 +1,7 @@
 """Exact curves p(s) over axes, s in [0, 1]: lines, arcs, helices, and joint paths of tools.
 
 A curve knows which axes it moves and gives position and the first three derivatives with respect to s at
-any s. Nothing is chopped into chords: sampling happens only at the cycle. All quantities are SI (m, rad).
+any s. Curves are never approximated by chords, only sampled at the cycle. All quantities are SI (m, rad).
 """
 
 from __future__ import annotations
@@ -17,7 +17,8 @@ from numpy.typing import NDArray
 from mcserver.units import TURN
 
 Array = NDArray[np.float64]
-# Positions of axes, shape (n, K) → shape (n, 3 or 6, K): rates of a tool's point [m] and of its turn [rad].
+# Jacobian of a tool: positions of axes, shape (n, K) → shape (n, 3 or 6, K), rows for its tip [m] and its
+# rotation [rad].
 ToolRates = Callable[[Array], Array]
 
 # Samples of a curve of unknown shape, and of a whole turn of an arc: 128 points miss an extreme by 0.03 %.
@@ -45,7 +46,7 @@ class Curve(msgspec.Struct, frozen=True):
 
     @property
     def tool_rates(self) -> ToolRates | None:
-        """Jacobian of the tool that it moves; None: it moves none, or one whose corners stay."""
+        """Jacobian of the tool that it moves; None: no tool, or one whose corners are not rounded."""
         return None
 
     @property
@@ -55,7 +56,7 @@ class Curve(msgspec.Struct, frozen=True):
 
     @property
     def max_path_rate(self) -> float:
-        """Greatest path speed by s [m or rad]."""
+        """Greatest derivative of the path's length by s [m or rad]."""
         return self.length
 
     def position(self, s: Array) -> Array:
@@ -67,7 +68,7 @@ class Curve(msgspec.Struct, frozen=True):
         raise NotImplementedError
 
     def samples(self) -> Array:
-        """Shares s at which the axes' limits are looked at, from 0, evenly spaced."""
+        """Values of s at which the axes' limits are evaluated, evenly spaced from 0."""
         return np.linspace(0.0, 1.0, TURN_SAMPLES)
 
     def bounds(self) -> tuple[Array, Array]:
@@ -80,19 +81,19 @@ class Curve(msgspec.Struct, frozen=True):
 
     @property
     def arc(self) -> Array | None:
-        """What `mcserver.motion.kernels.arc_segments` needs of an arc, behind its columns; None: no arc."""
+        """Row of an arc for `mcserver.motion.kernels.arc_segments`, without its columns; None: no arc."""
         return None
 
     @property
     def power(self) -> Array | None:
-        """Coefficients of a polynomial in s, shape (n+1, K), constant first; None: it is none."""
+        """Coefficients of a polynomial in s, shape (n+1, K), constant first; None: not a polynomial."""
         return None
 
 
 class LineCurve(Curve, frozen=True):
     """A straight line in joint space; an axis that is named but does not travel stays in ``axes``.
 
-    ``length`` is given by whoever knows the axes' types (D-30); it has no influence on the shape.
+    ``length`` depends on the axes' types (D-30), so the caller gives it; it does not affect the shape.
     """
 
     straight: ClassVar[bool] = True
@@ -126,11 +127,11 @@ class LineCurve(Curve, frozen=True):
 
 
 class TipLine(LineCurve, frozen=True):
-    """A line of a tool's joints on which its tip stays near to the straight one that is meant.
+    """A line in joint space short enough that the tool's tip stays near the programmed straight line.
 
     Attributes:
-        length: of the tip's path [m]. max_path_rate: the greatest speed of the tip by s [m].
-        tool_rates: of the tip, at positions of ``axes``.
+        length: of the tip's path [m]. max_path_rate: greatest derivative of the tip's path by s [m].
+        tool_rates: Jacobian of the tip, at positions of ``axes``.
     """
 
     tool_rates: ToolRates | None = None
@@ -141,8 +142,8 @@ class ArcCurve(Curve, frozen=True):
     """A circular arc, helix or spiral of D-22.
 
     The first two of ``axes`` are the plane's axes (first, second) in right-handed order seen from the
-    plane's positive normal: (X, Y) for G17, (Z, X) for G18, (Y, Z) for G19. Further axes go linearly with
-    the angle. The radius goes linearly from its start to its end value over the sweep.
+    plane's positive normal: (X, Y) for G17, (Z, X) for G18, (Y, Z) for G19. Further axes and the radius
+    change linearly with the angle.
 
     Attributes:
         start, end: shape (len(axes),), positions at s = 0 and s = 1; the plane's axes come first.
@@ -254,7 +255,7 @@ class ArcCurve(Curve, frozen=True):
 
 
 class SampledCurve(Curve, frozen=True):
-    """A joint path as a cubic spline over knots of s: what inverse kinematics gives for a tool's path.
+    """A joint path as a cubic spline over knots of s, from inverse kinematics along a tool's path.
 
     Attributes:
         axes: K axis numbers.
@@ -296,7 +297,7 @@ class SampledCurve(Curve, frozen=True):
 
 
 class PolynomialCurve(Curve, frozen=True):
-    """A polynomial of degree n in s: what rounds a corner.
+    """A polynomial of degree n in s, such as a corner blend.
 
     Attributes:
         axes: K axis numbers.
@@ -334,7 +335,7 @@ def span_of(points: Array) -> tuple[Array, Array]:
 
 
 def samples_of_arcs(sweeps: Array) -> Array:
-    """Return at how many places of arcs their limits are looked at, shape (n,).
+    """Return the numbers of samples at which the limits of arcs are evaluated, shape (n,).
 
     Derivatives of a circle repeat after one turn.
     """
@@ -343,11 +344,10 @@ def samples_of_arcs(sweeps: Array) -> Array:
 
 
 def max_path_rates(lengths: Array, sweeps: Array, radii: Array, growths: Array) -> Array:
-    """Return the greatest path speeds of arcs by s, which a change of radius makes more than their lengths,
-    shape (n,) [m].
+    """Return `Curve.max_path_rate` of arcs, shape (n,) [m]: with a change of radius more than the length.
 
     Args:
-        lengths, sweeps: as of `ArcCurve`. radii, growths: at the start, and what they grow by.
+        lengths, sweeps: as in `ArcCurve`. radii, growths: radii at the start, and their changes to the end.
     """
     widest = np.abs(growths) * (radii + 0.5 * growths) + 0.25 * growths * growths
     rates: Array = np.sqrt(lengths * lengths + sweeps * sweeps * widest)

@@ -1,4 +1,4 @@
-"""What smoothing, planning and playing take of segments, in columns."""
+"""The data of consecutive segments as numpy columns, for smoothing, planning and sampling."""
 
 from __future__ import annotations
 
@@ -16,10 +16,10 @@ from mcserver.motion.geometry.segment import Segment
 from mcserver.motion.geometry.spline_curve import Spline, spline_part
 from mcserver.motion.kernels.arc_segments import ARC
 
-# Kinds of segments, by how they are sampled; those of any other kind by `Segment.sample`.
+# Kinds of segments by how they are sampled; OTHER is sampled by `Segment.sample`.
 STRAIGHT, ARC_KIND, SPLINE, OTHER = range(4)
 
-# Tools carried by each of some segments.
+# `Segment.carried` of several segments.
 Carried = tuple[tuple[int, ...], ...]
 # Columns of `PathColumns` that all segments have.
 EVERY = (
@@ -39,18 +39,19 @@ class SplineParts(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class PathColumns:
-    """Segments on end, n of them, in a machine of K columns.
+    """Columns of n consecutive segments in a machine of K columns.
 
     Attributes:
-        line, active, opens, closes, feed_scale: as of `Segment`, shape (n,). kind: one of the kinds above.
+        line, active, opens, closes, feed_scale: as in `Segment`, shape (n,). kind: one of the kinds above.
         spans: scale, begin and finish, shape (n, 3). bases, travels, ends: `Segment.base`, ``first`` and
             ``end``, shape (n, K).
-        mask, feed, requested, feed_speed, tolerance: as of `Segment`, shape (n,). fed: ``feed_columns`` as
+        mask, feed, requested, feed_speed, tolerance: as in `Segment`, shape (n,). fed: ``feed_columns`` as
             bits. duration: NaN without a T.
-        arcs: `Segment.arc` of those that are arcs, shape (n, `ARC`); None where none is.
-        domains: parameters of parts of splines at s = 0 and 1, shape (n, 2); of others not set.
-        splines: these splines, in order.
-        carried: as of `Segment`; None where none carries a tool.
+        arcs: `Segment.arc`, shape (n, `ARC`), rows of other segments unset; None without arcs.
+        domains: spline parameters at s = 0 and 1, shape (n, 2), rows of other segments unset; None without
+            splines.
+        splines: the splines, in order.
+        carried: as in `Segment`; None where no segment carries a tool.
     """
 
     line: NDArray[np.int64]
@@ -80,7 +81,7 @@ class PathColumns:
 
     @classmethod
     def of(cls, segments: Sequence[Segment]) -> PathColumns:
-        """Return the columns of segments, at least one."""
+        """Return the columns of one or more segments."""
         arcs = [None if each.straight else each.arc for each in segments]
         splines, domains = _splines_of(segments)
         carried = tuple([each.carried for each in segments])
@@ -116,7 +117,7 @@ class PathColumns:
 
     @classmethod
     def joined(cls, parts: Sequence[PathColumns]) -> PathColumns:
-        """Return columns one behind the other, at least one of them."""
+        """Concatenate one or more sets of columns."""
         if len(parts) == 1:
             return parts[0]
         splines: list[SplineParts] = []
@@ -176,7 +177,7 @@ def _splines_of(segments: Sequence[Segment]) -> tuple[tuple[SplineParts, ...], A
 
 
 def _arc_rows(arcs: Sequence[Array | None]) -> Array | None:
-    """Return the rows of arcs beside zeros, shape (n, `ARC`)."""
+    """Return the rows of arcs, zeros for other segments, shape (n, `ARC`); None without arcs."""
     if all(each is None for each in arcs):
         return None
     none = np.zeros(ARC)
@@ -203,7 +204,7 @@ def _joined_tools(parts: Sequence[PathColumns]) -> Carried | None:
 
 
 def bits_of(columns: NDArray[np.intp]) -> int:
-    """Return columns as bits."""
+    """Return the bit mask of columns."""
     bits = 0
     for column in columns.tolist():
         bits |= 1 << column

@@ -1,4 +1,4 @@
-"""Bezier curves, of weighted points too, passed in proportion to their length: what G5 and NURBS are made of.
+"""Polynomial and rational Bezier curves parametrized by their arc length: the pieces of G5 and of NURBS.
 
 Source of the derivatives of a quotient: Piegl and Tiller, The NURBS Book, eq. 4.8.
 """
@@ -12,20 +12,22 @@ from numpy.typing import NDArray
 
 from mcserver.motion.geometry.curves import Array, Curve, span_of
 
-# cells of the parameter t whose lengths are summed up, and places of Gauss and Legendre in each
+# cells of the parameter t over which the length is integrated
 _CELLS = 128
+# Gauss-Legendre quadrature in each of them
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(8)
 _NEWTON_STEPS = 4
-# places at which the curve is looked at for its tightest bend and its bounds
+# samples for the tightest bend and for the bounds
 _FINE = 2049
-# as many samples to a radius as an arc has, and how many there may be
-_CELLS_A_RADIUS, _LEAST_CELLS, _MOST_CELLS = 20.0, 128, 4096
-# where the curve goes slower by its parameter than this share of the mean, it stands or has a cusp
+# cells of s per radius of the tightest bend, as many as an arc has samples
+_CELLS_A_RADIUS = 20.0
+_LEAST_CELLS, _MOST_CELLS = 128, 4096
+# a cusp: |dp/dt| below this share of the mean
 _STANDING = 1e-3
 
 
 class Cusp(Exception):
-    """The curve stands at a place or bends too tightly: its limits could not be looked at.
+    """dp/dt vanishes somewhere, or the curve bends too tightly for its limits to be sampled.
 
     Attributes:
         radius: of its tightest bend [m].
@@ -40,11 +42,11 @@ class RationalCurve(Curve, frozen=True, eq=False):
     """A polynomial or rational curve of a parameter t from 0 to 1, whose s is the share of its length.
 
     Attributes:
-        axes: K axis numbers. numerators: by powers of t, constant first, with their denominator as the last
-            column, shape (n+1, K+1).
+        axes: K axis numbers. numerators: coefficients of powers of t, constant first, with the denominator as
+            the last column, shape (n+1, K+1).
         start, end: shape (K,), exact. length: [m].
-        cells: t as quintics between evenly spaced s, constant first, shape (m, 6): of the length all but the
-            last bits, and on the curve to the last one.
+        cells: t(s) as quintics between evenly spaced s, constant first, shape (m, 6). They approximate the
+            arc length to a few last bits; positions are on the curve exactly.
     """
 
     numerators: Array
@@ -98,7 +100,7 @@ def rational_curve(axes: tuple[int, ...], points: Array, weights: Array | None =
     """Return the curve of control points (n+1, K) [m] with weights above 0, shape (n+1,); None: all are 1.
 
     Raises:
-        Cusp: it stands somewhere, or bends within a small share of its length.
+        Cusp: dp/dt vanishes somewhere, or a bend is too tight for the curve's length.
     """
     degree = len(points) - 1
     own = np.ones((degree + 1, 1)) if weights is None else np.asarray(weights, dtype=np.float64)[:, None]
@@ -122,7 +124,7 @@ def rational_curve(axes: tuple[int, ...], points: Array, weights: Array | None =
 
 
 def _quintics(numerators: Array, lengths: Array, count: int) -> Array:
-    """Return t by s in evenly spaced cells, with two right derivatives at their edges, shape (count, 6)."""
+    """Return t(s) in evenly spaced cells, exact up to the second derivative at their edges, (count, 6)."""
     passed = np.linspace(0.0, float(lengths[-1]), count + 1)
     cell = np.clip(np.searchsorted(lengths, passed, side="right") - 1, 0, _CELLS - 1)
     low, beyond = cell / _CELLS, passed - lengths[cell]
@@ -151,7 +153,7 @@ def _quintics(numerators: Array, lengths: Array, count: int) -> Array:
 
 
 def by_parameter(numerators: Array, t: Array) -> tuple[Array, Array, Array, Array]:
-    """Return places and three derivatives by t, each of shape (len(t), K)."""
+    """Return positions and three derivatives by t, each of shape (len(t), K)."""
     found = _powers(numerators, t, 4)
     a, a1, a2, a3 = (each[:, :-1] for each in found)
     w, w1, w2, w3 = (each[:, -1:] for each in found)
@@ -174,7 +176,7 @@ def _powers(numerators: Array, t: Array, count: int) -> list[Array]:
 
 
 def _speeds(numerators: Array, t: Array) -> Array:
-    """Return the speeds by t, shape (len(t),) [m]."""
+    """Return |dp/dt|, shape (len(t),) [m]."""
     place, first = _powers(numerators, t, 2)
     w = place[:, -1:]
     rates = (first[:, :-1] - first[:, -1:] * place[:, :-1] / w) / w
@@ -192,7 +194,7 @@ def _length_between(numerators: Array, low: Array, high: Array) -> Array:
 
 
 def _bernstein_to_power(degree: int) -> NDArray[np.float64]:
-    """Return the matrix that makes powers of t of control points, shape (degree+1, degree+1)."""
+    """Return the matrix from control points to coefficients of powers of t, shape (degree+1, degree+1)."""
     matrix = np.zeros((degree + 1, degree + 1))
     for row in range(degree + 1):
         for column in range(row + 1):

@@ -1,4 +1,4 @@
-"""A piece of path for the planner: the curves of a group that share one fraction s, in machine columns."""
+"""A segment of the planner: the curves of a feed group, which share one fraction s, in machine columns."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ _NOWHERE = np.zeros(0)
 _NO_COLUMNS = np.zeros(0, np.intp)
 # A path whose tangent is shorter than this does not travel [m or rad].
 NO_TRAVEL = 1e-10
-# T of what is left of a line that has taken longer than its T [s].
+# T for the rest of a line that has already taken longer than its T [s].
 LEAST_T = 1e-6
 
 
@@ -34,8 +34,8 @@ class AxisLimits:
         cycle: [s]. weights: of the columns in the distance from the programmed path: 1 for metres; a degree
             counts as a millimetre.
         torque: limits of the joints' torques; None without any.
-        joint_tolerance: how far a corner of a tool's path may be rounded at the columns, 0 not at all
-            [m or rad]; None: at none of them.
+        joint_tolerance: largest deviation of each column in a rounded corner of a tool's path [m or rad];
+            None: all 0.
     """
 
     velocity: Array
@@ -53,11 +53,11 @@ class AxisLimits:
 
     @cached_property
     def of_samples(self) -> Array:
-        """The same with a column for each torque that is limited, shape (3, K + J)."""
+        """`rows` with a column for each limited torque, shape (3, K + J)."""
         return self.rows if self.torque is None else self.torque.beside(self.rows)
 
     def bound(self, column: int, kind: str) -> Bound:
-        """Return the bound by a column of `of_samples`."""
+        """Return the bound for a column of `of_samples`."""
         width = len(self.velocity)
         if self.torque is None or column < width:
             return Bound(column, kind)
@@ -84,8 +84,11 @@ class AxisLimits:
 
 @dataclass(frozen=True, slots=True)
 class KnownBlend:
-    """What the last plan found for the stop before a segment: the blend time to either side, 0 where none
-    is worth it, and the room there was, as far as half of the lines and until the ramps end [s].
+    """Result of the last search for a time-domain blend at the stop before a segment.
+
+    Attributes:
+        blend_time: to either side of the stop, 0 where no blend is worth it [s]. max_blend_time: half of the
+            shorter line's time [s]. ramp_time: time of the shorter ramp to or from the stop [s].
     """
 
     blend_time: float
@@ -94,34 +97,33 @@ class KnownBlend:
 
 
 class Segment(msgspec.Struct, eq=False, gc=False):
-    """A piece of path with its requested time or speed.
+    """A part of the path with its requested time or speed.
 
     Attributes:
         line: G-code line.
-        curves, columns: the curves, and for each the machine's columns of its axes. Of a straight segment
-            they are not asked for, and may be left out.
-        mask: bit mask over all columns.
+        curves, columns: the curves, and for each the machine's columns of its axes. A straight segment does
+            not need them: it may have none.
+        mask: bit mask of the columns that it moves.
         duration: T under G93 [s], else None.
         feed: greatest ds/dt under G94 [1/s], infinite under G93: speed / length of the reference curve.
         feed_speed, feed_columns: that speed [m/s or rad/s], and the columns that it counts (D-30). Infinite
-            for a straight one that leads a tip: no columns give its speed.
+            for a straight segment that moves a tool's tip, whose speed is not that of any columns.
         requested: [s].
-        feed_scale: by which F is multiplied, and T divided, in all of these: the feed override above 100 %
-            that it is planned for [1].
-        first, last: dp/ds at s = 0 and 1, shape (K,); zero where an axis has no part.
+        feed_scale: feed override above 100 % that the segment is planned for, else 1: ``feed`` and
+            ``feed_speed`` are multiplied by it already, ``duration`` and ``requested`` divided [1].
+        first, last: dp/ds at s = 0 and 1, shape (K,); zero in columns that do not move.
         d2q_start, d2q_end: d²p/ds² there.
-        scale: length of the tangent that the coordinate σ is measured in; set along a run [m or rad].
-        begin, finish: fractions between which the segment is passed: 0 and 1 but for one that is under way or
-            has a rounded corner.
+        scale: dσ/ds, with σ the path coordinate; set when the segment is joined to others [m or rad].
+        begin, finish: the range of s that is passed: 0 to 1, less after a commit or a rounded corner.
         base: commanded positions of all columns when the segment starts, shape (K,).
-        end: where a straight one or an arc ends, shape (K,).
-        active: mask of all columns that the run has moved up to this segment.
+        end: end position of a straight segment or an arc, shape (K,).
+        active: mask of all columns that the motion has moved up to this segment.
         opens, closes: whether the line's time begins or ends with this segment.
         straight: whether all its curves are lines.
-        arc: what `mcserver.motion.kernels.arc_segments` needs of a single arc; None: it is something else.
-        carried: tools that were chosen before it, which says what payload there is.
-        tolerance: how far the corner at its start may be rounded [m]. corner: what the last plan found for a
-            stop there.
+        arc: row of a single arc for `mcserver.motion.kernels.arc_segments`; None: something else.
+        carried: tools chosen before it, which determine the payload.
+        tolerance: how far the corner at its start may be rounded [m]. corner: result of the last search for a
+            time-domain blend there.
     """
 
     line: int
@@ -154,13 +156,13 @@ class Segment(msgspec.Struct, eq=False, gc=False):
 
     @property
     def only_feed_columns(self) -> bool:
-        """Whether only columns move that the path speed counts."""
+        """Whether it moves exactly the columns that the path speed counts."""
         counted: int = sum(1 << column for column in self.feed_columns.tolist())
         return self.mask == counted
 
     @property
     def may_be_split(self) -> bool:
-        """Whether it is planned in zones if it is long: lines without a T of their own."""
+        """Whether it is planned in zones if it is long: a straight segment without a T."""
         return self.straight and self.duration is None
 
     @property
@@ -182,7 +184,7 @@ class Segment(msgspec.Struct, eq=False, gc=False):
     def at_feed_scale(self, scale: float) -> Segment:
         """Return the segment with another feed scale."""
         share = scale / self.feed_scale
-        # one that is found is tried again where its ramps are the same; where none was, F may allow one now
+        # a blend that was found is tried again first; where none was found, the new F may allow one
         corner = self.corner if self.corner is not None and self.corner.blend_time > 0.0 else None
         return msgspec.structs.replace(
             self,
@@ -195,10 +197,10 @@ class Segment(msgspec.Struct, eq=False, gc=False):
         )
 
     def lasting_less(self, spent: float, feed_scale: float) -> Segment:
-        """Return the segment with less T, if it has one.
+        """Return the segment with the rest of its T, if it has one.
 
         Args:
-            spent: of T as it is at a feed scale [s]; negative: it gets as much more.
+            spent: time taken from T [s]; negative adds. feed_scale: at which ``spent`` was measured.
         """
         if self.duration is None or spent == 0.0:
             return self
@@ -248,7 +250,7 @@ def segment_of(
     """Return the segment of a feed group at a feed scale.
 
     Args:
-        slots: columns of axis numbers. linear: which of the machine's columns are, shape (K,).
+        slots: columns by axis number. linear: whether each of the machine's columns is linear, shape (K,).
     """
     width = len(linear)
     columns = tuple(np.array([slots[axis] for axis in curve.axes], dtype=np.intp) for curve in group.curves)

@@ -1,6 +1,4 @@
-"""Segments on end: those of runs of lines stand in columns, and are made as objects only where one is asked
-for.
-"""
+"""A list of consecutive segments, held partly as columns, whose objects are made on access."""
 
 from __future__ import annotations
 
@@ -17,7 +15,7 @@ from mcserver.motion.geometry.segment_rows import SegmentRows
 
 
 class _Objects:
-    """Segments that are objects anyway."""
+    """Segments held as objects."""
 
     __slots__ = ("segments",)
 
@@ -50,7 +48,7 @@ class _Block(NamedTuple):
 
 
 class SegmentList(Sequence[Segment]):
-    """Segments on end; copies and slices share what they are made of, and change each by itself."""
+    """Consecutive segments; copies and slices share data, but a change of one list leaves the others."""
 
     __slots__ = ("_blocks", "_starts")
 
@@ -142,7 +140,7 @@ class SegmentList(Sequence[Segment]):
         if self._blocks:
             source, first, behind = self._blocks[-1]
             if isinstance(source, _Objects) and behind == len(source.segments):
-                # a copy that shares it ends before it
+                # copies that share the source end before the new segment
                 source.segments.append(segment)
                 self._blocks[-1] = _Block(source, first, behind + 1)
                 self._starts[-1] += 1
@@ -172,7 +170,7 @@ class SegmentList(Sequence[Segment]):
     # ------------------------------------------------------------------ columns
 
     def columns(self, first: int, behind: int) -> PathColumns:
-        """Return the columns of segments ``first`` … ``behind`` - 1, at least one of them."""
+        """Return the columns of segments ``first`` … ``behind`` - 1; the range must not be empty."""
         parts = [source.columns(low, high) for source, low, high in self._between(first, behind)]
         return PathColumns.joined(parts)
 

@@ -1,4 +1,4 @@
-"""Segments on end that stand in columns, each made as an object only where it is asked for."""
+"""Consecutive segments held as columns, each made as an object on access."""
 
 from __future__ import annotations
 
@@ -16,18 +16,18 @@ from mcserver.motion.geometry.segment import Segment, columns_of
 
 @dataclass(frozen=True, eq=False)
 class SegmentRows:
-    """Segments in columns, n of them, in a machine of K columns.
+    """Columns of n consecutive segments in a machine of K columns.
 
     Attributes:
-        path: all that is asked of many at once. ends: dp/ds at the start and the end of each and d²p/ds²
-            there, shape (n, 4, K).
-        curve: returns the curve of one that is not straight, and its columns.
+        path: the columns that are used in bulk. ends: dp/ds at start and end, then d²p/ds² there, of each
+            segment, shape (n, 4, K).
+        curve: returns curve and columns of a segment that is not straight, by its index.
     """
 
     path: PathColumns
     ends: Array
     curve: Callable[[int], tuple[Curve, NDArray[np.intp]]]
-    # who has one may change it
+    # callers may change a segment that they were given, so it is kept
     _made: dict[int, Segment] = field(default_factory=dict)
 
     def __len__(self) -> int:
@@ -39,7 +39,7 @@ class SegmentRows:
         return int(np.bitwise_or.reduce(self.path.mask))
 
     def segment(self, index: int) -> Segment:
-        """Return one of them: the same object however often it is asked for."""
+        """Return a segment; every call with the same index returns the same object."""
         found = self._made.get(index)
         if found is None:
             found = self._made[index] = self._segment(index)

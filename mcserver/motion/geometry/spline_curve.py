@@ -1,4 +1,4 @@
-"""A part of a quintic spline as a curve: what stands for one programmed line of many short ones."""
+"""A part of a quintic spline as a curve: replaces one of many short programmed lines."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ from mcserver.motion.kernels.spline_samples import SAMPLES_A_SPAN, spline_at
 
 @dataclass(frozen=True, eq=False)
 class Spline:
-    """A quintic spline that is three times continuously differentiable, and more.
+    """A quintic spline, at least three times continuously differentiable.
 
     Attributes:
-        breaks: where its m spans meet, shape (m+1,). spans: their polynomials in the distance from their
-            start, constant first, shape (m, 6, K) [m or rad].
-        end: its last place, to the last bit, shape (K,).
+        breaks: parameters where its m spans begin and end, shape (m+1,). spans: their polynomials in the
+            distance from their start, constant first, shape (m, 6, K) [m or rad].
+        end: exact end position, shape (K,).
     """
 
     breaks: Array
@@ -28,14 +28,14 @@ class Spline:
     end: Array
 
     def at(self, t: Array) -> Array:
-        """Return places and three derivatives by t, shape (4, n, K)."""
+        """Return positions and three derivatives by t, shape (4, n, K)."""
         found = np.empty((4, len(t), self.spans.shape[2]))
         spline_at(self.breaks, self.spans, t, found)
         return found
 
 
 class SplineCurve(Curve, frozen=True, eq=False):
-    """The part of a spline between two parameters; s is the share of it that has been passed.
+    """The part of a spline between two parameters; s goes from 0 to 1 with the parameter.
 
     Attributes:
         axes: machine columns, K of them. low, high: parameters at s = 0 and 1.
@@ -58,7 +58,7 @@ class SplineCurve(Curve, frozen=True, eq=False):
         return found[1] * span, found[2] * span**2, found[3] * span**3
 
     def samples(self) -> Array:
-        """Shares at which limits are looked at, from 0 to 1."""
+        """Values of s at which limits are evaluated, from 0 to 1."""
         breaks = self.spline.breaks
         inside: NDArray[np.intp] = np.nonzero((breaks > self.low) & (breaks < self.high))[0]
         first = max(int(np.searchsorted(breaks, self.low, side="right")) - 1, 0)
@@ -74,6 +74,6 @@ class SplineCurve(Curve, frozen=True, eq=False):
 
 
 def spline_part(segment: Segment) -> SplineCurve | None:
-    """Return the part of a spline that a segment is; None: it is none."""
+    """Return the spline part of a segment; None where its curve is something else."""
     curve = segment.curves[0] if segment.curves else None
     return curve if isinstance(curve, SplineCurve) else None

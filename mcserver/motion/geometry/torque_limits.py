@@ -1,11 +1,11 @@
 """Limits of the joints' torques as limits along a path.
 
-τ = a·v̇ + b·v² + g along σ (`mckinematics.dynamics`), and |τ| is to stay below τmax. Where gravity leaves
-τmax - |g|, |a|·|v̇| + |b|·v² ≤ τmax - |g| is enough, in both directions of v̇. That is the form that an axis's
-acceleration has, |q'|·|v̇| + |q''|·v² ≤ amax: divided by τmax - |g| a joint's torque is one more column of the
-samples, whose acceleration is limited to 1, and no kernel knows of torques.
+Along σ, τ = a·v̇ + b·v² + g (`mckinematics.dynamics`), and |τ| ≤ τmax is required. Gravity leaves τmax - |g|,
+and |a|·|v̇| + |b|·v² ≤ τmax - |g| suffices for both signs of v̇. An axis's acceleration limit has the same
+form, |q'|·|v̇| + |q''|·v² ≤ amax: so a joint's torque, divided by τmax - |g|, is one more column of the
+samples whose acceleration is limited to 1, and kernels need not know of torques.
 
-Scaled by a constant rate of 0 to 1, a and b fall with its square and g stays: with |g| ≤ τmax a slower motion
+A constant playback rate r from 0 to 1 scales v̇ and v² by r² and leaves g: with |g| ≤ τmax a slower motion
 keeps the limits too.
 """
 
@@ -21,12 +21,14 @@ from numpy.typing import NDArray
 from mcserver.machine.machine_file import Machine
 from mcserver.motion.geometry.curves import Array
 
-# Where holding still takes more than this share of a torque limit a path is refused; what is left at least to
-# the motion where a corner's rounding comes nearer.
+# A path is refused where holding still takes more than this share of a torque limit.
 HOLDING_SHARE = 0.99
+# Least share left to the motion, also where a blend leads to where holding still takes more.
 LEAST_LEFT = 1.0 - HOLDING_SHARE
-# Between samples no joint turns or travels further [rad or m], and there are no more of them on one segment.
-APART, MOST_SAMPLES = 0.04, 400
+# Greatest joint travel between samples [rad or m].
+APART = 0.04
+# Most samples on one segment.
+MOST_SAMPLES = 400
 
 
 @dataclass(frozen=True)
@@ -35,8 +37,9 @@ class TorqueLimits:
 
     Attributes:
         dynamics: torques of the joints that tools' axes move. columns: the machine's columns of these axes,
-            shape (N,). limited: which of them have a limit, shape (J,). limits: theirs, shape (J,) [N·m, N].
-        share: what of it the motion beside gravity may use.
+            shape (N,). limited: indices of those with a limit, shape (J,). limits: theirs, shape (J,)
+            [N·m, N].
+        share: of what gravity leaves, that the motion may use.
     """
 
     dynamics: JointDynamics
@@ -55,7 +58,7 @@ class TorqueLimits:
         return cls(dynamics, columns, limited, dynamics.limits[limited])
 
     def beside(self, rows: Array) -> Array:
-        """Return limits of axes, shape (3, K), with those of the torques' columns, shape (3, K + J)."""
+        """Append the limits of the torques' columns to those of axes, shape (3, K) to (3, K + J)."""
         own = np.full((3, len(self.limits)), math.inf)
         own[1] = 1.0
         return np.hstack((rows, own))
@@ -65,7 +68,7 @@ class TorqueLimits:
         return int(self.columns[self.limited[index]])
 
     def on_path(self, q: Array, dq: Array, d2q: Array, carried: tuple[int, ...]) -> tuple[Array, Array]:
-        """Return |a| and |b| over what gravity leaves of the limits, shape (n, J) each.
+        """Return |a| and |b| divided by what gravity leaves of the limits, shape (n, J) each.
 
         Args:
             q, dq, d2q: of all columns of the machine by σ, shape (n, K).
@@ -77,11 +80,11 @@ class TorqueLimits:
         return np.abs(found.inertial[:, self.limited]) / left, np.abs(found.square[:, self.limited]) / left
 
     def of_rows(self, q: Array, dq: Array, d2q: Array, change: Array, carried: tuple[int, ...]) -> Array:
-        """Return torques of rows in shares of the limits, shape (n, 3, J): at rest, beside it of the motion,
-        and of accelerations that a change of the playback rate by 1 a cycle adds.
+        """Return torques of rows in shares of the limits, shape (n, 3, J), numbered as in `row_torques`.
 
         Args:
-            q, dq, d2q, change: positions, velocities and accelerations of all columns by time, shape (n, K).
+            q, dq, d2q: positions, velocities and accelerations of all columns by time, shape (n, K).
+            change: accelerations that a change of the playback rate by 1 per cycle adds, shape (n, K).
         """
         where, torques = self.columns, self.dynamics.torques
         place, still = q[:, where], np.zeros((len(q), len(where)))
@@ -92,12 +95,12 @@ class TorqueLimits:
         return stacked[:, :, self.limited] / self.limits
 
     def load(self, q: Array, dq: Array, d2q: Array, carried: tuple[int, ...]) -> float:
-        """Return the greatest share of a limit that a motion (n, K) by time takes."""
+        """Return the greatest share of a limit that a motion takes; derivatives by time, shape (n, K)."""
         where = self.columns
         torques = self.dynamics.torques(q[:, where], dq[:, where], d2q[:, where], carried)
         return float((np.abs(torques[:, self.limited]) / self.limits).max(initial=0.0))
 
     def count(self, positions: Array) -> int:
-        """Return how many samples a path needs, from some positions of all columns on it (n, K)."""
+        """Return the number of samples that a path needs, given positions (n, K) on it."""
         travel = np.abs(np.diff(positions[:, self.columns], axis=0)).sum(axis=0).max(initial=0.0)
         return min(2 + math.ceil(float(travel) / APART), MOST_SAMPLES)

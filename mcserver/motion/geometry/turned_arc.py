@@ -1,4 +1,4 @@
-"""An arc or helix in a plane that is skew to the axes, as a curve of all of them."""
+"""An arc or helix in a plane that is not parallel to two axes."""
 
 from __future__ import annotations
 
@@ -7,16 +7,17 @@ import numpy as np
 from mcserver.motion.geometry.curves import ArcCurve, Array, Curve, span_of
 from mcserver.units import TURN
 
-# places in a turn for its bounds: an extreme is missed by 5e-6 of the radius
+# samples per turn for the bounds: an extreme is missed by 5e-6 of the radius
 _FINE = 1025
 
 
 class TurnedArc(Curve, frozen=True, eq=False):
-    """An arc in coordinates of its own, turned and moved.
+    """An arc in a rotated and shifted coordinate system.
 
     Attributes:
-        flat: the arc, with ``axes`` as its coordinates, the plane's first. directions: rows of the rotation,
-            shape (K, K). zero: of its coordinates, shape (K,) [m]. start, end: shape (K,), exact [m].
+        flat: the arc in that system, the plane's coordinates first. directions: rows of the rotation to the
+            machine's axes, shape (K, K). zero: origin of the system, shape (K,) [m].
+        start, end: shape (K,), exact [m].
     """
 
     flat: ArcCurve
@@ -52,7 +53,7 @@ class TurnedArc(Curve, frozen=True, eq=False):
         return first @ matrix, second @ matrix, third @ matrix
 
     def bounds(self) -> tuple[Array, Array]:
-        # along a helix each axis goes on evenly: its extremes are in the first turn or in the last one
+        # on a helix each axis advances evenly from turn to turn: its extremes are in the first or last one
         share = min(1.0, TURN / abs(self.flat.sweep)) * np.linspace(0.0, 1.0, _FINE)
         return span_of(self.position(np.concatenate((share, 1.0 - share))))
 

@@ -1,1 +1,1 @@
-"""Speed, acceleration and jerk that the axes leave along the segments of a path."""
+"""Limits of speed, acceleration and jerk along a path, from the limits of the axes."""

@@ -1,4 +1,4 @@
-"""An array that takes rows at its end and drops rows at either end."""
+"""An array that grows at its end and shrinks at either end."""
 
 from __future__ import annotations
 
@@ -8,12 +8,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 T = TypeVar("T", bound=np.generic)
-# Rows that room is made for at first.
+# Rows that the array has room for initially.
 _INITIAL_ROWS = 64
 
 
 class GrowableArray(Generic[T]):
-    """Rows of one shape; adding and dropping cost amortized time in proportion to the rows concerned.
+    """Rows of one shape; adding and dropping rows takes amortized time in proportion to their number.
 
     Args:
         dtype: of the elements. row: shape of one row; () makes the array one-dimensional.

@@ -2,8 +2,8 @@
 
 With q(σ) the path, q̇ = q'σ̇, q̈ = q'σ̈ + q''σ̇² and q⃛ = q'σ⃛ + 3q''σ̇σ̈ + q'''σ̇³. At a speed v each axis
 leaves |q'|·A ≤ a - |q''|v² for acceleration along the path, and likewise for jerk. A vertex of a polyline is
-a step of the tangent by D: at the cycle rate it asks for the acceleration D·v·max(1/dt, v/ℓ), ℓ being the
-length of the segments about it (several vertices may fall into one cycle). Limits are judged so by D-36.
+a step of the tangent by D: sampled at the cycle it takes the acceleration D·v·max(1/dt, v/ℓ), ℓ being the
+length of the adjacent segments (several vertices may fall into one cycle). D-36 defines limits this way.
 """
 
 from __future__ import annotations
@@ -34,9 +34,7 @@ class SpeedLimit(NamedTuple):
 
 
 def sample_rows(dq: Array, d2q: Array, d3q: Array) -> Array:
-    """Return samples of a path's derivatives, (m, K) each, as rows of
-    `mcserver.motion.kernels.sample_limits`.
-    """
+    """Pack a path's derivatives, shape (m, K), into rows of `mcserver.motion.kernels.sample_limits`."""
     count, width = dq.shape
     rows: Array = np.zeros((count, 5 * width + 2))
     np.abs(dq, out=rows[:, :width])
@@ -47,9 +45,7 @@ def sample_rows(dq: Array, d2q: Array, d3q: Array) -> Array:
 
 
 def samples_of(segment: Segment, limits: AxisLimits) -> tuple[Array, SpeedLimit]:
-    """Return the samples of one segment in its coordinate σ = s·scale, and the greatest constant speed on
-    them.
-    """
+    """Return a segment's samples by σ = s·scale, and the greatest constant speed on them."""
     width = len(limits.velocity)
     if limits.torque is None:
         if segment.straight:
@@ -80,8 +76,8 @@ def samples_of(segment: Segment, limits: AxisLimits) -> tuple[Array, SpeedLimit]
 
 
 def _places(segment: Segment) -> Array:
-    """Return the shares s at which the limits of a segment are looked at: those of its curve, or as many of
-    the whole of several that are bent.
+    """Return the s at which a segment's limits are sampled: its curve's; with several bent curves, the most
+    that one of them needs, evenly.
     """
     places = [curve.samples() for curve in segment.curves if not curve.straight]
     most = max(places, key=len)
@@ -89,21 +85,21 @@ def _places(segment: Segment) -> Array:
 
 
 def speed_limit(rows: Array, limits: AxisLimits) -> SpeedLimit:
-    """Return the greatest constant speed that the axes allow on the samples (vertices not counted)."""
+    """Return the greatest constant speed that the axes allow on samples, without their vertices."""
     velocity, column, kind = limit_of(rows, limits.of_samples)
     return SpeedLimit(velocity, column, KINDS[kind])
 
 
 class RunLimits:
-    """Limits of all segments of a run, prepared once for many questions about stretches of it.
+    """Limits of all groups of a run, prepared once for many queries about ranges of groups.
 
     Args:
         rows: samples of all groups. offset: the groups' first samples, and one past the last, (n+1,).
         segment_vmax: greatest speeds of the groups (n,).
 
     Attributes:
-        run: the same for kernels; its tops are lowered where a speed would leave hardly any acceleration or
-            jerk to get to it.
+        run: the limits for kernels; ``segment_vmax`` is lowered where it would leave hardly any acceleration
+            or jerk to reach it.
     """
 
     def __init__(
@@ -116,9 +112,7 @@ class RunLimits:
         return self.run.segment_vmax
 
     def min_limits(self, left: int, right: int) -> tuple[float, float]:
-        """Return the acceleration and jerk that are free at every speed on groups ``left`` … ``right`` -
-        1.
-        """
+        """Return acceleration and jerk available at every speed on groups ``left`` … ``right`` - 1."""
         return min_limits(self.run.free_at_vmax, left, right)
 
 
@@ -127,9 +121,9 @@ class Junction:
     """Speed over the junction of two segments.
 
     Attributes:
-        speed: greatest speed over the joint. scale: of the segment behind it, so that speed is continuous.
-        samples: what the vertex asks of the segment before and after, shape (2, 5 K + 2); None where it asks
-            nothing, or where the motion stops.
+        speed: greatest speed over the junction. scale: of the segment after it, so that speed is continuous.
+        samples: of the vertex, for the segment before and after, shape (2, 5 K + 2); None where the vertex
+            limits nothing, or the motion stops.
     """
 
     speed: float
@@ -141,9 +135,9 @@ def junction(before: Segment, after: Segment, limits: AxisLimits) -> Junction:
     """Return the speed over the junction of two segments (D-35, D-36).
 
     The velocity of an axis may step by max_acceleration·dt, its acceleration by max_jerk·dt. Where that
-    leaves less than a crawl, the motion stops there: a stop costs hardly more and keeps the jerk limit too.
-    Where a tolerance is given the jerk limit holds at the vertex as well: the tolerance is there to round it;
-    and at the end of a curve, whose tangent need not be that of the line that it stands for.
+    leaves less than a crawl, the motion stops: a stop costs hardly more and keeps the jerk limit too. The
+    velocity may not step beyond the jerk limit where a tolerance allows to round the vertex, nor at the end
+    of a smoothed curve, whose tangent need not be that of the line that it replaces.
     """
     of_curve = spline_part(before) is not None
     samples = np.zeros((2, 5 * len(before.last) + 2))

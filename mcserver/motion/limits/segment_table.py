@@ -1,5 +1,4 @@
-"""The segments of a run with what is known of each by itself, in columns: a plan looks at thousands of
-them."""
+"""The segments of a run, with the limits and samples of each in numpy columns."""
 
 from __future__ import annotations
 
@@ -20,10 +19,10 @@ from mcserver.motion.kernels.polynomials import KINDS
 from mcserver.motion.limits.growable_array import GrowableArray
 from mcserver.motion.limits.path_limits import SpeedLimit
 
-# Greatest speeds of a curve's parts are lowered to steps of this ratio: those of one feed rate differ by
-# traces, and each of these would be a knot of its own.
+# Greatest speeds of a curve's parts are rounded down to steps of this ratio: at one feed rate they differ
+# slightly from part to part, and each difference would cost a knot.
 SPEED_STEP = 5e-4
-# What rounding may take from a step.
+# Tolerance for rounding when a speed is a whole step already.
 STEP_ROUNDING = 1e-9
 _INTEGER_COLUMNS = frozenset(
     ("limit_column", "limit_kind", "sample_end", "vertex_before", "vertex_after", "knot_edges")
@@ -34,14 +33,14 @@ _DTYPES = tuple(
 
 
 def empty_columns(count: int) -> SegmentColumns:
-    """Return the columns for ``count`` segments, not filled in."""
+    """Return uninitialized columns for ``count`` segments."""
     arrays: list[Any] = [np.empty(count, dtype) for dtype in _DTYPES]
     return SegmentColumns(*arrays)
 
 
 @dataclass(frozen=True)
 class SavedSegments:
-    """Segments of a table from an index on, to put back in place of others."""
+    """A copy of the segments of a table from an index on, for `SegmentTable.put_back`."""
 
     index: int
     segments: SegmentList
@@ -50,7 +49,7 @@ class SavedSegments:
 
 
 class SegmentTable:
-    """Segments on end.
+    """Consecutive segments and their columns.
 
     Attributes:
         segments: the segments, n of them.
@@ -72,7 +71,7 @@ class SegmentTable:
 
     @property
     def columns(self) -> SegmentColumns:
-        """What is known of each segment; views that are valid until segments are added or dropped."""
+        """Columns of all segments; views that are valid until segments are added or dropped."""
         if self._view is None:
             arrays: list[Any] = [each.rows for each in self._columns]
             self._view = SegmentColumns(*arrays)
@@ -85,12 +84,12 @@ class SegmentTable:
 
     @property
     def kernel_view(self) -> Segments:
-        """Return the table for kernels."""
+        """The table for kernels."""
         return Segments(self.columns, self.samples, self._dropped, self._passed)
 
     @property
     def programmed_view(self) -> Segments | None:
-        """The table for kernels with F as programmed; None where it is that already."""
+        """The table for kernels at a feed scale of 1; None where no segment has a greater one."""
         scales = self.feed_scales
         if not (scales > 1.0).any():
             return None
@@ -99,11 +98,10 @@ class SegmentTable:
         return self.kernel_view._replace(columns=self.columns._replace(feed=feed, segment_vmax=vmax))
 
     def with_stops(self, segments: Segments, at: NDArray[np.bool_]) -> Segments:
-        """Return a view for kernels with stops at the starts of some segments: a vertex there asks for
-        nothing.
+        """Return a view for kernels with stops at the starts of some segments, where vertices limit nothing.
 
         Args:
-            segments: the view. at: the segments, shape (n,).
+            segments: the view. at: mask of the segments, shape (n,).
         """
         columns, samples = segments.columns, self.samples.copy()
         (after,) = np.nonzero(at)
@@ -118,7 +116,7 @@ class SegmentTable:
 
     @property
     def timed(self) -> NDArray[np.bool_]:
-        """Return which segments have a T of their own, shape (n,)."""
+        """Which segments have a T of their own, shape (n,)."""
         return ~np.isnan(self.columns.duration)
 
     @property
@@ -191,11 +189,11 @@ class SegmentTable:
     def append_path(
         self, lines: SegmentRows, columns: SegmentColumns, samples: Array, *, leads: bool
     ) -> None:
-        """Add lines and arcs on end, which get their scales.
+        """Add consecutive lines and arcs, and set their scales.
 
         Args:
             columns: of them, with ``sample_end`` counted from the first of ``samples``. samples: theirs.
-            leads: the first of ``samples`` is that of the vertex at the end of the last segment so far.
+            leads: the first of ``samples`` belongs to the vertex at the end of the present last segment.
         """
         if leads:
             self.columns.sample_end[-1] += 1
@@ -212,11 +210,11 @@ class SegmentTable:
         samples: Array,
         offset: NDArray[np.intp],
     ) -> None:
-        """Add segments that continue each other with all derivatives.
+        """Add segments whose junctions are continuous in all derivatives.
 
         Args:
-            vmax, by: greatest speeds by the axes, shape (n,), and what they are by, shape (n, 2).
-            samples, offset: theirs, and where those of each begin and end, shape (n+1,).
+            vmax, by: greatest speeds by the axes, shape (n,), and column and kind of the limit, shape (n, 2).
+            samples, offset: their samples, and where those of each begin and end, shape (n+1,).
         """
         columns = empty_columns(len(parts))
         plan = parts.columns(0, len(parts))
@@ -243,7 +241,7 @@ class SegmentTable:
         self._view = None
 
     def replace(self, index: int, segment: Segment) -> None:
-        """Put a trimmed segment in the place of a whole one."""
+        """Replace a segment by a trimmed one."""
         if index == 0:
             self._passed += (segment.begin - self.segments[0].begin) * segment.scale
         self.segments[index] = segment
@@ -252,7 +250,7 @@ class SegmentTable:
         self.columns.duration[index] = _duration_of(segment)
 
     def set_feed_scale(self, scale: float, first: int = 0) -> None:
-        """Let the segments from ``first`` on have a feed scale."""
+        """Set the feed scale of the segments from ``first`` on."""
         columns, segments = self.columns, list(self.segments[first:])
         shares = scale / self.feed_scales[first:]
         splines = np.zeros(len(shares), np.bool_)
@@ -267,7 +265,7 @@ class SegmentTable:
         columns.duration[first:] /= shares
         vmax = _stepped(np.minimum(columns.axis_vmax[first:], columns.feed[first:]), splines)
         np.copyto(columns.segment_vmax[first:], vmax, where=shares != 1.0)
-        # found at another speed
+        # the hints are of a plan at another speed
         columns.knot_edges[first:] = 0
 
     def drop(self, count: int) -> None:
@@ -284,13 +282,13 @@ class SegmentTable:
         self.segments.drop(count)
 
     def save(self, index: int) -> SavedSegments:
-        """Copy the segments from ``index`` on; the vertex between them and the one before stays as it is."""
+        """Copy the segments from ``index`` on, without the samples of the vertex on the segment before."""
         low = self._first_sample(index)
         columns = tuple(each.rows[index:].copy() for each in self._columns)
         return SavedSegments(index, self.segments[index:], columns, self.samples[low:].copy())
 
     def truncate(self, count: int) -> None:
-        """Remove all but the first ``count`` segments, and the vertex behind these."""
+        """Remove all but the first ``count`` segments, and the samples of the vertex at their end."""
         columns = self.columns
         if count > 0:
             columns.sample_end[count - 1] -= columns.vertex_after[count - 1]
@@ -302,9 +300,9 @@ class SegmentTable:
         self._view = None
 
     def put_back(self, saved: SavedSegments) -> None:
-        """Put saved segments in the place of those that stand there now.
+        """Replace the present segments by saved ones.
 
-        The segment before them must have the samples that it had.
+        The segment before them must have the same samples as when they were saved.
         """
         self._samples.truncate(self._first_sample(saved.index))
         self._samples.add(saved.samples)
@@ -316,16 +314,16 @@ class SegmentTable:
         self._view = None
 
     def _first_sample(self, index: int) -> int:
-        """Return where the samples of a segment begin, or would."""
+        """Return where the samples of a segment begin; for the index after the last one, where they would."""
         return int(self.columns.sample_end[index - 1]) - self._dropped if index > 0 else 0
 
     def mark_knots(self, indices: NDArray[np.intp], bits: NDArray[np.intp]) -> None:
-        """Note which edges of which segments a plan had to make knots; the next plan begins with them."""
+        """Note which edges of segments a plan made knots: hints for the next plan."""
         np.bitwise_or.at(self.columns.knot_edges, indices, bits)
 
 
 def _stepped(vmax: Array, where: NDArray[np.bool_]) -> Array:
-    """Return greatest speeds with some of them lowered to whole steps."""
+    """Round greatest speeds down to whole steps where ``where`` is set."""
     steps = np.floor(np.log(vmax, where=where, out=np.zeros_like(vmax)) / SPEED_STEP + STEP_ROUNDING)
     return np.where(where, np.minimum(np.exp(SPEED_STEP * steps), vmax), vmax)
 

@@ -1,10 +1,10 @@
-"""What joints' torques leave of the axes' limits where axes may go anywhere between bounds, at any moment.
+"""Axis limits that keep the joints' torques for any motion between bounds, as streamed targets need.
 
 Streamed targets have no path along which torques could be planned. With |q̈| ≤ A and |q̇| ≤ V of each axis,
-|τ - g(q)| ≤ Σ |M(q)| A + Σ |c(q)| V V (M: inertias, c: of Coriolis and centrifugal forces, both columns of
-RNEA). That falls with a share s of A and its root of V, so that |τ| ≤ τmax at every place asks for
-s ≤ (τmax - |g|) / (Σ |M| A + Σ |c| V V). The least of it over a box is looked for at places by chance, and
-from the worst of them along each axis in turn.
+|τ - g(q)| ≤ Σ |M(q)| A + Σ |c(q)| V V (M: inertias, c: Coriolis and centrifugal terms, both columns of RNEA).
+With accelerations s·A and velocities √s·V the right side is scaled by s, so |τ| ≤ τmax requires
+s ≤ (τmax - |g|) / (Σ |M| A + Σ |c| V V). The minimum over a box is searched at random positions, and from the
+worst of these along each axis in turn.
 """
 
 from __future__ import annotations
@@ -20,20 +20,23 @@ from mcserver.machine.machine_file import Axis
 from mcserver.motion.geometry.curves import Array
 from mcserver.motion.geometry.torque_limits import TorqueLimits
 
-# Places by chance; the worst of them from which worse ones are looked for, along each axis at some places, so
-# many times.
-PLACES, WORST, ALONG, ROUNDS = 300, 3, 9, 2
-# What is left to places between those that were looked at.
+# Random positions that are evaluated.
+PLACES = 300
+# Number of the worst of them from which the search goes on.
+WORST = 3
+# Positions evaluated along one axis, and rounds over all axes.
+ALONG, ROUNDS = 9, 2
+# Margin for positions between those that were evaluated.
 FOUND_SHARE = 0.97
 
 
 class TorqueBox:
-    """Bounds of axes that a tool's torques are judged in.
+    """Bounds of positions, velocities and accelerations within which a tool's torques are evaluated.
 
     Args:
-        low, high: of all columns of the machine, shape (K,) [m or rad]; equal where one stands. An axis
-            without travel is taken once round.
-        velocity, acceleration: limits of all columns, shape (K,); 0 where one stands.
+        low, high: of all columns of the machine, shape (K,) [m or rad]; equal where an axis stands still. An
+            axis without travel limits is taken over one turn.
+        velocity, acceleration: limits of all columns, shape (K,); 0 where an axis stands still.
     """
 
     def __init__(
@@ -51,8 +54,9 @@ class TorqueBox:
         return bool((self._acceleration > 0.0).any())
 
     def share(self) -> tuple[float, int]:
-        """Return the share of the accelerations, and its root of the velocities, that keeps all torques, from
-        0 (holding still takes too much somewhere) to 1; and the machine's column of the joint that bounds it.
+        """Return the share s that keeps all torques, and the machine's column of the joint that bounds it.
+
+        s, from 0 (holding still exceeds a limit somewhere) to 1, scales accelerations; √s scales velocities.
         """
         numbers = np.random.default_rng(0)
         places = self._low + (self._high - self._low) * numbers.random((PLACES, len(self._low)))
@@ -72,7 +76,7 @@ class TorqueBox:
         return least, self._limits.column_of(int(joints[worst]))
 
     def _shares(self, q: Array) -> tuple[Array, NDArray[np.intp]]:
-        """Return the share at each of n places, and which of the limits bounds it, shape (n,) each."""
+        """Return s at each of n positions, and the index of the limit that bounds it, shape (n,) each."""
         still = np.zeros_like(q)
         rest = self._torques(q, still, still)
         taken = np.zeros_like(rest)
@@ -102,7 +106,7 @@ class TorqueBox:
 
 
 def followed_axis(axis: Axis, share: float) -> Axis:
-    """Return an axis with a share of its acceleration and its root of its velocity, which torques leave."""
+    """Return an axis with its acceleration scaled by ``share`` and its velocity by the root of it."""
     if share == 1.0:
         return axis
     return msgspec.structs.replace(

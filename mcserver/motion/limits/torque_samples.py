@@ -1,4 +1,4 @@
-"""Samples of segments and of their vertices with the columns of the joints' torques."""
+"""Add the columns of the joints' torques to samples of segments and vertices."""
 
 from __future__ import annotations
 
@@ -14,24 +14,24 @@ from mcserver.motion.kernels.junctions import CRAWL, POLYLINE_TURN, VERTEX_SHARE
 from mcserver.motion.kernels.polynomials import limit_of
 from mcserver.motion.kernels.sample_limits import CURVATURE_SHARE, TINY, ripple
 
-# Places at which it is seen how far a path's joints travel.
+# Values of s at which the travel of a path's joints is measured.
 PROBES = np.linspace(0.0, 1.0, 33)
 # Quantities of a column in a sample: |q'|, |q''|, |q'''| and a vertex's |Δq'|, |Δq''|.
 QUANTITIES = 5
 
 
 def torque_places(segment: Segment, least: int, torque: TorqueLimits) -> Array:
-    """Return the shares s at which a segment is sampled, evenly, shape (n,).
+    """Return the s at which a segment is sampled, evenly spaced, shape (n,).
 
     Args:
-        least: samples that its shape asks for.
+        least: number of samples that its shape needs.
     """
     probes = PROBES[[0, -1]] if segment.straight else PROBES
     return np.linspace(0.0, 1.0, max(least, torque.count(segment.sample(probes)[0])))
 
 
 def with_torques(segment: Segment, s: Array, rows: Array, torque: TorqueLimits) -> Array:
-    """Return samples of a segment at the shares ``s`` with the torques' columns.
+    """Return samples of a segment at ``s`` with the torques' columns.
 
     Args:
         rows: shape (n, 5 K + 2).
@@ -59,8 +59,8 @@ def spline_with_torques(
     """Return the samples of n parts of a spline with the torques' columns.
 
     Args:
-        rows, offset: theirs, and where those of each begin and end, shape (n+1,). vmax, by: of the parts, as
-            `mcserver.motion.kernels.spline_samples.scale_samples` writes them; written anew.
+        rows, offset: their samples, and where those of each begin and end, shape (n+1,). vmax, by: of the
+            parts, as `mcserver.motion.kernels.spline_samples.scale_samples` writes them; overwritten.
     """
     assert limits.torque is not None
     found = []
@@ -72,7 +72,7 @@ def spline_with_torques(
 
 
 def widen(rows: Array, quantities: tuple[Array, ...]) -> Array:
-    """Return samples (n, 5 K + 2) with further columns, each quantity of shape (n, J)."""
+    """Insert J columns into samples (n, 5 K + 2); ``quantities`` are five arrays of shape (n, J)."""
     width = (rows.shape[1] - 2) // QUANTITIES
     parts: list[Array] = []
     for index, values in enumerate(quantities):
@@ -83,9 +83,9 @@ def widen(rows: Array, quantities: tuple[Array, ...]) -> Array:
 def vertex_torques(
     before: Segment, after: Segment, scale: float, limits: AxisLimits, torque: TorqueLimits
 ) -> tuple[float, tuple[Array, ...]]:
-    """Return the greatest speed over a junction by its torques, and what they ask there of both sides.
+    """Return the greatest speed over a junction by torque, and the torques' quantities on both sides.
 
-    The velocity may step by what the torques turn within a cycle, as by max_acceleration·dt (D-36).
+    The velocity may step by what the torques can change within a cycle, as by max_acceleration·dt (D-36).
 
     Args:
         scale: of the segment after.
@@ -112,7 +112,7 @@ def vertex_torques(
         angle = float(np.linalg.norm(turned)) / max(float(np.linalg.norm(slope[0])), TINY)
         polyline = angle < POLYLINE_TURN and spacing < 10.0 * cycle * dense
         speed = min((CURVATURE_SHARE if polyline else VERTEX_SHARE) * cycle / worst, dense)
-        # beside it bends take their part: the greatest v with step·v + bend·v² ≤ 1
+        # curvature takes its part too: the greatest v with step·v + bend·v² ≤ `CURVATURE_SHARE`
         step, bent = worst / (VERTEX_SHARE * cycle), float(largest.max(initial=0.0))
         speed = min(speed, 2.0 * CURVATURE_SHARE / (step + math.sqrt(step**2 + 4.0 * bent * CURVATURE_SHARE)))
         if not polyline and speed < CRAWL * cycle / max(float(inertial.max()), TINY):

@@ -1,4 +1,4 @@
-"""Choice of a corner blend, judged by the velocity profiles that will drive it."""
+"""Choose the corner blend that takes least time, by planning velocity profiles over the candidates."""
 
 from __future__ import annotations
 
@@ -14,21 +14,25 @@ from mcserver.motion.kernels.straight_corner import BETTER, FASTER, is_worthwhil
 from mcserver.motion.lookahead.lookahead import Lookahead
 from mcserver.motion.lookahead.timed_blend import as_feed_line, keep_times, steady_blend
 
-# Shape, and shares of the tolerance that are tried for a rounded corner: what is left of it is for rows that
-# fall beside the nearest place.
+# Share of d for a Bezier handle at a right angle, see `blend`.
 HANDLE = 0.4
+# Shares of the path tolerance that are tried; the rest is for rows that miss the point nearest to the vertex.
 TOLERANCE_SHARES = (0.85, 0.3)
-# The same of a tolerance at the joints, which may be far more than is worth it.
+# Shares of a joint tolerance that are tried: all of it may be far more than saves time.
 JOINT_SHARES = (0.98, 0.4, 0.15, 0.05)
-# Mean speeds of timed lines whose lower one is this share of the other hardly differ.
+# Two lines' mean speeds are alike if the lower is at least this share of the other.
 ALIKE = 0.5
-# Times that differ by less are one.
+# Relative difference below which two times count as equal.
 ROUNDING = 1e-9
 
 
 def best_blend(window: Lookahead, after: Segment, limits: AxisLimits) -> Blend | None:
-    """Return the blend that passes the corner after the window's last segment soonest, None where the
-    corner itself is as fast. ``after.tolerance`` is the path tolerance.
+    """Return the fastest blend of the corner between the window's last segment and ``after``.
+
+    ``after.tolerance`` is the path tolerance.
+
+    Returns:
+        None where no blend is faster than the corner itself.
     """
     before, speed = window.table.segments[-1], window.joint_speed(after)
     lines = as_feed_line(before), as_feed_line(after)
@@ -43,7 +47,7 @@ def best_blend(window: Lookahead, after: Segment, limits: AxisLimits) -> Blend |
     slower, faster = sorted(line.feed * line.scale for line in lines)
     if found is None or slower >= ALIKE * faster:
         return found
-    # half of the blend is passed at the speed of the slower line: the faster one may lose more than by a stop
+    # half of the blend belongs to the slower line: the faster one may lose more time by it than by a stop
     whole = [before, msgspec.structs.replace(after, tolerance=0.0)]
     least, _ = _time(limits, whole, fast=True, stops=True)
     time, _ = _time(limits, _parts(found), fast=True)
@@ -51,8 +55,9 @@ def best_blend(window: Lookahead, after: Segment, limits: AxisLimits) -> Blend |
 
 
 def _quickest_timed(before: Segment, after: Segment, limits: AxisLimits, speed: float) -> Blend | None:
-    """Return the quickest blend of a corner at which a line has a T; a T that is kept within the tolerance at
-    the path is not kept by one at the joints.
+    """Return the fastest blend of a corner where a line has a T; None where a stop is as fast.
+
+    Tries the path tolerance alone, and joined by the joint tolerance if there is one.
     """
     least = math.inf
     best: Blend | None = None
@@ -85,11 +90,11 @@ def _quickest(
     overlaps: bool,
     at_joints: bool = True,
 ) -> Blend | None:
-    """Return the blend of the corner between two feed lines as `best_blend` does.
+    """Return the fastest blend of the corner between two feed lines; None as in `best_blend`.
 
     Args:
-        speed: over the corner itself. overlaps: if that is a stop, whether it may be passed in a time of its
-            own instead. at_joints: whether the tolerance at the joints may be used too.
+        speed: over the corner itself. overlaps: whether a time-domain blend may replace a stop there.
+        at_joints: whether the joint tolerance may be used too.
     """
     if before.straight and after.straight and before.only_feed_columns and after.only_feed_columns:
         found = straight_blend(before, after, HANDLE, TOLERANCE_SHARES, limits, 0.0)
@@ -127,8 +132,9 @@ def _quickest(
 
 
 def _gain_in_time(limits: AxisLimits, before: Segment, after: Segment) -> float:
-    """Return the time that a time-domain blend saves at the stop between two segments, from rest to rest
-    [s].
+    """Return the time that a time-domain blend saves at the stop between two segments [s].
+
+    Both are planned from rest to rest.
     """
     window = Lookahead(limits)
     window.append(msgspec.structs.replace(before))
@@ -145,10 +151,11 @@ def _gain_in_time(limits: AxisLimits, before: Segment, after: Segment) -> float:
 def _time(
     limits: AxisLimits, parts: list[Segment], *, fast: bool, stops: bool = False
 ) -> tuple[float, float]:
-    """Return the time of the parts from entry to rest [s], and the greatest speed on those in the middle.
+    """Return the time of segments from entry to rest [s], and the lowest speed limit of the middle ones.
 
     Args:
-        fast: from the speed that the first one could have, not from rest. stops: at every joint.
+        fast: enter at the speed that the first one could have reached, not from rest. stops: at every
+            junction.
     """
     window = Lookahead(limits)
     for part in parts:

@@ -1,4 +1,4 @@
-"""Where a plan is cut: moments without acceleration before its stop, from which it can be planned anew."""
+"""Where a plan is cut to commit its front: moments without acceleration before its stop."""
 
 from __future__ import annotations
 
@@ -9,36 +9,36 @@ import numpy as np
 from mcserver.motion.lookahead.planned_run import PlannedRun
 from mcserver.motion.profile.velocity_profile import Phases
 
-# So much later than wanted, and so long before its end, motion is handed over up to a peak or a turn of its
-# speed: a feed override above 100 % finds less that is handed over already [s].
+# Longest that a cut may be after the wanted time, and shortest before the plan's end: a later cut hands over
+# rows that a feed override above 100 % can no longer change [s].
 LATE_S = 0.06
-# Where less is left of a line with a time of its own it is not cut: its T is known to some microseconds [s].
+# A line with a T is not cut with less of it left: T is known to some microseconds only [s].
 LEAST_REST_S = 0.004
-# Share of the greatest speed that rounding may leave where the motion rests.
+# Speed that rounding may leave where the motion rests, as a share of the greatest speed.
 TRACE_OF_SPEED = 1e-6
-# Shorter phases are left by rounding [s].
+# Shorter phases are artefacts of rounding [s].
 LEAST_PHASE_S = 1e-6
 
 
 def commit_moment(plan: PlannedRun, want: float) -> float:
-    """Return a time with zero acceleration at or after ``want`` [s], before the stop begins; 0 without one.
+    """Return a time without acceleration at or after ``want`` and before the stop begins [s]; 0 without one.
 
-    From there a plan goes on as well with other segments behind: what is left of a stretch that is solved as
-    a whole, of a line with a T, or before a time-domain blend would be slower than the whole.
+    A plan that starts there with more segments is no slower. So the time is not inside a stretch that was
+    solved as a whole, a line with a T, or a time-domain blend, whose rest would be slower than the whole.
     """
     return _moment(plan, want, at_peaks=False)
 
 
 def hand_over_moment(plan: PlannedRun, want: float, *, closing: bool = False) -> float:
-    """Return up to when a plan is handed over, a little after ``want`` [s]; 0: only its stop is left.
+    """Return the time up to which a plan is handed over, near ``want`` [s]; 0: only its stop is left.
 
-    That is a time as of `commit_moment`; where it would be much later, one at which speed has a peak, turns
-    inside of a stretch that is solved as a whole, or inside of a line with a T of its own, whose rest gets
-    the rest of its T. Else the last of these before ``want``.
+    Preferably a time as in `commit_moment`. Where that is later than ``want + LATE_S``, a peak of speed, also
+    inside a line with a T (whose rest then gets the rest of T) and, if ``closing``, inside a stretch that was
+    solved as a whole. Else the last of these before ``want``.
 
     Args:
-        closing: no more lines come. Else a curve that is solved as a whole is not cut inside: with the lines
-            to come the rest of it would often have no plan, and motion would end on its stop.
+        closing: no more lines come. Otherwise such a stretch is not cut: its rest, together with the lines to
+            come, would often have no plan, and the motion would end on its stop.
     """
     moment = _moment(plan, want, at_peaks=False)
     if want <= moment <= want + LATE_S:
@@ -62,10 +62,10 @@ def hand_over_moment(plan: PlannedRun, want: float, *, closing: bool = False) ->
 
 
 def turn_moment(plan: PlannedRun, want: float, until: float) -> float:
-    """Return the first time between two [s] at which speed turns from rising to falling or back, also inside
-    of what is not cut otherwise; infinite without one.
+    """Return the first time in a range at which acceleration changes its sign [s]; infinite without one.
 
-    A plan that goes on there is smooth; a stretch that is solved as a whole is no longer the quickest one.
+    It may be inside a stretch that was solved as a whole: a plan cut there stays smooth, but that stretch is
+    no longer the fastest one.
     """
     phases = plan.phases
     first, last = phases.span(want, until)
@@ -76,7 +76,7 @@ def turn_moment(plan: PlannedRun, want: float, until: float) -> float:
         if plan.timed[index] or jerk == 0.0 or a * (a + jerk * (end - start)) >= 0.0:
             continue
         moment = start - a / jerk
-        # at a phase's end but for rounding a time-domain blend may stand, with another speed
+        # within rounding of a phase's end a time-domain blend may begin, with another speed
         inside = end - moment > LEAST_PHASE_S and want <= moment < until and phases.state(moment)[1] > least
         if inside and not plan.held[plan.segment_at(moment)]:
             return moment
@@ -93,8 +93,8 @@ def _moment(plan: PlannedRun, want: float, *, at_peaks: bool, inside_timed: bool
     index = int(np.clip(np.searchsorted(phases.start, moment, side="right") - 1, 0, len(phases.start) - 1))
     while index < len(phases.start):
         constant = abs(phases.acceleration[index]) <= trace and phases.jerk[index] == 0.0
-        # where two time-domain blends meet, no time is left between them, and the plan would
-        # go on with the second one's speed
+        # between two time-domain blends that meet no time is left: a plan cut there would start with the
+        # second one's speed
         lasts = phases.end_of(index) - moment > LEAST_PHASE_S
         free = lasts and not plan.timed[index] and not phases.uncut[index]
         if free and constant and phases.velocity[index] > 0.0:
@@ -110,9 +110,10 @@ def _moment(plan: PlannedRun, want: float, *, at_peaks: bool, inside_timed: bool
 
 
 def _outside_timed(plan: PlannedRun, moment: float, safe: float, *, inside_timed: bool) -> float:
-    """Return a time, or an end of the line that it lies in, if that has a T of its own, up to ``safe`` [s].
+    """Return a time [s], moved to an end of its line if that has a T.
 
-    Such a line is cut inside only where the rest of its T is what is left of it.
+    The end of the line if that is no later than ``safe``, else its beginning. With ``inside_timed`` a line
+    that keeps its T exactly is cut inside: its rest then has the rest of T.
     """
     segment = plan.segment_at(moment)
     begins, ends = float(plan.times[segment]), float(plan.times[segment + 1])
@@ -124,11 +125,9 @@ def _outside_timed(plan: PlannedRun, moment: float, safe: float, *, inside_timed
 
 
 def _stop_begins(plan: PlannedRun, *, inside_timed: bool) -> float:
-    """Return the last time with zero acceleration before the stop at the end [s]; 0 where the run is
-    one such stop.
-    """
+    """Return the last time without acceleration before the stop at the end [s]; 0: the run is one stop."""
     if plan.held[-1] and not inside_timed:
-        # one profile from its entry to rest: nothing of it is settled before the next line is known
+        # one profile from the line's entry to rest, all of which the next line may change
         return float(plan.times[-2])
     phases = plan.phases
     index = len(phases.start)
@@ -154,8 +153,9 @@ def _stop_begins(plan: PlannedRun, *, inside_timed: bool) -> float:
 
 
 def _is_knot(phases: Phases, index: int, trace: float) -> bool:
-    """Return whether a phase begins at an end of a stretch that is not to be cut, with speed and no
-    acceleration: behind a rest, or what a time-domain blend has left of one, it has none or some.
+    """Return whether a phase begins at an end of an uncut stretch, with speed and without acceleration.
+
+    An end at a rest has no speed; one that a time-domain blend has trimmed has acceleration.
     """
     if abs(phases.acceleration[index]) > trace or not phases.velocity[index] > 0.0:
         return False
@@ -164,8 +164,9 @@ def _is_knot(phases: Phases, index: int, trace: float) -> bool:
 
 
 def _is_peak(plan: PlannedRun, index: int, trace: float) -> bool:
-    """Return whether a phase begins with speed and no acceleration, away from time-domain blends:
-    where two of them meet, the speed between them is that of neither.
+    """Return whether a phase begins with speed and without acceleration, not at the end of a blend.
+
+    Where two time-domain blends meet, the speed between them is that of neither.
     """
     phases = plan.phases
     if index > 0 and plan.timed[index - 1]:
@@ -174,7 +175,7 @@ def _is_peak(plan: PlannedRun, index: int, trace: float) -> bool:
 
 
 def last_steady(plan: PlannedRun, until: float) -> float:
-    """Return the last moment without acceleration that is not later than ``until`` [s]; 0 without one."""
+    """Return the last time without acceleration at or before ``until`` [s]; 0 without one."""
     phases = plan.phases
     trace = 1e-6 * float(np.abs(phases.acceleration).max())
     steady = (np.abs(phases.acceleration) <= trace) & ~plan.timed & (phases.velocity > 0.0)
@@ -194,9 +195,6 @@ def last_steady(plan: PlannedRun, until: float) -> float:
 
 
 def _before_timed(plan: PlannedRun, moment: float) -> float:
-    """Return a time, or where the line begins that it lies in, if that has a T of its own [s].
-
-    Such a line is not cut inside: what is left of it would ask for all of its T.
-    """
+    """Return a time, or the beginning of the line that it lies in, if that has a T [s]."""
     segment = plan.segment_at(plan.at_end(moment))
     return float(plan.times[segment]) if plan.held[segment] else moment

@@ -1,4 +1,4 @@
-"""What runs beside the leading groups of comma lines, in a window and under way (D-32)."""
+"""Motions of the companion groups of comma lines, in a window and under way (D-32)."""
 
 from __future__ import annotations
 
@@ -17,12 +17,14 @@ from mcserver.motion.lookahead.planned_run import PlannedRun
 from mcserver.motion.lookahead.setpoint_sampling import CYCLE_ROUNDING, first_row, sample
 from mcserver.motion.pieces import Rows
 
-# By how much a companion may end after its line through rounding [s].
+# Longest that a companion may last beyond its line, through rounding [s].
 ROUNDING_S = 1e-7
-# Tangents that differ by less are one.
+# Difference of unit tangents below which a junction is straight.
 STRAIGHT = 1e-9
-# A line that a plan would end before its companions gets so much more time than it lacks, so many times.
-MORE_TIME, TRIES = 1.05, 6
+# A line that would end before its companions is lengthened by this multiple of the shortfall,
+MORE_TIME = 1.05
+# at most so many times.
+TRIES = 6
 
 
 @dataclass(frozen=True)
@@ -45,7 +47,7 @@ class _UnderWay:
 
 @dataclass(frozen=True)
 class _Ends:
-    """The columns of a line's segment, and its tangents at the start and at the end, shape (K,)."""
+    """The columns of a line's segment, and its tangents at start and end, shape (K,)."""
 
     mask: int
     first: Array
@@ -63,7 +65,7 @@ class CompanionMotions:
         self.cycle = cycle
         self._known: dict[int, Companions] = {}
         self._begun: list[_UnderWay] = []
-        # columns of leading groups and of companions since the motion rested
+        # masks of the columns of leading groups and of companions since the motion last rested
         self._leading = self._beside = 0
         # tangent at the end of the last line, shape (K,), and whether its companions set its time
         self._before: Array | None = None
@@ -71,15 +73,15 @@ class CompanionMotions:
 
     @property
     def present(self) -> bool:
-        """Whether something runs beside a line in the window, or beside the line under way."""
+        """Whether a line in the window, or the line under way, has companions."""
         return bool(self._known) or any(math.isinf(each.end) for each in self._begun)
 
     def begins_at_rest(self, segment: Segment, companions: Companions | None, *, from_rest: bool) -> bool:
-        """Take a line into the window; return whether the motion has to rest before it.
+        """Add a line to the window; return whether the motion has to rest before it.
 
-        It has where a column would go on from leading to running beside, or the other way round: what runs
-        beside begins and ends at rest, and no corner or curve may move it. And a line whose time its
-        companions set goes straight on or rests: a corner would take of its time and save none.
+        It has to where a column changes between a leading group and a companion: companions begin and end at
+        rest, and no blend may move them. It has to also before a turn, if the companions set the time of the
+        line on either side: a blend would take from that time and save none.
 
         Args:
             segment: of its leading group. from_rest: whether it rests there anyway.
@@ -89,7 +91,7 @@ class CompanionMotions:
         return self._take(_Ends(segment.mask, segment.first, segment.last), companions, from_rest)
 
     def run_begins_at_rest(self, run: SegmentRows, *, from_rest: bool) -> bool:
-        """Take a run of lines into the window, as `begins_at_rest` does one line."""
+        """Add a batch of lines without companions to the window, as `begins_at_rest` does one line."""
         return self._take(_Ends(run.mask, run.ends[0, 0], run.ends[-1, 1]), None, from_rest)
 
     def _take(self, ends: _Ends, companions: Companions | None, from_rest: bool) -> bool:
@@ -110,7 +112,7 @@ class CompanionMotions:
         self._before, self._set_time = None, False
 
     def unfinished(self, plan: PlannedRun, origin: float) -> LineShortfall | None:
-        """Return a line that a plan would end before its companions, or None.
+        """Return the first line that a plan ends before its companions, or None.
 
         Args:
             origin: where the plan starts on the time axis [cycles].
@@ -129,9 +131,10 @@ class CompanionMotions:
         return None
 
     def last_to_end(self, window: Lookahead, plan: PlannedRun, origin: float) -> PlannedRun:
-        """Return the plan of a window in which every comma line ends with its leading group.
+        """Return a plan of a window in which no comma line ends before its companions.
 
-        A T is as good as kept where the speeds at its ends leave no slower profile: there it may end sooner.
+        A plan may end a line before its T, where the speeds at its ends leave no slower profile. Such a line
+        gets a longer T, and the window is planned again.
 
         Args:
             plan: of the window. origin: where it starts on the time axis [cycles].
@@ -156,11 +159,13 @@ class CompanionMotions:
         return next(each.companions for each in self._begun if each.line == line)
 
     def begin(self, plan: PlannedRun, origin: float, until: float, last: int) -> None:
-        """Begin the lines whose start is handed over, and end those whose end is; a line whose companions set
-        its time is bound by what bound them.
+        """Note which lines begin and end in the part of a plan that is handed over.
+
+        A line whose companions set its time gets their bound.
 
         Args:
-            until: what of the plan is handed over [s]; infinite: all, and rows go on to ``last``.
+            origin: where the plan starts on the time axis [cycles].
+            until: end of the part [s]; infinite: all of it, and rows up to ``last``.
         """
         self._begun = [each for each in self._begun if math.isinf(each.end)]
         if not self._known and not self._begun:
@@ -185,7 +190,7 @@ class CompanionMotions:
                     each.end = max(each.end, float(last))
 
     def put_on(self, rows: Rows) -> None:
-        """Put the companions' motion on rows of the leading groups."""
+        """Write the companions' motion into rows of the leading groups."""
         for each in self._begun:
             low = max(rows.first, first_row(each.start))
             high = rows.first + len(rows.line) - 1
@@ -201,7 +206,7 @@ class CompanionMotions:
                 rows.velocity[at, columns] = part.velocity[:, columns]
 
     def put_ends_on(self, position: Array, line: int) -> None:
-        """Put where the companions of a line end on the position (K,) at the line's end."""
+        """Write the companions' end positions into the position (K,) at a line's end."""
         for each in self._begun:
             if each.line == line:
                 for run in each.companions.runs:

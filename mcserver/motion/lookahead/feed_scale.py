@@ -7,19 +7,18 @@ from mcserver.motion.limits.segment_table import SegmentTable
 from mcserver.motion.lookahead.lookahead import Lookahead
 from mcserver.motion.lookahead.planned_run import PlannedRun
 
-# What rounding may add to a speed.
+# Relative error of a speed by rounding.
 SPEED_ROUNDING = 1e-9
 
 
 def plan_at_feed_scale(window: Lookahead, scale: float) -> PlannedRun | None:
-    """Let the segments of a window have a feed scale, and plan it.
+    """Set the feed scale of a window's segments, and plan it.
 
-    A motion under way that is too fast for a lower one keeps the present scale on its first segments, on as
-    few as it needs to slow down: these are played more slowly by the executor.
+    A motion under way that is too fast for a lower scale keeps the present one on its first segments, on as
+    few as it needs to slow down; the executor plays these more slowly.
 
     Returns:
-        The plan; None, and nothing changed, where the segments that may change have that scale already, or no
-        plan exists.
+        The plan; None, with nothing changed, where all segments have that scale already, or no plan exists.
     """
     table = window.table
     scales = table.feed_scales
@@ -43,13 +42,14 @@ def plan_at_feed_scale(window: Lookahead, scale: float) -> PlannedRun | None:
 
 
 def is_under_way(table: SegmentTable) -> bool:
-    """Return whether the first segment is what is left of a line with a T of its own: at the speed that
-    is there it may have no slower profile than for the T that it has.
+    """Return whether the first segment is the rest of a line with a T.
+
+    At its present speed there may be no profile slow enough for a longer T.
     """
     first = table.segments[0]
     return first.duration is not None and not first.opens
 
 
 def _may_enter(window: Lookahead) -> bool:
-    """Return whether the first segment may be entered as fast as the window is."""
+    """Return whether the window's entry speed is within the first segment's speed limit."""
     return window.entry <= float(window.table.columns.segment_vmax[0]) * (1.0 + SPEED_ROUNDING)

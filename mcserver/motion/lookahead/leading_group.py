@@ -1,8 +1,8 @@
-"""Comma lines in the flow: the group that ends last flows, the others run beside it from rest to rest (D-32).
+"""Comma lines without a stop: only the group that ends last carries speed to the next line (D-32).
 
-The groups of a line start together and each ends at its own time, so only the one that ends last may carry
-a speed from line to line. It is the line's segment in the lookahead window; the others are companions, whose
-velocity profiles are known from the outset and start when the line does.
+The groups of a line start together and each ends at its own time. The leading group ends last: it is the
+line's segment in the lookahead window. The others are its companions, each planned from rest to rest, which
+start when the line does.
 """
 
 from __future__ import annotations
@@ -23,8 +23,10 @@ from mcserver.motion.lookahead.lookahead import Lookahead
 from mcserver.motion.lookahead.planned_run import PlannedRun
 from mcserver.units import MM
 
-# What rounding its ends may take from a line's path, in tolerances, and from its least time.
-ROUNDED, LEAST = 4.0, 0.999
+# Most that blends at its ends may shorten a line's path, in tolerances.
+ROUNDED = 4.0
+# Margin for rounding of a line's least time.
+LEAST = 0.999
 
 
 @dataclass(frozen=True)
@@ -33,8 +35,8 @@ class Companions:
 
     Attributes:
         runs: their velocity profiles, each from rest to rest. mask: their columns. duration: of the longest,
-            those without travel included [s]. set_time: whether the line's time is theirs, not that of
-            the leading group's own speed or T. bound: what stretched the longest of them.
+            those without travel included [s]. set_time: whether they set the line's time, not the leading
+            group's own speed or T. bound: limit that stretched the longest of them.
     """
 
     runs: tuple[PlannedRun, ...]
@@ -46,11 +48,11 @@ class Companions:
 
 @dataclass(frozen=True)
 class CommaLine:
-    """A comma line that flows.
+    """A comma line that may join its neighbours without a stop.
 
     Attributes:
-        segment: of its leading group. companions: the other groups. end: commanded end of all columns,
-            shape (K,).
+        segment: of its leading group. companions: the other groups. end: commanded position of all columns
+            at its end, shape (K,).
     """
 
     segment: Segment
@@ -77,17 +79,17 @@ def comma_line(
     position: Array,
     axes: MachineAxes,
 ) -> CommaLine | None:
-    """Return a line of several groups as one that flows.
+    """Choose the leading group of a line of several groups.
 
     Args:
         tolerance: path tolerance at both ends of the line [m]. position: of all columns at its start,
             shape (K,).
 
     Returns:
-        None where none of the groups is sure to end last while it flows.
+        None where no group is sure to end last.
     """
     if axes.limits.torque is not None:
-        # a torque is that of all groups together, which are not known together
+        # a torque depends on the motion of all groups together, which are planned one by one
         return None
     end = position.copy()
     paths = [_Path.of(group, line, position, end, axes) for group in _merged(groups)]
@@ -103,10 +105,10 @@ def comma_line(
     bound = None if last is None or last.run is None else last.run.bound_by[0]
     segment, set_time = lead.segment, False
     if segment.duration is not None:
-        # a T that is out of reach from rest to rest: the others are not through by then
+        # another group cannot keep T from rest to rest, and ends later
         set_time = longest > segment.duration * (1.0 + SAME_TIME)
     else:
-        # as quick as its speed allows it might not end last
+        # if it is passed as fast as its speed allows, another group might end later
         set_time = longest > lead.least_time(tolerance)
     if set_time:
         segment.duration = max(longest, segment.requested)
@@ -120,11 +122,11 @@ def comma_line(
 
 @dataclass(frozen=True)
 class _Path:
-    """A group alone, from rest to rest.
+    """A group planned by itself, from rest to rest.
 
     Attributes:
-        run: None without travel. time: what it takes [s]. least: what it takes at least, with any speed at
-            its ends [s]. in_metres: whether its path speed counts linear columns only.
+        run: its velocity profile; None without travel. time: of the profile [s]. least: lower bound of its
+            time with any speed at its ends [s]. in_metres: whether its path speed counts linear columns only.
     """
 
     group: FeedGroup
@@ -143,8 +145,10 @@ class _Path:
         end: Array,
         axes: MachineAxes,
     ) -> _Path | None:
-        """Plan a group from a ``position`` (K,); its part of ``end`` (K,) is written. None where no profile
-        exists.
+        """Plan a group from a ``position`` (K,), and write its columns of ``end`` (K,).
+
+        Returns:
+            None where no profile exists.
         """
         segment = segment_of(group, line, axes.slots, axes.linear, axes.feed_scale)
         ahead = position.copy()
@@ -163,13 +167,13 @@ class _Path:
             return None
         least = segment.extent / float(window.table.columns.segment_vmax[0])
         if axes.limits.joint_tolerance is not None and any(c.tool_rates for c in group.curves):
-            # a corner within the joints' tolerance may be cut by more than that at the tool
+            # a blend within the joint tolerance may cut the tool's path by more than the path tolerance
             least = 0.0
         in_metres = bool(axes.linear[segment.feed_columns].all())
         return cls(group, segment, run, run.phases.duration, least, in_metres)
 
     def least_time(self, tolerance: float) -> float:
-        """Return what it takes at least where its ends may be rounded within a tolerance [m], in s."""
+        """Return a lower bound of its time if its ends are rounded within a tolerance [m], in s."""
         curve = self.group.curves[self.group.reference]
         if curve.length <= NO_TRAVEL:
             return 0.0
@@ -180,7 +184,7 @@ class _Path:
 
 
 def _merged(groups: Sequence[FeedGroup]) -> list[FeedGroup]:
-    """Return the groups, those of one T as one that shares a path fraction."""
+    """Merge groups with the same T into one that shares a path fraction."""
     found: list[FeedGroup] = []
     for group in groups:
         for index, other in enumerate(found):

@@ -1,8 +1,7 @@
-"""Velocity profiles over many segments: no stop where none is needed, no limit exceeded anywhere (D-33,
-D-35, D-36).
+"""Plan velocity profiles over many segments, within all limits and without needless stops (D-33, D-35, D-36).
 
 A *run* is a chain of segments on one coordinate σ, scaled so that speed along it is continuous where
-the tangent is. Its nodes are the joints, each with the greatest speed at which it can be passed.
+the tangent is. Each junction has a greatest speed.
 """
 
 from __future__ import annotations
@@ -43,7 +42,7 @@ from mcserver.motion.profile.faster_stretches import KnotProfile, quicker_stretc
 from mcserver.motion.profile.profile_solver import KnotSolver, Solution
 from mcserver.motion.profile.velocity_profile import Phases, join_phases
 
-# Moments of a segment at which its speed is looked at for what bounds it.
+# Times within a segment at which its speed is compared with its limit.
 SPEED_PROBES = 17
 
 
@@ -53,7 +52,8 @@ class _Samples:
 
     Attributes:
         rows: see `mcserver.motion.kernels.sample_limits`.
-        vertices: rows at the ends of timed segments, and the groups' ends that they stand at.
+        vertices, ends: rows of vertices at the ends of segments with a T, and the index of the group end of
+            each.
     """
 
     rows: Array
@@ -70,9 +70,7 @@ class _Samples:
         return cls(groups.rows, vertices, np.concatenate((timed[after] + 1, timed[before])))
 
     def under(self, junction_vmax: Array) -> Array:
-        """Return the rows with the vertices at the ends of timed segments at no more than their
-        junctions' speeds.
-        """
+        """Return the rows with the vertices at the ends of segments with a T limited to junction speeds."""
         if not len(self.vertices):
             return self.rows
         rows = self.rows.copy()
@@ -85,9 +83,9 @@ class _Law:
     """A velocity profile over groups.
 
     Attributes:
-        times: at the segments' starts and at the end, shape (n+1,) [s]. held: which segments are planned by
-            themselves, to take their T, shape (n,). late: groups that take longer than theirs.
-            limits: of the groups.
+        times: at the segments' starts and at the end, shape (n+1,) [s]. held: which segments are planned
+            between knots of their own, to take their T, shape (n,). late: groups that take longer than their
+            T. limits: of the groups.
     """
 
     groups: Groups
@@ -115,13 +113,13 @@ class Lookahead:
         self.stop_is_last = False
 
     def append(self, segment: Segment, *, from_rest: bool = False) -> None:
-        """Append a segment that travels; the junction's speed says whether the motion flows into it."""
+        """Append a segment that travels; where the greatest junction speed is 0, the motion stops."""
         met = None if from_rest else self._joined(segment)
         samples, limit = samples_of(segment, self._limits)
         self._add(segment, met, limit, samples)
 
     def _joined(self, segment: Segment) -> Junction | None:
-        """Return the junction with a segment to append, which gets its scale; None at the run's beginning."""
+        """Return the junction with a segment to append, and set its scale; None at the run's beginning."""
         if not self.table:
             return None
         met = junction(self.table.segments[-1], segment, self._limits)
@@ -138,8 +136,8 @@ class Lookahead:
         """Append the parts of a spline.
 
         Args:
-            samples: of all of them. joined: whether the last segment ends with the derivatives that the first
-                part begins with, by the same parameter.
+            samples: of all of them. joined: whether the first part continues the last segment with all
+                derivatives.
         """
         first = parts[0]
         met: Junction | None = None
@@ -165,7 +163,7 @@ class Lookahead:
             self.table.append_parts(parts[low:], vmax[low:], by[low:], rows[begin:], offset[low:] - begin)
 
     def lengthen(self, line: int, seconds: float) -> None:
-        """Give a line with a T of its own more time, in the longest of its segments [s].
+        """Lengthen the T of a line by lengthening that of its longest segment [s].
 
         Raises:
             PlanningError: none of its segments has a T.
@@ -182,7 +180,7 @@ class Lookahead:
         self.table.replace(index, segment)
 
     def append_path(self, lines: SegmentRows, *, from_rest: bool = False) -> None:
-        """Append lines and arcs on end, as `append` does one by one."""
+        """Append consecutive lines and arcs, as `append` does one by one."""
         path, arcs, still = lines.path, lines.path.arcs, lines.ends[0, 2]
         assert arcs is not None
         before = PrecedingEnd(still, still, 0.0, False)
@@ -205,13 +203,11 @@ class Lookahead:
         self.table.append_path(lines, columns, rows[:samples], leads=leads)
 
     def joint_speed(self, segment: Segment) -> float:
-        """Return the greatest speed over the junction with a segment that is not in the run yet [m/s or
-        rad/s along σ].
-        """
+        """Return the greatest speed over the junction with a segment to append [m/s or rad/s along σ]."""
         return junction(self.table.segments[-1], segment, self._limits).speed if self.table else 0.0
 
     def enter_fast(self) -> None:
-        """Set the entry speed to what the first segment could have reached from rest in its own length."""
+        """Set the entry speed to half of what the first segment could reach from rest over its length."""
         rows = self.table.samples_of(0)
         segment_vmax = self.table.columns.segment_vmax[:1]
         run = RunLimits(rows, np.array([0, len(rows)]), segment_vmax, self._limits)
@@ -226,8 +222,7 @@ class Lookahead:
         table = self.table
         law, run = self._quickest(table.kernel_view)
         if table.columns.vertex_before.any() and not table.timed.any():
-            # beside vertices the acceleration that is left falls with speed: where they bind, a greater F may
-            # take longer
+            # vertices leave less acceleration at higher speed: where they bind, a greater F may take longer
             programmed = table.programmed_view
             if programmed is not None and self.entry <= programmed.columns.segment_vmax[0]:
                 with contextlib.suppress(PlanningError):
@@ -240,13 +235,13 @@ class Lookahead:
         return run
 
     def _quickest(self, segments: Segments) -> tuple[_Law, PlannedRun]:
-        """Plan the run past its vertices, and with stops at those where that might be as quick."""
+        """Plan the run through its vertices, and with stops where that might be faster; return the faster."""
         law = self._law(segments)
         run = self._run_of(law)
         if self._limits.torque is None:
             slow = slow_vertices(segments, law.times, self._limits.rows)
         else:
-            # what a vertex asks of a torque counts on all of a segment
+            # a vertex's torque samples limit all of its segment, not only its surroundings
             slow = segments.columns.vertex_before != 0
         if slow.any():
             with contextlib.suppress(PlanningError):
@@ -330,8 +325,7 @@ class Lookahead:
         profile = self._quickened(segments, groups, solver, solution)
         phases = join_phases(profile.phases, float(groups.edges[-1]), profile.uncut)
         times = phases.time_at(groups.bounds)
-        # at knots the velocity profile's own times are exact; where the motion rests, positions tell time
-        # poorly
+        # times at knots come from the phases, which are exact: near rest a position determines time poorly
         at_knots = np.append(phases.start, phases.duration)[profile.first]
         at_starts = np.append(groups.bits, START)[profile.knots] == START
         starts = np.append(groups.starts, len(self.table))[profile.knots]
@@ -344,7 +338,7 @@ class Lookahead:
     def _quickened(
         self, segments: Segments, groups: Groups, solver: KnotSolver, solution: Solution
     ) -> KnotProfile:
-        """Solve the stretches anew that have no line which takes its T."""
+        """Solve stretches without a group that keeps its T again, with acceleration at their knots."""
         columns = segments.columns
         timed, late = ~np.isnan(solver.durations), np.zeros(len(groups.starts), np.bool_)
         if timed.any():
@@ -352,7 +346,7 @@ class Lookahead:
         return quicker_stretches(
             solver.run.run,
             groups,
-            # one that is late flows at no more than its mean speed, or it would end before its T
+            # a late group is limited to its mean speed, or it would end before its T
             np.fmin(np.minimum.reduceat(columns.feed, groups.starts), solver.means),
             self._limits,
             KnotProfile(solution.phases, solution.knots, solution.first),
@@ -362,8 +356,9 @@ class Lookahead:
         )
 
     def _late_bounds(self, law: _Law, bound_by: list[Bound | None]) -> None:
-        """Name the limit that stretches each late group beyond its T: the greatest speed or acceleration
-        that was reached, else jerk.
+        """Set the limit that stretches each late group beyond its T.
+
+        It is the speed or the acceleration if the group reaches that limit, else jerk.
         """
         late, phases = np.array(law.late), law.phases
         first = law.groups.starts[late]
@@ -373,7 +368,7 @@ class Lookahead:
         ends = np.column_stack((low, high)).ravel()
 
         def greatest(values: Array) -> Array:
-            """Return the greatest of the phases of each group."""
+            """Return the greatest value over the phases of each group."""
             found: Array = np.maximum.reduceat(np.append(values, 0.0), ends)[::2]
             return found
 
@@ -405,8 +400,9 @@ class Lookahead:
             bound_by[index] = self._limits.bound(limit.column, limit.kind)
 
     def _torque_bounds(self, law: _Law, bound_by: list[Bound | None]) -> None:
-        """Name the torque that ramps are longer by than under the axes' own acceleration, where the greatest
-        speed that the axes allow is not reached.
+        """Set a torque as the bound of segments whose ramps it makes longer than the axes' limits do.
+
+        Only where the greatest speed that the axes allow is not reached.
         """
         columns, most = self.table.columns, self._limits.of_samples[1]
         longer = np.diff(law.times) > columns.requested * (1.0 + 1e-9)

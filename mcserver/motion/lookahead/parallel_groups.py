@@ -1,4 +1,4 @@
-"""Comma groups: runs on disjoint columns that start together, as one stream of rows."""
+"""Plan the comma groups of a line from rest to rest in parallel, and output one stream of rows."""
 
 from __future__ import annotations
 
@@ -17,23 +17,24 @@ from mcserver.motion.lookahead.planned_run import PlannedRun
 from mcserver.motion.lookahead.setpoint_sampling import first_row, sample
 from mcserver.motion.pieces import PIECE, Activation, Deactivation, Piece, Rows
 
-# Shares of the torque limits that groups beside each other are planned with, one after the other, and places
-# at which their torques are looked at.
-SHARES, TORQUE_CYCLES = (1.0, 0.7, 0.5, 0.35, 0.25, 0.1, 0.03), 20_000
-# What the torques of all groups together may take.
+# Shares of the torque limits that each group is planned with, tried until their sum is within the limits.
+SHARES = (1.0, 0.7, 0.5, 0.35, 0.25, 0.1, 0.03)
+# Most cycles at which the sum of their torques is evaluated.
+TORQUE_CYCLES = 20_000
+# Greatest share of a torque limit that all groups together may take.
 MOST_LOAD = 1.01
 
 
 def plan_parallel(segments: list[Segment], base: Array, limits: AxisLimits) -> list[PlannedRun | None]:
     """Plan segments that start together, each from rest to rest; None for one that does not travel.
 
-    A torque is that of all of them together: where it would pass its limit, all become slower.
+    A joint's torque depends on all of them together: where it would exceed its limit, all become slower.
 
     Args:
         base: positions of all columns at the start, shape (K,).
 
     Raises:
-        PlanningError: no velocity profile, or their torques together cannot be kept.
+        PlanningError: no velocity profile, or the sum exceeds a torque limit at every share.
     """
     torque = limits.torque
     for share in SHARES:
@@ -127,7 +128,7 @@ def sample_parallel(
 
 
 def last_bound(runs: list[PlannedRun | None]) -> Bound | None:
-    """Find what stretched the group that ends last."""
+    """Return the limit that stretched the group that ends last."""
     travelling = [run for run in runs if run is not None]
     if not travelling:
         return None

@@ -1,4 +1,4 @@
-"""The velocity profile of a run of segments, with time-domain blends in it."""
+"""The planned run: a velocity profile over segments, with time-domain blends in place of stops."""
 
 from __future__ import annotations
 
@@ -14,9 +14,9 @@ from mcserver.motion.geometry.segment_list import SegmentList
 from mcserver.motion.lookahead.time_domain_corner import TimeDomainBlend, is_time_domain
 from mcserver.motion.profile.velocity_profile import Phases, join_phases
 
-# What rounding makes of a moment at most: it is one with the end of a segment that is so near [s].
+# Times that differ by no more than this are the same, but for rounding [s].
 NO_TIME = 1e-12
-# How well a segment keeps its T, as a share of it, where the profile is found by halving.
+# Relative error with which a segment keeps its T, where the profile was found by bisection.
 KEPT_TIME = 2e-6
 
 
@@ -25,15 +25,14 @@ class PlannedRun:
     """A velocity profile over n segments.
 
     Attributes:
-        segments: in order. window_index: the segment of the window that each belongs to, shape (n,): a corner
-            that is passed by a time-domain blend is two more, one for each line.
+        segments: in order; a time-domain blend adds two, one for each line. window_index: the segment of the
+            window that each belongs to, shape (n,).
         bounds: σ at their starts and at the end, shape (n+1,).
-        phases: σ over time. timed: which of them are such corners: no moment inside has a speed and no
-            acceleration.
+        phases: σ over time. timed: which phases are time-domain blends, which cannot be cut inside.
         times: at ``bounds``, shape (n+1,) [s].
-        bound_by: for each segment what limit stretched it, or None.
+        bound_by: for each segment the limit that stretched it, or None.
         held: which segments take their T between knots of their own, shape (n,).
-        ends_early: whether a segment ends before its T, for want of a slower profile.
+        ends_early: whether a segment ends before its T because no slower profile exists.
     """
 
     segments: SegmentList
@@ -60,7 +59,7 @@ class PlannedRun:
         """Return the segment under way at a time [s] that is not inside a time-domain blend."""
         index = int(np.searchsorted(self.times, moment, side="right")) - 1
         index = min(max(index, 0), len(self.segments) - 1)
-        # at the very start of a corner the line before it ends
+        # the start of a blend counts as the end of the line before it
         while is_time_domain(self.segments[index]):
             index -= 1
         return index
@@ -78,7 +77,7 @@ class PlannedRun:
         return abs(took - duration) <= KEPT_TIME * max(1.0, duration)
 
     def spent(self, moment: float) -> float:
-        """Return what is over at a time [s] of the T of the segment under way [s]; 0 where it has none."""
+        """Return how much of its T the segment under way has used at a time [s]; 0 without a T."""
         index = self.segment_at(moment)
         if self.segments[index].duration is None:
             return 0.0
@@ -91,7 +90,7 @@ class PlannedRun:
         sigma = float(self.phases.at(np.array([moment]))[0][0])
         segments = self.segments[index:]
         if moment - float(self.times[index]) > NO_TIME:
-            # what is left of a segment under way
+            # the rest of a segment under way
             first = segments[0].lasting_less(self.spent(moment), segments[0].feed_scale)
             begin = first.begin + (sigma - float(self.bounds[index])) / first.scale
             segments[0] = msgspec.structs.replace(first, begin=begin, opens=False)
@@ -116,7 +115,7 @@ class PlannedRun:
         """Return the run with blends in place of stops.
 
         Args:
-            stops: the segments that start at them, in order, none of them the first.
+            stops: index of the segment after each stop, increasing, above 0. corners: the blends.
         """
         if not stops:
             return self
@@ -129,7 +128,7 @@ class PlannedRun:
         times = self.times.copy()
         times[1:] -= np.concatenate(([0.0], saved))[np.searchsorted(at, np.arange(1, len(times)))]
         times[at] = leave_at + turn * lasts
-        # σ passes a corner at one speed, over as much as it takes the place of
+        # σ passes a blend at constant speed, over the length that the blend replaces
         from_, to = np.array([(each.sigma_leave, each.sigma_join) for each in corners]).T
         bounds = self.bounds.copy()
         bounds[at] = from_ + turn * (to - from_)
@@ -156,8 +155,8 @@ class PlannedRun:
         uncut.append(self._uncut(since, self.phases.duration))
         phases = join_phases(np.concatenate(parts), self.phases.end, np.concatenate(uncut))
         timed = np.concatenate([np.full(len(part), bool(i % 2)) for i, part in enumerate(parts)])
-        # the same sums as in the velocity profile: a cut at the end of a corner is at the start of what
-        # follows
+        # the same sums as in the velocity profile, so that the end of a blend is exactly the next phase's
+        # start
         leave_at = phases.start[timed]
         join_at = np.append(phases.start, phases.duration)[np.nonzero(timed)[0] + 1]
         return PlannedRun(

@@ -1,4 +1,4 @@
-"""Setpoint rows of a planned run: curves sampled at the cycle and nowhere else."""
+"""Sample a planned run at the cycle: setpoint rows."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def whole_cycle(u: float) -> int:
 
 
 def first_row(u: float) -> int:
-    """Return the first whole cycle after ``u``: a motion's row at its very start would say nothing new."""
+    """Return the first whole cycle after ``u``: a row at a motion's very start would repeat its start."""
     return math.floor(u + CYCLE_ROUNDING) + 1
 
 
@@ -35,14 +35,14 @@ def sample(
     """Return rows ``first`` … ``last`` (both included) of a run that starts at u = ``origin`` [cycles].
 
     Args:
-        path: columns of its first segments, where they are known; None: of none.
+        path: columns of its first segments, if the caller has them already.
     """
     u = np.arange(first, last + 1, dtype=np.float64)
     time: Array = np.asarray((u - origin) * cycle, dtype=np.float64)
     sigma, speed, index = places = RowPlaces(np.empty(len(u)), np.empty(len(u)), np.empty(len(u), np.intp))
     law = run.phases
     locate_samples(time, law.start, law.duration, law.rows, law.end, run.bounds, run.times, places)
-    # a row that is at the end but for rounding is at rest: who holds there waits for nothing more
+    # a row within rounding of the end is at rest: a program held there must not wait for a last trace
     ended = time >= law.duration - CYCLE_ROUNDING * cycle
     sigma[ended], speed[ended] = law.end, 0.0
     low, high = int(index[0]), int(index[-1]) + 1
@@ -87,11 +87,11 @@ def _sample_splines(
     position: Array,
     velocity: Array,
 ) -> None:
-    """Write the rows on parts of splines, all of one spline at once.
+    """Write the rows on parts of splines, one spline at a time.
 
     Args:
-        path: of the segments that there are rows on, with their σ at start and end, scale, begin and finish
-            in ``spans``, shape (m, 5). here: which of them each row is on, shape (n,).
+        path: columns of the m segments that the rows are on. spans: their σ at start and end, scale, begin
+            and finish, shape (m, 5). here: index of the segment that each row is on, shape (n,).
         sigma, speed: of each row, shape (n,). position, velocity: written there, shape (n, K).
     """
     assert path.domains is not None
@@ -110,7 +110,7 @@ def _sample_splines(
         t = np.where(passed, ends[which], np.clip(t, begins[which], ends[which]))
         found = spline.at(t)
         found[0][t >= spline.breaks[-1]] = spline.end
-        # columns beside the spline may rest elsewhere from line to line
+        # columns that the spline does not move rest at each line's base
         position[at], velocity[at] = path.bases[here[at]], 0.0
         position[at, columns] = found[0]
         velocity[at, columns] = found[1] * (rates[which] * speed[at])[:, None]

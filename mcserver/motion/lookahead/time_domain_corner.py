@@ -1,12 +1,10 @@
-"""Time-domain corner blends: corners at which a path would stop, passed within the tolerance by trajectories
-in time.
+"""Time-domain corner blends: replace a stop at a corner by synchronized trajectories within the tolerance.
 
-About a stop the motion along the path loses all of its speed and gains it again. Between a moment x before
-the stop and one x behind it the axes may leave the path: each goes the quickest way from its state at the one
-to its state at the other, and all take the same time. Where the lines move different axes the end of one ramp
-and the beginning of the next pass at once, and acceleration need not vanish between them. Position, velocity
-and acceleration go on as they were, within each axis's own limits, so mostly the tolerance bounds x (D-35,
-D-36).
+A motion along the path would stop at the corner. From a time x before that stop to a time x after it the axes
+leave the path: each takes a minimum-time trajectory from its state before to its state after, all of the same
+duration. Where the lines move different axes, the end of one ramp overlaps with the beginning of the next,
+and acceleration need not vanish between them. Position, velocity and acceleration are continuous and within
+each axis's limits, so mostly the tolerance limits x (D-35, D-36).
 """
 
 from __future__ import annotations
@@ -26,27 +24,31 @@ from mcserver.motion.kernels.junctions import length_of
 from mcserver.motion.kernels.min_time_trajectories import PHASES, min_time_trajectories
 from mcserver.motion.profile.velocity_profile import Phases
 
-# A corner is worth its pieces if it saves this share of a cycle.
+# Least time that a blend has to save [cycles].
 MIN_SAVING = 0.1
-# Corners that are tried for one at most; the share of the tolerance to aim at, and one near enough to stop
-# there; how the reach follows from that share, which grows with its second or third power, how far in one
-# step, and how far from what is known to be too short or too long; what of the lines is left out at first, in
-# tolerances.
+# Most blend times that are tried at one corner.
 MAX_TRIALS = 10
+# Share of the tolerance to aim at, and the share from which on the search ends.
 AIM, NEAR = 0.97, 0.92
-POWER, LEAST, MOST, ASIDE = 0.4, 0.4, 2.5, 0.3
+# Deviation grows with the second or third power of the blend time: a trial corrects it by this power,
+POWER = 0.4
+# by factors between these,
+LEAST, MOST = 0.4, 2.5
+# and stays this share of the bracket away from blend times known to be too short or too long.
+ASIDE = 0.3
+# The first trial leaves the lines where they are this far from the vertex [tolerances].
 FAR = 4.0
-# Chords of an arc are short enough if they have this share of its length.
+# Programmed points resolve an arc if their polyline has this share of its length.
 CHORDS = 0.99
-# Share of the limits that rounding may pass.
+# Tolerance for rounding when a phase is looked up by time [s].
 ROUNDING = 1e-9
 
 
 class TimeDomainCurve(Curve, frozen=True, eq=False):
-    """Trajectories of K axes by time; s is the share of their duration that has passed.
+    """Trajectories of K axes over time; s is time / duration.
 
     Attributes:
-        axes: machine columns. duration: [s]. phases: of each axis, with constant jerk: when they begin,
+        axes: machine columns. duration: [s]. phases: of constant jerk, for each axis: start time, and
             position, velocity, acceleration and jerk then, shape (K, n, 5).
     """
 
@@ -72,9 +74,10 @@ class TimeDomainBlend:
     """The blend that replaces a stop.
 
     Attributes:
-        leave, join: moments of the velocity profile between which it stands [s], and σ and the shares of the
-            two segments there. duration: what it takes itself [s]. turn: the share of that at which it is
-            nearest to the vertex. parts: before that the first line's, then the second one's.
+        leave, join: times of the velocity profile between which it replaces the path [s]; also as σ
+            (``sigma_leave``, ``sigma_join``) and as s of the two segments (``leave_s``, ``join_s``).
+        duration: of the blend [s]. turn: share of that at which it is nearest to the vertex.
+        parts: of the first line, up to ``turn``, and of the second.
     """
 
     leave: float
@@ -104,9 +107,9 @@ class Stop:
     """A stop between two segments of a velocity profile.
 
     Attributes:
-        before, after: the segments. phases: the velocity profile. moment: when it stands still [s]. begin,
-        sigma: σ where ``before`` begins, and at the stop. max_blend_time: how far a corner may reach to
-            either side [s].
+        before, after: the segments. phases: the velocity profile. moment: time of the stop [s].
+        begin, sigma: σ where ``before`` begins, and at the stop. max_blend_time: of a blend, to either side
+            [s].
     """
 
     before: Segment
@@ -120,9 +123,7 @@ class Stop:
 
 @dataclass(frozen=True)
 class _State:
-    """One end of a blend: share of the segment, σ, and position, velocity and acceleration of all
-    columns.
-    """
+    """One end of a blend: s of its segment, σ, and position, velocity and acceleration of all columns."""
 
     s: float
     sigma: float
@@ -145,7 +146,7 @@ class TimeDomainBlends:
     def find(self, stop: Stop) -> TimeDomainBlend | None:
         """Return the blend that saves most time within ``stop.after.tolerance``; None where none saves any.
 
-        What was found is noted in that segment: the next plan mostly has the same stop.
+        The result is cached in ``stop.after.corner``, since the next plan mostly has the same stop.
         """
         before, after = stop.before, stop.after
         if (
@@ -199,7 +200,7 @@ class TimeDomainBlends:
         return best
 
     def _initial_blend_time(self, stop: Stop, ramp_time: float) -> float:
-        """Return a first blend time, some tenths to some times the right one."""
+        """Return a first estimate of the blend time, within a factor of a few [s]."""
         weights = self._limits.weights
         leave = _state(stop.phases, stop.moment - ramp_time, stop.before, stop.begin)
         join = _state(stop.phases, stop.moment + ramp_time, stop.after, stop.sigma)
@@ -212,8 +213,9 @@ class TimeDomainBlends:
         return ramp_time + (wanted - far) / max(speed, 1e-9)
 
     def _try(self, stop: Stop, blend_time: float) -> tuple[TimeDomainBlend | None, float]:
-        """Return the blend within ``blend_time`` [s] to either side of a stop, None where it saves
-        nothing, and its path deviation [m], infinite where it may not be driven.
+        """Return the blend with a blend time [s], and its path deviation [m].
+
+        The blend is None where it saves no time or is not allowed; the deviation is then 0 or infinite.
         """
         before, after = stop.before, stop.after
         leave = _state(stop.phases, stop.moment - blend_time, before, stop.begin)
@@ -223,7 +225,7 @@ class TimeDomainBlends:
         for cruising in (False, True):
             curve = self._curve(leave, join, columns, blend_time, cruising=cruising)
             if curve is None:
-                # nothing is saved, but a longer corner might
+                # no time saved, but a longer blend might save some
                 continue
             deviation, turn = self._path_deviation(stop, leave, join, curve)
             if math.isfinite(deviation) and not self._keeps_torques(stop, curve):
@@ -278,8 +280,9 @@ class TimeDomainBlends:
     def _path_deviation(
         self, stop: Stop, leave: _State, join: _State, curve: TimeDomainCurve
     ) -> tuple[float, float]:
-        """Return the path deviation [m], infinite where the curve may not be driven, and the share of its
-        time at which it is nearest to the vertex.
+        """Return the path deviation [m] and the share of the duration at which the vertex is nearest.
+
+        The deviation is infinite where the curve is not allowed.
         """
         before, after = stop.before, stop.after
         columns = np.array(curve.axes, dtype=np.intp)
@@ -295,7 +298,7 @@ class TimeDomainBlends:
         slower = math.sqrt(float((speeds * speeds).sum(axis=1).max()))
         lines = ((before, before.last), (after, after.first))
         caps = [(min(line.feed * length_of(tangent), slower), line.feed_speed) for line, tangent in lines]
-        # of a handful of columns NumPy's own search would take longer than all the rest
+        # for a handful of columns numpy's search would take longer than all the rest
         counted = [line.feed_columns.tolist() for line, _ in lines]
         feed_columns = [[float(axis in each) for axis in curve.axes] for each in counted]
         found: tuple[float, float] = path_deviation_of(
@@ -313,7 +316,7 @@ class TimeDomainBlends:
 
 
 def _shorter_ramp_time(stop: Stop) -> float:
-    """Return the duration of the shorter one of the ramps to a stop and from it [s]."""
+    """Return the duration of the shorter of the ramps to a stop and from it [s]."""
     phases = stop.phases
     at = int(np.searchsorted(phases.start, stop.moment - ROUNDING))
     low = high = at

@@ -1,8 +1,8 @@
-"""Corners of lines with a T of their own (G93), rounded so that each line keeps its T.
+"""Round corners of lines with a T (G93) so that each line keeps its T.
 
-Half of a blend belongs to each line (D-33). Both halves are passed at one speed, the lower of the lines' mean
-speeds or what the axes allow on the blend, and take from each line's T what that needs. The shorter the
-blend, the more of the line is left to get to the speed that the rest of it asks for.
+Half of a blend belongs to each line (D-33). Both halves are passed at one speed, the lowest of the lines'
+mean speeds and what the axes allow on the blend, and their time is taken from each line's T. The shorter the
+blend, the more of the line is left to reach the speed that the rest of T requires.
 """
 
 from __future__ import annotations
@@ -15,16 +15,16 @@ from mcserver.motion.geometry.blend import Blend, blend
 from mcserver.motion.geometry.segment import AxisLimits, Segment
 from mcserver.motion.lookahead.lookahead import Lookahead
 
-# Shares of the tolerance that are tried for a blend, the longest first.
+# Shares of the tolerance that are tried for a blend.
 TOLERANCE_SHARES = (0.85, 0.3, 0.1, 0.03, 0.01, 0.003, 0.001)
-# Of the greatest speed on a blend: what is left is for the joints beside it.
+# Share of the axes' speed limit on a blend; the rest is for the junctions beside it.
 TOP_SHARE = 0.98
-# A blend that is passed at this share of the lines' mean speed is passed steadily.
+# A blend is steady if it is passed at this share of the lower mean speed.
 STEADY = 0.999
 
 
 def as_feed_line(segment: Segment) -> Segment:
-    """Return a segment as one of G94 whose F is its mean speed by T; one without T as it is."""
+    """Return a segment with a T as a G94 segment whose F is its mean speed; another unchanged."""
     if segment.duration is None:
         return segment
     feed = (segment.finish - segment.begin) / segment.duration
@@ -34,10 +34,10 @@ def as_feed_line(segment: Segment) -> Segment:
 
 
 def steady_blend(before: Segment, after: Segment, limits: AxisLimits, handle: float) -> Blend | None:
-    """Return the shortest blend that is passed at the lower one of the mean speeds; None without one.
+    """Return the shortest blend that can be passed at the lower of the mean speeds; None without one.
 
     Args:
-        before, after: with the path tolerance, and a scale each. handle: as of `blend`.
+        before, after: scaled, with the path tolerance in ``after``. handle: as in `blend`.
     """
     best: Blend | None = None
     wanted = STEADY * min(each.feed * each.scale for each in map(as_feed_line, (before, after)))
@@ -56,7 +56,7 @@ def steady_blend(before: Segment, after: Segment, limits: AxisLimits, handle: fl
 
 
 def keep_times(found: Blend, before: Segment, after: Segment, limits: AxisLimits) -> float:
-    """Give both halves of a blend their parts of the lines' T; return the speed over it."""
+    """Divide the T of each line between its half of a blend and its rest; return the speed on the blend."""
     parts = (found.before, found.first, found.second, found.after)
     window = Lookahead(limits)
     for part in parts:
@@ -75,7 +75,7 @@ def keep_times(found: Blend, before: Segment, after: Segment, limits: AxisLimits
             continue
         spent = lengths[inner] / speed
         if spent >= line.duration:
-            # too short a T for either: both are as quick as they can be
+            # T is too short: half and rest are both passed as fast as they can be
             spent = line.duration * lengths[inner] / (lengths[inner] + lengths[outer])
         parts[inner].duration, parts[inner].feed = spent, math.inf
         parts[outer].duration = line.duration - spent

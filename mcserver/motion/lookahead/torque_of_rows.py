@@ -1,4 +1,4 @@
-"""What setpoint rows ask of joints whose torques are limited, for changes of the playback rate."""
+"""Compute the torques of setpoint rows, which limit changes of the playback rate."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ class TorqueOfRows:
         cycle: between rows [s].
 
     Attributes:
-        longest_stop: the longest stop that the torques so far ask for [cycles].
+        longest_stop: the longest stop that the torques so far need [cycles].
     """
 
     def __init__(self, limits: TorqueLimits, cycle: float) -> None:
@@ -46,11 +46,10 @@ class TorqueOfRows:
             yield self.on(piece, [carried] * len(piece.line)) if isinstance(piece, Rows) else piece
 
     def on(self, rows: Rows, carried: Sequence[tuple[int, ...]]) -> Rows:
-        """Return rows that follow those of the calls before with their torques, in shares of the limits, by
-        the numbers of `mcserver.motion.kernels.row_torques`.
+        """Return rows, which follow those of the last call, with their torques.
 
         Args:
-            carried: tools that were chosen by then, of each row.
+            carried: `Segment.carried` of each row.
         """
         position, velocity = rows.position, rows.velocity
         joined = rows.first - 1 == self._u

@@ -1,10 +1,9 @@
-"""Stretches between zero-acceleration knots driven quicker, with acceleration at the knots too.
+"""Replace the profile over several zero-acceleration knots by a faster one, with acceleration at inner knots.
 
-Knots with speed and no acceleration cost time where limits change all along, as on curves of changing
-curvature: speed climbs in steps. Such a stretch, from one knot to a later one, is solved again as a whole by
-`mcserver.motion.kernels.path_speed`. Both of its ends stay what they were, so motion can be cut, stopped and
-planned on there as before; beside a rest, so does the phase that leads from or to it. What has no quicker
-profile that keeps every limit stays as it was.
+Knots cost time where limits change all along, as on curves of changing curvature: speed climbs in steps. A
+stretch, from one knot to a later one, is solved again as a whole by `mcserver.motion.kernels.path_speed`. Its
+end knots stay, so that the motion can still be cut, stopped and replanned there; so does the first or last
+phase at a rest. Where no faster profile keeps every limit, the stretch stays as it was.
 """
 
 from __future__ import annotations
@@ -22,15 +21,17 @@ from mcserver.motion.kernels.path_speed import NODE_SHARE, NODES_APART, quicker_
 from mcserver.motion.kernels.sample_limits import Run
 from mcserver.motion.profile.velocity_profile import Phases, join_phases
 
-# Time of one stretch at the most [s], after which there is a knot again to cut the motion at, and nodes at
-# the least.
-LONGEST_S, FEWEST_NODES = 1.0, 8
-# Ends that are tried for a stretch, and tries in a row after which the rest of a run stays as it is: what has
-# no quicker profile here costs time to find out.
-TRIES, MOST_FAILURES = 3, 9
-# Share of the longest stretch behind which it may end at a bottleneck.
+# Longest stretch: its end is a knot again, at which the motion can be cut [s].
+LONGEST_S = 1.0
+# Fewest node intervals of a stretch.
+FEWEST_NODES = 8
+# Ends that are tried for one stretch.
+TRIES = 3
+# Failures in a row after which the rest of a run is not tried: each costs computing time.
+MOST_FAILURES = 9
+# A stretch may end at a bottleneck after this share of the longest time.
 FIRST_PART = 0.2
-# Nodes that the phase beside a rest is long, at least.
+# Least duration of the phase next to a rest [node intervals].
 REST_NODES = 2.0
 
 
@@ -39,9 +40,8 @@ class KnotProfile:
     """A velocity profile between knots.
 
     Attributes:
-        phases: rows of `mcserver.motion.kernels.phases`. knots, first: the knots, and the first phase behind
-            each, shape (k,). uncut: phases at whose start, or inside of which, the profile is not to be cut,
-            shape (n,); None: there are none.
+        phases: rows of `mcserver.motion.kernels.phases`. knots, first: the knots, and the first phase after
+            each, shape (k,). uncut: as in `Phases`, shape (n,); None: no phase.
     """
 
     phases: Array
@@ -67,13 +67,13 @@ def quicker_stretches(
     in_time: NDArray[np.bool_],
     stops: bool = False,
 ) -> KnotProfile:
-    """Solve the stretches between knots with speed anew.
+    """Return a knot profile with faster stretches.
 
     Args:
         feed: greatest speeds of the groups by F, or by a T that they cannot keep, shape (n,).
-        given: the profile as `KnotSolver` gives it. spans: `sample_spans` of the groups. in_time: groups
-            that take their T, and stay as they are, shape (n,). stops: the motion ends with the stop at the
-            end, which is then quickened too.
+        given: the profile of `KnotSolver`. spans: `sample_spans` of the groups. in_time: groups that keep
+            their T, which stay as they are, shape (n,). stops: the stop at the end is final, so it may be
+            solved again too.
     """
     if not np.isfinite(limits.jerk).all():
         return given
@@ -147,13 +147,13 @@ def sample_spans(groups: Groups, columns: SegmentColumns) -> Array:
 
 @dataclass(frozen=True)
 class _Known:
-    """What is known of a run.
+    """The knot profile of a run, and what is needed to solve its stretches again.
 
     Attributes:
-        spans, feed, stops: see `quicker_stretches`. at_vertex: groups with a vertex, which have all that is
-            about it. profile, given: as `KnotSolver` gives it.
-        moments, speeds: at the knots [s]. apart: time between nodes [s]. kept: which knots have a group that
-            takes its T between them and the next one, shape (k-1,).
+        spans, feed, stops: see `quicker_stretches`. at_vertex: groups with a vertex, whose zone lies within
+            them. profile, given: of `KnotSolver`.
+        moments: times of the knots [s]. speeds: at the knots. apart: time between nodes [s]. kept: whether a
+            group between each knot and the next one keeps its T, shape (k-1,).
     """
 
     run: Run
@@ -173,7 +173,7 @@ class _Known:
         """Solve the stretch from one knot to a later one.
 
         Returns:
-            Its phases, none where there is nothing quicker; and whether it was looked for.
+            Its phases, none where no faster profile was found; and whether one was searched for.
         """
         given = self.given
         rows = given.phases[given.first[index] : given.first[last]]
@@ -226,11 +226,10 @@ class _Known:
     def stretch_end(self, index: int, longest: float) -> int:
         """Return the last knot of the stretch that begins at a knot.
 
-        All of them up to the next rest, or to a group that takes its T, as long as that takes no longer than
-        ``longest`` [s]; then the slowest bottleneck behind the first part: there the bend rather than what is
-        about it says how fast it is, so a stretch loses nothing by an end without acceleration. Without a
-        bottleneck, the slowest knot of the last half. As long as lines come, the stop at the very end is left
-        as it is: a plan is cut before it.
+        That is the next rest, or the next knot before a group that keeps its T, if it is reached within
+        ``longest`` [s]. Else the slowest bottleneck after the first part of that time: speed is least there
+        in any profile, so an end without acceleration costs nothing. Else the slowest knot of the second
+        half. As long as lines come, the ramp to the stop at the very end stays: a plan is cut before it.
         """
         last, final = index + 1, len(self.speeds) - 1
         if self.kept[index]:
@@ -256,16 +255,16 @@ class _Known:
 
 
 def _inner(rows: Array, rests: tuple[bool, bool], apart: float) -> slice | None:
-    """Return which phases between two knots are solved anew.
+    """Return which phases between two knots are solved again.
 
-    All but the first one behind a rest and the last one before a rest, which have all the jerk there is.
+    All but the first one after a rest and the last one before a rest, which use all the jerk already.
 
     Args:
         rows: the phases. rests: whether the motion rests at the first knot and at the last. apart: time
             between nodes [s].
 
     Returns:
-        None where such a phase is too short for nodes to follow what comes behind it.
+        None where such a phase is too short for the spacing of nodes.
     """
     start, stop = int(rests[0]), len(rows) - int(rests[1])
     if start >= stop:
@@ -276,7 +275,7 @@ def _inner(rows: Array, rests: tuple[bool, bool], apart: float) -> slice | None:
 
 
 def _at_vertices(run: Run) -> NDArray[np.bool_]:
-    """Return in which groups a vertex asks for a step of velocity, shape (n,)."""
+    """Return which groups have a vertex with a step of velocity, shape (n,)."""
     width = run.limits.shape[1]
     steps = (run.rows[:, 3 * width : 4 * width] > 0.0).any(axis=1)
     found: NDArray[np.bool_] = np.logical_or.reduceat(steps, run.offset[:-1])

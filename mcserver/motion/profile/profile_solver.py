@@ -1,8 +1,8 @@
-"""The velocity profile of a run: speeds at its zero-acceleration knots, and the profiles between them.
+"""Solve the velocity profile of a run: zero-acceleration knots, their speeds, and the phases between them.
 
-Acceleration is zero at knots. They are found by the caps that bind: a stretch between two knots is solved as
-if nothing bound it; where the result passes a cap, the lowest such cap becomes a knot and both sides are
-solved again. Segments of G93 stand between knots of their own, since each has its T.
+A stretch between two knots is first solved without junction limits; where the result exceeds some, the lowest
+of these becomes a knot and both sides are solved again. G93 segments are between knots of their own, since
+each has its T.
 """
 
 from __future__ import annotations
@@ -23,22 +23,23 @@ from mcserver.motion.limits.path_limits import RunLimits
 from mcserver.motion.limits.segment_table import SegmentTable
 from mcserver.motion.profile.velocity_profile import join_phases
 
-# Shares of the greatest speed at an end of a late segment that are tried for it, and halvings between the
-# last with which it is late and the first with which it ends too soon.
-RAISES, HALVINGS = (0.1, 0.25, 0.5, 0.75, 1.0), 12
-# Late segments that are tried for speeds between two of them.
+# Steps in which the speed at an end of a late segment is raised, as shares of the way to its limit.
+RAISES = (0.1, 0.25, 0.5, 0.75, 1.0)
+# Bisections between a speed at which a segment is late and one at which it is early.
+HALVINGS = 12
+# With more late segments than this, junctions between two late ones are not raised.
 MOST_RAISED = 16
 
 
 @dataclass(frozen=True)
 class Solution:
-    """Knots, their speeds, the velocity profile, and the groups that miss the T they were to take.
+    """Knots, their speeds, the velocity profile, and the held groups that miss their T.
 
     Attributes:
         speeds: at the groups' ends that are knots, NaN at others, shape (n+1,).
-        phases: rows of `mcserver.motion.kernels.phases`. first: the first phase behind each knot, and one
+        phases: rows of `mcserver.motion.kernels.phases`. first: the first phase after each knot, and one
             past the last, shape (k,). late: held groups that take longer than their T, in order.
-        early: those that end before it, since the speeds at their ends leave no slower profile.
+        early: held groups that end before it: the speeds at their ends leave no slower profile.
     """
 
     knots: NDArray[np.intp]
@@ -62,8 +63,8 @@ class KnotSolver:
 
     Attributes:
         run: limits of the groups, set before each `solve`. durations: T of the groups, NaN without one,
-            shape (n,) [s]. held: those that are to take it, and stand between knots therefore.
-            flow_vmax: greatest speeds of those that cannot, and would end too soon with more, shape (n,).
+            shape (n,) [s]. held: groups planned to take exactly their T, between knots, shape (n,).
+        flow_vmax: speed limits of groups that are not held, but if faster would end before T, shape (n,).
     """
 
     def __init__(self, table: SegmentTable, groups: Groups, entry: float) -> None:
@@ -81,9 +82,7 @@ class KnotSolver:
         return self._table.segments[0].line
 
     def nominal_speeds(self) -> Array:
-        """Return the greatest speeds at the groups' ends with the mean speeds of held ones at both of
-        theirs, shape (n+1,).
-        """
+        """Return junction speed limits, at held groups lowered to their mean speeds, shape (n+1,)."""
         speeds = self._groups.junction_vmax.copy()
         mean = np.where(self.held, self.means, math.inf)
         speeds[1:-1] = np.minimum(speeds[1:-1], np.minimum(mean[:-1], mean[1:]))
@@ -91,20 +90,19 @@ class KnotSolver:
 
     @property
     def means(self) -> Array:
-        """Mean speeds that groups ask for by their T, NaN without one, shape (n,)."""
+        """Mean speeds of groups by their T, NaN without one, shape (n,)."""
         return np.diff(self._groups.edges) / self.durations
 
     def solve(self, junction_vmax: Array) -> Solution:
-        """Add knots until no stretch exceeds a speed limit; each round binds the lowest one that each
-        stretch exceeds.
+        """Add knots until no stretch exceeds a speed limit, in each round at the lowest limit exceeded.
 
         Raises:
             PlanningError: no velocity profile keeps all limits.
         """
         durations = np.where(self.held, self.durations, math.nan)
         blamed = 0
-        # a knot asks for zero acceleration: one that was to save time may leave no way from the speed that is
-        # already there, so without such knots it is tried again
+        # with zero acceleration at a knot that only saves time there may be no profile from the entry speed:
+        # then try without such knots
         for required_only in (False, True):
             first = self._initial_knots(junction_vmax, hints=not required_only)
             status, blamed, knots, speeds, phases, starts, timings = find_knots(
@@ -130,9 +128,7 @@ class KnotSolver:
         raise PlanningError(self._table.segments[int(self._groups.starts[blamed])].line)
 
     def _initial_knots(self, junction_vmax: Array, *, hints: bool) -> NDArray[np.bool_]:
-        """Return the knots known from the outset: about held segments, at stops, and by ``hints`` those
-        of the last plan.
-        """
+        """Return the initial knots: around held groups, at stops, and with ``hints`` the last plan's."""
         is_knot = junction_vmax <= 0.0
         is_knot[0] = is_knot[-1] = True
         is_knot[:-1] |= self.held
@@ -142,7 +138,7 @@ class KnotSolver:
         return is_knot
 
     def _timing(self, index: int, speeds: Array) -> int:
-        """Return how a segment can be passed between these speeds; one that is not held keeps its time."""
+        """Return the timing of a group between two speeds: `KEPT`, `LATE` or `EARLY`; `KEPT` if not held."""
         if not self.held[index]:
             return KEPT
         length = float(self._groups.edges[index + 1] - self._groups.edges[index])
@@ -150,15 +146,14 @@ class KnotSolver:
         return int(timing_of_group(self.run.run, index, ends, float(self.durations[index])))
 
     def raise_speeds(self, late: tuple[int, ...], speeds: Array, junction_vmax: Array) -> bool:
-        """Raise speeds at the ends of timed segments that take longer than their T (D-33).
+        """Raise junction speeds at the ends of late segments (D-33); return whether any was raised.
 
-        The speed at a joint of two timed segments is at first the lower of their means. A segment that cannot
-        keep its T so may with more speed at its ends, if the neighbours keep theirs. True if a cap was
-        changed.
+        The speed at a junction of two segments with a T is at first the lower of their mean speeds. A late
+        segment may keep its T with more speed at its ends, if its neighbours still keep theirs.
         """
         changed = False
         most, now = self._groups.junction_vmax, speeds.copy()
-        # chords that are too quick flow into each other instead
+        # many late segments are chords with too short a T, which `released` handles
         missed = set(late) if len(late) > MOST_RAISED else set()
         for index in late:
             for end, other in ((index, index - 1), (index + 1, index + 1)):
@@ -174,16 +169,16 @@ class KnotSolver:
         return changed
 
     def _raised(self, index: int, other: int, end: int, speeds: Array) -> float:
-        """Return the speed at one end of a late segment with which it keeps its T, or is least late.
+        """Return the speed at one end of a late segment at which it keeps its T, or is least late.
 
         Args:
-            other: the segment beyond that end, which is not to lose its own T. speeds: written.
+            other: the segment beyond that end, which has to keep its T. speeds: scratch, overwritten.
         """
         low, high = float(speeds[end]), float(self._groups.junction_vmax[end])
         best, beyond = low, self._timing(other, speeds)
 
         def timing(speed: float) -> int | None:
-            """Return how the segment is passed; None: the other one loses its T."""
+            """Return the segment's timing; None: the other one would lose its T."""
             speeds[end] = speed
             then = self._timing(other, speeds)
             return self._timing(index, speeds) if then in (beyond, KEPT) else None
@@ -200,8 +195,10 @@ class KnotSolver:
 
     @staticmethod
     def _between(late: float, early: float, timing: Callable[[float], int | None]) -> float:
-        """Return a speed with which a segment keeps its T, between one with which it is late and one with
-        which it is early; failing that, the greatest with which it is late.
+        """Bisect for the speed at which a segment keeps its T; failing that, return the greatest late one.
+
+        Args:
+            late, early: speeds at which it is late and early.
         """
         for _ in range(HALVINGS):
             middle = 0.5 * (late + early)
@@ -215,9 +212,7 @@ class KnotSolver:
         return late
 
     def slow_down(self, early: Iterable[int], speeds: Array, junction_vmax: Array) -> None:
-        """Lower the speeds at the ends of timed segments that end before their T until T is kept, or until
-        the speeds cannot be joined.
-        """
+        """Lower junction speeds at the ends of early segments until T is kept, or no profile is left."""
         for index in early:
             ends = [end for end in (index, index + 1) if 0 < end < len(self.held)]
             late, too_soon, now = 0.0, 1.0, speeds.copy()

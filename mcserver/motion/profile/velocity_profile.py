@@ -1,5 +1,6 @@
-"""Velocity profiles on one path coordinate as phases of constant jerk, so that a whole motion is sampled
-with numpy in one go and its duration is exact, not rounded to the cycle.
+"""A velocity profile along one path coordinate as phases of constant jerk.
+
+A whole motion is sampled with numpy at once, and its duration is exact, not rounded to the cycle.
 """
 
 from __future__ import annotations
@@ -47,7 +48,7 @@ class Phases:
         return float(self.start[index + 1]) if index + 1 < len(self.start) else self.duration
 
     def span(self, low: float, high: float) -> tuple[int, int]:
-        """Return the first phase under way between two times [s], and the one after the last."""
+        """Return the range of phases under way between two times [s]: the first, and one past the last."""
         first = int(np.clip(np.searchsorted(self.start, low, side="right") - 1, 0, len(self.start) - 1))
         return first, max(int(np.searchsorted(self.start, high, side="left")), first + 1)
 
@@ -61,9 +62,7 @@ class Phases:
         return rows
 
     def state(self, moment: float) -> tuple[float, float, float]:
-        """Return coordinate, speed and acceleration at a time [s]; where acceleration steps, before the
-        step.
-        """
+        """Return coordinate, speed and acceleration at a time [s]; at a step of acceleration, before it."""
         return self._inside(max(int(np.searchsorted(self.start, moment, side="left")) - 1, 0), moment)
 
     def _inside(self, index: int, moment: float) -> tuple[float, float, float]:

@@ -1,11 +1,10 @@
-"""Which of the lines on end stand for one curve, and which are meant as they are.
+"""Distinguish chords of a curve from lines that are programmed as such.
 
-A vertex between two lines that turns by δ is missed by about 0.22 d δ if it is rounded from d before it to
-d behind it: the tolerance ε asks for d = ε / 0.22 δ. A line is a *chord* where that is more than its half at
-both of its vertices, so that their roundings would meet: neither the line nor its vertices are meant, but the
-curve that they stand for. Where d is shorter, the bend is larger than its neighbours suggest: a corner. But
-where both vertices turn alike and the same way, as in the tightest bend of a curve, d may be shorter, and
-much shorter where they turn by little.
+A blend from d before a vertex to d after it misses the vertex by about 0.22 d δ, δ being the turn: a
+tolerance ε allows d = ε / 0.22 δ. A line is a *chord* of a curve where d is more than half of the line at
+both of its vertices, so that the blends would meet. Where d is shorter, the turn is larger than a curve
+through its neighbours would have: a corner. But where both vertices turn by similar angles in the same
+direction, as in the tightest bend of a curve, d may be shorter, and much shorter where the turns are small.
 """
 
 from __future__ import annotations
@@ -18,31 +17,32 @@ from numpy.typing import NDArray
 from mcserver.motion.geometry.curves import Array
 from mcserver.motion.geometry.segment_list import SegmentList
 
-# Share of a line that a rounding at one of its ends may use, as `mcserver.motion.geometry.blend.SHARE`.
+# Share of a line that a blend at one of its ends may use, as `mcserver.motion.geometry.blend.SHARE`.
 SHARE = 0.49
-# A vertex is missed by this share of d times the difference of the tangents.
+# Distance of a blend from its vertex, in d times the difference of the unit tangents.
 MISS = 0.22
-# Vertices that turn by more are corners [length of the difference of the unit tangents].
+# Vertices that turn by more are corners [difference of the unit tangents].
 SHARPEST = 1.2
-# How much shorter d may be than half a line between vertices that turn alike: the curve is then fitted more
-# closely to the vertices, which still takes no stop; and where both turn by less than `GENTLE`. Longer lines
-# are polygons that are meant.
-EVEN_BEND, GENTLE_BEND = 3.0, 7.0
+# Between vertices that turn alike half a line may be this many times d: the curve then follows the vertices
+# more closely, still without a stop. Longer lines are a programmed polygon.
+EVEN_BEND = 3.0
+# The same where both turns are below `GENTLE`.
+GENTLE_BEND = 7.0
 GENTLE = 0.5
-# Vertices turn alike where the smaller turn is this share of the larger one, and the cosine of the angle
-# between their directions is no less than this.
+# Vertices turn alike if the smaller turn is at least this share of the larger one, and the cosine of the
+# angle between their directions at least `SAME_WAY`.
 ALIKE, SAME_WAY = 0.5, 0.5
-# Turns below are rounding.
+# Turns below this are rounding.
 STRAIGHT = 1e-9
 
 
 @dataclass(frozen=True)
 class Chords:
-    """Lines on end in tolerance metric: metres, a degree counting as a millimetre.
+    """Consecutive lines in the metric of the tolerance: metres, a degree counting as a millimetre.
 
     Attributes:
-        lengths: shape (n,). turns, tolerances: at the vertices between them, shape (n-1,). even: of the inner
-            lines, whether the vertices at both ends turn alike, shape (n-2,).
+        lengths: shape (n,). turns, tolerances: at the vertices between them, shape (n-1,). even: for each
+            inner line, whether the vertices at both ends turn alike, shape (n-2,).
     """
 
     lengths: Array
@@ -52,7 +52,7 @@ class Chords:
 
     @classmethod
     def of(cls, lines: SegmentList, weights: Array) -> Chords:
-        """Return those of straight segments; what has been passed of the first is left out."""
+        """Measure straight segments, without the part of the first that has been passed."""
         path = lines.columns(0, len(lines))
         travels = path.travels * weights
         lengths = np.sqrt(np.einsum("ij,ij->i", travels, travels))
@@ -70,13 +70,13 @@ class Chords:
         return bool(self.turns[vertex] <= SHARPEST and self.tolerances[vertex] > 0.0)
 
     def runs(self, linked: int | None = None) -> list[tuple[int, int]]:
-        """Find the runs of vertices that one curve rounds: the first and last of each.
+        """Return the first and last vertex of each run of vertices that one curve replaces.
 
         Vertex 0 is between lines 0 and 1.
 
         Args:
-            linked: the first run begins at vertex 0 and holds so many more, whatever they are; None: it need
-                not.
+            linked: number of vertices after vertex 0 that belong to the first run in any case; None: vertex 0
+                need not begin a run.
         """
         may = (self.turns <= SHARPEST) & (self.tolerances > 0.0)
         with np.errstate(divide="ignore"):

@@ -1,4 +1,4 @@
-"""Lines on end with the chords among them replaced by parts of splines, one for each line."""
+"""Replace chords among consecutive lines by parts of a spline, one part for each line."""
 
 from __future__ import annotations
 
@@ -20,30 +20,32 @@ from mcserver.motion.kernels.spline_samples import PartSamples, count_samples, s
 from mcserver.motion.smoothing.chord_runs import SHARE, Chords
 from mcserver.units import MM
 
-# The longest smoothing length [m], or this many times the longest chord of a run.
-LONGEST, CHORD_LENGTHS = 4e-3, 2.5
-# L at a single vertex to begin with, in tolerances over its turn; the right one is some third of it.
+# Longest smoothing length L of the fit [m].
+LONGEST = 4e-3
+# Or so many times the longest chord of a run, if that is more.
+CHORD_LENGTHS = 2.5
+# Initial L at a single vertex, in tolerances over its turn; the right one is about a third of it.
 VERTEX_REACH = 8.0
-# How far from the last vertex of a run its curve reaches into the line beside it, in L: what a vertex does to
-# a curve fades as exp(-x / 2 L).
+# How far a curve reaches into the lines before and after its vertices, in L: the effect of a vertex decays as
+# exp(-x / 2 L).
 FADE = 8.0
-# What the fit may use of the tolerance.
+# Share of the tolerance that the fit may use.
 TOLERANCE_SHARE = 0.98
-# Share of a line with a T of its own that a curve at one of its ends may use.
+# Share of a line with a T that a curve at one of its ends may use.
 TIMED_SHARE = 0.25
-# Places of a part at which the speed of a tip is looked at, and by what share it may be more between them.
+# Samples of a part at which the speed of a tip is evaluated, and a margin for the speed between them.
 TIP_SAMPLES, BETWEEN_SAMPLES = 5, 1.002
-# What is left of a line between the curves at both of its ends, at least.
+# Least share of a line that is left between the curves at its ends.
 REST = 0.02
 
 
 @dataclass(frozen=True)
 class OpenCurve:
-    """What of a curve may still change, since it ends at rest for want of more lines.
+    """The part of a curve that more lines may still change: it ends at rest only because none have come.
 
     Attributes:
         lead: the line before it, whose part of the curve stays; None: it begins at rest. chords: the lines
-            that it stands for. jets: its place and three derivatives by its parameter at the start of each
+            that it replaces. jets: its position and three derivatives by its parameter at the start of each
             line and at its end, shape (n+1, 4, K).
     """
 
@@ -52,7 +54,7 @@ class OpenCurve:
     jets: Array
 
     def without(self, count: int) -> OpenCurve | None:
-        """Return what is left where the parts of its first lines stay; None where nothing is."""
+        """Return it without its first lines, whose parts no longer change; None where nothing is left."""
         if count == 0:
             return self
         if count > len(self.chords):
@@ -66,7 +68,7 @@ class SmoothRun:
 
     Attributes:
         parts: in order. samples: of their limits. joined: whether it continues the curve before it.
-            open: what may still change of it.
+        open: the part that may still change.
     """
 
     parts: SegmentList
@@ -80,7 +82,7 @@ Item = Segment | SmoothRun
 
 @dataclass(frozen=True)
 class _Bounds:
-    """Where a curve begins and ends: shares of its first and its last line, and conditions there."""
+    """Where a curve begins and ends: s of its first and last line, and the number of conditions there."""
 
     begin: float
     finish: float
@@ -89,26 +91,26 @@ class _Bounds:
 
 
 class ChordSmoother:
-    """Smooths under the limits of a machine."""
+    """Smooths chords in the metric of a machine's tolerances."""
 
     def __init__(self, limits: AxisLimits) -> None:
         self._weights = limits.weights
         self._metric = limits.weights / MM
 
     def smooth(self, lines: SegmentList, *, rests: bool) -> list[Item]:
-        """Replace chords among straight segments on end.
+        """Replace chords among consecutive straight segments.
 
         Args:
             rests: whether the motion rests at the start of the first line.
 
         Returns:
-            What to drive instead, in order; what is left of the first line, if anything, comes first.
+            Segments and curves, in order; first the rest of the first line, if any is left.
         """
         runs = Chords.of(lines, self._weights).runs() if len(lines) > 2 else []
         return self._items(lines, runs, rests=rests) or list(lines)
 
     def go_on(self, curve: OpenCurve, lines: SegmentList) -> list[Item] | None:
-        """Let an open curve go on over more lines; None where it cannot."""
+        """Extend an open curve over more lines; None where that is not possible."""
         known = len(curve.chords)
         every = SegmentList(() if curve.lead is None else (curve.lead,))
         every.extend(curve.chords)
@@ -124,10 +126,11 @@ class ChordSmoother:
     def _items(
         self, lines: SegmentList, runs: list[tuple[int, int]], *, rests: bool, jet: Array | None = None
     ) -> list[Item] | None:
-        """Return the items of lines with these runs of vertices.
+        """Return the items of lines with the given runs of vertices.
 
         Args:
-            jet: what the first run begins with; None is returned where it cannot.
+            jet: position and derivatives that the first run has to begin with, shape (4, K); where no curve
+                does, None is returned.
         """
         lines = lines.copy()
         items: list[Item] = []
@@ -143,7 +146,7 @@ class ChordSmoother:
             items += [*lines[index:first], *made]
             index = last + 2
             if isinstance(made[-1], Segment):
-                # what is left of the last line is the first one of what follows
+                # the rest of the last line is the first line of the next item
                 items.pop()
                 index = last + 1
                 lines[index] = made[-1]
@@ -152,11 +155,14 @@ class ChordSmoother:
     def _curve(
         self, lines: SegmentList, run: tuple[int, int], *, rests: bool, jet: Array | None = None
     ) -> list[Item] | None:
-        """Return the rest of the line before a run of vertices, its curve, and the rest of the line behind.
+        """Return the rest of the line before a run of vertices, its curve, and the rest of the line after it.
 
         Args:
-            rests: whether it may begin at the start of its first line. jet: what it begins with at its first
-                vertex.
+            rests: whether it may begin at the start of its first line. jet: position and derivatives that it
+                has to begin with at its first vertex, shape (4, K).
+
+        Returns:
+            None where no curve is within the tolerance.
         """
         first, last = run[0], run[1] + 1
         inner = lines[first : last + 1]
@@ -211,7 +217,7 @@ class ChordSmoother:
         path = lines.columns(0, len(lines))
         mask = int(np.bitwise_or.reduce(path.mask))
         if jet is not None:
-            # what still moves where the curve goes on
+            # columns that still move where the curve is continued
             for column in np.nonzero(jet[1:].any(axis=0))[0].tolist():
                 mask |= 1 << column
         columns = columns_of(mask)
@@ -263,7 +269,7 @@ class ChordSmoother:
         jets[:, 0, rest] = lines[0].base[rest]
         for index, condition, line in ((0, bounds.start, lines[0]), (-1, bounds.end, lines[-1])):
             if condition == JOINED and not (joined and index == 0):
-                # the same as the line's, to the last bit
+                # exactly the derivatives of the line
                 jets[index, 1] = line.first / float(
                     np.linalg.norm(line.first[columns] * self._metric[columns])
                 )
@@ -275,7 +281,7 @@ class ChordSmoother:
         feeds = _feeds(path, fed, spans, slopes)
         _keep_feed_of_tip(feeds, lines, path, spline, t, columns)
         source = _rows(path, jets, t, spline, columns, feeds)
-        # the first and the last one may stand for a part of their line
+        # the first and the last part may replace only a part of their line
         last_part = len(lines) - 1
         parts = SegmentList([source.segment(0)])
         parts.extend(SegmentList.of(source)[1:last_part])
@@ -294,7 +300,7 @@ class ChordSmoother:
                     line.closes and finish >= line.finish,
                 )
         if bounds.begin > lines[0].begin:
-            # the line begins with what is left of it, without a turn
+            # the rest of the line comes before the curve, without a turn
             parts[0].tolerance = 0.0
         remaining = _open_curve(lines, bounds, jets, t, lead) if is_open else None
         return SmoothRun(parts, samples, joined, remaining)
@@ -312,12 +318,12 @@ class ChordSmoother:
 def _rows(
     path: PathColumns, jets: Array, t: Array, spline: Spline, columns: NDArray[np.intp], feeds: Array
 ) -> SegmentRows:
-    """Return the parts of a spline that stand for lines on end.
+    """Return the parts of a spline that replace consecutive lines.
 
     Args:
-        path: of the lines. jets: place and three derivatives where the parts begin and the last one ends,
-            shape (n+1, 4, K), and the spline's parameters there in ``t``.
-        columns: that the spline moves. feeds: greatest ds/dt of each part [1/s].
+        path: of the lines. jets: position and three derivatives at the parts' ends, shape (n+1, 4, K).
+        t: the spline's parameters there, shape (n+1,). columns: that the spline moves. feeds: greatest ds/dt
+            of each part [1/s].
     """
     count, widths = len(path), np.diff(t)
     slopes, bends = jets[:, 1], jets[:, 2]
@@ -352,7 +358,7 @@ def _rows(
 def _open_curve(
     lines: SegmentList, bounds: _Bounds, jets: Array, t: Array, lead: Segment | None
 ) -> OpenCurve:
-    """Return the part of the last curve that its end at rest still changes."""
+    """Return the part of the last curve that is affected by its end at rest, so that more lines change it."""
     fade = min(FADE * LONGEST / MM, 0.5 * float(t[-1]))
     keep = int(np.searchsorted(t, float(t[-1]) - fade, side="right")) - 1
     keep = min(max(keep, 0), len(lines) - 1)
@@ -360,7 +366,7 @@ def _open_curve(
         return OpenCurve(lines[keep - 1], lines[keep:], jets[keep:])
     if lead is not None or bounds.start == AT_REST:
         return OpenCurve(lead, lines.copy(), jets)
-    # it begins on a line, which leads to it without a turn
+    # it begins on a line, without a turn
     rest = msgspec.structs.replace(
         lines[0].between(bounds.begin, lines[0].finish), opens=False, tolerance=lines[1].tolerance
     )
@@ -370,7 +376,7 @@ def _open_curve(
 
 
 def _begin(line: Segment, wanted: float, chords: Chords, *, rests: bool) -> tuple[float, int]:
-    """Return where on the line before its first vertex a curve begins, and how many conditions hold there."""
+    """Return the s at which a curve begins on its first line, and the number of conditions there."""
     remaining = float(chords.lengths[0])
     if rests and remaining <= 2.0 * wanted:
         return line.begin, AT_REST
@@ -380,7 +386,7 @@ def _begin(line: Segment, wanted: float, chords: Chords, *, rests: bool) -> tupl
 
 
 def _finish(line: Segment, wanted: float, chords: Chords, *, ends: bool) -> tuple[float, int]:
-    """Return where on the line behind its last vertex a curve ends, and how many conditions hold there."""
+    """Return the s at which a curve ends on its last line, and the number of conditions there."""
     remaining = float(chords.lengths[-1])
     if ends and remaining <= 2.0 * wanted:
         return line.finish, AT_REST
@@ -389,14 +395,14 @@ def _finish(line: Segment, wanted: float, chords: Chords, *, ends: bool) -> tupl
 
 
 def _share(line: Segment) -> float:
-    """Return the share of a line that a curve at its end may take; with a T it needs the rest."""
+    """Return the share of a line that a curve at its end may use; with a T it needs the rest."""
     return SHARE if line.duration is None else TIMED_SHARE
 
 
 def _keep_feed_of_tip(
     feeds: Array, lines: SegmentList, path: PathColumns, spline: Spline, t: Array, columns: NDArray[np.intp]
 ) -> None:
-    """Let parts keep the feed rate of their lines at the tip that these lead; ``feeds`` (n,) is changed."""
+    """Set ``feeds`` (n,) of parts that move a tool's tip so that the tip keeps its line's feed rate."""
     led = np.flatnonzero(np.isfinite(path.feed) & ~np.isfinite(path.feed_speed)).tolist()
     places = np.linspace(0.0, 1.0, TIP_SAMPLES)
     for rates, group in groupby(led, lambda index: lines[index].curves[0].tool_rates):
