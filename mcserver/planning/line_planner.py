@@ -81,6 +81,7 @@ class LinePlanner:
         output: rows and control entries on their way to the executor.
         source: what is being sampled for it; None: nothing is.
         canonical: lines to be planned, in order.
+        energized: axes that hold their position, turn or push, as far as lines are planned.
         captured: axes whose encoders nobody has asked for since their capture; they stand.
         waiting_for: token of the positions that the executor was asked for; None: of none.
         reports: about the lines, for `Pipeline.take_reports`.
@@ -108,7 +109,7 @@ class LinePlanner:
         self.output = Output(sink, guard)
         self.source: Iterator[Piece | Control] | None = None
         self.canonical: deque[Canonical | PathBatch | InPosition | Exchange] = deque()
-        self._energized = set(energized)
+        self.energized = set(energized)
         # axes whose exact stop is a stop: nothing comes later than its setpoints
         self._ideal = frozenset(
             axis.index
@@ -189,7 +190,7 @@ class LinePlanner:
             Those that the interpreter has to know, by axis number.
         """
         self.waiting_for = None
-        self._energized |= self._unsettled
+        self.energized |= self._unsettled
         if not self._observing:
             return {}
         observed = {axis: setpoints[self._columns[axis]] for axis in self._unsettled}
@@ -381,7 +382,7 @@ class LinePlanner:
 
     def _flow_on(self, run: PathBatch) -> bool:
         """Append a batch to the window at once; False where they have to go one by one."""
-        loose = not self._energized.issuperset(run.axes) or self._independent.intersection(run.axes)
+        loose = not self.energized.issuperset(run.axes) or self._independent.intersection(run.axes)
         if loose or run.exact_stop:
             return False
         tolerance = min(self._tolerance, run.tolerance)
@@ -398,7 +399,7 @@ class LinePlanner:
         group = one_path(line)
         feeds = [each for each in line.groups if isinstance(each, FeedGroup)]
         axes = tuple(axis for each in feeds for axis in each.axes)
-        if not self._energized.issuperset(axes) or self._independent.intersection(axes):
+        if not self.energized.issuperset(axes) or self._independent.intersection(axes):
             return False
         companions: Companions | None = None
         if group is not None:
@@ -427,7 +428,7 @@ class LinePlanner:
         """Plan a line that starts and ends at rest: rapids, dwells, comma groups, speeds and torques."""
         planner = self.motion
         feeds = [group for group in line.groups if isinstance(group, FeedGroup)]
-        loose = {axis for group in feeds for axis in group.axes} - self._energized
+        loose = {axis for group in feeds for axis in group.axes} - self.energized
         if loose:
             self._ask_energized(line, frozenset(loose))
             return
@@ -501,7 +502,7 @@ class LinePlanner:
             self._independent -= set(group.axes)
         else:
             return
-        self._energized |= set(group.axes)
+        self.energized |= set(group.axes)
         self.captured -= set(group.axes)
         row = [0.0] * self._width
         for axis, value in zip(group.axes, values, strict=True):
@@ -537,14 +538,14 @@ class LinePlanner:
             operation=_OPERATIONS.index(line.operation),
         )
         if line.operation.energized:
-            self.captured |= set(line.axes) - self._energized
-            self._energized |= set(line.axes)
+            self.captured |= set(line.axes) - self.energized
+            self.energized |= set(line.axes)
         else:
             self.captured -= set(line.axes)
             if line.operation.energized is False:
-                self._energized -= set(line.axes)
+                self.energized -= set(line.axes)
         if line.operation is AxisOperation.UNCOUPLE:
-            self.captured |= self._energized.intersection(line.axes)
+            self.captured |= self.energized.intersection(line.axes)
         if self.captured and line.operation in (AxisOperation.CAPTURE, AxisOperation.UNCOUPLE):
             # asked for now, while everything rests: a later line that needs the reading need not
             # stop for it

@@ -127,6 +127,8 @@ class Pipeline:
         judged = machine.clearance is not None or changes_setpoints(machine)
         self._exchanges = Exchanges(machine, self._interpreter.frame, leads=leads) if judged else None
         self._columns = [axis.index for axis in machine.axes]
+        # axes that others may have left turning, pushing or on their way
+        self._unsettled = start.unsettled
         self._approach = deque(approach)
         self._machine_coordinates = machine_coordinates
         self._printer = machine.dialect.profile == "printer"
@@ -496,7 +498,7 @@ class Pipeline:
                 return expanded
             self._held = expanded
         parsed = self._held
-        capture = self._interpreter.capture_before(parsed)
+        capture = self._interpreter.capture_before(parsed, plan.energized - self._unsettled)
         if capture is not None:
             plan.canonical.append(capture)
             return True

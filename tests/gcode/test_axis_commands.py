@@ -198,18 +198,14 @@ def test_a_program_does_not_start_where_an_axis_follows_another_one() -> None:
     assert state_before(lines, 5, machine, StartState.of(machine)).unknown == {3}
 
 
-def test_what_an_approach_has_captured_is_not_captured_again_by_the_first_move() -> None:
+def test_the_first_move_s_capture_leaves_axes_that_hold_where_they_are() -> None:
     machine = msgspec.structs.replace(CARTESIAN, dialect=Dialect(profile="cnc", auto_capture=True))
-    for captured in ((), (0, 2), tuple(axis.index for axis in machine.axes)):
-        program = Interpreter(machine, machine_coordinates=True)
-        if captured:
-            program.interpret_text(" ".join(f"G1010 P{axis}" for axis in captured), 0)
-            program.sync_positions(dict.fromkeys(captured, 0.01))
-        program.interpret_text("G61 G93 F60 G01 [0]10", 0)
-        program.begin_program()
-        move = program.parse("G1 Z5 F600", 1)
-        capture = program.capture_before(move)
-        rest = tuple(axis.index for axis in machine.axes if axis.index not in captured)
-        assert (() if capture is None else capture.axes) == rest
+    every = {axis.index for axis in machine.axes}
+    for holding in (set(), {0, 2}, every):
+        program = Interpreter(machine)
+        move = program.parse("G1 X1 Y2 Z5 F600", 1)
+        capture = program.capture_before(move, holding)
+        assert capture is not None
+        assert set(capture.axes) == every
         # no line has to stop before it in order to ask where they are
-        assert not program.axes_to_sync(move) & set(captured)
+        assert program.axes_to_sync(move) == {0, 1, 2} - holding

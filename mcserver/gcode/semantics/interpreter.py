@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Container, Mapping, Sequence
+from collections.abc import Container, Mapping, Sequence, Set
 
 import msgspec
 from mckinematics.pose import Kinematics
@@ -69,8 +69,6 @@ class Interpreter:
         self._ended = False
         self._compensation: Compensation | None = None
         self._capture_due = machine.dialect.auto_capture
-        # axes that lines of the approach have captured
-        self._captured: set[int] = set()
         self._parse = reader_of(machine.dialect)
         # what the program begins with, while lines of its approach or of a jog are read
         self._program = self._modal if machine_coordinates else None
@@ -203,12 +201,7 @@ class Interpreter:
             return []
         if _idle(parsed):
             return []
-        values = self._interpret_block(parsed)
-        if self._program is not None:
-            for value in values:
-                if isinstance(value, AxisLine) and value.operation is AxisOperation.CAPTURE:
-                    self._captured.update(value.axes)
-        return values
+        return self._interpret_block(parsed)
 
     def interpret_text(self, text: str, number: int) -> list[Canonical]:
         """Parse and interpret one line.
@@ -222,19 +215,20 @@ class Interpreter:
         """Parse a line in the machine's dialect; faults are kept in `ParsedLine.faults`."""
         return self._parse(text, number)
 
-    def capture_before(self, parsed: ParsedLine) -> AxisLine | None:
+    def capture_before(self, parsed: ParsedLine, holding: Set[int] = frozenset()) -> AxisLine | None:
         """Return the capture of all leased axes that the program's first move needs ahead of it (D-67).
 
-        Only on machines with ``capture = "auto"``, and once a program. What its approach has captured is not
-        captured again: where those axes are is known, and no later line has to stop to ask.
+        Only on machines with ``capture = "auto"``, and once a program.
+
+        Args:
+            holding: axes that hold their position already: a capture changes nothing of where these are, and
+                no later line has to stop to ask.
         """
         if not self._capture_due or self._ended or self._program is not None or not _moves(parsed):
             return None
         self._capture_due = False
-        axes = tuple(sorted(self._setup.leased - self._captured))
-        if not axes:
-            return None
-        self._commanded.invalidate(axes)
+        axes = tuple(sorted(self._setup.leased))
+        self._commanded.invalidate(self._setup.leased - holding)
         return AxisLine(parsed.number, AxisOperation.CAPTURE, axes)
 
     def pause_before(self, parsed: ParsedLine) -> list[Canonical]:
