@@ -52,6 +52,7 @@ from mcserver.planning.clearance_guard import ClearanceGuard
 from mcserver.planning.motion_output import Output, then
 from mcserver.planning.payload_entries import PayloadEntries
 from mcserver.planning.planner_messages import PlannedLines, Report, ReportKind
+from mcserver.planning.start_state import StartState
 
 _OPERATIONS = list(AxisOperation)
 
@@ -71,8 +72,7 @@ class LinePlanner:
 
     Args:
         sink: where rows and control entries go.
-        positions: of the axes at the start, by axis number [m or rad].
-        energized: axes that hold a position at the start.
+        start: where the program starts.
         dynamics: torques of the tools' joints.
         guard: holds the motion clear of bodies and zones.
 
@@ -81,7 +81,6 @@ class LinePlanner:
         output: rows and control entries on their way to the executor.
         source: what is being sampled for it; None: nothing is.
         canonical: lines to be planned, in order.
-        energized: axes that hold their position, turn or push, as far as lines are planned.
         captured: axes whose encoders nobody has asked for since their capture; they stand.
         waiting_for: token of the positions that the executor was asked for; None: of none.
         reports: about the lines, for `Pipeline.take_reports`.
@@ -96,20 +95,22 @@ class LinePlanner:
         self,
         machine: Machine,
         sink: ProgramRing,
-        positions: Mapping[int, float],
-        energized: frozenset[int],
+        start: StartState,
         dynamics: JointDynamics | None = None,
         guard: ClearanceGuard | None = None,
     ) -> None:
         self._machine = machine
         self._width = len(machine.axes)
         self._columns = {axis.index: column for column, axis in enumerate(machine.axes)}
-        start = np.array([positions[axis.index] for axis in machine.axes])
-        self.motion = MotionPlanner(machine, start, dynamics)
+        place = np.array([start.positions[axis.index] for axis in machine.axes])
+        self.motion = MotionPlanner(machine, place, dynamics)
         self.output = Output(sink, guard)
         self.source: Iterator[Piece | Control] | None = None
         self.canonical: deque[Canonical | PathBatch | InPosition | Exchange] = deque()
-        self.energized = set(energized)
+        self._energized = set(start.energized)
+        # axes that turn, push or move by themselves, as others have left them or by this program's order; the
+        # spindle keeps its mode at rest, too
+        self._unattended = set(start.unsettled | {machine.dialect.spindle} - {None})
         # axes whose exact stop is a stop: nothing comes later than its setpoints
         self._ideal = frozenset(
             axis.index
@@ -190,7 +191,7 @@ class LinePlanner:
             Those that the interpreter has to know, by axis number.
         """
         self.waiting_for = None
-        self.energized |= self._unsettled
+        self._energized |= self._unsettled
         if not self._observing:
             return {}
         observed = {axis: setpoints[self._columns[axis]] for axis in self._unsettled}
@@ -249,6 +250,7 @@ class LinePlanner:
         self.motion.to_whole_cycle()
         self.control(ControlKind.HALT_AXES, self.last_line, axes=self._mask(tuple(axes)))
         self._independent -= axes
+        self._unattended -= axes
         self.captured -= axes
         self._await_settled(axes, observing=True)
 
@@ -382,7 +384,7 @@ class LinePlanner:
 
     def _flow_on(self, run: PathBatch) -> bool:
         """Append a batch to the window at once; False where they have to go one by one."""
-        loose = not self.energized.issuperset(run.axes) or self._independent.intersection(run.axes)
+        loose = not self._energized.issuperset(run.axes) or self._independent.intersection(run.axes)
         if loose or run.exact_stop:
             return False
         tolerance = min(self._tolerance, run.tolerance)
@@ -399,7 +401,7 @@ class LinePlanner:
         group = one_path(line)
         feeds = [each for each in line.groups if isinstance(each, FeedGroup)]
         axes = tuple(axis for each in feeds for axis in each.axes)
-        if not self.energized.issuperset(axes) or self._independent.intersection(axes):
+        if not self._energized.issuperset(axes) or self._independent.intersection(axes):
             return False
         companions: Companions | None = None
         if group is not None:
@@ -428,7 +430,7 @@ class LinePlanner:
         """Plan a line that starts and ends at rest: rapids, dwells, comma groups, speeds and torques."""
         planner = self.motion
         feeds = [group for group in line.groups if isinstance(group, FeedGroup)]
-        loose = {axis for group in feeds for axis in group.axes} - self.energized
+        loose = {axis for group in feeds for axis in group.axes} - self._energized
         if loose:
             self._ask_energized(line, frozenset(loose))
             return
@@ -493,16 +495,19 @@ class LinePlanner:
             for axis, target in zip(group.axes, group.targets, strict=True):
                 self.motion.position[self._columns[axis]] = target
             self._independent |= set(group.axes)
+            self._unattended -= set(group.axes)
         elif isinstance(group, SpeedGroup):
             kind, values = ControlKind.SPEED, group.velocities
+            self._unattended |= set(group.axes)
             surface = group.surface
             self._independent -= set(group.axes)
         elif isinstance(group, TorqueGroup):
             kind, values = ControlKind.TORQUE, group.torques
+            self._unattended |= set(group.axes)
             self._independent -= set(group.axes)
         else:
             return
-        self.energized |= set(group.axes)
+        self._energized |= set(group.axes)
         self.captured -= set(group.axes)
         row = [0.0] * self._width
         for axis, value in zip(group.axes, values, strict=True):
@@ -538,14 +543,18 @@ class LinePlanner:
             operation=_OPERATIONS.index(line.operation),
         )
         if line.operation.energized:
-            self.captured |= set(line.axes) - self.energized
-            self.energized |= set(line.axes)
+            known = self._energized
+            if line.operation is AxisOperation.CAPTURE:
+                # it changes nothing of axes that hold already: they are asked for with the others
+                known = known & self._unattended
+            self.captured |= set(line.axes) - known
+            self._energized |= set(line.axes)
         else:
             self.captured -= set(line.axes)
             if line.operation.energized is False:
-                self.energized -= set(line.axes)
+                self._energized -= set(line.axes)
         if line.operation is AxisOperation.UNCOUPLE:
-            self.captured |= self.energized.intersection(line.axes)
+            self.captured |= self._energized.intersection(line.axes)
         if self.captured and line.operation in (AxisOperation.CAPTURE, AxisOperation.UNCOUPLE):
             # asked for now, while everything rests: a later line that needs the reading need not
             # stop for it

@@ -105,7 +105,7 @@ class Pipeline:
     ) -> None:
         self.lines = LineBuffer() if lines is None else lines
         dynamics = None if kinematics is None else kinematics.dynamics
-        self._plan = LinePlanner(machine, sink, start.positions, start.energized, dynamics, guard)
+        self._plan = LinePlanner(machine, sink, start, dynamics, guard)
         self._guard = guard
         self._sink = sink
         self._width = len(machine.axes)
@@ -127,8 +127,6 @@ class Pipeline:
         judged = machine.clearance is not None or changes_setpoints(machine)
         self._exchanges = Exchanges(machine, self._interpreter.frame, leads=leads) if judged else None
         self._columns = [axis.index for axis in machine.axes]
-        # axes that others may have left turning, pushing or on their way
-        self._unsettled = start.unsettled
         self._approach = deque(approach)
         self._machine_coordinates = machine_coordinates
         self._printer = machine.dialect.profile == "printer"
@@ -498,7 +496,7 @@ class Pipeline:
                 return expanded
             self._held = expanded
         parsed = self._held
-        capture = self._interpreter.capture_before(parsed, plan.energized - self._unsettled)
+        capture = self._interpreter.capture_before(parsed)
         if capture is not None:
             plan.canonical.append(capture)
             return True

@@ -4,14 +4,12 @@ import msgspec
 import pytest
 
 from mcserver.errors import ProgramRejected
-from mcserver.gcode.semantics.interpreter import Interpreter
 from mcserver.gcode.text.parser import scan_line
-from mcserver.machine.dialect_section import Dialect
 from mcserver.machine.follow_section import Follow
 from mcserver.motion.canonical import AxisLine, AxisOperation, MotionLine
 from mcserver.planning.start_state import StartState
 from mcserver.planning.state_before import state_before
-from tests.gcode.support import CARTESIAN, Gantries, Program, feeding, machine_of
+from tests.gcode.support import Gantries, Program, feeding, machine_of
 
 TOOLED = machine_of("0:linear 1:linear 2:linear 3:linear", "3:0,1,2")
 
@@ -196,16 +194,3 @@ def test_a_program_does_not_start_where_an_axis_follows_another_one() -> None:
         state_before(lines, 3, machine, StartState.of(machine))
     assert [fault.code for fault in caught.value.diagnostics] == ["MC347"]
     assert state_before(lines, 5, machine, StartState.of(machine)).unknown == {3}
-
-
-def test_the_first_move_s_capture_leaves_axes_that_hold_where_they_are() -> None:
-    machine = msgspec.structs.replace(CARTESIAN, dialect=Dialect(profile="cnc", auto_capture=True))
-    every = {axis.index for axis in machine.axes}
-    for holding in (set(), {0, 2}, every):
-        program = Interpreter(machine)
-        move = program.parse("G1 X1 Y2 Z5 F600", 1)
-        capture = program.capture_before(move, holding)
-        assert capture is not None
-        assert set(capture.axes) == every
-        # no line has to stop before it in order to ask where they are
-        assert program.axes_to_sync(move) == {0, 1, 2} - holding

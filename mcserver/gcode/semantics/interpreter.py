@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Container, Mapping, Sequence, Set
+from collections.abc import Container, Mapping, Sequence
 
 import msgspec
 from mckinematics.pose import Kinematics
@@ -215,20 +215,16 @@ class Interpreter:
         """Parse a line in the machine's dialect; faults are kept in `ParsedLine.faults`."""
         return self._parse(text, number)
 
-    def capture_before(self, parsed: ParsedLine, holding: Set[int] = frozenset()) -> AxisLine | None:
+    def capture_before(self, parsed: ParsedLine) -> AxisLine | None:
         """Return the capture of all leased axes that the program's first move needs ahead of it (D-67).
 
         Only on machines with ``capture = "auto"``, and once a program.
-
-        Args:
-            holding: axes that hold their position already: a capture changes nothing of where these are, and
-                no later line has to stop to ask.
         """
         if not self._capture_due or self._ended or self._program is not None or not _moves(parsed):
             return None
         self._capture_due = False
         axes = tuple(sorted(self._setup.leased))
-        self._commanded.invalidate(self._setup.leased - holding)
+        self._commanded.invalidate(axes)
         return AxisLine(parsed.number, AxisOperation.CAPTURE, axes)
 
     def pause_before(self, parsed: ParsedLine) -> list[Canonical]:
