@@ -153,7 +153,7 @@ class KnotSolver:
         """
         changed = False
         most, now = self._groups.junction_vmax, speeds.copy()
-        # many late segments are chords with too short a T, which `released` handles
+        # many late segments are chords with too short a T, which `release_late` handles
         missed = set(late) if len(late) > MOST_RAISED else set()
         for index in late:
             for end, other in ((index, index - 1), (index + 1, index + 1)):
