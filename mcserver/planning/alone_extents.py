@@ -1,4 +1,4 @@
-"""Where axes may be that the executor moves by itself: on the way, and behind it."""
+"""Bound the positions of axes that the executor moves by itself: during the motion, and after it."""
 
 from __future__ import annotations
 
@@ -10,19 +10,19 @@ from mcserver.executor.entries import Control, ControlKind
 from mcserver.machine.machine_file import Axis
 from mcserver.planning.shared_space import Extent, Mask
 
-# Kinds whose motion is straight, and nowhere else.
+# Kinds whose motion is on a straight line.
 STRAIGHT = (ControlKind.PROBE, ControlKind.THREAD)
 
 
 class AloneExtents:
-    """Bound the motion of rapids, probing, homing, speeds, torques and streamed targets, whatever holds,
-    overrides and stops do to its times.
+    """Bound rapids, probing, homing, speeds, torques and streamed targets, at any timing by holds, overrides
+    and stops.
 
     Args:
-        axes: by column. anywhere: returns the travel of a column that stands somewhere.
+        axes: by column. anywhere: returns the travel of a column, given where it stands.
 
     Attributes:
-        follow_from: least positions of streamed targets that come next, shape (K,).
+        follow_from: lower bounds of the streamed targets to come, shape (K,).
     """
 
     def __init__(self, axes: Sequence[Axis], anywhere: Callable[[int, float], tuple[float, float]]) -> None:
@@ -31,17 +31,17 @@ class AloneExtents:
         self.follow_from: tuple[float, ...] | None = None
 
     def extents(self, control: Control, columns: Mask, extent: Extent) -> tuple[Extent, Extent]:
-        """Return where columns may be on their way, and behind it.
+        """Return where columns may be during the motion of an entry, and after it.
 
         Args:
-            columns: that the entry moves. extent: where all may be as it begins.
+            columns: that the entry moves. extent: where all columns may be as it begins.
         """
         low, high = extent.low.copy(), extent.high.copy()
         ends = Extent(low, high)
         if control.kind is ControlKind.RAPID or control.kind in STRAIGHT:
             target = np.array(control.values)
             for column in np.flatnonzero(columns & (low != high)).tolist():
-                # it moves already, and may have to come back
+                # it is moving already, and may overrun and come back
                 overrun = _stopping_distance(self._axes[column])
                 low[column] -= overrun
                 high[column] += overrun
@@ -60,10 +60,10 @@ class AloneExtents:
         return Extent(low, high), ends
 
     def _homing_extent(self, column: int, swept: Extent, ends: Extent) -> None:
-        """Set from where to where an axis may be while it is homed, and behind that.
+        """Widen the extents of an axis by the motion of its homing.
 
         Args:
-            swept, ends: hold where it is.
+            swept, ends: extents during the homing and after it, which contain its present position; changed.
         """
         axis = self._axes[column]
         homing = axis.homing
@@ -87,6 +87,6 @@ class AloneExtents:
 
 
 def _stopping_distance(axis: Axis) -> float:
-    """Return how far an axis may go on from its greatest speed until it stands, at the most [m or rad]."""
+    """Return the longest stopping distance of an axis [m or rad]."""
     ramp = axis.max_velocity / axis.max_acceleration + axis.max_acceleration / axis.max_jerk
     return axis.max_velocity * ramp

@@ -15,11 +15,11 @@ from mcserver.units import AxisType
 
 
 class Power(msgspec.Struct, frozen=True):
-    """Value of an output from a moment on.
+    """Value of an output from some time on.
 
     Attributes:
-        axes: mask of the columns whose speed together a laser's value is for. speed: that speed [m/s or
-            rad/s]; 0: any.
+        axes: mask of the columns whose path speed scales a laser's value. speed: path speed at which the
+            output has the value [m/s or rad/s]; 0: the value is not scaled.
     """
 
     value: float
@@ -28,14 +28,14 @@ class Power(msgspec.Struct, frozen=True):
 
 
 class _Path(NamedTuple):
-    """What a laser follows on a line: `Power.axes` and the speed that is asked for; inf: none is."""
+    """Path of a line that a laser follows: `Power.axes`, and the programmed speed; inf without one."""
 
     axes: int
     speed: float
 
 
 class Beams:
-    """Lasers of one program, as it has set them."""
+    """State of the lasers of one program."""
 
     def __init__(self, machine: Machine) -> None:
         self._lasers = frozenset(at for at, each in enumerate(machine.outputs) if each.laser)
@@ -45,7 +45,7 @@ class Beams:
         self._given: dict[int, Power] = {}
 
     def take(self, settings: Iterable[OutputSetting]) -> dict[int, Power]:
-        """Follow what the program sets at rest or with its next motion; return the values by column."""
+        """Note what the program sets at rest or with its next motion; return the values by column."""
         found = {each.column: Power(each.value) for each in settings}
         for each in settings:
             if each.column in self._lasers:
@@ -58,11 +58,11 @@ class Beams:
         return self._changes(self._path(line))
 
     def along(self, batch: PathBatch) -> Iterator[tuple[int, dict[int, Power]]]:
-        """Yield lines of a batch as whose motion begins outputs change, with their values by column."""
+        """Yield the lines of a batch at whose beginning outputs change, with the values by column."""
         outputs = batch.outputs
         scaled = any(each.scaled and each.value != 0.0 for each in self._set.values())
         if outputs is None and not scaled:
-            # what was dark in a rapid
+            # lasers that were off in a rapid come on again
             changes = self._changes(None)
             if changes:
                 yield batch.line, changes
@@ -98,7 +98,7 @@ class Beams:
         return found
 
     def _path(self, line: MotionLine) -> _Path | None:
-        """Return the path of a line; None: what moves by itself is on none, the executor leaves it dark."""
+        """Return the path of a line; None for motion that the executor makes by itself, with lasers off."""
         feeds = [each for each in line.groups if isinstance(each, FeedGroup)]
         if not feeds:
             return None
@@ -111,7 +111,7 @@ class Beams:
             speed = curve.length / group.duration if group.duration else 0.0
         axes = frozenset(curve.axes)
         if axes & self._linear:
-            # a corner is rounded by axes of the next line, too; another comma group is another path
+            # blends also move axes of the next line; another comma group is another path
             axes = self._linear.difference(*(each.axes for each in feeds[1:]))
         return _Path(sum(self._bits[axis] for axis in axes), speed)
 

@@ -1,13 +1,13 @@
-"""Holds a program's motion clear of bodies and zones: judged before the executor gets it.
+"""Check a program's motion for contacts with bodies and zones before it is handed to the executor.
 
-Rows are judged on their way. Motion that the executor makes by itself (rapids, probing, homing, speeds,
-torques) is judged as all places where its axes may be on it, whatever holds, overrides and stops do to their
-times. The axes of other programs may be wherever they stand, and wherever what they have handed over still
-brings them.
+Rows are checked at their positions. Motion that the executor makes by itself (rapids, probing, homing,
+speeds, torques) is checked at all positions that its axes may take, at any timing by holds, overrides and
+stops. The axes of other programs are taken to be wherever they stand, or wherever motion that has been handed
+over may still bring them.
 
-Zones that an input switches are judged as well, and what enters them is handed over all the same: with it the
-executor is told which of them lie ahead, and holds the program in the cycle in which one is on. Into them no
-thread is cut: its passes are not held.
+Motion that enters a zone that an input switches is handed over. The executor is told which of these zones lie
+ahead, and holds the program in the cycle in which one is switched on. A thread into such a zone is refused,
+since its passes cannot be held.
 """
 
 from __future__ import annotations
@@ -40,22 +40,22 @@ from mcserver.planning.shared_space import Array, Claim, Extent, Mask, SharedSpa
 from mcserver.planning.switched_zones import SwitchedZones
 from mcserver.planning.waiting import Waiting
 
-# Rows whose places are noted together.
+# Rows that share one claim of space.
 NOTED_ROWS = 50
 _CAPTURE = list(AxisOperation).index(AxisOperation.CAPTURE)
 
 
 class ClearanceGuard:
-    """Judges what one program hands over, in order.
+    """Checks what one program hands over, in order.
 
     Args:
-        machine: has a clearance. space: of all programs. tenant: this one. role: as which it runs; None: any.
-        by_hand: it is a jog, which may lead out of a zone that is on.
+        machine: has a clearance. space: of all programs. tenant: this program. role: as which it runs; None:
+            any. by_hand: it is a jog, which may leave a zone that is on.
 
     Attributes:
-        contact: where it would touch; nothing from there on is handed over. None: it stays clear.
-        waiting: for other programs, before what they move.
-        held: what would come into zones that an input switches, the first of each pair.
+        contact: the first contact ahead, before which the program ends; None: it stays clear.
+        waiting: for other programs, before bodies that they move.
+        held: motion into zones that an input switches, the first of each pair.
     """
 
     def __init__(
@@ -78,7 +78,7 @@ class ClearanceGuard:
         self._by_hand = by_hand
         self.held: dict[int, Diagnostic] = {}
         self._speeds = np.array([axis.max_velocity for axis in machine.axes])
-        # how far drives may be from what is handed over
+        # how far drives may be from the rows that are handed over
         shaping = machine.shaping
         self._beside: Array = np.zeros(len(machine.axes)) if shaping is None else np.array(shaping.deviations)
         self._space = space
@@ -87,28 +87,28 @@ class ClearanceGuard:
         self.waiting = Waiting(space, tenant)
         self._floors: Array | None = None
         self._mounted = sweep.scene.mounted
-        # what programs have brought; None: pairs have not been counted yet
+        # bodies that programs have brought; None: pairs have not been counted yet
         self._given: Mapping[str, tuple[GivenBody, ...]] | None = None
         self._count_pairs()
         self._now: Array = np.zeros(len(machine.axes))
-        # of columns that this program has moved: where its motion so far ends; and of those whose end is not
-        # known yet from where to where they may be
+        # columns that this program has moved: bounds of where its motion so far ends; equal where that is
+        # known exactly
         width = len(machine.axes)
         self._known: Mask = np.zeros(width, np.bool_)
         self._low: Array = np.zeros(width)
         self._high: Array = np.zeros(width)
-        # columns that were let go after that: they may be pushed from there
+        # columns that were de-energized after that: they may be pushed away
         self._loose: Mask = self._known.copy()
         self._targets: dict[int, float] = {}
         self._alone = AloneExtents(machine.axes, space.anywhere)
         self._settling: Mask = self._known.copy()
-        # how many claims have been made, and how many before each mark that the executor has not come to
+        # number of claims made, and that number at each mark that the executor has not reached yet
         self._claims = 0
         self._marks: deque[int] = deque()
         self.contact: Diagnostic | None = None
 
     def _count_pairs(self) -> None:
-        """Take the pairs that the scene has now: another program may have brought bodies, or has ended."""
+        """Count the pairs of the scene again: another program may have brought bodies, or has ended."""
         scene = self._sweep.scene
         if self._given == scene.mounted.given:
             return
@@ -128,14 +128,14 @@ class ClearanceGuard:
         return [self._slow, *(each.slow for each in self._switched.values())]
 
     def admit_rows(self, rows: Rows) -> int:
-        """Return how many of some rows may be handed over; behind these it touches, or waits."""
+        """Return how many of some rows may be handed over; after these the program ends or waits."""
         self.waiting.fault = None
         extent = self._extent()
         bits = np.arange(len(self._known), dtype=np.uint64)
         driven = (rows.axes[:, None] >> bits & np.uint64(1)).astype(np.bool_)
         moved: Mask = np.asarray(driven.any(axis=0))
         way = np.vstack([0.5 * (extent.low + extent.high), rows.position])
-        # what a row does not drive stays where the row before left it
+        # a column that a row does not drive stays where the row before left it
         last = np.where(np.vstack([np.ones_like(moved), driven]), np.arange(len(way))[:, None], 0)
         way = np.take_along_axis(way, np.maximum.accumulate(last, axis=0), axis=0)
         half = np.where(moved, self._beside, 0.5 * (extent.high - extent.low))
@@ -155,7 +155,7 @@ class ClearanceGuard:
             if entered is not None:
                 ahead.append((entered, zones))
         for first in range(0, count, NOTED_ROWS):
-            # with the place before them
+            # with the position before them
             part = way[first : min(first + NOTED_ROWS, count) + 1]
             until = float(rows.first + first + len(part) - 2)
             zones_ahead = [zones for step, zones in ahead if step < first + NOTED_ROWS]
@@ -168,11 +168,11 @@ class ClearanceGuard:
         return count
 
     def admit_control(self, control: Control) -> bool:
-        """Return whether an entry may be handed over; it touches, or waits, where not."""
+        """Return whether an entry may be handed over; else the program ends or waits before it."""
         self.waiting.fault = None
         kind = control.kind
         columns = self._columns(control.axes)
-        # others wait until shaped setpoints have arrived: a motion at rest, or all that moves
+        # other kinds start only once shaped setpoints have settled: at rest
         if kind not in AT_THEIR_PLACE | GOING_ON or kind is ControlKind.WAIT:
             for slow in self._slowed:
                 if kind is not ControlKind.WAIT or not slow.moving(~columns):
@@ -205,14 +205,15 @@ class ClearanceGuard:
         return True
 
     def exchange(self, exchange: Exchange) -> None:
-        """Take bodies of other tools, or that the program brings, and zones where a work system is now, from
-        here on; the motion before it has been played.
+        """Replace bodies of tools or of the program, or move zones with a work system, from here on.
+
+        The motion before has been played.
         """
         sweep = self._sweep
         sweep.mount(sweep.scene.mounted.behind(exchange, self._tenant.program))
         extent = self._extent()
         way = np.vstack([0.5 * (extent.low + extent.high)] * 2)
-        # programs beside may be on their way to where it is now
+        # other programs may be on their way to where the zone or body is now
         half = 0.5 * (extent.high - extent.low)
         pairs = sweep.scene.given if exchange.bodies else sweep.scene.exchanged
         contact = self._judge(way, half, np.ones(len(half), np.bool_), pairs)
@@ -220,7 +221,7 @@ class ClearanceGuard:
             self._end(self._touching(contact, exchange.line, "take another way"))
 
     def stand(self, positions: Mapping[int, float]) -> None:
-        """Note that others have moved axes, by number, to where they stand now [m or rad]."""
+        """Note where axes stand that others have moved, by axis number [m or rad]."""
         at = np.zeros(len(self._known))
         columns = np.zeros(len(self._known), np.bool_)
         for axis, position in positions.items():
@@ -231,21 +232,21 @@ class ClearanceGuard:
     def on_event(self, event: ExecutorEvent) -> None:
         """Take an event of the program's slot."""
         if event.kind is EventKind.SETTLED:
-            # nothing has been planned behind it: what stands may have been moved by others since
+            # nothing has been planned after it, and others may have moved axes that stand
             at, loose = np.array(event.values[: len(self._known)]), self._loose & ~self._settling
             self._put(self._settling | (self._known & (self._low == self._high)), at, at)
             self._loose = loose
         elif event.kind is EventKind.PASSED and self._marks:
             self._pass(self._marks.popleft())
         elif event.kind is EventKind.PAUSED:
-            # nothing is handed over beyond a pause
+            # no motion is handed over beyond a pause
             self._pass(self._claims)
         elif event.kind in (EventKind.FINISHED, EventKind.STOPPED):
             self._tenant.ended = event.time
-            # what it has brought goes with it
+            # the bodies that it has brought go with it
             self._sweep.mount(self._sweep.scene.mounted.of_running(self._space.running))
         elif event.kind is EventKind.FAULT and event.code == FaultCode.ZONE_HOLD and event.token:
-            # it moved
+            # the program was moving, so it is stopped
             self.contact = self.contact or self._inside(int(event.values[1]), event.line)
 
     def refresh(self) -> None:
@@ -259,7 +260,7 @@ class ClearanceGuard:
         extent = self._extent()
         swept, ends = self._alone.extents(control, columns, extent)
         if control.kind in STRAIGHT:
-            # straight, and nowhere else
+            # on a straight line
             way = np.vstack([0.5 * (extent.low + extent.high)] * 2)
             way[1, columns] = np.array(control.values)[columns]
             half = np.where(columns, self._beside, 0.5 * (extent.high - extent.low))
@@ -303,7 +304,7 @@ class ClearanceGuard:
         return True
 
     def _pass(self, number: int) -> None:
-        """Note that all motion up to a claim is over, but what goes on by itself."""
+        """Note that all motion up to a claim is over, except what the executor makes by itself."""
         self._tenant.claims = [
             claim._replace(until=-math.inf) if claim.number <= number else claim
             for claim in self._tenant.claims
@@ -311,7 +312,7 @@ class ClearanceGuard:
         ]
 
     def _arrive(self, columns: Mask, u: float) -> None:
-        """Note that columns have come to their targets where the program is at u."""
+        """Note that columns have reached their targets at u."""
         for column in np.flatnonzero(columns).tolist():
             if column in self._targets:
                 self._low[column] = self._high[column] = self._targets.pop(column)
@@ -325,7 +326,7 @@ class ClearanceGuard:
     # ------------------------------------------------------------------ where columns are
 
     def _extent(self) -> Extent:
-        """Return where columns may be when what comes now is played."""
+        """Return where columns may be when the next motion begins."""
         extent, self._now = self._space.extent(self._tenant)
         low, high = extent
         low[self._known], high[self._known] = self._low[self._known], self._high[self._known]
@@ -349,7 +350,7 @@ class ClearanceGuard:
         *,
         alone: bool,
     ) -> None:
-        """Note motion; ``ahead``: switched zones that it may come into."""
+        """Claim the space of a motion; ``ahead``: switched zones that it may enter."""
         self._claims += 1
         extent = Extent(extent.low - self._beside, extent.high + self._beside)
         zones = sum(each.bit for each in ahead)
@@ -365,11 +366,11 @@ class ClearanceGuard:
     # ------------------------------------------------------------------ contacts
 
     def _judge(self, way: Array, half: Array, moved: Mask, pairs: Mask | None = None) -> Contact | None:
-        """Return the first contact on a way; ``pairs``: of these alone."""
+        """Return the first contact on a way, of ``pairs`` only if given."""
         scene = self._sweep.scene
         self._count_pairs()
         if self._floors is not None and self._mounted != scene.mounted:
-            # what is mounted since may be nearer than what was there before
+            # exchanged bodies may be nearer than those before: forget their lower bounds
             self._floors[scene.exchanged] = -np.inf
         self._mounted = scene.mounted
         self._floors = self._sweep.floors(self._now, self._floors)
@@ -379,9 +380,9 @@ class ClearanceGuard:
     def _entered(
         self, zones: SwitchedZones, way: Array, half: Array, moved: Mask, lines: NDArray[np.int64]
     ) -> int | None:
-        """Return the first step on which a body comes into switched zones, or is in them; None: none does.
+        """Return the first step on which a body is in switched zones, or enters them; None without one.
 
-        A jog may lead out of them while they are on. ``lines``: of each step, or of all.
+        A jog may leave them while they are on. ``lines``: of each step, or one for all.
         """
         assert self._floors is not None
         floors = self._sweep.margins()
@@ -411,7 +412,7 @@ class ClearanceGuard:
     def _fast_alone(
         self, way: Array, half: Array, moved: Mask, control: Control, counted: Mask
     ) -> Contact | None:
-        """Return where a body may come into a slow zone at its axes' limits, which are too fast for it."""
+        """Return a contact where a body may enter a slow zone faster than the zone allows."""
         scene = self._sweep.scene
         speeds = self._speeds
         if control.kind in STRAIGHT:
@@ -425,7 +426,7 @@ class ClearanceGuard:
         return self._sweep.first_contact(way, half, moved, np.where(fast, 0.0, -np.inf))
 
     def _inside(self, switch: int, line: int) -> Diagnostic | None:
-        """Return that a body which the program moves is inside of zones as they are switched on."""
+        """Return the fault of a moved body inside zones that are switched on; None without one."""
         self._count_pairs()
         scene = self._sweep.scene
         mine = scene.levers[self._tenant.lease].any(axis=0)
@@ -453,7 +454,7 @@ class ClearanceGuard:
         self.contact = fault
 
     def _stop_before(self, contact: Contact, line: int, hint: str, *, waits: bool) -> None:
-        """Note a contact, or that other programs are waited for, which move one of both bodies."""
+        """End the program before a contact, or wait for other programs that move one of the two bodies."""
         others = self._others(contact)
         fault = self._touching(contact, line, hint, others)
         waits = waits and bool(others) and not self._by_hand
@@ -462,7 +463,7 @@ class ClearanceGuard:
             self._end(ending)
 
     def _others(self, contact: Contact) -> list[str]:
-        """Return the programs beside that move one of both bodies."""
+        """Return the other programs that move one of the two bodies."""
         return self._space.movers(self._sweep.scene.levers[:, contact.pair] > 0.0, self._tenant)
 
     def _touching(
@@ -474,7 +475,7 @@ class ClearanceGuard:
 
 
 class ClearanceGuards:
-    """Make the guards of one machine's programs, which see each other.
+    """Make the guards of one machine's programs, which check against each other's motion.
 
     Args:
         machine: has a clearance. space: its programs' motion.
@@ -503,10 +504,9 @@ class ClearanceGuards:
         """Return the guard of a program that begins now.
 
         Args:
-            axes: its lease. begins: the tool table and the work systems that it begins with; None: as they
-                were.
-            tell: takes which switched zones lie ahead of it, a bit each; None: nobody holds it.
-            role, by_hand: as `ClearanceGuard`.
+            axes: its lease. begins: the tool table and work systems that it begins with; None: the present
+                ones. tell: called with the bit mask of the switched zones that lie ahead; None: it is never
+                held. role, by_hand: as in `ClearanceGuard`.
         """
         mounted = self._sweep.scene.mounted
         if begins is not None:
@@ -516,6 +516,6 @@ class ClearanceGuards:
         lease = np.array([axis.index in axes for axis in self._machine.axes], np.bool_)
         tenant = Tenant(program, slot, lease, tell)
         guard = ClearanceGuard(self._machine, self._sweep, self._space, tenant, role=role, by_hand=by_hand)
-        # also where nobody has told of the end of the one that was in the slot
+        # the slot's last program may have ended without an event
         self._sweep.mount(self._sweep.scene.mounted.of_running(self._space.running))
         return guard

@@ -1,9 +1,9 @@
-"""The planner in a process of its own, as the service sees it.
+"""The service's client of the planner, which runs in a process of its own.
 
-Planning is a lot of Python, and who computes in a process keeps its other threads waiting: beside it the
-service's loop would answer late. So it has an interpreter for itself. It writes to the executor through the
-memory that they share; commands and events go through a socket that the loop itself reads and writes. When
-the process ends by itself, its programs are stopped on their paths, and another one is started.
+Planning is much Python, and would keep the other threads of its process waiting, the service's loop among
+them. The planner writes to the executor through shared memory; commands and events go through a socket that
+the loop reads and writes. When the process ends unexpectedly, its programs are stopped on their paths, and
+another process is started.
 """
 
 from __future__ import annotations
@@ -40,12 +40,12 @@ from mcserver.processes import start_child
 
 log = logging.getLogger(__name__)
 
-# Where no kernels can be kept, each start compiles them.
+# Longest start: without a writable cache each start compiles the kernels.
 START_TIMEOUT_S = 300.0
-# How often it is looked whether kernels have been compiled, and whether no program is open.
+# Period of checking whether kernels have been compiled and no program is open.
 COMPILED_LOOK_S = 1.0
 STOP_TIMEOUT_S = 3.0
-# So often within a minute it is started again; then something is wrong that another start does not cure.
+# Most restarts within a minute: after that another start would not help.
 MOST_STARTS = 3
 STARTS_WITHIN_S = 60.0
 
@@ -97,7 +97,7 @@ class PlannerChild:
             ) from None
 
     def ending(self) -> str:
-        """Wait for its end and say how it ended."""
+        """Wait for its end, and return in words how it ended."""
         try:
             code = self.process.wait(STOP_TIMEOUT_S)
         except subprocess.TimeoutExpired:
@@ -106,7 +106,7 @@ class PlannerChild:
         return f"was ended by signal {-code}" if code < 0 else f"ended with code {code}"
 
     def stop(self) -> None:
-        """Close the pipe, at which it ends, or is made to."""
+        """Close the pipe, at which the process ends; kill it if it does not."""
         self.pipe.close()
         try:
             self.process.wait(STOP_TIMEOUT_S)
@@ -127,15 +127,15 @@ class ConnectionPhase(enum.Enum):
 
 
 class PlannerProcess:
-    """The service's end of a planner's process; belongs to the loop.
+    """The service's end of the pipe to a planner's process; belongs to the loop.
 
     Args:
-        child: is ready. start_again: starts another one, for when it has ended; called in a thread.
-        on_events: takes what happened, in order.
+        child: a ready process. start_again: starts another one after an unexpected end; called in a thread.
+        on_events: called with the planner's events, in order.
 
     Attributes:
-        last_seen: when it was last heard of [s of `time.monotonic`]; now, while one that ended is replaced:
-            its programs have been stopped, and a start takes longer than any silence that is allowed.
+        last_seen: time of its last sign of life [s of `time.monotonic`]; the present time while the process
+            is replaced: its programs have been stopped, and a start takes longer than the allowed silence.
     """
 
     def __init__(
@@ -148,7 +148,7 @@ class PlannerProcess:
         self._decode = msgspec.msgpack.Decoder(list[PlannerEvent]).decode
         self._child = child
         self._phase = ConnectionPhase.REPLACING
-        # while there is no process to send to
+        # commands for which there is no process yet
         self._unsent: list[PlannerCommand] = []
         self._watched: WatchedPipe | None = None
         self._starts: deque[float] = deque(maxlen=MOST_STARTS)
@@ -159,7 +159,7 @@ class PlannerProcess:
         self._stopping = False
         self._ended = asyncio.Event()
         self._heard_at = time.monotonic()
-        # until then a process that was started again may be silent
+        # time until which a restarted process may be silent
         self._silent_until = 0.0
 
     @property
@@ -176,9 +176,9 @@ class PlannerProcess:
         self._watch_compiler()
 
     def send(self, command: PlannerCommand) -> None:
-        """Send a command behind those before it, all of one turn of the loop together.
+        """Queue a command; all commands of one turn of the loop are sent together.
 
-        What waits is bounded by the credit given to clients.
+        The credit given to clients bounds the queue.
         """
         if isinstance(command, Begin):
             self._open.add(command.program)
@@ -188,7 +188,7 @@ class PlannerProcess:
             self._unsent.append(command)
 
     async def stop(self) -> None:
-        """End the process; it is heard until it closes its end."""
+        """End the process; its events are received until it closes its end."""
         self._stopping = True
         if self._upgrading is not None:
             self._upgrading.cancel()
@@ -217,7 +217,7 @@ class PlannerProcess:
         self._phase = phase
 
     def _send(self, message: bytes) -> None:
-        # a command to one that has ended is lost with its programs
+        # commands to a process that has ended are dropped: its programs end too
         if self._watched is not None:
             self._watched.send(message)
 
@@ -245,13 +245,13 @@ class PlannerProcess:
             self._upgrading = self._loop.create_task(self._upgrade())
 
     async def _upgrade(self) -> None:
-        """Replace a process without machine code once that is there, and no program is open."""
+        """Replace a process without machine code once the kernels are compiled and no program is open."""
         while True:
             await asyncio.sleep(COMPILED_LOOK_S)
             idle = self._phase is ConnectionPhase.CONNECTED and not self._open
             if not idle or not await asyncio.to_thread(kernels_kept) or self._open:
                 continue
-            # it is heard to its end; commands wait for the other one
+            # its last events are still received; commands wait for the new process
             self._send(b"")
             self._phase = ConnectionPhase.REPLACING
             return
@@ -265,7 +265,7 @@ class PlannerProcess:
         ending = await asyncio.to_thread(child.ending)
         child.pipe.close()
         log.error("the planner's process %s", ending)
-        # what was sent meanwhile is of programs that end now
+        # commands sent meanwhile are for programs that end now
         self._unsent.clear()
         self._open.clear()
         self._on_events([PlannerFailed("", f"its process {ending}")])
@@ -278,7 +278,7 @@ class PlannerProcess:
         await self._start()
 
     async def _start(self) -> None:
-        """Start another process, and send it what has waited for it."""
+        """Start another process, and send it the commands that have waited."""
         try:
             self._child = await asyncio.to_thread(self._start_again)
         except (OSError, RuntimeError):
@@ -295,7 +295,7 @@ class ProcessPlanning:
     """Plan a machine's programs in a process, which is started at once.
 
     Args:
-        machine: what is planned for. executor: launched; its cycles need not run yet.
+        executor: launched; its cycles need not run yet.
     """
 
     def __init__(self, machine: Machine, executor: ExecutorProcess) -> None:
@@ -312,11 +312,11 @@ class ProcessPlanning:
         self._child.wait()
 
     def planner(self, on_events: OnPlannerEvents) -> PlannerProcess:
-        """Make the planner's client, in the loop; `wait` comes before."""
+        """Make the planner's client, in the loop; call `wait` first."""
         return PlannerProcess(self._child, self._launch, on_events)
 
     def state_before(self, lines: Sequence[str], origin: StartState, axes: frozenset[int]) -> StateBefore:
-        """Read lines without moving anything, for the state behind them; from any thread.
+        """Return the state after lines, without moving anything; callable from any thread.
 
         Args:
             origin: the machine as the program begins. axes: that it may name.
@@ -324,7 +324,7 @@ class ProcessPlanning:
         Raises:
             ProgramRejected: one of them has a fault.
         """
-        # the interpreter and its solver are loaded where they are asked for: a start need not wait for them
+        # imported here, so that the server's start need not wait for the interpreter and its solver
         from mcserver.machine.machine_kinematics import build_kinematics
         from mcserver.planning.state_before import state_before
 
@@ -332,7 +332,7 @@ class ProcessPlanning:
         return state_before(lines, len(lines) + 1, self._machine, origin, kinematics=kinematics, lease=axes)
 
     def close(self) -> None:
-        """End the process that was started first, where no planner has taken it over and ended it."""
+        """End the first process, if no planner has taken it over and ended it."""
         if not self.closed:
             self._child.stop()
 

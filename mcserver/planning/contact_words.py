@@ -1,4 +1,4 @@
-"""A contact that the planner has found ahead, in the words of its fault."""
+"""Describe a contact that the planner has found ahead as a diagnostic."""
 
 from __future__ import annotations
 
@@ -17,11 +17,11 @@ from mcserver.units import MM
 def touching(
     scene: Scene, contact: Contact, line: int, hint: str, margin: float, others: Sequence[str]
 ) -> Diagnostic:
-    """Return what a contact is.
+    """Return the diagnostic of a contact.
 
     Args:
-        hint: where the contact has no remedy of its own. margin: that bodies keep [m].
-        others: programs beside that move one of both bodies.
+        hint: remedy, if the contact has none of its own. margin: that bodies keep [m].
+        others: other programs that move one of the two bodies.
     """
     pair = scene.pairs[contact.pair]
     one, other = pair.names

@@ -25,12 +25,12 @@ class LineBuffer:
         self.closed = False
         self.consumed = 0
         self.single_line = False
-        # lines as they came: the number of the first, and the lines
+        # blocks of lines: the number of the first, and the lines
         self._blocks: deque[tuple[int, list[str]]] = deque()
-        # how many of the front block have been taken, and how many wait in all
+        # lines taken from the front block, and lines waiting in all
         self._taken = 0
         self._count = 0
-        # lines that are no lines, by number; in order, as they came
+        # lines that are too long or hold a line end, by number, in order
         self._unfit: deque[tuple[int, Diagnostic]] = deque()
         self._steps = 0
 
@@ -96,7 +96,7 @@ class LineBuffer:
         return number, text
 
     def drop(self, count: int) -> None:
-        """Take ``count`` lines, which `run` has shown."""
+        """Take ``count`` lines that `run` has returned."""
         left = count
         while left > 0:
             first, lines = self._blocks[0]
@@ -112,7 +112,7 @@ class LineBuffer:
             self._steps -= count
 
     def clear(self) -> None:
-        """Forget what waits: a line before it was faulty, or the program has ended."""
+        """Drop all waiting lines: a line before them was faulty, or the program has ended."""
         self._blocks.clear()
         self._taken = self._count = 0
         self._unfit.clear()

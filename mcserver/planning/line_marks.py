@@ -1,4 +1,4 @@
-"""When the lines of a program end, in so many straight stretches, whatever the program's length."""
+"""End times of a program's lines, as a piecewise linear function of bounded size."""
 
 from __future__ import annotations
 
@@ -7,12 +7,13 @@ from collections.abc import Sequence
 
 import msgspec
 
-# Marks of one program, and pauses whose lines are kept.
+# Most marks of one program.
 MOST_MARKS = 4096
+# Most pauses whose lines are kept.
 MOST_PAUSES = 1000
-# How far the marks may be from the truth at first [s]; doubled when there are too many of them.
+# Initial tolerance of the marks; doubled when there are too many marks [s].
 FIRST_TOLERANCE_S = 1e-3
-# between times that are one but for rounding [s]
+# times that differ by less are the same, but for rounding [s]
 _SAME_S = 1e-9
 
 
@@ -22,10 +23,10 @@ class LineMarks(msgspec.Struct, frozen=True):
     Attributes:
         lines, ends: marks: a line and when it ends [s]; both rise, the first mark is line 0 at 0.
         duration_s: of the program, as far as it is known [s].
-        through: the last line that is known. complete: nothing comes behind it.
-        pauses: lines that wait for an operator, such as M0; their waiting is no part of the times.
-        within_s: the marks are this close to the truth [s].
-        dwell_lines, dwells: marks as well: a line, and for how long those through it dwell [s].
+        through: the last line that is known. complete: no line comes after it.
+        pauses: lines that wait for an operator, such as M0; that wait is not part of the times.
+        within_s: error bound of the marks [s].
+        dwell_lines, dwells: marks of dwells: a line, and the total dwell through it [s].
     """
 
     lines: list[int]
@@ -39,15 +40,15 @@ class LineMarks(msgspec.Struct, frozen=True):
     dwells: tuple[float, ...] = (0.0,)
 
     def end_of(self, line: int) -> float:
-        """Return when all lines through this one have ended [s]."""
+        """Return the time at which all lines through this one have ended [s]."""
         return _between(self.lines, self.ends, line)
 
     def dwell_of(self, line: int) -> float:
-        """Return for how long all lines through this one dwell [s]."""
+        """Return the total dwell of all lines through this one [s]."""
         return _between(self.dwell_lines, self.dwells, line)
 
     def next_line(self, line: int) -> int | None:
-        """Return the first line behind this one that takes time; None behind all."""
+        """Return the first line after this one that takes time; None without one."""
         reached = self.end_of(line)
         for at in range(max(1, bisect_right(self.lines, line)), len(self.lines)):
             if self.ends[at] > reached + _SAME_S:
@@ -55,15 +56,12 @@ class LineMarks(msgspec.Struct, frozen=True):
         return None
 
     def next_end(self, line: int) -> float:
-        """Return when the first line behind this one that takes time ends [s]; the duration behind all."""
+        """Return the end of the first line after this one that takes time [s]; without one, the duration."""
         following = self.next_line(line)
         return self.duration_s if following is None else max(self.end_of(following), self.end_of(line))
 
     def stretched_to(self, total: int) -> LineMarks:
-        """Return these marks with further lines, up to ``total``, as quick as those before on average.
-
-        Complete ones are returned as they are.
-        """
+        """Return marks extended to line ``total`` at the average time per line; complete marks unchanged."""
         if self.complete or total <= self.through or not self.through:
             return self
         longer = total / self.through
@@ -79,7 +77,7 @@ class LineMarks(msgspec.Struct, frozen=True):
 
 
 def _between(lines: Sequence[int], values: Sequence[float], line: int) -> float:
-    """Return the value at a line between marks; that of the last mark behind it."""
+    """Interpolate marks at a line; after the last mark, return its value."""
     at = bisect_right(lines, line) - 1
     if at < 0:
         return 0.0
@@ -90,13 +88,13 @@ def _between(lines: Sequence[int], values: Sequence[float], line: int) -> float:
 
 
 class MarkFitter:
-    """Makes marks from the ends of lines as they come, in one pass.
+    """Fits marks to the ends of lines in one pass.
 
-    From each mark a stretch goes on as long as the straight line to its newest point passes all points
-    between within the tolerance.
+    A linear part goes on from its mark as long as the straight line to the newest point is within the
+    tolerance of all points between.
 
     Args:
-        most: so many marks at most.
+        most: greatest number of marks.
     """
 
     def __init__(self, most: int = MOST_MARKS) -> None:
@@ -111,14 +109,14 @@ class MarkFitter:
         self._low, self._high = float("-inf"), float("inf")
 
     def add(self, line: int, end_s: float) -> None:
-        """Take the next line and its end [s]; neither is before the one before."""
+        """Add the next line and its end [s]; neither may decrease."""
         anchor, since = self._lines[-1], self._ends[-1]
         lines = line - anchor
         if lines <= 0:
             return
         slope = (end_s - since) / lines
         if not self._low <= slope <= self._high:
-            # the newest point ends its stretch
+            # the newest point becomes a mark
             anchor, since = self._newest
             self._lines.append(anchor)
             self._ends.append(since)
@@ -131,10 +129,10 @@ class MarkFitter:
             self._thin()
 
     def marks(self, duration_s: float | None = None, pauses: tuple[int, ...] = ()) -> LineMarks:
-        """Return what has been taken so far.
+        """Return the marks so far.
 
         Args:
-            duration_s: of the whole program, which is complete [s]; None: more lines may come.
+            duration_s: of the complete program [s]; None: more lines may come.
         """
         line, end = self._newest
         ends_there = self._lines[-1] == line
@@ -145,13 +143,13 @@ class MarkFitter:
             through=line,
             complete=duration_s is not None,
             pauses=pauses,
-            # each doubling fits the marks of the one before
+            # each doubling fits the marks of the fit before, so errors add up to twice the tolerance
             within_s=self._tolerance * (2.0 if self._thinned else 1.0),
         )
 
     def _thin(self) -> None:
         while len(self._lines) > self._most // 2:
-            # the newest point ends at a mark or lies behind the last one, with nothing between
+            # the newest point is a mark, or follows the last one directly
             points = [*zip(self._lines[1:], self._ends[1:], strict=True), self._newest]
             self._thinned = True
             self._tolerance *= 2.0

@@ -8,16 +8,16 @@ import socket
 import struct
 from collections.abc import Callable
 
-# Bytes taken from the socket in one go; what remains is taken in the next.
+# Most bytes that one call reads from the socket.
 READ_BYTES = 1 << 18
 _LENGTH = struct.Struct("<I")
 
 
 class MessagePipe:
-    """One end. What the socket does not take at once is kept here, and sent by `flush`.
+    """One end of a pipe; buffers what the socket does not take at once, and sends it by `flush`.
 
     Args:
-        end: connected; belongs to the pipe from now on.
+        end: a connected socket, which the pipe owns from now on.
     """
 
     def __init__(self, end: socket.socket) -> None:
@@ -41,12 +41,12 @@ class MessagePipe:
         return len(self._unsent)
 
     def queue(self, payload: bytes) -> None:
-        """Keep a message behind those before it, for the next `flush`."""
+        """Queue a message for the next `flush`."""
         self._unsent += _LENGTH.pack(len(payload))
         self._unsent += payload
 
     def send(self, payload: bytes) -> None:
-        """Send a message behind those before it.
+        """Queue a message and flush.
 
         Raises:
             OSError: the other end is gone.
@@ -55,7 +55,7 @@ class MessagePipe:
         self.flush()
 
     def flush(self) -> None:
-        """Send what waits, as far as the socket takes it. Raises OSError as `send`."""
+        """Send queued messages, as far as the socket takes them. Raises OSError as `send`."""
         try:
             while self._unsent:
                 sent = self._socket.send(self._unsent)
@@ -64,10 +64,10 @@ class MessagePipe:
             return
 
     def receive(self) -> list[bytes]:
-        """Take the messages that have come, in order; a bounded number of bytes a call.
+        """Return the messages that have arrived, in order; a bounded number of bytes per call.
 
         Raises:
-            EOFError: the other end has closed, or is gone; all messages before have been taken.
+            EOFError: the other end has closed, or is gone; all messages before have been returned.
         """
         try:
             part = self._socket.recv(READ_BYTES)
@@ -91,7 +91,7 @@ class MessagePipe:
         return messages
 
     def close(self) -> None:
-        """Close this end; the other one reads to the end of what was sent."""
+        """Close this end; the other one can still read all that was sent."""
         self._socket.close()
 
 
@@ -99,7 +99,7 @@ class WatchedPipe:
     """A pipe that an event loop reads, and writes to as far as the other end takes it.
 
     Args:
-        pipe: this end; who made it closes it, after `release`.
+        pipe: this end; its creator closes it, after `release`.
         on_readable: called in the loop while something can be received.
     """
 
@@ -110,14 +110,14 @@ class WatchedPipe:
         self._pipe = pipe
         self._writing = False
         self._due = False
-        # the loop flushes when it comes round
+        # whether a flush is scheduled for the loop's next turn
         self._scheduled = False
         loop.add_reader(pipe.fileno(), on_readable)
 
     def send(self, payload: bytes) -> None:
-        """Send a message behind those before it, once the loop comes round, or with `flush`.
+        """Queue a message, to be sent in the loop's next turn or by `flush`.
 
-        To an end that is gone nothing goes, which is read.
+        If the other end is gone, it is dropped; reading reports that end.
         """
         self._pipe.queue(payload)
         self._due = True
@@ -130,14 +130,14 @@ class WatchedPipe:
         self.flush()
 
     def flush(self) -> None:
-        """Send what waits, as far as the other end takes it now."""
+        """Send queued messages, as far as the other end takes them now."""
         if not self._due:
             return
         self._due = False
         self._flush()
 
     def release(self) -> None:
-        """Read and write no more, but for what can be sent at once."""
+        """Stop reading and writing, after sending what can be sent at once."""
         self.flush()
         self._loop.remove_reader(self._pipe.fileno())
         self._loop.remove_writer(self._pipe.fileno())

@@ -1,5 +1,4 @@
-"""What a program's pipeline has ready for the executor: rows and control entries, waiting for room in
-the rings."""
+"""The output queue of a pipeline: rows and control entries that wait for room in the executor's rings."""
 
 from __future__ import annotations
 
@@ -15,34 +14,34 @@ from mcserver.motion.lookahead.setpoint_sampling import CYCLE_ROUNDING
 from mcserver.motion.pieces import Deactivation, LineEdges, Piece, Rows
 from mcserver.planning.clearance_guard import ClearanceGuard
 
-# The report that the executor has come to where nothing more is handed over; those of others are above 0.
+# Token of the report that the executor has reached the end of motion before a contact; others are above 0.
 LAST_TOKEN = 0
 
 
 class Output:
     """Keeps the order between rows and control entries while the rings have no room.
 
-    Control entries at u must be in the ring before the row that is played at u. Both come here in order of u,
-    entries ahead of the rows that they lie between, so that many rows can be handed over in one go: with them
-    go the entries up to the last of them, or as many rows as there is room for entries. ``last_u`` is where
-    what has been handed over ends. The pipeline stops planning while anything waits here, so what waits is
-    bounded by one piece of a plan.
+    Control entries at u must be in the ring before the row that is played at u. Both are put here in order of
+    u, entries ahead of the rows that they lie between, so that many rows can be handed over at once, together
+    with the entries before the last of them; fewer rows where there is no room for these entries. ``last_u``
+    is the end of what has been handed over. The pipeline stops planning while anything waits here, so at most
+    one piece of a plan waits.
 
     Args:
-        guard: says how much may be handed over; None: all. Behind a contact nothing is taken any more, and
-            the executor reports `LAST_TOKEN` once it stands there. What comes while another program is waited
-            for is kept: the executor comes to rest on the rows that it has.
+        guard: says how much may be handed over; None: all. Nothing after a contact is handed over, and the
+            executor reports `LAST_TOKEN` once it stands before it. While another program is waited for,
+            output is kept back: the executor comes to rest on the rows that it has.
     """
 
     def __init__(self, sink: ProgramRing, guard: ClearanceGuard | None = None) -> None:
         self._sink = sink
         self._guard = guard
-        # u of the last row that came here
+        # u of the last row that was put here
         self._row_u = -math.inf
         self._controls: deque[Control | LineEdges] = deque()
         self._waiting = 0
         self._rows: deque[Rows] = deque()
-        # what waits for another program, and all behind it
+        # output that waits for another program, and all that follows it
         self._kept: deque[Control | LineEdges | Rows] = deque()
         self.last_u = 0.0
 
@@ -74,7 +73,7 @@ class Output:
         self._queue(entry)
 
     def _put_kept(self) -> None:
-        """Take what waits for another program, as far as that has left."""
+        """Queue output that has waited for another program, as far as that has left."""
         if not self._kept or self._guard is None or not self._guard.waiting.due:
             return
         kept, self._kept = self._kept, deque()
@@ -82,9 +81,9 @@ class Output:
             self.put(entry)
 
     def _end_before(self, rows: Rows, count: int) -> None:
-        """Take the first of some rows, and nothing of what comes behind them."""
+        """Queue the first ``count`` rows and the entries before them, and end the output there."""
         begun = count > 0 or self._row_u == rows.first - 1
-        # a motion that does not begin leaves the entries before it
+        # if the motion does not even begin, keep the entries before it
         last = rows.first + count - 1 if begun else rows.first
         kept, self._controls, self._waiting = self._controls, deque(), 0
         end = self.last_u
@@ -111,11 +110,11 @@ class Output:
 
     @property
     def blocked(self) -> bool:
-        """Whether something still waits for room."""
+        """Whether something still waits."""
         return bool(self._rows or self._controls or self._kept)
 
     def drop(self) -> None:
-        """Forget what waits: the program was aborted."""
+        """Drop all that waits: the program was aborted."""
         self._controls.clear()
         self._waiting = 0
         self._rows.clear()
@@ -133,7 +132,7 @@ class Output:
             room = self._sink.control_room()
             entries = self._entries_before(rows.first + count)
             if entries > room:
-                # no room for an entry: the rows that come before it may go
+                # no room for all entries: hand over only the rows before the first that does not fit
                 entries = room
                 until = math.floor(self._u_of(room) + CYCLE_ROUNDING) + 1
                 count = max(0, min(count, until - rows.first))
@@ -173,7 +172,7 @@ class Output:
         raise IndexError(index)
 
     def _put_controls(self, count: int, rows: int) -> bool:
-        """Hand over the next entries, with which ``rows`` rows come; True if there was one."""
+        """Hand over the next entries, which ``rows`` rows follow; return whether there was one."""
         left = count
         while left > 0:
             block = self._controls.popleft()

@@ -1,4 +1,4 @@
-"""Where along a program the payloads of its tools change, for the executor's torques."""
+"""Control entries for changes of payload along a program, for the executor's torques."""
 
 from __future__ import annotations
 
@@ -12,10 +12,10 @@ from mcserver.motion.canonical import FeedGroup, MotionLine, RapidGroup
 
 
 class PayloadEntries:
-    """Notes which tools are chosen when a line is planned, for the moment at which it starts.
+    """Notes the tools chosen as a line is planned, and makes an entry of them where it starts.
 
     Args:
-        dynamics: of the machine's joints; None: nobody asks for torques.
+        dynamics: of the machine's joints; None: no torques are computed.
     """
 
     def __init__(self, machine: Machine, dynamics: JointDynamics | None) -> None:
@@ -25,7 +25,7 @@ class PayloadEntries:
         self._at: dict[int, int] = {}
 
     def note(self, line: MotionLine) -> None:
-        """Note the tools chosen for a line, if they are others than for the lines before."""
+        """Note the tools chosen for a line, if they have changed."""
         if self._dynamics is None:
             return
         for group in line.groups:
@@ -35,15 +35,15 @@ class PayloadEntries:
                     self._noted = self._at[line.line] = tools
 
     def forget(self) -> None:
-        """Have the tools noted anew with the next line: others may have chosen theirs since."""
+        """Note the tools again with the next line: other programs may have chosen theirs since."""
         self._noted = -1
 
     @property
     def lines(self) -> Collection[int]:
-        """Lines at whose start something changes."""
+        """Lines at whose start a payload changes."""
         return self._at.keys()
 
     def at(self, u: float, line: int) -> list[Control]:
-        """Take the entry noted for the start of a line, at u [cycles]; empty where nothing changes."""
+        """Return the entry for the start of a line, at u [cycles], once; empty where nothing changes."""
         tools = self._at.pop(line, None)
         return [] if tools is None else [Control(ControlKind.PAYLOAD, u, line, operation=tools)]

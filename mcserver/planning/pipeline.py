@@ -1,4 +1,4 @@
-"""One program from lines of text to setpoint rows: read, interpret, plan, hand over.
+"""Turn one program from lines of text into setpoint rows: read, interpret, plan, hand over.
 
 Plain code without threads or clocks: `pump` does a bounded piece of work and says whether there is more. The
 planner's process calls it in turn with other programs, `mcserver simulate` between the cycles of its virtual
@@ -38,11 +38,12 @@ from mcserver.planning.planner_messages import PlannedLines, Report, ReportKind
 from mcserver.planning.solving_time import TimedKinematics
 from mcserver.planning.start_state import PauseEnd, StartState
 
-# The horizon: motion is handed over where the executor has less ahead than the first, up to the second, each
-# beyond the rows that a stop needs; and at the least so far ahead [cycles]. A planner that is late by less
-# than the first slows nothing down. What is not handed over can still flow into later lines, and is planned
-# for an override above 100 % that comes.
+# The horizon: when the executor has fewer rows ahead than LOW beyond those that a stop needs, motion is
+# handed over up to HIGH beyond them [cycles]. So a planner that is late by less than LOW slows nothing down.
+# Motion that is not handed over can still be joined with later lines, and planned for an override above
+# 100 %.
 HORIZON_LOW, HORIZON_HIGH = 100, 120
+# Least values of the same with the rows of the stop included [cycles].
 LEAST_LOW, LEAST_HIGH = 200, 220
 # The longest stop that is provided for: the ring of rows has to hold it [cycles].
 LONGEST_STOP = 2500
@@ -54,7 +55,7 @@ BITE = 64
 RUN = 512
 # Number of the lines that bring the axes to where the first line starts.
 APPROACH_LINE = 0
-# Lines in the window that a program at rest waits for before its first motion, while more are queued.
+# Segments in the window that a program at rest waits for before its first motion, while lines are queued.
 FIRST_WINDOW = 64
 
 
@@ -77,14 +78,14 @@ class Pipeline:
     """Plan one program.
 
     Args:
-        start: all that it starts from besides its text and the machine.
+        start: the state that it starts from.
         lines: the program's text; None: a buffer of its own.
         lease: axes that the program may name; None: all.
         on_fault: effect of a faulty line.
         clock: for the time of inverse kinematics [s].
-        machine_coordinates: lines are in positions of the axes, as the reference has them.
-        approach: lines in machine coordinates that run ahead of the first one, as line 0.
-        guard: holds the motion clear of bodies and zones. controls: all of a program that has no lines.
+        machine_coordinates: lines are in positions of the axes, relative to the reference.
+        approach: lines in machine coordinates that run before the first one, as line 0.
+        guard: checks the motion for contacts. controls: the entries of a program that has no lines.
     """
 
     def __init__(
@@ -122,7 +123,7 @@ class Pipeline:
             switches=start.switches,
         )
         self._expansion = expansion_of(self._interpreter)
-        # the print that a jog is beside or in the pause of goes on with its own K
+        # a jog leaves the pressure advance K to the print that it runs beside, or in a pause of
         leads = not machine_coordinates and (lease is None or machine.dialect.extruder in lease)
         judged = machine.clearance is not None or changes_setpoints(machine)
         self._exchanges = Exchanges(machine, self._interpreter.frame, leads=leads) if judged else None
@@ -131,27 +132,27 @@ class Pipeline:
         self._machine_coordinates = machine_coordinates
         self._printer = machine.dialect.profile == "printer"
         self._frame = self._interpreter.frame
-        # read, but not interpreted before the executor has reported positions, or a pause has ended
+        # a line that is read, and interpreted once the executor has reported positions or a pause has ended
         self._held: ParsedLine | None = None
-        # the line whose pause comes before all else of it, once that has been put
+        # the line whose pause has been put and comes before the rest of it
         self._paused: ParsedLine | None = None
         self._phase = Phase.FINISHED if controls else Phase.PLANNING
         for control in controls:
             self._plan.output.put(control)
         # a faulty line has ended the program
         self._broken = False
-        # the program that is waited for, and the line at which that was said last
+        # the program that is waited for, and the line at which that was last reported
         self._waited = ("", 0)
 
     # ------------------------------------------------------------------ state
 
     @property
     def _stop(self) -> int:
-        """Rows ahead with which playback of what is handed over does not slow down."""
+        """Rows that the executor needs ahead in order not to slow down for their end."""
         return min(stopping_rows(self._sink.stop_ahead()), LONGEST_STOP)
 
     def abort(self) -> None:
-        """Drop all that has not been handed over: the program was stopped."""
+        """Drop all motion that has not been handed over: the program was stopped."""
         self._phase = Phase.ABORTED
         self._end_of_text()
         self._plan.abort()
@@ -169,31 +170,31 @@ class Pipeline:
 
     @property
     def playable_u(self) -> float:
-        """Up to where the executor may play before the next `pump` without beginning to stop [cycles]."""
+        """u up to which the executor may play before the next `pump` without beginning to stop [cycles]."""
         plan = self._plan
         going_on = plan.motion.moving or plan.source is not None or plan.output.blocked
         return plan.output.last_u - (self._stop + DRY if going_on else 0)
 
     @property
     def pause_u(self) -> float | None:
-        """Where the next M00 or M01 stands on the time axis [cycles]."""
+        """u of the next pause, such as M00 or M01 [cycles]; None without one."""
         return self._plan.pause_u
 
     @property
     def planned_line(self) -> int:
-        """Every line through this one has been read without fault, and planned if it needs time."""
+        """Last line through which all lines have been read without fault, and planned if they take time."""
         if self._plan.canonical or self._held is None:
             return self._passable(self._plan.planned_line)
         return self._passable(self._plan.last_line - 1)
 
     def _passable(self, line: int) -> int:
-        """Return the last line through one that needs nothing of what the interpreter holds (D-85)."""
+        """Return the last line up to ``line`` that precedes what the interpreter holds (D-85)."""
         held = self._interpreter.held_line
         return line if held is None else min(line, held - 1)
 
     @property
     def planned_end_u(self) -> float:
-        """Where what has been planned so far ends on the program's time axis [cycles]."""
+        """End of the planned motion on the program's time axis [cycles]."""
         return self._plan.motion.end_u
 
     def take_reports(self) -> list[Report]:
@@ -207,7 +208,7 @@ class Pipeline:
         return found
 
     def take_reports_in_columns(self) -> list[Report | PlannedLines]:
-        """Take the reports since the last call, those of batches in columns."""
+        """Take the reports since the last call, with those of batches as columns."""
         reports = list(self._plan.reports)
         self._plan.reports.clear()
         return reports
@@ -217,9 +218,9 @@ class Pipeline:
         if self._guard is not None:
             self._guard.on_event(event)
             contact = self._guard.contact
-            # with few rows left a motion at rest does not begin again
+            # a motion at rest with few rows left does not begin again
             last = event.kind is EventKind.SETTLED and event.token == LAST_TOKEN
-            # a zone that is switched on around a body has held it
+            # the program was held because a zone was switched on around a body
             met = event.kind is EventKind.FAULT and event.code == FaultCode.ZONE_HOLD
             if contact is not None and (last or met or event.kind is EventKind.STARVED):
                 self._plan.reports.append(Report(ReportKind.CONTACT, contact.line, diagnostics=(contact,)))
@@ -241,7 +242,7 @@ class Pipeline:
             self.abort()
 
     def _exchange(self) -> None:
-        """Exchange tools that have bodies: all motion before that has been played."""
+        """Exchange tools that have bodies; all motion before has been played."""
         exchange = self._plan.take_exchange()
         if exchange is None:
             return
@@ -253,15 +254,15 @@ class Pipeline:
                 self._plan.reports.append(Report(ReportKind.CONTACT, contact.line, diagnostics=(contact,)))
 
     def end_pause(self, end: PauseEnd) -> None:
-        """Go on behind the pause at which the program stands, from where the axes stand now.
+        """Go on after the pause at which the program stands, from the present positions of the axes.
 
-        Nothing behind it has been interpreted, so that the work offsets and tools of now count there.
+        No line after the pause has been interpreted, so the present work offsets and tools apply.
         """
         if not self._plan.pausing:
             return
         self._plan.end_pause(end.positions)
         self._interpreter.end_pause(end.positions, end.frame)
-        # whoever changed them has said so
+        # whoever changed the work offsets has reported them already
         self._frame = self._interpreter.frame
         if self._guard is not None:
             self._guard.stand(end.positions)
@@ -272,9 +273,9 @@ class Pipeline:
         """Do a bounded piece of work.
 
         Args:
-            u: where the executor is on this program's time axis [cycles]; None where nothing hurries (a
-                virtual clock): then nothing is handed over before the window is full or closed.
-            override: the feed override, 1 as programmed; above 1 motion is planned with so much more F.
+            u: where the executor is on this program's time axis [cycles]; None on a virtual clock: then
+                nothing is handed over before the window is full or closed.
+            override: the feed override, 1 as programmed; above 1 it multiplies the F that is planned.
 
         Returns:
             True if something was done.
@@ -297,7 +298,7 @@ class Pipeline:
         lead = None if u is None else plan.motion.u - u
         due = plan.flush or plan.motion.full
         if due and lead is not None and plan.motion.pending:
-            # later is soon enough, and an override that comes until then is planned with
+            # not needed yet: an override that comes meanwhile can still be planned in
             due = False
         if (due or (lead is not None and self._hurry(lead))) and self._hand_over(u, lead):
             return True
@@ -326,7 +327,7 @@ class Pipeline:
             return True
 
     def _say_wait(self) -> None:
-        """Say for which program this one waits, once a line, and that it does not any more."""
+        """Report the program that is waited for, once per line, and the end of waiting."""
         if self._guard is None:
             return
         waiting, line = self._guard.waiting, self._waited[1]
@@ -342,7 +343,7 @@ class Pipeline:
 
     @property
     def _more(self) -> bool:
-        """Whether lines wait that could flow into the motion under way."""
+        """Whether lines wait that could be joined to the motion in the window."""
         return bool(self.lines.ready or self._plan.canonical or self._expansion.running)
 
     def _hurry(self, lead: float) -> bool:
@@ -352,7 +353,7 @@ class Pipeline:
             return False
         more = self._more and not self._plan.flush
         if more and not motion.moving:
-            # a start from rest: the first lines decide how soon, those behind them how fast
+            # a start from rest: waiting for more lines delays it, but makes it faster
             return motion.pending >= FIRST_WINDOW
         return lead < max(self._stop + HORIZON_LOW, LEAST_LOW)
 
@@ -391,12 +392,12 @@ class Pipeline:
         plan = self._plan
         line = rejected.diagnostics[0].line
         if line == APPROACH_LINE:
-            # nobody can correct it, and the program must not begin from anywhere else
+            # nobody can correct an approach, and the program must not begin from another position
             raise rejected
         plan.reports.append(Report(ReportKind.REJECTED, line, diagnostics=rejected.diagnostics))
-        # what a block of O-words has done until here is not all of it
+        # a block of O-words has been executed in part only
         plan.last_line = self._passable((self._expansion.head or line) - 1)
-        # a move that is held is not made: nobody knows where it would have ended
+        # a move that cutter compensation holds back is dropped: its end depends on the faulty line
         self._interpreter.finish()
         self._end_of_text()
         self._broken = True
@@ -448,7 +449,7 @@ class Pipeline:
         return worked
 
     def _take_run(self) -> bool:
-        """Take lines that are alike, in columns; False where the next ones are not."""
+        """Read lines of the same form, in columns; return False where the next lines are not."""
         first = self.lines.next_number
         window = min(self._interpreter.batch_window(first), RUN)
         if window == 0:
@@ -465,7 +466,7 @@ class Pipeline:
         return True
 
     def _interpret(self) -> bool:
-        """Take one line; False where it has to wait for the executor, or is to be sent again."""
+        """Interpret one line; False where it has to wait for the executor, or is to be sent again."""
         try:
             return self._interpret_next()
         except ProgramRejected as rejected:
@@ -502,14 +503,14 @@ class Pipeline:
             return True
         unknown = self._interpreter.axes_to_sync(parsed)
         if unknown:
-            # one capture makes all its axes unknown: asked for together, later lines need not stop for
-            # the others
+            # a capture leaves the positions of all its axes unknown: ask for all at once, so that later
+            # lines need not stop for the others
             return self._settle(unknown | plan.captured, parsed.number)
         values: Sequence[Canonical]
         if parsed is not self._paused:
             values = self._interpreter.pause_before(parsed)
             if values:
-                # what follows in the line is interpreted when the pause has ended
+                # the rest of the line is interpreted when the pause has ended
                 self._paused = parsed
                 pause = values[0]
                 if self._exchanges is not None and isinstance(pause, PauseLine):
@@ -534,19 +535,21 @@ class Pipeline:
         return True
 
     def _exchanged_by(self, line: int) -> list[Exchange]:
-        """Return what the line that has been interpreted exchanges of tools that have bodies."""
+        """Return the exchanges of tools with bodies that the interpreted line makes."""
         return [] if self._exchanges is None else self._exchanges.by(line, self._interpreter.modal)
 
     def _say(self, parsed: ParsedLine, values: Sequence[Canonical]) -> None:
-        """Report what a line says to the operator."""
+        """Report a line's message to the operator."""
         message = notice_of(parsed.text, values, printer=self._printer)
         if message is not None:
             tool = next((each.tool for each in values if isinstance(each, PauseLine)), None)
             self._plan.reports.append(Report(ReportKind.MESSAGE, parsed.number, message=message, tool=tool))
 
     def _expand(self) -> ParsedLine | bool:
-        """Return the next plain line; True where there was none in this piece of work, False where the
-        motion before has to end first.
+        """Expand O-words to the next plain line.
+
+        Returns:
+            True where there was none in this piece of work, False where the motion before has to end first.
         """
         plan, expansion = self._plan, self._expansion
         if not expansion.running:

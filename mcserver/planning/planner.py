@@ -1,9 +1,9 @@
 """The planner: every program's pipeline, and the executor's events, in one thread of control.
 
-It takes commands, lets each pipeline plan a bounded piece in turn, hands the executor's events to the
-pipeline that they concern, and says what happened. Nothing here waits or sleeps: `Planner.turn` is called
-again and again by the planner's process (`mcserver.planning.process`), by tests on whatever clock. What waits
-here is bounded by the credit that the service gives to clients.
+It takes commands, lets each pipeline plan a bounded piece in turn, passes the executor's events to their
+pipelines, and returns events of its own. Nothing here waits or sleeps: the planner's process
+(`mcserver.planning.process`) calls `Planner.turn` repeatedly, tests call it on any clock. The credit that the
+service gives to clients bounds all queues.
 
 The executor's events come through here, not straight to the service, because a program must not be reported
 as finished before its last lines are reported as validated.
@@ -52,12 +52,12 @@ from mcserver.planning.planner_messages import (
 
 log = logging.getLogger(__name__)
 
-# Time between two looks at the executor's events while programs run, and while none does [s].
+# Period of polling the executor's events while programs run, and while none does [s].
 ACTIVE_POLL_S = 0.002
 IDLE_POLL_S = 0.02
-# Period for re-estimating the window's end while lines stream in, and the pause after which it is done anyway
-# [s]: each estimate plans all of the window.
+# Period of estimating the window's end while lines stream in: each estimate plans all of the window [s].
 END_PERIOD_S = 0.25
+# Pause of the stream after which the end is estimated at once [s].
 QUIET_S = 0.02
 
 
@@ -68,10 +68,10 @@ class PlannerPort(Protocol):
         """Events since the last call, in order."""
 
     def views(self, slots: Sequence[int]) -> Sequence[SlotView]:
-        """Return the place of each of these slots on its program's time axis, and its override."""
+        """Return u and override of each of these slots."""
 
     def sink(self, slot: int) -> ProgramRing:
-        """Return where a program that begins in the slot puts its rows and control entries."""
+        """Return the rings of a program that begins in the slot."""
 
 
 class PipelineMaker(Protocol):
@@ -99,7 +99,7 @@ class _Plan:
         self.begun = 0.0
         self.lines = LineBuffer()
         self.pipeline: Pipeline | None = None
-        # counts rejections: lines sent before the client knew of one are dropped
+        # number of rejections: lines that were sent before the client knew of one are dropped
         self.epoch = 0
         self.consumed = 0
         self.validated = 0
@@ -134,13 +134,13 @@ class Planner:
 
     @property
     def pause_s(self) -> float:
-        """How long to wait for a command before the next `turn` [s]."""
+        """Longest wait for a command before the next `turn` [s]."""
         if self._busy:
             return 0.0
         return ACTIVE_POLL_S if self._plans else IDLE_POLL_S
 
     def handle(self, command: PlannerCommand) -> None:
-        """Take a command; it is acted on in the next `turn`."""
+        """Take a command; the next `turn` acts on it."""
         match command:
             case Begin():
                 self._begin(command)
@@ -164,7 +164,7 @@ class Planner:
                     plan.pipeline.end_pause(command.end)
 
     def turn(self) -> Sequence[PlannerEvent]:
-        """Take the executor's events and let every pipeline do a piece of work; what happened, in order."""
+        """Take the executor's events, let every pipeline do a piece of work, and return events in order."""
         self._now = self._clock()
         self._take_events()
         self._busy = False
@@ -207,7 +207,7 @@ class Planner:
             try:
                 plan.pipeline.on_event(event)
                 if event.kind in (EventKind.FINISHED, EventKind.STOPPED):
-                    # before the end itself is reported: whoever hears of it knows how far lines were planned
+                    # report lines as validated before the end of the program
                     self._validate(plan, plan.pipeline, settled=True)
                     del self._plans[plan.program], by_slot[event.program]
             except Exception as error:
@@ -260,10 +260,10 @@ class Planner:
         plan.epoch += 1
 
     def _validate(self, plan: _Plan, pipeline: Pipeline, *, settled: bool) -> None:
-        """Say how far lines are right and planned; ``settled``: nothing has come for a while."""
+        """Report how far lines are validated; ``settled``: no lines have come for a while."""
         through = pipeline.planned_line
         grown = through > plan.validated
-        # the window's end takes a plan of all of it
+        # estimating the window's end plans all of it
         due = (grown or plan.end_stale) and self._now - plan.end_asked >= END_PERIOD_S
         if due or (settled and (grown or plan.end_stale)):
             plan.end_u, plan.end_asked, plan.end_stale = pipeline.planned_end_u, self._now, False

@@ -1,4 +1,4 @@
-"""Commands of the service to the planner, and the planner's events; all of it passes between processes."""
+"""Messages between the service and the planner's process: commands and events."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from mcserver.planning.start_state import PauseEnd, StartState
 
 
 class PlannerStart(msgspec.Struct, frozen=True):
-    """Start a planner's process: its standard input.
+    """Parameters of a planner's process, on its standard input.
 
     Attributes:
         memory: descriptor of the executor's memory.
@@ -39,11 +39,11 @@ class PipelineRequest(msgspec.Struct, frozen=True):
     """Parameters of a program's pipeline.
 
     Attributes:
-        axes: that the program may name. start: all that it starts from.
+        axes: that the program may name. start: the state that it starts from.
         role: whose zones bind it. unhomed: it may move axes that are not homed, slowly.
-        machine_coordinates: its lines are in positions of the axes, as the reference has them: a jog.
+        machine_coordinates: its lines are in positions of the axes, relative to the reference: a jog.
         approach: lines in machine coordinates that bring the axes to where its first line starts.
-        controls: all of a program that has no lines, on a machine whose motion has to stay clear.
+        controls: the entries of a program without lines, on a machine with clearance checks.
     """
 
     program: str
@@ -57,10 +57,10 @@ class PipelineRequest(msgspec.Struct, frozen=True):
 
 
 class Begin(msgspec.Struct, frozen=True, tag=True):
-    """Plan a program, which has its lease, into an executor's slot that has been opened for it.
+    """Plan a program that has its lease, for an executor's slot that has been opened for it.
 
     Attributes:
-        begun: executor time of the newest cycle before that [s]: older events of the slot are not its own.
+        begun: executor time of the last cycle before it [s]: older events of the slot belong to others.
     """
 
     request: PipelineRequest
@@ -74,7 +74,7 @@ class Begin(msgspec.Struct, frozen=True, tag=True):
 
 
 class Lines(msgspec.Struct, frozen=True, tag=True):
-    """Take journaled lines ``first``, ``first + 1``, …; those of an earlier ``epoch`` do not count."""
+    """Add journaled lines ``first``, ``first + 1``, …; lines of an earlier ``epoch`` are dropped."""
 
     program: str
     epoch: int
@@ -83,7 +83,7 @@ class Lines(msgspec.Struct, frozen=True, tag=True):
 
 
 class CloseProgram(msgspec.Struct, frozen=True, tag=True):
-    """Finish the program behind the lines sent before."""
+    """Finish the program after the lines sent so far."""
 
     program: str
 
@@ -95,7 +95,7 @@ class StepLine(msgspec.Struct, frozen=True, tag=True):
 
 
 class EndPause(msgspec.Struct, frozen=True, tag=True):
-    """Go on behind a pause, from where the axes stand now."""
+    """Go on after a pause, from the present positions of the axes."""
 
     program: str
     end: PauseEnd
@@ -138,12 +138,12 @@ class Report(msgspec.Struct, frozen=True, gc=False):
     """One report of a pipeline about a line.
 
     Attributes:
-        requested_s: time that the line asks for [s], or None.
+        requested_s: requested time of the line [s], or None.
         bound_by: the limit that stretched it, such as ``axis 2 acceleration``, or None.
         feed_length: linear length of its G01-G03 commands [m].
-        dwell_s: for how long it dwells, whatever the override [s].
+        dwell_s: dwell, which no override changes [s].
         planning_s: time that inverse kinematics took [s].
-        waits_for: the program that is to leave; empty: none is any more.
+        waits_for: the program that is waited for; empty: waiting has ended.
     """
 
     kind: ReportKind
@@ -166,7 +166,7 @@ class PlannedLines:
     """`PLANNED` of lines in columns.
 
     Attributes:
-        lines: their numbers, which rise, shape (n,). requested_s, feed_lengths: of each, as of `Report`.
+        lines: their numbers, increasing, shape (n,). requested_s, feed_lengths: of each, as in `Report`.
     """
 
     lines: NDArray[np.int64]
@@ -183,7 +183,7 @@ class PlannedLines:
 
 
 class ProgramMessage(msgspec.Struct, frozen=True, tag=True):
-    """A line says something to the operator, once the program has come there; ``tool``: asks for it."""
+    """A message of a line to the operator, due when the program reaches it; ``tool``: asks for that tool."""
 
     program: str
     line: int
@@ -217,14 +217,14 @@ class LineRejected(msgspec.Struct, frozen=True, tag=True):
 
 
 class ContactAhead(msgspec.Struct, frozen=True, tag=True):
-    """What comes next would touch, as ``diagnostic`` says: the program stands there and has to be stopped."""
+    """The next motion would touch (``diagnostic``): the program stands before it and has to be stopped."""
 
     program: str
     diagnostic: Diagnostic
 
 
 class WaitChanged(msgspec.Struct, frozen=True, tag=True):
-    """A program waits for another one to leave, empty: for none any more; ``diagnostic``: is to be said."""
+    """A program waits for another one to leave, or (empty) no longer; ``diagnostic`` is to be shown."""
 
     program: str
     waits_for: str
@@ -260,7 +260,7 @@ class ExecutorEvents(msgspec.Struct, frozen=True, tag=True):
 
 
 class PlannerFailed(msgspec.Struct, frozen=True, tag=True):
-    """The planner failed with a program, which has to be stopped; without a name, with all of them."""
+    """Planning of a program failed, which has to be stopped; without a name, of all programs."""
 
     program: str
     message: str

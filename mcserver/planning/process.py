@@ -1,7 +1,7 @@
 """The planner's process: ``python -m mcserver.planning.process``, with its machine on standard input.
 
-It plans, so that the service's loop has an interpreter of its own. One thread: it takes commands, lets the
-planner do a piece of work, and sends what happened. It ends with the server, whose end of the pipe closes.
+A process of its own leaves the service's loop an interpreter to itself. One thread takes commands, lets the
+planner do a piece of work, and sends its events. It ends when the server closes its end of the pipe.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ from mcserver.planning.unhomed import machine_for
 from mcserver.processes import freeze_heap
 
 NICE = 5
-# At least this often the server hears that the planner is at work [s].
+# Longest time between two signs of life to the server [s].
 PULSE_S = 0.5
 
 
@@ -62,8 +62,8 @@ class SharedPlannerPort:
 
     def sink(self, slot: int) -> ProgramRing:
         ring = self._parts.rings[slot]
-        # the server has set in the executor where the program begins in it; only this side's notes are of the
-        # program before
+        # the server has told the executor where the program begins; the counters of this side still belong to
+        # the program before
         ring.restart()
         return ring
 
@@ -138,7 +138,7 @@ def run(pipe: MessagePipe, planner: Planner) -> None:
 
 
 def _exchange(pipe: MessagePipe, poller: select.poll, timeout_s: float) -> list[bytes]:
-    """Wait for messages, and send what the other end has not taken before."""
+    """Wait for messages, and send what is still queued."""
     poller.modify(pipe, select.POLLIN | (select.POLLOUT if pipe.blocked else 0))
     messages = []
     for _, ready in poller.poll(1000.0 * timeout_s):
@@ -152,20 +152,20 @@ def _exchange(pipe: MessagePipe, poller: select.poll, timeout_s: float) -> list[
 def main() -> int:
     """Run until the server says that there is no more, or is gone."""
     start = msgspec.msgpack.decode(sys.stdin.buffer.read(), type=PlannerStart)
-    # it is the server that ends this process, in order
+    # Ctrl-C reaches the whole process group; the server ends this process in order
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     signal.signal(signal.SIGTERM, signal.SIG_IGN)
     pipe = MessagePipe(socket.socket(fileno=start.connection))
     parts = map_block(start.memory, start.machine)
     os.close(start.memory)
     warm_up()
-    # it works ahead of the motion and can wait a moment; whoever calls the server is waiting now
+    # planning is ahead of the motion and can wait a moment; callers of the server are waiting now
     os.nice(NICE)
     pipelines = PipelineFactory(start.machine, parts.feedback.latest)
     planner = Planner(SharedPlannerPort(parts), pipelines, time.monotonic)
     gc.collect()
     freeze_heap()
-    # a server whose start was refused meanwhile is gone, as `run` finds
+    # if the server is gone already, `run` finds out
     with contextlib.suppress(OSError):
         pipe.send(msgspec.msgpack.encode([]))
     run(pipe, planner)

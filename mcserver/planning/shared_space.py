@@ -1,7 +1,7 @@
-"""Where the axes of a machine may be while its programs run: where they are, and what is handed over.
+"""Bound the positions of a machine's axes while its programs run: present positions and handed-over motion.
 
-Each program's motion is noted before the executor gets it, and forgotten once the executor's feedback shows
-that it has passed. So whoever asks where other programs' axes may come is never told too little.
+Each program's motion is claimed before the executor gets it, and the claim dropped once the executor's
+feedback shows that the motion is over. So the bounds are never too small.
 """
 
 from __future__ import annotations
@@ -21,31 +21,31 @@ from mcserver.units import AxisType
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
-# A column without a limit may be anywhere; in numbers that distances can be computed with [m].
+# Stands for an unlimited position: large, but distances can be computed with it [m].
 ANYWHERE = 1e3
-# Motion that does not end by itself.
+# Conditions of motion that does not end by itself.
 ENDLESS = (AxisCondition.SPEED, AxisCondition.TORQUE)
 MOVES = (*ENDLESS, AxisCondition.MOVING, AxisCondition.STOPPING)
 
 
 class Extent(NamedTuple):
-    """From where to where each column may be, shapes (K,) [SI]."""
+    """Bounds of each column's position, shape (K,) each [SI]."""
 
     low: Array
     high: Array
 
 
 class Claim(NamedTuple):
-    """Where motion that is handed over brings columns.
+    """The space that a handed-over motion may use.
 
     Attributes:
-        columns: that it moves, shape (K,). extent: where; read only there.
-        until: on the program's time axis [cycles]. alone: the columns move by themselves from there on, and
-            may go on when the program has ended.
-        number: counts the program's claims.
-        zones: switched zones that it may come into, a bit each. movers: columns that move what may come
-            there, shape (K,).
-        over: executor time from which on drives are through it [s]; inf: u has not passed it.
+        columns: that it moves, shape (K,). extent: their bounds; valid in these columns only.
+        until: end on the program's time axis [cycles]. alone: the executor moves the columns by itself from
+            there on, possibly beyond the end of the program.
+        number: of the claim in its program.
+        zones: switched zones that it may enter, as bits. movers: columns that move the bodies that may enter,
+            shape (K,).
+        over: executor time at which the drives have completed it [s]; inf: u has not passed it.
     """
 
     columns: Mask
@@ -59,7 +59,7 @@ class Claim(NamedTuple):
 
 
 class Wait(NamedTuple):
-    """Programs of which one has to leave, and since when that is so by the executor's time [s]."""
+    """Programs that are waited for, and the executor time since when [s]."""
 
     programs: tuple[str, ...]
     since: float
@@ -70,11 +70,11 @@ class Tenant:
     """A program that moves axes.
 
     Attributes:
-        lease: columns that nobody else moves, shape (K,). moved: those of them that it has moved itself; the
-            others may still be under way from before. claims: of its motion, in order.
-        tell: takes the switched zones that lie ahead of it, a bit each; None: nobody asks.
+        lease: columns that no other program moves, shape (K,). moved: those of them that it has moved itself;
+            the others may still be under way from before. claims: of its motion, in order.
+        tell: called with the bit mask of the switched zones that lie ahead of it; None: not called.
         ended: executor time of its end [s]; None: it runs.
-        wait: for which programs it stands before a contact, and since when; None: it does not.
+        wait: programs for which it waits before a contact; None: it does not wait.
     """
 
     program: str
@@ -90,7 +90,7 @@ class Tenant:
         self.moved = np.zeros_like(self.lease)
 
     def claim(self, claim: Claim) -> None:
-        """Note motion that is about to be handed over."""
+        """Claim the space of a motion that is about to be handed over."""
         self.moved |= claim.columns
         self.claims.append(claim)
 
@@ -104,10 +104,10 @@ class SharedSpace:
 
     def __init__(self, machine: Machine, feedback: Callable[[], FeedbackState | None]) -> None:
         self._feedback = feedback
-        # by which drives come later than u [s]
+        # delay of the drives after u by shaping [s]
         self._lag = 0.0 if machine.shaping is None else machine.shaping.length * machine.cycle_s
         self._tenants: list[Tenant] = []
-        # by slot what takes the switched zones ahead of it
+        # by slot, the function to tell of switched zones ahead
         self._slots: dict[int, Callable[[int], None]] = {}
         self.travel = Extent(
             np.array([axis.min_position for axis in machine.axes]),
@@ -118,7 +118,7 @@ class SharedSpace:
         )
 
     def enter(self, tenant: Tenant) -> None:
-        """Begin a program; the one that was in its slot has ended."""
+        """Add a program; the one that was in its slot has ended."""
         for each in self._tenants:
             if each.slot == tenant.slot and each.ended is None:
                 each.ended = -math.inf
@@ -140,8 +140,9 @@ class SharedSpace:
         )
 
     def extent(self, asking: Tenant) -> tuple[Extent, Array]:
-        """Return where columns may be now and by what is handed over, except by the asking program's own; and
-        where they are, shape (K,)."""
+        """Return bounds of columns by all handed-over motion but the asking program's own, and their present
+        positions, shape (K,).
+        """
         newest = self._feedback()
         assert newest is not None
         self._forget(newest)
@@ -157,24 +158,24 @@ class SharedSpace:
                 known |= at
                 low[at] = np.minimum(low[at], claim.extent.low[at])
                 high[at] = np.maximum(high[at], claim.extent.high[at])
-        # what moves, and no program that is known here
+        # columns that move without a program that is known here
         for column in np.flatnonzero(np.isin(newest.condition, MOVES) & ~known).tolist():
             low[column], high[column] = self.anywhere(column, float(newest.setpoint[column]))
         return Extent(low, high), newest.setpoint
 
     @property
     def time(self) -> float:
-        """Time of the executor now [s]."""
+        """The executor's present time [s]."""
         newest = self._feedback()
         assert newest is not None
         return float(newest.time)
 
     def locked(self, asking: Tenant) -> bool:
-        """Return whether a program waits for good, and has come to that last.
+        """Return whether a program is in a deadlock, and was the last to begin waiting in it.
 
-        That is so where all for which it waits, and for which these wait in turn, stand and wait as well, and
-        the program is one of those: any of them that goes on may set it free. What rests by a person's will,
-        as in feed hold, is waited for.
+        It is if it is among the programs that it waits for, directly or through others, and all of these wait
+        too: any of them that goes on may free it. A program that a person holds, as in feed hold, is not
+        waiting.
         """
         newest = self._feedback()
         assert newest is not None
@@ -194,9 +195,9 @@ class SharedSpace:
 
     @staticmethod
     def _awaited(tenant: Tenant, state: SlotState, running: Mapping[str, Tenant]) -> Sequence[str]:
-        """Return the programs without which one does not go on; nothing: it may."""
+        """Return the programs that one waits for; empty: it can go on."""
         if state is SlotState.PAUSED:
-            # it is not resumed before it has its axes again
+            # it is resumed only once it has its axes again
             others = (each for each in running.values() if each is not tenant)
             return [each.program for each in others if (each.lease & tenant.lease).any()]
         if state in (SlotState.HELD, SlotState.STOPPING) or tenant.wait is None:
@@ -205,21 +206,22 @@ class SharedSpace:
 
     @property
     def inputs(self) -> Array:
-        """Values of the machine's inputs now, shape (I,)."""
+        """Present values of the machine's inputs, shape (I,)."""
         newest = self._feedback()
         assert newest is not None
         return newest.inputs
 
     def refresh(self) -> None:
-        """Forget motion that is over, and tell which switched zones lie ahead of the programs."""
+        """Drop claims of motion that is over, and tell which switched zones lie ahead of the programs."""
         newest = self._feedback()
         assert newest is not None
         self._forget(newest)
         self.tell()
 
     def tell(self) -> None:
-        """Tell each program's slot which switched zones lie ahead: of its own motion, and of others' whose
-        bodies it moves too.
+        """Tell each program's slot which switched zones lie ahead.
+
+        Those of its own motion, and those of other programs' motion with bodies that it moves too.
         """
         ahead = [claim for tenant in self._tenants for claim in tenant.claims if claim.zones]
         zones = dict.fromkeys(self._slots, 0)
@@ -231,10 +233,10 @@ class SharedSpace:
             self._slots[slot](bits)
 
     def movers(self, columns: Mask, asking: Tenant) -> list[str]:
-        """Return the other programs that may move one of these columns, and leave.
+        """Return the other programs that move one of these columns, and may move it away.
 
-        Not one that lends its axes to the asking program, and does not go on before that has ended; and none
-        that has ended where they turn for good.
+        Not a program that lends its axes to the asking one and goes on only after that has ended; nor one
+        that has ended and left axes turning.
         """
         newest = self._feedback()
         assert newest is not None
@@ -256,7 +258,7 @@ class SharedSpace:
         for tenant in self._tenants:
             slot = newest.slots[tenant.slot]
             over = tenant.ended is not None and newest.time > tenant.ended
-            # a slot that is free shows the time axis of the program before
+            # a free slot still shows u of the last program
             passed = -math.inf if slot.state.free or tenant.ended is not None else slot.u - 1.0
             for number, claim in enumerate(tenant.claims):
                 if passed > claim.until and claim.over == math.inf:

@@ -1,4 +1,4 @@
-"""How long inverse kinematics takes for each line of a program."""
+"""Measure the time of inverse kinematics for each line of a program."""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ class TimedKinematics:
     """`mckinematics.pose.Kinematics` that measures the time of its solutions, refused ones included.
 
     Args:
-        kinematics: what solves.
-        clock: [s], only differences count.
+        kinematics: to measure.
+        clock: [s], only differences matter.
     """
 
     def __init__(self, kinematics: Kinematics, clock: Callable[[], float]) -> None:
@@ -28,7 +28,7 @@ class TimedKinematics:
         return spent
 
     def __getattr__(self, name: str) -> Any:
-        """All but solving is the kinematics' own, and takes no time worth a measurement."""
+        """Forward everything but solving, which takes too little time to measure."""
         return getattr(self._kinematics, name)
 
     def solve_pose(self, tool: int, pose: Pose, joints: Mapping[int, float]) -> tuple[float, ...]:

@@ -1,4 +1,4 @@
-"""What a program has done to the machine before one of its lines, from its text alone; nothing moves."""
+"""Rebuild the machine's state before a line of a program from the text alone, without motion."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ from mcserver.planning.start_state import Awaited, PauseEnd, StartState, StateBe
 
 
 class _Pauses:
-    """What others have changed at the pauses of a program, counted as lines are read."""
+    """Changes by others at the pauses of a program, applied as lines are read."""
 
     def __init__(self, interpreter: Interpreter, ends: Iterable[PauseEnd]) -> None:
         self._interpreter = interpreter
@@ -45,7 +45,7 @@ class _Pauses:
         self._line, self._nth = 0, 0
 
     def passed(self, values: Iterable[Canonical]) -> None:
-        """Go on behind the pauses among some values."""
+        """Apply the changes at the pauses among some values."""
         for value in values:
             if isinstance(value, PauseLine):
                 self._nth = self._nth + 1 if value.line == self._line else 1
@@ -55,30 +55,30 @@ class _Pauses:
                     self._interpreter.end_pause(end.positions, end.frame)
 
     def stood_at(self, line: int) -> None:
-        """Take what was changed while the program stood at a pause ahead of a line, and went no further."""
+        """Apply the changes at a pause before a line at which the program ended."""
         for end in self._ends.values():
             if end.line == line and not end.over:
                 self._interpreter.end_pause(end.positions, end.frame)
 
 
 class _Effects:
-    """What lines do to axes and outputs, followed from value to value."""
+    """Effects of lines on axes and outputs, accumulated value by value."""
 
     def __init__(self, origin: StartState) -> None:
         self.energized = set(origin.energized)
         self.unknown: set[int] = set()
-        # axes that went to a place which the text names
+        # axes whose position follows from the text
         self.placed: set[int] = set()
         self.speeds: dict[int, float] = {}
         self.torques: dict[int, float] = {}
         self.outputs = dict(enumerate(origin.outputs))
         self.scaled: set[int] = set()
         self.threads: set[int] = set()
-        # by the code that waited; one that sets no output and turns no spindle counts under ""
+        # by the code that waited; waits without an output or spindle are under ""
         self.awaited: dict[str, Awaited] = {}
 
     def wait(self, actions: Iterable[Action], dialect: Dialect) -> None:
-        """Follow what the codes of a line wait for, behind what they set."""
+        """Note what the codes of a line wait for, after what they set."""
         for action in actions:
             code, wait = action.code, dialect.waits.get(action.code)
             if code in SPINDLE or code == "M19":
@@ -92,7 +92,7 @@ class _Effects:
             self.awaited[key] = Awaited(wait, outputs, dialect.spindle if code in SPINDLE else None)
 
     def take(self, value: Canonical | PathBatch, *, incremental: bool) -> None:
-        """Follow a value; ``incremental``: the ends of its moves are increments."""
+        """Apply a value; ``incremental``: the ends of its moves are increments."""
         if isinstance(value, AxisLine):
             if value.operation.energized:
                 self.energized.update(value.axes)
@@ -120,7 +120,7 @@ class _Effects:
 
     def _set(self, column: int, value: float, *, scaled: bool) -> None:
         if bool(value) is not bool(self.outputs.get(column)):
-            # an input that said "hot" of a heater says nothing of one that is off
+            # a wait for a heater to be hot no longer counts once the heater is off
             gone = [code for code, each in self.awaited.items() if column in each.outputs]
             for code in gone:
                 del self.awaited[code]
@@ -244,7 +244,7 @@ def state_before(
             f"start at line {surface.line}, or behind G97",
         )
     if spindle is not None and spindle not in effects.placed and spindle not in effects.speeds:
-        # where a spindle stands means nothing before M19, or a word of its own
+        # the position of a spindle is undefined before M19 or a word that names it
         effects.energized.discard(spindle)
     if not interpreter.ended:
         modal = msgspec.structs.replace(modal, computed=expansion.kept())

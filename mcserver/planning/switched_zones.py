@@ -1,4 +1,4 @@
-"""Zones that an input switches on, as they bind one program."""
+"""The zones that an input switches on, for one program."""
 
 from __future__ import annotations
 
@@ -11,11 +11,11 @@ from mcserver.planning.shared_space import Array, Mask
 
 
 class SwitchedZones:
-    """The zones that one input switches on, as they bind one program.
+    """The zones that one input switches on, of those that bind one program.
 
     Attributes:
-        bit: of them, in what the executor is told. counted: their pairs, shape (P,). slow: slow ones of them.
-        number, high: of the input, and its level where they are on.
+        bit: of these zones in the mask for the executor. counted: their pairs of the scene, shape (P,).
+        slow: the slow zones among them. number, high: of the input, and its level with the zones on.
         movers: columns that move their bodies, shape (K,).
     """
 
@@ -32,11 +32,11 @@ class SwitchedZones:
         self._column = [(each.digital, each.number) for each in machine.inputs].index((True, switch.input))
 
     def count(self, scene: Scene, binding: Mask) -> None:
-        """Take the pairs that a scene has now."""
+        """Count the present pairs of a scene."""
         self.counted = binding & (scene.switches == self._number)
         self.slow.count(self.counted)
         self.movers = np.asarray(scene.levers[:, self.counted].any(axis=1))
 
     def on(self, inputs: Array) -> bool:
-        """Return whether they are on by the inputs' values."""
+        """Return whether the zones are on, given the inputs' values."""
         return bool(inputs[self._column]) is self._high

@@ -1,4 +1,4 @@
-"""The machine that a program is planned for while some axes do not know where they are."""
+"""The machine's limits for planning while some axes are not homed."""
 
 from __future__ import annotations
 
@@ -11,13 +11,13 @@ from mcserver.machine.machine_file import Axis, Machine
 
 
 def machine_for(machine: Machine, homed: Container[int], *, moves_unhomed: bool) -> Machine:
-    """Return the machine with the limits that count now.
+    """Return the machine with its present limits.
 
-    The travel of an axis that is not homed does not count, and what may move it all the same (a jog) does so
-    slowly. An axis that programs may move only once it is homed keeps its limits: they count when it is.
+    An axis that is not homed has no travel limits, and a program that may move it all the same (a jog) does
+    so slowly. An axis that has to be homed before programs move it keeps its limits, which then apply.
 
     Args:
-        homed: numbers of the axes that know where they are.
+        homed: numbers of the homed axes.
         moves_unhomed: the program may move the others.
     """
     if all(axis.index in homed for axis in machine.axes):

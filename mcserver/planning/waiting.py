@@ -1,4 +1,4 @@
-"""How a program waits before what another one moves."""
+"""Wait before a contact with a body that another program moves."""
 
 from __future__ import annotations
 
@@ -10,9 +10,9 @@ import msgspec
 from mcserver.errors import Diagnostic
 from mcserver.planning.shared_space import SharedSpace, Tenant, Wait
 
-# How often it is looked whether another program has left, and from when on those that wait for each other do
-# so for good: the motion of each has been looked at since [s].
+# Period of checking whether another program has left [s].
 LOOK_S = 0.1
+# Programs that wait for each other this long are deadlocked: each has been checked since [s].
 LOCKED_S = 0.3
 
 
@@ -34,22 +34,24 @@ class Waiting:
 
     @property
     def program(self) -> str:
-        """The first program that is waited for; empty: none is."""
+        """The first program that is waited for; empty without one."""
         wait = self._tenant.wait
         return "" if wait is None or self.fault is None else wait.programs[0]
 
     @property
     def due(self) -> bool:
-        """Whether it is time to look whether what is waited for has left."""
+        """Whether it is time to check again."""
         return self._space.time >= self._look_at
 
     def end(self) -> None:
-        """Note that the way is free, or that the program goes no further."""
+        """End waiting: the way is free, or the program has ended."""
         self.fault = self._tenant.wait = None
 
     def before(self, fault: Diagnostic, others: Sequence[str]) -> Diagnostic | None:
-        """Wait for other programs; return the fault with which this one ends instead: all of them wait for
-        each other, and it has come to that last.
+        """Wait for other programs before a contact.
+
+        Returns:
+            The fault with which this program ends instead, as the last one to enter a deadlock; else None.
         """
         tenant, now = self._tenant, self._space.time
         if tenant.wait is None or tenant.wait.programs != tuple(others):

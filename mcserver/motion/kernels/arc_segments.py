@@ -1,4 +1,4 @@
-"""Lines and arcs on end: samples of their limits, and junctions.
+"""Consecutive lines and arcs: samples of their limits, and junctions.
 
 An arc is a row of `ARC` numbers: the columns of its plane's two axes, its centre there, the angle at its
 start, its sweep, the radius at its start, how far the radius grows, and how many samples its limits take; all
@@ -32,7 +32,7 @@ def arc_samples(
         rows: shape (n, 5 K + 2), zeroed; written.
 
     Returns:
-        As `limit_of`.
+        The greatest constant speed, as `limit_of` returns it.
     """
     width, count = len(travel), len(rows)
     first, second = int(arc[0]), int(arc[1])
@@ -69,17 +69,18 @@ def append_path_junctions(
     columns: SegmentColumns,
     rows: Array,
 ) -> tuple[int, bool]:
-    """Sample n lines and arcs on end, and find the greatest speeds over their junctions.
+    """Sample n consecutive lines and arcs, and find the greatest speeds over their junctions.
 
     Args:
-        before: what they follow. ends: dp/ds at the start and end of each and d²p/ds² there, shape (n, 4, K).
+        before: end of the segment that they follow. ends: dp/ds at start and end of each, then d²p/ds² there,
+            shape (n, 4, K).
         arcs: shape (n, `ARC`). scales: lengths of dp/ds at the starts, shape (n,).
         timing: feed [1/s], time and T of each [s], shape (n, 3).
         columns: of the n segments, written, with ``sample_end`` counted from the first of ``rows``.
-        rows: two more than all samples a segment, 5 K + 2 wide, zeroed; written: the samples of all.
+        rows: the samples of all segments, and room for two more each, shape (…, 5 K + 2), zeroed; written.
 
     Returns:
-        How many rows there are, and whether the first is that of the vertex at the end of what was before.
+        The number of rows, and whether the first one belongs to the vertex at the end of ``before``.
     """
     vertex = np.zeros((2, rows.shape[1]))
     at, leads = 0, False

@@ -1,4 +1,4 @@
-"""Knots that save time: where parts of a stretch have better or worse limits than the whole."""
+"""Find knots that save time: at the ends of a part of a stretch that has lower limits than the rest."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from mcserver.motion.kernels.ramp_kernels import (
 )
 from mcserver.motion.kernels.sample_limits import SLACK, Run, make_limit_table
 
-# A part that leaves less than this share of a stretch's best acceleration or jerk may get knots of its own.
+# A part with less than this share of a stretch's best acceleration or jerk may be a bottleneck.
 BOTTLENECK = 0.7
 
 
@@ -27,18 +27,14 @@ BOTTLENECK = 0.7
 def _part_time(
     distance: float, entry: float, exit_: float, limit_table: Array, count: int, moves: Array, spare: Array
 ) -> float:
-    """Return the time of a part of a stretch between two speeds [s]; infinite where they cannot be
-    joined.
-    """
+    """Return the least time of a part of a stretch between two speeds [s]; infinite where none exists."""
     made = min_time_moves(moves, spare, distance, entry, exit_, limit_table, count)
     return duration_of_moves(moves, made) if made > 0 else math.inf
 
 
 @compiled
 def _share(free_at_vmax: Array, group: int, acceleration: float, jerk: float) -> float:
-    """Return the lower one of a group's acceleration and jerk at its top speed, as a share of the given
-    ones.
-    """
+    """Return the lower share of a group's acceleration and jerk at its top speed in the given ones."""
     share: float = free_at_vmax[group, 0] / acceleration
     return share if math.isinf(jerk) else min(share, free_at_vmax[group, 1] / jerk)
 
@@ -56,10 +52,11 @@ def _mark_part(
     """Mark the ends of the middle part of a stretch, if knots there save time; return whether they do.
 
     Args:
-        ends: of the three parts; the first and the last one may be empty. duration: time as it is [s].
+        ends: of the three parts; the first and the last one may be empty. duration: present time of the
+            stretch [s].
     """
     left, low, high, right = ends
-    # of what lies before the part, of the part, and of what lies behind it
+    # limit tables before the part, on it, and after it
     tables = np.empty((3, MAX_TABLE_ROWS, 3))
     sizes = np.zeros(3, np.intp)
     entry, exit_ = speeds[left], speeds[right]
@@ -77,7 +74,7 @@ def _mark_part(
         exit_ = reachable_speed_by_table(entry, inner, tables[1], sizes[1], exit_)
     else:
         entry = reachable_speed_by_table(exit_, inner, tables[1], sizes[1], entry)
-    # a knot inside is passed at a speed, and the speeds at the ends stay
+    # inner knots must not be stops, and the speeds at the ends of the stretch stay
     enters = entry >= speeds[left] if low == left else 0.0 < entry <= junction_vmax[low] * SLACK
     leaves = exit_ >= speeds[right] if high == right else 0.0 < exit_ <= junction_vmax[high] * SLACK
     if not (enters and leaves):
@@ -109,13 +106,12 @@ def mark_bottlenecks(
     duration: float,
     marked: NDArray[np.bool_],
 ) -> None:
-    """Mark the ends of bottlenecks, parts that leave little acceleration or jerk, where knots there save
-    time.
+    """Mark the ends of bottlenecks, parts with little acceleration or jerk, where knots there save time.
 
-    One sharp bend that is passed near its top speed must not slow down the way to it and from it.
+    One sharp bend that is passed near its top speed must not slow down the ramps before and after it.
 
     Args:
-        duration: time of the stretch as it is [s].
+        duration: present time of the stretch [s].
     """
     best = best_jerk = 0.0
     for group in range(left, right):
@@ -127,7 +123,7 @@ def mark_bottlenecks(
             low, least = group, share
     if least > BOTTLENECK:
         return
-    # what leaves little of its own at both ends, as near the vertices of long segments
+    # bottlenecks at both ends, as near the vertices of long segments
     first, last = left, right
     while (
         first < right
@@ -148,7 +144,7 @@ def mark_bottlenecks(
                 run, (left, begin, end, right), edges, junction_vmax, speeds, duration, marked
             ):
                 return
-    # the weakest of all
+    # around the group with the lowest share
     high = low + 1
     while low > left and _share(run.free_at_vmax, low - 1, best, best_jerk) <= BOTTLENECK:
         low -= 1

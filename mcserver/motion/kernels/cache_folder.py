@@ -1,4 +1,4 @@
-"""The folder of compiled kernels: one for each user and computer, shared by all installations."""
+"""The cache folder of compiled kernels: one for each user, shared by all installations."""
 
 from __future__ import annotations
 
@@ -11,19 +11,20 @@ import tempfile
 import time
 from pathlib import Path
 
-# A file says so at its beginning; another number is another format.
+# First bytes of each file; the number is that of the format.
 _MAGIC = b"mckernel1\n"
 _DIGEST = hashlib.sha256().digest_size
-# What nobody has read for so long is removed [s]; a read is noted once a day.
+# Files that have not been read for this time are removed [s].
 _KEPT_S = 60 * 86400.0
+# A read is noted in the file's time once in this time [s].
 _NOTED_S = 86400.0
 
 
 def cache_folder() -> Path | None:
-    """Return the folder, made if need be; None where nobody may write, or others may.
+    """Return the folder, made if need be; None where it cannot be made, or others may write to it.
 
-    It is ``$NUMBA_CACHE_DIR/mcserver-kernels``, or ``mcserver/kernels`` in the user's cache folder. What is
-    in it runs as machine code: it has to belong to the user that runs it.
+    It is ``$NUMBA_CACHE_DIR/mcserver-kernels``, or ``mcserver/kernels`` in the user's cache folder. Its
+    content runs as machine code, so it has to belong to the user that runs it.
     """
     folder = _place()
     if folder is None:
@@ -53,7 +54,7 @@ def _place() -> Path | None:
 
 
 def read(name: str) -> bytes | None:
-    """Return what was kept under a name; None where there is nothing, or nothing whole."""
+    """Return what was stored under a name; None where there is nothing, or an incomplete file."""
     folder = cache_folder()
     if folder is None:
         return None
@@ -71,9 +72,9 @@ def read(name: str) -> bytes | None:
 
 
 def write(name: str, payload: bytes) -> bool:
-    """Keep a payload under a name, at once or not at all; return whether it is there.
+    """Store a payload under a name atomically; return whether it was stored.
 
-    Several processes may write the same name: each file is whole, and the last one stays.
+    Several processes may write the same name: the last complete file stays.
     """
     folder = cache_folder()
     if folder is None:
@@ -85,7 +86,7 @@ def write(name: str, payload: bytes) -> bool:
             file.write(_MAGIC + hashlib.sha256(payload).digest() + payload)
         os.replace(temporary, folder / name)
     except OSError:
-        # read-only or full: it costs the time to compile again
+        # read-only or full: the next process has to compile again
         if temporary is not None:
             with contextlib.suppress(OSError):
                 os.unlink(temporary)
@@ -94,7 +95,7 @@ def write(name: str, payload: bytes) -> bool:
 
 
 def remove_unused() -> None:
-    """Remove what nobody has read for two months, as of releases that are gone."""
+    """Remove files that have not been read for two months, such as those of old releases."""
     folder = cache_folder()
     if folder is None:
         return

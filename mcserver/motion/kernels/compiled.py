@@ -1,4 +1,4 @@
-"""How kernels are compiled."""
+"""The decorator that compiles kernels."""
 
 from __future__ import annotations
 
@@ -11,11 +11,11 @@ _Function = TypeVar("_Function", bound=Callable[..., Any])
 
 
 def compiled(function: _Function) -> _Function:
-    """Compile at the first call, keep the machine code on disk, and let other threads run meanwhile.
+    """Compile at the first call, cache the machine code on disk, and release the interpreter's lock.
 
     Divisions by zero give infinities as in numpy. A kernel whose name begins with an underscore can be called
-    from other kernels only: it has no entry from Python, which takes a quarter of the time to compile.
-    Where and under which key the code is kept: `mcserver.motion.kernels.kernel_cache`.
+    from other kernels only: an entry from Python would take a quarter of the time to compile.
+    `mcserver.motion.kernels.kernel_cache` says where and under which key the code is stored.
     """
     if plain_kernels():
         return function
@@ -30,6 +30,6 @@ def compiled(function: _Function) -> _Function:
         "no_cpython_wrapper": function.__name__.startswith("_"),
     }
     dispatcher: Any = numba.njit(**options)(function)
-    # what njit(cache=True) sets, with numba's own cache
+    # njit(cache=True) would set numba's own cache here
     dispatcher._cache = KernelCache(function)
     return cast(_Function, dispatcher)

@@ -1,4 +1,4 @@
-"""Trajectories of the axes about a corner: states by time, and deviation from the programmed path."""
+"""Trajectories of the axes around a corner: states by time, and deviation from the programmed path."""
 
 from __future__ import annotations
 
@@ -10,15 +10,16 @@ from mcserver.motion.geometry.curves import Array
 from mcserver.motion.kernels.compiled import compiled
 from mcserver.motion.kernels.straight_corner import max_distance_to_polyline
 
-# Instants at which positions of a corner are checked, evenly spaced, and at which speeds are.
+# Evenly spaced times at which positions are checked.
 SAMPLES = 65
+# Evenly spaced times at which speeds are checked.
 SPEED_SAMPLES = 257
-# What the farthest of a line's points may miss of the greatest distance, as a share of it.
+# Margin for the greatest distance of a line, which may be between its points.
 POINTS = 1.001
-# What rounding may add to a speed, and to a place [m].
+# Tolerances for rounding: of a speed [1], and of a position [m].
 FASTER = 1.0 + 1e-6
 SLACK = 1e-9
-# Parts of each of two straight lines whose ends are looked at.
+# Steps into which each of two straight lines is divided to measure distances.
 STEPS_PER_LINE = 12
 
 
@@ -66,7 +67,7 @@ def _extent(phases: Array, duration: float) -> tuple[float, float, float]:
         start, p, v = phases[n, 0], phases[n, 1], phases[n, 2]
         a, j = phases[n, 3], phases[n, 4]
         last = (phases[n + 1, 0] if n + 1 < len(phases) else duration) - start
-        # speed is greatest at an end or without acceleration, a place farthest at an end or without speed
+        # extremes of speed are at an end or where acceleration is 0, those of position where speed is 0
         turns[0], turns[1], turns[2:] = 0.0, last, -1.0
         if j != 0.0:
             turns[2] = -a / j
@@ -114,8 +115,10 @@ def _exceeds(
     feed_columns: Array,
     slack: float,
 ) -> bool:
-    """Return whether an axis leaves the span of the programmed points or passes ``fastest``, or the path
-    the speed cap of its part, before or after the time of index ``near``.
+    """Return whether trajectories leave the allowed span or exceed a speed.
+
+    Each axis has to stay in the span of the programmed points and below ``fastest``, the path below the speed
+    cap of its part: before or after the time of index ``near``.
     """
     duration = times[-1]
     for k in range(len(fastest)):
@@ -124,13 +127,13 @@ def _exceeds(
             return True
         if speed > fastest[k] * FASTER + SLACK:
             return True
-    # without jerk the path is fastest where an acceleration changes; with jerk many places come near enough
+    # without jerk the path is fastest where an acceleration changes; with jerk, densely spaced times suffice
     places = np.linspace(0.0, duration, SPEED_SAMPLES)
     moments = np.concatenate((places, times[near : near + 1], trajectories[:, :, 0].copy().reshape(-1)))
     found = np.empty((4, len(moments), len(fastest)))
     evaluate_trajectories(trajectories, moments, found)
     for i in range(len(moments)):
-        # the moment between the two parts belongs to both
+        # the time between the two parts belongs to both
         for part in range(2):
             if moments[i] > times[near] if part == 0 else moments[i] < times[near]:
                 continue
@@ -157,17 +160,18 @@ def path_deviation_of(
     feed_columns: Array,
     cycle: float,
 ) -> tuple[float, float]:
-    """Return the path deviation in either direction, and from the vertex to the nearest setpoint [m],
-    infinite where the trajectories may not be driven; and the share of their time at which they are nearest
-    to the vertex.
+    """Return the path deviation of trajectories, and the share of their time when the vertex is nearest.
+
+    The deviation [m] is the greatest of the distances between the two paths in either direction and of that
+    from the vertex to the nearest setpoint; infinite where the trajectories are not allowed.
 
     Args:
-        programmed: points of the path with the vertex in the middle, shape (m, K); of two straight lines the
-            ends and the vertex. chord_error: what a polyline through them misses of the path [m]. weights: of
-            the columns in the distance, shape (K,).
+        programmed: points of the path with the vertex in the middle, shape (m, K); for two straight lines the
+            ends and the vertex. chord_error: of a polyline through them [m]. weights: of the columns in the
+            distance, shape (K,).
         fastest: greatest speeds of the columns, shape (K,). speed_caps: of all columns together, and of those
-            that a path speed counts, before and after they are nearest to the vertex, shape (2, 2).
-            feed_columns: 1 for the columns that it counts then, 0 for others, shape (2, K).
+            that the path speed counts, on the parts before and after the vertex, shape (2, 2).
+        feed_columns: 1 for columns that the path speed of a part counts, 0 for others, shape (2, K).
         cycle: between two setpoints [s].
     """
     count, middle = len(weights), len(programmed) // 2
@@ -185,7 +189,7 @@ def path_deviation_of(
         trajectories, times, near, programmed, fastest, speed_caps, feed_columns, SLACK + 2.0 * chord_error
     ):
         return math.inf, 0.5
-    # there is a setpoint within half a cycle of the nearest place
+    # there is a setpoint within half a cycle of the point nearest to the vertex
     rows = np.empty(2)
     rows[0] = max(times[near] - 0.5 * cycle, 0.0)
     rows[1] = min(times[near] + 0.5 * cycle, duration)
@@ -195,7 +199,7 @@ def path_deviation_of(
     path, way = programmed * weights, found[0] * weights
     # trajectories leave their chords by a·dt²/8
     between = _max_acceleration(trajectories, weights) * (duration / (SAMPLES - 1)) ** 2 / 8.0
-    # each part against its own line: where lines lie close, the other one is no excuse
+    # measure each part against its own line: lines may lie close to each other
     for part in range(2):
         line = path[: middle + 1] if part == 0 else path[middle:]
         own = way[: near + 1] if part == 0 else way[near:]

@@ -1,4 +1,4 @@
-"""Setpoints against the envelope of an approved run."""
+"""Check setpoints against the envelope of an approved run."""
 
 from __future__ import annotations
 
@@ -10,9 +10,10 @@ from numpy.typing import NDArray
 from mcserver.motion.geometry.curves import Array
 from mcserver.motion.kernels.compiled import compiled
 
-# Answers: none, or twice the place (a column, of rows row · axes + column), plus FAST where it is the speed.
+# Results: INSIDE, or 2 · index where a position is outside, 2 · index + FAST where a speed is. The index is
+# the column, for rows row · axes + column.
 INSIDE, FAST = -1, 1
-# What rounding may add.
+# Tolerance for rounding.
 _ROUNDING = 1e-12
 
 
@@ -31,8 +32,9 @@ def find_excess(
 
     Args:
         setpoint, before: of this cycle and of the one before, shape (K,) [m or rad].
-        low, high: bounds, step: greatest distance, shape (K,) [m or rad]. factor: of all steps.
-        bounded: columns whose positions count. followed: those whose steps do.
+        low, high: bounds of positions. step: greatest change in a cycle, shape (K,) [m or rad]. factor:
+            multiplies all steps.
+        bounded: columns whose positions are checked. followed: columns whose steps are checked.
     """
     for column in range(len(setpoint)):
         here = setpoint[column]
@@ -58,7 +60,7 @@ def find_wrong_row(
     """Return the first of a ring's rows ``first`` to ``written`` - 1 that is outside, counted from ``first``.
 
     Args:
-        position, velocity, driven, feed_scale: of the ring, as `ProgramRing` has them.
+        position, velocity, driven, feed_scale: of the ring, as in `ProgramRing`.
         low, high, speed: bounds at an override of 100 %, shape (K,) [m or rad, per s].
     """
     rows, axes = position.shape
@@ -77,17 +79,18 @@ def find_wrong_row(
 
 @compiled
 def tip_positions(steps: Array, turning: NDArray[np.bool_], joints: Array) -> Array:
-    """Return where a tool's tip is, shape (n, 3) [m].
+    """Return the positions of a tool's tip, shape (n, 3) [m].
 
     Args:
-        steps: shape (K + 1, 3, 4), from the base to the first joint's frame, from frame to frame, to the
-        tool; each frame's z is its joint's axis. turning: shape (K,), False for joints that slide.
+        steps: transforms from the base to the first joint's frame, from frame to frame, and to the tool,
+            shape (K + 1, 3, 4); each frame's z is its joint's axis. turning: False for prismatic joints,
+            shape (K,).
         joints: shape (n, K) [rad or m].
     """
     found = np.empty((len(joints), 3))
     for at in range(len(joints)):
         for row in range(3):
-            # the rows of a frame's matrix go their ways alone
+            # each row of a transform is multiplied through the chain independently
             x, y, z, p = steps[0, row, 0], steps[0, row, 1], steps[0, row, 2], steps[0, row, 3]
             for joint in range(len(turning)):
                 value = joints[at, joint]
@@ -123,9 +126,9 @@ def find_tip_outside(
     """Return the first of a ring's rows at which a tool's tip is outside, counted from ``first``, or INSIDE.
 
     Args:
-        steps, turning: as of `tip_positions`. columns: of its joints.
+        steps, turning: as in `tip_positions`. columns: of its joints.
         position, driven: of the ring. setpoint: of axes that a row does not drive, shape (K,) [m or rad].
-        low, high: X, Y and Z of its box [m].
+        low, high: of the box of the tip, X, Y and Z [m].
     """
     joints = np.empty((1, len(columns)))
     for number in range(first, written):

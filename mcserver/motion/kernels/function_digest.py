@@ -1,4 +1,4 @@
-"""A digest of a kernel and of all that its machine code depends on."""
+"""A digest of a kernel and of everything that its machine code depends on."""
 
 from __future__ import annotations
 
@@ -17,10 +17,10 @@ _OWN = ("mcserver", "mckinematics")
 
 
 def function_digest(function: Callable[..., Any]) -> str:
-    """Digest a kernel's code, its constants and, one after another, all kernels that it calls.
+    """Digest a kernel's code, its constants and, recursively, all kernels that it calls.
 
-    numba takes all of them into the machine code of the caller, so a change of any of them asks for another
-    one; a change of a comment, a docstring or a line number does not.
+    numba compiles all of them into the caller's machine code, so a change of any of them changes the digest;
+    a change of a comment, a docstring or a line number does not.
 
     Returns:
         SHA-256 in hexadecimal.
@@ -70,7 +70,7 @@ def _code(code: CodeType, names: set[str], docstring: str | None) -> list[str]:
 
 
 def _value(value: Any, seen: dict[int, int]) -> list[str]:
-    """Describe what a global name, a default or a closure's variable stands for, the same in each process."""
+    """Describe the value of a global name, a default or a closure's variable, equally in every process."""
     if isinstance(value, FunctionType) or hasattr(value, "py_func"):
         return _function(value, seen)
     if isinstance(value, enum.Enum):
@@ -93,7 +93,7 @@ def _value(value: Any, seen: dict[int, int]) -> list[str]:
         return [value.__module__, value.__qualname__, *fields, *members]
     if isinstance(value, BuiltinFunctionType | np.ufunc):
         return [str(getattr(value, "__module__", "")), value.__name__]
-    # of another kind: as often as the file changes that has it
+    # another type: digest the file that defines it
     source = inspect.getsourcefile(type(value))
     return [type(value).__module__, type(value).__qualname__, _file(source) if source else ""]
 

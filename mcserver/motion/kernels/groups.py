@@ -1,4 +1,4 @@
-"""Columns of a run's segments, and the groups of segments, or zones of one, that are planned as one each."""
+"""Columns of a run's segments, and the groups into which they are joined or split for planning."""
 
 from __future__ import annotations
 
@@ -13,19 +13,20 @@ from mcserver.motion.kernels.compiled import compiled
 from mcserver.motion.kernels.parts import is_split, straight_limits, vertex_zone_length
 from mcserver.motion.kernels.sample_limits import limit_junctions, limit_short_segments
 
-# Edges of a segment that a plan had to make knots, as bits: its start, the end of the vertex zone there, the
-# begin of the zone of the vertex at its end.
+# Edges of a segment that a plan has made knots, as bits: its start, the end of the vertex zone there, the
+# beginning of the vertex zone at its end.
 START, LEFT, RIGHT = 1, 2, 4
 
-# Cycles that a group of segments may last, and how alike their speeds have to be.
+# Longest time of a group of several segments [cycles].
 GROUP = 4.0
+# Least ratio of the speed limits in a group.
 SAME = 0.9
-# A part of a segment is longer than this share of it.
+# Least length of a zone, as a share of its segment.
 DUST = 1e-9
 
 
 class SegmentColumns(NamedTuple):
-    """What is known of each of n segments by itself, shape (n,) each.
+    """Properties of n segments, shape (n,) each.
 
     Attributes:
         length: along σ [m or rad]. whole: length of the curve before it was trimmed, which is the part that
@@ -34,10 +35,10 @@ class SegmentColumns(NamedTuple):
             along σ]. segment_vmax: greatest speed on it, by its feed and the axes.
         axis_vmax: by the axes alone. feed: by its feed alone. requested: time asked for [s]. duration: T
             under G93, NaN without one [s]. tolerance: how far a stop at its start may be rounded [m].
-        limit_column, limit_kind: the machine's column and the kind of limit that ``axis_vmax`` is by.
-        sample_end: one past its last sample, counted from the first sample of all.
-        vertex_before, vertex_after: 1 where a vertex's sample stands at its start, and at its end; else 0.
-        knot_edges: the edges that a plan had to make knots, of the bits `START`, `LEFT` and `RIGHT`.
+        limit_column, limit_kind: the machine's column and the kind of limit that set ``axis_vmax``.
+        sample_end: one past its last sample, counted from the first sample ever appended.
+        vertex_before, vertex_after: 1 where it has the sample of a vertex at its start, or its end; else 0.
+        knot_edges: edges that the last plan has made knots, as bits `START`, `LEFT` and `RIGHT`.
     """
 
     length: Array
@@ -62,10 +63,10 @@ class Segments(NamedTuple):
     """The n segments of a run.
 
     Attributes:
-        columns: what is known of each. samples: of each segment its own, then that of a vertex at its start,
-            then that of one at its end; rows of `mcserver.motion.kernels.sample_limits`, shape (m, 5 K + 2).
-        dropped: samples that stood before the first one, and are gone. passed: length of the first segment
-            that has been passed already, along σ.
+        columns: their properties. samples: for each segment its own, then that of a vertex at its start, then
+            that of one at its end; rows of `mcserver.motion.kernels.sample_limits`, shape (m, 5 K + 2).
+        dropped: number of samples dropped before the first one. passed: length of the first segment that has
+            been passed already, along σ.
     """
 
     columns: SegmentColumns
@@ -79,8 +80,8 @@ class Groups(NamedTuple):
 
     Attributes:
         bounds: σ at the segments' starts and at the end, shape (n+1,). starts: the groups' first segments,
-            shape (g,). bits: which of the edges of that segment a group starts at, shape (g,).
-        edges: σ at their starts and at the end, shape (g+1,).
+            shape (g,). bits: the edge of that segment at which the group starts, shape (g,).
+        edges: σ at the groups' starts and at the end, shape (g+1,).
         junction_vmax: greatest speeds at the groups' starts and at the end, shape (g+1,). segment_vmax: on
             the groups, (g,).
         rows: samples of the groups. offset: the groups' first samples, and one past the last, (g+1,).
@@ -100,10 +101,10 @@ class Groups(NamedTuple):
 def _group_starts(
     segments: Segments, junction_vmax: Array, segment_vmax: Array, cycle: float
 ) -> NDArray[np.intp]:
-    """Return the first segments of groups that are planned as one: short segments of nearly the same speed.
+    """Join short segments with similar speed limits into groups; return the groups' first segments.
 
-    A group is passed at the lowest of its caps; its segments together last few cycles, so hardly anything is
-    lost, and a curve made of very short lines is planned in steps of milliseconds.
+    The lowest limit of its segments holds for all of a group. It lasts a few cycles only, so this costs
+    hardly any time, and a curve made of very short lines is planned in steps of milliseconds.
     """
     columns = segments.columns
     count = len(segment_vmax)
@@ -116,8 +117,8 @@ def _group_starts(
     for index in range(1, count):
         least = min(low, junction_vmax[index], segment_vmax[index])
         most = max(high, segment_vmax[index])
-        # a slow vertex at an end of the group would slow all of it; and what is left of a long segment stays
-        # what it was when the motion on it was planned
+        # a slow vertex at an end of the group would slow all of it; and the rest of a long segment keeps the
+        # limits that the motion on it was planned with
         first = starts[found - 1]
         slow = columns.vertex_before[first] != 0 and columns.junction_vmax[first] < SAME * most
         slow = slow or (columns.vertex_after[index] != 0 and junction_vmax[index + 1] < SAME * most)
@@ -160,8 +161,11 @@ def line_row(segments: Segments, index: int) -> int:
 def _vertex_zones(
     segments: Segments, starts: NDArray[np.intp], segment_vmax: Array, limits: Array, cycle: float
 ) -> tuple[NDArray[np.bool_], Array]:
-    """Return which groups are one long segment, shape (n,), and where on it, along σ, the zone of the
-    vertex at its start ends and that of the one at its end begins, shape (n, 2).
+    """Find long segments to split into zones.
+
+    Returns:
+        Which groups are one long segment, shape (n,); σ on it at which the zone of the vertex at its start
+        ends, and at which that of the vertex at its end begins, shape (n, 2).
     """
     columns = segments.columns
     n = len(starts)
@@ -182,7 +186,7 @@ def _vertex_zones(
         if columns.vertex_after[first] != 0:
             speed = min(columns.junction_vmax[first + 1], segment_vmax[first])
             after, fastest = vertex_zone_length(speed, acceleration, cycle), max(fastest, speed)
-        # what was in parts stays so while it is passed: its limits are those that the motion was planned with
+        # a segment that was split stays so while it is passed: the motion was planned with these limits
         extent, gone = columns.length[first], segments.passed if first == 0 else 0.0
         long[group] = is_split(extent + gone, before, after, acceleration, fastest)
         dust = DUST * (extent + gone)
@@ -195,9 +199,7 @@ def _vertex_zones(
 
 @compiled
 def _split_groups(groups: Groups, segments: Segments, long: NDArray[np.bool_], cuts: Array) -> Groups:
-    """Split long segments into up to three zones: near the vertex at the start, between, and near the one
-    at the end.
-    """
+    """Split long segments into up to three zones: near the vertices at start and end, and between."""
     count = len(groups.starts)
     most = count + 2 * long.sum()
     starts, bits = np.empty(most, np.intp), np.empty(most, np.intp)
@@ -218,7 +220,7 @@ def _split_groups(groups: Groups, segments: Segments, long: NDArray[np.bool_], c
             edges[part] = begin if opens else begin + places[place]
             junction_vmax[part] = groups.junction_vmax[group] if opens else groups.segment_vmax[group]
             for i in range(low, high):
-                # of a long one its own sample, that of the vertex at its start, and of the one at its end
+                # each zone of a long segment has the segment's own sample, and that of its own vertex
                 if not long[group] or i == low or i == (low + 1, -1, high - 1)[place]:
                     rows[at] = segments.samples[i]
                     at += 1
@@ -239,7 +241,7 @@ def _split_groups(groups: Groups, segments: Segments, long: NDArray[np.bool_], c
 
 @compiled
 def group_segments(segments: Segments, entry: float, limits: Array, cycle: float) -> Groups:
-    """Return the groups of a run from the speed ``entry`` to rest."""
+    """Return the groups of a run that is entered at the speed ``entry`` and ends at rest."""
     columns = segments.columns
     count = len(columns.length)
     bounds = np.empty(count + 1)

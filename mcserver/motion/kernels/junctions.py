@@ -11,25 +11,25 @@ from mcserver.motion.kernels.groups import SegmentColumns
 from mcserver.motion.kernels.parts import is_split, vertex_zone_length
 from mcserver.motion.kernels.sample_limits import CURVATURE_SHARE, MOST_RIPPLE, TINY, ripple
 
-# A vertex is passed in one cycle. Beside it half of the limit is left, where that is all that there is on the
-# way to the next one.
+# Share of the acceleration that the step of velocity at a vertex may take; the rest is for the motion between
+# vertices.
 VERTEX_SHARE = 0.5
-# Short segments that turn by less than this are a polyline in place of a curve [rad].
+# Short segments that turn by less than this approximate a curve [rad].
 POLYLINE_TURN = 0.35
-# A joint that can be passed at no more than this many times max_acceleration·dt is a stop.
+# A junction whose speed limit is at most this many times max_acceleration·dt is a stop.
 CRAWL = 10.0
-# Where the jerk limit holds at vertices too: share of it that a step of velocity may ask for.
+# Share of the jerk limit that a step of velocity may take, where that limit holds at vertices too.
 STEP_JERK = 0.02
-# Tangents that differ by less than this share of an axis's acceleration are one tangent.
+# A change of the tangent below this share of an axis's acceleration is none.
 _ONE_TANGENT = 1e-12
 
 
 class PrecedingEnd(NamedTuple):
-    """The end of the segment that others follow.
+    """The end of the segment before a junction.
 
     Attributes:
-        last, d2q: dp/ds and d²p/ds² there, shape (K,). scale: of its coordinate; 0: they start at rest.
-        may_be_split: whether it is planned in parts if it is long.
+        last, d2q: dp/ds and d²p/ds² there, shape (K,). scale: of its coordinate; 0: the next segment starts
+            at rest. may_be_split: whether it is planned in zones if it is long.
     """
 
     last: Array
@@ -43,7 +43,7 @@ def line_sample(travel: Array, scale: float, limits: Array, rows: Array) -> tupl
     """Write the one sample of a straight segment into ``rows`` (1, 5 K + 2), zeroed before.
 
     Returns:
-        The greatest speed along it, and the column that binds it.
+        The greatest speed along it, and the column that limits it.
     """
     width = len(travel)
     best, column = math.inf, 0
@@ -78,16 +78,16 @@ def junction_vmax_of(
     jerk_too: bool,
     samples: Array,
 ) -> tuple[float, float]:
-    """Return the greatest speed over a junction, and what it demands of both sides.
+    """Return the greatest speed over a junction, and write its samples for both sides.
 
     Args:
-        before: the one before. first, d2q_start: dp/ds and d²p/ds² at the start of the one after, shape (K,).
-        may_be_split: whether that is planned in parts if it is long. jerk_too: whether a step of the
-            velocity has to keep the jerk limits, and not only those of acceleration within a cycle.
-        samples: shape (2, 5 K + 2), zeroed; written where the joint is passed with a bounded speed.
+        before: end of the segment before. first, d2q_start: dp/ds and d²p/ds² at the start of the segment
+            after, shape (K,). may_be_split: whether that is planned in zones if it is long.
+        jerk_too: whether a step of velocity has to keep the jerk limits, not only acceleration in a cycle.
+        samples: shape (2, 5 K + 2), zeroed; written where the junction has a finite speed above 0.
 
     Returns:
-        The greatest speed (infinite: unbounded), and the scale of the segment after with which speed along σ
+        The greatest speed (infinite: unlimited), and the scale of the segment after with which speed along σ
         is continuous; 0 where one of the two does not travel.
     """
     last, d2q_end, before_scale, before_may_be_split = before
@@ -116,10 +116,10 @@ def junction_vmax_of(
         most = CURVATURE_SHARE * cycle / worst
         zone = vertex_zone_length(most, crawl_limit, cycle)
         if before_may_be_split and may_be_split and is_split(spacing, zone, zone, crawl_limit, most):
-            # what it takes holds near it only, so it may take nearly all
+            # the vertex has a zone of its own, so it may take nearly all of the acceleration
             speed = most
         if turn < POLYLINE_TURN and spacing < 10.0 * cycle * dense:
-            # many short segments: a polyline stands for a curve, and the speed is that of the curve
+            # many short segments approximate a curve: use the speed of the curve
             speed = min(most, dense)
             isolated = False
         if jerk_too:
@@ -136,8 +136,8 @@ def junction_vmax_of(
         b1, b2 = d2q_end[k] / before_scale**2, d2q_start[k] / scale**2
         d2q = max(abs(b1), abs(b2))
         if worst > _ONE_TANGENT and bent > 0.0:
-            # beside a vertex the bend of an arc takes its part of the same axis's acceleration: the greatest
-            # v with step·v + bend·v² ≤ acceleration
+            # the curvature of an arc takes its part of the same axis's acceleration: the greatest v with
+            # step·v + bend·v² ≤ acceleration
             jump = abs(first[k] / scale - last[k] / before_scale)
             step = jump / (cycle * VERTEX_SHARE)
             share = CURVATURE_SHARE * limits[1, k]
@@ -177,11 +177,11 @@ def write_columns(
     kind: int,
     timing: Array,
 ) -> None:
-    """Write what is known of segment i; a vertex that bounds its start is one at the end of that before.
+    """Write the columns of segment i; a vertex at its start is also the one at the end of segment i - 1.
 
     Args:
         at: one past its last sample. axis_vmax, column, kind: as `limit_of` returns them.
-        timing: shape (3,), a row of that of `append_path_junctions`.
+        timing: feed, requested time and T, a row of ``timing`` of `append_path_junctions`.
     """
     bounded = 0.0 < junction_vmax < math.inf
     if bounded and i > 0:

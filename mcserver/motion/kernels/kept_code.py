@@ -1,8 +1,8 @@
-"""Machine code as bytes: what is kept of a compiled kernel, and how a process takes it up again.
+"""Serialize the machine code of a compiled kernel, and load it again in another process.
 
-numba's own way back loads its whole library of typed functions, BLAS with scipy, and reads the intermediate
-code of each kernel, all of which only a compiler needs: four fifths of the time of reading the cache. Here a
-kernel is its object code, and the rest is read by whoever compiles another kernel that calls it.
+numba's own loading imports its whole library of typed functions, BLAS with scipy, and parses the intermediate
+code of each kernel, which only a compiler needs: four fifths of the time of reading the cache. Here loading a
+kernel reads its object code only; the rest is read when another kernel that calls it is compiled.
 """
 
 from __future__ import annotations
@@ -33,12 +33,12 @@ def pack(result: Any) -> bytes:
 
 
 def unpack(content: bytes, target: Any) -> Any:
-    """Return the compile result that `pack` made bytes of, with its code in the ``target`` context's engine.
+    """Return the compile result from `pack`'s bytes, with its code in the ``target`` context's engine.
 
     Raises:
-        Exception: of any kind, where the bytes are of something else.
+        Exception: of any kind, where the bytes are something else.
     """
-    # what is called for memory and references; the rest of the target is set up by who compiles
+    # numba's runtime for memory and references; only compiling needs the rest of the target
     rtsys.initialize(target)
     name, code, bitcode, symbols, rest = _Unpickler(io.BytesIO(content)).load()
     library = target.codegen().create_library(name)
@@ -53,7 +53,7 @@ def unpack(content: bytes, target: Any) -> Any:
     entry = target.get_executable(library, description, environment)
     for each in referenced:
         library.codegen.set_env(each.env_name, each)
-    # its fields are a list in numba, which no checker of types reads
+    # numba lists its fields at run time, where type checkers do not see them
     make: Any = CompileResult
     return make(
         target_context=target,
@@ -75,7 +75,7 @@ def unpack(content: bytes, target: Any) -> Any:
 
 
 def _module_for_linking(library: Any, bitcode: bytes) -> Any:
-    """Return a kernel's intermediate code, for one that is compiled and calls it."""
+    """Return a kernel's intermediate code, for compiling a kernel that calls it."""
     if library._shared_module is None:
         library._shared_module = llvm.parse_bitcode(bitcode)
     return library._shared_module
@@ -84,8 +84,8 @@ def _module_for_linking(library: Any, bitcode: bytes) -> Any:
 def _environment(module: str, constants: list[Any], name: str) -> Any:
     """Return the constants that a function's machine code reads.
 
-    numba imports the function's module for its globals, which machine code never reads: those of numba's own
-    library take longer than all kernels.
+    numba would import the function's module for its globals, which machine code never reads; importing those
+    of numba's own library takes longer than loading all kernels.
     """
     if not module.startswith("numba."):
         return _rebuild_env(module, constants, name)
@@ -99,7 +99,7 @@ def _environment(module: str, constants: list[Any], name: str) -> Any:
 
 
 class _Unpickler(pickle.Unpickler):
-    """Read what was compiled, without the modules of numba's library."""
+    """Unpickle a compile result without importing the modules of numba's library."""
 
     def find_class(self, module: str, name: str) -> Any:
         if (module, name) == (_rebuild_env.__module__, _rebuild_env.__name__):

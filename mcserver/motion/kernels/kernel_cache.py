@@ -1,8 +1,8 @@
-"""Machine code of kernels, kept on disk from one process to the next.
+"""The on-disk cache of kernels' machine code.
 
-numba's own cache looks at the file of a function, not at the functions that it calls (numba #1833), and two
-processes that save two signatures of one function at once may swap them. Here the name of a file is a digest
-of everything that its content depends on: it is never out of date, and nobody removes files by hand.
+numba's own cache checks the file of a function, not the functions that it calls (numba #1833), and two
+processes that save two signatures of one function at once may swap them. Here a file's name is a digest of
+everything that its content depends on, so it is never out of date.
 """
 
 from __future__ import annotations
@@ -25,14 +25,14 @@ from mcserver.motion.kernels.kept_code import pack, unpack
 
 log = logging.getLogger(__name__)
 
-# Another number is another format, under other names.
+# Version of the format; it is part of the digest.
 FORMAT = "4"
 # Settings of numba that change the code that it makes.
 _SETTINGS = ("OPT", "BOUNDSCHECK", "DEBUGINFO_DEFAULT", "LOOP_VECTORIZE", "SLP_VECTORIZE", "ENABLE_AVX")
 
 
 class KernelCache:
-    """The machine code of one kernel for all of its signatures, as a dispatcher of numba asks for it."""
+    """The cache of one kernel, for all of its signatures; has the interface of numba's caches."""
 
     cache_path = None
 
@@ -41,7 +41,7 @@ class KernelCache:
 
     @functools.cached_property
     def _digest(self) -> str:
-        """Return the digest; asked for at the first call, when all kernels that it calls are there."""
+        """Return the digest, computed at the first call, when all kernels that it calls are defined."""
         settings = [str(getattr(numba.config, each, None)) for each in _SETTINGS]
         versions = [platform.python_implementation(), platform.python_version(), numba.__version__]
         versions += [llvmlite.__version__, np.__version__]
@@ -50,31 +50,31 @@ class KernelCache:
 
     def _name(self, signature: Any, codegen: Any) -> str:
         arguments, returned = sigutils.normalize_signature(signature)
-        # the processor and what it can do
+        # the processor and its features
         parts = [self._digest, repr(codegen.magic_tuple()), str(returned), *(str(each) for each in arguments)]
         digest = hashlib.sha256("\0".join(parts).encode()).hexdigest()
         return f"{self._function.__name__.strip('<>')}-{digest[:40]}"
 
     def load_overload(self, signature: Any, target: Any) -> Any:
-        """Return what was compiled for a signature; None: it has to be compiled."""
+        """Return the compile result for a signature; None: it has to be compiled."""
         content = read(self._name(signature, target.codegen()))
         if content is None:
             return None
         try:
             return unpack(content, target)
         except Exception as error:
-            # whatever it is, it can be compiled
+            # whatever the error is, compiling still works
             log.debug("%s: kept machine code cannot be read: %s", self._function.__name__, error)
             return None
 
     def save_overload(self, signature: Any, result: Any) -> None:
-        """Keep what was compiled, where it can be kept."""
+        """Store a compile result, if numba can serialize it."""
         if result.library.has_dynamic_globals or any(not each.can_cache for each in result.lifted):
             return
         write(self._name(signature, result.codegen), pack(result))
 
     def enable(self) -> None:
-        """Do nothing: it is on."""
+        """Do nothing: the cache is always on."""
 
     def disable(self) -> None:
         """Do nothing: names are digests, so what is kept is right."""

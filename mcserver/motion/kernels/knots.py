@@ -1,7 +1,7 @@
-"""Zero-acceleration knots of a run, found from the speed limits that are exceeded without them.
+"""Find the zero-acceleration knots of a run from the speed limits that are exceeded without them.
 
-See `mcserver.motion.profile.profile_solver`. A run of n groups of segments has edges (n+1,) along σ, and its
-nodes caps (n+1,).
+See `mcserver.motion.profile.profile_solver`. A run of n groups of segments has n+1 edges along σ, the nodes,
+each with a junction speed limit.
 """
 
 from __future__ import annotations
@@ -27,20 +27,20 @@ from mcserver.motion.kernels.ramp_kernels import (
 from mcserver.motion.kernels.sample_limits import SLACK, Run, make_limit_table, min_limits
 from mcserver.motion.kernels.timed_moves import KEPT, group_in_time
 
-# Share by which the speed at the beginning may pass what can be brought down: profiles of a given duration
-# arrive within 1e-8 of their distance, and begin faster than their knot by as much once they are stretched to
-# all of it. It is no more of a step of velocity than stands at such a knot anyway.
+# Relative excess of the entry speed over the greatest speed from which the run can be planned. Profiles of a
+# given duration reach their distance within 1e-8 and are stretched to it, which makes them that much faster
+# than their knots. The step of velocity at such a knot is as large anyway.
 ENTRY_ROUNDING = 2e-8
 
-# How a search ends.
+# Results of a search.
 SOLVED, ENTRY_TOO_FAST, NOT_JOINED, TOO_MANY_ROUNDS = range(4)
 
 
 class LimitTables(NamedTuple):
-    """The acceleration-limit table of the stretch from each knot to the next one on its right.
+    """A cache of the acceleration-limit table of the stretch that begins at each knot.
 
     Attributes:
-        rows: shape (n+1, `MAX_TABLE_ROWS`, 3). sizes: how many there are. right: the knot that they reach to.
+        rows: shape (n+1, `MAX_TABLE_ROWS`, 3). sizes: number of rows. right: the knot at the stretch's end.
     """
 
     rows: Array
@@ -49,10 +49,11 @@ class LimitTables(NamedTuple):
 
 
 class ReachedSpeeds(NamedTuple):
-    """The last question about each knot, forward and backward, and its answer.
+    """A cache of the speed reachable at each knot, forward and backward.
 
     Attributes:
-        asked: the other knot, its speed, and the cap, shape (2, n+1, 3). answer: speeds, shape (2, n+1).
+        asked: arguments: the other knot, its speed, and the limit, shape (2, n+1, 3). answer: speeds,
+            shape (2, n+1).
     """
 
     asked: Array
@@ -73,13 +74,11 @@ def _moves_between(
     moves: Array,
     spare: Array,
 ) -> int:
-    """Write the moves between two knots as if no junction limited them; return their number, 0 where the
-    speeds cannot be joined.
-    """
+    """Write the moves between two knots without junction limits; return their number, 0 where none exist."""
     entry, exit_, distance = speeds[left], speeds[right], edges[right] - edges[left]
     made = min_time_moves(moves, spare, distance, entry, exit_, tables.rows[left], tables.sizes[left])
     if made == 0:
-        # the speeds were chosen for the weakest of the limits: with these they can be joined
+        # the knots' speeds were found with the lowest limits of the stretch: with these a profile exists
         one = np.empty((1, 3))
         one[0, 0] = max(entry, exit_, run.segment_vmax[left:right].min())
         one[0, 1], one[0, 2] = min_limits(run.free_at_vmax, left, right)
@@ -98,14 +97,14 @@ def _lowest_exceeded(
     count: int,
     speeds: Array,
 ) -> int:
-    """Return the node to make a knot, one at the lowest limit that the phases exceed; −1 without one."""
+    """Return the node to make a knot, at the lowest limit that the phases exceed; −1 without one."""
     origin = edges[left]
     speeds_at(phases, count, edges, origin, left + 1, right, speeds)
     worst, lowest = -1, math.inf
     for node in range(left + 1, right):
         if speeds[node] > junction_vmax[node] * SLACK and junction_vmax[node] < lowest:
             worst, lowest = node, junction_vmax[node]
-    # speed rises to one peak and falls: elsewhere the greatest is at an end of a segment
+    # speed rises to one peak and falls: in all groups but that of the peak it is greatest at an end
     peak = 0
     for row in range(1, count):
         if phases[row, 2] > phases[peak, 2]:
@@ -121,7 +120,7 @@ def _lowest_exceeded(
         if speed > segment_vmax[group] * SLACK and segment_vmax[group] < least:
             segment, least = group, segment_vmax[group]
     if segment >= 0 and least < lowest:
-        # a segment is bound by knots at both of its ends: the one that is not a knot yet
+        # a group is limited by knots at both of its ends: choose the one that is not a knot yet
         worst = segment if segment > left else segment + 1
     return worst
 
@@ -130,8 +129,7 @@ def _lowest_exceeded(
 def _surely_lowest_exceeded(
     left: int, right: int, junction_vmax: Array, segment_vmax: Array, least: float
 ) -> int:
-    """Return the node that `_lowest_exceeded` gives, where that is clear without a profile; −1 where it is
-    not.
+    """Return the node of `_lowest_exceeded` where it is certain without a profile; −1 where it is not.
 
     Speed rises to one peak and falls, so it is nowhere below ``least``, the lower of the speeds at the ends.
     """
@@ -160,7 +158,7 @@ def _speeds_at_knots(
     reached: ReachedSpeeds,
     speeds: Array,
 ) -> None:
-    """Write speeds at knots that can be reached from both neighbours, by a forward and a backward pass."""
+    """Write the greatest speeds at knots reachable from both neighbours, by a forward and a backward pass."""
     count = len(knots)
     for knot in knots:
         speeds[knot] = junction_vmax[knot]
@@ -196,9 +194,7 @@ def _phases_between_knots(
     tables: LimitTables,
     speeds: Array,
 ) -> tuple[int, Array, NDArray[np.intp], NDArray[np.intp]]:
-    """Return the group whose stretch cannot be joined (−1 without one), and the phases as `find_knots`
-    gives them.
-    """
+    """Return the first group of a stretch that has no profile, −1 without one; and phases as `find_knots`."""
     moves, spare = np.empty((MAX_MOVES, MOVE)), np.empty((MAX_MOVES, MOVE))
     firsts = np.full(len(knots) - 1, -1, np.intp)
     timings = np.full(len(knots) - 1, KEPT, np.intp)
@@ -227,8 +223,10 @@ def _split_slow_stretches(
     segment_vmax: Array,
     is_knot: NDArray[np.bool_],
 ) -> bool:
-    """Add a knot at the slowest group of each stretch that binds the speed at the first knot; return False
-    where all of these are single groups.
+    """Add a knot at the slowest group of each stretch that limits the entry speed.
+
+    Returns:
+        False where each of these stretches is a single group.
     """
     found = False
     for index in range(len(knots) - 1):
@@ -244,7 +242,7 @@ def _split_slow_stretches(
             break
         cap = min(junction_vmax[right], min(segment_vmax[right - 1], segment_vmax[right]))
         if speeds[right] >= cap * (1.0 - 1e-9):
-            # nothing behind it binds
+            # stretches after this one do not limit the entry speed
             break
     return found
 
@@ -259,21 +257,20 @@ def find_knots(
     entry: float,
     required_only: bool,
 ) -> tuple[int, int, NDArray[np.intp], Array, Array, NDArray[np.intp], NDArray[np.intp]]:
-    """Add knots until no stretch between two of them exceeds a speed limit, and return the stretches'
-    phases.
+    """Add knots until no stretch between two of them exceeds a speed limit, and return the phases.
 
-    Each round binds the lowest cap of each stretch that passes one. Groups that are to take a T stand between
-    knots of their own.
+    Each round adds a knot at the lowest limit that each stretch exceeds. Groups that are to take a T are
+    between knots of their own.
 
     Args:
-        durations: T of the groups that are to take one,
-            else NaN, shape (n,) [s]. is_knot: shape (n+1,), written.
+        durations: T of the groups that are to take one, else NaN, shape (n,) [s]. is_knot: initial knots,
+            shape (n+1,), written.
         entry: speed at the beginning. required_only: no knots that only save time.
 
     Returns:
-        How it ended and the group that is to blame; the knots and their speeds, shape (k,) each; the phases
-        with σ counted from the run's start, for each stretch its first phase, and how its T is kept, as
-        `moves_in_time` says it, shape (k-1,) each.
+        The result and the group to blame; the knots and their speeds, shape (k,) each; the phases with σ
+        counted from the run's start; for each stretch its first phase and its timing, `KEPT`, `LATE` or
+        `EARLY`, shape (k-1,) each.
     """
     n = len(run.segment_vmax)
     segment_vmax = run.segment_vmax
@@ -281,7 +278,7 @@ def find_knots(
         np.empty((n + 1, MAX_TABLE_ROWS, 3)), np.zeros(n + 1, np.intp), np.full(n + 1, -1, np.intp)
     )
     reached = ReachedSpeeds(np.full((2, n + 1, 3), math.nan), np.zeros((2, n + 1)))
-    # stretches that pass no cap: the knot at their right, and the speeds at both
+    # stretches that exceed no limit: the knot at their end, and the speeds at both knots
     settled = np.full((n + 1, 3), math.nan)
     new_knots = np.zeros(n + 1, np.bool_)
     moves, spare = np.empty((MAX_MOVES, MOVE)), np.empty((MAX_MOVES, MOVE))
@@ -293,8 +290,8 @@ def find_knots(
     for _ in range(4 * n + 8):
         _speeds_at_knots(run, knots, edges, junction_vmax, tables, reached, speeds)
         if speeds[0] < entry * (1.0 - ENTRY_ROUNDING):
-            # what the slowest group leaves of the acceleration is assumed of all of its stretch: shorter ones
-            # may bring down the speed that is already there
+            # a stretch is assumed to have the acceleration of its slowest group throughout: shorter stretches
+            # may allow the entry speed
             if not _split_slow_stretches(knots, speeds, junction_vmax, segment_vmax, is_knot):
                 status = ENTRY_TOO_FAST
                 break

@@ -1,11 +1,10 @@
-"""Minimum-time trajectories of several axes from state to state, synchronized, under acceleration and jerk
-limits.
+"""Synchronized minimum-time trajectories of axes from state to state, under acceleration and jerk limits.
 
-In a time T an axis has accelerations a(t) with the given ends, the given change of speed, and both limits: a
-convex set, so the distances that they cover fill an interval. Its ends are covered by the accelerations that
-come as early as can be and as late as can be, which have one transition each; what lies between is covered by
-a mean of the two, which keeps the limits too. So whether T is enough is known in closed form, and the least T
-by bisection. An axis for which it is plenty cruises in between, so that it does not run ahead or back.
+For a time T the accelerations a(t) of an axis with given ends, given change of speed, and both limits form a
+convex set, so the distances that they cover form an interval. Its ends are covered by the accelerations that
+come as early and as late as possible, which have one transition each; a distance between is covered by a mean
+of the two, which keeps the limits too. So whether T suffices is known in closed form, and the least T is
+found by bisection. An axis with time to spare cruises in between, so that it does not run ahead or back.
 """
 
 from __future__ import annotations
@@ -17,14 +16,15 @@ import numpy as np
 from mcserver.motion.geometry.curves import Array
 from mcserver.motion.kernels.compiled import compiled
 
-# Halvings of the span that the time is looked for in.
+# Bisections for the time.
 HALVINGS = 14
-# What rounding may make of a distance or a speed, as a share of what the limits allow in the time.
+# Tolerance for rounding of a distance or a speed, as a share of what the limits allow in the time.
 ROUNDING = 1e-9
-# The same for a course that is found by bisection.
+# The same for a course that was found by bisection.
 CLOSE = 1e-7
-# Knots of a course of acceleration, and phases of a mean of two.
+# Knots of a course: acceleration by time, piecewise linear.
 KNOTS = 8
+# Phases of a mean of two courses.
 PHASES = 2 * KNOTS
 
 
@@ -58,11 +58,11 @@ def _knots(c: float, time: float, a0: float, a1: float, most: float, jerk: float
 
 @compiled
 def _early(time: float, a0: float, a1: float, change: float, most: float, jerk: float, knots: Array) -> bool:
-    """Write the course of acceleration that covers most in a time; False: none makes the change of speed.
+    """Write the course that covers the greatest distance in a time; False: none makes the change of speed.
 
     Args:
-        a0, a1: at its ends, of no matter where jerk is not limited. change: of speed [m/s]. most, jerk: the
-            limits. knots: times and accelerations, shape (KNOTS, 2).
+        a0, a1: acceleration at its ends, irrelevant where jerk is not limited. change: of speed [m/s].
+        most, jerk: the limits. knots: times and accelerations, shape (KNOTS, 2), written.
     """
     slack = ROUNDING * most * time
     if math.isinf(jerk):
@@ -104,7 +104,7 @@ def _early(time: float, a0: float, a1: float, change: float, most: float, jerk: 
 
 @compiled
 def _lasts(c: float, time: float, a0: float, a1: float, most: float, jerk: float) -> float:
-    """Return how long the course is on the line that falls from ``c``."""
+    """Return how long the course follows the line that falls from ``c`` [s]."""
     start = 0.5 * (c - a0) / jerk if 0.5 * (a0 + c) <= most else (c - most) / jerk
     lowest = 0.5 * (c + a1 - jerk * time)
     end = 0.5 * (c - a1 + jerk * time) / jerk if lowest >= -most else (c + most) / jerk
@@ -113,7 +113,7 @@ def _lasts(c: float, time: float, a0: float, a1: float, most: float, jerk: float
 
 @compiled
 def _covered(knots: Array, v0: float) -> float:
-    """Return the distance that a course covers from a speed."""
+    """Return the distance that a course covers from an initial speed."""
     distance, v = 0.0, v0
     for i in range(KNOTS - 1):
         x = knots[i + 1, 0] - knots[i, 0]
@@ -124,9 +124,9 @@ def _covered(knots: Array, v0: float) -> float:
 
 @compiled
 def _extremes(time: float, states: Array, most: float, jerk: float, soon: Array, late: Array) -> float:
-    """Write the courses that cover most and least.
+    """Write the courses that cover the greatest and the least distance.
 
-    Returns the latter's share in what covers the distance, NaN: none does.
+    Returns the share of ``late`` in their mean that covers the given distance; NaN: none does.
 
     Args:
         states: travel [m], speeds and accelerations at the start and the end, shape (5,).
@@ -147,7 +147,7 @@ def _extremes(time: float, states: Array, most: float, jerk: float, soon: Array,
 
 @compiled
 def _enough(time: float, states: Array, limits: Array, cruising: bool, soon: Array, late: Array) -> bool:
-    """Return whether all axes get there in a time."""
+    """Return whether all axes can reach their end states in a time."""
     for k in range(len(states)):
         if cruising:
             if not _cruise(time, states[k], limits[0, k], limits[1, k], soon):
@@ -159,7 +159,7 @@ def _enough(time: float, states: Array, limits: Array, cruising: bool, soon: Arr
 
 @compiled
 def _ramp(v0: float, a0: float, v1: float, most: float, jerk: float, knots: Array) -> float:
-    """Write the quickest course from a speed and an acceleration to a speed without any; how long it takes.
+    """Write the fastest course from a speed and an acceleration to a steady speed; return its duration.
 
     Args:
         knots: times and accelerations, shape (4, 2).
@@ -169,7 +169,7 @@ def _ramp(v0: float, a0: float, v1: float, most: float, jerk: float, knots: Arra
         knots[0, 0], knots[1:, 0] = 0.0, abs(v1 - v0) / most
         knots[:2, 1], knots[2:, 1] = a, 0.0
         return abs(v1 - v0) / most
-    # up or down from the speed that is there once the acceleration has been taken back
+    # up or down from the speed that is reached when the acceleration has come to 0
     up = 1.0 if v1 >= v0 + 0.5 * a0 * abs(a0) / jerk else -1.0
     square = max(jerk * up * (v1 - v0) + 0.5 * a0 * a0, 0.0)
     peak = min(math.sqrt(square), most)
@@ -183,8 +183,9 @@ def _ramp(v0: float, a0: float, v1: float, most: float, jerk: float, knots: Arra
 
 @compiled
 def _cruise(time: float, states: Array, most: float, jerk: float, knots: Array) -> bool:
-    """Write a course that covers the distance at one speed, with a ramp to it and one from it; False:
-    there is none. The speed lies between those at its ends and 0.
+    """Write a course with a cruise that covers the distance; return False without one.
+
+    The speed of the cruise is between those at its ends and 0.
     """
     travel, v0, v1, a0, a1 = states[0], states[1], states[2], states[3], states[4]
     low, high = min(v0, v1, 0.0), max(v0, v1, 0.0)
@@ -205,7 +206,7 @@ def _cruise(time: float, states: Array, most: float, jerk: float, knots: Array) 
 
 @compiled
 def _course(knots: Array, at: float) -> tuple[float, float]:
-    """Return the acceleration and jerk of a course at a moment that is no knot of it."""
+    """Return the acceleration and jerk of a course at a time between its knots."""
     i = 0
     while i < KNOTS - 2 and knots[i + 1, 0] <= at:
         i += 1
@@ -221,11 +222,11 @@ def min_time_trajectories(
     """Return the least time in which all axes get from state to state [s]; infinite: not within ``longest``.
 
     Args:
-        states: of each axis travel [m or rad], speeds, and accelerations at the start and the end, shape
-            (K, 5). limits: of acceleration and jerk, shape (2, K), of which jerk may be infinite.
-        cruising: whether no axis may be faster than at its ends, nor turn round more often than it has to:
-            the time is longer then.
-        trajectories: phases with constant jerk, written: when they begin, place from the start on, velocity,
+        states: of each axis travel [m or rad], speeds at start and end, and accelerations there, shape
+            (K, 5). limits: of acceleration and jerk, shape (2, K); jerk may be infinite.
+        cruising: whether no axis may be faster than at its ends, nor reverse more often than necessary, which
+            takes longer.
+        trajectories: phases of constant jerk, written: start time, and position from the start, velocity,
             acceleration and jerk then, shape (K, PHASES, 5).
     """
     soon, late = np.empty((KNOTS, 2)), np.empty((KNOTS, 2))
@@ -259,7 +260,7 @@ def min_time_trajectories(
             trajectories[k, n, 3], trajectories[k, n, 4] = a, j
             p += lasts * (v + lasts * (a / 2.0 + lasts * j / 6.0))
             v += lasts * (a + lasts * j / 2.0)
-        # what rounding misses the target by is spread over the way
+        # spread the rounding error at the target over the trajectory
         gap = (states[k, 0] - p) / time
         trajectories[k, :, 1] += gap * starts
         trajectories[k, :, 2] += gap

@@ -1,4 +1,4 @@
-"""Phases of constant jerk from speeds at nodes of a path, and the check that they keep all limits."""
+"""Turn speeds at nodes of a path into phases of constant jerk, and check that these keep all limits."""
 
 from __future__ import annotations
 
@@ -10,12 +10,14 @@ from mcserver.motion.geometry.curves import Array
 from mcserver.motion.kernels.compiled import compiled
 from mcserver.motion.kernels.sample_limits import TINY
 
-# What phases may take in the end, of F and of the axes' limits; and of the greatest speeds by bends, which
-# leave something for acceleration.
-PHASE_LIMITS, PHASE_SPEED = (1.0009, 1.003, 1.035), 1.01
-# Newton's steps for the time from node to node, at least and at most, and how far from the node they may end,
-# as a share of the way; corrections of the speed at the end, and the share of it that may be lacking.
-NEWTON, SAME_PLACE, SPREADS, SAME_SPEED = (4, 30), 1e-12, 12, 1e-12
+# Tolerances of phases: shares of F, and of the axes' acceleration and jerk.
+PHASE_LIMITS = (1.0009, 1.003, 1.035)
+# Share of the speed limits by curvature, which leave a margin for acceleration.
+PHASE_SPEED = 1.01
+# Fewest and most Newton steps for the time from node to node, and their tolerance as a share of the distance.
+NEWTON, SAME_PLACE = (4, 30), 1e-12
+# Most corrections of the speed at the end, and their tolerance as a share of the speed.
+SPREADS, SAME_SPEED = 12, 1e-12
 
 # Columns of a node's demand for each axis: |q'|, |q''|, |q'''| and steps of q''.
 SLOPE, BEND, TWIST, STEP = range(4)
@@ -23,8 +25,9 @@ SLOPE, BEND, TWIST, STEP = range(4)
 
 @compiled
 def _drive(nodes: Array, acceleration: Array, speed: float, phases: Array) -> float:
-    """Write phases from node to node by accelerations there, linear in time; return the speed at the end, NaN
-    where a node is not reached.
+    """Write phases from node to node, with acceleration linear in time; return the speed at the end.
+
+    NaN where a node is not reached.
     """
     for i in range(len(nodes) - 1):
         far, a0, a1 = nodes[i + 1] - nodes[i], acceleration[i], acceleration[i + 1]
@@ -44,20 +47,20 @@ def _drive(nodes: Array, acceleration: Array, speed: float, phases: Array) -> fl
 
 @compiled
 def to_phases(nodes: Array, b: Array, accelerations: tuple[float, float], phases: Array) -> bool:
-    """Write phases of constant jerk from node to node, whose accelerations are those of b at the nodes, and
-    those given at both ends.
+    """Write phases of constant jerk from node to node.
 
-    What is lacking of the speed at the end, a small part of it, is spread over all.
+    The accelerations at inner nodes are those of b, those at both ends are given. The small error of the
+    speed at the end is spread over all phases.
 
     Returns:
-        False where that does not succeed.
+        False where that does not converge.
     """
     count = len(b)
     last = count - 1
     acceleration, spread = np.zeros(count), np.zeros(count)
     acceleration[0], acceleration[last] = accelerations
     for i in range(1, last):
-        # weighed so that the sum over intervals keeps what b gains over them
+        # weighted so that the sum over intervals is the change of b
         acceleration[i] = 0.5 * (b[i + 1] - b[i - 1]) / (nodes[i + 1] - nodes[i - 1])
         share = i / last
         spread[i] = share * share * (1.0 - share) * (1.0 - share)
@@ -83,15 +86,15 @@ def exceed_limits(
     """Return whether phases exceed a limit: at either end, in the middle, or where speed turns inside.
 
     Args:
-        over: written, the greatest share that each phase takes of what it may of speed, acceleration and
-            jerk, shape (n, 3); more than 1 exceeds it.
+        over: written, the greatest shares of its limits of speed, acceleration and jerk that each phase
+            takes, shape (n, 3); more than 1 exceeds the limit.
     """
     over[:] = 0.0
     for i in range(len(phases)):
         duration, jerk = phases[i, 0], abs(phases[i, 4])
-        # both nodes know all between them, and more
+        # each node's demand covers the path up to the nodes next to it
         top = min(PHASE_SPEED * math.sqrt(max(cap[i], cap[i + 1])), PHASE_LIMITS[0] * max(fed[i], fed[i + 1]))
-        # where acceleration passes zero speed is greater, or less, than at both ends and in the middle
+        # speed has an extreme where acceleration passes zero
         turn = phases[i, 3] / -phases[i, 4] if jerk > TINY else 0.0
         for x in (0.0, 0.5 * duration, duration, min(max(turn, 0.0), duration)):
             v = phases[i, 2] + x * (phases[i, 3] + 0.5 * x * phases[i, 4])

@@ -1,7 +1,7 @@
-"""Zones of long segments: what a vertex demands holds near it only.
+"""Zones of long segments: a vertex takes acceleration only near it.
 
 A second difference spreads a step of velocity over two cycles, a third one over three (D-36). Further away
-from the vertex all of the acceleration is there for the way along the path.
+from the vertex all of the acceleration is available along the path.
 """
 
 from __future__ import annotations
@@ -11,17 +11,17 @@ import math
 from mcserver.motion.geometry.curves import Array
 from mcserver.motion.kernels.compiled import compiled
 
-# Cycles from a vertex up to which it takes its part.
+# Length of a vertex zone in time [cycles].
 NEAR = 3.0
-# A segment is in parts if it is at least so many times as long as those near its vertices; the lower number
-# if it leaves room for twice the square of their speed, since else there is little to gain.
-LONG, SLOW = 4.0, 2.0
+# A segment is split if it is at least this many times as long as its vertex zones together,
+LONG = 4.0
+# or this many times, if on it the square of speed can rise by twice its value at the vertices.
+SLOW = 2.0
 
 
 @compiled
 def vertex_zone_length(speed: float, acceleration: float, cycle: float) -> float:
-    """Return the distance from a vertex passed with at most ``speed`` within which its demand counts [m or
-    rad along σ].
+    """Return the length of the zone of a vertex that is passed with at most ``speed`` [m or rad along σ].
 
     Args:
         acceleration: the greatest along the segment.
@@ -46,8 +46,8 @@ def is_split(length: float, before: float, after: float, acceleration: float, sp
     """Return whether a segment is planned in zones.
 
     Args:
-        before, after: how far the vertices at its start and end reach; 0: there is none.
-        acceleration: the greatest along it. speed: the greater one of its vertices.
+        before, after: lengths of the vertex zones at its start and end; 0 without a vertex.
+        acceleration: the greatest along it. speed: the greater of its vertices' speed limits.
     """
     near = before + after
     return length >= LONG * near or (length >= SLOW * near and acceleration * length >= speed * speed)

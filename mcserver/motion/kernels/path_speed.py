@@ -1,10 +1,10 @@
-"""The fastest speed along a path of changing curvature, with acceleration wherever the limits leave it.
+"""Time-optimal speed along a path of changing curvature, with acceleration wherever the limits leave it.
 
-With b = v² as a function of the path coordinate σ, v̇ = b'/2 and v̈ = √b·b''/2, and an axis asks for
+With b = v² as a function of the path coordinate σ, v̇ = b'/2 and v̈ = √b·b''/2, and an axis needs
 |q''|·b + |q'|·|b'|/2 of its acceleration and √b·(|q'''|·b + 3/2·|q''|·|b'| + |q'|·|b''|/2) of its jerk. b is
 found at nodes by an interior-point method: Newton's on ∫ dσ/√b with a logarithmic barrier for each limit,
-which is banded, as a node's limits touch its neighbours alone. Speed and acceleration at both ends are given.
-What comes out is checked on its own, as phases of constant jerk in time, before anybody drives it.
+which is banded, as a node's limits involve its neighbours only. Speed and acceleration at both ends are
+given. The result is turned into phases of constant jerk, and these are checked against all limits.
 """
 
 from __future__ import annotations
@@ -20,43 +20,50 @@ from mcserver.motion.kernels.node_phases import BEND, SLOPE, STEP, TWIST, exceed
 from mcserver.motion.kernels.phases import PHASE
 from mcserver.motion.kernels.sample_limits import Run
 
-# Nodes stand this share of the shortest rise of acceleration apart, in these bounds [s]: fewer follow the
-# optimum less closely, and each takes some 10 µs.
+# Node spacing as a share of the shortest rise of acceleration, and its bounds [s]: wider spacing is farther
+# from the optimum, and each node takes some 10 µs.
 NODE_SHARE, NODES_APART = 0.2, (1e-3, 8e-3)
-# Share of the greatest speed that nodes may take: between nodes it is more.
+# Share of the speed limit that nodes may take: between nodes speed is higher.
 NODE_SPEED = 0.9985
-# Where phases take more than they may between nodes, the nodes beside get that much less, and this share of
-# it; so many times at most. The speeds to begin with are then those found, less this share.
-LESS, TIGHTENED, LOWERED = 0.995, 8, 0.03
-# Nodes from an end, which may be at its greatest speed, to where all of that margin is kept.
+# Where phases exceed a limit between nodes, the limits of the nodes next to them are lowered by as much,
+# times this,
+LESS = 0.995
+# at most so many times,
+TIGHTENED = 8
+# and the search starts again from the speeds found, lowered by this share.
+LOWERED = 0.03
+# Nodes from an end, which may be at its speed limit, over which the margin of `NODE_SPEED` grows.
 MARGIN_NODES = 10.0
-# The barrier's weight, as a share of the time by the number of limits: at first, its fall with each round,
-# and where it ends, which is what is left to the optimum.
+# Weight of the barrier, as a share of the time / the number of limits: the first one, its factor per round,
+# and the last one, which bounds the distance to the optimum.
 FIRST_WEIGHT, WEIGHT_FALL, LAST_WEIGHT = 4.0, 0.2, 0.004
-# Newton's steps of a round, halvings of one, and steps in all.
+# Newton steps of a round, halvings of one step, and steps in all.
 STEPS, HALVINGS, MOST_STEPS = 3, 30, 60
-# Limits are eased at first so that the start lies within them, by this much more than it takes, until all is
-# below this share of the true ones, for so many steps at the most.
-EASE, WITHIN, MOST_EASED = 1.05, 0.9999, 20
-# A step that changes no speed by more than this share is the last one of its round.
+# Limits are eased at first so that the start is feasible, by this factor beyond what it needs,
+EASE = 1.05
+# until all demands are below this share of the true limits,
+WITHIN = 0.9999
+# for at most so many steps.
+MOST_EASED = 20
+# A step that changes no speed by more than this share ends its round.
 SETTLED = 1e-4
-# Groups with so many samples may be arcs of more than a turn, whose samples stand on one turn only.
+# A group with at least so many samples may be an arc of more than a turn, sampled on one turn only.
 WHOLE_TURNS = 129
-# A path is not solved again where its time is within this of that at its greatest speeds.
+# A path is not solved again where its time is within this factor of the time at its speed limits.
 WORTH = 1.005
 
 
 class _Nodes(NamedTuple):
-    """Nodes of a path, and what bounds b there.
+    """Nodes of a path, and the limits of b there.
 
     Attributes:
-        places: along σ, shape (m,). demand: what their surroundings ask for at the worst, |q'|, |q''|,
-            |q'''| and steps of q'', shape (m, 4, K). cap: the greatest b, shape (m,).
-        limits: of the axes, shape (3, K). room: share of those of speed, acceleration and jerk that each node
-            may take, shape (m, 3). step_jerk: jerk that a step of acceleration within a cycle looks like at
-            the cycle rate, see `free_at` [1/s].
-        first, second: weights of b at the nodes before, at and after each one in b' and b'', and what does
-            not depend on b, shape (m, 4).
+        places: along σ, shape (m,). demand: greatest |q'|, |q''|, |q'''| and steps of q'' around each node,
+            shape (m, 4, K). cap: greatest b, shape (m,).
+        limits: of the axes, shape (3, K). room: shares of the limits of speed, acceleration and jerk that
+            each node may take, shape (m, 3). step_jerk: jerk that a step of acceleration within a cycle is
+            equivalent to at the cycle rate, see `free_at` [1/s].
+        first, second: finite differences for b' and b'': weights of b at the nodes before, at and after each
+            one, and a constant, shape (m, 4).
     """
 
     places: Array
@@ -82,18 +89,18 @@ def _gather(
     cap: Array,
     fed: Array,
 ) -> bool:
-    """Write what each node's surroundings, up to the nodes beside it, ask for at the worst.
+    """Write the greatest demand around each node, up to the nodes next to it.
 
     Args:
-        spans: where samples stand along σ, shape (n, 4): the first one, how far from it the last, and how
-            many, evenly spaced, 0: they count for all of the group; then whether a vertex at its start has
-            one behind them. feed: the groups' speeds by F, shape (n,).
+        spans: positions of samples, shape (n, 4): σ of the first one, distance along σ to the last, number of
+            evenly spaced ones, 0 where all samples count for the whole group, and 1 where a vertex at the
+            start has its sample after them. feed: the groups' speeds by F, shape (n,).
         nodes: along σ, shape (m,), from the edge ``left`` to the edge ``right``.
         demand: written, shape (m, 4, K), |q'|, |q''|, |q'''| and steps of q''. cap: written, the greatest
             b, shape (m,). fed: written, the speed by F, shape (m,).
 
     Returns:
-        False where there is a vertex, which is nothing for this.
+        False where there is a vertex, which this method does not handle.
     """
     width = run.limits.shape[1]
     demand[:] = 0.0
@@ -117,14 +124,14 @@ def _gather(
             row = run.rows[run.offset[group] + i]
             begin, end = first, node
             if spread:
-                # a sample counts for the nodes about it and about the samples beside it, that of a vertex
-                # for its end of the group
+                # a sample counts for all nodes up to the samples next to it, and the nodes beyond; that of a
+                # vertex for the nodes at its end of the group
                 before = start + length * max(i - 1, 0) / (own - 1)
                 behind = start + length * min(i + 1, own - 1) / (own - 1)
                 if i >= own:
                     before = behind = low if i - own < spans[group, 3] else high
                 elif before >= high or behind <= low:
-                    # of what has been trimmed away
+                    # on a part that was trimmed away
                     continue
                 while begin < node and nodes[begin + 1] < before:
                     begin += 1
@@ -159,7 +166,7 @@ def _stencils(nodes: Array, steepness: tuple[float, float], first: Array, second
         first[i, 1] = -first[i, 0] - first[i, 2]
         second[i, 0], second[i, 2] = 2.0 / (before * both), 2.0 / (after * both)
         second[i, 1] = -second[i, 0] - second[i, 2]
-    # at the ends, the parabola through both nodes that is as steep as given
+    # at an end, the parabola through the two nodes with the given slope
     start, end = nodes[1] - nodes[0], nodes[last] - nodes[last - 1]
     first[0, 3], first[last, 3] = steepness[0], steepness[1]
     second[0, 2], second[last, 0] = 2.0 / start**2, 2.0 / end**2
@@ -176,7 +183,7 @@ def _derivative(weights: Array, b: Array, i: int) -> float:
 
 @compiled
 def _merit(b: Array, nodes: _Nodes, ease: float, weight: float) -> tuple[float, float]:
-    """Return the time with its barrier, infinite beyond a limit, and the greatest share of a limit."""
+    """Return the time plus its barrier, infinite beyond a limit, and the greatest share of a limit."""
     places, demand, cap, limits, room, step_jerk, first, second = nodes
     total, worst = 0.0, 0.0
     last = len(b) - 1
@@ -225,7 +232,7 @@ def _merit(b: Array, nodes: _Nodes, ease: float, weight: float) -> tuple[float, 
 def _add_barrier(
     i: int, slack: float, weight: float, by0: float, by1: float, by2: float, gradient: Array, band: Array
 ) -> None:
-    """Add -w·log(slack), whose slack falls with b at the nodes about i by these, to the model at i."""
+    """Add -w·log(slack) to the model at node i, given how slack falls with b at the nodes around i."""
     pull = weight / slack
     curve = pull / slack
     last = len(gradient) - 1
@@ -245,7 +252,7 @@ def _add_barrier(
 
 @compiled
 def _model(b: Array, nodes: _Nodes, ease: float, weight: float, gradient: Array, band: Array) -> None:
-    """Write gradient (m,) and curvature (m, 3), three diagonals of it, of what `_merit` returns."""
+    """Write gradient (m,) and Hessian, as its three diagonals (m, 3), of `_merit`."""
     places, demand, cap, limits, room, step_jerk, first, second = nodes
     gradient[:] = 0.0
     band[:] = 0.0
@@ -254,7 +261,7 @@ def _model(b: Array, nodes: _Nodes, ease: float, weight: float, gradient: Array,
     for i in range(last + 1):
         root = math.sqrt(b[i])
         if 0 < i < last:
-            # the time about a node, to the first order dσ/√b
+            # the node's part of the integral ∫ dσ/√b
             apart = 0.5 * (places[i + 1] - places[i - 1])
             gradient[i] -= 0.5 * apart / (b[i] * root)
             band[i, 0] += 0.75 * apart / (b[i] * b[i] * root)
@@ -299,10 +306,14 @@ def _model(b: Array, nodes: _Nodes, ease: float, weight: float, gradient: Array,
 
 @compiled
 def _solve_band(band: Array, right: Array) -> bool:
-    """Solve with a symmetric matrix of five diagonals in place, its two ends left out; False: not positive.
+    """Solve a symmetric pentadiagonal system in place, without its first and last row.
 
     Args:
-        band: the diagonal and the two beside it, shape (m, 3); overwritten. right: shape (m,); overwritten.
+        band: the diagonal and two beside it, shape (m, 3); overwritten. right: right side, shape (m,);
+            overwritten by the solution.
+
+    Returns:
+        False where the matrix is not positive definite.
     """
     last = len(right) - 2
     # L·D·Lᵀ, rows from 1 to last
@@ -330,7 +341,7 @@ def _solve_band(band: Array, right: Array) -> bool:
 
 @compiled
 def _minimize(b: Array, nodes: _Nodes) -> bool:
-    """Change b to the quickest within the limits; return False where none was found."""
+    """Change b to the fastest one within the limits; return False where none was found."""
     count, width = len(b), nodes.limits.shape[1]
     gradient, band = np.empty(count), np.empty((count, 3))
     trial = b.copy()
@@ -358,7 +369,7 @@ def _minimize(b: Array, nodes: _Nodes) -> bool:
                 break
             length *= 0.5
         if ease > 1.0:
-            # pushed away from the limits by the barrier until it lies within the true ones
+            # the barrier moves b away from the eased limits until it is within the true ones
             if worst < WITHIN:
                 ease = 1.0
             elif step > MOST_EASED:
@@ -386,12 +397,12 @@ def quicker_phases(
     """Return phases from the edge ``left`` to the edge ``right`` that take less time than those given.
 
     Args:
-        spans, feed: see `_gather`. nodes, speeds: places along σ from edge to edge and the speeds there,
-            shape (m,), m ≥ 5; positive, without acceleration at both ends.
+        spans, feed: see `_gather`. nodes, speeds: places along σ from edge to edge and initial speeds there,
+            shape (m,), m ≥ 5; speeds above 0.
 
     Returns:
-        Rows of `mcserver.motion.kernels.phases`; none where nothing better that keeps all limits was found.
-        And whether it was looked for: there may be a vertex, or next to nothing to gain.
+        Rows of `mcserver.motion.kernels.phases`, none where no faster profile within all limits was found;
+        and whether one was searched for, which it is not with a vertex or next to nothing to gain.
     """
     count, width = len(nodes), run.limits.shape[1]
     demand, cap, fed = np.empty((count, 4, width)), np.empty(count), np.empty(count)
@@ -399,7 +410,7 @@ def quicker_phases(
     if not _gather(run, edges, spans, feed, left, right, nodes, demand, cap, fed):
         return nothing, False
     if demand[:, BEND].max() == 0.0:
-        # nothing changes along a straight line
+        # a straight line has constant limits
         return nothing, False
     time = least = 0.0
     for i in range(count - 1):
@@ -417,7 +428,7 @@ def quicker_phases(
     b = speeds * speeds
     for _ in range(TIGHTENED):
         for i in range(count):
-            # an end may be at its greatest speed: what is kept off it begins little by little
+            # an end may be at its speed limit: the margin grows gradually from there
             part = min(1.0, (min(i, count - 1 - i) / MARGIN_NODES) ** 2)
             lower[i] = cap[i] * (1.0 - (1.0 - (NODE_SPEED * room[i, 0]) ** 2) * part)
         found = _minimize(b, bounded)

@@ -8,7 +8,7 @@ from mcserver.motion.geometry.curves import Array
 from mcserver.motion.kernels.compiled import compiled
 from mcserver.motion.kernels.sample_limits import CURVATURE_SHARE, JERK_SHARE, TINY
 
-# What limits speed, as `limit_of` numbers it.
+# Kinds of limits, by the number that `limit_of` returns.
 KINDS = ("velocity", "acceleration", "jerk")
 
 
@@ -80,9 +80,7 @@ def polynomial_samples(power: Array, scale: float, rows: Array, speeds: Array) -
 
 @compiled
 def limit_of(rows: Array, limits: Array) -> tuple[float, int, int]:
-    """Return the greatest constant speed on samples (vertices not counted), the column that bounds it,
-    and the kind of limit (`KINDS`).
-    """
+    """Return the greatest constant speed on samples without vertices, and column and kind of its limit."""
     width = limits.shape[1]
     best, column, kind = math.inf, 0, 0
     for k in range(width):

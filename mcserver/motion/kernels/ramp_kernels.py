@@ -1,8 +1,8 @@
 """Speed ramps with zero acceleration at both ends, and minimum-time sequences of them over a distance.
 
 A *move* is one row of `MOVE` numbers: speed at its start and end, acceleration and jerk that it may use, and
-its length. A move of equal speeds is a cruise. A *limit table* is an array (n, 3) of rows: up to a speed
-these accelerations and jerks are free; speeds rise.
+its length. A move of equal speeds is a cruise. A *limit table* is an array (n, 3) of rows, increasing in
+speed: a speed, and the acceleration and jerk that are available up to it.
 """
 
 from __future__ import annotations
@@ -15,22 +15,20 @@ from mcserver.motion.geometry.curves import Array
 from mcserver.motion.kernels.compiled import compiled
 
 MOVE = 5
-# Two ramps a row at the most, three moves about the peak.
+# At most two ramps per row, and three moves at the peak.
 MAX_TABLE_ROWS = 12
 MAX_MOVES = 2 * MAX_TABLE_ROWS + 4
 # Distances below this are not motion [m or rad along the path]: far under any encoder's resolution.
 NO_DISTANCE = 1e-12
-# A speed found by iteration is exact to this share.
+# Relative tolerance of a speed found by iteration.
 _EXACT = 1e-15
-# Taken off a speed that must not need more than the distance, for rounding.
+# Relative margin of a speed that must not need more than the distance.
 _ROUNDED = 1e-14
 
 
 @compiled
 def ramp_time(low: float, high: float, acceleration: float, jerk: float) -> float:
-    """Return the least time of a speed ramp from ``low`` to ``high`` with zero acceleration at both ends
-    [s].
-    """
+    """Return the least time of a ramp from ``low`` to ``high`` with zero acceleration at both ends [s]."""
     change = high - low
     if change <= 0.0:
         return 0.0
@@ -43,9 +41,7 @@ def ramp_time(low: float, high: float, acceleration: float, jerk: float) -> floa
 
 @compiled
 def ramp_distance(low: float, high: float, acceleration: float, jerk: float) -> float:
-    """Return the distance of such a ramp [m]: its mean speed is half way between the ends, as it is
-    symmetric.
-    """
+    """Return the distance of a ramp of `ramp_time` [m]; by symmetry its mean speed is that of the ends."""
     return (low + high) / 2.0 * ramp_time(low, high, acceleration, jerk)
 
 
@@ -68,8 +64,8 @@ def reachable_speed(low: float, distance: float, acceleration: float, jerk: floa
     part = 0.0 if math.isinf(jerk) else acceleration * acceleration / jerk
     speed = _larger_root(part, low * low + 2.0 * acceleration * distance - part * low)
     if speed - low < part:
-        # without one, w = √(v - v0) solves w³ + 2 v0 w = d √j; the left side is convex, so Newton falls to
-        # the root from any place above it
+        # without that phase, w = √(v - v0) solves w³ + 2 v0 w = d √j; the left side is convex, so Newton's
+        # method descends to the root from any point above it
         right = distance * math.sqrt(jerk)
         w = right ** (1.0 / 3.0)
         if low > 0.0:
@@ -195,7 +191,7 @@ def _peak(
         slope = _slope(entry, x, acceleration, jerk) + _slope(exit_, x, acceleration, jerk)
         new = x - over / slope
         if abs(new - x) <= _EXACT * x:
-            # it comes from above, where the slope is less
+            # the iteration converges from above, so round down
             return max(new * (1.0 - _ROUNDED), low)
         x = new if low < new < high else (low + high) / 2.0
     return low
@@ -283,7 +279,7 @@ def _table_moves(
         if up != down:
             return 0
     else:
-        # the middle may have to pass the row that the faster end stands on
+        # the peak may have to exceed the row of the faster end
         row = max(row, start)
         top = max(limit_table[row, 0], up, down)
         at = peak_moves(moves, at, left, up, down, top, limit_table[row, 1], limit_table[row, 2])
@@ -306,7 +302,7 @@ def _ramps_only(
     step: int,
     count: int,
 ) -> int:
-    """Write the change of speed by ramps alone, and the greater speed kept over the remaining distance."""
+    """Write ramps from entry to exit, and a cruise at the greater speed over the remaining distance."""
     low, high = min(entry, exit_), max(entry, exit_)
     speed, left, at = low, distance, 0
     for index in range(first, count, step):
@@ -336,14 +332,14 @@ def min_time_moves(
 ) -> int:
     """Write the minimum-time moves over ``distance`` from speed ``entry`` to ``exit_`` under a limit table.
 
-    Each row that is used costs a moment without acceleration, so fewer rows may be quicker: the whole
-    limit table, every other row and the top row alone are tried.
+    Acceleration is zero at each row that is used, so fewer rows may be faster: the whole limit table, every
+    other row, and the top row alone are tried.
 
     Args:
         moves, spare: shape (`MAX_MOVES`, `MOVE`), written.
 
     Returns:
-        How many moves; 0 where the speeds cannot be joined over this distance.
+        The number of moves; 0 where no profile from entry to exit exists over this distance.
     """
     best, least = 0, math.inf
     for choice in range(_choices(count)):
@@ -356,7 +352,7 @@ def min_time_moves(
                 moves[:found] = spare[:found]
     if best > 0:
         return best
-    # where a change of speed fills the whole distance the peak may be missed by rounding
+    # where one ramp fills the whole distance, rounding may leave no peak
     for choice in range(_choices(count)):
         first, step = _rows_of_choice(choice, count)
         found = _ramps_only(moves, distance, entry, exit_, limit_table, first, step, count)

@@ -19,12 +19,12 @@ MOST_PHASES = 8
 SAME_RATE = 1e-12
 # Two values of u that are closer are the same [cycles].
 NEAR_U = 1e-7
-# A rate next to 1, at which rows interpolated about the vertices of exact paths keep
-# the acceleration that they keep themselves: the square of it leaves what interpolation may add.
+# A rate near 1 at which rows interpolated at the vertices of exact paths keep the acceleration limit: its
+# square leaves what interpolation may add.
 NEXT_RATE = 0.97
 # Longest wait for a change to a rate of 1 to begin so that u meets the rows [cycles].
 LONGEST_LAG = 100.0
-# A rate below which a motion is stopped at once rather than led on at it [1].
+# A rate below which a motion is stopped at once instead of going on at it [1].
 LEAST_RATE = 1e-3
 
 
@@ -79,7 +79,7 @@ def add_ramp(
         if abs(change) <= SAME_RATE:
             return count
         return add_phase(phases, count, abs(change) / most, rate, math.copysign(most, change), 0.0)
-    # up or down from the rate that is reached once the slope has been taken back
+    # up or down from the rate that is reached when the slope has come to 0
     up = 1.0 if target >= rate + 0.5 * slope * abs(slope) / curvature else -1.0
     square = max(curvature * up * (target - rate) + 0.5 * slope * slope, 0.0)
     peak = min(math.sqrt(square), max(most, up * slope))
@@ -99,10 +99,10 @@ def add_ramp(
 def change_onto_rows(
     phases: Array, u: float, rate: float, slope: float, most: float, curvature: float
 ) -> int:
-    """Write the change to a rate of 1 that ends with u on whole rows, which are then played as they are.
+    """Write the change to a rate of 1 that ends with u on whole rows, which are then played exactly.
 
-    The change begins a little later, at most as long as u takes to fall back by a row; from a rate so near
-    to 1 that this takes long, or under way, it goes by one that is some way off.
+    The change is delayed for that, at most until u has fallen back by a row. From a rate so near to 1 that
+    this would take long, or with a slope, it goes via `NEXT_RATE`.
 
     Returns:
         The number of phases.
@@ -114,7 +114,7 @@ def change_onto_rows(
     if off == 0.0:
         return count
     if slope != 0.0 or abs(1.0 - rate) * LONGEST_LAG < 1.0:
-        # at a rate next to it until then
+        # wait at a rate near 1
         count = add_ramp(phases, 0, rate, slope, NEXT_RATE, most, curvature)
         count = add_phase(phases, count, 0.0, NEXT_RATE, 0.0, 0.0)
         waits = count - 1
@@ -127,7 +127,7 @@ def change_onto_rows(
 
 @compiled
 def _off_rows(phases: Array, count: int, u: float) -> float:
-    """Return the share of a row that u is off the rows by on whole cycles, once the rate is 1."""
+    """Return the fraction of a row by which u misses the rows once the rate is 1."""
     off = (u + total_advance(phases, count) - total_time(phases, count)) % 1.0
     return 0.0 if min(off, 1.0 - off) < NEAR_U else float(off)
 
@@ -136,10 +136,10 @@ def _off_rows(phases: Array, count: int, u: float) -> float:
 def stop_at_edge(
     phases: Array, room: float, rate: float, slope: float, target: float, most: float, curvature: float
 ) -> int:
-    """Write the change that ends at rest after ``room`` rows, at up to a target rate on the way.
+    """Write the change that ends at rest after ``room`` rows, at most at the target rate on the way.
 
     Returns:
-        The number of phases; below 0: there is not room enough.
+        The number of phases; below 0: there is too little room.
     """
     goal, high, low = target, target, 0.0
     left = _left_by_stop(phases, room, rate, slope, goal, most, curvature)
@@ -157,7 +157,7 @@ def stop_at_edge(
         return -1
     if goal <= LEAST_RATE:
         return add_ramp(phases, 0, rate, slope, goal, most, curvature)
-    # the steady part goes between the two changes
+    # a steady part between the change to a rate and the change to rest
     there = add_ramp(phases, 0, rate, slope, goal, most, curvature)
     there = add_phase(phases, there, left / goal, goal, 0.0, 0.0)
     return add_ramp(phases, there, goal, 0.0, 0.0, most, curvature)
@@ -167,7 +167,7 @@ def stop_at_edge(
 def _left_by_stop(
     phases: Array, room: float, rate: float, slope: float, goal: float, most: float, curvature: float
 ) -> float:
-    """Return the rows that are left of ``room`` by a change to a rate and from it to rest."""
+    """Return the rows that a change to a rate and then to rest leaves of ``room``."""
     count = add_ramp(phases, 0, rate, slope, goal, most, curvature)
     count = add_ramp(phases, count, goal, 0.0, 0.0, most, curvature)
     return room - total_advance(phases, count)

@@ -1,7 +1,7 @@
-"""The search for a change of the playback rate that keeps the limits of all axes, within one cycle.
+"""Search for a change of the playback rate that keeps the limits of all axes, within one cycle.
 
-A change is tried on the very setpoints that it would give (`rate_trial.py`); nothing is allocated or copied.
-Time in cycles, u in rows.
+A change is tried on the setpoints that it would give (`rate_trial.py`); nothing is allocated or copied. Time
+in cycles, u in rows.
 """
 
 from __future__ import annotations
@@ -47,17 +47,17 @@ from mcserver.motion.kernels.row_interpolation import interpolate_rows
 from mcserver.motion.kernels.row_torques import change_limit
 from mcserver.motion.kernels.target_tracking import follow_reference, follow_targets
 
-# Shares of the limits that a change of rate is tried with, the fastest first: more of them find a faster
-# change where rows leave little.
+# Shares of the limits with which a change of rate is tried, the fastest first: more shares find a faster
+# change where rows leave little of the limits.
 SHARES = (1.0, 0.85, 0.65, 0.4, 0.2, 0.08)
-# Where a stop has to end on an edge, shares of the rate that are kept until then: where rows brake before the
-# edge with all that an axis has, only who is slow by then can stop on it.
+# For a stop on an edge, shares of the rate that are tried until then: where rows brake before the edge at an
+# axis's limits, only a motion that is slow by then can stop on it.
 NEAR_GOALS = (1.0, 0.6, 0.3, 0.1, 0.03)
-# Tries of one search: those of a stop before an edge. Others are fewer.
+# Tries of the longest search, that for a stop on an edge.
 TRIES = len(NEAR_GOALS) * len(SHARES)
-# Parts of a change, and the shares of the limits that each is tried with, the largest first, behind those of
-# the whole change: rows that use all of a torque or of a jerk leave it only bit by bit, since what the motion
-# asks for falls with the square or the cube of the rate.
+# Parts of a change, and the share of the limits that each is tried with, after those of the whole change:
+# where rows use all of a torque or jerk limit, a change is possible in small parts only, since the demand of
+# the motion falls with the square or the cube of the rate.
 PARTIAL = (
     (0.5, 0.65), (0.5, 0.2), (0.5, 0.08), (0.2, 0.4), (0.2, 0.2), (0.2, 0.08), (0.2, 0.03), (0.06, 0.2),
     (0.06, 0.08), (0.06, 0.03), (0.06, 0.01), (0.02, 0.08), (0.02, 0.03), (0.02, 0.01), (0.06, 0.003),
@@ -65,24 +65,28 @@ PARTIAL = (
 )  # fmt: skip
 # A smaller change is not made in parts [1].
 LEAST_PART = 0.01
-# Motion that stands begins with time stretched by powers of this where no change of full speed keeps the
-# limits: at a rate lower by g, with a slope lower by g² and a curvature lower by g³, velocity, acceleration
-# and jerk of whatever the rows do fall with g, g² and g³. So many powers: slower ones take long to try.
-SLOWER, SLOWEST = 0.82, 18
-# What is looked at in one cycle before the search goes on in the next one, counted in setpoints of one axis:
-# a change is tried as a whole, so one more may be begun below this. Each try costs as much as some cycles.
-BUDGET, TRY_COST = 5_000, 100
+# Where no change at full speed keeps the limits, motion at rest begins with time stretched by a power of
+# this: with the rate scaled by g, its slope by g² and its curvature by g³, velocity, acceleration and jerk of
+# any rows are scaled by g, g² and g³.
+SLOWER = 0.82
+# Largest such power: slower changes take long to try.
+SLOWEST = 18
+# Work of one cycle, in setpoints of one axis, after which the search goes on in the next cycle; the try that
+# exceeds it is completed.
+BUDGET = 5_000
+# Cost of one try besides its setpoints, in the same unit.
+TRY_COST = 100
 # Largest slope of the rate, where axes hardly move [1/cycle].
 MAX_SLOPE = 0.5
 
 
 class Manner(NamedTuple):
-    """How a change is searched for.
+    """Mode of a search.
 
     Attributes:
-        urgent: without regard to jerk and torques. by_any: the one that passes limits least is wanted too.
-            slowly: with time stretched, from rest or before an edge. in_parts: it may go a part of the way.
-        from_try: of `TRIES`, the first one.
+        urgent: ignore jerk and torques. by_any: also return the change that exceeds the limits least.
+        slowly: stretch time, from rest or before an edge. in_parts: the change may go a part of the way.
+        from_try: number of the first try.
     """
 
     urgent: bool
@@ -93,12 +97,12 @@ class Manner(NamedTuple):
 
 
 class SearchMemory(NamedTuple):
-    """Memory of a search.
+    """Preallocated memory of a search.
 
     Attributes:
         places, at: shape (2 n + 2,) for n rows of the ring. axes: shape (`MEMORY`, K), its last row 0.
-        phases, spare: shape (`MOST_PHASES`, 4), written: the change that was found, and the one that passes
-            limits least.
+        phases, spare: shape (`MOST_PHASES`, 4), written: the change that was found, and the one that exceeds
+            the limits least.
     """
 
     places: Array
@@ -120,8 +124,7 @@ class SearchMemory(NamedTuple):
 def _straight_limits(
     rows: RingRows, places: Places, limits: Array, memory: Array, state: RateState, change: float
 ) -> tuple[float, float]:
-    """Return the largest slope and curvature of the rate over the rows that a change passes, were they
-    straight.
+    """Return the largest slope and curvature of the rate on the rows of a change, as if these were straight.
 
     Args:
         change: of the rate [1].
@@ -175,7 +178,7 @@ def _stop_before_edge(number: int, phases: Array, state: RateState, slope: float
     which, share = number // len(SHARES), SHARES[number % len(SHARES)]
     goal = state.target * NEAR_GOALS[which]
     if state.target < state.rate and which > 0:
-        # rows that leave nothing to a slower rate now may leave it later
+        # rows that leave no room for a lower rate now may leave it later
         goal = max(state.rate * NEAR_GOALS[which - 1], state.target)
     room, slope, curvature = state.edge - state.u, slope * share, curvature * share
     count = stop_at_edge(phases, room, state.rate, state.slope, goal, slope, curvature)
@@ -187,7 +190,7 @@ def _part_of_change(number: int, phases: Array, state: RateState, slope: float, 
     """Write a change that goes a part of the way to the ordered rate; no phases: there is none.
 
     Args:
-        number: of `TRIES`: the whole change first, the faster the earlier, then ever smaller parts of it.
+        number: of the try: first the whole change, the fastest first, then smaller and smaller parts of it.
     """
     if number < len(SHARES):
         share = SHARES[number]
@@ -200,7 +203,7 @@ def _part_of_change(number: int, phases: Array, state: RateState, slope: float, 
     goal = rate + part * (target - rate)
     slope, curvature = slope * share, curvature * share
     if target == 1.0 and rate < 1.0 and goal > NEXT_RATE:
-        # nearer to 1 u would not meet the rows in a moment any more
+        # from a rate nearer to 1, u would take long to meet the rows
         goal = NEXT_RATE if rate < NEXT_RATE else 1.0
         if goal == 1.0:
             return _whole_change(phases, state, slope, curvature)
@@ -211,10 +214,10 @@ def _part_of_change(number: int, phases: Array, state: RateState, slope: float, 
 def _slow_change(
     number: int, near: bool, phases: Array, state: RateState, slope: float, curvature: float
 ) -> Change:
-    """Write a change from rest, or before an edge, whose time is stretched; no phases: there is none.
+    """Write a change from rest, or before an edge, with stretched time; no phases: there is none.
 
     Args:
-        number: of `TRIES`, the quickest first. near: the motion has to stop before the edge.
+        number: of the try, the fastest first. near: the motion has to stop before the edge.
     """
     if number >= SLOWEST:
         return Change(phases, -1, 0.0)
@@ -231,14 +234,14 @@ def _slow_change(
 def search_rate(
     rows: RingRows, window: Window, limits: Array, state: RateState, manner: Manner, memory: SearchMemory
 ) -> tuple[int, float, int, float, int]:
-    """Find the fastest change of the rate that keeps all limits, as far as this cycle's budget goes.
+    """Search for the fastest change of the rate that keeps all limits, within this cycle's budget.
 
     Args:
         limits: of the axes, shape (`LIMITS`, K).
 
     Returns:
-        Phases of the change (below 0: none found) and its steady rate at the end, the same of the spare one,
-        and the number of tries, one that was left out included.
+        Number of phases of the change (below 0: none found) and its final rate; the same of the spare one;
+        and the number of tries, a skipped one included.
     """
     axes = memory.axes
     places = find_window(rows, window, limits, state.seconds, memory.places, memory.at)
@@ -247,7 +250,7 @@ def search_rate(
     near = room < state.far
     keeps = near and state.slope == 0.0 and 0.0 < rate <= target
     if keeps and rests_at_edge(rows, places, state.edge, state.seconds, axes):
-        # at this rate to an edge on which the rows come to rest by themselves
+        # the rows come to rest on the edge by themselves: keep the present rate until there
         kept = Change(memory.phases, add_phase(memory.phases, 0, room / rate, rate, 0.0, 0.0), 0.0)
         over, _ = excess(rows, window, places, limits, state, kept, 1.0, axes)
         if over <= 1.0:
@@ -285,7 +288,7 @@ def search_rate(
 
 
 def warm_up_playback() -> None:
-    """Compile what the executor calls, or read it from the cache, before the first cycle."""
+    """Compile the executor's kernels, or read them from the cache, before the first cycle."""
     width, size = 1, 4
     numbers, some = np.zeros((size, width)), np.ones(width, np.bool_)
     rows = RingRows(np.arange(size), numbers, numbers, np.zeros((size, NUMBERS, 1)))

@@ -1,8 +1,8 @@
-"""A change of the playback rate tried on the very setpoints that it would give.
+"""Try a change of the playback rate on the setpoints that it would give.
 
-Their first, second and third differences are held against the limits of the axes, and the torques that they
-ask for against those of the joints. A try ends at the first setpoint that passes a limit. Time in cycles, u
-in rows.
+Their first, second and third differences are compared with the limits of the axes, and their torques with
+those of the joints. A try ends at the first setpoint that exceeds a limit by too much. Time in cycles, u in
+rows.
 """
 
 from __future__ import annotations
@@ -39,20 +39,19 @@ from mcserver.motion.kernels.rate_window import (
 from mcserver.motion.kernels.row_interpolation import positions_between
 from mcserver.motion.kernels.row_torques import torque_share
 
-# Each cycle of a change costs as much as some setpoints of an axis.
+# Cost of a cycle of a change besides its setpoints, in setpoints of one axis.
 CYCLE_COST = 6
 # Cycles of steady rate at a plan's end, in which the third difference settles.
 SETTLING = 3
-# A steady rate keeps the limits wherever rows do: of a long one only this many cycles at either end are
-# looked at.
+# A steady rate keeps the limits wherever rows do: only this many cycles at each end of it are tried.
 STEADY_ENDS = 6
-# Rows that setpoints about a row span, before it and after it.
+# Rows before and after a setpoint whose own differences are allowed there.
 SPAN_BEFORE, SPAN_AFTER = 6, 1
 
 
 @compiled
 def _own_difference(position: Array, start: Array, places: Places, row: int, k: int, order: int) -> float:
-    """Return the absolute difference of the rows of one axis that ends at a row, 0 where one is lacking."""
+    """Return the absolute difference of one axis over the rows up to one; 0 where rows are missing."""
     if row < order:
         return 0.0
     at = places.at
@@ -71,11 +70,12 @@ def _own_difference(position: Array, start: Array, places: Places, row: int, k: 
 def _worst_share(
     rows: RingRows, start: Array, places: Places, row: int, differences: Array, limits: Array
 ) -> float:
-    """Return the greatest difference of a setpoint in shares of what it may be, at least 1: what rows about
-    it do themselves is allowed.
+    """Return the greatest ratio of a setpoint's differences to their limits, at least 1.
+
+    A limit is raised to the difference that rows near the setpoint have themselves.
 
     Args:
-        row: of the places, that the setpoint is at. differences: first to third, shape (3, K).
+        row: index of the setpoint in ``places``. differences: first to third, shape (3, K).
             limits: of them, shape (3, K).
     """
     worst = 1.0
@@ -105,12 +105,12 @@ def excess(
     """Try a change of the rate on its setpoints.
 
     Args:
-        limits: of the axes, shape (`LIMITS`, K). give_up: excess from which on the try may end.
+        limits: of the axes, shape (`LIMITS`, K). give_up: ratio above which the try ends.
         memory: shape (`MEMORY`, K), with the limits of this search (`set_limits`).
 
     Returns:
-        By what the setpoints pass the limits at the worst, 1 within them; infinite: never to be driven. And
-        the number of setpoints looked at.
+        The greatest ratio to a limit, 1 within all limits; infinite: not allowed in any case. And the cost of
+        the try, in setpoints of one axis.
     """
     position, velocity, torque = rows.position, rows.velocity, rows.torque
     phases, parts, target = change.phases, change.length, change.target
@@ -122,7 +122,7 @@ def excess(
     if end > edge + 1e-6:
         return math.inf, 0
     if target > 0.0 and edge - end < state.far:
-        # nothing is looked for while a change is followed: behind it there has to be room for a stop
+        # no stop is searched for during a change: after it there has to be room for one
         return math.inf, 0
     if end > places.u[count - 1] + 1e-6 and not places.ends:
         return math.inf, 0
@@ -136,7 +136,7 @@ def excess(
     worst, looked, blind = 1.0, 0, 0
     part, begun, before, row = 0, 0.0, 0.0, 0
     joints = torque.shape[2]
-    # u of the cycle before and of the one before that, and the place of the former
+    # u of the last cycle and of the one before it, and the row of the last cycle
     last_u, earlier_u, last_row = u, u - state.passed, 0
     while joints > 0 and last_row < count and places.u[last_row] <= u:
         last_row += 1
@@ -151,7 +151,7 @@ def excess(
             steady = phases[part, SLOPE] == 0.0 and phases[part, CURVATURE] == 0.0
             until = math.floor(begun + phases[part, DURATION]) - STEADY_ENDS
             if steady and t > STEADY_ENDS and until > cycle + STEADY_ENDS:
-                # the differences are found anew in three cycles
+                # the three cycles after the skipped ones only rebuild the differences
                 cycle, blind = until, 3
                 t = cycle - begun
             moved = before + phase_advance(phases[part], t)
@@ -165,7 +165,7 @@ def excess(
             row += 1
         while row > 0 and places.u[row - 1] > here:
             row -= 1
-        # the interval is that before the first row behind, the last one beyond them all
+        # the interval before the first row after u; beyond the rows, the last interval
         low = min(max(row - 1, 0), max(count - 2, 0))
         high = min(low + 1, count - 1)
         span = places.u[high] - places.u[low] if high > low else 1.0

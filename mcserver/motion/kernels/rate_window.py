@@ -1,6 +1,6 @@
-"""The rows about u that a change of the playback rate is tried on, and the limits of axes that move there.
+"""The rows around u on which a change of the playback rate is tried, and the limits of the axes there.
 
-Nothing is copied: rows are read where they stand in the ring. Time in cycles, u in rows.
+Rows are read in place in the ring. Time in cycles, u in rows.
 """
 
 from __future__ import annotations
@@ -15,21 +15,21 @@ from mcserver.motion.geometry.curves import Array
 from mcserver.motion.kernels.compiled import compiled
 from mcserver.motion.kernels.rate_changes import NEAR_U
 
-# What an axis may move in a cycle on an edge on which its rows are at rest [m, rad].
+# Rows are at rest at an edge if no axis moves by more than this in a cycle there [m, rad].
 AT_REST = 1e-12
-# Rows of the limits of each axis: the greatest differences of its setpoints, the same for what a change of
-# rate is made with, and the two bounds of interpolation.
+# Limits of each axis: greatest differences of its setpoints; acceleration and jerk for planning a change of
+# rate; and the two bounds of interpolation.
 VELOCITY, ACCELERATION, JERK, RAW_ACCELERATION, RAW_JERK, BOUNDS = range(6)
 LIMITS = BOUNDS + 2
-# Rows of the memory for each axis: limits of this search, speed, the last setpoint and its differences, the
-# place now, and zeros.
+# Memory for each axis: limits of this search, speed, the last setpoint and its differences, the present
+# position, and zeros.
 LIMIT, SPEED, SETPOINT, FIRST, SECOND, PLACE, STILL = 0, 3, 4, 5, 6, 7, 8
 MEMORY = 9
 
 
 class RingRows(NamedTuple):
     """Rows of a ring of n: u, shape (n,), position and velocity, (n, K), and torque, (n, 3, J), of the J
-    joints whose torques are looked at (`row_torques`).
+    joints with limited torque (`row_torques`).
     """
 
     u: NDArray[np.int64]
@@ -39,14 +39,14 @@ class RingRows(NamedTuple):
 
 
 class Window(NamedTuple):
-    """The rows that setpoints to come are looked at on, and the setpoints before.
+    """The rows for the setpoints to come, and the last setpoints.
 
     Attributes:
-        first, behind: number of the first row, and of the row after the last. from_rest: the motion goes from
-            rest to the first row, from where it began. ends: the last row is the motion's own end.
+        first, behind: number of the first row, and of the row after the last. from_rest: the first row is the
+            first of the motion, which goes there from rest. ends: the motion rests at the last row.
         begun: u where the motion began. start: positions there, shape (K,).
-        driven: axes that rows drive here, shape (K,). displaced: those that are not where their motion began,
-            shape (K,).
+        driven: axes that rows drive, shape (K,). displaced: axes that have left the position where their
+            motion began, shape (K,).
         recent: setpoints of the last three cycles, the newest last, shape (3, K).
     """
 
@@ -62,12 +62,12 @@ class Window(NamedTuple):
 
 
 class RateState(NamedTuple):
-    """The rate at the beginning of a cycle, and what it is to become.
+    """The rate at the beginning of a cycle, and the order for it.
 
     Attributes:
-        u: on the program's time axis. rate, slope: now [1, 1/cycle]. target: rate that is ordered, 0 to 1.
+        u: on the program's time axis. rate, slope: now [1, 1/cycle]. target: ordered rate, 0 to 1.
         edge: u before which the motion has to be able to stop; infinite: none.
-        far: rows before the edge from which on a stop is thought of. seconds: length of a cycle [s].
+        far: rows before the edge within which a stop is planned. seconds: length of a cycle [s].
         passed: rows in the last cycle.
     """
 
@@ -85,7 +85,8 @@ class Places(NamedTuple):
     """Rows and rests of a window in order of u, as `find_window` writes them.
 
     Attributes:
-        u, at: shape (2 n + 2,), the first ``length`` count. ends: motion is at rest behind the last.
+        u, at: shape (2 n + 2,), of which the first ``length`` are valid. ends: whether motion is at rest
+            after the last.
     """
 
     u: Array
@@ -95,8 +96,8 @@ class Places(NamedTuple):
 
 
 class Change(NamedTuple):
-    """A change of the rate: its phases, the first ``length`` rows of an array (`rate_changes`), and the rate
-    behind them.
+    """A change of the rate: phases (`rate_changes`), of which the first ``length`` are valid, and the final
+    rate.
     """
 
     phases: Array
@@ -108,11 +109,11 @@ class Change(NamedTuple):
 def find_window(
     rows: RingRows, window: Window, limits: Array, seconds: float, u: Array, at: NDArray[np.int64]
 ) -> Places:
-    """Write u and the place in the ring of the rows of a window, and where the axes rest between them.
+    """Write u and ring index of the rows of a window, and of the rests between them.
 
-    From where a motion stands at its beginning, or after a gap, to the next row it goes from rest: such a
-    place is noted as -1 - (the row it rests at), that of the beginning as -1 - n. Rows behind which an axis
-    moves by itself before the next one, as by a rapid, are the last: u waits there for it.
+    The beginning of a motion and a gap between rows are rests, from which motion goes to the next row. A rest
+    has the index -1 - (index of the row it rests at), the beginning -1 - n. The window ends before a row that
+    an axis reaches by itself, as by a rapid: u waits there for it.
 
     Args:
         seconds: length of a cycle [s]. u, at: memory for the places.
@@ -144,7 +145,7 @@ def find_window(
 def _moves_by_itself(
     rows: RingRows, before: int, after: int, driven: NDArray[np.bool_], limits: Array, seconds: float
 ) -> bool:
-    """Return whether rows rest, and an axis is farther away in the next one than a motion from rest gets."""
+    """Return whether rows rest, and the next row is farther away than a motion from rest would get."""
     position, velocity = rows.position, rows.velocity
     for k in range(position.shape[1]):
         if velocity[before, k] != 0.0:
@@ -158,7 +159,7 @@ def _moves_by_itself(
 
 @compiled
 def row_position(position: Array, start: Array, at: int) -> Array:
-    """Return the positions at a place of the window."""
+    """Return the positions at an index of `Places.at`."""
     row = start
     if at >= 0:
         row = position[at]
@@ -169,7 +170,7 @@ def row_position(position: Array, start: Array, at: int) -> Array:
 
 @compiled
 def row_velocity(velocity: Array, still: Array, at: int) -> Array:
-    """Return the velocities at a place of the window."""
+    """Return the velocities at an index of `Places.at`; zero at a rest."""
     row = still
     if at >= 0:
         row = velocity[at]
@@ -178,8 +179,9 @@ def row_velocity(velocity: Array, still: Array, at: int) -> Array:
 
 @compiled
 def set_limits(rows: RingRows, window: Window, limits: Array, urgent: bool, memory: Array) -> None:
-    """Write what the setpoints' differences may be: infinite for axes that do not move in the window, and
-    for the jerk where the stop is urgent.
+    """Write the limits of the setpoints' differences.
+
+    Infinite for axes that do not move in the window, and for jerk where the stop is urgent.
     """
     velocity, driven, displaced = rows.velocity, window.driven, window.displaced
     width, size = velocity.shape[1], len(velocity)

@@ -13,9 +13,9 @@ from mcserver.motion.kernels.groups import Segments, line_row
 from mcserver.motion.kernels.parts import straight_limits
 from mcserver.motion.kernels.ramp_kernels import ramp_distance, ramp_time, reachable_speed
 
-# Two lines that take this share of their times from rest to rest are tried with a stop between them.
+# A stop between two lines is tried if a plan takes more than this share of their times from rest to rest.
 WORTH = 0.9
-# The same of two lines with a T.
+# The same for two lines with a T.
 LATE = 1.0 + 1e-6
 
 
@@ -31,8 +31,9 @@ def rest_time(length: float, acceleration: float, jerk: float, top: float) -> fl
 
 @compiled
 def _rest_to_rest_times(segments: Segments, limits: Array) -> Array:
-    """Return the least times from rest to rest of straight segments, or T where that is longer, infinite
-    for others, shape (n,) [s].
+    """Return the times of straight segments from rest to rest, shape (n,) [s].
+
+    The least time, or T if that is longer; infinite for other segments.
     """
     columns = segments.columns
     times = np.full(len(columns.length), math.inf)
@@ -58,7 +59,7 @@ def slow_vertices(segments: Segments, times: Array, limits: Array) -> NDArray[np
     durations = segments.columns.duration
     for i in range(1, len(rest)):
         if segments.columns.vertex_before[i] != 0:
-            # lines that keep their T are not quicker with a stop
+            # lines that keep their T gain nothing by a stop
             timed = not (math.isnan(durations[i - 1]) or math.isnan(durations[i]))
             share = LATE if timed else WORTH
             slow[i] = times[i + 1] - times[i - 1] > share * (rest[i - 1] + rest[i])

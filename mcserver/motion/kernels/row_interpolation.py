@@ -1,14 +1,14 @@
 """Interpolation between two setpoint rows, with no more acceleration than the motion that the rows sample.
 
 Axes follow the cubic through positions and velocities, which is exact where jerk is constant. An axis without
-a jerk limit may have a step of acceleration between rows, and about one of 2a the cubic accelerates by 1.5a:
-where it would pass the limit, the axis follows the motion of least acceleration, ±M with one switch.
+a jerk limit may have a step of acceleration between rows; at a step of 2a the cubic accelerates by 1.5a.
+Where it would exceed the limit, the axis follows the motion of least acceleration, ±M with one switch.
 
-About a sudden change near one of the rows the cubic swings: it turns back, and goes beyond the speeds at both
-of them. That is where an exact path has a vertex, at which velocity steps (D-36), where a motion begins or
+At a sudden change near one of the rows the cubic overshoots: it turns back, and exceeds the speeds at both
+rows. That happens where an exact path has a vertex, at which velocity steps (D-36), where a motion begins or
 ends between the rows, and where an axis without a jerk limit begins or ends to accelerate. There velocity
-goes one way only, from one value to the other within a part of the time. So differences at the cycle rate
-are at most those of the step itself, wherever the cycles fall, and nothing swings past a rest or a greatest
+changes monotonically, from one value to the other within a part of the time. So differences at the cycle rate
+are at most those of the step itself, wherever the cycles fall, and nothing overshoots a rest or a greatest
 speed.
 """
 
@@ -22,20 +22,21 @@ from numpy.typing import NDArray
 from mcserver.motion.geometry.curves import Array
 from mcserver.motion.kernels.compiled import compiled
 
-# Rows of the bounds of interpolation: the acceleration that the cubic may not pass, infinite for axes with a
-# jerk limit, and the jerk that it does not pass but at a vertex, infinite for axes without. One that lets
-# acceleration go from one limit to the other within a cycle counts as infinite.
+# Bounds of interpolation: the acceleration that the cubic may not exceed, infinite for axes with a jerk
+# limit, and the jerk that it exceeds only at a vertex, infinite for axes without a jerk limit. A jerk limit
+# that lets acceleration go from one limit to the other within a cycle counts as infinite.
 STEEP, SHARP = 0, 1
-# Jerk of the cubic between two rows, in shares of the limit, from which on a vertex is between them. A motion
-# that keeps the limit stays below 1.05. A step of velocity that asks for s times the jerk limit makes the
-# cubic turn back at a jerk of more than 2 s, and swing by 18 %: at the most 0.75 * 1.18 of the limit pass.
+# Jerk of the cubic between two rows, in shares of the limit, above which there is a vertex between them. A
+# motion that keeps the limit stays below 1.05. At a step of velocity that takes s times the jerk limit the
+# cubic turns back with a jerk of more than 2 s, and overshoots by 18 %: so at most 0.75 * 1.18 of the limit
+# pass undetected.
 VERTEX_JERK = 1.5
 # The same for the motion of least acceleration of an axis without a jerk limit.
 VERTEX_ACCELERATION = 1.01
-# What rounding may add to one acceleration between two rows.
+# Tolerance for rounding of a constant acceleration between two rows.
 ONE_ACCELERATION = 1.001
-# Powers of the time left by which what is left of a change of velocity and of displacement falls: jerk is
-# constant, or acceleration is.
+# Powers of the remaining time by which the rest of a change of displacement falls, with constant jerk and
+# with constant acceleration.
 _CONSTANT_JERK, _CONSTANT_ACCELERATION = 3, 2
 
 
@@ -58,7 +59,7 @@ def _is_steep(displacement: float, v0: float, v1: float, bound: float) -> bool:
 def _special(
     displacement: float, v0: float, v1: float, share: float, bound: float, sharp: float
 ) -> tuple[float, float]:
-    """Return displacement and velocity, per interval, where the cubic may not be right."""
+    """Return displacement and velocity, per interval, where the cubic may not be used."""
     steep = _is_steep(displacement, v0, v1, bound)
     if _goes_one_way(displacement, v0, v1, bound, sharp, steep):
         power = _CONSTANT_JERK if math.isinf(bound) else _CONSTANT_ACCELERATION
@@ -70,7 +71,7 @@ def _special(
 
 @compiled
 def _goes_one_way(displacement: float, v0: float, v1: float, bound: float, sharp: float, steep: bool) -> bool:
-    """Return whether something happens so near to one of the rows that the cubic would swing.
+    """Return whether a step is so near to one of the rows that the cubic would overshoot.
 
     With the change of speed w and e = d - (v0 + v1)/2 a step of w is at 1/2 - e/w of the interval, the cubic
     accelerates by w ± 6e, and the motion of least acceleration by 2|e| + √(4e² + w²).
@@ -87,7 +88,7 @@ def _goes_one_way(displacement: float, v0: float, v1: float, bound: float, sharp
         return True
     if math.isinf(bound) or 2.0 * excess >= change:
         return False
-    # one acceleration, that begins or ends between the rows
+    # a constant acceleration that begins or ends between the rows
     return change * change / (change - 2.0 * excess) <= ONE_ACCELERATION * bound
 
 
@@ -121,10 +122,10 @@ def _least_acceleration(displacement: float, v0: float, v1: float, share: float)
 
 @compiled
 def _one_way(displacement: float, v0: float, v1: float, share: float, power: int) -> tuple[float, float]:
-    """Return displacement and velocity of a motion whose speed changes one way only, per interval.
+    """Return displacement and velocity of a motion whose speed changes monotonically, per interval.
 
-    It changes next to the row that the step is nearer to, within ``power`` times its distance from that.
-    What no step between the rows explains is displaced by a cubic.
+    It changes next to the row that is nearer to the step, within ``power`` times the step's distance from it.
+    Displacement that no step between the rows explains is added by a cubic.
     """
     change = v1 - v0
     excess = displacement - 0.5 * (v0 + v1)
@@ -133,7 +134,7 @@ def _one_way(displacement: float, v0: float, v1: float, share: float, power: int
     moved, speed = rest * share * share * (3.0 - 2.0 * share), 6.0 * rest * share * (1.0 - share)
     if place < 0.5:
         left = max(0.0, 1.0 - share / (power * place + 1e-300))
-        # with a step at its place the interval is v0 place + v1 (1 - place) long
+        # with a step at ``place`` the displacement is v0 place + v1 (1 - place)
         moved += share * v1 - place * change * (1.0 - left**power)
         return moved, speed + v1 - change * left ** (power - 1)
     left = max(0.0, 1.0 - (1.0 - share) / (power * (1.0 - place) + 1e-300))
@@ -157,8 +158,7 @@ def positions_between(
     Args:
         start, end: positions, shape (K,) [m or rad]. start_velocity, end_velocity: there [per s].
         share: between 0 and 1. seconds: between the rows [s].
-        bounds: accelerations and jerks that the cubic may not pass, see `STEEP`, shape (2, K) [per s², per
-            s³].
+        bounds: see `STEEP` and `SHARP`, shape (2, K) [per s², per s³].
         position: written, shape (K,).
     """
     left = 1.0 - share
@@ -166,7 +166,7 @@ def positions_between(
     last = -share * share * left * seconds
     square, cube = seconds * seconds * (1.0 + 1e-9), seconds**3 / 12.0
     special = 0
-    # two plain loops over all columns, which are vectorized; rows with more to them are rare
+    # two simple loops over all columns, which are vectorized; columns that need more are rare
     for k in range(len(position)):
         displacement = end[k] - start[k]
         v0, v1 = start_velocity[k], end_velocity[k]
@@ -203,9 +203,8 @@ def interpolate_rows(
     """Write setpoints and velocities of the driven columns between two rows of a ring.
 
     Args:
-        rows, velocities: of the ring, shape (n, K) [m or rad, per s]. first, second: places in it.
-        share, seconds: as of `positions_between`. rate: that velocities are scaled by [1].
-        bounds: as of `positions_between`.
+        rows, velocities: of the ring, shape (n, K) [m or rad, per s]. first, second: indices of the two rows.
+        share, seconds, bounds: as in `positions_between`. rate: multiplies velocities [1].
         driven: shape (K,). position, velocity: written where driven, shape (K,).
     """
     for k in range(len(position)):

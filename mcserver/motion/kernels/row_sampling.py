@@ -21,11 +21,11 @@ class RowPlaces(NamedTuple):
 
 
 class SampledSegments(NamedTuple):
-    """What setpoints of m segments in K columns are made from.
+    """The data of m straight segments and arcs in K columns that setpoints are sampled from.
 
     Attributes:
-        spans: σ at start and end, scale, and the shares between which it is passed, shape (m, 5).
-        starts, travels, ends: positions, and dp/ds of what goes straight, shape (m, K).
+        spans: σ at start and end, scale, and begin and finish of s, shape (m, 5).
+        starts, ends: positions. travels: dp/ds of columns that move linearly, shape (m, K).
         arcs: rows of `mcserver.motion.kernels.arc_segments`, shape (m, `ARC`).
     """
 
@@ -38,8 +38,9 @@ class SampledSegments(NamedTuple):
 
 @compiled
 def sample_rows(places: RowPlaces, segments: SampledSegments, position: Array, velocity: Array) -> None:
-    """Write position and velocity (n, K) of rows on straight segments and arcs; leave those whose segment is
-    below 0 alone.
+    """Write position and velocity (n, K) of rows on straight segments and arcs.
+
+    Rows with a segment below 0 are left alone.
     """
     spans, starts, travels, ends, arcs = segments
     for row in range(len(places.segment)):
@@ -52,7 +53,7 @@ def sample_rows(places: RowPlaces, segments: SampledSegments, position: Array, v
             s = min(max(span[3] + (sigma - span[0]) / span[2], span[3]), span[4])
         rate = places.speed[row] / span[2]
         for k in range(starts.shape[1]):
-            # the programmed ends are exact, whatever start + (end - start), cos and sin are rounded to
+            # the programmed ends are exact, despite the rounding of start + (end - start), cos and sin
             position[row, k] = ends[which, k] if s >= 1.0 else starts[which, k] + s * travels[which, k]
             velocity[row, k] = travels[which, k] * rate
         sweep, growth = arc[5], arc[7]
@@ -100,7 +101,7 @@ def locate_samples(
         speed[row] = max(v + x * (a + x * j / 2.0), 0.0)
         while by_place < last and bounds[by_place + 1] <= sigma[row]:
             by_place += 1
-        # a junction at which the motion stops is reached for good only after the stop: the times say when
+        # near a stop σ is rounded: whether a junction has been passed is decided by time
         while by_time < last and times[by_time + 1] <= time[row]:
             by_time += 1
         index[row] = last if done else min(by_place, by_time)

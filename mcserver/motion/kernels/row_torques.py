@@ -1,5 +1,6 @@
-"""Torques of the joints at a place between rows, at a rate that changes, in shares of what is allowed there
-(`mcserver.motion.geometry.row_torques`).
+"""Torques of the joints between rows at a changing rate, relative to their limits there.
+
+See `mcserver.motion.geometry.row_torques`.
 """
 
 from __future__ import annotations
@@ -11,10 +12,10 @@ from mcserver.motion.geometry.curves import Array
 from mcserver.motion.geometry.row_torques import CHANGE, HOLDING, LEAST_ROOM, MOTION
 from mcserver.motion.kernels.compiled import compiled
 
-# What torques may pass their limits by while the rate changes, within the 102 % that they are judged at; what
-# rows do themselves is allowed in any case.
+# Share of their limits that torques may take while the rate changes, within the 102 % that they are tested
+# for; the torques of the rows themselves are allowed in any case.
 TORQUE_SLACK = 1.01
-# Rows about a place whose own torques are allowed there.
+# Rows around u whose own torques are allowed there.
 NEAR_ROWS = 3
 
 
@@ -29,11 +30,11 @@ def torque_share(
     rate: float,
     change: float,
 ) -> float:
-    """Return the greatest share of what a joint's torque may be, at u between the places row - 1 and row.
+    """Return the greatest ratio of a joint's torque to its limit at u, between places row - 1 and row.
 
     Args:
         torque: of the ring's rows, shape (n, 3, J). places, at: of the window, as `find_window` writes them.
-            rate, change: at u [1, 1/cycle].
+        rate, change: at u [1, 1/cycle].
     """
     low = min(max(row - 1, 0), max(count - 2, 0))
     high = min(low + 1, count - 1)
@@ -64,7 +65,7 @@ def torque_share(
 
 @compiled
 def change_limit(torque: Array, at: int) -> float:
-    """Return the greatest change of the rate that torques leave to a row that hardly moves [1/cycle]."""
+    """Return the greatest change of the rate that torques allow at a row that hardly moves [1/cycle]."""
     least = np.inf
     for j in range(torque.shape[2]):
         room = max(1.0 - abs(torque[at, HOLDING, j]), LEAST_ROOM)

@@ -1,8 +1,8 @@
-"""Acceleration and jerk that the axes leave free along the path, over the samples of a run.
+"""Acceleration and jerk that the axes leave along the path, over the samples of a run.
 
-A sample is one row of 5 K + 2 numbers for K columns: |q'|, |q''|, |q'''|, a vertex's |Δq'|, |Δq''| where the
-bend steps, then the spacing of vertices ℓ and a speed that is not passed there (see
-`mcserver.motion.limits.path_limits`). Limits are an array (3, K): velocity, acceleration and jerk.
+A sample is one row of 5 K + 2 numbers for K columns: |q'|, |q''|, |q'''|, |Δq'| and |Δq''| of a vertex, then
+the spacing of vertices ℓ and the greatest speed at the vertex (see `mcserver.motion.limits.path_limits`).
+Limits are an array (3, K): velocity, acceleration and jerk.
 """
 
 from __future__ import annotations
@@ -16,35 +16,36 @@ from numpy.typing import NDArray
 from mcserver.motion.geometry.curves import Array
 from mcserver.motion.kernels.compiled import compiled
 
-# Share of the acceleration that curvature may take at top speed; the rest is left for the way there.
+# Share of the acceleration that curvature may take at top speed; the rest is for reaching that speed.
 CURVATURE_SHARE = 0.97
 # Share of the jerk that curvature alone may take.
 JERK_SHARE = 0.9
-# Speeds of the rows, as shares of the lowest top speed of a stretch; the last one where others are higher.
+# Speeds of a limit table's rows, as shares of a stretch's lowest top speed; the last one where others are
+# higher.
 TABLE_SPEEDS = (0.45, 0.65, 0.8, 0.9, 0.96, 1.0)
-# Rows below the lowest speed of a vertex, where that is lower, and the places of the grid between them.
+# Rows below the lowest speed of a vertex, where that is lower, and the grid steps between them.
 VERTEX_ROWS, VERTEX_STEP = 4, 4
-# Ends of a stretch at this share of that speed need none of them.
+# These rows are left out if the speed at the ends is at least this share of the vertex's.
 VERTEX_SPEED = 0.9
-# Rows stand on a grid of speeds, the whole powers of this, from the highest one of a run down; below the last
-# of them a limit table has no rows.
+# Rows are on a grid of speeds, the whole powers of this, from the highest one of a run down.
 GRID = 0.95
+# Number of grid speeds; a limit table has no rows below the last of them.
 GRID_SIZE = 128
-# Top speeds leave at least this share of the acceleration and jerk that are free at rest.
+# Top speeds leave at least this share of the acceleration and jerk available at rest.
 LEAST_FREE = 0.01
 
-# What of a sample's demand depends on speed: nothing, a vertex's step, all.
+# Which terms of a sample's demand depend on speed: none, the step of a vertex, all.
 CONSTANT, VERTEX, BENT = range(3)
 
-# Cycles below which a segment's own top speed is that of its joints.
+# A segment of fewer cycles has the top speed of its junctions.
 SHORT = 5.0
 
-# What a speed may pass its cap by, for rounding.
+# Tolerance for rounding of a speed and its limit.
 SLACK = 1.0 + 1e-9
 
-# The most that `ripple` adds to 1.
+# Greatest value of 1 + `ripple`.
 MOST_RIPPLE = 1.125
-# Lowerings by 2 % of a top speed that leaves too little, in all: to a billionth of it.
+# Most reductions by 2 % of a top speed that leaves too little: to a billionth of it.
 MOST_LOWERINGS = 1000
 
 TINY = 1e-300
@@ -52,21 +53,20 @@ _HUGE = 1e100
 
 
 class Run(NamedTuple):
-    """Segments on end, in n groups that are planned as one each, and the limits along the path on them.
+    """The n groups of a run, and the limits along the path on them.
 
     Attributes:
         rows: samples of all groups, shape (m, 5 K + 2). offset: the groups' first samples, and one past the
             last, shape (n+1,).
-        segment_vmax: greatest speeds of the groups, shape (n,). limits, cycle: of the axes, shape (3, K),
-        and [s].
-        free_at_rest, free_at_vmax: acceleration and jerk free at rest, and at every speed, shape (n, 2).
-        sample_vmax: the greatest speed at each sample, shape (m,).
-        min_vmax: the least of them on each group, shape (n,). curved: whether bends count on it, shape (n,).
-        speed_terms, sample_free_at_rest: what of a sample depends on speed, and what it leaves free at rest,
-        (m,) and (m, 2).
-        columns: those that any sample asks something of. grid: falling speeds, powers of `GRID` from the
-            lowest one that is not below any top on, shape (g,). free_at_grid: what is free of a group at each
-            of them, shape (g, n, 2), and asked: where that is known, shape (g, n).
+        segment_vmax: greatest speeds of the groups, shape (n,). limits: of the axes, shape (3, K). cycle:
+        [s]. free_at_rest, free_at_vmax: acceleration and jerk available at rest, and at every speed, shape
+        (n, 2). sample_vmax: the greatest speed at each sample, shape (m,). min_vmax: the least of them on
+            each group, shape (n,). curved: whether a group has curvature, shape (n,).
+        speed_terms: `CONSTANT`, `VERTEX` or `BENT`, shape (m,). sample_free_at_rest: acceleration and jerk
+            available at rest, shape (m, 2).
+        columns: those that move on any sample. grid: speeds, powers of `GRID` from the lowest one that is not
+            below any top speed down, shape (g,). free_at_grid: acceleration and jerk of each group at these
+            speeds, shape (g, n, 2), computed where ``asked``, shape (g, n).
     """
 
     rows: Array
@@ -89,20 +89,20 @@ class Run(NamedTuple):
 
 @compiled
 def ripple(apart: float) -> float:
-    """Return by how much vertices ``apart`` ≤ 1 cycles from each other weigh more at the worst cycle than on
-    average.
+    """Return the relative excess of the worst cycle over the average, of vertices ``apart`` ≤ 1 cycles apart.
 
-    A second difference weighs them with a hat of two cycles. With f the fraction of 1/r, its sum over
-    points r apart is at most (1 + r² f (1 - f)) / r; below 2/3 the bound f (1 - f) ≤ 1/4 serves, which
-    has no jumps.
+    A second difference weights them with a hat of two cycles. With f the fraction of 1/r, its sum over
+    points r apart is at most (1 + r² f (1 - f)) / r; below 2/3 the bound f (1 - f) ≤ 1/4 is used, which is
+    continuous.
     """
     return apart * apart / 4.0 if apart < 2.0 / 3.0 else (1.0 - apart) * (2.0 * apart - 1.0)
 
 
 @compiled
 def _demand_per_step(rows: Array, i: int, width: int, cycle: float, v: float) -> float:
-    """Return the acceleration that a unit step of the tangent demands at speed ``v``, with the vertices
-    near it [1/s times speed].
+    """Return the acceleration of a unit step of the tangent at speed ``v``, with the vertices near it.
+
+    In 1/s times speed.
     """
     apart = min(rows[i, 5 * width] / max(v * cycle, TINY), 1.0)
     crowd: float = v * (1.0 + ripple(apart)) / apart / cycle
@@ -111,7 +111,7 @@ def _demand_per_step(rows: Array, i: int, width: int, cycle: float, v: float) ->
 
 @compiled
 def _columns_asked(rows: Array, width: int) -> NDArray[np.intp]:
-    """Return the columns that any of some samples asks something of; where none does, all."""
+    """Return the columns that move on any of the samples; all where none does."""
     asks = np.zeros(width, np.bool_)
     for i in range(len(rows)):
         for k in range(5 * width):
@@ -124,16 +124,16 @@ def _columns_asked(rows: Array, width: int) -> NDArray[np.intp]:
 def free_at(
     rows: Array, i: int, columns: NDArray[np.intp], limits: Array, cycle: float, v: float
 ) -> tuple[float, float]:
-    """Return the acceleration and jerk along σ that the axes leave free at speed ``v`` on sample ``i``.
+    """Return the acceleration and jerk along σ that the axes leave at speed ``v`` on sample ``i``.
 
     Args:
-        columns: those that count; of the others the sample asks nothing.
+        columns: to check; the others do not move on the sample.
     """
     width = limits.shape[1]
     per_step = _demand_per_step(rows, i, width, cycle, v)
     square, cube = v * v, v * v * v
-    # a step of the acceleration within a cycle looks like this jerk at the cycle rate (peak of the
-    # quadratic B-spline that a third difference is)
+    # a step of acceleration within a cycle is equivalent to this jerk at the cycle rate (the peak of the
+    # quadratic B-spline of a third difference)
     per_d2q_step = 0.75 / cycle * square
     acceleration = math.inf
     allowed = math.inf
@@ -144,7 +144,7 @@ def free_at(
         coupling = 3.0 * d2q * v
         if coupling > 0.0:
             left = limits[2, k] - rows[i, 2 * width + k] * cube - rows[i, 4 * width + k] * per_d2q_step
-            # half of what is left of the jerk is the most that acceleration across the bend may use
+            # acceleration on curvature may use at most half of the remaining jerk
             allowed = min(allowed, 0.5 * left / coupling)
     acceleration = min(acceleration, allowed)
     used = max(acceleration, 0.0)
@@ -159,7 +159,7 @@ def free_at(
 
 @compiled
 def _kind_of(rows: Array, i: int, width: int) -> int:
-    """Return which terms of a sample's demand depend on speed."""
+    """Return which terms of a sample's demand depend on speed: `CONSTANT`, `VERTEX` or `BENT`."""
     kind = CONSTANT
     for k in range(width):
         if rows[i, width + k] > 0.0 or rows[i, 2 * width + k] > 0.0 or rows[i, 4 * width + k] > 0.0:
@@ -171,7 +171,7 @@ def _kind_of(rows: Array, i: int, width: int) -> int:
 
 @compiled
 def _free_of_sample(run: Run, i: int, v: float) -> tuple[float, float]:
-    """Return what `free_at` does, with what is known of the sample."""
+    """Return `free_at` of a sample, from precomputed values where it does not depend on speed."""
     kind = run.speed_terms[i]
     if kind == BENT:
         return free_at(run.rows, i, run.columns, run.limits, run.cycle, v)
@@ -189,9 +189,7 @@ def _free_of_sample(run: Run, i: int, v: float) -> tuple[float, float]:
 
 @compiled
 def _free_of_group(run: Run, group: int, speed: float) -> tuple[float, float]:
-    """Return the acceleration and jerk free on a group at ``speed``, or at its samples' own greatest
-    speeds where those are lower.
-    """
+    """Return acceleration and jerk available on a group at ``speed``, or at lower speeds of its samples."""
     acceleration = jerk = math.inf
     for i in range(run.offset[group], run.offset[group + 1]):
         a, j = _free_of_sample(run, i, min(run.sample_vmax[i], speed))
@@ -203,8 +201,8 @@ def _free_of_group(run: Run, group: int, speed: float) -> tuple[float, float]:
 def _grid_down_from(top: float) -> Array:
     """Return the speeds of the grid, from the lowest one that is not below ``top`` down.
 
-    They are the same whatever else is in a run: what is left of a motion is planned anew with the rows that
-    it was planned with, so it keeps the stop, or the T, that it was entered for.
+    They do not depend on the run: the rest of a motion is planned again with the same rows of limit tables,
+    so the stop, or the T, that its entry speed was planned for still exists.
     """
     if not 0.0 < top < _HUGE:
         return np.full(GRID_SIZE, top)
@@ -220,7 +218,7 @@ def run_of(rows: Array, offset: NDArray[np.intp], segment_vmax: Array, limits: A
     """Return the limits at rest and at the top speed of each group of samples.
 
     Args:
-        segment_vmax: lowered where a speed would leave hardly any acceleration or jerk to get to it.
+        segment_vmax: lowered where a speed would leave hardly any acceleration or jerk to reach it.
     """
     n, m = len(segment_vmax), len(rows)
     run = Run(
@@ -269,7 +267,7 @@ def run_of(rows: Array, offset: NDArray[np.intp], segment_vmax: Array, limits: A
 
 @compiled
 def limit_short_segments(edges: Array, junction_vmax: Array, segment_vmax: Array, cycle: float) -> None:
-    """Lower the top speeds (n,) of segments of few cycles to the speeds of their junctions."""
+    """Lower the top speeds (n,) of segments of few cycles to those of their junctions."""
     for i in range(len(segment_vmax)):
         joint = max(junction_vmax[i], junction_vmax[i + 1])
         if edges[i + 1] - edges[i] < SHORT * cycle * joint:
@@ -313,18 +311,18 @@ def _put_row(run: Run, left: int, right: int, place: int, limit_table: Array, at
 
 @compiled
 def make_limit_table(run: Run, left: int, right: int, speed: float, limit_table: Array) -> int:
-    """Write the acceleration-limit table of groups ``left`` … ``right`` - 1: rows of speed up to the top,
-    with the acceleration and jerk free up to each; a single row where curvature hardly counts.
+    """Write the acceleration-limit table of groups ``left`` … ``right`` - 1.
 
-    Low speeds leave nearly all of the acceleration to the way along the path, the top speed little: the
-    limit table lets a start from rest use what is there. Its rows stand on the grid, so that what is free at
-    them is found once for each group.
+    Its rows are speeds up to the top speed, with the acceleration and jerk available up to each; a single row
+    where curvature hardly matters. Low speeds leave nearly all of the acceleration along the path, the top
+    speed little: so a start from rest can use more of it. Rows are on the grid, so that the limits at them
+    are computed once for each group.
 
     Args:
-        speed: the lower one at the ends: where that is nearly a vertex's own there is nothing to climb below.
+        speed: the lower one at the ends: if it is near a vertex's speed, rows below that are not needed.
 
     Returns:
-        How many rows there are in ``limit_table``, shape (`MAX_TABLE_ROWS`, 3).
+        The number of rows in ``limit_table``, shape (`MAX_TABLE_ROWS`, 3).
     """
     low = top = run.segment_vmax[left]
     min_vmax = run.min_vmax[left]
@@ -345,7 +343,7 @@ def make_limit_table(run: Run, left: int, right: int, speed: float, limit_table:
                     last = place
                     at = _put_row(run, left, right, place, limit_table, at)
                 place -= VERTEX_STEP
-        # above the speeds of vertices only bends ask for more
+        # above the speeds of vertices only curvature takes more with speed
         if not by_vertex or run.curved[left:right].any():
             for share in TABLE_SPEEDS:
                 if share == 1.0 and top <= low * 1.001:

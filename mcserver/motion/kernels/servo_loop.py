@@ -1,4 +1,4 @@
-"""Cycles of simulated servos that follow their setpoints, in one go (`mcserver.drives.servo_model`)."""
+"""Many cycles of simulated servos at once (`mcserver.drives.servo_model`)."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ def follow_cycles(
     cycle_s: float,
     moved: Array,
 ) -> int:
-    """Let n axes follow setpoints of up to m cycles, with the operations of a single cycle in their order.
+    """Let n axes follow setpoints for up to m cycles; results are bit-identical to single cycles.
 
     Args:
         state: shape (7, n), written: position, tracking error, velocity, old and new velocity setpoint,
@@ -34,7 +34,7 @@ def follow_cycles(
         moved: written: positions after each cycle, shape (m, n).
 
     Returns:
-        How many cycles there are before one in which an axis reaches a limit.
+        The number of cycles before one in which an axis reaches a limit.
     """
     count, width = len(position), len(follows)
     done, every, tiny = flush

@@ -1,7 +1,7 @@
-"""Equations of a quintic B-spline that is drawn to places along a polyline, and to an even acceleration.
+"""Equations of a smoothing quintic B-spline along a polyline.
 
 It minimizes Σ w |q(t) - r|² + ∫ L(t)⁶ |q'''(t)|² dt over the control points, where r are targets at samples
-of the polyline and w the lengths that these stand for. The equations are banded and symmetric.
+of the polyline and w the lengths that these represent. The equations are banded and symmetric.
 """
 
 from __future__ import annotations
@@ -16,20 +16,20 @@ from mcserver.motion.geometry.curves import Array
 from mcserver.motion.kernels.compiled import compiled
 from mcserver.motion.kernels.spline_basis import DEGREE, ORDER, basis, basis_derivatives
 
-# How fast L may change along the curve.
+# Greatest |dL/dt|.
 GRADE = 0.3
-# Gauss-Legendre quadrature with three places, exact for the square of a third derivative.
+# Three-point Gauss-Legendre quadrature, exact for the square of a third derivative.
 _PLACES = (0.5 - 0.5 * math.sqrt(0.6), 0.5, 0.5 + 0.5 * math.sqrt(0.6))
 _WEIGHTS = (5.0 / 18.0, 8.0 / 18.0, 5.0 / 18.0)
 
 
 class Samples(NamedTuple):
-    """Places of the polyline, S of them.
+    """S samples of the polyline.
 
     Attributes:
         firsts: the first control point that each depends on, shape (S,). values: of the basis functions from
-            that on, shape (S, 6). weights: lengths that they stand for, shape (S,). places: shape (S, K).
-        limits: how far the curve may be from them, shape (S,).
+            that one on, shape (S, 6). weights: lengths that they represent, shape (S,). places: shape (S, K).
+        limits: greatest distance of the curve from them, shape (S,).
     """
 
     firsts: NDArray[np.intp]
@@ -40,13 +40,13 @@ class Samples(NamedTuple):
 
 
 class Equations(NamedTuple):
-    """The equations of n control points, made ready for any targets.
+    """The factored equations of n control points, for any targets.
 
     Attributes:
         solvable: whether they can be solved.
-        factors: LDLᵀ of the matrix, the upper half of its band, shape (n, 6). offset: what the control points
-            that are known add to the right-hand sides, shape (n, K). known: these points, shape (n, K).
-        fixed: how many of them there are at both ends.
+        factors: LDLᵀ of the matrix, the upper half of its band, shape (n, 6). offset: terms of the known
+            control points on the right-hand sides, shape (n, K). known: these points, shape (n, K).
+        fixed: number of known points at each end.
     """
 
     solvable: bool
@@ -67,10 +67,10 @@ def reach_at(t: Array, reach: Array, chord: int, place: float, longest: float) -
 
 @compiled
 def bind_end(knots: Array, control: Array, jet: Array, conditions: int, first: bool) -> None:
-    """Write the control points at an end that give its place and the derivatives there.
+    """Write the control points at an end for a given position and derivatives there.
 
     Args:
-        jet: place and three derivatives, shape (4, K).
+        jet: position and three derivatives, shape (4, K).
     """
     n, width = control.shape
     values = np.empty((4, ORDER))
@@ -93,7 +93,7 @@ def sample(t: Array, points: Array, limits: Array, counts: NDArray[np.intp], kno
     """Sample the polyline.
 
     Args:
-        limits: how far the curve may be from the chords, shape (n,). counts: steps on each, shape (n,).
+        limits: greatest distance of the curve from the chords, shape (n,). counts: steps on each, shape (n,).
     """
     width, size = points.shape[1], counts.sum() + len(counts)
     firsts, weights, within = np.empty(size, np.intp), np.empty(size), np.empty(size)
@@ -147,10 +147,10 @@ def _matrix(t: Array, reach: Array, longest: float, knots: Array, samples: Sampl
 
 @compiled
 def _fix(band: Array, offset: Array, control: Array, index: int) -> None:
-    """Take a control point that is known out of the equations.
+    """Eliminate a known control point from the equations.
 
     Args:
-        offset: what the known ones add to the right-hand sides, shape (n, K).
+        offset: terms of known points on the right-hand sides, shape (n, K), written.
     """
     n, width = control.shape
     for d in range(1, ORDER):
@@ -225,7 +225,7 @@ def equations(
 
 @compiled
 def solve(equations: Equations, samples: Samples, targets: Array) -> Array:
-    """Return the control points of the curve that is drawn to targets at samples, shape (S, K)."""
+    """Return the control points, shape (n, K), for targets at the samples, shape (S, K)."""
     right, known, fixed = equations.offset.copy(), equations.known, equations.fixed
     n, width = right.shape
     for at in range(len(targets)):

@@ -2,13 +2,13 @@
 
 It minimizes ∫ |q(t) - p(t)|² + L(t)⁶ |q'''(t)|² dt, where p is the polyline over its own length t. As a
 filter that is 1 / (1 + (ω L)⁶): features of the polyline much shorter than L, the vertices of short chords
-and the digits that their coordinates are rounded to, vanish; curves whose radius is some times L stay where
-they are. L is as long as the tolerance allows, place by place: where q leaves the tolerance it is shortened.
+and the rounding of their coordinates, vanish; curves with a radius of several L stay where they are. L is as
+long as the tolerance allows, locally: where q leaves the tolerance it is shortened.
 
-Such a curve runs through the middle of what the chords and their vertices span. Where L is no longer than the
-chords themselves, their vertices turn alike and q misses them by little, it is moved within the tolerance
-instead: towards the one that minimizes the same while it stays within, by the alternating direction method of
-multipliers (Boyd et al., Distributed Optimization and Statistical Learning via ADMM, chapter 5).
+Such a curve runs between the chords and their vertices. Where L is no longer than the chords themselves,
+their vertices turn alike, and q misses them by little, the minimum within the tolerance is computed instead
+of shortening L, by the alternating direction method of multipliers (Boyd et al., Distributed Optimization and
+Statistical Learning via ADMM, chapter 5).
 """
 
 from __future__ import annotations
@@ -32,26 +32,36 @@ from mcserver.motion.kernels.spline_equations import (
     solve,
 )
 
-# Spacing of knots, samples of the polyline and places that are checked, as shares of L and of that spacing.
+# Spacing of knots as a share of L; of samples and of checked points as shares of the knot spacing.
 KNOT_STEP, SAMPLE_STEP, CHECK_STEP = 0.8, 0.5, 0.34
-# Steps towards the least within the tolerance, for one L: how many, what a place outside weighs then, and
-# what they aim at of the tolerance.
+# ADMM steps for one L, their penalty, and the share of the tolerance that they aim at.
 STEPS, PENALTY, TUBE = 40, 100.0, 0.96
-# They are taken where the plain fit misses by no more than so many tolerances, and L is no longer than so
-# many chords between vertices that turn alike: it misses the chords then, not the curve that they stand for.
-NEAR, SHORT = 8.0, 0.6
-# All of the curve is looked at when no sample is farther than so many of what is aimed at; the spacing of
-# places that are checked then; what L shrinks by where the steps did not do.
-CLOSE, CLOSE_STEP, LESS = 1.02, 0.12, 0.7
-# Fits that are tried; what is aimed at of the tolerance; the least and most that L shrinks by between plain
-# ones.
-ROUNDS, AIM, LEAST, MOST = 32, 0.9, 0.88, 0.35
-# The shortest L, in tolerances: a corner that turns back on itself has no shorter one.
+# ADMM is used where the plain fit misses by at most so many tolerances,
+NEAR = 8.0
+# and L is at most so many chords, between vertices that turn alike: the fit then misses the chords, not the
+# curve that they approximate.
+SHORT = 0.6
+# The whole curve is checked once no sample is farther than so many times the aim,
+CLOSE = 1.02
+# at points this close, as a share of the knot spacing.
+CLOSE_STEP = 0.12
+# Factor of L where the steps did not succeed.
+LESS = 0.7
+# Most fits that are tried.
+ROUNDS = 32
+# Share of the tolerance that plain fits aim at.
+AIM = 0.9
+# Bounds of the factor by which L shrinks from one plain fit to the next.
+LEAST, MOST = 0.88, 0.35
+# The shortest L, in tolerances: a corner that turns back on itself would have no shortest one.
 FLOOR = 0.1
-# Conditions at an end: its place alone, where the motion rests, or place and three derivatives.
+# Number of conditions at an end: its position only, where the motion rests, or position and three
+# derivatives.
 AT_REST, JOINED = 1, 4
-# Samples of one chord at most, and the least step to the next place that is checked, as a share of a chord.
-MOST_SAMPLES, LEAST_STEP = 200, 1e-6
+# Most samples of one chord.
+MOST_SAMPLES = 200
+# Least step to the next checked point, as a share of a chord.
+LEAST_STEP = 1e-6
 
 
 @compiled
@@ -65,7 +75,7 @@ def _grade(t: Array, reach: Array) -> None:
 
 @compiled
 def _place_knots(t: Array, reach: Array, longest: float, most: int) -> Array:
-    """Return clamped knots whose spacing follows L; empty where they would be more than ``most``."""
+    """Return clamped knots whose spacing follows L; empty where there would be more than ``most``."""
     inner = np.empty(most)
     count, chord, place, end = 0, 0, t[0], t[-1]
     while place < end and count < most:
@@ -76,7 +86,7 @@ def _place_knots(t: Array, reach: Array, longest: float, most: int) -> Array:
         count += 1
     if count >= most:
         return np.empty(0)
-    # a last span that hardly reaches into the curve is left out
+    # leave out a last span that is mostly beyond the curve's end
     if count > 1 and inner[count - 1] - end > 0.5 * (inner[count - 1] - inner[count - 2]):
         count -= 1
     spans = max(count, 4)
@@ -92,11 +102,11 @@ def _place_knots(t: Array, reach: Array, longest: float, most: int) -> Array:
 
 @compiled
 def _draw_within(samples: Samples, control: Array, multipliers: Array, targets: Array) -> float:
-    """Take one step towards the curve that minimizes the same while its samples keep within their limits.
+    """Take one ADMM step towards the minimum with all samples within their limits.
 
     Args:
-        multipliers: scaled ones of the samples, shape (S, K); written: with this curve.
-        targets: written: what the next curve is drawn to.
+        multipliers: scaled multipliers of the samples, shape (S, K); updated.
+        targets: written: targets of the next curve.
 
     Returns:
         The greatest distance from the polyline, in limits.
@@ -125,7 +135,7 @@ def _draw_within(samples: Samples, control: Array, multipliers: Array, targets: 
 
 @compiled
 def position_and_bend(spans: Array, span: int, x: float, k: int) -> tuple[float, float]:
-    """Return position and second derivative of one column at x behind the start of a span."""
+    """Return position and second derivative of one column at x after the start of a span."""
     position = bend = 0.0
     for order in range(DEGREE, -1, -1):
         position = position * x + spans[span, order, k]
@@ -136,16 +146,16 @@ def position_and_bend(spans: Array, span: int, x: float, k: int) -> tuple[float,
 
 @compiled
 def deviations(t: Array, points: Array, knots: Array, spans: Array, check: float, found: Array) -> None:
-    """Write how far the curve and each chord are from each other at most, shape (n,).
+    """Write upper bounds of the distances between the curve and each chord, shape (n,).
 
-    The distance is taken between equal parameters, which bounds the distance in both directions. Between
-    places g apart that are looked at it is more by no more than g²/8 |q''|.
+    The distance is taken at equal parameters, which bounds the distance in both directions. Between checked
+    points g apart it is greater by at most g²/8 |q''|.
     """
     width = points.shape[1]
     span = 0
     for chord in range(len(t) - 1):
         low, high = t[chord], t[chord + 1]
-        # knots stand far closer at a vertex than along a line: steps follow them
+        # knots are far closer at a vertex than along a line: steps follow their spacing
         place, last_place, last_bend = low, low, 0.0
         worst = between = 0.0
         done = False
@@ -175,14 +185,14 @@ def deviations(t: Array, points: Array, knots: Array, spans: Array, check: float
 def _drawn_within(
     drawn: Equations, samples: Samples, control: Array, polyline: tuple[Array, Array, Array], knots: Array
 ) -> tuple[bool, Array, Array]:
-    """Take steps towards the curve that minimizes the same within the tolerance, up to one that is within.
+    """Take ADMM steps until the curve is within the tolerance.
 
     Args:
         drawn: of a curve by `samples`. control: control points to begin with.
         polyline: see `fit`: t, points, tolerances.
 
     Returns:
-        Whether it is within, its spans, and how far each chord is missed.
+        Whether it is within, its spans, and its distance from each chord.
     """
     t, points, tolerances = polyline
     missed = np.empty(len(tolerances))
@@ -201,10 +211,10 @@ def _drawn_within(
 
 @compiled
 def _shorten(t: Array, missed: Array, tolerances: Array, even: NDArray[np.bool_], reach: Array) -> bool:
-    """Shorten L where a plain fit misses chords by more than vertices within the tolerance could explain.
+    """Shorten L where a plain fit misses chords by more than ADMM steps could mend.
 
     Returns:
-        Whether that is anywhere.
+        Whether L was shortened anywhere.
     """
     shorter = reach.copy()
     far = False
@@ -235,10 +245,10 @@ def fit(
 
     Args:
         t, points: the polyline over its length, shapes (n+1,) and (n+1, K).
-        reach: L at the vertices to begin with, shape (n+1,); written: what was found.
+        reach: initial L at the vertices, shape (n+1,); written: the final one.
         longest: the longest L. tolerances: of the chords, shape (n,). even: whether the vertices at both of
             their ends turn alike, shape (n,).
-        start, end: how many conditions hold there (`AT_REST`, `JOINED`), and place and three derivatives,
+        start, end: number of conditions there (`AT_REST`, `JOINED`), and position and three derivatives,
             shape (4, K).
 
     Returns:
@@ -292,7 +302,7 @@ def fit(
 
 @compiled
 def first_reach(t: Array, turns: Array, tolerances: Array, share: float, longest: float) -> Array:
-    """L at the vertices to begin with: as long as a single vertex allows, and no longer than ``longest``.
+    """Return the initial L at the vertices: as long as a single vertex allows, at most ``longest``.
 
     Args:
         turns: at the inner vertices, shape (n-1,) [rad].

@@ -12,10 +12,10 @@ from mcserver.motion.geometry.curves import Array
 from mcserver.motion.kernels.compiled import compiled
 from mcserver.motion.kernels.polynomials import limit_of
 
-# Samples of the limits in one span of knots, where q''' goes from one parabola to the next.
+# Samples of the limits per span of knots, on which q''' is one parabola.
 SAMPLES_A_SPAN = 4
-# Samples of a part stand evenly up to so many steps; beyond, as where knots are far closer at one end of a
-# long line than at the other, each span has as many.
+# A part with fewer steps than this is sampled evenly; a longer one, as where knots are far closer at one end
+# of a long line than at the other, has the same number of samples in each span.
 EVEN_STEPS = 128
 
 
@@ -34,7 +34,7 @@ class PartSamples(NamedTuple):
 
 @compiled
 def spline_at(breaks: Array, spans: Array, t: Array, found: Array) -> None:
-    """Write the place and three derivatives of a spline, shape (4, n, K), at parameters ``t``, shape (n,).
+    """Write position and three derivatives of a spline, shape (4, n, K), at parameters ``t``, shape (n,).
 
     Args:
         breaks: where its m spans meet, shape (m+1,). spans: their polynomials, constant first, (m, 6, K).
@@ -98,8 +98,8 @@ def count_samples(breaks: Array, t: Array, offset: NDArray[np.intp]) -> None:
 def greatest_between(f0: float, slope0: float, f1: float, slope1: float, apart: float) -> float:
     """Return the greatest |f| on an interval from f and f' at its ends: that of the cubic through them.
 
-    Of a function that is smooth at the scale of the interval it misses next to nothing, where the values at
-    the ends alone miss an extreme between them by up to apart²/8·|f''|.
+    For a function that is smooth at the scale of the interval this is nearly exact; the values at the ends
+    alone would miss an extreme between them by up to apart²/8·|f''|.
     """
     most = max(abs(f0), abs(f1))
     if slope0 * slope1 >= 0.0:
@@ -131,7 +131,7 @@ def sample_parts(
 ) -> None:
     """Write samples in the spline's own parameter, as `mcserver.motion.kernels.sample_limits` has them.
 
-    What a derivative reaches between two samples counts at both.
+    Both samples of an interval get the greatest value of a derivative on it.
 
     Args:
         spans: polynomials of K columns, shape (m, 6, K). offset: as `count_samples` writes it.
@@ -209,8 +209,8 @@ def scale_samples(
     """Change samples to another parameter, and find the greatest constant speed on each part.
 
     Args:
-        unit: of the new parameter in one of the old one. vmax: written, shape (n,). by: written: the column
-            and the kind of limit that it is by, shape (n, 2).
+        unit: d new / d old parameter. vmax: written, shape (n,). by: written: column and kind of its limit,
+            shape (n, 2).
     """
     width = (rows.shape[1] - 2) // 5
     for row in rows:

@@ -1,9 +1,8 @@
-"""The rounded corner of two straight segments: shape, distance from the corner, and time.
+"""The blend of two straight segments: shape, distance from the corner, and time.
 
-The blend is a quintic Bezier curve whose ends continue the lines with no bend (see
-`mcserver.motion.geometry.blend`). With the vertex at 0 it scales with its reach d, the distance from the
-vertex at which it leaves and joins: so does its distance from the lines, and one shape for d = 1 tells
-everything.
+The blend is a quintic Bezier curve whose ends continue the lines without curvature (see
+`mcserver.motion.geometry.blend`). With the vertex at 0 the curve and its distance from the lines scale with
+d, the distance from the vertex at which it leaves and joins: one shape for d = 1 suffices.
 """
 
 from __future__ import annotations
@@ -28,19 +27,20 @@ from mcserver.motion.kernels.polynomials import (
 from mcserver.motion.kernels.ramp_kernels import reachable_speed
 from mcserver.motion.kernels.sample_limits import limit_junctions, limit_short_segments, run_of
 
-# What the polyline through these places may miss of the curve, as a share of the distance.
+# Margin for the distance between samples of the curve.
 _POLYLINE = 1.001
 
-# At a corner that is a stop, a blend is chosen that takes less than this share of the time. At one that can
-# be passed at a speed, one that can be passed so much faster, since near its top speed a bend leaves hardly
-# anything to get there; it may lose a little where the motion is slow on both sides.
+# A blend replaces a stop if it takes less than this share of the time.
 BETTER = 1.0 - 1e-6
+# It replaces a corner that is passed at a speed if it can be passed this much faster: near its top speed,
+# curvature leaves hardly any acceleration to reach it.
 FASTER = 1.2
+# Share of the time that it may lose then, where the motion is slow on both sides.
 LOSS = 0.05
 
 
 class Corner(NamedTuple):
-    """Two straight segments on end.
+    """Two consecutive straight segments.
 
     Attributes:
         last, first: travels of the two whole segments, shape (K,). feeds: greatest path speeds of the two by
@@ -143,7 +143,7 @@ def run_time(
     junction_vmax[0] = min(entry, segment_vmax[0])
     is_key = junction_vmax <= 0.0
     is_key[0] = is_key[n] = True
-    # a literal would have the search compiled once more, for that value alone
+    # a literal would make numba compile the search again for that value
     plain = bool(np.bool_(False))
     status, _, _, _, phases, _, _ = find_knots(
         run, edges, junction_vmax, np.full(n, math.nan), is_key, junction_vmax[0], plain
@@ -156,7 +156,7 @@ def corner_time(corner: Corner, left: float, right: float, entry: float) -> tupl
     """Return the time of the two segments with the corner as it is [s], and the greatest speed over it.
 
     Args:
-        left, right: what is left of them [m]. entry: speed at the beginning.
+        left, right: their remaining lengths [m]. entry: speed at the beginning.
     """
     last, first, limits = corner.last, corner.first, corner.limits
     width = len(last)
@@ -176,7 +176,7 @@ def corner_time(corner: Corner, left: float, right: float, entry: float) -> tupl
     part = at = 0
     for side in range(2):
         length, reach = (left, right)[side], 0.0
-        # where no vertex is passed with a bounded speed there is nothing that it asks for
+        # only a vertex with a finite speed above 0 has samples
         asks = 0.0 < speed < math.inf
         if asks:
             passed = min(speed, segment_vmax[side])
@@ -210,7 +210,7 @@ def blend_time(corner: Corner, left: float, right: float, entry: float, power: A
     """Return the time of the two segments with a blend [s], and the greatest speed on it.
 
     Args:
-        left, right: what is left of them beside the blend [m]. power: of the blend.
+        left, right: their lengths outside of the blend [m]. power: of the blend.
     """
     last, first, limits, feeds = corner.last, corner.first, corner.limits, corner.feeds
     width = len(last)
@@ -223,7 +223,7 @@ def blend_time(corner: Corner, left: float, right: float, entry: float, power: A
     part = np.empty((6, width))
     speeds = np.empty(POLYNOMIAL_SAMPLES)
     restrict_polynomial(power, 0.0, 0.5, part)
-    # along σ, which goes on where the halves meet
+    # σ is continuous where the halves meet
     scale = length_of(part[1])
     for half in range(2):
         restrict_polynomial(power, 0.5 * half, 0.5, part)
@@ -250,13 +250,15 @@ def entry_speed(corner: Corner) -> float:
 
 @compiled
 def is_worthwhile(speed: float, from_rest: float, slow: float, top: float, fastest: float) -> bool:
-    """Return whether a blend is worth having in place of a corner.
+    """Return whether a blend is worth replacing a corner.
 
-    At a stop it has to win from rest to rest: what is quicker at speed may be slower between two stops.
+    At a stop it has to be faster from rest to rest too: one that is faster at speed may be slower between two
+    stops.
 
     Args:
         speed: at which the corner can be passed. from_rest, slow: times of corner and blend from rest to rest
-            [s]. top: greatest speed on the blend. fastest: what that has to pass where the corner is no stop.
+            [s]. top: greatest speed on the blend. fastest: speed that ``top`` has to exceed where the corner
+            is no stop.
     """
     if speed > 0.0:
         return top > fastest and slow <= from_rest * (1.0 + LOSS)
@@ -267,19 +269,19 @@ def is_worthwhile(speed: float, from_rest: float, slow: float, top: float, faste
 def best_blend_distance(
     corner: Corner, left: float, right: float, power: Array, blend_distances: Array, gain: float
 ) -> float:
-    """Return the blend distance with which the corner is passed soonest; 0 where the corner stays.
+    """Return the blend distance with the least time; 0 where the corner stays.
 
     Args:
-        left, right: what is left of the segments [m]. power: of the shape with d = 1. blend_distances: what
-            is tried, shape (n,). gain: what a corner that is a stop takes less than the lines to it and from
-            it [s].
+        left, right: remaining lengths of the segments [m]. power: of the shape with d = 1.
+        blend_distances: to try, shape (n,). gain: time that a time-domain blend would save if the corner is a
+            stop [s].
     """
     entry = entry_speed(corner)
     from_rest, speed = corner_time(corner, left, right, 0.0)
     least = math.inf
     if speed <= 0.0:
         least, _ = corner_time(corner, left, right, entry)
-        # not from rest: in a chain of short lines a blend keeps a speed that such a judgement does not see
+        # compared at speed, not from rest: in a chain of short lines a blend keeps speed
         least -= gain
     best, fastest = 0.0, FASTER * speed
     for reach in blend_distances:

@@ -1,12 +1,13 @@
-"""One cycle of axes that follow streamed targets: the next setpoints, whatever the targets do.
+"""One cycle of axes that follow streamed targets: the next setpoints, within all limits for any targets.
 
-Each axis has a state (position, velocity, acceleration) and at every cycle one way that is always open: its
-quickest stop. The jerk of a cycle is taken only if, behind it, that stop stays within velocity, acceleration
-and travel; where no jerk does, the cycle is one of the stop itself. So no sequence of targets leads to a
-state from which a limit has to be broken (an invariant set with a backup control: by induction over cycles).
+Each axis has a state (position, velocity, acceleration) and in every cycle one motion that is always
+possible: its fastest stop. A jerk is applied for a cycle only if after it that stop stays within velocity,
+acceleration and travel; where no jerk qualifies, the cycle is one of the stop itself. So no sequence of
+targets leads to a state from which a limit has to be broken (an invariant set with a backup control: by
+induction over cycles).
 
-Among the jerks allowed, the one wanted is that behind which the quickest change to the reference's velocity
-would end on the reference: time-optimal far away, on it once there.
+Among the allowed jerks, the wanted one is that after which the fastest change to the reference's velocity
+would end on the reference: time-optimal far away, exact once there.
 """
 
 from __future__ import annotations
@@ -21,44 +22,48 @@ from mcserver.motion.kernels.compiled import compiled
 # Columns of a state, and of the limits of an axis.
 POSITION, VELOCITY, ACCELERATION = range(3)
 MAX_VELOCITY, MAX_ACCELERATION, MAX_JERK, LOWEST, HIGHEST = range(5)
-# Tries of a jerk that meets the reference, and of one that is allowed.
+# Iterations for the jerk that meets the reference.
 MEETING_TRIES = 16
+# Iterations for the nearest allowed jerk.
 ALLOWED_TRIES = 20
-# Share of the jerk with which an axis is planned to meet its reference: the rest is for what the reference
-# itself accelerates.
+# Share of the jerk limit with which an axis is planned to meet its reference: the rest is for the
+# acceleration of the reference itself.
 MEETING_JERK = 0.8
-# Least share of the acceleration that is planned with, however much the reference itself takes.
+# Least share of the acceleration limit for planning, however much the reference itself accelerates.
 MEETING_ACCELERATION = 0.2
-# A miss below this share of what a cycle of jerk moves is none.
+# Tolerance of meeting the reference, as a share of the displacement by a cycle of full jerk.
 NO_MISS = 1e-4
-# An axis this share of that from its reference is on it: rounding, and numbers too small to be computed with.
+# Tolerance of being on the reference, as a share of the same: rounding, and numbers too small to compute
+# with.
 SAME = 1e-6
 
 
 @compiled
 def _peak_deceleration(velocity: float, acceleration: float, most: float, jerk: float) -> float:
-    """Return the greatest deceleration of the quickest stop from a state that ends forwards [m/s²]."""
+    """Return the peak deceleration of the fastest stop from a state with `_heading` forwards [m/s²]."""
     return min(most, math.sqrt(max(jerk * velocity + 0.5 * acceleration * acceleration, 0.0)))
 
 
 @compiled
 def _heading(velocity: float, acceleration: float, jerk: float) -> float:
-    """Return the direction in which the quickest stop brakes from: the sign of the velocity that is left once
-    the acceleration is taken back."""
+    """Return the direction of motion in which the fastest stop brakes.
+
+    That is the sign of the velocity once acceleration has come to 0.
+    """
     left = velocity + 0.5 * acceleration * abs(acceleration) / jerk
     return 1.0 if left >= 0.0 else -1.0
 
 
 @compiled
 def _stop_distance(velocity: float, acceleration: float, most: float, jerk: float) -> float:
-    """Return where the quickest stop ends, from where it begins [m or rad]."""
+    """Return the displacement of the fastest stop [m or rad]."""
     way = _heading(velocity, acceleration, jerk)
     v, a = way * velocity, way * acceleration
     peak = _peak_deceleration(v, a, most, jerk)
     t = max((a + peak) / jerk, 0.0)
     x = t * (v + t * (0.5 * a - t * jerk / 6.0))
     v += t * (a - 0.5 * t * jerk)
-    # what is left above the last ramp of jerk goes at the greatest deceleration
+    # above the last ramp of jerk, velocity falls at the peak deceleration
     end = 0.5 * peak * peak / jerk
     if peak > 0.0 and v > end:
         t = (v - end) / peak
@@ -68,19 +73,19 @@ def _stop_distance(velocity: float, acceleration: float, most: float, jerk: floa
 
 @compiled
 def _turn(velocity: float, acceleration: float, jerk: float) -> float:
-    """Return where the quickest stop turns back, from where it begins; 0: it does not [m or rad]."""
+    """Return the displacement at which the fastest stop reverses; 0 where it does not [m or rad]."""
     way = _heading(velocity, acceleration, jerk)
     v, a = way * velocity, way * acceleration
     if v >= 0.0:
         return 0.0
-    # backwards at first, with an acceleration that turns it round
+    # backwards at first, with an acceleration that reverses the motion
     t = (a - math.sqrt(max(a * a + 2.0 * jerk * v, 0.0))) / jerk
     return way * t * (v + t * (0.5 * a - t * jerk / 6.0))
 
 
 @compiled
 def _step(state: Array, jerk: float, t: float) -> None:
-    """Let a time pass at a constant jerk."""
+    """Advance a state by a time at constant jerk."""
     p, v, a = state[POSITION], state[VELOCITY], state[ACCELERATION]
     state[POSITION] = p + t * (v + t * (0.5 * a + t * jerk / 6.0))
     state[VELOCITY] = v + t * (a + 0.5 * t * jerk)
@@ -89,7 +94,7 @@ def _step(state: Array, jerk: float, t: float) -> None:
 
 @compiled
 def _stop_step(state: Array, most: float, jerk: float, cycle_s: float) -> None:
-    """Let one cycle of the quickest stop pass."""
+    """Advance a state by one cycle of its fastest stop."""
     way = _heading(state[VELOCITY], state[ACCELERATION], jerk)
     v, a = way * state[VELOCITY], way * state[ACCELERATION]
     peak = _peak_deceleration(v, a, most, jerk)
@@ -119,7 +124,7 @@ def _stop_step(state: Array, most: float, jerk: float, cycle_s: float) -> None:
 
 @compiled
 def _excess(state: Array, limit: Array, top: float, jerk: float) -> int:
-    """Return 1 where the quickest stop from a state passes an upper limit, -1 a lower one; 0: none."""
+    """Return 1 where the fastest stop from a state exceeds an upper limit, -1 a lower one; else 0."""
     v, a = state[VELOCITY], state[ACCELERATION]
     left = v + 0.5 * a * abs(a) / jerk
     if max(v, left) > top or a > limit[MAX_ACCELERATION]:
@@ -137,8 +142,10 @@ def _excess(state: Array, limit: Array, top: float, jerk: float) -> int:
 
 @compiled
 def _miss(state: Array, target: Array, most: float, jerk: float, by_velocity: bool) -> float:
-    """Return how far beyond a reference the quickest change to its velocity ends [m or rad]; ``by_velocity``:
-    how much faster an axis is once its acceleration is the reference's [m/s or rad/s]."""
+    """Return how far beyond a reference the fastest change to its velocity ends [m or rad].
+
+    With ``by_velocity`` how much faster the axis is once its acceleration is the reference's [m/s or rad/s].
+    """
     w, a = state[VELOCITY] - target[VELOCITY], state[ACCELERATION] - target[ACCELERATION]
     if by_velocity:
         return float(w + 0.5 * a * abs(a) / jerk)
@@ -147,8 +154,10 @@ def _miss(state: Array, target: Array, most: float, jerk: float, by_velocity: bo
 
 @compiled
 def _landing_jerk(state: Array, target: Array, most: float, cycle_s: float, by_velocity: bool) -> float:
-    """Return the first of the three jerks (two, by velocity), a cycle each, that put an axis exactly on its
-    reference; NaN: one of them is greater than ``most``."""
+    """Return the first of three jerks (two, by velocity) that bring an axis exactly onto its reference.
+
+    Each lasts a cycle; NaN where one of them exceeds ``most``.
+    """
     t = cycle_s
     e, w = state[POSITION] - target[POSITION], state[VELOCITY] - target[VELOCITY]
     a = state[ACCELERATION] - target[ACCELERATION]
@@ -168,7 +177,7 @@ def _landing_jerk(state: Array, target: Array, most: float, cycle_s: float, by_v
 def _wanted_jerk(
     state: Array, target: Array, limit: Array, jerk: float, cycle_s: float, by_velocity: bool, after: Array
 ) -> float:
-    """Return the jerk of this cycle behind which an axis is to meet its reference."""
+    """Return the jerk of this cycle after which an axis would meet its reference."""
     most = limit[MAX_ACCELERATION]
     landing = _landing_jerk(state, target, jerk, cycle_s, by_velocity)
     if not math.isnan(landing):
@@ -187,7 +196,7 @@ def _wanted_jerk(
     below = _miss(after, target, meeting, planned, by_velocity)
     if below <= 0.0:
         return float(high)
-    # false position, with the end that stays given less weight (Illinois): the miss grows with the jerk
+    # false position with reduced weight of a retained end (Illinois method): the miss grows with the jerk
     below, above = above, below
     enough = NO_MISS * jerk * cycle_s * cycle_s * (1.0 if by_velocity else cycle_s)
     tried, kept = 0.0, 0
@@ -213,14 +222,14 @@ def _wanted_jerk(
 def _allowed_jerk(
     state: Array, wanted: float, limit: Array, top: float, jerk: float, cycle_s: float, after: Array
 ) -> bool:
-    """Set ``after`` to the state behind the allowed jerk that is next to the wanted one; False: none."""
+    """Set ``after`` to the state after the allowed jerk nearest to the wanted one; False: none is allowed."""
     low, high, tried = -jerk, jerk, wanted
     best = math.nan
     for _ in range(ALLOWED_TRIES):
         after[:] = state
         _step(after, tried, cycle_s)
         excess = _excess(after, limit, top, jerk)
-        # between the ends of the cycle it may be faster than at both
+        # within the cycle speed may be greater than at both ends
         mean = (after[POSITION] - state[POSITION]) / cycle_s
         if excess == 0 and abs(mean) > top:
             excess = 1 if mean > 0.0 else -1
@@ -242,7 +251,7 @@ def _allowed_jerk(
 
 @compiled
 def _same(state: Array, target: Array, jerk: float, cycle_s: float) -> bool:
-    """Return whether an axis is on its reference but for what a millionth of its jerk does."""
+    """Return whether an axis is on its reference, within the displacement of `SAME` of its jerk."""
     near = SAME * jerk * cycle_s
     if abs(state[ACCELERATION] - target[ACCELERATION]) > near:
         return False
@@ -257,9 +266,9 @@ def read_reference(knots: Array, time: float, by_velocity: bool, found: Array) -
     """Read position, velocity and acceleration of all references at a time.
 
     Args:
-        knots: shape (m, 1 + 2 n), m > 0: time [s], positions and velocities of the n axes; between knots a
-            cubic, behind the last one straight on at its velocity.
-        by_velocity: velocities alone are followed: they change evenly between knots.
+        knots: shape (m, 1 + 2 n), m > 0: time [s], positions and velocities of the n axes; cubic between
+            knots, constant velocity after the last one.
+        by_velocity: only velocities are followed, linear between knots.
         found: shape (n, 3), set.
     """
     axes, count = len(found), len(knots)
@@ -291,21 +300,21 @@ def read_reference(knots: Array, time: float, by_velocity: bool, found: Array) -
 def follow_targets(
     states: Array, targets: Array, limits: Array, share: float, cycle_s: float, by_velocity: bool
 ) -> None:
-    """Let one cycle pass on axes that follow references.
+    """Advance axes that follow references by one cycle.
 
     Args:
-        states: shape (n, 3), position, velocity and acceleration, set to those behind the cycle.
-        targets: shape (n, 3), where the references are behind the cycle; any numbers at all, and what cannot
-            be followed is bounded in place.
+        states: shape (n, 3), position, velocity and acceleration, set to those after the cycle.
+        targets: shape (n, 3), the references after the cycle; may hold any numbers, and are bounded in place
+            to what can be followed.
         limits: shape (n, 5): velocity, acceleration, jerk (inf: not limited), lowest and highest position.
         share: of the velocities, 0 to 1; 0: to a stop.
-        by_velocity: velocities alone are followed.
+        by_velocity: only velocities are followed.
     """
     after = np.empty(3)
     for axis in range(len(states)):
         state, target, limit = states[axis], targets[axis], limits[axis]
         most = limit[MAX_ACCELERATION]
-        # not limited: from one bound of the acceleration to the other within a cycle
+        # without a limit: from one limit of acceleration to the other within a cycle
         jerk = min(limit[MAX_JERK], 2.0 * most / cycle_s)
         top = share * limit[MAX_VELOCITY]
         known = math.isfinite(target[POSITION]) or by_velocity
@@ -341,12 +350,12 @@ def follow_reference(
     cycle_s: float,
     by_velocity: bool,
 ) -> None:
-    """Let cycles pass on axes that follow a reference along its knots.
+    """Advance axes that follow a reference along its knots by several cycles.
 
     Args:
-        states, limits, share, cycle_s, by_velocity: as of `follow_targets`.
-        reference: shape (n, 3), set to that behind the last cycle.
-        knots: as of `read_reference`; of none the reference stays where it is.
+        states, limits, share, cycle_s, by_velocity: as in `follow_targets`.
+        reference: shape (n, 3), set to that after the last cycle.
+        knots: as in `read_reference`; without any the reference stays where it is.
         times: at the end of each cycle, shape (m,) [s].
     """
     for time in times:
@@ -354,5 +363,5 @@ def follow_reference(
             read_reference(knots, time, by_velocity, reference)
         follow_targets(states, reference, limits, share, cycle_s, by_velocity)
         if by_velocity:
-            # whatever positions come next begin where the axes are
+            # positions that are streamed later begin where the axes are
             reference[:, POSITION] = states[:, POSITION]

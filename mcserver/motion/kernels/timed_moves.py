@@ -1,4 +1,4 @@
-"""Moves over a distance that take a given time to the rounding error (D-33)."""
+"""Moves over a distance that take a given time T, within rounding (D-33)."""
 
 from __future__ import annotations
 
@@ -18,14 +18,16 @@ from mcserver.motion.kernels.ramp_kernels import (
 )
 from mcserver.motion.kernels.sample_limits import Run, make_limit_table
 
-# How a T can be kept between two speeds: it may be out of reach on either side.
+# Timing between two given speeds: T is kept, or even the fastest moves are longer, or the slowest shorter.
 KEPT, LATE, EARLY = range(3)
-# Rounding of a T [1 and s], and how well it is kept where several rows of a limit table are needed.
+# Tolerance of T for rounding [1 and s], and where several rows of a limit table are needed.
 SAME_TIME, SAME_TIME_BY_ROWS = 1e-9, 1e-6
-# Halvings of a speed, and steps down of this ratio in which slower ones are looked for.
-HALVINGS, STEPS, STEP = 100, 60, 0.8
+# Bisections for a speed.
+HALVINGS = 100
+# Most steps, and their ratio, in which a lower speed is searched.
+STEPS, STEP = 60, 0.8
 _EXACT = 1e-16
-# A cruise is longer than this share of the distance.
+# Least length of a cruise, as a share of the distance.
 _DUST = 1e-12
 
 
@@ -33,7 +35,7 @@ _DUST = 1e-12
 def _time_by(
     speed: float, distance: float, entry: float, exit_: float, acceleration: float, jerk: float
 ) -> tuple[float, float]:
-    """Return the time of a ramp to a speed, a cruise and a ramp from it [s], and how long the cruise is."""
+    """Return the time of a ramp to a speed, a cruise and a ramp from it [s], and the length of the cruise."""
     first = ramp_time(min(entry, speed), max(entry, speed), acceleration, jerk)
     last = ramp_time(min(speed, exit_), max(speed, exit_), acceleration, jerk)
     cruise = distance - 0.5 * ((entry + speed) * first + (speed + exit_) * last)
@@ -66,11 +68,11 @@ def _moves_about(
     low: float,
     high: float,
 ) -> int:
-    """Write the moves by the speed between two with which they take ``duration``; return 0 without one.
+    """Write the moves via a cruising speed with which they take ``duration``; return 0 without one.
 
     Args:
-        limits: a row of a limit table. low: it takes no less with that. high: it takes less, or the distance
-            is too short for its ramps.
+        limits: a row of a limit table. low, high: bracket of the speed: with ``low`` the moves take at least
+            ``duration``, with ``high`` less, or the distance is too short for the ramps.
     """
     for _ in range(HALVINGS):
         speed = 0.5 * (low + high)
@@ -91,16 +93,15 @@ def _moves_about(
 def _slower_moves(
     moves: Array, distance: float, entry: float, exit_: float, limits: Array, duration: float, later: float
 ) -> int:
-    """Write moves that take longer than with the faster of the speeds at the ends kept; return 0 without
-    any.
+    """Write moves that take longer than a cruise at the faster of the end speeds; return 0 without any.
 
     Args:
-        later: by so much [s].
+        later: by this time [s].
     """
     low, high = min(entry, exit_), max(entry, exit_)
     top = high
     if 0.0 < low < high:
-        # a part at the speed of the one end, the rest at that of the other
+        # cruise a part at the speed of one end, the rest at that of the other
         part = later / (1.0 / low - 1.0 / high)
         cruise = distance - 0.5 * (low + high) * ramp_time(low, high, limits[1], limits[2]) - part
         if cruise >= 0.0:
@@ -127,9 +128,7 @@ def _moves_by_rows(
     count: int,
     duration: float,
 ) -> int:
-    """Write the quickest moves under a limit table with a lower top, which take ``duration`` nearly;
-    return 0 without any.
-    """
+    """Write minimum-time moves with a lower top speed that nearly take ``duration``; return 0 without any."""
     found, best = np.empty((MAX_MOVES, MOVE)), 0
     capped = table.copy()
     low, high = max(entry, exit_), table[count - 1, 0]
@@ -164,14 +163,13 @@ def moves_in_time(
     count: int,
     duration: float,
 ) -> tuple[int, int]:
-    """Write moves over ``distance`` from speed ``entry`` to ``exit_`` that take ``duration``, or else the
-    quickest ones.
+    """Write moves over ``distance`` from ``entry`` to ``exit_`` that take ``duration``, else the fastest.
 
     Args:
         moves, spare: shape (`MAX_MOVES`, `MOVE`), written. table, count: the limit table and its rows.
 
     Returns:
-        How many moves there are, 0 where the speeds cannot be joined; and `KEPT`, `LATE` or `EARLY`.
+        The number of moves, 0 where none exist between these speeds; and `KEPT`, `LATE` or `EARLY`.
     """
     slack = SAME_TIME * (1.0 + duration)
     high = max(entry, exit_)
@@ -220,13 +218,13 @@ def group_in_time(
     """Write the moves of one group of a run, as `moves_in_time` does.
 
     Args:
-        ends: its length, the speed at its start and that at its end.
+        ends: its length, and the speeds at its start and end.
     """
     distance, entry, exit_ = ends
     table = np.empty((MAX_TABLE_ROWS, 3))
     made, timing = 0, LATE
     quickest = moves[:0].copy()
-    # speeds at knots are those that can be joined with or without the rows of vertices
+    # the knots' speeds were found with or without the rows for vertices: try both tables
     for lower in (0.0, np.inf):
         count = make_limit_table(run, group, group + 1, lower, table)
         found, timing_now = moves_in_time(moves, spare, distance, entry, exit_, table, count, duration)
@@ -241,6 +239,6 @@ def group_in_time(
 
 @compiled
 def timing_of_group(run: Run, group: int, ends: tuple[float, float, float], duration: float) -> int:
-    """Return how a group keeps its T; `LATE` where the speeds cannot be joined."""
+    """Return the timing of a group, `KEPT`, `LATE` or `EARLY`; `LATE` where no moves exist."""
     moves, spare = np.empty((MAX_MOVES, MOVE)), np.empty((MAX_MOVES, MOVE))
     return group_in_time(moves, spare, run, group, ends, duration)[1]

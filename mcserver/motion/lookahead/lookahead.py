@@ -35,7 +35,7 @@ from mcserver.motion.limits.path_limits import (
 )
 from mcserver.motion.limits.segment_table import SegmentTable, empty_columns
 from mcserver.motion.limits.torque_samples import spline_with_torques
-from mcserver.motion.lookahead.missed_times import flowing, late_groups, none_early, released
+from mcserver.motion.lookahead.missed_times import late_groups, release_all, release_late, slow_early
 from mcserver.motion.lookahead.planned_run import PlannedRun
 from mcserver.motion.lookahead.time_domain_corner import Stop, TimeDomainBlend, TimeDomainBlends
 from mcserver.motion.profile.faster_stretches import KnotProfile, quicker_stretches, sample_spans
@@ -315,13 +315,13 @@ class Lookahead:
         except PlanningError:
             if not solver.held.any():
                 raise
-            solution = flowing(solver, junction_vmax, groups.edges, attempt)
+            solution = release_all(solver, junction_vmax, groups.edges, attempt)
         if solution.late and solver.raise_speeds(solution.late, solution.speeds, junction_vmax):
             solution = attempt(junction_vmax)
         if solution.late:
-            solution = released(solver, solution, junction_vmax, groups.edges, attempt)
+            solution = release_late(solver, solution, junction_vmax, groups.edges, attempt)
         if solution.early:
-            solution = none_early(solver, solution, junction_vmax, attempt)
+            solution = slow_early(solver, solution, junction_vmax, attempt)
         profile = self._quickened(segments, groups, solver, solution)
         phases = join_phases(profile.phases, float(groups.edges[-1]), profile.uncut)
         times = phases.time_at(groups.bounds)

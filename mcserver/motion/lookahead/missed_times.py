@@ -1,5 +1,8 @@
-"""Plans in which segments with a T of their own miss it (D-33): those that cannot keep it flow on as feed
-lines do; lower speeds beside those that would end before it, or a stop, may let them keep theirs.
+"""Plan lines that cannot keep their T (D-33).
+
+A line that takes longer than its T (late) is planned like a feed line: without knots of its own, at no more
+than its mean speed where it would otherwise end before T. A line that would end before its T (early) may keep
+it with lower speeds, or a stop, at its ends.
 """
 
 from __future__ import annotations
@@ -15,81 +18,82 @@ from mcserver.motion.geometry.curves import Array
 from mcserver.motion.kernels.timed_moves import SAME_TIME
 from mcserver.motion.profile.profile_solver import KnotSolver, Solution
 
-# Segments of one window that end before their T and that stops are tried for.
+# Early segments of one window for which a stop is tried.
 MOST_STOPS = 8
-# Times that speeds beside segments that would end before their T are lowered: what slows down one may leave
-# another without a slower profile.
+# Rounds in which junction speeds of early segments are lowered: slowing down one may make another early.
 SLOWDOWNS = 4
-# Plans in which lines that cannot keep their T are told from those that can, before all of the former keep
-# to their mean speeds.
+# Plans in which late lines are released one after another; then all that have been released are limited to
+# their mean speeds.
 RELEASES = 6
 
 
-def flowing(
+def release_all(
     solver: KnotSolver, junction_vmax: Array, edges: Array, attempt: Callable[[Array], Solution]
 ) -> Solution:
-    """Let all lines flow into each other as feed lines do, those that would end before their T by that at no
-    more than their mean speed: the speed that is there already may leave no plan in which each begins and
-    ends without acceleration.
+    """Plan all lines like feed lines, early ones at no more than their mean speed.
+
+    For an entry speed that leaves no plan with a knot at each end of a line with a T.
 
     Raises:
-        PlanningError: that speed leaves no such plan either.
+        PlanningError: it leaves no such plan either.
     """
     timed, solver.held = solver.held, np.zeros_like(solver.held)
     junction_vmax[:] = solver.nominal_speeds()
     solution = attempt(junction_vmax)
-    kept, falling = np.zeros_like(timed), 0
+    limited, exempt = np.zeros_like(timed), 0
     for turn in range(RELEASES):
         early = timed & _missed(-np.diff(solution.times(edges)), -solver.durations)
         if not early.any():
             return solution
-        if not (early & ~kept).any():
+        if not (early & ~limited).any():
             break
-        kept |= early if turn < RELEASES - 2 else timed
-        solution, falling = _at_means(solver, kept, falling, lambda: attempt(junction_vmax))
+        limited |= early if turn < RELEASES - 2 else timed
+        solution, exempt = _plan_at_mean_speeds(solver, limited, exempt, lambda: attempt(junction_vmax))
     raise PlanningError(solver.first_line)
 
 
-def _at_means(
-    solver: KnotSolver, kept: NDArray[np.bool_], falling: int, attempt: Callable[[], Solution]
+def _plan_at_mean_speeds(
+    solver: KnotSolver, limited: NDArray[np.bool_], exempt: int, attempt: Callable[[], Solution]
 ) -> tuple[Solution, int]:
-    """Plan with some lines at no more than their mean speeds, but for as many at the beginning as it takes.
+    """Plan with some lines limited to their mean speeds, except as few as possible at the beginning.
 
     Args:
-        kept: which. falling: how many at the beginning may be as fast as the motion is already.
+        limited: these lines. exempt: number of lines at the beginning that may keep the entry speed.
 
     Returns:
-        The plan, and how many those were.
+        The plan, and the number of lines that were exempt.
     """
     while True:
-        solver.flow_vmax = np.where(kept, solver.means, math.inf)
-        np.copyto(solver.flow_vmax[:falling], np.fmax(solver.means[:falling], solver.entry))
+        solver.flow_vmax = np.where(limited, solver.means, math.inf)
+        np.copyto(solver.flow_vmax[:exempt], np.fmax(solver.means[:exempt], solver.entry))
         try:
-            return attempt(), falling
+            return attempt(), exempt
         except PlanningError:
-            if falling >= len(kept):
+            if exempt >= len(limited):
                 raise
-            falling = max(2 * falling, 1)
+            exempt = max(2 * exempt, 1)
 
 
-def released(
+def release_late(
     solver: KnotSolver,
     solution: Solution,
     junction_vmax: Array,
     edges: Array,
     attempt: Callable[[Array], Solution],
 ) -> Solution:
-    """Let late lines flow into each other as feed lines do: with acceleration where they meet, as fast as
-    the axes allow, and those that would end before their T by that at no more than their mean speed.
+    """Plan late lines like feed lines: with acceleration at their junctions, as fast as the axes allow.
+
+    Those that would then end before their T are limited to their mean speed. Returns the given solution, with
+    the solver as before, where no such plan exists.
     """
     free = np.zeros(len(solver.held), np.bool_)
     timed, held, held_speeds = solver.held.copy(), solution, junction_vmax.copy()
     for turn in range(RELEASES + 1):
         late = np.zeros(len(free), np.bool_)
         late[list(solution.late)] = True
-        # one that nothing flows into, between knots, is as quick as it can be
-        flows = late | ~solver.held
-        late &= np.append(flows[1:], False) | np.append(False, flows[:-1])
+        # releasing a line gains nothing if both of its neighbours are held, with knots at its ends
+        unheld = late | ~solver.held
+        late &= np.append(unheld[1:], False) | np.append(False, unheld[:-1])
         early = free & _missed(-np.diff(solution.times(edges)), -solver.durations)
         if turn == RELEASES and early.any():
             early = free.copy()
@@ -101,12 +105,12 @@ def released(
         free &= ~early
         solver.flow_vmax = np.where(early, solver.means, solver.flow_vmax)
         nominal, opened = solver.nominal_speeds(), np.append(late, False) | np.append(False, late)
-        # speeds that were raised stay, and stops
+        # keep stops, and speeds that `raise_speeds` has raised
         np.copyto(junction_vmax, nominal, where=opened & (junction_vmax > 0.0) & (junction_vmax < nominal))
         try:
             solution = attempt(junction_vmax)
         except PlanningError:
-            # the speed that is there already leaves no other
+            # no other plan from the entry speed
             solver.held, solver.flow_vmax = timed, np.full(len(free), math.inf)
             junction_vmax[:] = held_speeds
             return held
@@ -124,26 +128,22 @@ def late_groups(solver: KnotSolver, times: Array) -> list[int]:
 
 
 def _missed(took: Array, durations: Array) -> NDArray[np.bool_]:
-    """Return which times are beyond those asked for; not where none is asked for."""
+    """Return which groups take longer than their T; False where T is NaN."""
     beyond: NDArray[np.bool_] = took > durations + SAME_TIME * (1.0 + 2.0 * np.abs(durations))
     return beyond
 
 
-def none_early(
+def slow_early(
     solver: KnotSolver, solution: Solution, junction_vmax: Array, attempt: Callable[[Array], Solution]
 ) -> Solution:
-    """Lower speeds beside timed segments that end before their T, until none does, where that is possible.
+    """Lower junction speeds of early segments until none is early, as far as possible.
 
-    From the speed that is already there a segment may reach only speeds with which it ends too soon, or rest:
-    under a jerk limit a change to a lower speed may take more room than a stop. Then it stops.
+    Under a jerk limit a change to a lower speed may need more distance than a stop: then stops are tried.
     """
     for _ in range(SLOWDOWNS):
-        solver.slow_down(solution.early, solution.speeds, junction_vmax)
-        try:
-            found = attempt(junction_vmax)
-        except PlanningError:
-            # the speed that is there already leaves no other
-            return solution
+        found = _slower(solver, solution, junction_vmax, attempt)
+        if found is None:
+            break
         if len(found.early) <= len(solution.early):
             solution = found
         if not solution.early:
@@ -160,8 +160,27 @@ def none_early(
     return solution
 
 
+def _slower(
+    solver: KnotSolver, solution: Solution, junction_vmax: Array, attempt: Callable[[Array], Solution]
+) -> Solution | None:
+    """Return a plan with lower junction speeds at the ends of early segments; None where no plan exists.
+
+    The entry speed may leave no plan with both ends lowered, but one with the second end alone.
+    """
+    for ends in (0, 1), (1,), (0,):
+        trial = junction_vmax.copy()
+        solver.slow_down(solution.early, solution.speeds, trial, ends)
+        try:
+            found = attempt(trial)
+        except PlanningError:
+            continue
+        junction_vmax[:] = trial
+        return found
+    return None
+
+
 def _stopping(ends: list[int], junction_vmax: Array, attempt: Callable[[Array], Solution]) -> Solution | None:
-    """Return the plan with stops at these ends of groups; None where no plan exists."""
+    """Return the plan with stops at some ends of groups; None where no plan exists."""
     trial = junction_vmax.copy()
     trial[ends] = 0.0
     try:

@@ -153,7 +153,7 @@ class KnotSolver:
         """
         changed = False
         most, now = self._groups.junction_vmax, speeds.copy()
-        # many late segments are chords with too short a T, which `released` handles
+        # many late segments are chords with too short a T, which `release_late` handles
         missed = set(late) if len(late) > MOST_RAISED else set()
         for index in late:
             for end, other in ((index, index - 1), (index + 1, index + 1)):
@@ -211,10 +211,16 @@ class KnotSolver:
                 early = middle
         return late
 
-    def slow_down(self, early: Iterable[int], speeds: Array, junction_vmax: Array) -> None:
-        """Lower junction speeds at the ends of early segments until T is kept, or no profile is left."""
+    def slow_down(
+        self, early: Iterable[int], speeds: Array, junction_vmax: Array, which: tuple[int, ...]
+    ) -> None:
+        """Lower junction speeds at the ends of early segments until T is kept, or no profile is left.
+
+        Args:
+            which: ends to lower, 0 the first, 1 the second.
+        """
         for index in early:
-            ends = [end for end in (index, index + 1) if 0 < end < len(self.held)]
+            ends = [index + each for each in which if 0 < index + each < len(self.held)]
             late, too_soon, now = 0.0, 1.0, speeds.copy()
             for _ in range(HALVINGS):
                 share = 0.5 * (late + too_soon)
