@@ -35,6 +35,8 @@ class BedMesh:
             for each in compensator.tables
             if isinstance(each.errors, MeshErrors) and each.errors.column == self._column
         )
+        # a reference is to be the same with a mesh and without
+        self._table.needs = [*self._table.errors.sources, self._column]
         found = self._axis.compensation
         assert found is not None
         assert found.mesh is not None

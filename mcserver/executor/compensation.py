@@ -119,12 +119,12 @@ class CountedErrors:
         place: of its axis among the compensated ones.
 
     Attributes:
-        error, rate: in this cycle. on: it counts.
+        error, rate: in this cycle. on: it counts. needs: columns that have to be homed for it.
         moved: it, or its places, read something else than in the cycle before.
     """
 
     def __init__(self, errors: ErrorTable, place: int) -> None:
-        self.errors, self.place = errors, place
+        self.errors, self.place, self.needs = errors, place, errors.sources
         self.error = self.rate = 0.0
         self.on = self.moved = True
         self._known = False
@@ -137,7 +137,7 @@ class CountedErrors:
             # what is off is pushed about: the error stays until its place is held again
             self.rate, self.moved = 0.0, True
             return 0.0
-        known = self.on and bool(homed[sources].all())
+        known = self.on and bool(homed[self.needs].all())
         self.error, self.rate = self.errors.at(row.setpoint, row.velocity) if known else (0.0, 0.0)
         jumped, self.moved = self.moved or known != self._known, False
         self._known = known

@@ -8,15 +8,16 @@ import numpy as np
 import pytest
 
 from mcserver.executor.compensation import Compensator
-from mcserver.executor.entries import EventKind
+from mcserver.executor.entries import ControlKind, EventKind, ExecutorEvent
 from mcserver.executor.fault_codes import FaultCode
 from mcserver.gcode.program_check import check_program
 from mcserver.machine.machine_file import Machine, parse_machine
 from mcserver.machine.section_reader import MachineFileRejected
+from mcserver.planning.pipeline import Pipeline
 from mcserver.planning.start_state import StartState
 from mcserver.simulation.simulation import simulate
 from tests.executor.planned import Planned
-from tests.executor.rig import CYCLE_S, Array
+from tests.executor.rig import CYCLE_S, Array, Program
 
 MM = 1e-3
 # by axis: velocity [m/s], acceleration, jerk
@@ -82,6 +83,17 @@ class Bed(Planned):
         compensator = self.compensator
         self.targets.append(setpoint + compensator.correction)
         self.nozzle.append(actual + compensator.correction)
+
+    def go_on(self, text: str) -> None:
+        """Run another program to its end."""
+        self.events.clear()
+        row = self.executor.executor.row.ordered
+        places = {axis.index: float(at) for axis, at in zip(self.machine.axes, row, strict=True)}
+        self.sink = self.executor.open_slot(0)
+        self.pipeline = Pipeline(self.machine, self.sink, start=StartState.of(self.machine).at(places))
+        self.pipeline.lines.put(1, text.split("\n"))
+        self.pipeline.lines.closed = True
+        self.run()
 
     @property
     def compensator(self) -> Compensator:
@@ -283,6 +295,38 @@ def test_a_stop_in_the_midst_keeps_the_limits_and_the_mesh_of_before(how: str, m
     if how == "abort":
         assert run.keeps_limits()
     assert error_at(run, 60.0, 50.0) == 0.0
+
+
+def test_a_reference_found_anew_elsewhere_over_the_bed_is_that_of_before() -> None:
+    homing = '[axis.homing]\nmethod = "switch"\nvelocity = 20.0\ndirection = "positive"\nposition = 30.0\n'
+    text = text_of(FILE + homing, "input = 4", "simulated") + "home_switch = [30.0, 1000.0]\n"
+    run = Bed(parse_machine(text), "")
+    run.executor.mailbox.abort(0)
+    run.until(lambda: run.ended)
+
+    def home() -> float:
+        program = Program(run.executor.open_slot(1), 3)
+        program.capture()
+        program.control(ControlKind.HOME, axes=0b100)
+        program.finish()
+        found: list[ExecutorEvent] = []
+        while not any(each.program == 1 and each.kind is EventKind.FINISHED for each in found):
+            run.executor.step()
+            found += run.executor.events()
+            assert not [each for each in found if each.kind is EventKind.FAULT]
+        return float(run.executor.executor.bank.offset[2]) / MM
+
+    first = home()
+    run.go_on(f"{HEAD}G29\nG1 Z1\n{MOVES}G1 X120 Y0\n")
+    assert run.faults == []
+    assert np.array(heights(run, POINTS))[:3] / MM == pytest.approx(1.0, abs=0.01)
+    # over the highest corner
+    assert error_at(run, 120.0, 0.0) < -0.25
+    assert home() == pytest.approx(first, abs=0.004)
+    # the mesh is the server's, and counts for the next program
+    run.go_on(f"G90\nG1 Z1 F1800\n{MOVES}")
+    assert run.faults == []
+    assert np.array(heights(run, POINTS))[:3] / MM == pytest.approx(1.0, abs=0.01)
 
 
 @pytest.mark.parametrize("order", ["hold", "abort"])
