@@ -110,12 +110,12 @@ def answered(text: str) -> Callable[[], Any]:
     return answer
 
 
-@pytest.mark.parametrize(("text", "index"), [("X", 0), ("y", 1), ("7", 7), ("0", 0)])
+@pytest.mark.parametrize(("text", "index"), [("X", 0), ("y", 1), ("7", 7), ("[7]", 7), ("0", 0)])
 def test_an_axis_is_named_by_its_letter_or_its_number(text: str, index: int) -> None:
     assert axis_of(text, INFO).index == index
 
 
-@pytest.mark.parametrize("text", ["Z", "W", "3", "", "-1", "XY"])
+@pytest.mark.parametrize("text", ["Z", "W", "3", "", "-1", "XY", "[]", "[3]"])
 def test_an_axis_that_the_machine_lacks_is_refused_with_those_it_has(text: str) -> None:
     with pytest.raises(RequestRefused, match="it has X, Y, 7") as refused:
         axis_of(text, INFO)
