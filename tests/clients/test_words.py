@@ -27,6 +27,9 @@ AXES = tuple(
     wire_value(AxisInfo, index, "linear", "mm", max_velocity=100.0, max_acceleration=1.0, drive="ideal")
     for index in (0, 1, 7)
 )
+EXTRUDER = wire_value(
+    AxisInfo, 3, "linear", "mm", max_velocity=100.0, max_acceleration=1.0, drive="ideal", letter="E"
+)
 INFO = wire_value(Info, "cell", "1", (1,), "i", 0.0, 0.001, axes=AXES)
 
 
@@ -113,6 +116,12 @@ def answered(text: str) -> Callable[[], Any]:
 @pytest.mark.parametrize(("text", "index"), [("X", 0), ("y", 1), ("7", 7), ("[7]", 7), ("0", 0)])
 def test_an_axis_is_named_by_its_letter_or_its_number(text: str, index: int) -> None:
     assert axis_of(text, INFO).index == index
+
+
+@pytest.mark.parametrize("text", ["E", "e", "A", "3"])
+def test_an_axis_is_named_by_a_letter_of_the_dialect_too(text: str) -> None:
+    info = wire_value(Info, "printer", "1", (1,), "i", 0.0, 0.001, axes=(*AXES, EXTRUDER))
+    assert axis_of(text, info).index == 3
 
 
 @pytest.mark.parametrize("text", ["Z", "W", "3", "", "-1", "XY", "[]", "[3]"])
