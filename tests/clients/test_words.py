@@ -199,6 +199,8 @@ async def test_any_other_key_and_the_end_of_the_input_stop_the_axis() -> None:
 
 def test_a_jog_needs_a_distance_or_keys_and_says_its_unit(mcctl: Run) -> None:
     assert mcctl("jog", "X", "5", "--velocity", "2")[1].startswith("cell: axis X goes by 5 mm at 2 mm/s")
+    # its sign is the distance's, and the axis goes no faster than it may
+    assert " goes by 5 mm at 200 mm/s " in mcctl("jog", "X", "5", "--velocity", "-9999")[1]
     code, _, err = mcctl("jog", "X")
     assert code == 2
     assert "either a distance or --keys" in err
