@@ -10,6 +10,7 @@ from fastapi import Depends, FastAPI, Header, HTTPException, Path, Request, Resp
 from fastapi.exceptions import RequestValidationError
 from fastapi.openapi.utils import get_openapi
 from mcclient.errors import MotionError, NobodyAnswers, RequestRefused
+from starlette.exceptions import HTTPException as StarletteHTTPException
 
 from mcserver.gateway.session import GatewaySession, error_map
 from mcserver.gateway.tokens import Principal
@@ -114,9 +115,12 @@ def build_http(app: FastAPI, http: HttpSessions) -> None:
         where = ".".join(str(each) for each in first["loc"])
         return _answer(400, ErrorReply("MC500", f"{where}: {first['msg']}", "see /openapi.json"))
 
-    @app.exception_handler(HTTPException)
-    async def failed(_: Request, error: HTTPException) -> Response:
-        reply = ErrorReply("MC072", str(error.detail), "give Authorization: Bearer TOKEN")
+    # of the router, which finds no route, too
+    @app.exception_handler(StarletteHTTPException)
+    async def failed(_: Request, error: StarletteHTTPException) -> Response:
+        reply = ErrorReply("MC501", error.detail, "/openapi.json describes the routes that there are")
+        if error.status_code == 401:
+            reply = ErrorReply("MC072", error.detail, "give Authorization: Bearer TOKEN")
         return _answer(error.status_code, reply, dict(error.headers or {}))
 
     @app.get("/v1/machines")

@@ -12,7 +12,7 @@ from pathlib import Path
 from mcclient import Event, Machine, MachineStatus, MotionError
 
 from mcserver.web.control import Control
-from mcserver.web.formatting import LETTERS
+from mcserver.web.formatting import axis_name
 from mcserver.web.jobs import JobQueue
 from mcserver.web.last_runs import LastRuns
 from mcserver.web.recorded_files import RecordedFiles
@@ -185,14 +185,15 @@ class MachineLink:
 
 async def knows_work_offsets(machine: Machine) -> bool:
     """Return whether the machine's dialect has work coordinate systems: the reference's has none."""
-    axis = next((axis.index for axis in machine.info.axes if axis.index < len(LETTERS)), None)
-    if axis is None:
-        return False
     try:
-        return (await machine.check(f"G21 G90 G10 L20 P0 {LETTERS[axis]}0")).ok
+        for axis in machine.info.axes:
+            found = await machine.check(f"G21 G90 G10 L20 P0 {axis_name(axis.index)}0")
+            # the second drive of a gantry pair has none of its own
+            if found.ok or "MC110" in {each.code for each in found.diagnostics}:
+                return found.ok
     except MotionError as error:
         log.info("%s: %s", machine.name, error.message)
-        return False
+    return False
 
 
 async def joints_of(machine: Machine) -> dict[int, str]:

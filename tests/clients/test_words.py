@@ -27,6 +27,9 @@ AXES = tuple(
     wire_value(AxisInfo, index, "linear", "mm", max_velocity=100.0, max_acceleration=1.0, drive="ideal")
     for index in (0, 1, 7)
 )
+EXTRUDER = wire_value(
+    AxisInfo, 3, "linear", "mm", max_velocity=100.0, max_acceleration=1.0, drive="ideal", letter="E"
+)
 INFO = wire_value(Info, "cell", "1", (1,), "i", 0.0, 0.001, axes=AXES)
 
 
@@ -110,12 +113,18 @@ def answered(text: str) -> Callable[[], Any]:
     return answer
 
 
-@pytest.mark.parametrize(("text", "index"), [("X", 0), ("y", 1), ("7", 7), ("0", 0)])
+@pytest.mark.parametrize(("text", "index"), [("X", 0), ("y", 1), ("7", 7), ("[7]", 7), ("0", 0)])
 def test_an_axis_is_named_by_its_letter_or_its_number(text: str, index: int) -> None:
     assert axis_of(text, INFO).index == index
 
 
-@pytest.mark.parametrize("text", ["Z", "W", "3", "", "-1", "XY"])
+@pytest.mark.parametrize("text", ["E", "e", "A", "3"])
+def test_an_axis_is_named_by_a_letter_of_the_dialect_too(text: str) -> None:
+    info = wire_value(Info, "printer", "1", (1,), "i", 0.0, 0.001, axes=(*AXES, EXTRUDER))
+    assert axis_of(text, info).index == 3
+
+
+@pytest.mark.parametrize("text", ["Z", "W", "3", "", "-1", "XY", "[]", "[3]"])
 def test_an_axis_that_the_machine_lacks_is_refused_with_those_it_has(text: str) -> None:
     with pytest.raises(RequestRefused, match="it has X, Y, 7") as refused:
         axis_of(text, INFO)
@@ -190,6 +199,8 @@ async def test_any_other_key_and_the_end_of_the_input_stop_the_axis() -> None:
 
 def test_a_jog_needs_a_distance_or_keys_and_says_its_unit(mcctl: Run) -> None:
     assert mcctl("jog", "X", "5", "--velocity", "2")[1].startswith("cell: axis X goes by 5 mm at 2 mm/s")
+    # its sign is the distance's, and the axis goes no faster than it may
+    assert " goes by 5 mm at 200 mm/s " in mcctl("jog", "X", "5", "--velocity", "-9999")[1]
     code, _, err = mcctl("jog", "X")
     assert code == 2
     assert "either a distance or --keys" in err

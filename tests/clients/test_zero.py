@@ -16,13 +16,14 @@ from mcclient.types import ProbeStatus
         (["X"], 0, "G21 G90 G10 L20 P0 X0"),
         (["x", "Y=5", "z-1.5"], 2, "G21 G90 G10 L20 P2 X0 Y5 Z-1.5"),
         (["[6]", "[7]=.5"], 9, "G21 G90 G10 L20 P9 [6]0 [7].5"),
+        (["6", "12=-.5"], 0, "G21 G90 G10 L20 P0 [6]0 [12]-.5"),
     ],
 )
 def test_axes_become_the_words_of_g10(axes: list[str], system: int, line: str) -> None:
     assert zero_line(axes, system) == line
 
 
-@pytest.mark.parametrize("axes", [["E"], ["X", "x=1"], ["X G1"], ["X=1e3"], [""]])
+@pytest.mark.parametrize("axes", [["E"], ["X", "x=1"], ["X G1"], ["X=1e3"], [""], ["7="], ["123"]])
 def test_what_is_no_axis_is_wrong_usage(axes: list[str]) -> None:
     with pytest.raises(typer.BadParameter):
         zero_line(axes, 0)

@@ -213,7 +213,10 @@ def test_characters_outside_the_code_are_named(text: str, name: str, hint: str) 
     [
         ("G05", "G04"),
         ("G1021", "G1020"),
-        ("G92", "G93"),
+        ("G90.1", "whole numbers"),
+        ("G92", "work offsets"),
+        ("G10", "work offsets"),
+        ("G28", "mcctl home"),
         ("M31", "M30"),
         ("G01.5", "whole numbers"),
         ("G54", "work offsets"),

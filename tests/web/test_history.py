@@ -260,6 +260,13 @@ def test_a_question_that_is_neither_is_refused_with_those_that_there_are(tmp_pat
         ask("what broke", tmp_path)
 
 
+@pytest.mark.parametrize("question", ["", ";", "-- faults"])
+def test_a_question_of_no_statement_is_refused(tmp_path: Path, question: str) -> None:
+    filled(tmp_path)
+    with pytest.raises(RequestRefused, match="this is no question"):
+        ask(question, tmp_path)
+
+
 def test_a_folder_without_a_history_is_refused(tmp_path: Path) -> None:
     with pytest.raises(RequestRefused, match="no history"):
         ask("faults", tmp_path)

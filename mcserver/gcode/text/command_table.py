@@ -191,10 +191,14 @@ BY_TEXT: Mapping[tuple[str, str], CommandSpec] = MappingProxyType(
     {(spec.letter, str(spec.number)): spec for spec in COMMANDS}
 )
 
+_NO_OFFSETS = "there are no work offsets here; program the axes' own positions"
 _ABSENT_FAMILIES: tuple[tuple[str, range, str], ...] = (
+    ("G", range(10, 11), _NO_OFFSETS),
+    ("G", range(28, 31), "no code finds or goes home here; mcctl home does, and a move goes to a position"),
     ("G", range(40, 50), "there is no tool compensation here; program the tool's own path"),
-    ("G", range(53, 60), "there are no work offsets here; program the axes' own positions"),
+    ("G", range(53, 60), _NO_OFFSETS),
     ("G", range(80, 90), "there are no canned cycles here; write the moves out"),
+    ("G", range(92, 93), _NO_OFFSETS),
     ("M", range(3, 6), "a spindle is an axis: use G1030"),
     ("M", range(6, 7), "T alone chooses the tool"),
 )

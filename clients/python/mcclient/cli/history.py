@@ -206,7 +206,12 @@ def ask(
             ) from error
         try:
             cursor = connection.execute(sql_of(question))
-            names = [column[0] for column in cursor.description or []]
+            # there is none of a text without a statement
+            names = [column[0] for column in getattr(cursor, "description", None) or []]
+            if not names:
+                raise RequestRefused(
+                    "MC511", "this is no question", f"one of: {', '.join(QUESTIONS)}; or SQL"
+                )
             return names, cursor.fetchmany(MOST_ROWS)
         except duckdb.Error as error:
             raise RequestRefused(

@@ -151,6 +151,8 @@ def jog(
             "axis": found.index,
             "distance": distance,
             "unit": found.unit,
+            # slower where it is not homed, by a key of the machine file that is not known here
+            "velocity": None if velocity is None or not homed else min(abs(velocity), found.max_velocity),
             "homed": homed,
         }
 
@@ -158,7 +160,7 @@ def jog(
         shown = axis_name(outcome["axis"])
         if keys:
             return f"{name}: axis {shown} stands"
-        speed = "" if velocity is None else f" at {velocity:g} {outcome['unit']}/s"
+        speed = "" if outcome["velocity"] is None else f" at {outcome['velocity']:g} {outcome['unit']}/s"
         move = f"{distance:g} {outcome['unit']}{speed}"
         # nothing but the operator's eyes keeps such an axis from its end
         caution = "" if outcome["homed"] else "; it is not homed: slowly, and without soft limits"

@@ -140,14 +140,17 @@ def parse_axes(text: str | None) -> list[int] | None:
 
 
 def axis_of(text: str, info: Info) -> AxisInfo:
-    """Return the machine's axis named by its number or its letter (X Y Z A B C are 0 to 5).
+    """Return the machine's axis named by its letter (X Y Z A B C are 0 to 5, others are the dialect's), or by
+    its number, 9 or [9].
 
     Raises:
         RequestRefused: MC507 the machine has no such axis.
     """
     letter = AXIS_LETTERS.find(text.upper()) if len(text) == 1 else -1
-    number = letter if letter >= 0 else int(text) if text.isdecimal() else -1
-    found = next((axis for axis in info.axes if axis.index == number), None)
+    digits = text[1:-1] if text[:1] + text[-1:] == "[]" else text
+    number = letter if letter >= 0 else int(digits) if digits.isdecimal() else -1
+    named = (axis for axis in info.axes if axis.index == number or axis.letter == text.upper() != "")
+    found = next(named, None)
     if found is None:
         there = ", ".join(axis_name(axis.index) for axis in info.axes)
         raise RequestRefused("MC507", f"{info.machine} has no axis {text!r}", f"it has {there}")

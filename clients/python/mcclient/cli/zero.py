@@ -19,6 +19,8 @@ from mcclient.work_tables import SYSTEMS
 _AXIS = re.compile(
     r"(?P<axis>[XYZABC]|\[[0-9]{1,2}\])(?:=?(?P<value>[-+]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)))?", re.I
 )
+# an axis by its number, as of other commands
+_NUMBER = re.compile(r"^([0-9]{1,2})(?==|$)")
 
 
 def zero_line(axes: list[str], system: int) -> str:
@@ -32,9 +34,9 @@ def zero_line(axes: list[str], system: int) -> str:
     """
     words: dict[str, str] = {}
     for text in axes:
-        found = _AXIS.fullmatch(text.strip())
+        found = _AXIS.fullmatch(_NUMBER.sub(r"[\1]", text.strip()))
         if found is None:
-            raise typer.BadParameter(f"{text!r} is no axis: write X, Y=5 or [6]")
+            raise typer.BadParameter(f"{text!r} is no axis: write X, Y=5 or 6=12.5")
         axis = found["axis"].upper()
         if axis in words:
             raise typer.BadParameter(f"{axis} stands twice")
