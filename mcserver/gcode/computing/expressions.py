@@ -164,7 +164,7 @@ class Parameter:
         """Return the number of a numbered parameter.
 
         Raises:
-                ComputingError: MC162 it is not a whole number in range.
+            ComputingError: MC162 it is not a whole number in range.
         """
         assert self.number is not None
         value = self.number(values)

@@ -58,7 +58,7 @@ class Piece:
         """Return the value as text of a plain line; None: a check could not compute it.
 
         Raises:
-                ComputingError: MC116 a number is not whole that has to be.
+            ComputingError: MC116 a number is not whole that has to be.
         """
         value = self.value(values)
         if math.isnan(value):

@@ -76,7 +76,7 @@ class MachineValues:
     """Values of the machine as they are before the line that reads them.
 
     Args:
-            assume: called with each assumption, in words.
+        assume: called with each assumption, in words.
     """
 
     def __init__(

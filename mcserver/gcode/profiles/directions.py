@@ -64,7 +64,7 @@ def by_two_vectors(x: Vector, z: Vector) -> Directions | None:
     """Return directions with X along one vector, and Z as close to the other one as possible (Fanuc).
 
     Returns:
-            None: one of them is 0, or they deviate from a right angle by `OFF_SQUARE` or more.
+        None: one of them is 0, or they deviate from a right angle by `OFF_SQUARE` or more.
     """
     first, second = _unit(x), _unit(z)
     if first is None or second is None:

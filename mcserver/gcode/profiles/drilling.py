@@ -54,7 +54,7 @@ def drill(block: BlockState, action: Action) -> list[Canonical]:
     """Return the motion of a line of a canned cycle; empty after a fault, which is reported.
 
     Args:
-            action: a cycle's code with its words, or ``REPEAT`` for a line with words alone.
+        action: a cycle's code with its words, or ``REPEAT`` for a line with words alone.
     """
     if block.usable_axis(_axis(block), action) is None:
         return []

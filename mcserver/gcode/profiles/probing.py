@@ -58,7 +58,7 @@ def straight_targets(block: BlockState, action: Action, rotary: str) -> dict[int
     """Return the targets of the linear axes in a straight move [m]; None after a fault.
 
     Args:
-            rotary: code of the fault for a rotary axis.
+        rotary: code of the fault for a rotary axis.
     """
     modal = block.modal
     named: dict[int, ProfileWord] = {}
